@@ -1,0 +1,66 @@
+"""Identify, compensate and estimate the friction of robot joints from ordinary joint logs.
+
+Public names are resolved when first used, so that importing the package loads no numerics.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "BackdriveError": "backdrive.errors",
+    "Joint": "backdrive.log",
+    "Log": "backdrive.log",
+    "Drive": "backdrive.log",
+    "read_log": "backdrive.readers",
+    "read_logs": "backdrive.readers",
+    "check": "backdrive.health",
+    "Sweep": "backdrive.excite",
+    "identify": "backdrive.identify",
+    "FrictionModel": "backdrive.model",
+    "load_model": "backdrive.model",
+}
+
+__all__ = [  # noqa: RUF022  (sorted by use)
+    "__version__",
+    "BackdriveError",
+    "Drive",
+    "FrictionModel",
+    "Joint",
+    "Log",
+    "Sweep",
+    "check",
+    "identify",
+    "load_model",
+    "read_log",
+    "read_logs",
+]
+
+if TYPE_CHECKING:
+    from backdrive.errors import BackdriveError as BackdriveError
+    from backdrive.excite import Sweep as Sweep
+    from backdrive.health import check as check
+    from backdrive.identify import identify as identify
+    from backdrive.log import Drive as Drive
+    from backdrive.log import Joint as Joint
+    from backdrive.log import Log as Log
+    from backdrive.model import FrictionModel as FrictionModel
+    from backdrive.model import load_model as load_model
+    from backdrive.readers import read_log as read_log
+    from backdrive.readers import read_logs as read_logs
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'backdrive' has no attribute '{name}'")
+    value = getattr(importlib.import_module(_HOMES[name]), name)
+    if callable(value):  # `backdrive.identify` is a package and a function; the function is the public name
+        globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return list(__all__)

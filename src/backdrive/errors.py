@@ -1,0 +1,98 @@
+"""Every error that backdrive raises on purpose.
+
+Each says in one sentence what is wrong with which value, and in a second one what to do about it. The command
+line turns the class into an exit code, so a script can tell a bad result from a bad file.
+"""
+
+from __future__ import annotations
+
+
+class BackdriveError(Exception):
+    """The root of all errors of this package.
+
+    Args:
+        message: what is wrong, naming the offending value.
+        remedy: what the person can do about it.
+        data: the offending values themselves, for programs.
+    """
+
+    exit_code = 4
+
+    def __init__(self, message: str, *, remedy: str = "", **data: object):
+        super().__init__(message if not remedy else f"{message} {remedy}")
+        self.message = message
+        self.remedy = remedy
+        self.data = data
+
+    def __reduce__(self):  # keyword-only arguments must survive the way back from a child process
+        return (_rebuild, (type(self), self.message, self.remedy, self.data))
+
+
+def _rebuild(cls: type[BackdriveError], message: str, remedy: str, data: dict) -> BackdriveError:
+    return cls(message, remedy=remedy, **data)
+
+
+class InvalidInput(BackdriveError, ValueError):
+    """An argument has the wrong shape, sign, range or unit."""
+
+    exit_code = 2
+
+
+class UnknownName(InvalidInput):
+    """A name is not in a catalogue; the message lists the known ones."""
+
+
+class MappingError(InvalidInput):
+    """A `--map` expression or a channel name does not fit the file."""
+
+
+class MissingExtra(BackdriveError, ImportError):
+    """An optional dependency is not installed; the remedy names the extra."""
+
+    exit_code = 2
+
+
+class ReadError(BackdriveError):
+    """A file cannot be read as what it claims to be."""
+
+    exit_code = 3
+
+
+class UnknownFormat(ReadError):
+    """No reader knows this kind of file."""
+
+
+class TruncatedFile(ReadError):
+    """The file ends before its content does."""
+
+
+class FileTooLarge(ReadError):
+    """The file declares more data than the limits allow."""
+
+
+class ForbiddenContent(ReadError):
+    """The file asks for something no log needs: links to other files, executable content."""
+
+
+class ReaderCrashed(ReadError):
+    """The process that parsed the file died."""
+
+
+class ReaderTimeout(ReadError):
+    """Parsing the file took longer than allowed."""
+
+
+class ModelFileError(ReadError):
+    """A model file is damaged or of an unknown kind; the message says where."""
+
+
+class UnhealthyLog(BackdriveError):
+    """A log has a fault that would spoil the result."""
+
+    exit_code = 1
+
+
+class NotIdentifiable(BackdriveError):
+    """The data do not determine what was asked for."""
+
+    exit_code = 1
