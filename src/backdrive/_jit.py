@@ -1,0 +1,97 @@
+"""The only numba decorator, with a disk cache that knows when any kernel has changed.
+
+Numba's own cache looks at the file of the function it compiled, not at the files of the functions that it calls: after
+an edit in another file it returns the old numbers. Here the cache's stamp is a digest of every file that may hold a
+kernel, so that an edit anywhere in them recompiles. The stamp hooks into numba's internals; where those have moved,
+functions are compiled in every process instead (slower, never stale).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import TypeVar
+
+import numba as nb
+
+F = TypeVar("F", bound=Callable)
+
+#: Folders and files of the package that may hold kernels.
+KERNEL_HOMES = (
+    "_jit.py",
+    "filters.py",
+    "laws",
+    "rollout",
+    "plants",
+    "estimate",
+    "compensate",
+    "control",
+    "simulate.py",
+)
+
+
+@cache
+def kernel_digest() -> str:
+    """Return the sha256 over all sources that may hold a kernel, names included."""
+    root = Path(__file__).parent
+    total = hashlib.sha256(nb.__version__.encode())
+    for home in KERNEL_HOMES:
+        path = root / home
+        files = sorted(path.rglob("*.py")) if path.is_dir() else [path] if path.exists() else []
+        for file in files:
+            total.update(str(file.relative_to(root)).encode())
+            total.update(file.read_bytes())
+    return total.hexdigest()
+
+
+def jit(function: F) -> F:
+    """Compile `function` without fastmath (a NaN stays a NaN) and cache it on disk.
+
+    With NUMBA_DISABLE_JIT=1 the plain function is returned, so that the same tests run on both.
+    """
+    if nb.config.DISABLE_JIT:  # type: ignore[attr-defined]
+        return function
+    compiled = nb.njit(error_model="numpy", nogil=True)(function)
+    stamped = _stamped_cache(function)
+    if stamped is not None:
+        compiled._cache = stamped
+    return compiled
+
+
+def _stamped_cache(function: Callable):
+    try:
+        from numba.core import caching
+
+        class Stamp:
+            def get_source_stamp(self):
+                return kernel_digest()
+
+            def ensure_cache_path(self):
+                """Keep others out: the cache is trusted code."""
+                path = self.get_cache_path()  # type: ignore[attr-defined]
+                os.makedirs(path, mode=0o700, exist_ok=True)
+                if os.stat(path).st_uid != os.getuid():
+                    raise OSError(f"{path} belongs to another user")
+                super().ensure_cache_path()  # type: ignore[misc]
+
+        class InTree(Stamp, caching.InTreeCacheLocator):
+            pass
+
+        class UserWide(Stamp, caching.UserWideCacheLocator):
+            pass
+
+        class UserProvided(Stamp, caching.UserProvidedCacheLocator):
+            pass
+
+        class Implementation(caching.CompileResultCacheImpl):
+            _locator_classes = [UserProvided, InTree, UserWide]
+
+        class Cache(caching.FunctionCache):
+            _impl_class = Implementation
+
+        return Cache(function)
+    except (ImportError, AttributeError, RuntimeError, OSError, TypeError):
+        return None

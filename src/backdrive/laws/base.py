@@ -1,0 +1,69 @@
+"""What every rate law and element has in common: parameters with unit and bounds, and a row of float64."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """One parameter of a law.
+
+    Attributes:
+        symbol: as printed in the paper.
+        unit: for a rotary joint; `force` and `length` stand for N.m|N and rad|m, e.g. `force.s/length`.
+        lower: smallest admissible value.
+        upper: largest admissible value.
+        many: the parameter is a sequence (the knots of a curve).
+    """
+
+    symbol: str
+    unit: str
+    lower: float = -np.inf
+    upper: float = np.inf
+    many: bool = False
+
+    def unit_for(self, joint_unit: str) -> str:
+        """Return the SI unit for a joint measured in `rad` or `m`."""
+        force = "N.m" if joint_unit == "rad" else "N"
+        return self.unit.replace("force", force).replace("length", joint_unit)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rows:
+    """Base of the dataclasses above the kernels: values in, checked, and out as a row."""
+
+    NAME: ClassVar[str]
+    KIND: ClassVar[int]
+    PARAMETERS: ClassVar[dict[str, Parameter]]
+    STATES: ClassVar[int] = 0
+
+    def __post_init__(self):
+        for name, parameter in self.PARAMETERS.items():
+            value = np.asarray(getattr(self, name), dtype=np.float64)
+            if value.ndim != (1 if parameter.many else 0):
+                raise InvalidInput(
+                    f"{self.NAME}: '{name}' must be {'a sequence of numbers' if parameter.many else 'one number'}, "
+                    f"got shape {value.shape}.",
+                    remedy=f"Its unit is {parameter.unit_for('rad')}.",
+                )
+            low, high = parameter.lower, parameter.upper
+            if not np.all(np.isfinite(value)) or np.any(value < low) or np.any(value > high):
+                raise InvalidInput(
+                    f"{self.NAME}: '{name}' = {value.tolist()} is outside [{low}, {high}].",
+                    remedy="Give a finite value inside the bounds.",
+                )
+            object.__setattr__(self, name, tuple(value.tolist()) if parameter.many else float(value))
+
+    def values(self) -> dict[str, Any]:
+        """Return the parameters by name."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    def row(self) -> np.ndarray:
+        """Return the parameters as the row that the kernels read, (P,)."""
+        return np.array([getattr(self, name) for name in self.PARAMETERS], dtype=np.float64)

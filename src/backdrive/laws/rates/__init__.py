@@ -1,0 +1,1 @@
+"""Rate laws: what a joint resists with at a velocity. One file each."""

@@ -1,0 +1,49 @@
+"""Coulomb and viscous friction, by direction.
+
+    tau_f in gsgn(-F_n, v, F_p) + (sigma_p v for v > 0, sigma_n v for v < 0)
+
+F_p, F_n: Coulomb torque in the positive and negative direction [N.m or N]. sigma_p, sigma_n: viscous coefficients
+[N.m.s/rad or N.s/m]. Equal values in both directions give the textbook law. gsgn is Iwatani 2017, (3.2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from backdrive._jit import jit
+from backdrive.laws.base import Parameter, Rows
+
+
+@jit
+def limits(p, v, load, temp):
+    """Rate law: lower and upper Coulomb bound and the viscous part at velocity v."""
+    F_p, F_n, sigma_p, sigma_n = p[0], p[1], p[2], p[3]
+    viscous = sigma_n * v if v < 0.0 else sigma_p * v
+    return -F_n, F_p, viscous
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoulombViscous(Rows):
+    """Coulomb and viscous friction, by direction.
+
+    Attributes:
+        coulomb_positive: Coulomb torque for motion along +q [N.m or N].
+        coulomb_negative: its magnitude for motion along -q [N.m or N].
+        viscous_positive: viscous coefficient for motion along +q [N.m.s/rad or N.s/m].
+        viscous_negative: the same along -q [N.m.s/rad or N.s/m].
+    """
+
+    NAME: ClassVar[str] = "coulomb-viscous"
+    KIND: ClassVar[int] = 0
+    PARAMETERS: ClassVar[dict[str, Parameter]] = {
+        "coulomb_positive": Parameter(symbol="F_p", unit="force", lower=0.0),
+        "coulomb_negative": Parameter(symbol="F_n", unit="force", lower=0.0),
+        "viscous_positive": Parameter(symbol="sigma_p", unit="force.s/length", lower=0.0),
+        "viscous_negative": Parameter(symbol="sigma_n", unit="force.s/length", lower=0.0),
+    }
+
+    coulomb_positive: float
+    coulomb_negative: float
+    viscous_positive: float = 0.0
+    viscous_negative: float = 0.0
