@@ -1,0 +1,123 @@
+"""Tests for model.py and model_file.py: what is written is what is read, and damage is located."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from backdrive import FrictionModel, Joint, load_model
+from backdrive.errors import InvalidInput, ModelFileError, UnknownName
+from backdrive.laws import CoulombViscous, Law, Polyline
+from backdrive.log import Source
+from backdrive.model import ArmModel, Estimate, JointFriction, Quality, Validity
+from backdrive.model_file import decode, encode
+
+
+def model() -> FrictionModel:
+    first = JointFriction(
+        joint=Joint(name="shoulder", gear_ratio=100.0, encoder_counts=1e6),
+        law=Law(rate=Polyline(velocity=(0.0, 1.0), positive=(5.0, 6.0), negative=(4.0, 7.0))),
+        standard_errors={"positive": (0.1, float("nan")), "negative": (0.1, 0.2)},
+        at_bound=("positive",),
+        dynamics={"inertia": Estimate(value=1.5, unit="kg.m^2", standard_error=0.01)},
+        validity=Validity(velocity=(-1.0, 1.0), load=(0.0, 30.0), temperature=(20.0, 35.0)),
+        fitted=Quality(residual=2.0, residual_raw=3.0, rms=0.1, samples=100),
+        held_out=Quality(residual=2.5, residual_raw=3.5, rms=0.2, samples=50),
+        method="sweep",
+        warnings=("a remark",),
+    )
+    second = JointFriction(
+        joint=Joint(name="rail", unit="m"),
+        law=Law(rate=CoulombViscous(coulomb_positive=12.0, coulomb_negative=8.0)),
+        validity=Validity(velocity=(-0.1, 0.2)),
+    )
+    return FrictionModel(
+        joints=(first, second),
+        arm=ArmModel(urdf_sha256="ab", parameters=(1.0, 2.0), condition=30.0),
+        sources=(Source(path="log.csv", sha256="cd"),),
+        options={"method": "sweep"},
+        version="1.2.3",
+    )
+
+
+def test_what_is_saved_is_what_is_loaded(tmp_path):
+    model().save(tmp_path / "m.json")
+    assert encode(load_model(tmp_path / "m.json")) == encode(model())
+
+
+def test_every_number_carries_its_unit():
+    joints = json.loads(encode(model()))["joints"]
+    assert joints[0]["parameters"]["velocity"]["unit"] == "rad/s"
+    assert joints[1]["parameters"]["viscous_positive"]["unit"] == "N.s/m"
+    assert joints[0]["parameters"]["positive"]["at_bound"] is True
+
+
+def test_torque_is_that_of_the_law_and_the_joint_is_found_by_name():
+    m = model()
+    np.testing.assert_allclose(m.torque("shoulder", [0.5, -0.5, 0.0]), [5.5, -5.5, 0.0])
+    np.testing.assert_allclose(m.torque(1, np.array([[0.1], [-0.1]])), [[12.0], [-8.0]])
+    with pytest.raises(UnknownName, match="shoulder, rail"):
+        m.torque("wrist", 1.0)
+    with pytest.raises(InvalidInput, match="NaN"):
+        m.torque("rail", float("nan"))
+
+
+def test_table_spans_the_validity_range():
+    table = model().table(5)["rail"]
+    np.testing.assert_allclose(table["velocity"], np.linspace(-0.1, 0.2, 5))
+
+
+@pytest.mark.parametrize(
+    ("change", "where"),
+    [
+        (lambda d: d.update(format="something"), "not a friction model"),
+        (lambda d: d.update(schema=99), "schema is 99"),
+        (lambda d: d["joints"][0].update(unit="deg"), r"\$\.joints\[\.\.\.\]\.unit|joints"),
+        (lambda d: d["joints"][0]["law"].update(rate="polylin"), "polyline"),
+        (lambda d: d["joints"][0]["parameters"].pop("velocity"), r"joints\[0\].*velocity"),
+        (lambda d: d["joints"][0]["parameters"]["velocity"].update(unit="deg/s"), "deg/s"),
+        (lambda d: d["joints"][0]["parameters"]["velocity"].update(value=[1.0, 0.5]), "strictly increase"),
+        (lambda d: d["joints"][1]["parameters"]["coulomb_positive"].update(value="12"), "value"),
+        (lambda d: d["joints"][1]["parameters"]["coulomb_positive"].update(value=-1), "outside"),
+        (lambda d: d.update(joints=[]), "distinct joints"),
+        (lambda d: d.update(extra=1), "extra"),
+    ],
+)
+def test_damage_is_located(change, where):
+    document = json.loads(encode(model()))
+    change(document)
+    with pytest.raises(ModelFileError, match=where):
+        decode(json.dumps(document).encode())
+
+
+@settings(max_examples=300, deadline=None)
+@given(cut=st.integers(0, 5000), byte=st.integers(0, 255), at=st.integers(0, 5000))
+def test_mutated_bytes_give_a_model_or_a_typed_error(cut, byte, at):
+    data = bytearray(encode(model()))
+    data[at % len(data)] = byte
+    for damaged in (bytes(data), bytes(data[: cut % len(data)])):
+        try:
+            decode(damaged)
+        except ModelFileError as error:
+            assert str(error)
+
+
+def test_absent_and_oversized_files_are_typed(tmp_path, monkeypatch):
+    with pytest.raises(ModelFileError, match="No such file"):
+        load_model(tmp_path / "none.json")
+    monkeypatch.setattr("backdrive.model_file.MAX_BYTES", 10)
+    model().save(tmp_path / "m.json")
+    with pytest.raises(ModelFileError, match="larger"):
+        load_model(tmp_path / "m.json")
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path):
+    path = tmp_path / "m.json"
+    model().save(path)
+    before = path.read_bytes()
+    with pytest.raises(InvalidInput, match="Cannot write"):
+        model().save(tmp_path / "no" / "such" / "m.json")
+    assert path.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["m.json"]
