@@ -1,0 +1,135 @@
+"""Candidate friction curves as linear maps of one fine basis of hat functions.
+
+The fine basis has one hat a knot and direction. Every coarser curve (fewer knots, a straight line, both directions equal) is
+an exact linear combination of its columns, so that all candidates are compared on one regressor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive.laws import CoulombViscous, Law, Polyline
+
+#: Knots of the fine basis as shares of the top speed: dense where Stribeck curves bend.
+SHARES = (0.0, 0.005, 0.015, 0.03, 0.06, 0.12, 0.25, 0.4, 0.6, 0.8, 1.0)
+
+#: Candidate curves, simplest first: which of SHARES they keep.
+COARSE: dict[str, tuple[int, ...]] = {
+    "line": (0, 10),
+    "3 sections": (0, 3, 6, 10),
+    "5 sections": (0, 2, 4, 6, 8, 10),
+    "7 sections": (0, 1, 3, 4, 5, 6, 8, 10),
+    "10 sections": tuple(range(11)),
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Form:
+    """One candidate curve.
+
+    Attributes:
+        name: for messages.
+        knots: speeds of its knots [rad/s or m/s], (k,).
+        symmetric: both directions share one curve.
+        spread: takes the form's coefficients to those of the fine basis, (2 K, k or 2 k).
+    """
+
+    name: str
+    knots: np.ndarray
+    symmetric: bool
+    spread: np.ndarray
+
+
+def hats(speed: np.ndarray, knots: np.ndarray) -> np.ndarray:
+    """Return the hat functions at speeds >= 0, the outer sections going on, (n, k)."""
+    columns = np.zeros((speed.size, knots.size))
+    if knots.size == 1:
+        columns[:] = 1.0
+        return columns
+    left = np.clip(np.searchsorted(knots, speed, side="right") - 1, 0, knots.size - 2)
+    weight = (speed - knots[left]) / (knots[left + 1] - knots[left])
+    rows = np.arange(speed.size)
+    columns[rows, left] = 1.0 - weight
+    columns[rows, left + 1] = weight
+    return columns
+
+
+def basis(velocity: np.ndarray, knots: np.ndarray) -> np.ndarray:
+    """Return the fine basis, positive direction first: torque is its product with the knots' friction, (n, 2 k)."""
+    shapes = hats(np.abs(velocity), knots)
+    return np.hstack([shapes * (velocity > 0)[:, None], -shapes * (velocity < 0)[:, None]])
+
+
+def forms(fine: np.ndarray, coarse: dict[str, np.ndarray], both_directions: bool) -> list[Form]:
+    """Return the candidates on a fine basis.
+
+    Args:
+        fine: knots of the fine basis [rad/s or m/s], (K,).
+        coarse: name -> knots kept, a subset of `fine`.
+        both_directions: the data move both ways; otherwise only symmetric forms are returned.
+    """
+    result = []
+    for name, knots in coarse.items():
+        one = hats(fine, knots)
+        result.append(Form(name=name, knots=knots, symmetric=True, spread=np.vstack([one, one])))
+        if both_directions:
+            zero = np.zeros_like(one)
+            two = np.block([[one, zero], [zero, one]])
+            result.append(Form(name=f"{name} by direction", knots=knots, symmetric=False, spread=two))
+    return result
+
+
+def to_law(form: Form, coefficients: np.ndarray, covariance: np.ndarray) -> tuple[Law, dict[str, object]]:
+    """Return the law of a fitted form and the standard errors of its parameters.
+
+    A falling straight line is kept as line sections: a negative viscous coefficient is no viscosity.
+
+    Args:
+        form: the candidate.
+        coefficients: friction at its knots, positive direction first [N.m or N], (k or 2 k,).
+        covariance: of the coefficients, (k or 2 k, k or 2 k).
+    """
+    k = form.knots.size
+    directions = [slice(0, k), slice(0, k) if form.symmetric else slice(k, 2 * k)]
+    values = [coefficients[d] for d in directions]
+    errors = [np.sqrt(np.maximum(np.diag(covariance)[d], 0.0)) for d in directions]
+    if k == 2 and form.knots[0] == 0.0:
+        top = form.knots[1]
+        slope = np.array([-1.0, 1.0]) / top
+        viscous = [float(slope @ v) for v in values]
+        if min(viscous) >= 0.0 and min(v[0] for v in values) >= 0.0:
+            sigma = [float(np.sqrt(max(slope @ covariance[d, d] @ slope, 0.0))) for d in directions]
+            law = CoulombViscous(
+                coulomb_positive=values[0][0],
+                coulomb_negative=values[1][0],
+                viscous_positive=viscous[0],
+                viscous_negative=viscous[1],
+            )
+            return Law(rate=law), {
+                "coulomb_positive": float(errors[0][0]),
+                "coulomb_negative": float(errors[1][0]),
+                "viscous_positive": sigma[0],
+                "viscous_negative": sigma[1],
+            }
+    law = Polyline(velocity=tuple(form.knots), positive=tuple(values[0]), negative=tuple(values[1]))
+    return Law(rate=law), {"positive": tuple(errors[0].tolist()), "negative": tuple(errors[1].tolist())}
+
+
+def error_of_curve(form: Form, covariance: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """Return a function from velocities [rad/s or m/s] to the curve's standard error [N.m or N].
+
+    Args:
+        form: the fitted curve.
+        covariance: of its coefficients, (r, r).
+    """
+
+    def standard_error(velocity: np.ndarray) -> np.ndarray:
+        shapes = hats(np.abs(velocity), form.knots)
+        if not form.symmetric:
+            shapes = np.hstack([shapes * (velocity > 0)[:, None], shapes * (velocity <= 0)[:, None]])
+        return np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", shapes, covariance, shapes), 0.0))
+
+    return standard_error

@@ -1,0 +1,90 @@
+"""What an identification returns: the model, and the evidence that a report shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive.model import FrictionModel
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Samples:
+    """Measured against explained, sample by sample; thinned to at most some thousand for pictures.
+
+    Attributes:
+        time: instants [s], (n,).
+        position: joint position [rad or m], (n,); NaN where the log has none.
+        velocity: joint velocity [rad/s or m/s], (n,).
+        torque: measured actuator torque [N.m or N], (n,).
+        friction: measured torque less the identified rest of the dynamics [N.m or N], (n,).
+        predicted: the model's total torque [N.m or N], (n,).
+        fitted: True where the fit saw the sample, False where it was held out, (n,).
+    """
+
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    torque: np.ndarray
+    friction: np.ndarray
+    predicted: np.ndarray
+    fitted: np.ndarray
+
+    @property
+    def residual(self) -> np.ndarray:
+        """Measured minus predicted torque [N.m or N], (n,)."""
+        return self.torque - self.predicted
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Curve:
+    """A friction curve with its confidence band.
+
+    Attributes:
+        velocity: sorted, both directions [rad/s or m/s], (m,).
+        torque: friction [N.m or N], (m,).
+        standard_error: of `torque` [N.m or N], (m,); NaN when unknown.
+    """
+
+    velocity: np.ndarray
+    torque: np.ndarray
+    standard_error: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class JointEvidence:
+    """What supports one joint's result.
+
+    Attributes:
+        joint: its name.
+        samples: measured against explained.
+        curve: the friction curve with its band.
+        verdict: the result in one or two sentences for a person.
+        presliding: None, or displacement [rad or m] and torque [N.m or N] of a ramp, (n, 2).
+    """
+
+    joint: str
+    samples: Samples
+    curve: Curve
+    verdict: str
+    presliding: np.ndarray | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Identification:
+    """The outcome of `identify`.
+
+    Attributes:
+        model: the friction model.
+        evidence: one entry a joint, in the model's order.
+        method: the method that ran.
+        reason: why that method, in a sentence.
+        warnings: what makes the whole result suspect, in sentences.
+    """
+
+    model: FrictionModel
+    evidence: tuple[JointEvidence, ...]
+    method: str
+    reason: str
+    warnings: tuple[str, ...] = ()

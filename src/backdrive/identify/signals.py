@@ -1,0 +1,142 @@
+"""From a log to signals that can be regressed on: one joint, uniform clock, gap-free, differentiated once and for all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive import filters
+from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.log import Log
+
+GAP = 3.5  # an interval of so many periods is a gap; nothing is interpolated across it [period]
+SHORTEST = 50  # a segment between gaps with fewer samples is left out [sample]
+REST = 0.002  # below this share of the top speed a joint is taken to rest [-]
+REST_TIME = 0.25  # when it does so for longer than this [s]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Signals:
+    """Motion and torque of one joint between two gaps.
+
+    Attributes:
+        time: uniform instants [s], (n,).
+        velocity: [rad/s or m/s], (n,).
+        acceleration: [rad/s^2 or m/s^2], (n,).
+        jerk: [rad/s^3 or m/s^3], (n,).
+        torque: actuator torque on the joint side, not filtered [N.m or N], (n,).
+        rate: sampling frequency [Hz].
+        position: low-passed like the velocity [rad or m], (n,); None for a velocity-only log.
+        model_torque: torque known from elsewhere [N.m or N], (n,); None if absent.
+        moving: False where the joint rests so long that its friction may be anything, (n,).
+    """
+
+    time: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    jerk: np.ndarray
+    torque: np.ndarray
+    rate: float
+    position: np.ndarray | None
+    model_torque: np.ndarray | None
+    moving: np.ndarray
+
+
+def default_cutoff(rate: float) -> float:
+    """Return the corner frequency that motion is low-passed at before differentiation [Hz]."""
+    return min(0.1 * rate, 100.0)
+
+
+def prepare(log: Log, joint: str | int, *, cutoff: float | None = None) -> list[Signals]:
+    """Return the gap-free stretches of one joint.
+
+    Args:
+        log: with torque, and position or velocity.
+        joint: name or column.
+        cutoff: corner of the zero-phase low pass before differentiation [Hz]; None: a tenth of the rate.
+
+    Raises:
+        InvalidInput: the log holds no torque.
+        NotIdentifiable: no stretch is long enough.
+    """
+    if log.torque is None:
+        raise InvalidInput(
+            "The log holds no torque, so there is no friction to identify from it.",
+            remedy="Name the channel, for example --map tau=COLUMN.",
+        )
+    log = log.select(joint).on_joint_side()
+    if len(log) < SHORTEST:
+        raise NotIdentifiable(
+            f"The log has only {len(log)} samples.", remedy=f"At least {SHORTEST} are needed."
+        )
+    period = log.period
+    if not period > 0:
+        raise InvalidInput(
+            f"The median sampling interval is {period} s.", remedy="Repair the time channel (--repair)."
+        )
+    cuts = np.flatnonzero(np.diff(log.time) > GAP * period) + 1
+    bounds = [0, *cuts.tolist(), len(log)]
+    top = _top_speed(log)
+    stretches = [
+        _segment(log.rows(slice(a, b)), period, cutoff, top)
+        for a, b in zip(bounds, bounds[1:])
+        if b - a >= SHORTEST
+    ]
+    if not stretches:
+        raise NotIdentifiable(
+            f"No stretch between gaps has {SHORTEST} samples.", remedy="Record without dropping samples."
+        )
+    return stretches
+
+
+def _top_speed(log: Log) -> float:
+    speed = log.velocity if log.velocity is not None else filters.derivative(log.position, log.period)
+    return float(np.percentile(np.abs(speed), 99.5))
+
+
+def _uniform(log: Log, period: float) -> tuple[np.ndarray, Log]:
+    """Interpolate onto a uniform clock where the log's own is not."""
+    n = round(log.duration / period) + 1
+    clock = log.time[0] + period * np.arange(n)
+    if n == len(log) and np.max(np.abs(clock - log.time)) < 0.05 * period:
+        return clock, log
+    channels = {k: np.interp(clock, log.time, v[:, 0])[:, None] for k, v in log.channels.items()}
+    return clock, log.replace(time=clock, **channels)
+
+
+def _segment(log: Log, period: float, cutoff: float | None, top: float) -> Signals:
+    clock, log = _uniform(log, period)
+    rate = 1.0 / period
+    cutoff = cutoff or default_cutoff(rate)
+    if log.position is not None:
+        position = filters.low_pass(log.position[:, 0], cutoff, rate)
+        velocity = filters.derivative(position, period)
+    else:
+        assert log.velocity is not None
+        position, velocity = None, filters.low_pass(log.velocity[:, 0], cutoff, rate)
+    acceleration = filters.derivative(velocity, period)
+    jerk = filters.derivative(acceleration, period)
+    assert log.torque is not None
+    return Signals(
+        time=clock,
+        velocity=velocity,
+        acceleration=acceleration,
+        jerk=jerk,
+        torque=log.torque[:, 0],
+        rate=rate,
+        position=position,
+        model_torque=None if log.model_torque is None else log.model_torque[:, 0],
+        moving=_moving(velocity, rate, top),
+    )
+
+
+def _moving(velocity: np.ndarray, rate: float, top: float) -> np.ndarray:
+    """Mark the samples that are not part of a long rest."""
+    resting = np.abs(velocity) < REST * top
+    edges = np.flatnonzero(np.diff(np.r_[False, resting, False].astype(np.int8)))
+    moving = np.ones(velocity.size, dtype=bool)
+    for start, stop in edges.reshape(-1, 2):
+        if stop - start > REST_TIME * rate:
+            moving[start:stop] = False
+    return moving

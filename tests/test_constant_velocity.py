@@ -1,0 +1,77 @@
+"""Tests for identify/constant_velocity.py."""
+
+import numpy as np
+import pytest
+from _synthetic import constant_runs
+
+from backdrive import Joint, Log
+from backdrive.errors import NotIdentifiable
+from backdrive.identify.constant_velocity import find_runs, identify_constant_velocity
+
+SPEEDS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.3, 1.6, 2.0)
+
+
+def bent(v):
+    return np.sign(v) * (3.0 + 2.0 * np.exp(-abs(v) / 0.15) + abs(v))
+
+
+def straight(v):
+    return np.where(np.asarray(v) > 0, 3.0 + 0.5 * v, -2.0 + 0.8 * v)
+
+
+def test_a_straight_line_suffices_where_the_truth_is_one():
+    friction, evidence = identify_constant_velocity(constant_runs(straight, SPEEDS), "j1")
+    assert "suffices" in evidence.verdict
+    law = friction.law.rate
+    assert law.NAME == "coulomb-viscous"
+    np.testing.assert_allclose(
+        [law.coulomb_positive, law.coulomb_negative, law.viscous_positive, law.viscous_negative],
+        [3.0, 2.0, 0.5, 0.8],
+        atol=0.02,
+    )
+
+
+def test_a_bent_curve_is_called_bent_and_followed():
+    friction, evidence = identify_constant_velocity(constant_runs(bent, SPEEDS), "j1")
+    assert "bent" in evidence.verdict
+    v = np.array([0.05, 0.2, 0.6, 1.6])
+    np.testing.assert_allclose(friction.law.torque(v), bent(v), atol=0.25)
+    assert friction.held_out.residual < 8.0
+
+
+def test_one_wild_sample_does_not_move_a_run():
+    logs = constant_runs(straight, SPEEDS)
+    torque = logs[0].torque.copy()
+    torque[0] = -800.0
+    expected = find_runs(logs[0], 0)[0].torque
+    assert find_runs(logs[0].replace(torque=torque), 0)[0].torque == pytest.approx(expected, abs=0.02)
+
+
+def test_plateaus_are_found_in_one_long_log():
+    rate, levels = 200.0, (0.5, -0.5, 1.0, -1.0, 1.5, -1.5)
+    v = np.concatenate(
+        [np.r_[np.linspace(0, s, 100), np.full(400, s), np.linspace(s, 0, 100)] for s in levels]
+    )
+    log = Log(time=np.arange(v.size) / rate, joints=(Joint(name="j1"),), velocity=v, torque=straight(v))
+    runs = find_runs(log, "j1")
+    np.testing.assert_allclose([r.velocity for r in runs], levels, rtol=0.02)
+    np.testing.assert_allclose([r.torque for r in runs], straight(np.array(levels)), atol=0.05)
+
+
+def test_stick_slip_is_said():
+    logs = constant_runs(straight, SPEEDS)
+    jerky = np.tile([0.0, 0.0, 0.0, 0.08], 75)
+    friction, _ = identify_constant_velocity([logs[0].replace(velocity=jerky), *logs[1:]], "j1")
+    assert any("stick-slip" in w for w in friction.warnings)
+
+
+def test_symmetric_gives_an_offset():
+    friction, _ = identify_constant_velocity(
+        constant_runs(lambda v: np.sign(v) * (3 + 0.5 * abs(v)), SPEEDS, offset=1.2), "j1", symmetric=True
+    )
+    assert friction.dynamics["offset"].value == pytest.approx(1.2, abs=0.02)
+
+
+def test_too_few_runs_are_refused_with_the_number_needed():
+    with pytest.raises(NotIdentifiable, match="at least 4|At least 4"):
+        identify_constant_velocity(constant_runs(straight, (1.0,)), "j1")

@@ -1,0 +1,107 @@
+"""Tests for identify/motion.py: the truth that was put in comes out, and unknowable things are said."""
+
+import numpy as np
+import pytest
+from _synthetic import any_motion
+
+from backdrive.errors import NotIdentifiable
+from backdrive.identify.motion import identify_motion
+
+
+def stribeck(v):
+    return np.sign(v) * (4.0 + 2.0 * np.exp(-np.abs(v) / 0.1) + 1.5 * np.abs(v))
+
+
+def test_coulomb_and_viscous_friction_come_back_as_that_law():
+    log = any_motion(lambda v: 5.0 * np.sign(v) + 2.0 * v, inertia=0.8, offset=0.7)
+    friction, evidence = identify_motion([log], "j1")
+    law = friction.law.rate
+    assert law.NAME == "coulomb-viscous"
+    assert law.coulomb_positive == pytest.approx(5.0, abs=0.05)
+    assert law.viscous_positive == pytest.approx(2.0, abs=0.05)
+    assert friction.dynamics["inertia"].value == pytest.approx(0.8, abs=0.02)
+    assert friction.dynamics["offset"].value == pytest.approx(0.7, abs=0.03)
+    assert friction.held_out.residual < 5.0
+    assert "good" in evidence.verdict
+
+
+def test_standard_errors_are_neither_wild_nor_vain():
+    law = [
+        identify_motion(
+            [any_motion(lambda v: 5.0 * np.sign(v) + 2.0 * v, noise=0.5, seed=s)], "j1", symmetric=True
+        )[0]
+        for s in range(12)
+    ]
+    values = np.array([f.law.rate.coulomb_positive for f in law])
+    claimed = np.mean([f.standard_errors["coulomb_positive"] for f in law])
+    assert 0.3 < values.std(ddof=1) / claimed < 3.0
+
+
+def test_a_stribeck_curve_becomes_line_sections_close_to_it():
+    friction, _ = identify_motion([any_motion(stribeck, seconds=60.0)], "j1")
+    assert friction.law.rate.NAME == "polyline"
+    v = np.linspace(0.05, 1.2, 50)
+    np.testing.assert_allclose(friction.law.torque(v), stribeck(v), atol=0.25)
+
+
+def test_direction_dependent_friction_is_found_and_the_bias_remark_made():
+    log = any_motion(lambda v: np.where(v > 0, 6.0 + 1.0 * v, np.where(v < 0, -3.0 + 2.0 * v, 0.0)))
+    friction, _ = identify_motion([log], "j1")
+    np.testing.assert_allclose(friction.law.torque([0.5, -0.5]), [6.5, -4.0], atol=0.15)
+    assert any("bias" in w for w in friction.warnings)
+
+
+def test_gravity_is_found_where_it_is_and_not_where_it_is_not():
+    dry = lambda v: 3.0 * np.sign(v) + v  # noqa: E731
+    with_gravity, _ = identify_motion([any_motion(dry, gravity=(8.0, 2.0))], "j1")
+    assert with_gravity.dynamics["gravity_sin"].value == pytest.approx(8.0, abs=0.1)
+    assert with_gravity.dynamics["gravity_cos"].value == pytest.approx(2.0, abs=0.15)
+    without, _ = identify_motion([any_motion(dry)], "j1", gravity=False)
+    assert "gravity_sin" not in without.dynamics
+
+
+@pytest.mark.parametrize("delay", [-0.004, 0.004])
+def test_a_time_slip_of_the_torque_is_estimated_with_its_sign(delay):
+    friction, _ = identify_motion([any_motion(lambda v: 2.0 * np.sign(v), inertia=3.0, delay=delay)], "j1")
+    assert friction.dynamics["time_slip"].value == pytest.approx(delay, abs=0.0008)
+
+
+def test_wild_samples_do_not_matter():
+    log = any_motion(lambda v: 5.0 * np.sign(v) + 2.0 * v)
+    torque = log.torque.copy()
+    torque[::97] += 200.0
+    friction, _ = identify_motion([log.replace(torque=torque)], "j1")
+    assert float(friction.law.torque(0.5)) == pytest.approx(6.0, abs=0.15)
+
+
+def test_nothing_is_interpolated_across_a_gap():
+    log = any_motion(lambda v: 5.0 * np.sign(v) + 2.0 * v)
+    cut = log.rows((log.time < 8.0) | (log.time > 12.0))
+    friction, _ = identify_motion([cut], "j1")
+    assert float(friction.law.torque(0.5)) == pytest.approx(6.0, abs=0.1)
+
+
+def test_another_log_is_judged_when_given():
+    dry = lambda v: 5.0 * np.sign(v) + 2.0 * v  # noqa: E731
+    good, _ = identify_motion([any_motion(dry)], "j1", held_out=[any_motion(dry, seed=5, phase=40.0)])
+    other, _ = identify_motion([any_motion(dry)], "j1", held_out=[any_motion(lambda v: 2 * dry(v), seed=5)])
+    assert good.held_out.residual < 5.0 < 40.0 < other.held_out.residual
+
+
+def test_an_inverted_torque_is_said():
+    log = any_motion(lambda v: 5.0 * np.sign(v) + 2.0 * v)
+    friction, _ = identify_motion([log.replace(torque=-log.torque)], "j1")
+    assert any("inverted" in w for w in friction.warnings)
+
+
+def test_a_joint_at_rest_is_not_identified():
+    log = any_motion(lambda v: np.sign(v))
+    still = log.replace(position=np.zeros(len(log)))
+    with pytest.raises(NotIdentifiable):
+        identify_motion([still], "j1")
+
+
+def test_the_same_log_gives_the_same_numbers():
+    log = any_motion(stribeck)
+    first, second = (identify_motion([log], "j1")[0] for _ in range(2))
+    assert first.law == second.law

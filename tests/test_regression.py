@@ -1,0 +1,82 @@
+"""Tests for identify/regression.py and curves.py against textbook results and brute force."""
+
+import numpy as np
+import pytest
+
+from backdrive.identify import curves, regression
+
+RNG = np.random.default_rng(1)
+X = RNG.standard_normal((240, 3)) * [1.0, 10.0, 0.01]
+THETA = np.array([1.0, -2.0, 300.0])
+Y = X @ THETA + 0.1 * RNG.standard_normal(240)
+BLOCK = regression.block_index(240, 8)
+BLOCKS = regression.accumulate(X, Y, np.ones(240), BLOCK, 8)
+
+
+def test_solution_is_that_of_numpy():
+    expected = np.linalg.lstsq(X, Y, rcond=None)[0]
+    np.testing.assert_allclose(
+        regression.solve(BLOCKS.gram.sum(0), BLOCKS.moment.sum(0)), expected, rtol=1e-9
+    )
+
+
+def test_left_out_losses_are_those_of_refitting():
+    for b in range(8):
+        rest = BLOCK != b
+        theta = np.linalg.lstsq(X[rest], Y[rest], rcond=None)[0]
+        expected = np.sum((Y[~rest] - X[~rest] @ theta) ** 2)
+        assert regression.left_out_losses(BLOCKS)[b] == pytest.approx(expected, rel=1e-6)
+
+
+def test_mapping_the_equations_is_mapping_the_regressor():
+    spread = RNG.standard_normal((3, 2))
+    direct = regression.accumulate(X @ spread, Y, np.ones(240), BLOCK, 8)
+    np.testing.assert_allclose(BLOCKS.mapped(spread).gram, direct.gram, rtol=1e-9, atol=1e-9)
+
+
+def test_standard_errors_cover_the_truth_under_correlated_noise():
+    """Noise that lasts 20 samples: naive errors would be 4 times too small; the blocks' are not."""
+    inside, trials = 0, 200
+    for seed in range(trials):
+        generator = np.random.default_rng(seed)
+        n = 2000
+        design = np.stack([np.ones(n), np.sin(np.arange(n) / 7.0)], axis=1)
+        noise = np.repeat(generator.standard_normal(n // 20), 20)
+        y = design @ [1.0, 2.0] + noise
+        blocks = regression.accumulate(design, y, np.ones(n), regression.block_index(n, 20), 20)
+        theta = regression.solve(blocks.gram.sum(0), blocks.moment.sum(0))
+        error = np.sqrt(regression.sandwich(blocks, theta)[0, 0])
+        inside += abs(theta[0] - 1.0) < 2 * error
+    assert inside / trials > 0.88  # normal theory: 0.954, less for 20 blocks
+
+
+def test_huber_ignores_wild_samples():
+    y = Y.copy()
+    y[::20] += 1000.0
+    w = regression.robust_weights(X, y, np.ones(240))
+    theta = regression.solve((X * w[:, None]).T @ X, (X * w[:, None]).T @ y)
+    np.testing.assert_allclose(theta, THETA, rtol=0.05)
+
+
+def test_every_coarse_curve_is_exact_on_the_fine_basis():
+    knots = 2.0 * np.array(curves.SHARES)
+    v = np.linspace(-2.5, 2.5, 501)
+    coarse = {name: knots[list(keep)] for name, keep in curves.COARSE.items()}
+    for form in curves.forms(knots, coarse, both_directions=True):
+        r = form.spread.shape[1]
+        c = np.abs(RNG.standard_normal(r))
+        k = form.knots.size
+        positive, negative = (c, c) if form.symmetric else (c[:k], c[k:])
+        law, _ = curves.to_law(form, c, np.eye(r))
+        got = curves.basis(v, knots) @ form.spread @ c
+        inside = np.abs(v) <= 2.0
+        np.testing.assert_allclose(got[inside & (v != 0)], law.torque(v)[inside & (v != 0)], atol=1e-12)
+        assert float(law.torque(1e-12)) == pytest.approx(positive[0], abs=1e-9)
+        assert float(law.torque(-1e-12)) == pytest.approx(-negative[0], abs=1e-9)
+
+
+def test_a_falling_line_is_no_negative_viscosity():
+    form = curves.forms(np.array([0.0, 1.0]), {"line": np.array([0.0, 1.0])}, both_directions=False)[0]
+    law, _ = curves.to_law(form, np.array([2.0, 1.0]), np.eye(2))
+    assert law.rate.NAME == "polyline"
+    assert float(law.torque(0.5)) == 1.5
