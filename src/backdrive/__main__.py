@@ -1,0 +1,5 @@
+"""`python -m backdrive`: the command line."""
+
+from backdrive.cli import main
+
+main()

@@ -1,0 +1,94 @@
+"""Options that every command that reads logs shares, and the reading itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from backdrive.log import Log
+
+Logs = Annotated[
+    list[Path],
+    typer.Argument(help="Log files, or folders of them; several of the same joints are one identification."),
+]
+Map = Annotated[
+    str | None,
+    typer.Option(
+        "--map",
+        help='Which column is which channel: "t=t,q=qm,tau=35.15*vir". Channels: t q dq tau qr u q2 tau_ext tau_model '
+        "load temp. Factors: numbers, deg, rpm.",
+    ),
+]
+Joints = Annotated[list[str] | None, typer.Option("--joint", help="Only this joint; may be repeated.")]
+Names = Annotated[str | None, typer.Option("--names", help="Names for the joints in column order: j1,j2,...")]
+Units = Annotated[
+    str | None, typer.Option("--unit", help="rad or m, one for all joints or one each: rad,rad,m.")
+]
+Gear = Annotated[
+    str | None,
+    typer.Option(
+        "--gear", help="Gear ratios; says that the torque is measured on the motor side: 100,224,120."
+    ),
+]
+Format = Annotated[
+    str | None, typer.Option("--format", help="Reader to use, where the file's name does not tell.")
+]
+Topic = Annotated[str | None, typer.Option("--topic", help="Topic of the joint states in a bag.")]
+Accept = Annotated[
+    list[str] | None, typer.Option("--accept", help="Go on in spite of this health finding; may be repeated.")
+]
+Repair = Annotated[
+    bool, typer.Option("--repair", help="Mend what can be mended honestly; every repair is listed.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
+PlanFile = Annotated[Path | None, typer.Option("--plan", help="plan.json that the log was recorded with.")]
+
+
+def words(text: str | None) -> list[str] | None:
+    """Split a comma-separated option."""
+    return [w.strip() for w in text.split(",") if w.strip()] if text else None
+
+
+def numbers(text: str | None, option: str) -> list[float] | None:
+    """Split a comma-separated option into numbers.
+
+    Raises:
+        InvalidInput: one of them is none.
+    """
+    from backdrive.errors import InvalidInput
+
+    try:
+        return [float(w) for w in words(text) or []] or None
+    except ValueError as error:
+        raise InvalidInput(
+            f"{option} {text}: not a list of numbers.", remedy="For example 100,224,120."
+        ) from error
+
+
+def read(
+    paths: Sequence[Path],
+    *,
+    map: str | None = None,
+    names: str | None = None,
+    units: str | None = None,
+    gear: str | None = None,
+    format: str | None = None,
+    topic: str | None = None,
+) -> list[Log]:
+    """Read the logs a command was given."""
+    from backdrive.readers import read_logs
+
+    unit = words(units)
+    return read_logs(
+        [str(p) for p in paths],
+        map=map,
+        names=words(names),
+        units=unit[0] if unit and len(unit) == 1 else unit,
+        gear=numbers(gear, "--gear"),
+        format=format,
+        topic=topic,
+    )

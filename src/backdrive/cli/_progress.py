@@ -1,0 +1,26 @@
+"""A line on standard error that says what is going on; silent where nobody looks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+
+@contextmanager
+def progress(*, quiet: bool = False) -> Iterator[Callable[[str], None]]:
+    """Yield a function that shows the present step.
+
+    Args:
+        quiet: show nothing, as when JSON is asked for.
+    """
+    import sys
+
+    if quiet or not sys.stderr.isatty():
+        yield lambda sentence: None
+        return
+    from rich.console import Console
+    from rich.markup import escape
+
+    console = Console(stderr=True)
+    with console.status("Starting ...") as status:
+        yield lambda sentence: status.update(escape(sentence) + " ...")

@@ -1,0 +1,170 @@
+"""`backdrive identify`: from logs to a model file and a report."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from backdrive.cli import _logs
+
+if TYPE_CHECKING:
+    from backdrive.identify import Identification
+
+
+def command(
+    logs: _logs.Logs,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Model file to write (JSON).")] = None,
+    report: Annotated[Path | None, typer.Option("--report", help="Report to write (one HTML file).")] = None,
+    method: Annotated[
+        str, typer.Option("--method", help="auto, sweep, constant-velocity, motion, ramp or arm.")
+    ] = "auto",
+    map: _logs.Map = None,
+    joint: _logs.Joints = None,
+    plan: _logs.PlanFile = None,
+    urdf: Annotated[Path | None, typer.Option("--urdf", help="Robot description, for a whole arm.")] = None,
+    hold_out: Annotated[
+        list[Path] | None, typer.Option("--hold-out", help="Log to judge on, not fitted; may be repeated.")
+    ] = None,
+    symmetric: Annotated[
+        bool | None,
+        typer.Option(
+            "--symmetric/--by-direction",
+            help="One curve for both directions, or one each.  [default: by data]",
+        ),
+    ] = None,
+    gravity: Annotated[
+        bool | None,
+        typer.Option("--gravity/--no-gravity", help="Estimate gravity (motion).  [default: by data]"),
+    ] = None,
+    literal: Annotated[
+        bool,
+        typer.Option("--literal", help="The sweep exactly as printed in the thesis, without corrections."),
+    ] = False,
+    cutoff: Annotated[
+        float | None, typer.Option("--cutoff", help="Low pass of the motion before differentiation [Hz].")
+    ] = None,
+    gate: Annotated[
+        float,
+        typer.Option("--gate", help="Exit with 1 where the unseen residual of a joint is above this [%]."),
+    ] = 50.0,
+    names: _logs.Names = None,
+    unit: _logs.Units = None,
+    gear: _logs.Gear = None,
+    format: _logs.Format = None,
+    topic: _logs.Topic = None,
+    accept: _logs.Accept = None,
+    repair: _logs.Repair = False,
+    as_json: _logs.AsJson = False,
+) -> None:
+    """Identify the friction of every joint that moves.
+
+    Example: backdrive identify DATA_EMPS.mat --map "t=t,q=qm,tau=35.15*vir" --unit m -o model.json --report report.html
+    """
+    from backdrive.cli._progress import progress
+    from backdrive.identify import identify
+
+    options = {"map": map, "names": names, "units": unit, "gear": gear, "format": format, "topic": topic}
+    with progress(quiet=as_json) as say:
+        say("Reading")
+        read = _logs.read(logs, **options)
+        held = _logs.read(hold_out, **options) if hold_out else []
+        result = identify(
+            read,
+            method=method,
+            plan=_plan(plan),
+            joints=joint,
+            urdf=str(urdf) if urdf else None,
+            held_out=held,
+            symmetric=symmetric,
+            gravity=gravity,
+            literal=literal,
+            cutoff=cutoff,
+            accept=accept or [],
+            repair=repair,
+            progress=say,
+        )
+        if output:
+            result.model.save(output)
+        if report:
+            from backdrive.report import write_report
+
+            say("Drawing the report")
+            write_report(result, report, command=shlex.join(["backdrive", *sys.argv[1:]]))
+    if as_json:
+        _print_json(result, output, report)
+    else:
+        _print_table(result, output, report)
+    if failing(result, gate):
+        if not as_json:
+            typer.echo(f"Below the quality gate of {gate:g} %: {', '.join(failing(result, gate))}.", err=True)
+        raise typer.Exit(1)
+
+
+def _plan(path: Path | None):
+    if path is None:
+        return None
+    from backdrive.excite import load_plan
+
+    return load_plan(path)
+
+
+def failing(result: Identification, gate: float) -> list[str]:
+    """Return the joints whose unseen (or else fitted) residual is above the gate [%]."""
+    bad = []
+    for j in result.model.joints:
+        quality = j.held_out or j.fitted
+        if quality is not None and not quality.residual <= gate:
+            bad.append(j.joint.name)
+    return bad
+
+
+def _print_json(result: Identification, output: Path | None, report: Path | None) -> None:
+    import json
+
+    from backdrive.cli._output import print_json
+    from backdrive.model_file import encode
+
+    print_json(
+        {
+            "ok": True,
+            "method": result.method,
+            "reason": result.reason,
+            "warnings": result.warnings,
+            "verdicts": {e.joint: e.verdict for e in result.evidence},
+            "model": json.loads(encode(result.model)),
+            "written": [str(p) for p in (output, report) if p],
+        }
+    )
+
+
+def _print_table(result: Identification, output: Path | None, report: Path | None) -> None:
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    console = Console(highlight=False)
+    console.print(f"Method: {result.method} ({escape(result.reason)}).")
+    table = Table(box=None, pad_edge=False)
+    for heading in ("joint", "law", "residual fitted", "unseen", "verdict"):
+        table.add_column(heading, justify="right" if "residual" in heading or heading == "unseen" else "left")
+    for j, e in zip(result.model.joints, result.evidence):
+        table.add_row(
+            escape(j.joint.name),
+            j.law.rate.NAME,
+            f"{j.fitted.residual:.1f} %" if j.fitted else "-",
+            f"{j.held_out.residual:.1f} %" if j.held_out else "-",
+            escape(e.verdict),
+        )
+    console.print(table)
+    for j in result.model.joints:
+        for warning in j.warnings:
+            console.print(f"  {escape(j.joint.name)}: {escape(warning)}", style="yellow")
+    for warning in result.warnings:
+        console.print(f"  {escape(warning)}", style="yellow")
+    for path in (output, report):
+        if path:
+            console.print(f"Wrote {escape(str(path))}")

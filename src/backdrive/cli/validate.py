@@ -1,0 +1,77 @@
+"""`backdrive validate`: judge a model on logs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from backdrive.cli import _logs
+
+
+def command(
+    model: Annotated[Path, typer.Argument(help="Model file made by `identify -o`.")],
+    logs: _logs.Logs,
+    map: _logs.Map = None,
+    urdf: Annotated[
+        Path | None, typer.Option("--urdf", help="Robot description, for the model of an arm.")
+    ] = None,
+    gate: Annotated[
+        float, typer.Option("--gate", help="Exit with 1 where a joint's residual is above this [%].")
+    ] = 50.0,
+    names: _logs.Names = None,
+    unit: _logs.Units = None,
+    gear: _logs.Gear = None,
+    format: _logs.Format = None,
+    topic: _logs.Topic = None,
+    accept: _logs.Accept = None,
+    repair: _logs.Repair = False,
+    as_json: _logs.AsJson = False,
+) -> None:
+    """Compare measured with predicted torque, joint by joint.
+
+    Example: backdrive validate model.json other_log.csv
+    """
+    from backdrive import health, load_model
+    from backdrive.cli._output import print_json
+    from backdrive.cli._progress import progress
+    from backdrive.identify import validate
+
+    loaded = load_model(model)
+    with progress(quiet=as_json) as say:
+        say("Reading")
+        read = _logs.read(logs, map=map, names=names, units=unit, gear=gear, format=format, topic=topic)
+        say("Checking the logs")
+        read = [health.gate(log, accept=accept or [], repair=repair) for log in read]
+        say("Predicting")
+        qualities = validate(loaded, read, urdf=str(urdf) if urdf else None)
+    bad = [name for name, q in qualities.items() if not q.residual <= gate]
+    if as_json:
+        rows = {
+            name: {"residual_percent": q.residual, "residual_raw_percent": q.residual_raw, "rms": q.rms}
+            for name, q in qualities.items()
+        }
+        print_json({"ok": not bad, "joints": rows, "below_gate": bad})
+    else:
+        from rich.console import Console
+        from rich.markup import escape
+        from rich.table import Table
+
+        table = Table(box=None, pad_edge=False)
+        for heading in ("joint", "residual below 5 Hz", "raw", "rms", "samples"):
+            table.add_column(heading, justify="left" if heading == "joint" else "right")
+        for name, q in qualities.items():
+            force = loaded.joint(name).joint.torque_unit
+            table.add_row(
+                escape(name),
+                f"{q.residual:.1f} %",
+                f"{q.residual_raw:.1f} %",
+                f"{q.rms:.3g} {force}",
+                str(q.samples),
+            )
+        Console(highlight=False).print(table)
+        if bad:
+            typer.echo(f"Above the gate of {gate:g} %: {', '.join(bad)}.", err=True)
+    if bad:
+        raise typer.Exit(1)
