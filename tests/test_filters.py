@@ -43,6 +43,32 @@ def test_senseless_corners_are_refused(cutoff, rate):
         filters.low_pass(T, cutoff, rate)
 
 
-def test_decimate_keeps_every_tenth():
-    assert filters.decimate(T, 10).size == 400
-    np.testing.assert_array_equal(filters.decimate(T, 1), T)
+@pytest.mark.parametrize("cutoff", [5.0, 40.0, 200.0])
+def test_low_pass_is_that_of_scipy_away_from_the_ends(cutoff):
+    from scipy.signal import butter, sosfiltfilt
+
+    x = np.cumsum(np.random.default_rng(0).standard_normal(T.size))
+    expected = sosfiltfilt(butter(4, cutoff, fs=RATE, output="sos"), x)
+    got = filters.low_pass(x, cutoff, RATE)
+    inner = slice(800, -800)
+    np.testing.assert_allclose(got[inner], expected[inner], atol=1e-6 * np.ptp(x))
+
+
+def test_a_straight_line_passes_unchanged_to_its_very_ends():
+    np.testing.assert_allclose(filters.low_pass(3.0 - 2.0 * T, 5.0, RATE), 3.0 - 2.0 * T, atol=1e-2)
+
+
+@pytest.mark.parametrize("n", [2, 3, 7, 50, 999])
+def test_short_signals_keep_their_length_and_constants(n):
+    np.testing.assert_allclose(filters.low_pass(np.full(n, 3.0), 2.0, RATE), 3.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("n", [2, 3, 97, 1000, 1025, 123457])
+def test_fft_length_is_small_and_smooth(n):
+    length = rest = filters.fft_length(n)
+    for factor in (2, 3, 5):
+        while rest % factor == 0:
+            rest //= factor
+    assert rest == 1
+    assert n <= length <= max(2, 1.35 * n)
+    assert length % 2 == 0

@@ -36,11 +36,19 @@ class Blocks:
         )
 
 
+RIDGE = 1e-13  # of the scaled normal equations: keeps directions that the data leave open small [-]
+
+
 def solve(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
-    """Solve scaled normal equations; directions that the data leave open get the smallest solution."""
-    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    scaled = gram / np.outer(scale, scale)
-    return np.linalg.lstsq(scaled, moment / scale, rcond=1e-10)[0] / scale
+    """Solve normal equations scaled to unit columns.
+
+    Args:
+        gram: X'X, (..., p, p).
+        moment: X'y, (..., p).
+    """
+    scale = np.sqrt(np.maximum(np.einsum("...ii->...i", gram), 1e-300))
+    scaled = gram / (scale[..., :, None] * scale[..., None, :]) + RIDGE * np.eye(gram.shape[-1])
+    return np.linalg.solve(scaled, (moment / scale)[..., None])[..., 0] / scale
 
 
 def block_index(n: int, blocks: int) -> np.ndarray:
@@ -93,18 +101,17 @@ def robust_weights(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int = 8)
 
 def left_out_losses(blocks: Blocks) -> np.ndarray:
     """Return the weighted squared error of every block by the fit to all the others, (B,)."""
-    gram, moment = blocks.gram.sum(axis=0), blocks.moment.sum(axis=0)
-    losses = np.zeros(len(blocks.rows))
-    for b in range(len(losses)):
-        theta = solve(gram - blocks.gram[b], moment - blocks.moment[b])
-        losses[b] = blocks.power[b] - 2 * theta @ blocks.moment[b] + theta @ blocks.gram[b] @ theta
-    return losses
+    theta = left_out_solutions(blocks)
+    return (
+        blocks.power
+        - 2 * np.einsum("bi,bi->b", theta, blocks.moment)
+        + np.einsum("bi,bij,bj->b", theta, blocks.gram, theta)
+    )
 
 
 def left_out_solutions(blocks: Blocks) -> np.ndarray:
     """Return the solution without each block, (B, p)."""
-    gram, moment = blocks.gram.sum(axis=0), blocks.moment.sum(axis=0)
-    return np.stack([solve(gram - g, moment - m) for g, m in zip(blocks.gram, blocks.moment)])
+    return solve(blocks.gram.sum(axis=0) - blocks.gram, blocks.moment.sum(axis=0) - blocks.moment)
 
 
 def sandwich(blocks: Blocks, theta: np.ndarray) -> np.ndarray:
