@@ -134,6 +134,7 @@ def _print_json(result: Identification, output: Path | None, report: Path | None
             "method": result.method,
             "reason": result.reason,
             "warnings": result.warnings,
+            "notes": result.notes,
             "verdicts": {e.joint: e.verdict for e in result.evidence},
             "model": json.loads(encode(result.model)),
             "written": [str(p) for p in (output, report) if p],
@@ -149,22 +150,24 @@ def _print_table(result: Identification, output: Path | None, report: Path | Non
     console = Console(highlight=False)
     console.print(f"Method: {result.method} ({escape(result.reason)}).")
     table = Table(box=None, pad_edge=False)
-    for heading in ("joint", "law", "residual fitted", "unseen", "verdict"):
-        table.add_column(heading, justify="right" if "residual" in heading or heading == "unseen" else "left")
-    for j, e in zip(result.model.joints, result.evidence):
+    for heading in ("joint", "law", "residual fitted", "unseen"):
+        table.add_column(heading, justify="left" if heading in ("joint", "law") else "right")
+    for j in result.model.joints:
         table.add_row(
             escape(j.joint.name),
             j.law.rate.NAME,
             f"{j.fitted.residual:.1f} %" if j.fitted else "-",
             f"{j.held_out.residual:.1f} %" if j.held_out else "-",
-            escape(e.verdict),
         )
     console.print(table)
-    for j in result.model.joints:
+    for j, e in zip(result.model.joints, result.evidence):
+        console.print(f"{escape(j.joint.name)}: {escape(e.verdict)}")
         for warning in j.warnings:
-            console.print(f"  {escape(j.joint.name)}: {escape(warning)}", style="yellow")
+            console.print(f"  {escape(warning)}", style="yellow")
     for warning in result.warnings:
-        console.print(f"  {escape(warning)}", style="yellow")
+        console.print(escape(warning), style="yellow")
+    for note in result.notes:
+        console.print(escape(note), style="dim")
     for path in (output, report):
         if path:
             console.print(f"Wrote {escape(str(path))}")

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from backdrive._catalog import lookup
-from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.errors import InvalidInput, NotIdentifiable, UnhealthyLog
 from backdrive.identify.auto import METHODS, choose_method, moving_joints
 from backdrive.identify.result import Curve as Curve
 from backdrive.identify.result import Identification as Identification
@@ -58,7 +58,7 @@ def identify(
         NotIdentifiable: the data do not determine the friction.
         InvalidInput: an argument or a log does not fit the method.
     """
-    from backdrive import __version__, health
+    from backdrive import __version__
 
     say = progress or (lambda sentence: None)
     logs = [logs] if isinstance(logs, Log) else list(logs)
@@ -68,8 +68,8 @@ def identify(
     if plan is not None:
         logs = [log.replace(plan=plan) for log in logs]
     say("Checking the logs")
-    logs = [health.gate(log, accept=accept, repair=repair) for log in logs]
-    held_out = [health.gate(log, accept=accept, repair=repair) for log in held_out]
+    logs = [_healthy(log, accept, repair) for log in logs]
+    held_out = [_healthy(log, accept, repair) for log in held_out]
     names, idle = moving_joints(logs, joints)
     if method == "auto":
         method, reason = choose_method(logs, names, urdf)
@@ -133,8 +133,23 @@ def identify(
         evidence=tuple(evidence),
         method=method,
         reason=reason,
-        warnings=tuple(dict.fromkeys([*warnings, *notes])),
+        warnings=tuple(dict.fromkeys(warnings)),
+        notes=tuple(dict.fromkeys(notes)),
     )
+
+
+def _healthy(log: Log, accept: Sequence[str], repair: bool) -> Log:
+    """Pass a log through the health gate; the error names its file."""
+    from backdrive import health
+
+    try:
+        return health.gate(log, accept=accept, repair=repair)
+    except UnhealthyLog as error:
+        if not log.sources:
+            raise
+        raise UnhealthyLog(
+            f"{log.sources[0].path}: {error.message}", remedy=error.remedy, **error.data
+        ) from error
 
 
 def _one(method: str, logs, name: str, held_out, **options) -> tuple[JointFriction, JointEvidence]:

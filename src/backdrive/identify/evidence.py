@@ -76,13 +76,20 @@ def verdict(friction: JointFriction) -> str:
     speed = f"{friction.joint.unit}/s"
     low, high = friction.validity.velocity
     top = max(abs(low), abs(high))
-    slow, fast = friction.law.torque(np.array([0.02, 1.0]) * top)
+    ways = [sign for sign in (1.0, -1.0) if sign * (high if sign > 0 else low) > 0.05 * top]
+    slow, fast = (np.abs(friction.law.torque(share * top * np.array(ways))) for share in (0.02, 1.0))
+    if slow.size == 2 and max(np.ptp(slow), np.ptp(fast)) > 0.02 * fast.max():
+        amount = (
+            f"Friction is {slow[0]:.3g} {unit} forwards and {slow[1]:.3g} {unit} backwards at low speed, "
+            f"{fast[0]:.3g} and {fast[1]:.3g} {unit} at {top:.3g} {speed}."
+        )
+    else:
+        amount = (
+            f"Friction is {slow[0]:.3g} {unit} at low speed and {fast[0]:.3g} {unit} at {top:.3g} {speed}."
+        )
     quality = friction.held_out or friction.fitted
     residual = quality.residual if quality else float("nan")
     word = "good" if residual <= GOOD else "usable with care" if residual <= FAIR else "poor"
     if friction.warnings and word == "good":
         word = "good, with a remark"
-    return (
-        f"Friction is {slow:.3g} {unit} at low speed and {fast:.3g} {unit} at {top:.3g} {speed}. "
-        f"The model explains all but {residual:.1f} % of torque it had not seen: {word}."
-    )
+    return f"{amount} The model explains all but {residual:.1f} % of torque it had not seen: {word}."

@@ -81,6 +81,7 @@ class Identification:
         method: the method that ran.
         reason: why that method, in a sentence.
         warnings: what makes the whole result suspect, in sentences.
+        notes: what readers and repairs did to the data, in sentences.
     """
 
     model: FrictionModel
@@ -88,3 +89,4 @@ class Identification:
     method: str
     reason: str
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()

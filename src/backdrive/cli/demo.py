@@ -1,0 +1,109 @@
+"""`backdrive demo`: the whole way on a simulated joint, with no robot and no data at hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from backdrive.cli._logs import AsJson
+
+SHOWN = (0.1, 0.25, 0.5, 0.75, 1.0)  # shares of the top speed in the table
+
+
+def command(
+    folder: Annotated[Path, typer.Option("--folder", help="Where report, model and log go.")] = Path(
+        "backdrive-demo"
+    ),
+    joint: Annotated[
+        str, typer.Option("--joint", help="Which simulated joint: joint_0, joint_1, joint_2 or setup_a.")
+    ] = "joint_1",
+    seed: Annotated[int, typer.Option("--seed", help="Of the noise.")] = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Sweep a simulated joint of the thesis' manipulator, identify it, and compare with the truth.
+
+    Example: backdrive demo
+    """
+    import time
+
+    from backdrive.cli._output import print_json
+    from backdrive.cli._progress import progress
+    from backdrive.errors import InvalidInput
+
+    start = time.perf_counter()
+    with progress(quiet=as_json) as say:
+        say("Compiling (the first run takes a while)")
+        import numpy as np
+
+        from backdrive.excite import Sweep
+        from backdrive.identify import identify
+        from backdrive.plants.thesis import machine
+        from backdrive.report import write_report
+        from backdrive.simulate import simulate
+
+        plant = machine(joint)
+        stroke, top_speed = (float(np.deg2rad(20.0)), 2.0) if plant.unit == "rad" else (0.1, 0.3)
+        sweep = Sweep(stroke, top_speed, cycles=10, joint=plant.name, unit=plant.unit)
+        say("Sweeping the simulated joint")
+        log = simulate(plant, sweep, seed=seed)
+        say("Identifying")
+        result = identify(log)
+        friction = result.model.joints[0]
+        speeds = sweep.top_speed * np.array(SHOWN)
+        truth, found = plant.law.torque(speeds), friction.law.torque(speeds)
+        say("Drawing the report")
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InvalidInput(
+                f"Cannot make {folder}: {error.strerror}.", remedy="Name another --folder."
+            ) from error
+        result.model.save(folder / "model.json")
+        report = write_report(
+            result,
+            folder / "report.html",
+            command=f"backdrive demo --joint {joint} --seed {seed}",
+            title=f"Demo: simulated joint {log.names[0]}",
+            compare={log.names[0]: _curve(plant.law, sweep.top_speed)},
+        )
+    wall = time.perf_counter() - start
+    rows = [
+        {"speed": float(v), "truth": float(a), "identified": float(b), "error": float(b - a)}
+        for v, a, b in zip(speeds, truth, found)
+    ]
+    if as_json:
+        print_json({"ok": True, "report": str(report), "model": str(folder / "model.json"), "friction": rows})
+        return
+    _print(rows, friction.joint, report, wall, sweep.duration)
+
+
+def _curve(law, top: float):
+    import numpy as np
+
+    from backdrive.identify import Curve
+
+    speed = top * np.linspace(1e-6, 1.0, 80)
+    velocity = np.concatenate([-speed[::-1], speed])
+    return Curve(
+        velocity=velocity, torque=law.torque(velocity), standard_error=np.full(velocity.size, np.nan)
+    )
+
+
+def _print(rows: list[dict], joint, report: Path, wall: float, duration: float) -> None:
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    console = Console(highlight=False)
+    console.print(f"A simulated joint was swept for {duration:.1f} s and identified ({wall:.1f} s in all).")
+    table = Table(box=None, pad_edge=False)
+    for heading in (f"speed [{joint.unit}/s]", f"true friction [{joint.torque_unit}]", "identified", "error"):
+        table.add_column(heading, justify="right")
+    for row in rows:
+        table.add_row(
+            f"{row['speed']:.2f}", f"{row['truth']:.3f}", f"{row['identified']:.3f}", f"{row['error']:+.3f}"
+        )
+    console.print(table)
+    console.print(f"Open {escape(str(report))}")

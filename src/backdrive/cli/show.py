@@ -1,0 +1,109 @@
+"""`backdrive show`: a model file as tables, as a small plot, as a picture, or as JSON."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+SPEEDS = 21  # velocities of the table in --json
+
+
+def command(
+    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model file made by `identify -o`.")],
+    joint: Annotated[
+        list[str] | None,
+        typer.Option("--joint", "-j", metavar="NAME", help="Only this joint; may be repeated."),
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            "--plot", metavar="FILE", help="Also draw the curves into FILE, ending in .svg or .png."
+        ),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the model file and its evaluated curves as JSON.")
+    ] = False,
+) -> None:
+    """Show a friction model: its laws with errors and bounds, where it holds, how good it is, where it comes from.
+
+    Example: backdrive show model.json --joint elbow --plot elbow.png
+    """
+    from backdrive.model import FrictionModel, load_model
+
+    loaded = load_model(model)
+    shown = loaded
+    if joint:
+        shown = FrictionModel(
+            joints=tuple(loaded.joint(name) for name in dict.fromkeys(joint)),
+            arm=loaded.arm,
+            sources=loaded.sources,
+            options=loaded.options,
+            version=loaded.version,
+        )
+    if plot is not None:
+        from backdrive.plots.curve import save_curves
+
+        save_curves(plot, shown)
+    if as_json:
+        _print_json(shown, plot)
+    else:
+        _print_tables(shown)
+        if plot is not None:
+            typer.echo(f"Wrote {plot}.")
+
+
+def _print_json(model, plot: Path | None) -> None:
+    import json
+
+    from backdrive.cli._output import print_json
+    from backdrive.model_file import encode
+    from backdrive.plots.model_curve import largest_error
+
+    curves = {}
+    for friction, (name, curve) in zip(model.joints, model.table(SPEEDS).items()):
+        curves[name] = {
+            "velocity": curve["velocity"],
+            "velocity_unit": f"{friction.joint.unit}/s",
+            "torque": curve["torque"],
+            "torque_unit": friction.joint.torque_unit,
+            "largest_standard_error": largest_error(friction, curve["velocity"]),
+        }
+    document = {"ok": True, "model": json.loads(encode(model)), "curves": curves}
+    if plot is not None:
+        document["plot"] = str(plot)
+    print_json(document)
+
+
+def _print_tables(model) -> None:
+    import sys
+
+    from rich.console import Console
+
+    from backdrive.report.terminal import joint_tables, provenance_lines
+
+    _spell_out(sys.stdout)
+    console = Console(highlight=False, markup=False, emoji=False)
+    unicode = (console.encoding or "").lower().startswith("utf")
+    for friction in model.joints:
+        for part in joint_tables(friction, width=min(console.width, 110), unicode=unicode):
+            console.print(part)
+    for line in provenance_lines(model):
+        console.print(line, soft_wrap=True)
+
+
+def _spell_out(stream) -> None:
+    """Let a terminal that has no ± or minus sign show `+/-` and `-`, so that no sign is lost."""
+    import codecs
+
+    plain = {"\u2212": "-", "±": "+/-", "≥": ">=", "≤": "<=", "…": "..", "—": "-"}
+
+    def spell(error: UnicodeError):
+        if not isinstance(error, UnicodeEncodeError):
+            raise error
+        return "".join(plain.get(c, "?") for c in error.object[error.start : error.end]), error.end
+
+    codecs.register_error("backdrive-spell-out", spell)
+    if hasattr(stream, "reconfigure"):
+        stream.reconfigure(errors="backdrive-spell-out")

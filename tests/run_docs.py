@@ -1,0 +1,60 @@
+"""Run every example of README and docs: ```python blocks are executed, ```sh lines that start with `backdrive` are run.
+
+Each file's blocks run in order in one folder of their own, so that a later block finds what an earlier one wrote. A block that
+follows the line `<!-- not run: REASON -->` is left out, and the reason printed.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+BLOCK = re.compile(r"(<!-- not run: (?P<reason>[^>]*) -->\n)?```(?P<kind>python|sh)\n(?P<body>.*?)```", re.S)
+
+
+def run(command: list[str], folder: Path, what: str) -> None:
+    """Run one command, and end the program where it fails."""
+    environment = os.environ | {"BACKDRIVE_TRACEBACK": "1"}
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, env=environment)
+    if done.returncode:
+        print(f"{what} ended with {done.returncode}:\n{done.stdout}{done.stderr}")
+        sys.exit(1)
+
+
+def main() -> None:
+    """Go through all documents and numbered examples."""
+    ran = 0
+    for document in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
+        with tempfile.TemporaryDirectory() as scratch:
+            for i, match in enumerate(BLOCK.finditer(document.read_text())):
+                what = f"{document.relative_to(ROOT)}, block {i + 1}"
+                if match["reason"]:
+                    print(f"{what}: not run: {match['reason']}")
+                elif match["kind"] == "python":
+                    run([sys.executable, "-W", "error", "-c", match["body"]], Path(scratch), what)
+                    ran += 1
+                else:
+                    text = match["body"].replace("\\\n", " ")
+                    for line in text.splitlines():
+                        if line.startswith("backdrive "):
+                            run(
+                                [sys.executable, "-m", *shlex.split(line, comments=True)],
+                                Path(scratch),
+                                f"{what}: {line}",
+                            )
+                            ran += 1
+    for example in sorted((ROOT / "examples").glob("*.py")):
+        with tempfile.TemporaryDirectory() as scratch:
+            run([sys.executable, "-W", "error", str(example)], Path(scratch), str(example.relative_to(ROOT)))
+            ran += 1
+    print(f"{ran} examples ran")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,109 @@
+"""Tests for the commands identify, validate and demo, as processes: exit codes, JSON, files."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from _synthetic import any_motion
+
+
+def dry(v):
+    return 5.0 * np.sign(v) + 2.0 * v
+
+
+def backdrive(*arguments, cwd=None) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [sys.executable, "-m", "backdrive", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=cwd,
+        env=os.environ | {"NO_COLOR": "1", "COLUMNS": "200"},
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("logs")
+    for name, seed in (("a", 0), ("b", 1)):
+        log = any_motion(dry, seconds=15.0, seed=seed, phase=20.0 * seed)
+        np.savez(path / f"{name}.npz", t=log.time, q=log.position, tau=log.torque)
+    done = backdrive("identify", path / "a.npz", "-o", path / "m.json", "--report", path / "r.html")
+    assert done.returncode == 0, done.stdout + done.stderr
+    return path
+
+
+def test_identify_writes_model_and_report(folder):
+    model = json.loads((folder / "m.json").read_text())
+    assert model["joints"][0]["parameters"]["coulomb_positive"]["value"] == pytest.approx(5.0, abs=0.1)
+    assert len(model["provenance"]["sources"][0]["sha256"]) == 64
+    assert "<html" in (folder / "r.html").read_text()
+
+
+def test_json_is_one_document(folder):
+    done = backdrive("identify", folder / "a.npz", "--json")
+    answer = json.loads(done.stdout)
+    assert answer["ok"]
+    assert answer["method"] == "motion"
+    assert done.returncode == 0
+
+
+def test_validate_judges_and_gates(folder):
+    done = backdrive("validate", folder / "m.json", folder / "b.npz", "--json")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert next(iter(json.loads(done.stdout)["joints"].values()))["residual_percent"] < 5.0
+    assert backdrive("validate", folder / "m.json", folder / "b.npz", "--gate", "0.001").returncode == 1
+
+
+def test_below_the_gate_is_exit_code_1_and_files_are_written_all_the_same(folder, tmp_path):
+    done = backdrive("identify", folder / "a.npz", "-o", tmp_path / "m.json", "--gate", "0.0001")
+    assert done.returncode == 1
+    assert "quality gate" in done.stderr
+    assert (tmp_path / "m.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["identify"], 2, "LOGS|logs"),
+        (["identify", "{a}", "--method", "magic"], 2, "constant-velocity"),
+        (["identify", "{a}", "--joint", "knee"], 2, "joint"),
+        (["identify", "{a}", "--map", "tau=nothing"], 2, "nothing"),
+        (["identify", "{a}", "-o", "{folder}/no/such/m.json"], 2, "Cannot write"),
+        (["identify", "{folder}/none.npz"], 3, "none.npz"),
+        (["identify", "{folder}/garbage.npz"], 3, "garbage.npz"),
+        (["validate", "{folder}/r.html", "{a}"], 3, "damaged"),
+        (["identify", "{a}", "--gear", "x"], 2, "--gear"),
+    ],
+)
+def test_failures_are_one_sentence_and_an_exit_code(folder, arguments, code, said):
+    import re
+
+    (folder / "garbage.npz").write_bytes(b"PK\x03\x04 nonsense")
+    done = backdrive(*(a.format(a=folder / "a.npz", folder=folder) for a in arguments))
+    assert done.returncode == code, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr + done.stdout
+    assert re.search(said, done.stderr)
+    as_json = backdrive(*(a.format(a=folder / "a.npz", folder=folder) for a in arguments), "--json")
+    assert as_json.returncode == code
+
+
+@pytest.mark.parametrize("name", ["demo", "inspect", "plan", "identify", "show", "validate"])
+def test_every_command_explains_itself_with_an_example(name):
+    done = backdrive(name, "--help")
+    assert done.returncode == 0
+    assert f"Example: backdrive {name}" in " ".join(done.stdout.split())
+    assert "--json" in done.stdout
+
+
+def test_demo_compares_with_the_truth(tmp_path):
+    done = backdrive("demo", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    rows = json.loads(done.stdout)["friction"]
+    assert max(abs(r["error"]) for r in rows) < 0.1
+    assert (tmp_path / "backdrive-demo" / "report.html").exists()
+    again = backdrive("demo", "--json", cwd=tmp_path)
+    assert json.loads(again.stdout)["friction"] == rows
