@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from _synthetic import any_motion, constant_runs
 
-from backdrive import Joint, Log, identify
+from backdrive import Joint, Log
 from backdrive.errors import InvalidInput, NotIdentifiable, UnhealthyLog, UnknownName
-from backdrive.identify import validate
+from backdrive.identify import identify, validate
 
 
 def dry(v):

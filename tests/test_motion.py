@@ -60,6 +60,15 @@ def test_gravity_is_found_where_it_is_and_not_where_it_is_not():
     assert "gravity_sin" not in without.dynamics
 
 
+def test_beside_gravity_a_constant_is_an_offset_and_the_total_is_the_same():
+    one_way = lambda v: np.where(v > 0, 6.0 + 1.0 * v, np.where(v < 0, -3.0 + 3.0 * v, 0.0))  # noqa: E731
+    friction, _ = identify_motion([any_motion(one_way, gravity=(8.0, 2.0))], "j1")
+    np.testing.assert_allclose(friction.law.torque([1e-6, -1e-6]), [4.5, -4.5], atol=0.15)
+    assert friction.dynamics["offset"].value == pytest.approx(1.5, abs=0.15)
+    assert friction.held_out.residual < 5.0
+    assert any("cannot tell" in w for w in friction.warnings)
+
+
 @pytest.mark.parametrize("delay", [-0.004, 0.004])
 def test_a_time_slip_of_the_torque_is_estimated_with_its_sign(delay):
     friction, _ = identify_motion([any_motion(lambda v: 2.0 * np.sign(v), inertia=3.0, delay=delay)], "j1")
@@ -90,8 +99,9 @@ def test_another_log_is_judged_when_given():
 
 def test_an_inverted_torque_is_said():
     log = any_motion(lambda v: 5.0 * np.sign(v) + 2.0 * v)
-    friction, _ = identify_motion([log.replace(torque=-log.torque)], "j1")
+    friction, evidence = identify_motion([log.replace(torque=-log.torque)], "j1")
     assert any("inverted" in w for w in friction.warnings)
+    assert "not credible" in evidence.verdict
 
 
 def test_a_joint_at_rest_is_not_identified():

@@ -77,6 +77,11 @@ def identify(
         lookup(method, METHODS, "method")
         reason = "it was asked for"
     warnings = [f"Joint '{name}' hardly moves and was left out." for name in idle]
+    if method == "motion" and _move_together(logs, names):
+        warnings.append(
+            "Several joints move at once and pull on each other; the single-axis model does not know that pull. Pass the robot's "
+            "description (--urdf), or torques known from elsewhere (--map tau_model=...)."
+        )
     arm = None
     if method == "arm":
         if urdf is None:
@@ -136,6 +141,21 @@ def identify(
         warnings=tuple(dict.fromkeys(warnings)),
         notes=tuple(dict.fromkeys(notes)),
     )
+
+
+def _move_together(logs: Sequence[Log], names: Sequence[str]) -> bool:
+    """Say whether joints move at the same time and no torque known from elsewhere takes their pull away."""
+    import numpy as np
+
+    together = 0
+    for log in logs:
+        if len(names) < 2 or log.model_torque is not None or len(log) < 2:
+            continue
+        part = log.select(names)
+        speed = np.abs(np.gradient(part.position, axis=0) if part.position is not None else part.velocity)
+        busy = speed > 0.05 * np.nanpercentile(speed, 99, axis=0)
+        together += int(np.mean(busy.sum(axis=1) > 1) > 0.2)
+    return together > 0
 
 
 def _healthy(log: Log, accept: Sequence[str], repair: bool) -> Log:

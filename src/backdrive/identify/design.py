@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from backdrive.identify.signals import Signals
 COLUMNS = ("inertia", "jerk", "offset", "gravity_sin", "gravity_cos", "model_torque")
 LARGEST_SLIP = 0.02  # a longer delay of the torque is no slip of the clock but something else [s]
 TOLERANCE = 1.01  # a simpler model is kept while its left-out loss is within this factor of the best [-]
+UNSOUND = (
+    2.0  # so much more loss is put up with for a curve that dissipates and an inertia that is positive [-]
+)
 MEAGRE = 1e-9  # a column with less than this share of the mean weight is not determined [-]
 
 
@@ -160,6 +163,9 @@ def choose(blocks: regression.Blocks, options: list[Candidate]) -> Choice:
             remedy="Record a motion with both directions and several speeds (see `backdrive plan`).",
         )
     best = min(loss for loss, _ in judged)
+    sound = [(loss, option) for loss, option in judged if _plausible(option, blocks)]
+    if sound and min(loss for loss, _ in sound) <= UNSOUND * best:
+        judged, best = sound, min(loss for loss, _ in sound)
     chosen = next(option for loss, option in judged if loss <= TOLERANCE * best + 1e-300)
     mapped = blocks.mapped(chosen.spread)
     gram = mapped.gram.sum(axis=0)
@@ -171,4 +177,47 @@ def choose(blocks: regression.Blocks, options: list[Candidate]) -> Choice:
         left_out=regression.left_out_solutions(mapped),
         condition=regression.condition(gram),
         loss={f"{'+'.join(o.terms)} | {o.form.name}": loss for loss, o in judged},
+    )
+
+
+def _plausible(option: Candidate, blocks: regression.Blocks) -> bool:
+    """Say whether friction opposes motion at every knot and the inertia is positive."""
+    mapped = blocks.mapped(option.spread)
+    theta = regression.solve(mapped.gram.sum(axis=0), mapped.moment.sum(axis=0))
+    if "inertia" in option.terms and theta[option.terms.index("inertia")] < 0.0:
+        return False
+    curve, k = theta[len(option.terms) :], option.form.knots.size
+    if option.form.symmetric:
+        return bool(curve.min() >= 0.0)
+    constant = 0.5 * (curve[0] - curve[k])
+    lowest = min(curve[:k].min() - constant, curve[k:].min() + constant)
+    return bool(lowest >= 0.0 or ("gravity_sin" not in option.terms and curve.min() >= 0.0))
+
+
+def offset_apart(choice: Choice) -> Choice:
+    """Take the constant out of curves that differ by direction where it is more likely a bias torque than friction.
+
+    The data cannot tell the two apart. With gravity beside it a constant is more likely what gravity left over, and
+    friction cannot push. Both directions then have the same friction at rest, and the constant is the term `offset`.
+    """
+    candidate = choice.candidate
+    t = len(candidate.terms)
+    likely = "gravity_sin" in candidate.terms or float(choice.coefficients[t:].min()) < 0.0
+    if candidate.form.symmetric or not likely:
+        return choice
+    k = candidate.form.knots.size
+    constant = np.zeros(t + 2 * k)
+    constant[t], constant[t + k] = 0.5, -0.5
+    curve = np.eye(t + 2 * k)[t:] - np.outer(np.r_[np.ones(k), -np.ones(k)], constant)
+    spread = np.vstack([np.eye(t + 2 * k)[:t], constant, curve])
+    back = np.zeros((candidate.spread.shape[0], 1 + t + 2 * k))
+    back[:, :t] = candidate.spread[:, :t]
+    back[COLUMNS.index("offset"), t] = 1.0
+    back[:, t + 1 :] = candidate.spread[:, t:]
+    return replace(
+        choice,
+        candidate=replace(candidate, terms=(*candidate.terms, "offset"), spread=back),
+        coefficients=spread @ choice.coefficients,
+        covariance=spread @ choice.covariance @ spread.T,
+        left_out=choice.left_out @ spread.T,
     )

@@ -90,6 +90,10 @@ def verdict(friction: JointFriction) -> str:
     quality = friction.held_out or friction.fitted
     residual = quality.residual if quality else float("nan")
     word = "good" if residual <= GOOD else "usable with care" if residual <= FAIR else "poor"
-    if friction.warnings and word == "good":
+    inertia = friction.dynamics.get("inertia")
+    grid = np.linspace(low, high, 201)
+    if np.any(friction.law.torque(grid) * grid < 0.0) or (inertia is not None and inertia.value < 0.0):
+        word = "but it is not credible, see the warnings"
+    elif friction.warnings and word == "good":
         word = "good, with a remark"
     return f"{amount} The model explains all but {residual:.1f} % of torque it had not seen: {word}."

@@ -79,6 +79,7 @@ def identify_motion(
             symmetric=symmetric,
         ),
     )
+    choice = design.offset_apart(choice)
     friction = as_friction(choice, choice.coefficients, about, (float(speeds.min()), float(speeds.max())))
     friction = with_warnings(friction, choice, both)
     fitted = judge([(s.torque, predict(friction, s), s.rate, s.moving) for s in stretches])
@@ -151,7 +152,7 @@ def as_friction(
         if term == "jerk":
             inertia = values["inertia"]
             name, value, error = "time_slip", value / inertia, error / abs(inertia)
-        dynamics[name] = Estimate(value=float(value), unit=unit_of(name, joint), standard_error=error)
+        dynamics[name] = Estimate(value=float(value), unit=unit_of(name, joint), standard_error=float(error))
     return JointFriction(
         joint=joint,
         law=law,
@@ -165,10 +166,12 @@ def as_friction(
 def with_warnings(friction: JointFriction, choice: design.Choice, both_directions: bool) -> JointFriction:
     """Return the result with what makes it suspect said in sentences."""
     said = []
-    torques = friction.law.torque(np.array([-1.0, 1.0]) * max(np.abs(friction.validity.velocity)))
-    if torques[1] < 0 or torques[0] > 0:
+    low, high = friction.validity.velocity
+    speeds = np.linspace(low, high, 201)
+    if np.any(friction.law.torque(speeds) * speeds < 0.0):
         said.append(
-            "The friction found feeds energy in instead of dissipating it: the torque's sign is probably inverted."
+            "At some velocities the friction found feeds energy in instead of dissipating it: the torque's sign is inverted, "
+            "or torques act that the model does not know."
         )
     inertia = friction.dynamics.get("inertia")
     if inertia is not None and inertia.value < -2 * inertia.standard_error:
@@ -179,7 +182,13 @@ def with_warnings(friction: JointFriction, choice: design.Choice, both_direction
         said.append(
             "The joint moved in one direction only: friction and a constant torque cannot be told apart."
         )
-    if not choice.candidate.form.symmetric:
+    symmetric = choice.candidate.form.symmetric
+    if not symmetric and "offset" in choice.candidate.terms:
+        said.append(
+            "Friction at rest was taken as equal in both directions, and the constant torque that is left as an offset: "
+            "the data cannot tell the two apart."
+        )
+    elif not symmetric:
         said.append(
             "A constant bias torque (cable, current offset, gravity) cannot be told from friction that differs by "
             "direction; what there is of it is in the friction."
