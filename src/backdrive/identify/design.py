@@ -17,6 +17,7 @@ TOLERANCE = 1.01  # a simpler model is kept while its left-out loss is within th
 UNSOUND = (
     2.0  # so much more loss is put up with for a curve that dissipates and an inertia that is positive [-]
 )
+VAGUE = 0.05  # a knot with a standard error above this share of the largest friction is not worth having [-]
 MEAGRE = 1e-9  # a column with less than this share of the mean weight is not determined [-]
 
 
@@ -156,6 +157,8 @@ def choose(blocks: regression.Blocks, options: list[Candidate]) -> Choice:
             continue
         if "jerk" in option.terms and abs(_slip(option, mapped)) > LARGEST_SLIP:
             continue
+        if len(option.form.knots) > 2 and _vague(option, mapped):
+            continue
         judged.append((float(regression.left_out_losses(mapped).sum()) / total, option))
     if not judged:
         raise NotIdentifiable(
@@ -178,6 +181,14 @@ def choose(blocks: regression.Blocks, options: list[Candidate]) -> Choice:
         condition=regression.condition(gram),
         loss={f"{'+'.join(o.terms)} | {o.form.name}": loss for loss, o in judged},
     )
+
+
+def _vague(option: Candidate, mapped: regression.Blocks) -> bool:
+    """Say whether the data hardly determine some knot: a curve would zigzag there."""
+    theta = regression.solve(mapped.gram.sum(axis=0), mapped.moment.sum(axis=0))
+    k = len(option.terms)
+    errors = np.sqrt(np.maximum(np.diag(regression.sandwich(mapped, theta))[k:], 0.0))
+    return bool(errors.max() > VAGUE * np.abs(theta[k:]).max())
 
 
 def _plausible(option: Candidate, blocks: regression.Blocks) -> bool:
