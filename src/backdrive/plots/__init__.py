@@ -1,0 +1,1 @@
+"""Pictures: the only home of plotting beside the report. matplotlib is loaded when one is drawn."""

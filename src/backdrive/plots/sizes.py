@@ -1,0 +1,46 @@
+"""Numbers made fit for a picture: a readable unit, and not more points than can be seen."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def largest(x: np.ndarray) -> float:
+    """Return the largest finite magnitude, 0 where there is none."""
+    finite = np.abs(x[np.isfinite(x)])
+    return float(finite.max()) if finite.size else 0.0
+
+
+_PREFIXES = ((1e6, "µ", 1e-4), (1e3, "m", 1e-2), (1.0, "", 1e4), (1e-3, "k", 1e7), (1e-6, "M", np.inf))
+
+
+def scaled(magnitude: float, unit: str) -> tuple[float, str]:
+    """Return the factor and the prefixed unit that bring a quantity to readable size.
+
+    Args:
+        magnitude: its largest magnitude [unit].
+        unit: SI, e.g. `N·m`.
+    """
+    if not np.isfinite(magnitude) or magnitude == 0.0:
+        return 1.0, unit
+    for factor, prefix, below in _PREFIXES:
+        if magnitude < below:
+            return factor, f"{prefix}{unit}"
+    return 1.0, unit
+
+
+def thin(n: int, most: int = 1500, keep: np.ndarray | None = None) -> np.ndarray:
+    """Return sorted indices of at most `most` of n samples, evenly spread, with some that must stay.
+
+    Args:
+        n: number of samples.
+        most: samples to keep.
+        keep: an importance, (n,): the twenty largest stay, so that thinning never hides the worst.
+    """
+    if n <= most:
+        return np.arange(n)
+    extra = np.empty(0, dtype=np.intp)
+    if keep is not None:
+        importance = np.where(np.isfinite(keep), np.abs(keep), -1.0)
+        extra = np.argsort(-importance, kind="stable")[:20]
+    return np.unique(np.concatenate([np.linspace(0, n - 1, most - extra.size).astype(np.intp), extra]))

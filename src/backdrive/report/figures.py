@@ -1,0 +1,174 @@
+"""The report's pictures as inline SVG, each with the caption that says what it shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from backdrive.identify.result import Curve, JointEvidence, Samples
+from backdrive.model import JointFriction
+from backdrive.plots import canvas, curve, directions, model_curve, residuals, svg
+from backdrive.report.words import counted, esc, plain, quantity
+
+_KEYS = {
+    "fitted": '<circle cx="10" cy="5" r="3.4" fill="var(--fitted)"/>',
+    "held-out": '<circle cx="10" cy="5" r="3.4" fill="var(--held-out)"/>',
+    "curve": '<path d="M1 5h18" stroke="var(--ink)" stroke-width="2"/>',
+    "band": '<path d="M1 5h18" stroke="var(--band)" stroke-opacity=".38" stroke-width="9"/>',
+    "knot": '<circle cx="10" cy="5" r="3.4" fill="var(--paper)" stroke="var(--ink)" stroke-width="1.4"/>',
+    "forth": '<circle cx="4" cy="5" r="2.6" fill="var(--fitted)" stroke="var(--fitted)"/>'
+    '<circle cx="14" cy="5" r="2.6" fill="var(--paper)" stroke="var(--fitted)"/>',
+    "truth": '<path d="M1 5h18" stroke="var(--truth)" stroke-width="2.2" stroke-dasharray="5 3.2"/>',
+}
+
+
+def _key(kind: str, words: str) -> str:
+    return f'<span class="key"><svg viewBox="0 0 20 10" aria-hidden="true">{_KEYS[kind]}</svg>{esc(words)}</span> '
+
+
+def _draw(
+    prefix: str,
+    label: str,
+    draw: Callable[[Any], Any],
+    size: tuple[float, float] = (canvas.WIDTH, canvas.HEIGHT),
+) -> tuple[str, Any]:
+    figure = canvas.new_figure(canvas.CSS, *size)
+    figure.patch.set_visible(False)
+    told = draw(canvas.axes_of(figure, canvas.CSS))
+    return svg.inline(figure, prefix, plain(label)), told
+
+
+def _figure(picture: str, caption: str) -> str:
+    return f"<figure>{picture}<figcaption>{caption}</figcaption></figure>"
+
+
+def _sample_keys(samples: Samples, fitted: str, held_out: str) -> str:
+    keys = _key("fitted", fitted) if np.any(samples.fitted) else ""
+    return keys + (_key("held-out", held_out) if not np.all(samples.fitted) else "")
+
+
+def friction_curve(friction: JointFriction, evidence: JointEvidence, truth: Curve | None, prefix: str) -> str:
+    """Return the friction curve over the measured samples."""
+    name, unit = friction.joint.name, friction.joint.torque_unit
+    knots = model_curve.knots_of(friction)
+
+    def draw(axes: Any) -> curve.Drawn:
+        return curve.draw_curve(
+            axes,
+            canvas.CSS,
+            evidence.curve,
+            friction.joint,
+            samples=evidence.samples,
+            knots=knots,
+            truth=truth,
+        )
+
+    picture, drawn = _draw(prefix, f"Friction against velocity, joint {name}", draw)
+    caption = (
+        _sample_keys(evidence.samples, "measured, fitted", "measured, held out") if drawn.samples else ""
+    )
+    caption += _key("curve", "identified")
+    if np.isfinite(drawn.half_width):
+        caption += _key("band", "±2 standard errors")
+    caption += _key("knot", "knots") if len(knots) else ""
+    caption += _key("truth", "truth") if truth is not None else ""
+    if np.isfinite(drawn.half_width):
+        caption += f"<br>The band is at most ±{quantity(drawn.half_width, unit, 2)}."
+    else:
+        caption += "<br>No band: the standard errors are not known."
+    if drawn.beyond:
+        caption += f" {esc(counted(drawn.beyond, 'sample lies', 'samples lie'))} outside the picture."
+    if truth is not None:
+        rms, worst = distance(evidence.curve, truth)
+        caption += f" Against the truth: RMS {quantity(rms, unit, 2)}, at most {quantity(worst, unit, 2)}."
+    return _figure(picture, caption)
+
+
+def enlarged(friction: JointFriction, evidence: JointEvidence, truth: Curve | None, prefix: str) -> str:
+    """Return both directions of the curve against speed, enlarged."""
+
+    def draw(axes: Any) -> str:
+        return directions.draw_directions(
+            axes, canvas.CSS, evidence.curve, friction.joint, samples=evidence.samples, truth=truth
+        )
+
+    label = f"Magnitude of friction against speed, both directions, joint {friction.joint.name}"
+    picture, dotted = _draw(prefix, label, draw)
+    both = np.any(evidence.curve.velocity < 0) and np.any(evidence.curve.velocity > 0)
+    caption = "The same curve enlarged" + (", its two directions over one another." if both else ".")
+    return _figure(
+        picture,
+        (_key("forth", f"{dotted}, +q and \u2212q") if dotted else "") + f"<br>{caption}",
+    )
+
+
+def distance(found: Curve, truth: Curve) -> tuple[float, float]:
+    """Return the root mean square and the largest difference of two curves where both are known [N.m or N].
+
+    The directions are compared apart, because a friction curve jumps at rest.
+    """
+    differences = []
+    for sign in (-1.0, 1.0):
+        a, b = found.velocity * sign > 0, truth.velocity * sign > 0
+        if not (np.any(a) and np.any(b)):
+            continue
+        v, known = found.velocity[a], truth.velocity[b]
+        inside = (v >= known.min()) & (v <= known.max())
+        differences.append(found.torque[a][inside] - np.interp(v[inside], known, truth.torque[b]))
+    every = np.concatenate([np.empty(0), *differences])
+    if not every.size:
+        return float("nan"), float("nan")
+    return float(np.sqrt(np.mean(every**2))), float(np.max(np.abs(every)))
+
+
+def residual_row(friction: JointFriction, evidence: JointEvidence, prefix: str) -> str:
+    """Return the residual against time, velocity and position, with one common scale."""
+    samples, joint = evidence.samples, friction.joint
+    if not np.any(np.isfinite(samples.residual)):
+        return '<p class="muted">The result carries no samples, so there is no residual to show.</p>'
+    scale = residuals.common_scale(samples)
+    pictures, absent, median = [], [], False
+    for against in residuals.AGAINST:
+        values = getattr(samples, against)
+        values = values[np.isfinite(values)]
+        if not values.size or (against == "time" and values.min() == values.max()):
+            absent.append(against)
+            continue
+
+        def draw(axes: Any, against: str = against) -> bool:
+            return residuals.draw_residual(axes, canvas.CSS, samples, joint, against, scale)
+
+        label = f"Residual torque against {against}, joint {joint.name}"
+        picture, told = _draw(f"{prefix}-{against}", label, draw, canvas.SMALL)
+        pictures.append(f"<figure>{picture}</figure>")
+        median = median or told
+    caption = _sample_keys(samples, "fitted", "held out")
+    caption += _key("curve", "median of equal intervals") if median else ""
+    caption += "<br>Measured minus predicted torque. A good model leaves noise around zero; a bend is what it misses."
+    if scale.beyond:
+        caption += (
+            f" {esc(counted(scale.beyond, 'sample lies', 'samples lie'))} beyond the scale, "
+            f"up to {quantity(scale.worst, joint.torque_unit)}."
+        )
+    if "position" in absent:
+        caption += " The log holds no position."
+    if "time" in absent:
+        caption += " Each sample stands for a whole log, so there is no course of time to show."
+    return f'<h3>Residual</h3><div class="grid residuals">{"".join(pictures)}</div><p class="legend">{caption}</p>'
+
+
+def presliding(friction: JointFriction, loop: np.ndarray, prefix: str) -> str:
+    """Return the presliding loop of a torque ramp."""
+
+    def draw(axes: Any) -> None:
+        residuals.draw_presliding(axes, canvas.CSS, loop, friction.joint)
+
+    picture, _ = _draw(
+        prefix, f"Torque against displacement before sliding, joint {friction.joint.name}", draw
+    )
+    words = (
+        "Before it slides: torque against displacement during a ramp. The slope is the presliding stiffness."
+    )
+    return _figure(picture, words)

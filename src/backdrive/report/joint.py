@@ -1,0 +1,196 @@
+"""The report's page on one joint."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from backdrive.identify.result import Curve, JointEvidence
+from backdrive.model import JointFriction, Quality
+from backdrive.plots.canvas import pretty_unit
+from backdrive.report import figures
+from backdrive.report.words import (
+    NOTHING,
+    bounds,
+    counted,
+    dynamics,
+    esc,
+    grade,
+    law_name,
+    measured,
+    number,
+    percent,
+    prose,
+    quantity,
+    symbol,
+    term,
+)
+
+
+def chip(friction: JointFriction) -> str:
+    """Return the grade of a joint as a small label."""
+    g = grade(friction)
+    return f'<span class="chip {g.level}">{g.word}</span>'
+
+
+def table(caption: str, head: list[str], rows: list[list[str]]) -> str:
+    """Return a table; cells are HTML, the first of a row is its heading."""
+    top = "".join(f'<th scope="col">{cell}</th>' for cell in head)
+    body = "".join(
+        f'<tr><th scope="row">{row[0]}</th>{"".join(f"<td>{cell}</td>" for cell in row[1:])}</tr>'
+        for row in rows
+    )
+    named = f"<caption>{caption}</caption>" if caption else ""
+    return f"<table>{named}<thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def warnings_box(sentences: tuple[str, ...], heading: str) -> str:
+    """Return what makes a result suspect as a box, or nothing."""
+    if not sentences:
+        return ""
+    items = "".join(f"<li>{esc(prose(sentence))}</li>" for sentence in sentences)
+    return f'<div class="warn" role="note"><b>{esc(heading)}</b><ul>{items}</ul></div>'
+
+
+def joint_section(friction: JointFriction, evidence: JointEvidence, truth: Curve | None, index: int) -> str:
+    """Return everything about one joint.
+
+    Args:
+        friction: its model.
+        evidence: what supports it.
+        truth: a curve to compare with.
+        index: from 1; names the section and prefixes its pictures.
+    """
+    prefix = f"j{index}"
+    left = figures.friction_curve(friction, evidence, truth, f"{prefix}-curve")
+    left += figures.enlarged(friction, evidence, truth, f"{prefix}-two")
+    right = _quality(friction) + _parameters(friction) + _dynamics(friction) + _validity(friction)
+    if evidence.presliding is not None and len(evidence.presliding):
+        right += figures.presliding(friction, evidence.presliding, f"{prefix}-pre")
+    return (
+        f'<section class="joint" id="joint-{index}">'
+        f'<div class="head"><h2><bdi>{esc(friction.joint.name)}</bdi></h2>{chip(friction)}</div>'
+        f'<p class="lead">{esc(prose(evidence.verdict))}</p>'
+        f"{warnings_box(friction.warnings, 'What makes this joint suspect')}"
+        f'<div class="grid pair"><div class="tables">{left}</div><div class="tables">{right}</div></div>'
+        f"{figures.residual_row(friction, evidence, f'{prefix}-r')}</section>"
+    )
+
+
+def _quality(friction: JointFriction) -> str:
+    fitted, held = friction.fitted, friction.held_out
+
+    def row(words: str, show: Any) -> list[str]:
+        return [words, *(f'<span class="n">{show(q) if q else NOTHING}</span>' for q in (fitted, held))]
+
+    def rms(q: Quality) -> str:
+        return quantity(q.rms, friction.joint.torque_unit)
+
+    rows = [
+        row("Residual below 5 Hz", lambda q: percent(q.residual)),
+        row("Residual, raw", lambda q: percent(q.residual_raw)),
+        row("RMS, raw", rms),
+        row("Samples", lambda q: _grouped(q.samples)),
+    ]
+    note = "" if held else '<p class="muted"><small>Nothing was held out: the fit judges itself.</small></p>'
+    return f"<div>{table('How well it explains torque', ['', 'Fitted', 'Held out'], rows)}{note}</div>"
+
+
+def _grouped(count: float) -> str:
+    return f"{count:,.0f}".replace(",", "\u202f")
+
+
+def _laws(friction: JointFriction):
+    for rows in (friction.law.rate, friction.law.element):
+        for name, parameter in rows.PARAMETERS.items():
+            yield name, parameter, getattr(rows, name)
+
+
+def _parameters(friction: JointFriction) -> str:
+    unit, rows = friction.joint.unit, []
+    for name, parameter, value in _laws(friction):
+        if parameter.many:
+            continue
+        error = friction.standard_errors.get(name)
+        flag = ' <span class="flag">at its bound</span>' if name in friction.at_bound else ""
+        rows.append(
+            [
+                f"{esc(term(name))} {symbol(parameter.symbol)}",
+                f'<span class="n">{measured(value, error)}</span> '
+                f'<span class="n muted">{esc(pretty_unit(parameter.unit_for(unit)))}</span>{flag}',
+                f'<span class="n">{bounds(parameter.lower, parameter.upper)}</span>',
+            ]
+        )
+    element = friction.law.element.NAME
+    carried = "" if element == "none" else f", carried by {element}"
+    law = f"Law: {esc(law_name(friction.law.rate.NAME))}{esc(carried)}"
+    if rows:
+        listed = table(law, ["Parameter", "Value ± standard error", "Bounds"], rows)
+        return f"<div>{listed}{_knots(friction)}</div>"
+    return f'<div><div class="caption">{law}</div>{_knots(friction)}</div>'
+
+
+def _knot_count(friction: JointFriction) -> str:
+    sizes = [len(value) for _, parameter, value in _laws(friction) if parameter.many]
+    return counted(max(sizes, default=0), "knot")
+
+
+def _knots(friction: JointFriction) -> str:
+    many = [(name, parameter, value) for name, parameter, value in _laws(friction) if parameter.many]
+    if not many:
+        return ""
+    unit = friction.joint.unit
+    head = []
+    for name, parameter, _ in many:
+        flag = ' <span class="flag">at its bound</span>' if name in friction.at_bound else ""
+        in_unit = f'<span class="n">[{esc(pretty_unit(parameter.unit_for(unit)))}]</span>'
+        head.append(f"{esc(term(name))} {symbol(parameter.symbol)} {in_unit}{flag}")
+    rows = []
+    for i in range(max(len(value) for *_, value in many)):
+        cells = []
+        for name, _, value in many:
+            errors = friction.standard_errors.get(name)
+            known = isinstance(errors, (list, tuple)) and i < len(errors)
+            error = errors[i] if known else None  # pyright: ignore[reportOptionalSubscript]
+            cells.append(f'<span class="n">{measured(value[i], error) if i < len(value) else NOTHING}</span>')
+        rows.append(cells)
+    limits = "; ".join(f"{term(n)}: {bounds(p.lower, p.upper)}" for n, p, _ in many)
+    return (
+        f"<details><summary>{_knot_count(friction)} a direction, ± standard errors</summary>"
+        f'{table("", head, rows)}<p class="muted"><small>Bounds: {esc(limits)}.</small></p></details>'
+    )
+
+
+def _dynamics(friction: JointFriction) -> str:
+    if not friction.dynamics:
+        return ""
+    rows = []
+    for name, estimate in dynamics(friction):
+        unit = "" if estimate.unit == "1" else pretty_unit(estimate.unit)
+        rows.append(
+            [
+                esc(term(name)),
+                f'<span class="n">{measured(estimate.value, estimate.standard_error)}</span> '
+                f'<span class="n muted">{esc(unit)}</span>',
+            ]
+        )
+    return table("The rest of the dynamics, found beside it", ["Term", "Value ± standard error"], rows)
+
+
+def _validity(friction: JointFriction) -> str:
+    joint, validity = friction.joint, friction.validity
+
+    def span(pair: tuple[float, float] | None, unit: str) -> str:
+        if pair is None:
+            return '<span class="muted">not recorded</span>'
+        return f'<span class="n">{number(pair[0])} to {number(pair[1])}</span> <span class="n muted">{unit}</span>'
+
+    rows = [
+        ["Velocity", span(validity.velocity, f"{joint.unit}/s")],
+        ["Transmitted load", span(validity.load, pretty_unit(joint.torque_unit))],
+        ["Temperature", span(validity.temperature, "°C")],
+    ]
+    if joint.torque_side == "motor":
+        rows.append(["Torque measured", f"on the motor side, gear ratio {number(joint.gear_ratio, 5)}"])
+    if joint.encoder_counts:
+        rows.append(["Encoder", f"{_grouped(joint.encoder_counts)} counts per {joint.unit}"])
+    return table("Where it holds; beyond, it extrapolates", ["", "Seen in the data"], rows)

@@ -1,0 +1,211 @@
+"""The report's first page, with the verdict and all joints at a glance, and its last, with where it comes from."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from backdrive.identify.evidence import FAIR, GOOD
+from backdrive.identify.result import Curve, Identification
+from backdrive.model import FrictionModel, JointFriction
+from backdrive.plots.canvas import pretty_unit
+from backdrive.plots.sizes import scaled
+from backdrive.report.joint import chip, table, warnings_box
+from backdrive.report.words import (
+    NOTHING,
+    counted,
+    esc,
+    grade,
+    measured,
+    number,
+    percent,
+    plain,
+    prose,
+    sentence,
+)
+
+SLOW = 0.02  # "low speed" as a share of the top speed seen
+
+#: What the words of the report mean.
+TERMS = {
+    "Residual": "100 |measured − predicted torque| / |measured torque|, in 2-norms over the samples judged, both low-passed "
+    "without phase shift at 5 Hz where the sampling allows. The raw one has no low pass.",
+    "Held out": "Data that the fit did not see: contiguous blocks or other files.",
+    "± and the band": "One standard error in the tables, two in the pictures. They cover the noise of the data, not a wrong "
+    "model: look for structure in the residual.",
+    "Verdict": f"Good up to {GOOD:g} % residual, usable with care up to {FAIR:g} %, poor above; held-out data decide where "
+    "there are any.",
+    "Signs": "Friction is positive for positive velocity and resists motion. Units are SI.",
+}
+
+
+def overall(result: Identification) -> str:
+    """Return the verdict on the whole result in a sentence or two."""
+    joints = result.model.joints
+    words = [("good", "good"), ("care", "usable with care"), ("poor", "poor"), ("unknown", "not judged")]
+    levels = [grade(j).level for j in joints]
+    if len(joints) == 1:
+        said = f"The result is {grade(joints[0]).word}."
+    elif len(set(levels)) == 1:
+        said = f"All {len(joints)} joints are {dict(words)[levels[0]]}."
+    else:
+        parts = [
+            f"{levels.count(k)} {'is' if levels.count(k) == 1 else 'are'} {w}"
+            for k, w in words
+            if k in levels
+        ]
+        said = f"Of {len(joints)} joints, {', '.join(parts[:-1])} and {parts[-1]}."
+    n = len(result.warnings) + sum(len(j.warnings) for j in joints)
+    return said + (f" Read {counted(n, 'warning')} before using the numbers." if n else "")
+
+
+def header(result: Identification, title: str) -> str:
+    """Return title, verdict, warnings on the whole, and the facts that every reader asks for."""
+    model = result.model
+    logs = counted(len(model.sources), "log file") if model.sources else "not recorded"
+    facts = {
+        "Method": result.method,
+        "Joints": str(len(model.joints)),
+        "From": logs,
+        "By": f"backdrive {model.version}".strip(),
+    }
+    items = "".join(f"<div><dt>{esc(k)}</dt><dd>{esc(v)}</dd></div>" for k, v in facts.items())
+    reason = f'<p class="muted">{esc(prose(sentence(result.reason)))}</p>' if result.reason else ""
+    return (
+        f'<header><h1><bdi>{esc(title)}</bdi></h1><p class="lead">{esc(overall(result))}</p>'
+        f'<dl class="facts">{items}</dl>{reason}'
+        f"{warnings_box(result.warnings, 'What makes the whole result suspect')}</header>"
+    )
+
+
+def error_at(curve: Curve, velocity: float) -> float:
+    """Return the curve's standard error at a velocity, from its own direction [N.m or N]; NaN when unknown."""
+    side = curve.velocity > 0 if velocity > 0 else curve.velocity < 0
+    if not np.any(side):
+        return math.nan
+    return float(np.interp(velocity, curve.velocity[side], curve.standard_error[side]))
+
+
+def at_speeds(friction: JointFriction, curve: Curve) -> list[tuple[float, list[tuple[float, float]]]]:
+    """Return low and top speed, each with (friction, standard error) per direction that was seen.
+
+    Args:
+        friction: of the joint.
+        curve: its curve, for the standard errors.
+    """
+    low, high = friction.validity.velocity
+    top = max(abs(low), abs(high))
+    signs = [sign for sign, seen in ((1.0, high > 0), (-1.0, low < 0)) if seen]
+    result = []
+    for speed in (SLOW * top, top):
+        pairs = [(float(friction.law.torque(s * speed)), error_at(curve, s * speed)) for s in signs]
+        result.append((speed, pairs))
+    return result
+
+
+def summary(result: Identification) -> str:
+    """Return all joints in one table; on a phone each row becomes a block."""
+    rows = []
+    for index, (friction, evidence) in enumerate(zip(result.model.joints, result.evidence), start=1):
+        seen = at_speeds(friction, evidence.curve)
+        largest = max((abs(f) for _, pairs in seen for f, _ in pairs), default=0.0)
+        factor, unit = scaled(largest, pretty_unit(friction.joint.torque_unit))
+        cells = []
+        for label, (speed, pairs) in zip(("Friction, low speed", "Friction, top speed"), seen):
+            lines = "<br>".join(
+                f'<span class="n">{measured(factor * f, factor * s, signed=True)}</span>' for f, s in pairs
+            )
+            at = f'<small class="n">{unit} at {number(speed)} {friction.joint.unit}/s</small>'
+            cells.append(f'<td data-label="{label}">{lines or NOTHING}<br>{at}</td>')
+        for label, quality in (
+            ("Residual, fitted", friction.fitted),
+            ("Residual, held out", friction.held_out),
+        ):
+            shown = percent(quality.residual if quality else None)
+            cells.append(f'<td data-label="{label}"><span class="n">{shown}</span></td>')
+        n = len(friction.warnings)
+        count = (
+            f'<td class="count" data-label="Warnings"><a href="#joint-{index}">{n}</a></td>'
+            if n
+            else '<td class="none muted">none</td>'
+        )
+        rows.append(
+            f'<tr><th scope="row" class="name"><a href="#joint-{index}"><bdi>{esc(_short(friction.joint.name))}</bdi>'
+            f'</a></th><td class="verdict">{chip(friction)}</td>{"".join(cells)}{count}</tr>'
+        )
+    heads = (
+        "Joint",
+        "Verdict",
+        "Friction at low speed",
+        "at top speed",
+        "Residual, fitted",
+        "held out",
+        "Warnings",
+    )
+    top = "".join(f'<th scope="col">{h}</th>' for h in heads)
+    return f'<table class="summary"><thead><tr>{top}</tr></thead><tbody>{"".join(rows)}</tbody></table>'
+
+
+def _short(name: str, most: int = 60) -> str:
+    return name if len(name) <= most else f"{name[: most - 1]}…"
+
+
+def provenance(result: Identification, command: str) -> str:
+    """Return the command, the files with their digests, the options, the model itself and what the words mean."""
+    model = result.model
+    files = [[f"<code>{esc(s.path)}</code>", f"<code>{esc(s.sha256)}</code>"] for s in model.sources]
+    where = table("", ["File", "sha256"], files) if files else '<p class="muted">No file is recorded.</p>'
+    if len(files) > 6:
+        where = f"<details><summary>{counted(len(files), 'file')} with digests</summary>{where}</details>"
+    options = ""
+    if model.options:
+        shown = [[esc(k), f"<code>{esc(_value(v))}</code>"] for k, v in _flat(model.options)]
+        options = f"<h3>Options</h3>{table('', ['Option', 'Value'], shown)}"
+    words = "".join(f"<dt>{esc(k)}</dt><dd>{esc(v)}</dd>" for k, v in TERMS.items())
+    return (
+        f'<section class="about" id="made-by"><h2>Where this comes from</h2>'
+        f'<h3>The command that made it</h3><pre class="copy">{esc(command)}</pre>'
+        f"<h3>Files read</h3>{where}{options}"
+        f"{_arm(model)}<p>Made by backdrive {esc(model.version)}, method {esc(result.method)}.</p>"
+        f"{_model_file(model)}"
+        f"<details><summary>What the words mean</summary><dl>{words}</dl></details></section>"
+    )
+
+
+def _arm(model: FrictionModel) -> str:
+    if model.arm is None:
+        return ""
+    return (
+        f"<p>The rigid bodies belong to the robot description with sha256 <code>{esc(model.arm.urdf_sha256)}</code>; "
+        f"the condition number of the fit is {number(model.arm.condition)}.</p>"
+    )
+
+
+def _model_file(model: FrictionModel) -> str:
+    from backdrive.model_file import encode
+
+    try:
+        text = encode(model).decode()
+    except (UnicodeEncodeError, TypeError):  # a path or an option that JSON cannot hold
+        return '<p class="muted">The model holds a name or an option that no model file can hold.</p>'
+    return (
+        '<details class="screen"><summary>The model file: copy it, save it as model.json</summary>'
+        f'<pre class="file copy">{esc(text)}</pre></details>'
+    )
+
+
+def _flat(options: Mapping[str, Any]):
+    return sorted(options.items())
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    try:
+        return json.dumps(value, ensure_ascii=False, sort_keys=True)
+    except (TypeError, ValueError):
+        return plain(value)

@@ -1,0 +1,167 @@
+"""A joint's friction as tables and a small plot for the terminal."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+from backdrive.model import FrictionModel, JointFriction
+from backdrive.report.words import (
+    bounds,
+    dynamics,
+    grade,
+    law_name,
+    measured,
+    number,
+    percent,
+    plain,
+    prose,
+    quantity,
+    term,
+)
+
+
+def joint_tables(friction: JointFriction, *, width: int = 80, unicode: bool = True) -> Iterator[Any]:
+    """Yield what there is to say of one joint, as objects that `rich` prints.
+
+    Args:
+        friction: of the joint.
+        width: of the terminal [characters].
+        unicode: the terminal can draw Braille dots.
+    """
+    from rich.padding import Padding
+    from rich.text import Text
+
+    element = friction.law.element.NAME
+    law = law_name(friction.law.rate.NAME) + ("" if element == "none" else f", carried by {element}")
+    title = Text()
+    title.append(plain(friction.joint.name).replace("\n", " "), style="bold")
+    title.append(
+        f"  {grade(friction).word}",
+        style={"good": "green", "poor": "red"}.get(grade(friction).level, "yellow"),
+    )
+    yield title
+    yield Text(f"  {law}" + (f"; method {plain(friction.method)}" if friction.method else ""), style="dim")
+    for sentence in friction.warnings:
+        yield Padding(Text(f"! {plain(prose(sentence))}", style="yellow"), (0, 0, 0, 2), expand=False)
+    for table in (_parameters(friction), _knots(friction), _quality(friction)):
+        if table is not None:
+            yield Padding(table, (1, 0, 0, 2), expand=False)
+    yield Padding(Text(_validity(friction)), (1, 0, 0, 2), expand=False)
+    lines = _plot(friction, max(min(width - 16, 64), 24), unicode)
+    yield Padding(Text("\n".join(lines)), (1, 0, 1, 2), expand=False)
+
+
+def _new_table(*columns: tuple[str, str]) -> Any:
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False, header_style="dim")
+    for name, justify in columns:
+        table.add_column(name, justify=justify, overflow="fold")  # pyright: ignore[reportArgumentType]
+    return table
+
+
+def _parameters(friction: JointFriction) -> Any:
+    table = _new_table(
+        ("parameter", "left"), ("value ± std. error", "right"), ("unit", "left"), ("bounds", "left")
+    )
+    for rows in (friction.law.rate, friction.law.element):
+        for name, parameter in rows.PARAMETERS.items():
+            if parameter.many:
+                continue
+            table.add_row(
+                term(name),
+                measured(getattr(rows, name), friction.standard_errors.get(name)),
+                parameter.unit_for(friction.joint.unit),
+                bounds(parameter.lower, parameter.upper)
+                + (", at its bound" if name in friction.at_bound else ""),
+            )
+    for name, estimate in dynamics(friction):
+        value = measured(estimate.value, estimate.standard_error)
+        table.add_row(plain(term(name)), value, plain(estimate.unit), "dynamics")
+    return table if table.row_count else None
+
+
+def _knots(friction: JointFriction) -> Any:
+    many = [
+        (name, parameter, getattr(rows, name))
+        for rows in (friction.law.rate, friction.law.element)
+        for name, parameter in rows.PARAMETERS.items()
+        if parameter.many
+    ]
+    if not many:
+        return None
+    unit = friction.joint.unit
+    columns = []
+    for name, parameter, _ in many:
+        flag = ", at its bound" if name in friction.at_bound else ""
+        columns.append((f"{term(name)} [{parameter.unit_for(unit)}]{flag}", "right"))
+    table = _new_table(*columns)
+    for i in range(max(len(value) for *_, value in many)):
+        cells = []
+        for name, _, value in many:
+            errors = friction.standard_errors.get(name)
+            error = errors[i] if isinstance(errors, (list, tuple)) and i < len(errors) else None
+            cells.append(measured(value[i], error) if i < len(value) else "")
+        table.add_row(*cells)
+    return table
+
+
+def _quality(friction: JointFriction) -> Any:
+    if friction.fitted is None and friction.held_out is None:
+        return None
+    table = _new_table(
+        ("quality", "left"),
+        ("residual < 5 Hz", "right"),
+        ("raw", "right"),
+        ("RMS", "right"),
+        ("samples", "right"),
+    )
+    for words, quality in (("fitted", friction.fitted), ("held out", friction.held_out)):
+        if quality is not None:
+            rms = quantity(quality.rms, friction.joint.torque_unit)
+            table.add_row(
+                words, percent(quality.residual), percent(quality.residual_raw), rms, str(quality.samples)
+            )
+    return table
+
+
+def _validity(friction: JointFriction) -> str:
+    unit, validity = friction.joint.unit, friction.validity
+    ranges = [(validity.velocity, f"{unit}/s", "")]
+    ranges += [(validity.load, friction.joint.torque_unit, "load ")] if validity.load else []
+    ranges += [(validity.temperature, "degC", "temperature ")] if validity.temperature else []
+    said = [f"{what}{number(pair[0])} to {number(pair[1])} {u}" for pair, u, what in ranges if pair]
+    return f"holds for {', '.join(said)}; beyond, it extrapolates"
+
+
+def _plot(friction: JointFriction, width: int, unicode: bool) -> list[str]:
+    from backdrive.plots.model_curve import model_curve
+    from backdrive.plots.terminal import plot_lines
+
+    curve = model_curve(friction)
+    branches = [(curve.velocity[s], curve.torque[s]) for s in (curve.velocity < 0, curve.velocity > 0)]
+    return plot_lines(
+        [b for b in branches if b[0].size],
+        x_unit=f"{friction.joint.unit}/s",
+        y_unit=friction.joint.torque_unit,
+        width=width,
+        braille=unicode,
+    )
+
+
+def provenance_lines(model: FrictionModel) -> list[str]:
+    """Return where a model comes from, a line a fact."""
+    lines = [f"made by backdrive {plain(model.version) or '(version not recorded)'}"]
+    lines += [f"from {plain(s.path)}  sha256 {plain(s.sha256)}" for s in model.sources]
+    if model.options:
+        lines.append(
+            f"options {plain(json.dumps(dict(sorted(model.options.items())), default=str, ensure_ascii=False))}"
+        )
+    if model.arm is not None:
+        lines.append(
+            f"rigid bodies of the arm with sha256 {plain(model.arm.urdf_sha256)}, condition {number(model.arm.condition)}"
+        )
+    return lines

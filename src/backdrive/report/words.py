@@ -1,0 +1,197 @@
+"""Numbers, units, names and grades as a person reads them."""
+
+from __future__ import annotations
+
+import html
+import math
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+from backdrive.identify.evidence import FAIR, GOOD
+from backdrive.model import Estimate, JointFriction
+from backdrive.plots.canvas import pretty_unit
+from backdrive.plots.sizes import scaled
+
+NOTHING = "—"
+MINUS = "\u2212"
+
+#: Terms of the inverse dynamics and parameters in words; an unknown one is shown by its name.
+TERMS = {
+    "inertia": "inertia",
+    "time_slip": "delay of torque behind motion",
+    "offset": "constant offset",
+    "gravity_sin": "gravity, sin q part",
+    "gravity_cos": "gravity, cos q part",
+    "model_torque": "share of the modelled torque",
+    "load_friction": "friction per transmitted torque",
+    "transition": "speed of the transition at rest",
+    "positive": "along +q",
+    "negative": "along \u2212q",
+}
+
+LAWS = {"coulomb-viscous": "Coulomb and viscous, by direction", "polyline": "line sections, by direction"}
+
+_UNITS = re.compile(r"\b(?:N\.m(?:\.s/rad)?|N\.s/m|kg\.m\^2|degC)(?![\w.^])|\bN\.m(?=\.\s|\.$)")
+_HELD = re.compile(r"(?<=\d) (?=(?:N·m|N|kg|m|rad|s|°C|%)(?:[\s./,;:·²]|$))")
+_BLANKS = "\n\t\u00a0\u202f"
+_GREEK = {
+    "sigma": "σ",
+    "mu": "µ",
+    "tau": "τ",
+    "alpha": "α",
+    "beta": "β",
+    "delta": "δ",
+    "theta": "θ",
+    "phi": "φ",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grade:
+    """A joint's result in one word.
+
+    Attributes:
+        level: for programs and colours.
+        word: for people.
+    """
+
+    level: Literal["good", "care", "poor", "unknown"]
+    word: str
+
+
+def grade(friction: JointFriction) -> Grade:
+    """Return the grade of a joint, by its residual on held-out data where there is some."""
+    quality = friction.held_out or friction.fitted
+    if quality is None or not math.isfinite(quality.residual):
+        return Grade(level="unknown", word="not judged")
+    if quality.residual <= GOOD:
+        return Grade(level="good", word="good, with a remark" if friction.warnings else "good")
+    if quality.residual <= FAIR:
+        return Grade(level="care", word="usable with care")
+    return Grade(level="poor", word="poor")
+
+
+def plain(text: object) -> str:
+    """Return text that can be shown anywhere: what does not print or has no encoding becomes U+FFFD."""
+    encodable = str(text).encode("utf-8", "replace").decode("utf-8")
+    return "".join(c if c.isprintable() or c in _BLANKS else "\ufffd" for c in encodable)
+
+
+def prose(text: str) -> str:
+    """Return a sentence with the units in it as they are printed, held to their numbers."""
+    return _HELD.sub("\u00a0", _UNITS.sub(lambda match: pretty_unit(match.group()), text))
+
+
+def sentence(text: str) -> str:
+    """Return a clause as a sentence: a capital first, a full stop last."""
+    text = text.strip()
+    return f"{text[:1].upper()}{text[1:]}" + ("" if text.endswith((".", "!", "?")) or not text else ".")
+
+
+def esc(text: object) -> str:
+    """Return text for HTML, in an element or an attribute."""
+    return html.escape(plain(text))
+
+
+def number(x: float | None, digits: int = 3) -> str:
+    """Return a number with some significant digits, or a dash for an unknown one."""
+    if x is None or not math.isfinite(x):
+        return NOTHING
+    if x == 0:
+        return "0"
+    magnitude = math.floor(math.log10(abs(x)))
+    if -4 <= magnitude < 6:
+        text = _rounded(x, digits - 1 - magnitude)
+    else:
+        text = f"{x:.{digits - 1}e}"
+    return text.replace("-", MINUS)
+
+
+def _rounded(x: float, decimals: int) -> str:
+    return f"{round(x, decimals):.{max(decimals, 0)}f}"
+
+
+def measured(value: float, error: float | None, *, signed: bool = False) -> str:
+    """Return `value ± error`, the value to the second significant digit of its error.
+
+    Args:
+        value: the estimate [any].
+        error: its standard error [the same]; None or NaN is said to be unknown by leaving ± out; 0 means fixed.
+        signed: write a plus, too.
+    """
+    plus = "+" if signed and value > 0 else ""
+    if not math.isfinite(value):
+        return NOTHING
+    if error is None or not math.isfinite(error):
+        return plus + number(value, 4)
+    if error == 0:
+        return f"{plus}{number(value, 4)} (fixed)"
+    largest = max(abs(value), error)
+    shift = 0
+    if largest and not 1e-3 <= largest < 1e6:
+        shift = math.floor(math.log10(largest))
+    v, e = value / 10.0**shift, error / 10.0**shift
+    decimals = min(1 - math.floor(math.log10(e)), 9)
+    text = f"{_rounded(v, decimals)} ± {_rounded(e, decimals)}"
+    text = plus + text if not shift else f"({plus}{text})e{shift}"
+    return text.replace("-", MINUS)
+
+
+def quantity(x: float, unit: str, digits: int = 3) -> str:
+    """Return a number with the prefixed unit that makes it readable: 1.53e-5 N.m becomes `15.3 µN·m`.
+
+    Args:
+        x: the number [unit].
+        unit: SI, as a model file writes it.
+        digits: significant ones.
+    """
+    if not math.isfinite(x):
+        return NOTHING
+    factor, prefixed = scaled(abs(x), pretty_unit(unit))
+    return f"{number(x * factor, digits)} {prefixed}"
+
+
+def percent(x: float | None) -> str:
+    """Return a percentage, or a dash."""
+    return NOTHING if x is None or not math.isfinite(x) else f"{number(x)} %"
+
+
+def bounds(lower: float, upper: float) -> str:
+    """Return a parameter's range in words."""
+    if math.isfinite(lower) and math.isfinite(upper):
+        return f"{number(lower)} … {number(upper)}"
+    if math.isfinite(lower):
+        return f"≥ {number(lower)}"
+    return f"≤ {number(upper)}" if math.isfinite(upper) else "free"
+
+
+def term(name: str) -> str:
+    """Return a dynamics term or a parameter in words."""
+    return TERMS.get(name, name.replace("_", " "))
+
+
+def dynamics(friction: JointFriction) -> list[tuple[str, Estimate]]:
+    """Return the dynamics terms of a joint, the usual ones first."""
+    order = list(TERMS)
+    known = len(order)
+    return sorted(
+        friction.dynamics.items(), key=lambda kv: (order.index(kv[0]) if kv[0] in order else known, kv[0])
+    )
+
+
+def law_name(name: str) -> str:
+    """Return a rate law in words."""
+    return LAWS.get(name, name)
+
+
+def symbol(text: str) -> str:
+    """Return a symbol of the papers as HTML: `sigma_p` becomes a sigma with a subscript."""
+    head, _, tail = text.partition("_")
+    head = _GREEK.get(head, head)
+    return f"<i>{esc(head)}</i>" + (f"<sub>{esc(tail)}</sub>" if tail else "")
+
+
+def counted(n: int, one: str, many: str | None = None) -> str:
+    """Return `1 warning` or `3 warnings`."""
+    return f"{n} {one if n == 1 else many or one + 's'}"
