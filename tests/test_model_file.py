@@ -113,6 +113,17 @@ def test_absent_and_oversized_files_are_typed(tmp_path, monkeypatch):
         load_model(tmp_path / "m.json")
 
 
+def test_a_file_name_that_is_no_text_does_not_stop_the_saving():
+    from dataclasses import replace
+
+    odd = replace(model(), sources=(Source(path="log\udcff.csv", sha256="cd"),))
+    assert decode(encode(odd)).sources[0].path == "log?.csv"
+
+
+def test_an_error_that_is_unknown_is_absent_after_loading():
+    assert "velocity" not in decode(encode(model())).joints[0].standard_errors
+
+
 def test_a_failed_write_leaves_the_old_file(tmp_path):
     path = tmp_path / "m.json"
     model().save(path)

@@ -15,13 +15,14 @@ import pytest
 
 from _example_identification import COMMAND, HOSTILE, ORDINARY, curve_of, example, truths
 from backdrive.errors import InvalidInput, MissingExtra
+from backdrive.identify.grade import grade
 from backdrive.identify.result import Curve, Samples
 from backdrive.model import Validity
 from backdrive.model_file import decode, encode
 from backdrive.report import render, write_report
 from backdrive.report.figures import distance
 from backdrive.report.sheet import CSS
-from backdrive.report.words import grade, number, plain
+from backdrive.report.words import number, plain
 
 VOID = {"meta", "br", "img", "link", "input", "hr"}
 

@@ -147,7 +147,19 @@ def encode(model: m.FrictionModel) -> bytes:
         model.version, [_Source(s.path, s.sha256) for s in model.sources], dict(model.options)
     )
     document = _File("backdrive-friction-model", SCHEMA, joints, provenance, arm)
-    return msgspec.json.format(msgspec.json.encode(document), indent=2) + b"\n"
+    data = msgspec.json.encode(_encodable(msgspec.to_builtins(document)))
+    return msgspec.json.format(data, indent=2) + b"\n"
+
+
+def _encodable(value: Any) -> Any:
+    """Replace what UTF-8 cannot hold: a file name need not be text."""
+    if isinstance(value, str):
+        return value.encode("utf-8", "replace").decode("utf-8")
+    if isinstance(value, dict):
+        return {_encodable(k): _encodable(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_encodable(v) for v in value]
+    return value
 
 
 def save(model: m.FrictionModel, path: str | Path) -> None:
@@ -177,6 +189,7 @@ def _errors(values: dict[str, _Value]) -> dict[str, Any]:
         if isinstance(v.standard_error, list)
         else _nan(v.standard_error)
         for k, v in values.items()
+        if v.standard_error is not None
     }
 
 

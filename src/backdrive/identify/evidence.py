@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from backdrive.identify.grade import grade
 from backdrive.identify.result import Curve, JointEvidence, Samples
 from backdrive.identify.signals import Signals
 from backdrive.model import JointFriction
 
 MOST = 4000  # samples kept for pictures
-GOOD, FAIR = 15.0, 35.0  # held-out residual below which a result is called good, or usable [%]
 
 
 def evidence(
@@ -89,11 +89,5 @@ def verdict(friction: JointFriction) -> str:
         )
     quality = friction.held_out or friction.fitted
     residual = quality.residual if quality else float("nan")
-    word = "good" if residual <= GOOD else "usable with care" if residual <= FAIR else "poor"
-    inertia = friction.dynamics.get("inertia")
-    grid = np.linspace(low, high, 201)
-    if np.any(friction.law.torque(grid) * grid < 0.0) or (inertia is not None and inertia.value < 0.0):
-        word = "but it is not credible, see the warnings"
-    elif friction.warnings and word == "good":
-        word = "good, with a remark"
-    return f"{amount} The model explains all but {residual:.1f} % of torque it had not seen: {word}."
+    seen = "torque it had not seen" if friction.held_out else "the torque it was fitted to"
+    return f"{amount} The model explains all but {residual:.1f} % of {seen}: {grade(friction).word}."

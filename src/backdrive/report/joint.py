@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from backdrive.identify.grade import grade
 from backdrive.identify.result import Curve, JointEvidence
 from backdrive.model import JointFriction, Quality
 from backdrive.plots.canvas import pretty_unit
@@ -14,7 +15,6 @@ from backdrive.report.words import (
     counted,
     dynamics,
     esc,
-    grade,
     law_name,
     measured,
     number,

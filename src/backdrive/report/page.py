@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.identify.evidence import FAIR, GOOD
+from backdrive.identify.grade import FAIR, GOOD, grade
 from backdrive.identify.result import Curve, Identification
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.plots.canvas import pretty_unit
@@ -19,7 +19,6 @@ from backdrive.report.words import (
     NOTHING,
     counted,
     esc,
-    grade,
     measured,
     number,
     percent,

@@ -6,11 +6,11 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
+from backdrive.identify.grade import grade
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.report.words import (
     bounds,
     dynamics,
-    grade,
     law_name,
     measured,
     number,

@@ -5,10 +5,7 @@ from __future__ import annotations
 import html
 import math
 import re
-from dataclasses import dataclass
-from typing import Literal
 
-from backdrive.identify.evidence import FAIR, GOOD
 from backdrive.model import Estimate, JointFriction
 from backdrive.plots.canvas import pretty_unit
 from backdrive.plots.sizes import scaled
@@ -45,31 +42,6 @@ _GREEK = {
     "theta": "θ",
     "phi": "φ",
 }
-
-
-@dataclass(frozen=True, kw_only=True)
-class Grade:
-    """A joint's result in one word.
-
-    Attributes:
-        level: for programs and colours.
-        word: for people.
-    """
-
-    level: Literal["good", "care", "poor", "unknown"]
-    word: str
-
-
-def grade(friction: JointFriction) -> Grade:
-    """Return the grade of a joint, by its residual on held-out data where there is some."""
-    quality = friction.held_out or friction.fitted
-    if quality is None or not math.isfinite(quality.residual):
-        return Grade(level="unknown", word="not judged")
-    if quality.residual <= GOOD:
-        return Grade(level="good", word="good, with a remark" if friction.warnings else "good")
-    if quality.residual <= FAIR:
-        return Grade(level="care", word="usable with care")
-    return Grade(level="poor", word="poor")
 
 
 def plain(text: object) -> str:
