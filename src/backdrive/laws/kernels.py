@@ -48,7 +48,8 @@ def solve(rate, element, p, x, v_free, dt_over_m, load, temp):
     if not np.isfinite(v_free):
         return np.nan
     toward = 1.0 if v_free > 0.0 else -1.0
-    a, excess_a = 0.0, dt_over_m * (hi if v_free > 0.0 else -lo) - abs(v_free)  # speeds; here friction is too weak
+    # a: a speed at which friction is too weak; b: one at which it is too strong
+    a, excess_a = 0.0, dt_over_m * (hi if v_free > 0.0 else -lo) - abs(v_free)
     b, excess_b = abs(v_free), _excess(rate, p, v_free, toward, v_free, dt_over_m, load, temp)
     if excess_b <= 0.0:
         return v_free

@@ -1,0 +1,160 @@
+"""What `backdrive plan` says of a plan: its figures, what was not checked, and what to watch."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from backdrive.cli._plan_request import Request
+    from backdrive.limits import JointLimits
+
+_BIAS, _SLIP = 0.1, 1e-3  # what `--bias` [N.m or N] and `--time-slip` [s] are unless given
+
+
+def figures_of(plan: Any, limits: JointLimits, request: Request) -> dict[str, Any]:
+    """Return what a person wants to know of one joint's plan, SI."""
+    import math
+
+    from backdrive.excite import inertia_bias, smallest_stroke, stroke_for_bias
+
+    figures: dict[str, Any] = {
+        "joint": plan.joint,
+        "unit": plan.unit,
+        "kind": plan.kind,
+        "duration": plan.duration,
+    }
+    inertia = request.inertia
+    if plan.commands == "torque":
+        figures |= {"largest_torque": plan.largest_torque, "torque_limit": limits.effort}
+        if inertia is not None and plan.kind != "ramp":
+            figures["free_travel"] = plan.free_travel(inertia)
+        return figures
+    figures |= {
+        "position": list(plan.position_range),
+        "peak_velocity": plan.peak_velocity,
+        "peak_acceleration": plan.peak_acceleration,
+    }
+    if inertia is not None:
+        torque = {"friction": request.friction or 0.0, "gravity": request.gravity or 0.0}
+        figures |= {"peak_torque": plan.peak_torque(inertia, **torque), "torque_limit": limits.effort}
+        if plan.kind == "sweep":
+            if math.isfinite(limits.effort):
+                figures["smallest_stroke"] = smallest_stroke(plan.top_speed, inertia, limits.effort, **torque)
+            slip, bias = _given(request.time_slip, _SLIP), _given(request.bias, _BIAS)
+            figures |= {"bias": bias, "time_slip": slip}
+            figures["stroke_for_bias"] = stroke_for_bias(plan.top_speed, inertia, bias, slip)
+            figures["bias_at_this_stroke"] = inertia_bias(plan.stroke, plan.top_speed, inertia, slip)
+    return figures
+
+
+def _given(value: float | None, otherwise: float) -> float:
+    return otherwise if value is None else value
+
+
+def notes_of(plan: Any, limits: dict[str, JointLimits], request: Request) -> list[str]:
+    """Return what was not checked, and what to watch."""
+    import math
+
+    from backdrive.cli._planning import single_plans
+
+    single = single_plans(plan)
+    if plan.commands == "torque":
+        return [
+            "A torque does not bound the motion: begin small, and let the robot's own limits watch position and speed."
+        ]
+    notes = []
+    if request.inertia is None and any(math.isfinite(limits[p.joint].effort) for p in single):
+        notes.append("The torque was not checked: give --inertia for that.")
+    blind = [p.joint for p in single if not {"lower", "upper"} & set(limits[p.joint].known)]
+    fast = [p.joint for p in single if not math.isfinite(limits[p.joint].velocity)]
+    for what, options, joints in (
+        ("range", "--lower and --upper", blind),
+        ("speed", "--velocity-limit", fast),
+    ):
+        if joints:
+            names = "" if len(single) == 1 else f" of {', '.join(joints)}"
+            notes.append(
+                f"The {what}{names} was not checked, for no limit is known: give --urdf, or {options}."
+            )
+    if request.literal:
+        notes.append("As printed in the thesis, the acceleration jumps at the end of every cycle.")
+    steep = [p for p in single if p.unit == "rad" and p.peak_acceleration > 500]
+    steep = [p.joint for p in steep if not math.isfinite(limits[p.joint].acceleration)]
+    if steep and request.inertia is None:
+        notes.append(
+            f"An acceleration above 500 rad/s^2 is unusual (is the stroke in degrees?): {', '.join(steep)}."
+        )
+    return notes
+
+
+def table_of(figures: list[dict[str, Any]]) -> list[str]:
+    """Return the lines of a table: of one joint a line a figure, of several a line a joint."""
+    if len(figures) == 1:
+        rows = _rows(figures[0])
+        wide = max(len(label) for label, _ in rows)
+        return [f"{label:<{wide}}  {value}" for label, value in rows]
+    columns = _columns(figures)
+    wides = [max(map(len, column)) for column in columns]
+    lines = []
+    for cells in zip(*columns):
+        line = [f"{c:<{w}}" if i == 0 else f"{c:>{w}}" for i, (c, w) in enumerate(zip(cells, wides))]
+        lines.append("  ".join(line).rstrip())
+    return lines
+
+
+def _rows(f: dict[str, Any]) -> list[tuple[str, str]]:
+    """Return labels and values of a joint's figures."""
+    import math
+
+    from backdrive.excite.base import spoken, torque_unit
+
+    unit, newton = f["unit"], torque_unit(f["unit"])
+    rows = [("joint", f["joint"]), ("duration", f"{f['duration']:.4g} s")]
+    if "position" in f:
+        low, high = f["position"]
+        degrees = f" ({math.degrees(low):.4g} to {math.degrees(high):.4g} deg)" if unit == "rad" else ""
+        rows += [
+            ("range", f"{low:.4g} to {high:.4g} {unit}" + degrees),
+            ("top speed", spoken(f["peak_velocity"], f"{unit}/s")),
+            ("peak acceleration", f"{f['peak_acceleration']:.4g} {unit}/s^2"),
+        ]
+    for key, label in (("largest_torque", "largest torque"), ("peak_torque", "peak torque")):
+        if key in f:
+            of = f" of {f['torque_limit']:.4g}" if math.isfinite(f["torque_limit"]) else ""
+            rows.append((label, f"{f[key]:.4g}{of} {newton}"))
+    if "free_travel" in f:
+        rows.append(("travel in a period without friction", spoken(f["free_travel"], unit)))
+    if "smallest_stroke" in f:
+        rows.append(("smallest stroke for the torque", spoken(f["smallest_stroke"], unit, 1)))
+    if "stroke_for_bias" in f:
+        slip = f"{1e3 * f['time_slip']:g} ms slip"
+        rows.append((f"bias by inertia, {slip}", f"{f['bias_at_this_stroke']:.3g} {newton} at the top speed"))
+        rows.append((f"stroke for less than {f['bias']:g} {newton}", spoken(f["stroke_for_bias"], unit, 1)))
+    return rows
+
+
+def _columns(figures: list[dict[str, Any]]) -> list[list[str]]:
+    """Return a heading, its unit and a cell a joint for every column of the table of several joints."""
+    import math
+
+    unit = figures[0]["unit"]
+    newton = "N.m" if unit == "rad" else "N"
+    columns = [
+        ["joint", "", *(f["joint"] for f in figures)],
+        ["time", "[s]", *(f"{f['duration']:.1f}" for f in figures)],
+    ]
+    if "position" in figures[0]:
+        for i, heading in enumerate(("from", "to")):
+            columns.append([heading, f"[{unit}]", *(f"{f['position'][i]:.3f}" for f in figures)])
+    shown = (
+        ("peak_velocity", "speed", f"{unit}/s"),
+        ("peak_acceleration", "accel.", f"{unit}/s^2"),
+        ("peak_torque", "torque", newton),
+        ("largest_torque", "torque", newton),
+        ("torque_limit", "of", newton),
+        ("smallest_stroke", "least stroke", unit),
+    )
+    for key, heading, of in shown:
+        if all(math.isfinite(f.get(key, math.inf)) for f in figures):
+            columns.append([heading, f"[{of}]", *(f"{f[key]:.4g}" for f in figures)])
+    return columns

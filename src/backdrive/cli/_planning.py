@@ -1,0 +1,231 @@
+"""From the options of `backdrive plan` to a checked plan; everything heavy is imported inside."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from backdrive.cli._plan_request import KINDS, Request, refuse_idle_options
+
+if TYPE_CHECKING:
+    from backdrive.limits import JointLimits
+
+MOST_STROKE = {"rad": 2.0 * math.pi, "m": 5.0}  # beyond, somebody has probably taken a wrong unit
+MOST_SPEED = {"rad": 30.0, "m": 10.0}
+
+
+def build(request: Request) -> tuple[Any, dict[str, JointLimits]]:
+    """Return the plan that was asked for, checked against the limits, and those limits by joint.
+
+    Raises:
+        BackdriveError: an option is missing, out of range, without meaning for the kind, or beyond a limit.
+    """
+    from backdrive._catalog import lookup
+    from backdrive.errors import InvalidInput
+    from backdrive.excite import Held, InTurn, check_limits
+
+    lookup(request.kind, KINDS, "kind of plan")
+    refuse_idle_options(request)
+    limits, names = _joints(request)
+    holds = _holds(request)
+    units = {limits[name].unit for name in names}
+    if len(units) > 1:
+        raise InvalidInput(
+            "Rotary and linear joints cannot share one stroke or torque.",
+            remedy="Plan them separately, naming each joint with --joint.",
+        )
+    plans = [_plan(request, limits[name], holds.get(name)) for name in names]
+    others = [name for name in holds if name not in names]
+    held = tuple(Held(joint=name, position=holds[name], unit=limits[name].unit) for name in others)
+    plan = plans[0] if len(plans) == 1 and not held else InTurn(tuple(plans), held=held)
+    for one in plans:
+        _refuse_wrong_unit(one, limits[one.joint])
+    torque = {
+        "inertia": request.inertia,
+        "gravity": request.gravity or 0.0,
+        "friction": request.friction or 0.0,
+    }
+    check_limits(plan, limits, **torque)
+    return plan, {name: limits[name] for name in (*names, *others)}
+
+
+def single_plans(plan: Any) -> tuple[Any, ...]:
+    """Return the plans of single joints that a plan is made of."""
+    from backdrive.excite import InTurn
+
+    return plan.plans if isinstance(plan, InTurn) else (plan,)
+
+
+def _joints(request: Request) -> tuple[dict[str, JointLimits], list[str]]:
+    """Return limits by joint, options put over the description, and the joints that are to move."""
+    from backdrive._catalog import lookup
+    from backdrive.errors import InvalidInput
+    from backdrive.limits import JointLimits, read_limits
+
+    wanted = list(dict.fromkeys(request.joint or []))
+    if request.unit not in (None, "rad", "m"):
+        raise InvalidInput(f"--unit {request.unit} is no unit of a joint.", remedy="Give rad or m.")
+    if request.urdf is not None:
+        known = read_limits(request.urdf)
+        if request.all_joints:
+            wanted = wanted or list(known)
+        elif not wanted:
+            if len(known) > 1:
+                raise InvalidInput(
+                    f"{request.urdf} has {len(known)} joints that move: {', '.join(known)}.",
+                    remedy="Name one with --joint, or all with --all-joints.",
+                )
+            wanted = list(known)
+        for name in wanted:
+            lookup(name, known, f"joint of {request.urdf}")
+            if request.unit not in (None, known[name].unit):
+                raise InvalidInput(
+                    f"--unit {request.unit}, but joint '{name}' is in {known[name].unit} by its description.",
+                    remedy="Leave --unit out.",
+                )
+    else:
+        if request.all_joints:
+            raise InvalidInput(
+                "--all-joints needs to know the joints.",
+                remedy="Give --urdf FILE, or name each with --joint.",
+            )
+        wanted = wanted or ["joint"]
+        names = dict.fromkeys([*wanted, *_holds(request)])
+        known = {name: JointLimits(name=name, unit="m" if request.unit == "m" else "rad") for name in names}
+    for name in wanted:
+        known[name] = known[name].overridden(
+            lower=request.lower,
+            upper=request.upper,
+            velocity=request.velocity_limit,
+            acceleration=request.acceleration_limit,
+            effort=request.torque_limit,
+        )
+    for name in _holds(request):
+        lookup(name, known, "known joint")
+    return known, wanted
+
+
+def _holds(request: Request) -> dict[str, float]:
+    from backdrive.errors import InvalidInput
+
+    holds: dict[str, float] = {}
+    for word in request.hold or []:
+        for part in filter(None, (p.strip() for p in word.split(","))):
+            name, _, number = part.rpartition("=")
+            try:
+                holds[name.strip()] = float(number)
+            except ValueError:
+                name = ""
+            if not name.strip() or not math.isfinite(holds[name.strip()]):
+                raise InvalidInput(
+                    f"--hold {part}: not NAME=POSITION.", remedy="For example --hold elbow=1.57 [rad or m]."
+                )
+    return holds
+
+
+def _plan(request: Request, limits: JointLimits, hold: float | None) -> Any:
+    from backdrive import excite
+    from backdrive.cli._logs import numbers
+    from backdrive.errors import InvalidInput
+
+    kind = request.kind
+    common: dict[str, Any] = {"joint": limits.name, "unit": limits.unit}
+    cycles = {} if request.cycles is None else {"cycles": request.cycles}
+
+    def need(name: str, option: str) -> Any:
+        value = getattr(request, name)
+        if value is None:
+            raise InvalidInput(
+                f"A plan of the kind {kind} needs {option}.", remedy="See backdrive plan --help."
+            )
+        return value
+
+    def given(*names: str) -> dict[str, Any]:
+        return {n: getattr(request, n) for n in names if getattr(request, n) is not None}
+
+    if kind in ("sine-torque", "sawtooth-torque"):
+        cls = excite.SineTorque if kind == "sine-torque" else excite.SawtoothTorque
+        more = given("offset") if kind == "sine-torque" else given("offset", "rise")
+        amplitude, frequency = need("amplitude", "--amplitude"), need("frequency", "--frequency")
+        return cls(amplitude, frequency, cycles.get("cycles", 5), **more, **common)
+    if kind == "ramp":
+        peak, rate = need("amplitude", "--amplitude"), need("torque_rate", "--torque-rate")
+        return excite.TorqueRamp(peak, rate, **cycles, **given("offset", "lead_in"), **common)
+    if request.center is not None and hold is not None:
+        raise InvalidInput(
+            f"--center and --hold both place joint '{limits.name}'.", remedy="Give one of them."
+        )
+    common |= given("center", "lead_in") | ({"center": hold} if hold is not None else {})
+    stroke = _one_of(request, "stroke", limits)
+    if kind == "multisine":
+        band = numbers(need("band", "--band LOW,HIGH"), "--band") or []
+        if len(band) != 2:
+            raise InvalidInput(
+                f"--band {request.band}: not two frequencies.", remedy="For example --band 0.1,2 [Hz]."
+            )
+        periods = {"periods": cycles["cycles"]} if cycles else {}
+        more = periods | given("seed")
+        return excite.Multisine(stroke, band[0], band[1], need("period", "--period"), **more, **common)
+    if kind == "constant-velocity":
+        speeds = numbers(request.speeds, "--speeds")
+        if speeds is None:
+            count = cycles.get("cycles", 10)
+            if count < 1:
+                raise InvalidInput(f"--cycles is {count}.", remedy="Give a whole number from 1 on.")
+            top = _one_of(request, "top_speed", limits)
+            speeds = [top * n / count for n in range(1, count + 1)]
+        elif request.cycles is not None or request.top_speed is not None or request.top_speed_deg is not None:
+            raise InvalidInput(
+                "--speeds stands beside --top-speed or --cycles.", remedy="Give one or the other."
+            )
+        more = given("ramp_acceleration", "pause")
+        return excite.ConstantVelocity(stroke, tuple(speeds), **more, **common)
+    top = _one_of(request, "top_speed", limits)
+    return excite.Sweep(stroke, top, cycles.get("cycles", 10), smooth=not request.literal, **common)
+
+
+def _one_of(request: Request, name: str, limits: JointLimits) -> float:
+    """Return a quantity given in SI or, for a rotary joint, in degrees."""
+    from backdrive.errors import InvalidInput
+
+    option, plain, degrees = (
+        "--" + name.replace("_", "-"),
+        getattr(request, name),
+        getattr(request, f"{name}_deg"),
+    )
+    if plain is not None and degrees is not None:
+        raise InvalidInput(f"{option} and {option}-deg are both given.", remedy="Give one of them.")
+    if degrees is not None:
+        if limits.unit == "m":
+            raise InvalidInput(
+                f"Joint '{limits.name}' is linear, and {option}-deg is in degrees.",
+                remedy=f"Give {option} in metres.",
+            )
+        return math.radians(degrees)
+    if plain is None:
+        si = f"{limits.unit}/s" if name == "top_speed" else limits.unit
+        way = f"{option} in {si}" if limits.unit == "m" else f"{option}-deg, or {option} in {si}"
+        raise InvalidInput(f"A plan of the kind {request.kind} needs {option}.", remedy=f"Give {way}.")
+    return plain
+
+
+def _refuse_wrong_unit(plan: Any, limits: JointLimits) -> None:
+    """Refuse sizes that only a mistaken unit explains, unless limits say that they are meant."""
+    from backdrive.errors import InvalidInput
+    from backdrive.excite.base import spoken
+
+    if plan.commands != "position":
+        return
+    unit = plan.unit
+    if plan.stroke > MOST_STROKE[unit] and not math.isfinite(limits.upper - limits.lower):
+        other = f"--stroke-deg {plan.stroke:g}" if unit == "rad" else "it in metres"
+        raise InvalidInput(
+            f"A stroke of {spoken(plan.stroke, unit)} is more than a joint usually has.",
+            remedy=f"If the unit was mistaken, give {other}; if it is meant, give the range with --lower and --upper.",
+        )
+    if plan.peak_velocity > MOST_SPEED[unit] and not math.isfinite(limits.velocity):
+        other = f"--top-speed-deg {plan.peak_velocity:g}" if unit == "rad" else "it in metres per second"
+        raise InvalidInput(
+            f"A speed of {spoken(plan.peak_velocity, unit + '/s')} is more than a joint usually has.",
+            remedy=f"If the unit was mistaken, give {other}; if it is meant, say so with --velocity-limit.",
+        )

@@ -1,0 +1,158 @@
+"""What all motion plans share: how their numbers are checked, and how a quantity is said to a person."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Protocol
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+
+MOST_CYCLES = 10_000
+DEGREE = math.pi / 180.0
+
+
+class Plan(Protocol):
+    """What every plan offers.
+
+    A plan that commands a position also has `position(t)`, `velocity(t)`, `acceleration(t)`, `home` (where it begins and
+    ends at rest), `position_range`, `peak_velocity` and `peak_acceleration`; one that commands a torque has `torque(t)`
+    and `largest_torque`. Its windows are where the identification takes its samples.
+    """
+
+    @property
+    def kind(self) -> str:
+        """Name of the kind of plan."""
+        ...
+
+    @property
+    def commands(self) -> str:
+        """What it commands: `position` or `torque`."""
+        ...
+
+    @property
+    def start(self) -> float:
+        """Instant at which it begins [s]."""
+        ...
+
+    @property
+    def duration(self) -> float:
+        """From the first to the last instant at which anything changes [s]."""
+        ...
+
+    def windows(self) -> np.ndarray:
+        """Return begin and end of the stretches to take samples from [s], (k, 2)."""
+        ...
+
+
+def settle(
+    plan: Any,
+    *,
+    positive: tuple[str, ...] = (),
+    not_negative: tuple[str, ...] = (),
+    finite: tuple[str, ...] = (),
+) -> None:
+    """Turn fields of a frozen plan into floats and check them, its joint and its unit.
+
+    Args:
+        plan: under construction.
+        positive: fields that must be above zero.
+        not_negative: fields that must not be below zero.
+        finite: fields that may be any finite number.
+
+    Raises:
+        InvalidInput: names the field and its value.
+    """
+    for name in (*positive, *not_negative, *finite):
+        value = getattr(plan, name)
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            number = math.nan
+        where = f"{type(plan).__name__}.{name} is {value!r}"
+        if isinstance(value, bool) or not math.isfinite(number):
+            raise InvalidInput(f"{where}.", remedy="Give a finite number.", value=value)
+        if name in positive and number <= 0:
+            raise InvalidInput(f"{where}.", remedy="Give a number above zero.", value=value)
+        if name in not_negative and number < 0:
+            raise InvalidInput(f"{where}.", remedy="Give zero or more.", value=value)
+        object.__setattr__(plan, name, number)
+    if plan.unit not in ("rad", "m"):
+        raise InvalidInput(f"The unit of a joint is '{plan.unit}'.", remedy="Give rad or m.")
+    check_name(plan.joint)
+
+
+def settle_count(plan: Any, name: str, most: int = MOST_CYCLES) -> None:
+    """Check that a field is a whole number from 1 to `most`.
+
+    Raises:
+        InvalidInput: it is not.
+    """
+    value = getattr(plan, name)
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= most:
+        raise InvalidInput(
+            f"{type(plan).__name__}.{name} is {value!r}.", remedy=f"Give a whole number from 1 to {most}."
+        )
+    object.__setattr__(plan, name, int(value))
+
+
+def check_name(name: Any) -> None:
+    """Refuse a joint name that could not be written into a table or a robot's message as it is.
+
+    Raises:
+        InvalidInput: it is empty, too long, has unprintable characters, or begins like a spreadsheet formula.
+    """
+    if not isinstance(name, str) or not name.strip() or len(name) > 200:
+        raise InvalidInput(
+            f"The joint's name is {str(name)[:40]!r}.", remedy="Give a name of 1 to 200 characters."
+        )
+    if not name.isprintable() or name != name.strip() or name[0] in "=+-@":
+        raise InvalidInput(
+            f"The joint's name is {name!r}.",
+            remedy="Use printable characters, no blank around them, and begin with a letter.",
+        )
+
+
+def instants(t: Any) -> np.ndarray:
+    """Return instants as an array of floats [s].
+
+    Raises:
+        InvalidInput: they are not finite numbers.
+    """
+    try:
+        array = np.asarray(t, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInput(
+            "The time holds something that is not a number.", remedy="Give seconds."
+        ) from error
+    if not np.all(np.isfinite(array)):
+        raise InvalidInput("The time holds NaN or an infinite number.", remedy="Give finite seconds.")
+    return array
+
+
+def spoken(value: float, unit: str, toward: float = 0.0) -> str:
+    """Return a quantity in words: rotary ones in degrees as well.
+
+    Args:
+        value: the quantity [unit].
+        unit: `rad`, `rad/s`, `rad/s^2`, or any other.
+        toward: +1 rounds up and -1 down, so that a limit taken from the text is kept; 0 rounds to the nearest.
+    """
+    text = f"{rounded(value, toward):.4g} {unit}"
+    if not unit.startswith("rad"):
+        return text
+    return f"{text} ({rounded(value / DEGREE, toward):.4g} {unit.replace('rad', 'deg')})"
+
+
+def rounded(value: float, toward: float) -> float:
+    """Return a number to four digits, up for `toward` > 0, down for `toward` < 0."""
+    if value == 0 or not math.isfinite(value) or toward == 0:
+        return value
+    step = 10.0 ** (math.floor(math.log10(abs(value))) - 3)
+    return (math.ceil if toward > 0 else math.floor)(value / step) * step
+
+
+def torque_unit(unit: str) -> str:
+    """Return N.m for a rotary joint (`rad`), N for a linear one (`m`)."""
+    return "N.m" if unit == "rad" else "N"
