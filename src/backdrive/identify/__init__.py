@@ -91,7 +91,7 @@ def identify(
         from backdrive.identify.arm import identify_arm
 
         say("Identifying the arm")
-        friction, evidence, arm = identify_arm(logs, urdf, held_out=held_out)
+        friction, evidence, arm = identify_arm(logs, urdf, held_out=held_out, cutoff=cutoff)
     else:
         found: list[tuple[JointFriction, JointEvidence]] = []
         for name in names:

@@ -31,7 +31,10 @@ def credible(friction: JointFriction) -> bool:
     velocity = np.linspace(*friction.validity.velocity, 201)
     inertia = friction.dynamics.get("inertia")
     dissipates = bool(np.all(friction.law.torque(velocity) * velocity >= 0.0))
-    return dissipates and (inertia is None or inertia.value > -2 * abs(inertia.standard_error or 0.0))
+    if inertia is None:
+        return dissipates
+    slack = 2 * inertia.standard_error if math.isfinite(inertia.standard_error) else 0.0
+    return dissipates and inertia.value >= -slack
 
 
 def grade(friction: JointFriction) -> Grade:
