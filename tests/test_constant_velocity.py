@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from _synthetic import constant_runs
 
+from _synthetic import constant_runs
 from backdrive import Joint, Log
 from backdrive.errors import NotIdentifiable
-from backdrive.identify.constant_velocity import find_runs, identify_constant_velocity
+from backdrive.identify.constant_velocity import identify_constant_velocity
+from backdrive.identify.runs import find_runs
 
 SPEEDS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.3, 1.6, 2.0)
 
@@ -70,6 +71,25 @@ def test_symmetric_gives_an_offset():
         constant_runs(lambda v: np.sign(v) * (3 + 0.5 * abs(v)), SPEEDS, offset=1.2), "j1", symmetric=True
     )
     assert friction.dynamics["offset"].value == pytest.approx(1.2, abs=0.02)
+
+
+def test_gravity_is_not_taken_for_friction_that_pushes():
+    logs = constant_runs(lambda v: np.sign(v) * (3 + 0.5 * abs(v)), SPEEDS, offset=30.0)
+    friction, _ = identify_constant_velocity(logs, "j1")
+    assert friction.dynamics["offset"].value == pytest.approx(30.0, abs=0.05)
+    np.testing.assert_allclose(friction.law.torque([1.0, -1.0]), [3.5, -3.5], atol=0.05)
+
+
+def test_gravity_that_turns_with_the_joint_is_seen_inside_the_runs():
+    friction_at, logs = (lambda v: np.sign(v) * (3 + 0.5 * abs(v))), []
+    for v in (0.2, 0.5, 1.0, 1.5, 2.0, -0.2, -0.5, -1.0, -1.5, -2.0):
+        time = np.arange(300) * 0.5 / 300 / abs(v)
+        q = v * time - np.sign(v) * 0.1
+        tau = friction_at(v) + 20.0 * np.cos(q) + 5.0 * np.sin(q)
+        logs.append(Log(time=time, joints=(Joint(name="j1"),), position=q, torque=tau))
+    friction, _ = identify_constant_velocity(logs, "j1")
+    assert friction.dynamics["gravity_cos"].value == pytest.approx(20.0, abs=0.01)
+    np.testing.assert_allclose(friction.law.torque([1.0, -1.0]), [3.5, -3.5], atol=0.01)
 
 
 def test_too_few_runs_are_refused_with_the_number_needed():

@@ -13,7 +13,7 @@ import os
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numba as nb
 
@@ -54,7 +54,7 @@ def jit(function: F) -> F:
     """
     if nb.config.DISABLE_JIT:  # type: ignore[attr-defined]
         return function
-    compiled = nb.njit(error_model="numpy", nogil=True)(function)
+    compiled: Any = nb.njit(error_model="numpy", nogil=True)(function)
     stamped = _stamped_cache(function)
     if stamped is not None:
         compiled._cache = stamped

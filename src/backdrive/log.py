@@ -194,6 +194,21 @@ class Log:
             )
         return self.names[index]
 
+    def need(self, channel: str) -> np.ndarray:
+        """Return a channel that must be there, (n, J).
+
+        Raises:
+            InvalidInput: it is absent; the message says how to name it.
+        """
+        value = getattr(self, channel)
+        if value is None:
+            short = {"position": "q", "velocity": "dq", "torque": "tau"}.get(channel, channel)
+            raise InvalidInput(
+                f"The log holds no {channel}, and friction cannot be identified without it.",
+                remedy=f"Name the channel, for example --map {short}=COLUMN.",
+            )
+        return value
+
     def replace(self, **changes: Any) -> Log:
         """Return a copy with some fields changed."""
         return replace(self, **changes)

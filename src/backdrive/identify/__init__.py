@@ -7,7 +7,7 @@ from typing import Any
 
 from backdrive._catalog import lookup
 from backdrive.errors import InvalidInput, NotIdentifiable, UnhealthyLog
-from backdrive.identify.auto import METHODS, choose_method, moving_joints
+from backdrive.identify.auto import METHODS, choose_method, moving_joints, own_turn
 from backdrive.identify.result import Curve as Curve
 from backdrive.identify.result import Identification as Identification
 from backdrive.identify.result import JointEvidence as JointEvidence
@@ -173,6 +173,7 @@ def _healthy(log: Log, accept: Sequence[str], repair: bool) -> Log:
 
 
 def _one(method: str, logs, name: str, held_out, **options) -> tuple[JointFriction, JointEvidence]:
+    logs = [own_turn(log, name) for log in logs]
     if method == "sweep":
         from backdrive.identify.sweep import identify_sweep
 

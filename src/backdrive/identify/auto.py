@@ -47,7 +47,20 @@ def _travel(log: Log) -> np.ndarray:
     if log.position is not None:
         low, high = np.nanpercentile(log.position, [0.5, 99.5], axis=0)
         return high - low
-    return np.nanpercentile(np.abs(log.velocity), 99, axis=0) * log.duration
+    return np.nanpercentile(np.abs(log.need("velocity")), 99, axis=0) * log.duration
+
+
+def own_turn(log: Log, joint: str) -> Log:
+    """Return a log with the plan of one joint, cut to its turn where the joints move one after another."""
+    if log.plan is None or log.plan.kind != "in-turn" or joint not in [p.joint for p in log.plan.plans]:
+        return log
+    plan = log.plan.plan_of(joint)
+    begin = log.plan.start
+    for shift in (0.0, float(log.time[0]) - begin):  # the plan's own clock, or the log's
+        part = log.between(plan.start + shift, plan.start + shift + plan.duration)
+        if len(part) > 0.5 * plan.duration / log.period:
+            return part.replace(plan=plan)
+    return log.replace(plan=plan)
 
 
 def choose_method(logs: Sequence[Log], joints: Sequence[str], urdf: str | None) -> tuple[str, str]:
@@ -60,7 +73,7 @@ def choose_method(logs: Sequence[Log], joints: Sequence[str], urdf: str | None) 
     """
     if urdf is not None:
         return "arm", "a robot description was given"
-    kinds = {getattr(log.plan, "kind", None) for log in logs if log.plan is not None}
+    kinds = {own_turn(log, joint).plan.kind for log in logs if log.plan is not None for joint in joints}
     named = {
         "sweep": "sweep",
         "constant-velocity": "constant-velocity",
@@ -83,7 +96,7 @@ def choose_method(logs: Sequence[Log], joints: Sequence[str], urdf: str | None) 
 
 
 def _steady(log: Log, joint: str) -> bool:
-    from backdrive.identify.constant_velocity import whole_run
+    from backdrive.identify.runs import whole_run
 
     return whole_run(log, joint)
 

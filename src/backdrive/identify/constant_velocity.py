@@ -7,124 +7,19 @@ compared with a straight line per direction by leave-one-run-out, so that the re
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.errors import NotIdentifiable
 from backdrive.identify import curves, regression
 from backdrive.identify.evidence import curve, verdict
 from backdrive.identify.result import JointEvidence, Samples
+from backdrive.identify.runs import LEAST_RUNS, Run, find_runs, gravity_of, without_gravity
 from backdrive.log import Joint, Log
 from backdrive.model import Estimate, JointFriction, Quality, Validity
 
-LEAST_RUNS = 4  # fewer runs do not make a curve
-LEAST_TIME = 0.3  # a plateau inside a longer log lasts at least so long [s]
-STEADY = 0.08  # and stays this close to its level [share of the level]
 SECTIONS = (1, 2, 3, 4, 5, 6)  # line sections per direction that are tried
 GAIN = 1.0  # a curve must beat the line by so many standard errors of the mean gain [-]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Run:
-    """One constant-velocity run.
-
-    Attributes:
-        velocity: mean velocity [rad/s or m/s].
-        torque: robust mean torque [N.m or N].
-        standard_error: of the torque, from blocks [N.m or N].
-        spread: standard deviation of the torque within the run [N.m or N].
-        uneven: the velocity's standard deviation exceeds a quarter of its mean (stick-slip).
-        start: first instant [s].
-    """
-
-    velocity: float
-    torque: float
-    standard_error: float
-    spread: float
-    uneven: bool
-    start: float
-
-
-def _robust_mean(x: np.ndarray) -> float:
-    weights = regression.robust_weights(np.ones((x.size, 1)), x, np.ones(x.size))
-    return float(np.average(x, weights=weights))
-
-
-def _run(time: np.ndarray, velocity: np.ndarray, torque: np.ndarray) -> Run:
-    blocks = [b for b in np.array_split(torque, min(10, max(2, torque.size // 5))) if b.size]
-    means = np.array([_robust_mean(b) for b in blocks])
-    level = float(np.mean(velocity))
-    return Run(
-        velocity=level,
-        torque=_robust_mean(torque),
-        standard_error=float(means.std(ddof=1) / np.sqrt(means.size)),
-        spread=float(np.std(torque)),
-        uneven=bool(np.std(velocity) > 0.25 * abs(level)),
-        start=float(time[0]),
-    )
-
-
-def find_runs(log: Log, joint: str | int) -> list[Run]:
-    """Return the constant-velocity runs of one joint: the whole log where it is one, else its plateaus.
-
-    Raises:
-        InvalidInput: the log holds no torque.
-    """
-    if log.torque is None:
-        raise InvalidInput(
-            "The log holds no torque.", remedy="Name the channel, for example --map tau=COLUMN."
-        )
-    if len(log) < 20:
-        return []
-    log = log.select(joint).on_joint_side()
-    torque, velocity = log.torque[:, 0], _velocity(log)  # type: ignore[index]
-    good = np.isfinite(velocity) & np.isfinite(torque)
-    time, velocity, torque = log.time[good], velocity[good], torque[good]
-    if _keeps_level(velocity):
-        return [_run(time, velocity, torque)]
-    return _plateaus(time, velocity, torque, log.period)
-
-
-def whole_run(log: Log, joint: str | int) -> bool:
-    """Say whether a log keeps one velocity throughout."""
-    if len(log) < 20:
-        return False
-    velocity = _velocity(log.select(joint))
-    return _keeps_level(velocity[np.isfinite(velocity)])
-
-
-def _velocity(log: Log) -> np.ndarray:
-    from backdrive.filters import derivative
-
-    velocity = log.velocity if log.velocity is not None else derivative(log.position, log.period)
-    return velocity[:, 0]
-
-
-def _keeps_level(velocity: np.ndarray) -> bool:
-    """Say whether the means of the thirds agree and none is zero: single samples may jump (stick-slip)."""
-    if velocity.size < 20:
-        return False
-    levels = [float(np.mean(part)) for part in np.array_split(velocity, 3)]
-    return min(np.abs(levels)) > 0 and float(np.ptp(levels)) < 0.25 * float(np.max(np.abs(levels)))
-
-
-def _plateaus(time: np.ndarray, velocity: np.ndarray, torque: np.ndarray, period: float) -> list[Run]:
-    width = max(3, int(LEAST_TIME / period))
-    if velocity.size < 2 * width:
-        return []
-    kernel = np.ones(width) / width
-    level = np.convolve(velocity, kernel, "same")
-    square = np.convolve(velocity**2, kernel, "same")
-    spread = np.sqrt(np.maximum(square - level**2, 0.0))
-    top = np.max(np.abs(level))
-    steady = (np.abs(level) > 0.005 * top) & (spread < STEADY * np.abs(level) + 0.002 * top)
-    edges = np.flatnonzero(np.diff(np.r_[False, steady, False].astype(np.int8))).reshape(-1, 2)
-    return [
-        _run(time[a:b], velocity[a:b], torque[a:b])
-        for a, b in edges
-        if b - a >= width and np.ptp(level[a:b]) < 2 * STEADY * abs(np.mean(level[a:b]))
-    ]
 
 
 def _knots(speed: np.ndarray, sections: int) -> np.ndarray:
@@ -139,7 +34,7 @@ def _try_sections(v: np.ndarray, y: np.ndarray, both: bool, directional: bool) -
     tried = {}
     for sections in SECTIONS:
         knots = _knots(np.abs(v), sections)
-        if knots.size != sections + 1 or sections + 1 > v.size // (4 if directional else 2):
+        if knots.size != sections + 1 or sections + 1 > (0.3 if directional else 0.6) * v.size:
             continue
         form = curves.forms(knots, {"": knots}, both)[-1 if directional else 0]
         X = curves.basis(v, knots) @ form.spread
@@ -185,6 +80,12 @@ def identify_constant_velocity(
         )
     v = np.array([r.velocity for r in runs])
     y = np.array([r.torque for r in runs])
+    gravity = gravity_of(runs)
+    pull = np.array([r.pull for r in runs]) @ gravity[0] if gravity else np.zeros(v.size)
+    if gravity:
+        y = np.array(
+            [r.torque for log in logs for r in find_runs(without_gravity(log, joint, gravity[0]), joint)]
+        )
     both = bool(np.any(v > 0) and np.any(v < 0))
     directional = both and not symmetric
     tried = _try_sections(v, y, both, directional)
@@ -199,11 +100,20 @@ def identify_constant_velocity(
     theta = regression.solve(blocks.gram.sum(axis=0), blocks.moment.sum(axis=0))
     covariance = regression.sandwich(blocks, theta)
     r = form.spread.shape[1]
-    law, errors = curves.to_law(form, theta[:r], covariance[:r, :r])
+    curve_values, curve_covariance = theta[:r], covariance[:r, :r]
     dynamics = {}
+    if gravity:
+        for name, value, error in zip(("gravity_sin", "gravity_cos"), *gravity):
+            dynamics[name] = Estimate(value=float(value), unit="N.m", standard_error=float(error))
     if theta.size > r:
-        error = float(np.sqrt(covariance[r, r]))
-        dynamics["offset"] = Estimate(value=float(theta[r]), unit=about.torque_unit, standard_error=error)
+        dynamics["offset"] = _offset(float(theta[r]), float(covariance[r, r]), about)
+    elif (
+        not form.symmetric and curve_values.min() < 0.0
+    ):  # friction cannot push: what does is gravity or a bias
+        row, apart = curves.constant_apart(form.knots.size)
+        dynamics["offset"] = _offset(float(row @ curve_values), float(row @ curve_covariance @ row), about)
+        curve_values, curve_covariance = apart @ curve_values, apart @ curve_covariance @ apart.T
+    law, errors = curves.to_law(form, curve_values, curve_covariance)
     friction = JointFriction(
         joint=about,
         law=law,
@@ -213,21 +123,21 @@ def identify_constant_velocity(
         fitted=_quality(y, y - X @ theta),
         held_out=_quality(y, losses[sections]),
         method="constant-velocity",
-        warnings=_warnings(runs, both, directional, about),
+        warnings=_warnings(runs, both, directional, "offset" in dynamics, about),
     )
     samples = Samples(
         time=np.array([r.start for r in runs]),
         position=np.full(v.size, np.nan),
         velocity=v,
-        torque=y,
-        friction=y - dynamics["offset"].value if dynamics else y,
-        predicted=X @ theta,
+        torque=y + pull,
+        friction=y - dynamics["offset"].value if "offset" in dynamics else y,
+        predicted=X @ theta + pull,
         fitted=np.ones(v.size, dtype=bool),
     )
     return friction, JointEvidence(
         joint=about.name,
         samples=samples,
-        curve=curve(friction, curves.error_of_curve(form, covariance[:r, :r])),
+        curve=curve(friction, curves.error_of_curve(form, curve_covariance)),
         verdict=f"{verdict(friction)} {said}",
     )
 
@@ -257,7 +167,11 @@ def _quality(y: np.ndarray, error: np.ndarray) -> Quality:
     return Quality(residual=relative, residual_raw=relative, rms=rms, samples=y.size)
 
 
-def _warnings(runs: list[Run], both: bool, directional: bool, joint: Joint) -> tuple[str, ...]:
+def _offset(value: float, variance: float, joint: Joint) -> Estimate:
+    return Estimate(value=value, unit=joint.torque_unit, standard_error=float(np.sqrt(max(variance, 0.0))))
+
+
+def _warnings(runs: list[Run], both: bool, directional: bool, apart: bool, joint: Joint) -> tuple[str, ...]:
     said = []
     uneven = [abs(r.velocity) for r in runs if r.uneven]
     if uneven:
@@ -267,6 +181,11 @@ def _warnings(runs: list[Run], both: bool, directional: bool, joint: Joint) -> t
         )
     if not both:
         said.append("All runs go one way: friction and a constant torque cannot be told apart.")
+    elif directional and apart:
+        said.append(
+            "Friction at rest was taken as equal in both directions, and the constant torque that is left (gravity, bias) as "
+            "an offset: the data cannot tell the two apart."
+        )
     elif directional:
         said.append(
             "A constant bias torque (gravity, cable, current offset) cannot be told from friction that differs by "

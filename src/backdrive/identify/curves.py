@@ -118,6 +118,21 @@ def to_law(form: Form, coefficients: np.ndarray, covariance: np.ndarray) -> tupl
     return Law(rate=law), {"positive": tuple(errors[0].tolist()), "negative": tuple(errors[1].tolist())}
 
 
+def constant_apart(k: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return how a constant is taken out of two curves, so that both directions have the same friction at rest.
+
+    Args:
+        k: knots of each curve; the curves' coefficients stand one after the other, positive direction first.
+
+    Returns:
+        The row whose product with the coefficients is the constant, (2 k,), and the matrix whose product is the curves
+        without it, (2 k, 2 k).
+    """
+    row = np.zeros(2 * k)
+    row[0], row[k] = 0.5, -0.5
+    return row, np.eye(2 * k) - np.outer(np.r_[np.ones(k), -np.ones(k)], row)
+
+
 def error_of_curve(form: Form, covariance: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     """Return a function from velocities [rad/s or m/s] to the curve's standard error [N.m or N].
 

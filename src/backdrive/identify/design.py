@@ -217,10 +217,9 @@ def offset_apart(choice: Choice) -> Choice:
     if candidate.form.symmetric or not likely:
         return choice
     k = candidate.form.knots.size
-    constant = np.zeros(t + 2 * k)
-    constant[t], constant[t + k] = 0.5, -0.5
-    curve = np.eye(t + 2 * k)[t:] - np.outer(np.r_[np.ones(k), -np.ones(k)], constant)
-    spread = np.vstack([np.eye(t + 2 * k)[:t], constant, curve])
+    row, curve = curves.constant_apart(k)
+    head = np.eye(t, t + 2 * k)
+    spread = np.vstack([head, np.r_[np.zeros(t), row], np.hstack([np.zeros((2 * k, t)), curve])])
     back = np.zeros((candidate.spread.shape[0], 1 + t + 2 * k))
     back[:, :t] = candidate.spread[:, :t]
     back[COLUMNS.index("offset"), t] = 1.0

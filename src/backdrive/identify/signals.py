@@ -60,11 +60,7 @@ def prepare(log: Log, joint: str | int, *, cutoff: float | None = None) -> list[
         InvalidInput: the log holds no torque.
         NotIdentifiable: no stretch is long enough.
     """
-    if log.torque is None:
-        raise InvalidInput(
-            "The log holds no torque, so there is no friction to identify from it.",
-            remedy="Name the channel, for example --map tau=COLUMN.",
-        )
+    log.need("torque")
     log = log.select(joint).on_joint_side()
     if len(log) < SHORTEST:
         raise NotIdentifiable(
@@ -91,7 +87,7 @@ def prepare(log: Log, joint: str | int, *, cutoff: float | None = None) -> list[
 
 
 def _top_speed(log: Log) -> float:
-    speed = log.velocity if log.velocity is not None else filters.derivative(log.position, log.period)
+    speed = log.velocity if log.velocity is not None else filters.derivative(log.need("position"), log.period)
     return float(np.percentile(np.abs(speed), 99.5))
 
 
@@ -113,17 +109,15 @@ def _segment(log: Log, period: float, cutoff: float | None, top: float) -> Signa
         position = filters.low_pass(log.position[:, 0], cutoff, rate)
         velocity = filters.derivative(position, period)
     else:
-        assert log.velocity is not None
-        position, velocity = None, filters.low_pass(log.velocity[:, 0], cutoff, rate)
+        position, velocity = None, filters.low_pass(log.need("velocity")[:, 0], cutoff, rate)
     acceleration = filters.derivative(velocity, period)
     jerk = filters.derivative(acceleration, period)
-    assert log.torque is not None
     return Signals(
         time=clock,
         velocity=velocity,
         acceleration=acceleration,
         jerk=jerk,
-        torque=log.torque[:, 0],
+        torque=log.need("torque")[:, 0],
         rate=rate,
         position=position,
         model_torque=None if log.model_torque is None else log.model_torque[:, 0],

@@ -65,7 +65,7 @@ def _runs(friction, log: Log, name: str) -> list:
     """One pair of mean torques a run: what a constant-velocity model speaks of."""
     import numpy as np
 
-    from backdrive.identify.constant_velocity import find_runs
+    from backdrive.identify.runs import find_runs
 
     runs = find_runs(log, name)
     if not runs:
