@@ -1,0 +1,103 @@
+"""Numbers with units from curves and torques; no opinion on them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+from backdrive.filters import low_pass
+from backdrive.laws import CoulombViscous, Law, Polyline
+
+JUDGED_BELOW = 5.0  # corner of the zero-phase low pass of `residual` [Hz]
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(5)  # exact for squares of straight and of quadratic sections
+
+
+def curve_distance(first: Law, second: Law, top_speed: float, *, direction: int = 1) -> float:
+    """Return the root mean square difference of two friction curves from rest to a speed.
+
+    Exact for line sections: the integral is cut at every knot of either curve.
+
+    Args:
+        first: one curve.
+        second: the other.
+        top_speed: V, end of the range [rad/s or m/s].
+        direction: 1 for motion along +q, -1 for motion along -q.
+
+    Returns:
+        E of Iwatani 2017, (2.16) [N.m or N].
+
+    Raises:
+        InvalidInput: top_speed is not positive, or direction is neither 1 nor -1.
+    """
+    speed, weight = _quadrature((first, second), top_speed, direction)
+    difference = first.torque(direction * speed) - second.torque(direction * speed)
+    return float(np.sqrt(weight @ difference**2 / top_speed))
+
+
+def relative_curve_distance(first: Law, second: Law, top_speed: float, *, direction: int = 1) -> float:
+    """Return the distance of two friction curves relative to the size of the second.
+
+    Args:
+        first: one curve.
+        second: the other, to which the distance is relative.
+        top_speed: V, end of the range [rad/s or m/s].
+        direction: 1 for motion along +q, -1 for motion along -q.
+
+    Returns:
+        E_p of Iwatani 2017, (2.17) [-]; NaN where the second curve is zero.
+
+    Raises:
+        InvalidInput: top_speed is not positive, or direction is neither 1 nor -1.
+    """
+    speed, weight = _quadrature((second,), top_speed, direction)
+    size = float(np.sqrt(weight @ second.torque(direction * speed) ** 2 / top_speed))
+    distance = curve_distance(first, second, top_speed, direction=direction)
+    return distance / size if size > 0 else float("nan")
+
+
+def residual(tau: np.ndarray, tau_hat: np.ndarray, rate: float) -> tuple[float, float]:
+    """Return how much of a measured torque a prediction leaves unexplained.
+
+    Args:
+        tau: measured torque, uniform samples [N.m or N], (n,) or (n, J).
+        tau_hat: predicted torque [N.m or N], the shape of `tau`.
+        rate: sampling frequency [Hz].
+
+    Returns:
+        100 |tau - tau_hat| / |tau| with both low-passed zero-phase at 5 Hz, and the same without the low pass [%].
+
+    Raises:
+        InvalidInput: the shapes differ.
+    """
+    tau, tau_hat = np.asarray(tau, dtype=np.float64), np.asarray(tau_hat, dtype=np.float64)
+    if tau.shape != tau_hat.shape:
+        raise InvalidInput(
+            f"Measured torque has shape {tau.shape}, predicted {tau_hat.shape}.", remedy="Give equal shapes."
+        )
+    raw = _percent(tau - tau_hat, tau)
+    return _percent(low_pass(tau - tau_hat, JUDGED_BELOW, rate), low_pass(tau, JUDGED_BELOW, rate)), raw
+
+
+def _percent(error: np.ndarray, of: np.ndarray) -> float:
+    size = float(np.linalg.norm(of))
+    return 100.0 * float(np.linalg.norm(error)) / size if size > 0 else float("nan")
+
+
+def _quadrature(laws: tuple[Law, ...], top_speed: float, direction: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return nodes inside (0, top_speed) and their weights, section by section between the knots."""
+    if not 0 < top_speed < np.inf or direction not in (1, -1):
+        raise InvalidInput(
+            f"top_speed = {top_speed}, direction = {direction}.",
+            remedy="Give a positive speed, and 1 or -1 as direction.",
+        )
+    knots = [np.array([0.0, top_speed])]
+    for law in laws:
+        if isinstance(law.rate, Polyline):
+            knots.append(np.array(law.rate.velocity))
+        elif not isinstance(law.rate, CoulombViscous):
+            knots.append(top_speed * np.linspace(0.0, 1.0, 65) ** 2)  # smooth laws bend most near rest
+    edges = np.unique(np.concatenate(knots))
+    edges = edges[(edges >= 0) & (edges <= top_speed)]
+    half = 0.5 * np.diff(edges)[:, None]
+    middle = 0.5 * (edges[:-1] + edges[1:])[:, None]
+    return np.ravel(middle + half * NODES), np.ravel(half * WEIGHTS)

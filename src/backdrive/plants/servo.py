@@ -1,0 +1,88 @@
+"""The joint's own position loop: a sampled PID, as the high-gain controller of Iwatani 2017, 2.3.2.
+
+    u_k = K_p e_k + K_d (dr_k - v_k) + K_i T sum(e_j),   e_k = r_k - p_k
+
+r is the reference, p the encoder's position and v the backward difference of p behind a first-order low pass. The
+integral stands still while the torque is at its limit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from backdrive._jit import jit
+from backdrive.errors import InvalidInput
+
+STATES = 3  # integral of the error, position of the tick before, filtered velocity
+
+
+@jit
+def tick(g, s, T, r, dr, p, limit):
+    """Torque command of one tick; `s` is advanced in place.
+
+    `g` is the row of `Servo`, `s` the state, T the period, r and dr the reference and its velocity, p the measured
+    position and `limit` the largest torque.
+    """
+    K_p, K_d, K_i, filter_time = g[0], g[1], g[2], g[3]
+    e = r - p
+    s[2] += T / (T + filter_time) * ((p - s[1]) / T - s[2])
+    s[1] = p
+    s[0] += T * e
+    u = K_p * e + K_d * (dr - s[2]) + K_i * s[0]
+    if abs(u) > limit:
+        if u * e > 0.0:
+            s[0] -= T * e
+        u = limit if u > 0.0 else -limit
+    return u
+
+
+@dataclass(frozen=True, kw_only=True)
+class Servo:
+    """A PID position controller.
+
+    Attributes:
+        proportional: K_p [N.m/rad or N/m].
+        derivative: K_d [N.m.s/rad or N.s/m].
+        integral: K_i [N.m/(rad.s) or N/(m.s)].
+        filter_time: time constant of the low pass on the measured velocity [s].
+    """
+
+    proportional: float
+    derivative: float
+    integral: float = 0.0
+    filter_time: float = 0.0
+
+    def __post_init__(self):
+        for name in ("proportional", "derivative", "integral", "filter_time"):
+            value = float(getattr(self, name))
+            if not 0.0 <= value < np.inf:
+                raise InvalidInput(
+                    f"Servo: '{name}' = {value} is not a finite number >= 0.", remedy="Give SI gains."
+                )
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def tuned(cls, inertia: float, bandwidth: float, *, filter_time: float = 0.0) -> Servo:
+        """Return gains for a mass: a double pole at the bandwidth and a slow integral.
+
+        Args:
+            inertia: that the servo moves [kg.m^2 or kg].
+            bandwidth: of the position loop [rad/s].
+            filter_time: time constant of the low pass on the measured velocity [s].
+        """
+        return cls(
+            proportional=inertia * bandwidth**2,
+            derivative=2.0 * inertia * bandwidth,
+            integral=0.1 * inertia * bandwidth**3,
+            filter_time=filter_time,
+        )
+
+    def gains(self) -> dict[str, float]:
+        """Return the gains by name."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    def row(self) -> np.ndarray:
+        """Return the gains as the row that `tick` reads, (4,)."""
+        return np.array([self.proportional, self.derivative, self.integral, self.filter_time])
