@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from backdrive.identify.result import Curve, Identification, JointEvidence, Samples
+from backdrive.identification.result import Curve, Identification, JointEvidence, Samples
 from backdrive.laws import CoulombViscous, Law, Polyline
 from backdrive.log import Joint, Source
 from backdrive.model import Estimate, FrictionModel, JointFriction, Quality, Validity

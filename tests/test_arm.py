@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.identify.arm import identify_arm, predict_arm, validate_arm
-from backdrive.identify.arm_signals import hold_out_blocks, prepare_arm, resting
+from backdrive.identification.arm import identify_arm, predict_arm, validate_arm
+from backdrive.identification.arm_signals import hold_out_blocks, prepare_arm, resting
 from backdrive.log import Joint, Log
 from backdrive.model import FrictionModel, load_model
 from backdrive.robot import parse_robot

@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+
 from _synthetic import any_motion
 
 

@@ -1,4 +1,4 @@
-"""Tests for identify/constant_velocity.py."""
+"""Tests for identification/constant_velocity.py."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,8 @@ import pytest
 from _synthetic import constant_runs
 from backdrive import Joint, Log
 from backdrive.errors import NotIdentifiable
-from backdrive.identify.constant_velocity import identify_constant_velocity
-from backdrive.identify.runs import find_runs
+from backdrive.identification.constant_velocity import identify_constant_velocity
+from backdrive.identification.runs import find_runs
 
 SPEEDS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.3, 1.6, 2.0)
 

@@ -1,12 +1,12 @@
-"""Tests for identify/__init__.py, auto.py and validate.py: the right method, the right joints, the right refusals."""
+"""Tests for identification/__init__.py, auto.py and validate.py: the right method, the right joints, the right refusals."""
 
 import numpy as np
 import pytest
-from _synthetic import any_motion, constant_runs
 
-from backdrive import Joint, Log
+from _synthetic import any_motion, constant_runs
+from backdrive import Joint, Log, identify
 from backdrive.errors import InvalidInput, NotIdentifiable, UnhealthyLog, UnknownName
-from backdrive.identify import identify, validate
+from backdrive.identification import validate
 
 
 def dry(v):

@@ -4,8 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from backdrive.errors import InvalidInput
+from backdrive.identification.quality import judge
 from backdrive.laws import CoulombViscous, Law, Polyline
-from backdrive.metrics import curve_distance, relative_curve_distance, residual
+from backdrive.metrics import curve_distance, relative_curve_distance
 
 
 def line(coulomb, viscous, negative=0.0):
@@ -53,13 +54,21 @@ def test_line_sections_are_integrated_exactly(first, second, top):
 def test_the_residual_is_relative_and_blind_to_fast_noise():
     t = np.arange(20000) / 1000.0
     tau = 10.0 * np.sin(2 * np.pi * 0.5 * t)
-    smooth, raw = residual(tau, 0.9 * tau, 1000.0)
-    assert (smooth, raw) == pytest.approx((10.0, 10.0), rel=1e-6)
+    everywhere = np.ones(t.size, dtype=bool)
+    quality = judge([(tau, 0.9 * tau, 1000.0, everywhere)])
+    assert (quality.residual, quality.residual_raw) == pytest.approx((10.0, 10.0), rel=1e-6)
+    halves = judge(
+        [
+            (tau[:10000], 0.9 * tau[:10000], 1000.0, everywhere[:10000]),
+            (tau[10000:], tau[10000:], 1000.0, everywhere[10000:]),
+        ]
+    )
+    assert halves.residual_raw == pytest.approx(10.0 / np.sqrt(2.0), rel=1e-6)
     fast = tau + np.sin(2 * np.pi * 60.0 * t)
-    smooth, raw = residual(fast, tau, 1000.0)
-    assert smooth < 0.5  # what is left comes from the ends
-    assert raw == pytest.approx(100.0 / np.sqrt(101.0), rel=1e-3)
-    assert np.isnan(residual(np.zeros(100), np.zeros(100), 1000.0)[1])
+    quality = judge([(fast, tau, 1000.0, everywhere)])
+    assert quality.residual < 0.5  # what is left comes from the ends
+    assert quality.residual_raw == pytest.approx(100.0 / np.sqrt(101.0), rel=1e-3)
+    assert np.isnan(judge([(np.zeros(100), np.zeros(100), 1000.0, np.ones(100, bool))]).residual_raw)
 
 
 def test_bad_arguments_are_refused():
@@ -67,5 +76,3 @@ def test_bad_arguments_are_refused():
         curve_distance(line(1, 1), line(1, 1), 0.0)
     with pytest.raises(InvalidInput, match="direction"):
         curve_distance(line(1, 1), line(1, 1), 1.0, direction=2)
-    with pytest.raises(InvalidInput, match="shape"):
-        residual(np.zeros(5), np.zeros(4), 100.0)

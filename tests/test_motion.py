@@ -1,11 +1,11 @@
-"""Tests for identify/motion.py: the truth that was put in comes out, and unknowable things are said."""
+"""Tests for identification/motion.py: the truth that was put in comes out, and unknowable things are said."""
 
 import numpy as np
 import pytest
-from _synthetic import any_motion
 
+from _synthetic import any_motion
 from backdrive.errors import NotIdentifiable
-from backdrive.identify.motion import identify_motion
+from backdrive.identification.motion import identify_motion
 
 
 def stribeck(v):

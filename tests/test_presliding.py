@@ -3,8 +3,8 @@ import pytest
 
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.excite import TorqueRamp
-from backdrive.identify.presliding import identify_ramp
-from backdrive.identify.ramp import presliding
+from backdrive.identification.presliding import identify_ramp
+from backdrive.identification.ramp import presliding
 from backdrive.log import Joint, Log
 from backdrive.plants.thesis import joint_0, setup_a
 from backdrive.simulate import simulate

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from backdrive.excite import Sweep, TorqueRamp
-from backdrive.identify import identify
-from backdrive.identify.sweep import identify_sweep, sweep_knots
+from backdrive.identification import identify
+from backdrive.identification.sweep import identify_sweep, sweep_knots
 from backdrive.metrics import relative_curve_distance
 from backdrive.plants import MACHINES, machine
 from backdrive.plants.thesis import bent_curve, joint_1

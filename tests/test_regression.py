@@ -1,9 +1,9 @@
-"""Tests for identify/regression.py and curves.py against textbook results and brute force."""
+"""Tests for identification/regression.py and curves.py against textbook results and brute force."""
 
 import numpy as np
 import pytest
 
-from backdrive.identify import curves, regression
+from backdrive.identification import curves, regression
 
 RNG = np.random.default_rng(1)
 X = RNG.standard_normal((240, 3)) * [1.0, 10.0, 0.01]
@@ -22,7 +22,7 @@ def test_solution_is_that_of_numpy():
 
 def test_left_out_losses_are_those_of_refitting():
     for b in range(8):
-        rest = BLOCK != b
+        rest = b != BLOCK
         theta = np.linalg.lstsq(X[rest], Y[rest], rcond=None)[0]
         expected = np.sum((Y[~rest] - X[~rest] @ theta) ** 2)
         assert regression.left_out_losses(BLOCKS)[b] == pytest.approx(expected, rel=1e-6)

@@ -15,8 +15,8 @@ import pytest
 
 from _example_identification import COMMAND, HOSTILE, ORDINARY, curve_of, example, truths
 from backdrive.errors import InvalidInput, MissingExtra
-from backdrive.identify.grade import grade
-from backdrive.identify.result import Curve, Samples
+from backdrive.identification.grade import grade
+from backdrive.identification.result import Curve, Samples
 from backdrive.model import Validity
 from backdrive.model_file import decode, encode
 from backdrive.report import render, write_report

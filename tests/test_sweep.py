@@ -3,12 +3,12 @@ import pytest
 
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.excite import InTurn, Sweep, inertia_bias
-from backdrive.identify.function_a import function_a, long_run
-from backdrive.identify.signals import prepare
-from backdrive.identify.sweep import find_windows, identify_sweep, sweep_knots, to_polyline
-from backdrive.identify.sweep_fit import equations
-from backdrive.identify.sweep_knots import SweepKnots, clamped, ordered
-from backdrive.identify.sweep_windows import Windows, turning_points, windows
+from backdrive.identification.function_a import function_a, long_run
+from backdrive.identification.signals import prepare
+from backdrive.identification.sweep import find_windows, identify_sweep, sweep_knots, to_polyline
+from backdrive.identification.sweep_fit import equations
+from backdrive.identification.sweep_knots import SweepKnots, clamped, ordered
+from backdrive.identification.sweep_windows import Windows, turning_points, windows
 from backdrive.laws import CoulombViscous, Law, Polyline
 from backdrive.log import Joint, Log
 from backdrive.plants.thesis import joint_1, setup_a

@@ -36,7 +36,9 @@ def write_log(path: Path) -> None:
             dq += 0.03 / f * w * np.cos(w * t + phase)
             ddq -= 0.03 / f * w * w * np.sin(w * t + phase)
         q[:, j] = position
-        tau[:, j] = 0.5 * ddq + COULOMB[j] * np.sign(dq) + VISCOUS[j] * dq + 0.2 * generator.standard_normal(n)
+        tau[:, j] = (
+            0.5 * ddq + COULOMB[j] * np.sign(dq) + VISCOUS[j] * dq + 0.2 * generator.standard_normal(n)
+        )
     del q, tau
     np.save(folder / "t.npy", t)
     import zipfile
@@ -92,7 +94,9 @@ def main() -> None:
             judge.that(f"identify ended with {process.returncode}: {output}", False)
             judge.end()
         largest = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024.0
-        print(f"identified in {wall:.1f} s on {os.cpu_count()} cores; largest single process {largest:.0f} MB")
+        print(
+            f"identified in {wall:.1f} s on {os.cpu_count()} cores; largest single process {largest:.0f} MB"
+        )
         joints = json.loads(model.read_text())["joints"]
         judge.that(f"{len(joints)} joints in the model", len(joints) == JOINTS)
         for j, joint in enumerate(joints):
@@ -100,7 +104,9 @@ def main() -> None:
             found = parameters.get("coulomb_positive", parameters.get("positive"))["value"]
             found = found[0] if isinstance(found, list) else found
             judge.at_most(f"Coulomb torque of joint {j} off by", abs(found - COULOMB[j]), 0.05, "N.m")
-        judge.at_most("peak memory of the process and its reader together", max(peak[0], largest), 2048.0, "MB")
+        judge.at_most(
+            "peak memory of the process and its reader together", max(peak[0], largest), 2048.0, "MB"
+        )
     judge.end()
 
 

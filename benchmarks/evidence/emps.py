@@ -11,8 +11,8 @@ import numpy as np
 from _common import Judge, data
 from scipy.signal import butter, cheby1, filtfilt, sosfiltfilt
 
-from backdrive.identify import curves, design, identify, regression
-from backdrive.identify.signals import Signals
+from backdrive.identification import curves, design, identify, regression
+from backdrive.identification.signals import Signals
 from backdrive.readers import read_log
 
 PUBLISHED = {"M": 95.1089, "Fv": 203.5034, "Fc": 20.3935, "offset": -3.1648}

@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 from _common import Judge, data
 
-from backdrive.identify import identify, validate
-from backdrive.identify.dynamics import predict
-from backdrive.identify.quality import judge as quality
-from backdrive.identify.signals import prepare
+from backdrive.identification import identify, validate
+from backdrive.identification.dynamics import predict
+from backdrive.identification.quality import judge as quality
+from backdrive.identification.signals import prepare
 from backdrive.readers import read_log
 
 GEAR = (256.86, 267.43, 252.33, 221.0, 239.62, 154.32)

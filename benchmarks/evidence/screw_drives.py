@@ -14,8 +14,8 @@ from pathlib import Path
 
 from _common import Judge, data
 
-from backdrive.identify.constant_velocity import compare_sections
-from backdrive.identify.runs import find_runs
+from backdrive.identification.constant_velocity import compare_sections
+from backdrive.identification.runs import find_runs
 from backdrive.readers import read_logs
 
 TORQUE = 9.84e-5  # motor torque of one percent [N.m]

@@ -7,7 +7,6 @@ Every figure is the median of several warm runs. The machine's own `import numpy
 from __future__ import annotations
 
 import os
-import resource
 import statistics
 import subprocess
 import sys
@@ -47,7 +46,11 @@ def run(command: list[str], environment: dict[str, str] | None = None) -> tuple[
     )
     start = time.perf_counter()
     done = subprocess.run(
-        [sys.executable, "-S", "-c", probe, *command], capture_output=True, text=True, check=False, env=environment
+        [sys.executable, "-S", "-c", probe, *command],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment,
     )
     wall = time.perf_counter() - start
     if done.returncode:
@@ -65,7 +68,7 @@ def median(command: list[str]) -> tuple[float, float]:
 def numerics() -> float:
     """Return the median time of the sweep identification of one 16 s, 1 kHz log [s]."""
     from backdrive.excite import Sweep
-    from backdrive.identify.sweep import sweep_knots
+    from backdrive.identification.sweep import sweep_knots
     from backdrive.plants.thesis import joint_1
     from backdrive.simulate import simulate
 
@@ -93,7 +96,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch:
         log = Path(scratch, "six.npz")
         write_log(log)
-        wall, memory = median([python, "-m", "backdrive", "identify", str(log), "-o", str(Path(scratch, "m.json"))])
+        wall, memory = median(
+            [python, "-m", "backdrive", "identify", str(log), "-o", str(Path(scratch, "m.json"))]
+        )
         judge.at_most(f"identify of {JOINTS} joints, {SECONDS} s, {RATE} Hz, warm", wall, 2.5, "s")
         judge.at_most("its peak memory", memory, 500.0, "MB")
     judge.at_most("sweep numerics alone", 1e3 * numerics(), 20.0, "ms")

@@ -12,7 +12,7 @@ import numpy as np
 from _common import Judge
 
 from backdrive.excite import Sweep, inertia_bias
-from backdrive.identify.sweep import SweepKnots, sweep_knots, to_polyline
+from backdrive.identification.sweep import SweepKnots, sweep_knots, to_polyline
 from backdrive.laws import Law
 from backdrive.log import Log
 from backdrive.metrics import curve_distance, relative_curve_distance

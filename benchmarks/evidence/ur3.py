@@ -16,8 +16,8 @@ import numpy as np
 from _common import Judge, data
 
 from backdrive.errors import BackdriveError
-from backdrive.identify import identify, validate
-from backdrive.identify.arm import identify_arm, predict_arm
+from backdrive.identification import identify, validate
+from backdrive.identification.arm import identify_arm, predict_arm
 from backdrive.log import Joint
 from backdrive.readers import read_log
 

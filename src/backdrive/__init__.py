@@ -19,7 +19,7 @@ _HOMES = {
     "read_logs": "backdrive.readers",
     "check": "backdrive.health",
     "Sweep": "backdrive.excite",
-    "identify": "backdrive.identify",
+    "identify": "backdrive.identification",
     "FrictionModel": "backdrive.model",
     "load_model": "backdrive.model",
 }
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from backdrive.errors import BackdriveError as BackdriveError
     from backdrive.excite import Sweep as Sweep
     from backdrive.health import check as check
-    from backdrive.identify import identify as identify
+    from backdrive.identification import identify as identify
     from backdrive.log import Drive as Drive
     from backdrive.log import Joint as Joint
     from backdrive.log import Log as Log
@@ -57,7 +57,9 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module 'backdrive' has no attribute '{name}'")
     value = getattr(importlib.import_module(_HOMES[name]), name)
-    if callable(value):  # `backdrive.identify` is a package and a function; the function is the public name
+    if callable(
+        value
+    ):  # `backdrive.identification` is a package and a function; the function is the public name
         globals()[name] = value
     return value
 

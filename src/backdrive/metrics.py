@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.filters import low_pass
 from backdrive.laws import CoulombViscous, Law, Polyline
 
-JUDGED_BELOW = 5.0  # corner of the zero-phase low pass of `residual` [Hz]
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(5)  # exact for squares of straight and of quadratic sections
 
 
@@ -53,34 +51,6 @@ def relative_curve_distance(first: Law, second: Law, top_speed: float, *, direct
     size = float(np.sqrt(weight @ second.torque(direction * speed) ** 2 / top_speed))
     distance = curve_distance(first, second, top_speed, direction=direction)
     return distance / size if size > 0 else float("nan")
-
-
-def residual(tau: np.ndarray, tau_hat: np.ndarray, rate: float) -> tuple[float, float]:
-    """Return how much of a measured torque a prediction leaves unexplained.
-
-    Args:
-        tau: measured torque, uniform samples [N.m or N], (n,) or (n, J).
-        tau_hat: predicted torque [N.m or N], the shape of `tau`.
-        rate: sampling frequency [Hz].
-
-    Returns:
-        100 |tau - tau_hat| / |tau| with both low-passed zero-phase at 5 Hz, and the same without the low pass [%].
-
-    Raises:
-        InvalidInput: the shapes differ.
-    """
-    tau, tau_hat = np.asarray(tau, dtype=np.float64), np.asarray(tau_hat, dtype=np.float64)
-    if tau.shape != tau_hat.shape:
-        raise InvalidInput(
-            f"Measured torque has shape {tau.shape}, predicted {tau_hat.shape}.", remedy="Give equal shapes."
-        )
-    raw = _percent(tau - tau_hat, tau)
-    return _percent(low_pass(tau - tau_hat, JUDGED_BELOW, rate), low_pass(tau, JUDGED_BELOW, rate)), raw
-
-
-def _percent(error: np.ndarray, of: np.ndarray) -> float:
-    size = float(np.linalg.norm(of))
-    return 100.0 * float(np.linalg.norm(error)) / size if size > 0 else float("nan")
 
 
 def _quadrature(laws: tuple[Law, ...], top_speed: float, direction: int) -> tuple[np.ndarray, np.ndarray]:

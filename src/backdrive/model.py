@@ -71,7 +71,7 @@ class JointFriction:
         standard_errors: by parameter of the rate law, one number or one a knot [its unit].
         at_bound: names of parameters that ended at a bound of their range.
         dynamics: the rest of the inverse dynamics found beside the friction, by term (see
-            `identify.dynamics`): inertia, offset, gravity_sin, gravity_cos, ...
+            `identification.dynamics`): inertia, offset, gravity_sin, gravity_cos, ...
         validity: the range that the data covered.
         fitted: quality on the data of the fit.
         held_out: quality on data that the fit did not see; None when nothing was held out.

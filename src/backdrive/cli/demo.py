@@ -38,7 +38,7 @@ def command(
         import numpy as np
 
         from backdrive.excite import Sweep
-        from backdrive.identify import identify
+        from backdrive.identification import identify
         from backdrive.plants.thesis import machine
         from backdrive.report import write_report
         from backdrive.simulate import simulate
@@ -82,7 +82,7 @@ def command(
 def _curve(law, top: float):
     import numpy as np
 
-    from backdrive.identify import Curve
+    from backdrive.identification import Curve
 
     speed = top * np.linspace(1e-6, 1.0, 80)
     velocity = np.concatenate([-speed[::-1], speed])

@@ -12,7 +12,7 @@ import typer
 from backdrive.cli import _logs
 
 if TYPE_CHECKING:
-    from backdrive.identify import Identification
+    from backdrive.identification import Identification
 
 
 def command(
@@ -65,7 +65,7 @@ def command(
     Example: backdrive identify DATA_EMPS.mat --map "t=t,q=qm,tau=35.15*vir" --unit m -o model.json --report report.html
     """
     from backdrive.cli._progress import progress
-    from backdrive.identify import identify
+    from backdrive.identification import identify
 
     options = {"map": map, "names": names, "units": unit, "gear": gear, "format": format, "topic": topic}
     with progress(quiet=as_json) as say:

@@ -36,7 +36,7 @@ def command(
     from backdrive import health, load_model
     from backdrive.cli._output import print_json
     from backdrive.cli._progress import progress
-    from backdrive.identify import validate
+    from backdrive.identification import validate
 
     loaded = load_model(model)
     with progress(quiet=as_json) as say:

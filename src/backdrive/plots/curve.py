@@ -11,7 +11,7 @@ import numpy as np
 
 from backdrive._files import write_whole
 from backdrive.errors import InvalidInput
-from backdrive.identify.result import Curve, JointEvidence, Samples
+from backdrive.identification.result import Curve, JointEvidence, Samples
 from backdrive.log import Joint
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.plots import canvas, sizes

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.identify.result import Curve, Samples
+from backdrive.identification.result import Curve, Samples
 from backdrive.log import Joint
 from backdrive.plots import canvas, sizes
 from backdrive.plots.canvas import Theme

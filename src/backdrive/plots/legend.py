@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.identify.result import Curve, JointEvidence
+from backdrive.identification.result import Curve, JointEvidence
 from backdrive.plots import canvas
 from backdrive.plots.canvas import Theme
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.identify.result import Curve
+from backdrive.identification.result import Curve
 from backdrive.laws import Law, Polyline
 from backdrive.model import JointFriction
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from backdrive.errors import InvalidInput
-from backdrive.identify.result import Curve, Identification
+from backdrive.identification.result import Curve, Identification
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.identify.result import Curve, JointEvidence, Samples
+from backdrive.identification.result import Curve, JointEvidence, Samples
 from backdrive.model import JointFriction
 from backdrive.plots import canvas, curve, directions, model_curve, residuals, svg
 from backdrive.report.words import counted, esc, plain, quantity

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from backdrive.identify.grade import grade
-from backdrive.identify.result import Curve, JointEvidence
+from backdrive.identification.grade import grade
+from backdrive.identification.result import Curve, JointEvidence
 from backdrive.model import JointFriction, Quality
 from backdrive.plots.canvas import pretty_unit
 from backdrive.report import figures

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.identify.grade import FAIR, GOOD, grade
-from backdrive.identify.result import Curve, Identification
+from backdrive.identification.grade import FAIR, GOOD, grade
+from backdrive.identification.result import Curve, Identification
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.plots.canvas import pretty_unit
 from backdrive.plots.sizes import scaled

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from backdrive.identify.grade import grade
+from backdrive.identification.grade import grade
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.report.words import (
     bounds,

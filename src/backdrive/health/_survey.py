@@ -1,0 +1,68 @@
+"""One pass over a channel: the few numbers per joint that tell whether a closer look is needed.
+
+A healthy log of an hour is read once per channel, in pieces that stay in the processor's cache; only joints with a suspicious number are
+looked at sample by sample.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+#: Rows a piece; seven columns of doubles then fit a second-level cache.
+_PIECE = 1 << 13
+#: A run of this many equal samples is worth a look.
+RUN = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """Per-joint figures of one channel, each (J,), in the channel's unit.
+
+    Attributes:
+        finite: no NaN, no infinity.
+        low: smallest value.
+        high: largest value.
+        step: largest difference between neighbours.
+        equal: share of neighbours that are equal [1].
+        long_run: there are at least `RUN` equal samples in a row.
+        spike: largest excess of a sample over both its neighbours.
+    """
+
+    finite: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    step: np.ndarray
+    equal: np.ndarray
+    long_run: np.ndarray
+    spike: np.ndarray
+
+
+def survey(array: np.ndarray) -> Survey:
+    """Return the survey of a channel (n, J); n may be 0."""
+    n, joints = array.shape
+    finite, long_run = np.ones(joints, bool), np.zeros(joints, bool)
+    low, high = np.full(joints, np.inf), np.full(joints, -np.inf)
+    step, spike, equal = np.zeros(joints), np.zeros(joints), np.zeros(joints)
+    for start in range(0, n, _PIECE):
+        piece = array[start : start + _PIECE + RUN]
+        finite &= np.isfinite(piece).all(axis=0)
+        np.fmin(low, np.fmin.reduce(piece, axis=0), out=low)
+        np.fmax(high, np.fmax.reduce(piece, axis=0), out=high)
+        change = np.diff(piece, axis=0)
+        if not change.size:
+            continue
+        same = change == 0
+        equal += same[:_PIECE].sum(axis=0)
+        if same.any() and same.shape[0] >= RUN - 1:
+            count = np.cumsum(same, axis=0, dtype=np.int32)
+            window = count[RUN - 2 :].copy()
+            window[1:] -= count[: -(RUN - 1)]
+            long_run |= (window == RUN - 1).any(axis=0)
+        # a sample exceeds both neighbours where the step in and the step out have opposite signs
+        out = np.where(change[:-1] * change[1:] < 0, np.minimum(np.abs(change[:-1]), np.abs(change[1:])), 0.0)
+        np.fmax(step, np.fmax.reduce(np.abs(change), axis=0), out=step)
+        if out.size:
+            np.fmax(spike, np.fmax.reduce(out, axis=0), out=spike)
+    return Survey(finite, low, high, step, equal / max(n - 1, 1), long_run, spike)

@@ -1,0 +1,207 @@
+"""From logs to a friction model: `identify`, and `validate` on logs that the fit did not see."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from backdrive._catalog import lookup
+from backdrive.errors import InvalidInput, NotIdentifiable, UnhealthyLog
+from backdrive.identification.auto import METHODS, choose_method, moving_joints, own_turn
+from backdrive.identification.result import Curve as Curve
+from backdrive.identification.result import Identification as Identification
+from backdrive.identification.result import JointEvidence as JointEvidence
+from backdrive.identification.result import Samples as Samples
+from backdrive.identification.validate import validate as validate
+from backdrive.log import Log
+from backdrive.model import FrictionModel, JointFriction
+
+
+def identify(
+    logs: Log | Sequence[Log],
+    *,
+    method: str = "auto",
+    plan: Any = None,
+    joints: Sequence[str] | None = None,
+    urdf: str | None = None,
+    held_out: Sequence[Log] = (),
+    symmetric: bool | None = None,
+    gravity: bool | None = None,
+    literal: bool = False,
+    cutoff: float | None = None,
+    accept: Sequence[str] = (),
+    repair: bool = False,
+    progress: Callable[[str], None] | None = None,
+) -> Identification:
+    """Identify the friction of every joint that moves.
+
+    Args:
+        logs: one log, or several of the same joints.
+        method: `auto`, or one of `METHODS`.
+        plan: the motion that was commanded (an object of `backdrive.excite`); gives the sweep its windows.
+        joints: names of the joints wanted; None: every joint that moves.
+        urdf: path of the robot description; needed for the method `arm`.
+        held_out: logs to judge on, not seen by the fit.
+        symmetric: force one curve for both directions (True) or one each (False).
+        gravity: estimate gravity as sin q and cos q (motion); None: where the data ask for it.
+        literal: the sweep exactly as printed in the thesis, without corrections.
+        cutoff: low pass of the motion before differentiation [Hz].
+        accept: names of health findings to accept.
+        repair: mend the log where an honest repair exists; each is noted.
+        progress: called with a sentence before every step that may take long.
+
+    Returns:
+        The model, the evidence for every joint, and which method ran and why.
+
+    Raises:
+        UnhealthyLog: a finding would spoil the result.
+        NotIdentifiable: the data do not determine the friction.
+        InvalidInput: an argument or a log does not fit the method.
+    """
+    from backdrive import __version__
+
+    say = progress or (lambda sentence: None)
+    logs = [logs] if isinstance(logs, Log) else list(logs)
+    if not logs:
+        raise InvalidInput("There is no log to identify from.", remedy="Pass at least one.")
+    _same_joints([*logs, *held_out])
+    if plan is not None:
+        logs = [log.replace(plan=plan) for log in logs]
+    say("Checking the logs")
+    logs = [_healthy(log, accept, repair) for log in logs]
+    held_out = [_healthy(log, accept, repair) for log in held_out]
+    names, idle = moving_joints(logs, joints)
+    if method == "auto":
+        method, reason = choose_method(logs, names, urdf)
+    else:
+        lookup(method, METHODS, "method")
+        reason = "it was asked for"
+    warnings = [f"Joint '{name}' hardly moves and was left out." for name in idle]
+    if method == "motion" and _move_together(logs, names):
+        warnings.append(
+            "Several joints move at once and pull on each other; the single-axis model does not know that pull. Pass the robot's "
+            "description (--urdf), or torques known from elsewhere (--map tau_model=...)."
+        )
+    arm = None
+    if method == "arm":
+        if urdf is None:
+            raise InvalidInput(
+                "The method 'arm' needs the robot's description.", remedy="Pass --urdf ROBOT.urdf."
+            )
+        from backdrive.identification.arm import identify_arm
+
+        say("Identifying the arm")
+        friction, evidence, arm = identify_arm(logs, urdf, held_out=held_out, cutoff=cutoff)
+    else:
+        found: list[tuple[JointFriction, JointEvidence]] = []
+        for name in names:
+            say(f"Identifying {name} ({method})")
+            try:
+                found.append(
+                    _one(
+                        method,
+                        logs,
+                        name,
+                        held_out,
+                        symmetric=symmetric,
+                        gravity=gravity,
+                        literal=literal,
+                        cutoff=cutoff,
+                    )
+                )
+            except NotIdentifiable as error:
+                if joints is not None or len(names) == 1:
+                    raise
+                warnings.append(f"Joint '{name}' was left out: {error}")
+        if not found:
+            raise NotIdentifiable("No joint could be identified.", remedy=" ".join(warnings))
+        friction, evidence = zip(*found)
+    options = {
+        "method": method,
+        "symmetric": symmetric,
+        "gravity": gravity,
+        "literal": literal,
+        "cutoff": cutoff,
+        "accept": list(accept),
+        "repair": repair,
+    }
+    notes = [note for log in logs for note in log.notes]
+    model = FrictionModel(
+        joints=tuple(friction),
+        arm=arm,
+        sources=tuple(s for log in logs for s in log.sources),
+        options={k: v for k, v in options.items() if v not in (None, False, [])},
+        version=__version__,
+    )
+    return Identification(
+        model=model,
+        evidence=tuple(evidence),
+        method=method,
+        reason=reason,
+        warnings=tuple(dict.fromkeys(warnings)),
+        notes=tuple(dict.fromkeys(notes)),
+    )
+
+
+def _move_together(logs: Sequence[Log], names: Sequence[str]) -> bool:
+    """Say whether joints move at the same time and no torque known from elsewhere takes their pull away."""
+    import numpy as np
+
+    together = 0
+    for log in logs:
+        if len(names) < 2 or log.model_torque is not None or len(log) < 2:
+            continue
+        part = log.select(names)
+        speed = np.abs(np.gradient(part.position, axis=0) if part.position is not None else part.velocity)
+        busy = speed > 0.05 * np.nanpercentile(speed, 99, axis=0)
+        together += int(np.mean(busy.sum(axis=1) > 1) > 0.2)
+    return together > 0
+
+
+def _healthy(log: Log, accept: Sequence[str], repair: bool) -> Log:
+    """Pass a log through the health gate; the error names its file."""
+    from backdrive import health
+
+    try:
+        return health.gate(log, accept=accept, repair=repair)
+    except UnhealthyLog as error:
+        if not log.sources:
+            raise
+        raise UnhealthyLog(
+            f"{log.sources[0].path}: {error.message}", remedy=error.remedy, **error.data
+        ) from error
+
+
+def _one(method: str, logs, name: str, held_out, **options) -> tuple[JointFriction, JointEvidence]:
+    logs = [own_turn(log, name) for log in logs]
+    if method == "sweep":
+        from backdrive.identification.sweep import identify_sweep
+
+        return identify_sweep(logs, name, literal=options["literal"], symmetric=options["symmetric"])
+    if method == "constant-velocity":
+        from backdrive.identification.constant_velocity import identify_constant_velocity
+
+        return identify_constant_velocity(logs, name, symmetric=options["symmetric"])
+    if method == "ramp":
+        from backdrive.identification.presliding import identify_ramp
+
+        return identify_ramp(logs, name)
+    from backdrive.identification.motion import identify_motion
+
+    return identify_motion(
+        logs,
+        name,
+        held_out=held_out,
+        cutoff=options["cutoff"],
+        gravity=options["gravity"],
+        symmetric=options["symmetric"],
+    )
+
+
+def _same_joints(logs: Sequence[Log]) -> None:
+    for log in logs[1:]:
+        if log.names != logs[0].names:
+            raise InvalidInput(
+                f"The logs hold different joints: {', '.join(logs[0].names)} and {', '.join(log.names)}.",
+                remedy="Identify them one by one, or name the joints alike (--names).",
+            )

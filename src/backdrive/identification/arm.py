@@ -1,0 +1,214 @@
+"""A whole arm at once: rigid bodies by their base parameters, and every joint's friction beside them.
+
+What is fitted is in `arm_terms`, how in `arm_solve`, and what makes it suspect in `arm_checks`. Torque is judged where it is
+measured, rests included; it is fitted only while a joint moves, since friction at rest may be anything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.filters import derivative, low_pass
+from backdrive.identification import curves
+from backdrive.identification.arm_checks import refuse_inverted, remarks
+from backdrive.identification.arm_predict import DYNAMICS, explained, judged, predict_arm, validate_arm
+from backdrive.identification.arm_signals import (
+    MOTION_CUTOFF,
+    ArmSignals,
+    hold_out_all,
+    hold_out_blocks,
+    prepare_arm,
+    resting,
+)
+from backdrive.identification.arm_solve import Solution, solve_arm, spread_of
+from backdrive.identification.arm_terms import Regressor, Terms, build, fill_load, terms_of
+from backdrive.identification.evidence import evidence
+from backdrive.identification.quality import JUDGED_BELOW
+from backdrive.identification.result import JointEvidence
+from backdrive.identification.signals import Signals
+from backdrive.laws import Law, Polyline
+from backdrive.log import Joint, Log
+from backdrive.model import ArmModel, Estimate, JointFriction, Validity
+from backdrive.robot import Robot, load_robot
+
+SIGNIFICANT = 2.0  # load friction of fewer standard errors is taken to be none
+
+__all__ = ["identify_arm", "predict_arm", "validate_arm"]
+
+
+def identify_arm(
+    logs: Log | Sequence[Log],
+    urdf: str | Path | Robot,
+    *,
+    held_out: Sequence[Log] | None = None,
+    cutoff: float | None = None,
+    load_friction: bool = True,
+) -> tuple[tuple[JointFriction, ...], tuple[JointEvidence, ...], ArmModel]:
+    """Identify the friction of all joints of an arm together with its rigid bodies.
+
+    Args:
+        logs: of any lively motion, with position and torque of all joints.
+        urdf: path of the robot description, or the robot read from it; joints are matched by name.
+        held_out: logs to judge on, not fitted; without any, a quarter of `logs` in contiguous blocks.
+        cutoff: low pass of the position before differentiation [Hz]; None: 20.
+        load_friction: estimate friction in proportion to the torque that the bodies ask for.
+
+    Returns:
+        Friction and evidence by joint, in the log's order; and the bodies, in the URDF's. `dynamics` of a joint holds
+        the keys of `DYNAMICS`: `inertia` that the motor adds, `offset` of the torque, `load_friction` (friction per
+        transmitted torque, absent where there is none), and `transition`, the velocity within which friction changes
+        sign. The evidence's torques are low-passed at 5 Hz, as they are judged.
+
+    Raises:
+        InvalidInput: joints, units or channels do not fit.
+        NotIdentifiable: the torque's sign is inverted, no joint moves, or there are too few samples.
+    """
+    logs = [logs] if isinstance(logs, Log) else list(logs)
+    if not logs:
+        raise InvalidInput("There is no log to identify from.", remedy="Pass at least one.")
+    robot = urdf if isinstance(urdf, Robot) else load_robot(urdf)
+    robot = robot.without_tools(logs[0].names)
+    cutoff = cutoff or MOTION_CUTOFF
+    seen = [s for log in logs for s in prepare_arm(log, robot, cutoff=cutoff)]
+    if held_out:
+        unseen = hold_out_all([s for log in held_out for s in prepare_arm(log, robot, cutoff=cutoff)])
+    else:
+        seen, unseen = hold_out_blocks(seen), []
+    rates = {round(s.rate) for s in seen}
+    if max(rates) > 1.2 * min(rates):
+        raise InvalidInput(
+            f"The logs are sampled at {sorted(rates)} Hz.",
+            remedy="Resample them alike, or identify one by one.",
+        )
+    regressor = Regressor(robot, seen)
+    terms = _terms(seen, len(robot.joints))
+    rows = build(regressor, terms)
+    unknown = robot.base.columns.size + sum(t.size for t in terms)
+    if np.count_nonzero(rows.weight) < 2 * unknown:
+        raise NotIdentifiable(
+            f"{np.count_nonzero(rows.weight)} rows of moving joints are too few for {unknown} coefficients.",
+            remedy="Record a longer motion of all joints.",
+        )
+    refuse_inverted(rows, robot, terms)
+
+    def refill(beta: np.ndarray) -> None:
+        fill_load(rows, regressor, terms, beta)
+
+    loaded = np.full(len(terms), load_friction)
+    solution = solve_arm(rows, robot, terms, refill, loaded)
+    found = np.array([own[-1] > SIGNIFICANT * e[-1] for own, e in zip(solution.own, solution.errors)])
+    if np.any(loaded & ~found):  # what cannot be told from zero is left out, and the rest fitted again
+        loaded &= found
+        solution = solve_arm(rows, robot, terms, refill, loaded)
+    theta = robot.base.standard(solution.beta, robot.parameters, spread_of(robot))
+    arm = ArmModel(urdf_sha256=robot.sha256, parameters=tuple(theta.tolist()), condition=solution.condition)
+    warnings = remarks(robot, terms, rows, solution)
+    order = [robot.joints.index(name) for name in logs[0].names if name in robot.joints]
+    about = {joint.name: joint for joint in logs[0].joints}
+    frictions = [
+        _friction(about[name], terms[j], solution, j, _loads(seen, j), warnings[j])
+        for j, name in enumerate(robot.joints)
+    ]
+    everything = [(s, *explained(s, robot, arm, frictions)) for s in (*seen, *unseen)]
+    frictions = [
+        replace(
+            friction,
+            fitted=judged(everything, j, lambda s: s.fitted),
+            held_out=judged(everything, j, lambda s: s.held_out),
+        )
+        for j, friction in enumerate(frictions)
+    ]
+    shown = [_evidence(everything, j, frictions[j], terms[j], solution) for j in range(len(frictions))]
+    return tuple(frictions[j] for j in order), tuple(shown[j] for j in order), arm
+
+
+def _terms(stretches: Sequence[ArmSignals], J: int) -> list[Terms]:
+    top = np.max([np.quantile(np.abs(s.velocity), 0.999, axis=0) for s in stretches], axis=0)
+    moves = [~resting(s.velocity, top, s.rate) & s.fitted[:, None] for s in stretches]
+    speeds = [
+        np.concatenate([np.abs(s.velocity[m[:, j], j]) for s, m in zip(stretches, moves)]) for j in range(J)
+    ]
+    return [terms_of(speed) for speed in speeds]
+
+
+def _loads(stretches: Sequence[ArmSignals], j: int) -> tuple[float, float]:
+    """Smallest and largest torque of a joint, low-passed [N.m or N]."""
+    values = np.concatenate([low_pass(s.torque[:, j], JUDGED_BELOW, s.rate)[s.fitted] for s in stretches])
+    return float(values.min()), float(values.max())
+
+
+def _friction(
+    joint: Joint,
+    terms: Terms,
+    solution: Solution,
+    j: int,
+    loads: tuple[float, float],
+    warnings: tuple[str, ...],
+) -> JointFriction:
+    """Put one joint's coefficients into its law; a last, level section holds the curve constant beyond the top speed."""
+    own, error, k = solution.own[j], solution.errors[j], terms.knots.size
+    values = {"positive": own[:k], "negative": own[k : 2 * k]}
+    errors = {"positive": error[:k], "negative": error[k : 2 * k]}
+    law = Polyline(
+        velocity=(*terms.knots.tolist(), terms.top),
+        **{name: (*v.tolist(), float(v[-1])) for name, v in values.items()},
+    )
+    found = {"offset": (own[2 * k], error[2 * k]), "inertia": (own[2 * k + 1], error[2 * k + 1])}
+    if own[2 * k + 2] > 1e-9:
+        found["load_friction"] = (own[2 * k + 2], error[2 * k + 2])
+    found["transition"] = (terms.transition, np.nan)
+    linear = joint.unit == "m"
+    return JointFriction(
+        joint=replace(joint, torque_side="joint"),
+        law=Law(rate=law),
+        standard_errors={name: (*e.tolist(), float(e[-1])) for name, e in errors.items()},
+        at_bound=tuple(name for name, v in values.items() if np.any(v == 0)),
+        dynamics={
+            name: Estimate(value=float(v), unit=DYNAMICS[name][linear], standard_error=float(e))
+            for name, (v, e) in found.items()
+        },
+        validity=Validity(velocity=(-terms.top, terms.top), load=loads),
+        method="arm",
+        warnings=warnings,
+    )
+
+
+def _evidence(
+    everything: Sequence[tuple[ArmSignals, np.ndarray, np.ndarray]],
+    j: int,
+    friction: JointFriction,
+    terms: Terms,
+    solution: Solution,
+) -> JointEvidence:
+    parts = []
+    for s, predicted, rest in everything:
+        torque, hat, known = (low_pass(x[:, j], JUDGED_BELOW, s.rate) for x in (s.torque, predicted, rest))
+        for mask, seen in ((s.fitted, True), (s.held_out, False)):
+            if not mask.any():
+                continue
+            signals = Signals(
+                time=s.time[mask],
+                velocity=s.velocity[mask, j],
+                acceleration=s.acceleration[mask, j],
+                jerk=derivative(s.acceleration[:, j], 1.0 / s.rate)[mask],
+                torque=torque[mask],
+                rate=s.rate,
+                position=s.position[mask, j],
+                model_torque=None,
+                moving=np.ones(int(mask.sum()), dtype=bool),
+            )
+            parts.append((signals, (torque - known)[mask], hat[mask], seen))
+    k = terms.knots.size
+    covariance = solution.covariance[j][: 2 * k, : 2 * k]
+
+    def standard_error(velocity: np.ndarray) -> np.ndarray:
+        shapes = curves.hats(np.minimum(np.abs(velocity), terms.knots[-1]), terms.knots)
+        both = np.hstack([shapes * (velocity > 0)[:, None], shapes * (velocity <= 0)[:, None]])
+        return np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", both, covariance, both), 0.0))
+
+    return evidence(friction, parts, standard_error)

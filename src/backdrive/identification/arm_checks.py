@@ -1,0 +1,107 @@
+"""What makes an arm's result suspect: torque of inverted sign, too little motion, terms at a bound."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from backdrive.errors import NotIdentifiable
+from backdrive.identification.arm_solve import Solution
+from backdrive.identification.arm_terms import Rows, Terms
+from backdrive.robot import PER_LINK, Robot
+
+TELLING = 0.05  # friction below this share of a joint's torque does not tell the torque's sign [-]
+ILL = 1000.0  # condition number above which the motion is called poor [-]
+GUESSED = 0.5  # a base parameter is guessed when the data took away less than this of its prior variance [-]
+SLOW = (
+    0.02  # a joint whose top speed is below this share of the fastest of its kind shows little friction [-]
+)
+SURE = 3.0  # a bound that the data pull at by fewer standard errors is not worth a remark
+ONE_WAY = 0.1  # a direction with less than this share of the moving time is hardly seen [-]
+LARGE_OFFSET = 0.3  # of the mean friction; beyond it, the offset is worth a remark [-]
+
+
+def refuse_inverted(rows: Rows, robot: Robot, terms: Sequence[Terms]) -> None:
+    """Raise where friction would feed a joint: the torque points the other way.
+
+    Each joint is fitted alone, with its bodies free in sign, so that a joint with inverted torque cannot spoil the verdict on
+    the others.
+
+    Args:
+        rows: filtered and thinned.
+        robot: the description.
+        terms: of every joint.
+
+    Raises:
+        NotIdentifiable: names the joints.
+    """
+    inverted = []
+    for j, t in enumerate(terms):
+        k = t.knots.size
+        used = rows.weight[:, j] > 0
+        if np.count_nonzero(used) < 4 * rows.bodies.shape[2]:
+            continue
+        own, torque = rows.friction[j][used], rows.torque[used, j]
+        coulomb = own[:, : 2 * k].sum(axis=1)
+        viscous = own[:, :k] @ t.knots + own[:, k : 2 * k] @ t.knots
+        columns = np.column_stack([coulomb, viscous, own[:, 2 * k : 2 * k + 2], rows.bodies[used, j]])
+        size = np.linalg.norm(columns, axis=0)
+        size[size == 0] = 1.0
+        theta = np.linalg.lstsq(columns / size, torque, rcond=1e-6)[0] / size
+        friction = coulomb * theta[0] + viscous * theta[1]
+        if friction @ coulomb < 0 and np.linalg.norm(friction) > TELLING * np.linalg.norm(torque):
+            inverted.append(robot.joints[j])
+    if inverted:
+        raise NotIdentifiable(
+            f"Friction would push instead of brake in {', '.join(inverted)}: the torque's sign is inverted.",
+            remedy="Turn it round, for example --map tau=-COLUMN, or correct the direction of the joint.",
+            joints=inverted,
+        )
+
+
+def remarks(robot: Robot, terms: Sequence[Terms], rows: Rows, solution: Solution) -> list[tuple[str, ...]]:
+    """Return every joint's warnings, in the robot's order."""
+    result = []
+    for j, t in enumerate(terms):
+        said = []
+        k = t.knots.size
+        used = rows.weight[:, j] > 0
+        peers = [o.top for o, unit in zip(terms, robot.units) if unit == robot.units[j]]
+        if not used.any():
+            result.append(("It never moves: its friction is unknown and set to zero.",))
+            continue
+        if t.top < SLOW * max(peers):
+            said.append(f"It moves at no more than {t.top:.2g} {robot.units[j]}/s: the curve ends there.")
+        ways = np.array([rows.friction[j][used, :k].sum(), -rows.friction[j][used, k : 2 * k].sum()])
+        if ways.min() < ONE_WAY * ways.sum():
+            said.append("It moves almost only one way: the curve of the other is taken from that one.")
+        own = solution.own[j]
+        pushed = solution.pushed[j]
+        if np.any(pushed[: 2 * k] > SURE):
+            said.append("Its friction came out zero at some speed: another term may have taken its place.")
+        if pushed[2 * k + 1] > SURE:
+            said.append(
+                "The motor's inertia ended at zero: friction that lags behind the velocity, or torque that is late, "
+                "hides it."
+            )
+        mean = float(np.mean(own[: 2 * k]))
+        if abs(own[2 * k]) > LARGE_OFFSET * mean:
+            said.append(
+                f"The torque is offset by {own[2 * k]:.2g}, not small beside the friction of {mean:.2g}: a sensor's "
+                "offset, or friction that differs between the directions."
+            )
+        columns = robot.base.columns // PER_LINK == j
+        guessed = int(np.sum(solution.told[columns] < GUESSED))
+        if guessed:
+            said.append(
+                f"{guessed} of {int(columns.sum())} base parameters of its link are hardly determined and stay near the URDF's."
+            )
+        if solution.condition > ILL and j == 0:
+            said.append(
+                f"The motion excites the bodies poorly (condition number {solution.condition:.0f}): record a livelier one."
+            )
+        if own[-1] >= 1.0:
+            said.append("Load friction ended at 100 %: check the torque's unit and the URDF.")
+        result.append(tuple(said))
+    return result

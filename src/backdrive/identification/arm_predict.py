@@ -1,0 +1,118 @@
+"""The torque that the model of a whole arm expects along a motion, and how far measured torque is from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+from backdrive.identification.arm_signals import ArmSignals, hold_out_all, prepare_arm
+from backdrive.identification.arm_terms import Regressor
+from backdrive.identification.quality import judge
+from backdrive.log import Log
+from backdrive.model import ArmModel, FrictionModel, JointFriction, Quality
+from backdrive.robot import Robot, load_robot
+
+#: Names of `JointFriction.dynamics` -> unit for a rotary and for a linear joint.
+DYNAMICS: dict[str, tuple[str, str]] = {
+    "inertia": ("kg.m^2", "kg"),
+    "offset": ("N.m", "N"),
+    "load_friction": ("1", "1"),
+    "transition": ("rad/s", "m/s"),
+}
+
+
+def predict_arm(model: FrictionModel, log: Log, urdf: str | Path | Robot) -> np.ndarray:
+    """Return the torque that the model expects for a log's motion.
+
+    Args:
+        model: of a whole arm.
+        log: with position and torque of all its joints, in any order.
+        urdf: the description that the model was identified with.
+
+    Returns:
+        Torque on the joint side [N.m or N], (n, J), joints in the model's order.
+
+    Raises:
+        InvalidInput: the model is not of an arm, or belongs to another description.
+    """
+    arm, robot = _arm_of(model, urdf)
+    frictions = [model.joint(name) for name in robot.joints]
+    torque = np.full((len(log), len(robot.joints)), np.nan)
+    for s in prepare_arm(log, robot):
+        predicted, _ = explained(s, robot, arm, frictions)
+        inside = (log.time >= s.time[0]) & (log.time <= s.time[-1] + 1.0 / s.rate)
+        for j in range(len(robot.joints)):
+            torque[inside, j] = np.interp(log.time[inside], s.time, predicted[:, j])
+    return torque[:, [robot.joints.index(name) for name in model.names]]
+
+
+def validate_arm(model: FrictionModel, logs: Sequence[Log], urdf: str | Path | Robot) -> dict[str, Quality]:
+    """Return how well the model explains each joint's torque over all logs, rests included.
+
+    Args:
+        model: of a whole arm.
+        logs: with position and torque of all its joints.
+        urdf: the description that the model was identified with.
+
+    Raises:
+        InvalidInput: the model is not of an arm, or belongs to another description.
+    """
+    arm, robot = _arm_of(model, urdf)
+    frictions = [model.joint(name) for name in robot.joints]
+    stretches = hold_out_all([s for log in logs for s in prepare_arm(log, robot)])
+    everything = [(s, *explained(s, robot, arm, frictions)) for s in stretches]
+    qualities = {}
+    for name in model.names:
+        quality = judged(everything, robot.joints.index(name), lambda s: s.held_out)
+        assert quality is not None
+        qualities[name] = quality
+    return qualities
+
+
+def _arm_of(model: FrictionModel, urdf: str | Path | Robot) -> tuple[ArmModel, Robot]:
+    if model.arm is None:
+        raise InvalidInput(
+            "This model is not of a whole arm.", remedy="Identify with --method arm --urdf ROBOT."
+        )
+    robot = (urdf if isinstance(urdf, Robot) else load_robot(urdf)).without_tools(model.names)
+    if robot.sha256 != model.arm.urdf_sha256:
+        raise InvalidInput(
+            f"The model belongs to another robot description (sha256 {model.arm.urdf_sha256[:12]}...).",
+            remedy="Pass the URDF that it was identified with.",
+        )
+    robot.order_in(model.names)
+    if len(model.arm.parameters) != robot.parameters.size:
+        raise InvalidInput(
+            f"The model has {len(model.arm.parameters)} rigid-body parameters, the URDF {robot.parameters.size}.",
+            remedy="Identify again.",
+        )
+    return model.arm, robot
+
+
+def explained(
+    s: ArmSignals, robot: Robot, arm: ArmModel, frictions: Sequence[JointFriction]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the predicted torque along a stretch, and its part that is not the friction curve, each (n, J)."""
+    bodies = Regressor(robot, [s]).bodies(0, robot.base.relation @ np.array(arm.parameters))
+    rest, curve = np.empty_like(bodies), np.empty_like(bodies)
+    for j, friction in enumerate(frictions):
+        value = {name: e.value for name, e in friction.dynamics.items()}
+        velocity = s.velocity[:, j]
+        sign = np.tanh(velocity / value["transition"])
+        rest[:, j] = bodies[:, j] + value["inertia"] * s.acceleration[:, j] + value["offset"]
+        rest[:, j] += value.get("load_friction", 0.0) * np.abs(bodies[:, j]) * sign
+        curve[:, j] = np.abs(sign) * friction.law.torque(velocity)
+    return rest + curve, rest
+
+
+def judged(
+    everything: Sequence[tuple[ArmSignals, np.ndarray, np.ndarray]],
+    j: int,
+    which: Callable[[ArmSignals], np.ndarray],
+) -> Quality | None:
+    """Return how well one joint is explained over the samples that `which` picks; None where it picks none."""
+    pairs = [(s.torque[:, j], p[:, j], s.rate, which(s)) for s, p, _ in everything if which(s).any()]
+    return judge(pairs) if pairs else None

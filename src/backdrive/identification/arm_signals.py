@@ -1,0 +1,179 @@
+"""From logs of a whole arm to uniform, gap-free, differentiated signals of all joints in the robot's order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from backdrive import filters
+from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.identification.signals import GAP, SHORTEST
+from backdrive.log import Log
+from backdrive.robot import Robot
+
+MOTION_CUTOFF = 20.0  # low pass of the position before it is differentiated [Hz]
+WORK_RATE = 125.0  # signals are thinned to at most this, well above the cut-off [Hz]
+SHORTEST_TIME = 1.0  # a stretch between gaps that is shorter is left out [s]
+REST = 0.01  # below this share of its top speed a joint is taken to rest [-]
+REST_TIME = 0.2  # when it does so for longer than this [s]
+SETTLE = 0.1  # around a rest the filtered torque still shows it [s]
+BLOCKS = 8  # a log without a held-out companion is parted into so many blocks ...
+EVERY = 4  # ... of which the last of every four is held out
+SEAM = 0.5  # neither side of a block's border is fitted for this long, as filters look across it [s]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ArmSignals:
+    """Motion and torque of all joints between two gaps, in the robot's order.
+
+    Attributes:
+        time: uniform instants [s], (n,).
+        position: low-passed [rad or m], (n, J).
+        velocity: [rad/s or m/s], (n, J).
+        acceleration: [rad/s^2 or m/s^2], (n, J).
+        torque: actuator plus external torque on the joint side, low-passed only as the thinning asks for
+            [N.m or N], (n, J).
+        rate: sampling frequency [Hz].
+        fitted: samples that the fit sees, (n,).
+        held_out: samples that it is judged on as unseen, (n,); never both.
+    """
+
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    torque: np.ndarray
+    rate: float
+    fitted: np.ndarray
+    held_out: np.ndarray
+
+
+def prepare_arm(log: Log, robot: Robot, *, cutoff: float = MOTION_CUTOFF) -> list[ArmSignals]:
+    """Return the gap-free stretches of a log, all to be fitted.
+
+    Args:
+        log: with position and torque of all the robot's joints, matched by name.
+        robot: the description.
+        cutoff: low pass of the position before differentiation [Hz].
+
+    Raises:
+        InvalidInput: a channel or joint is missing, not finite or in another unit.
+        NotIdentifiable: no stretch is long enough.
+    """
+    for channel, column in (("position", "q"), ("torque", "tau")):
+        if getattr(log, channel) is None:
+            raise InvalidInput(
+                f"The identification of an arm needs {channel}, and the log has none.",
+                remedy=f"Name the channel, for example --map {column}=COLUMN.",
+            )
+    order = robot.order_in(log.names)
+    for joint, unit in zip((log.joints[i] for i in order), robot.units):
+        if joint.unit != unit:
+            raise InvalidInput(
+                f"Joint '{joint.name}' is in {joint.unit} in the log and in {unit} in the URDF.",
+                remedy="Correct the unit (--units) or the names (--names).",
+            )
+    assert log.position is not None
+    assert log.torque is not None
+    if not (np.all(np.isfinite(log.position)) and np.all(np.isfinite(log.torque))):
+        raise InvalidInput("Position or torque hold NaN.", remedy="Repair the log (--repair).")
+    period = log.period
+    if not period > 0 or np.any(np.diff(log.time) <= 0):
+        raise InvalidInput("Time does not increase.", remedy="Repair the time channel (--repair).")
+    cuts = np.flatnonzero(np.diff(log.time) > GAP * period) + 1
+    bounds = [0, *cuts.tolist(), len(log)]
+    least = max(SHORTEST, round(SHORTEST_TIME / period))
+    stretches = [
+        _stretch(log, order, slice(a, b), period, cutoff)
+        for a, b in zip(bounds, bounds[1:])
+        if b - a >= least
+    ]
+    if not stretches:
+        raise NotIdentifiable(
+            f"No stretch between gaps lasts {least * period:.3g} s.",
+            remedy="Record without dropping samples.",
+        )
+    return stretches
+
+
+def _stretch(log: Log, order: np.ndarray, rows: slice, period: float, cutoff: float) -> ArmSignals:
+    """Bring one stretch onto a uniform, thinned clock; joint by joint, as an hour of seven joints is large."""
+    time = log.time[rows]
+    n = round((time[-1] - time[0]) / period) + 1
+    clock = time[0] + period * np.arange(n)
+    even = n == time.size and float(np.max(np.abs(clock - time))) < 0.01 * period
+    rate = 1.0 / period
+    factor = max(1, int(np.ceil(rate / WORK_RATE - 1e-6)))
+    work = clock[::factor]
+    position, velocity, acceleration, torque = (np.empty((work.size, order.size)) for _ in range(4))
+    assert log.position is not None
+    assert log.torque is not None
+    for j, column in enumerate(order):
+        joint = log.joints[column]
+        gear = joint.gear_ratio if joint.torque_side == "motor" else 1.0
+        q, tau = log.position[rows, column], gear * log.torque[rows, column]
+        if log.external_torque is not None:
+            tau = tau + log.external_torque[rows, column]
+        if not even:
+            q, tau = _on_clock(clock, time, q), np.interp(clock, time, tau)
+        smooth = filters.low_pass(q, cutoff, rate)
+        dq = filters.derivative(smooth, period)
+        position[:, j], velocity[:, j] = smooth[::factor], dq[::factor]
+        acceleration[:, j] = filters.derivative(dq, period)[::factor]
+        torque[:, j] = (filters.low_pass(tau, 0.4 * rate / factor, rate) if factor > 1 else tau)[::factor]
+    return ArmSignals(
+        time=work,
+        position=position,
+        velocity=velocity,
+        acceleration=acceleration,
+        torque=torque,
+        rate=rate / factor,
+        fitted=np.ones(work.size, dtype=bool),
+        held_out=np.zeros(work.size, dtype=bool),
+    )
+
+
+def _on_clock(clock: np.ndarray, time: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Interpolate position smoothly: straight lines between jittered samples would show as acceleration."""
+    from scipy.interpolate import CubicSpline
+
+    return CubicSpline(time, q)(np.clip(clock, time[0], time[-1]))
+
+
+def hold_out_all(stretches: Sequence[ArmSignals]) -> list[ArmSignals]:
+    """Return the stretches of a held-out log: nothing fitted, everything judged."""
+    return [replace(s, fitted=np.zeros_like(s.fitted), held_out=np.ones_like(s.held_out)) for s in stretches]
+
+
+def hold_out_blocks(stretches: Sequence[ArmSignals]) -> list[ArmSignals]:
+    """Return the stretches with a quarter of their samples held out, in contiguous blocks with seams between."""
+    total = sum(s.time.size for s in stretches)
+    result, first = [], 0
+    for s in stretches:
+        index = first + np.arange(s.time.size)
+        block = index * BLOCKS // total
+        held = block % EVERY == EVERY - 1
+        seam = round(SEAM * s.rate)
+        near = np.convolve(held, np.ones(2 * seam + 1), mode="same") > 0.5
+        result.append(replace(s, fitted=~near, held_out=held))
+        first += s.time.size
+    return result
+
+
+def resting(velocity: np.ndarray, top: np.ndarray, rate: float) -> np.ndarray:
+    """Mark where joints rest so long that their friction may be anything, with a margin for the filter, (n, J).
+
+    Args:
+        velocity: [rad/s or m/s], (n, J).
+        top: top speed of each joint [rad/s or m/s], (J,).
+        rate: sampling frequency [Hz].
+    """
+    from scipy.ndimage import binary_dilation, binary_opening
+
+    slow = np.abs(velocity) < REST * top
+    length, margin = max(round(REST_TIME * rate), 1), max(round(SETTLE * rate), 1)
+    padded = np.pad(slow, ((length, length), (0, 0)), mode="edge")  # a rest may go on beyond the stretch
+    still = binary_opening(padded, structure=np.ones((length, 1)))[length:-length]
+    return binary_dilation(still, structure=np.ones((2 * margin + 1, 1)))

@@ -1,0 +1,283 @@
+"""Weighted, bounded, robust least squares for a whole arm, with weak priors and honest standard errors.
+
+Coefficients: the base parameters of the bodies, then every joint's own terms. Joints share the bodies, so each is weighted
+by its noise. What the motion does not determine is held by wide priors: bodies as in the description, curves smooth and
+alike in both directions. The constant part of a difference between the directions is the same as an offset of the torque in
+every sample but those at a reversal. By convention it is offset: over its knots, a curve is the same in both directions on
+average.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive.identification import regression
+from backdrive.identification.arm_terms import Rows, Terms
+from backdrive.robot import Robot
+
+ROUNDS = 12  # of reweighting and of the load, at most
+SETTLED = 1e-4  # the rounds end when torque changes by less than this share of its noise [-]
+WILD = 2.0  # residuals beyond so many standard deviations count less (Huber)
+ROUGH = 0.3  # expected bend of a friction curve, as a share of the joint's torque [-]
+UNLIKE = 0.05  # expected difference of the two directions [the same]
+LEVEL = 3.0  # expected friction [the same]
+LOAD = 0.3  # expected load friction [-]
+STRONG = 1e4  # how many times the data's own weight a convention has [-]
+NONE = 1e-12  # stands for zero where a bound above zero is needed
+MEMORY = 2.0  # residuals are taken to be correlated over this long [s]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Solution:
+    """The fitted coefficients.
+
+    Attributes:
+        beta: base parameters [kg, kg.m, kg.m^2], (b,).
+        own: coefficients of each joint's terms, J arrays (2 k + 3,).
+        errors: their standard errors in the same order, at a bound as if it were let go, J arrays.
+        covariance: of each joint's own coefficients, J arrays (2 k + 3, 2 k + 3).
+        pushed: how strongly the data ask for less than a lower bound, in standard errors [-]; 0 for what is free,
+            J arrays (2 k + 3,).
+        told: share of each base parameter's prior variance that the data took away [-], (b,).
+        condition: of the rigid-body columns at unit length [-].
+    """
+
+    beta: np.ndarray
+    own: list[np.ndarray]
+    errors: list[np.ndarray]
+    covariance: list[np.ndarray]
+    pushed: list[np.ndarray]
+    told: np.ndarray
+    condition: float
+
+
+def spread_of(robot: Robot) -> np.ndarray:
+    """Return how far each standard parameter may be expected from the description's, (10 J,).
+
+    The whole mass for a mass, times a link's length for a first moment, and once more for an inertia.
+    """
+    mass = float(np.abs(robot.parameters[::10]).sum()) or float(len(robot.joints))
+    lengths = [float(np.linalg.norm(m.translation)) for m in list(robot.model.jointPlacements)[1:]]
+    length = float(np.mean(lengths)) or 0.1
+    return np.tile(mass * length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2]), len(robot.joints))
+
+
+def solve_arm(
+    rows: Rows,
+    robot: Robot,
+    terms: Sequence[Terms],
+    refill: Callable[[np.ndarray], None],
+    loaded: np.ndarray,
+) -> Solution:
+    """Fit all coefficients.
+
+    Args:
+        rows: filtered and thinned.
+        robot: whose description the bodies are expected near.
+        terms: of every joint.
+        refill: called with new base parameters, writes the load columns of `rows`.
+        loaded: which joints may have load friction, (J,).
+    """
+    b, J = rows.bodies.shape[2], len(terms)
+    first = b + np.concatenate([[0], np.cumsum([t.size for t in terms])]).astype(int)
+    scale = np.array([_rms(rows.torque[:, j], rows.weight[:, j]) for j in range(J)])
+    start, precision = _prior(rows, robot, terms, scale)
+    low, high = _bounds(b, terms, loaded)
+    huber, noise = np.ones_like(rows.weight), 0.1 * scale
+    x, fitted = start.copy(), np.zeros_like(rows.torque)
+    for _ in range(ROUNDS):
+        gram, moment = _normal(rows, first, rows.weight * huber / noise**2, start)
+        held = precision + _alike(gram, first, terms)
+        x = start + _bounded(gram + held, moment, low - start, high - start)
+        before = fitted
+        fitted = _predict(rows, first, x)
+        error = rows.torque - fitted
+        noise = np.array([_noise(error[:, j], rows.weight[:, j], scale[j]) for j in range(J)])
+        huber = np.minimum(1.0, WILD * noise / np.maximum(np.abs(error), 1e-300))
+        change = (fitted - before) * rows.weight / noise
+        if np.sqrt(np.mean(change**2)) < SETTLED:
+            break
+        if any(loaded):
+            refill(x[:b])
+    grams = [_normal(rows, first, rows.weight * huber / noise**2, start, only=j)[0] for j in range(J)]
+    swell = [_inflation(error[:, j] * huber[:, j] * rows.weight[:, j], rows.rate) for j in range(J)]
+    free = (x > low) & (x < high)
+    gram, scores = np.sum(grams, axis=0), np.tensordot(swell, grams, axes=1)
+    covariance = _covariance(gram, held, scores, free)
+    moments = [_normal(rows, first, rows.weight * huber / noise**2, x, only=j)[1] for j in range(J)]
+    loose, pushed = _let_go(gram + held, np.sum(moments, axis=0) - held @ (x - start), scores, free)
+    errors = np.where(free, np.sqrt(np.maximum(np.diag(covariance), 0.0)), loose)
+    prior = np.diag(np.linalg.inv(precision[:b, :b]))
+    return Solution(
+        beta=x[:b],
+        own=[x[first[j] : first[j + 1]] for j in range(J)],
+        errors=[errors[first[j] : first[j + 1]] for j in range(J)],
+        covariance=[covariance[first[j] : first[j + 1], first[j] : first[j + 1]] for j in range(J)],
+        pushed=[pushed[first[j] : first[j + 1]] for j in range(J)],
+        told=1.0 - np.diag(covariance)[:b] / prior,
+        condition=regression.condition(gram[:b, :b]),
+    )
+
+
+def _rms(x: np.ndarray, weight: np.ndarray) -> float:
+    used = x[weight > 0]
+    return float(np.sqrt(np.mean(used**2))) or 1.0 if used.size else 1.0
+
+
+def _noise(error: np.ndarray, weight: np.ndarray, scale: float) -> float:
+    """Robust standard deviation, never below what a float64 fit can mean."""
+    used = np.abs(error[weight > 0])
+    return max(1.4826 * float(np.median(used)), 1e-6 * scale) if used.size else scale
+
+
+def _predict(rows: Rows, first: np.ndarray, x: np.ndarray) -> np.ndarray:
+    fitted = rows.bodies @ x[: first[0]]
+    for j, own in enumerate(rows.friction):
+        fitted[:, j] += own @ x[first[j] : first[j + 1]]
+    return fitted
+
+
+def _normal(
+    rows: Rows, first: np.ndarray, weight: np.ndarray, start: np.ndarray, only: int | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the normal equations of the step away from `start`, of all joints or one."""
+    b = first[0]
+    gram, moment = np.zeros((first[-1], first[-1])), np.zeros(first[-1])
+    for j, own in enumerate(rows.friction):
+        if only is not None and j != only:
+            continue
+        used = weight[:, j] > 0
+        columns = np.hstack([rows.bodies[used, j], own[used]])
+        place = np.concatenate([np.arange(b), np.arange(first[j], first[j + 1])])
+        weighted = columns * weight[used, j, None]
+        gram[np.ix_(place, place)] += weighted.T @ columns
+        moment[place] += weighted.T @ (rows.torque[used, j] - columns @ start[place])
+    return gram, moment
+
+
+def _prior(
+    rows: Rows, robot: Robot, terms: Sequence[Terms], scale: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the expected coefficients and the precision (inverse covariance) of that expectation."""
+    relation = robot.base.relation
+    b = relation.shape[0]
+    size = b + sum(t.size for t in terms)
+    start, precision = np.zeros(size), np.zeros((size, size))
+    start[:b] = relation @ robot.parameters
+    precision[:b, :b] = np.linalg.inv((relation * spread_of(robot) ** 2) @ relation.T)
+    at = b
+    for j, t in enumerate(terms):
+        k = t.knots.size
+        wish = []
+        for direction in (0, k):
+            for i in range(k - 2):
+                before, after = t.knots[i + 1] - t.knots[i], t.knots[i + 2] - t.knots[i + 1]
+                row = np.zeros(t.size)
+                row[direction + i : direction + i + 3] = 1 / before, -1 / before - 1 / after, 1 / after
+                wish.append(row * np.sqrt((before + after) / 2 * t.knots[-1]) / ROUGH)
+        for i in range(k):
+            row = np.zeros((3, t.size))
+            row[0, [i, k + i]] = 1 / UNLIKE, -1 / UNLIKE
+            row[1, i] = row[2, k + i] = 1 / LEVEL
+            wish.extend(row)
+        rows_of = np.array(wish) / scale[j]
+        own = rows_of.T @ rows_of
+        brisk = _rms(rows.friction[j][:, 2 * k + 1], rows.weight[:, j])
+        own[2 * k, 2 * k] += 1 / scale[j] ** 2
+        own[2 * k + 1, 2 * k + 1] += (brisk / scale[j]) ** 2
+        own[2 * k + 2, 2 * k + 2] += 1 / LOAD**2
+        precision[at : at + t.size, at : at + t.size] = own
+        at += t.size
+    return start, precision
+
+
+def _alike(gram: np.ndarray, first: np.ndarray, terms: Sequence[Terms]) -> np.ndarray:
+    """Return the precision that makes both directions equal on average, strong beside any data."""
+    precision = np.zeros_like(gram)
+    for j, t in enumerate(terms):
+        k = t.knots.size
+        row = np.zeros(t.size)
+        row[:k], row[k : 2 * k] = 1.0 / k, -1.0 / k
+        own = slice(first[j], first[j + 1])
+        precision[own, own] = STRONG * max(float(np.diag(gram)[own][: 2 * k].sum()), 1.0) * np.outer(row, row)
+    return precision
+
+
+def _bounds(b: int, terms: Sequence[Terms], loaded: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Friction dissipates, a motor has inertia, and a gear loses no more than it transmits."""
+    low, high = [np.full(b, -np.inf)], [np.full(b, np.inf)]
+    for t, load in zip(terms, loaded):
+        own_low, own_high = np.zeros(t.size), np.full(t.size, np.inf)
+        own_low[-3] = -np.inf
+        own_high[-1] = 1.0 if load else NONE
+        low.append(own_low)
+        high.append(own_high)
+    return np.concatenate(low), np.concatenate(high)
+
+
+def _bounded(gram: np.ndarray, moment: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return the minimiser of x'Gx/2 - m'x between the bounds."""
+    from scipy.linalg import cholesky, solve_triangular
+    from scipy.optimize import lsq_linear
+
+    size = np.sqrt(np.diag(gram))
+    upper = cholesky(gram / np.outer(size, size))
+    right = solve_triangular(upper, moment / size, trans=1)
+    free = solve_triangular(upper, right)
+    if np.all((free >= low * size) & (free <= high * size)):
+        return free / size
+    found = lsq_linear(upper, right, (low * size, high * size), method="bvls", tol=1e-14)
+    return np.clip(found.x / size, low, high)
+
+
+def _covariance(gram: np.ndarray, precision: np.ndarray, scores: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Return the sandwich covariance of the free coefficients; zero for those at a bound."""
+    pick = np.ix_(free, free)
+    total = (gram + precision)[pick]
+    size = np.sqrt(np.diag(total))
+    bread = np.linalg.inv(total / np.outer(size, size)) / np.outer(size, size)
+    covariance = np.zeros_like(gram)
+    covariance[pick] = bread @ (scores + precision)[pick] @ bread
+    return covariance
+
+
+def _let_go(
+    total: np.ndarray, slope: np.ndarray, scores: np.ndarray, free: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return what each coefficient at a bound would do if it were let go alone.
+
+    Args:
+        total: second derivative of the penalised sum of squares, (p, p).
+        slope: its negative gradient at the solution, (p,).
+        scores: covariance of the data's part of the gradient, (p, p).
+        free: coefficients that are at no bound, (p,).
+
+    Returns:
+        Its standard error, and how far below the bound it would go, in standard errors; each (p,), 0 for what is free.
+    """
+    errors, pushed = np.zeros(slope.size), np.zeros(slope.size)
+    size = np.sqrt(np.diag(total))
+    inner = total[np.ix_(free, free)] / np.outer(size[free], size[free])
+    for i in np.flatnonzero(~free):
+        others = np.linalg.solve(inner, total[free, i] / size[free]) / size[free]
+        direction = np.zeros(slope.size)
+        direction[free], direction[i] = -others, 1.0
+        spread = float(np.sqrt(max(direction @ scores @ direction, 1e-300)))
+        errors[i] = spread / max(float(direction @ total @ direction), 1e-300)
+        pushed[i] = max(-float(direction @ slope) / spread, 0.0)
+    return errors, pushed
+
+
+def _inflation(error: np.ndarray, rate: float) -> float:
+    """Return how many correlated residuals count as one independent (Bartlett window), at least 1."""
+    n = error.size
+    lags = min(max(int(MEMORY * rate), 1), n - 1)
+    power = np.abs(np.fft.rfft(error, 2 * n)) ** 2
+    correlation = np.fft.irfft(power)[: lags + 1]
+    if correlation[0] <= 0:
+        return 1.0
+    taper = 1.0 - np.arange(1, lags + 1) / (lags + 1)
+    return max(1.0, 1.0 + 2.0 * float(taper @ (correlation[1:] / correlation[0])))

@@ -1,0 +1,112 @@
+"""Which method fits what a log holds, and which of its joints move."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.log import Log
+
+#: Method -> what it needs, in words.
+METHODS: dict[str, str] = {
+    "sweep": "sine sweeps of Iwatani 2017, chapter 2: one cycle a speed",
+    "constant-velocity": "runs at constant velocity, both directions",
+    "motion": "any motion of single axes",
+    "ramp": "a torque ramp below and through break-away, for presliding",
+    "arm": "any motion of a whole arm whose description is given",
+}
+
+IDLE = 0.02  # a joint that travels less than this share of the busiest one of its kind is idle [-]
+
+
+def moving_joints(logs: Sequence[Log], wanted: Sequence[str] | None) -> tuple[list[str], list[str]]:
+    """Return the names of the joints to identify, and of those left out because they hardly move.
+
+    Raises:
+        UnknownName: a wanted joint is not in the logs.
+        NotIdentifiable: no joint moves.
+    """
+    if wanted:
+        return [logs[0].names[logs[0].column(name)] for name in wanted], []
+    travel = np.array([_travel(log) for log in logs]).max(axis=0)
+    units = np.array([joint.unit for joint in logs[0].joints])
+    moves = np.zeros(travel.size, dtype=bool)
+    for unit in np.unique(units):
+        same = units == unit
+        moves |= same & (travel > IDLE * travel[same].max()) & (travel > 0)
+    if not moves.any():
+        raise NotIdentifiable("No joint of this log moves.", remedy="Record the joint while it moves.")
+    names = logs[0].names
+    return [n for n, m in zip(names, moves) if m], [n for n, m in zip(names, moves) if not m]
+
+
+def _travel(log: Log) -> np.ndarray:
+    """Distance travelled by each joint, with single samples not counting [rad or m], (J,)."""
+    if log.position is not None:
+        low, high = np.nanpercentile(log.position, [0.5, 99.5], axis=0)
+        return high - low
+    return np.nanpercentile(np.abs(log.need("velocity")), 99, axis=0) * log.duration
+
+
+def own_turn(log: Log, joint: str) -> Log:
+    """Return a log with the plan of one joint, cut to its turn where the joints move one after another."""
+    if log.plan is None or log.plan.kind != "in-turn" or joint not in [p.joint for p in log.plan.plans]:
+        return log
+    plan = log.plan.plan_of(joint)
+    begin = log.plan.start
+    for shift in (0.0, float(log.time[0]) - begin):  # the plan's own clock, or the log's
+        part = log.between(plan.start + shift, plan.start + shift + plan.duration)
+        if len(part) > 0.5 * plan.duration / log.period:
+            return part.replace(plan=plan)
+    return log.replace(plan=plan)
+
+
+def choose_method(logs: Sequence[Log], joints: Sequence[str], urdf: str | None) -> tuple[str, str]:
+    """Return the method that fits what the logs hold, and why.
+
+    Args:
+        logs: of the same joints.
+        joints: those that move.
+        urdf: path of a robot description, if there is one.
+    """
+    if urdf is not None:
+        return "arm", "a robot description was given"
+    kinds = {own_turn(log, joint).plan.kind for log in logs if log.plan is not None for joint in joints}
+    named = {
+        "sweep": "sweep",
+        "constant-velocity": "constant-velocity",
+        "torque-ramp": "ramp",
+        "ramp": "ramp",
+    }
+    for kind in kinds:
+        if kind in named:
+            return named[kind], f"the logs are linked to a plan of the kind '{kind}'"
+    if any(log.torque is None for log in logs):
+        raise InvalidInput(
+            "A log holds no torque, so there is no friction to identify from it.",
+            remedy="Name the channel, for example --map tau=COLUMN.",
+        )
+    if all(_steady(log, joint) for log in logs for joint in joints):
+        return "constant-velocity", "every log keeps one velocity throughout"
+    if all(_sweeps(log, joint) for log in logs for joint in joints):
+        return "sweep", "cycles of growing frequency and equal stroke were found"
+    return "motion", "the logs hold motion of no special kind"
+
+
+def _steady(log: Log, joint: str) -> bool:
+    from backdrive.identification.runs import whole_run
+
+    return whole_run(log, joint)
+
+
+def _sweeps(log: Log, joint: str) -> bool:
+    if log.position is None:
+        return False
+    from backdrive.identification.sweep import find_windows
+
+    try:
+        return len(find_windows(log, joint)) >= 4
+    except (NotIdentifiable, InvalidInput):
+        return False

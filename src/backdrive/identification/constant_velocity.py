@@ -1,0 +1,197 @@
+"""Friction from runs at constant velocity: one point a run, a curve through the points, judged by leaving runs out.
+
+A run's torque is a robust mean; its error comes from blocks of neighbouring samples. Curves with more and more line sections are
+compared with a straight line per direction by leave-one-run-out, so that the result says whether a line suffices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from backdrive.errors import NotIdentifiable
+from backdrive.identification import curves, regression
+from backdrive.identification.evidence import curve, verdict
+from backdrive.identification.result import JointEvidence, Samples
+from backdrive.identification.runs import LEAST_RUNS, Run, find_runs, gravity_of, without_gravity
+from backdrive.log import Joint, Log
+from backdrive.model import Estimate, JointFriction, Quality, Validity
+
+SECTIONS = (1, 2, 3, 4, 5, 6)  # line sections per direction that are tried
+GAIN = 1.0  # a curve must beat the line by so many standard errors of the mean gain [-]
+
+
+def _knots(speed: np.ndarray, sections: int) -> np.ndarray:
+    """Return knots at quantiles of the speeds; a straight line goes from zero."""
+    if sections == 1:
+        return np.array([0.0, speed.max()])
+    return np.unique(np.quantile(speed, np.linspace(0.0, 1.0, sections + 1)))
+
+
+def _try_sections(v: np.ndarray, y: np.ndarray, both: bool, directional: bool) -> dict:
+    """Return sections per direction -> form, regressor and each run's error when it is left out."""
+    tried = {}
+    for sections in SECTIONS:
+        knots = _knots(np.abs(v), sections)
+        if knots.size != sections + 1 or sections + 1 > (0.3 if directional else 0.6) * v.size:
+            continue
+        form = curves.forms(knots, {"": knots}, both)[-1 if directional else 0]
+        X = curves.basis(v, knots) @ form.spread
+        if both and not directional:
+            X = np.hstack([X, np.ones((v.size, 1))])
+        if np.linalg.matrix_rank(X) == X.shape[1]:
+            tried[sections] = (form, X, _leave_one_out(X, y))
+    return tried
+
+
+def compare_sections(runs: Sequence[Run]) -> dict[int, float]:
+    """Return the rms error of left-out runs [N.m or N] by the number of line sections per direction."""
+    v, y = np.array([r.velocity for r in runs]), np.array([r.torque for r in runs])
+    both = bool(np.any(v > 0) and np.any(v < 0))
+    return {k: float(np.sqrt(np.mean(e**2))) for k, (_, _, e) in _try_sections(v, y, both, both).items()}
+
+
+def _leave_one_out(X: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return each point's error by the fit to all the others, (n,)."""
+    blocks = regression.accumulate(X, y, np.ones(y.size), np.arange(y.size), y.size)
+    return y - np.einsum("ij,ij->i", X, regression.left_out_solutions(blocks))
+
+
+def identify_constant_velocity(
+    logs: Sequence[Log], joint: str, *, symmetric: bool | None = None
+) -> tuple[JointFriction, JointEvidence]:
+    """Identify one joint from constant-velocity runs.
+
+    Args:
+        logs: one run each, or holding several plateaus.
+        joint: name.
+        symmetric: True: one curve for both directions and an offset; otherwise one curve each.
+
+    Raises:
+        NotIdentifiable: fewer than four runs are found.
+    """
+    runs = [run for log in logs for run in find_runs(log, joint)]
+    about = logs[0].select(joint).on_joint_side().joints[0]
+    if len(runs) < LEAST_RUNS:
+        raise NotIdentifiable(
+            f"Joint '{joint}': {len(runs)} constant-velocity runs are too few for a curve.",
+            remedy=f"At least {LEAST_RUNS} are needed, in both directions (see `backdrive plan constant-velocity`).",
+        )
+    v = np.array([r.velocity for r in runs])
+    y = np.array([r.torque for r in runs])
+    gravity = gravity_of(runs)
+    pull = np.array([r.pull for r in runs]) @ gravity[0] if gravity else np.zeros(v.size)
+    if gravity:
+        y = np.array(
+            [r.torque for log in logs for r in find_runs(without_gravity(log, joint, gravity[0]), joint)]
+        )
+    both = bool(np.any(v > 0) and np.any(v < 0))
+    directional = both and not symmetric
+    tried = _try_sections(v, y, both, directional)
+    if not tried:
+        raise NotIdentifiable(
+            f"Joint '{joint}': the {v.size} runs do not determine a curve.", remedy="Record more speeds."
+        )
+    losses = {sections: loss for sections, (_, _, loss) in tried.items()}
+    sections, said = _choose(losses)
+    form, X, _ = tried[sections]
+    blocks = regression.accumulate(X, y, np.ones(y.size), np.arange(y.size), y.size)
+    theta = regression.solve(blocks.gram.sum(axis=0), blocks.moment.sum(axis=0))
+    covariance = regression.sandwich(blocks, theta)
+    r = form.spread.shape[1]
+    curve_values, curve_covariance = theta[:r], covariance[:r, :r]
+    dynamics = {}
+    if gravity:
+        for name, value, error in zip(("gravity_sin", "gravity_cos"), *gravity):
+            dynamics[name] = Estimate(value=float(value), unit="N.m", standard_error=float(error))
+    if theta.size > r:
+        dynamics["offset"] = _offset(float(theta[r]), float(covariance[r, r]), about)
+    elif (
+        not form.symmetric and curve_values.min() < 0.0
+    ):  # friction cannot push: what does is gravity or a bias
+        row, apart = curves.constant_apart(form.knots.size)
+        dynamics["offset"] = _offset(float(row @ curve_values), float(row @ curve_covariance @ row), about)
+        curve_values, curve_covariance = apart @ curve_values, apart @ curve_covariance @ apart.T
+    law, errors = curves.to_law(form, curve_values, curve_covariance)
+    friction = JointFriction(
+        joint=about,
+        law=law,
+        standard_errors=errors,
+        dynamics=dynamics,
+        validity=Validity(velocity=(float(v.min()), float(v.max()))),
+        fitted=_quality(y, y - X @ theta),
+        held_out=_quality(y, losses[sections]),
+        method="constant-velocity",
+        warnings=_warnings(runs, both, directional, "offset" in dynamics, about),
+    )
+    samples = Samples(
+        time=np.array([r.start for r in runs]),
+        position=np.full(v.size, np.nan),
+        velocity=v,
+        torque=y + pull,
+        friction=y - dynamics["offset"].value if "offset" in dynamics else y,
+        predicted=X @ theta + pull,
+        fitted=np.ones(v.size, dtype=bool),
+    )
+    return friction, JointEvidence(
+        joint=about.name,
+        samples=samples,
+        curve=curve(friction, curves.error_of_curve(form, curve_covariance)),
+        verdict=f"{verdict(friction)} {said}",
+    )
+
+
+def _choose(losses: dict[int, np.ndarray]) -> tuple[int, str]:
+    """Return the number of sections and a sentence on the straight line."""
+    rms = {k: float(np.sqrt(np.mean(e**2))) for k, e in losses.items()}
+    best = min(rms, key=lambda k: rms[k])
+    if 1 not in rms:
+        return best, f"{best} line sections per direction were fitted."
+    gain = losses[1] ** 2 - losses[best] ** 2
+    error = float(np.std(gain) / np.sqrt(gain.size))
+    if best == 1 or float(np.mean(gain)) <= GAIN * error:
+        return (
+            1,
+            f"A straight line per direction suffices: no curve predicts left-out runs better ({rms[1]:.3g}).",
+        )
+    return best, (
+        f"{best} line sections per direction predict left-out runs to {rms[best]:.3g} rms, a straight line per "
+        f"direction to {rms[1]:.3g}: the curve is bent."
+    )
+
+
+def _quality(y: np.ndarray, error: np.ndarray) -> Quality:
+    relative = 100.0 * float(np.linalg.norm(error) / max(np.linalg.norm(y), 1e-300))
+    rms = float(np.sqrt(np.mean(error**2)))
+    return Quality(residual=relative, residual_raw=relative, rms=rms, samples=y.size)
+
+
+def _offset(value: float, variance: float, joint: Joint) -> Estimate:
+    return Estimate(value=value, unit=joint.torque_unit, standard_error=float(np.sqrt(max(variance, 0.0))))
+
+
+def _warnings(runs: list[Run], both: bool, directional: bool, apart: bool, joint: Joint) -> tuple[str, ...]:
+    said = []
+    uneven = [abs(r.velocity) for r in runs if r.uneven]
+    if uneven:
+        said.append(
+            f"{len(uneven)} runs at up to {max(uneven):.3g} {joint.unit}/s did not keep their speed (stick-slip): "
+            "their mean torque is not the friction at their mean velocity."
+        )
+    if not both:
+        said.append("All runs go one way: friction and a constant torque cannot be told apart.")
+    elif directional and apart:
+        said.append(
+            "Friction at rest was taken as equal in both directions, and the constant torque that is left (gravity, bias) as "
+            "an offset: the data cannot tell the two apart."
+        )
+    elif directional:
+        said.append(
+            "A constant bias torque (gravity, cable, current offset) cannot be told from friction that differs by "
+            "direction; what there is of it is in the friction."
+        )
+    power = [r.torque * r.velocity for r in runs]
+    if np.sum(power) < 0:
+        said.append("The torque feeds energy in instead of dissipating it: its sign is probably inverted.")
+    return tuple(said)

@@ -1,0 +1,233 @@
+"""The regressor of a single axis, the candidate models on it, and the choice among them by blocked cross-validation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from backdrive.errors import NotIdentifiable
+from backdrive.identification import curves, regression
+from backdrive.identification.signals import Signals
+
+#: Columns before the friction basis, in this order.
+COLUMNS = ("inertia", "jerk", "offset", "gravity_sin", "gravity_cos", "model_torque")
+LARGEST_SLIP = 0.02  # a longer delay of the torque is no slip of the clock but something else [s]
+TOLERANCE = 1.01  # a simpler model is kept while its left-out loss is within this factor of the best [-]
+UNSOUND = (
+    2.0  # so much more loss is put up with for a curve that dissipates and an inertia that is positive [-]
+)
+VAGUE = 0.05  # a knot with a standard error above this share of the largest friction is not worth having [-]
+MEAGRE = 1e-9  # a column with less than this share of the mean weight is not determined [-]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Candidate:
+    """A set of terms and a curve.
+
+    Attributes:
+        terms: columns of `COLUMNS` that take part.
+        form: the friction curve.
+        spread: takes the candidate's coefficients to those of all columns, (p, r).
+    """
+
+    terms: tuple[str, ...]
+    form: curves.Form
+    spread: np.ndarray
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return self.spread.shape[1]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Choice:
+    """The candidate that was chosen, fitted.
+
+    Attributes:
+        candidate: which one.
+        coefficients: its terms, then the friction at its knots, (r,).
+        covariance: of the coefficients, (r, r).
+        left_out: coefficients without each block, (B, r).
+        condition: of the regressor with columns of unit length [-].
+        loss: mean squared error on left-out blocks, by candidate name.
+    """
+
+    candidate: Candidate
+    coefficients: np.ndarray
+    covariance: np.ndarray
+    left_out: np.ndarray
+    condition: float
+    loss: dict[str, float]
+
+
+def columns(s: Signals, knots: np.ndarray, rows: slice = slice(None)) -> np.ndarray:
+    """Return all columns at full rate: `COLUMNS`, then the friction basis, (n, 6 + 2 k)."""
+    velocity = s.velocity[rows]
+    zero = np.zeros_like(velocity)
+    position = zero if s.position is None else s.position[rows]
+    linear = s.position is None
+    head = np.stack(
+        [
+            s.acceleration[rows],
+            -s.jerk[rows],
+            zero + 1.0,
+            zero if linear else np.sin(position),
+            zero if linear else np.cos(position),
+            zero if s.model_torque is None else s.model_torque[rows],
+        ],
+        axis=1,
+    )
+    return np.hstack([head, curves.basis(velocity, knots)])
+
+
+def candidates(
+    knots: np.ndarray,
+    coarse: dict[str, np.ndarray],
+    *,
+    dynamic: bool,
+    slip: bool,
+    gravity: bool | None,
+    model_torque: bool,
+    both_directions: bool,
+    symmetric: bool | None = None,
+) -> list[Candidate]:
+    """Return the models to compare, fewest coefficients first.
+
+    Args:
+        knots: of the fine basis [rad/s or m/s], (k,).
+        coarse: name -> knots of a curve.
+        dynamic: the inertia may be estimated.
+        slip: a delay of the torque may be estimated.
+        gravity: True: with, False: without, None: let the data say.
+        model_torque: torque known from elsewhere takes part.
+        both_directions: the data move both ways.
+        symmetric: True or False to allow only that kind of curve.
+    """
+    heads: list[tuple[str, ...]] = [()]
+    if dynamic:
+        heads = [("inertia",), ("inertia", "jerk")] if slip else [("inertia",)]
+    weights = {
+        True: [("gravity_sin", "gravity_cos")],
+        False: [()],
+        None: [(), ("gravity_sin", "gravity_cos")],
+    }
+    result = []
+    for form in curves.forms(knots, coarse, both_directions):
+        if symmetric is not None and form.symmetric != symmetric and both_directions:
+            continue
+        for head in heads:
+            for pull in weights[gravity]:
+                terms = head + pull + (("model_torque",) if model_torque else ())
+                if (
+                    form.symmetric and both_directions
+                ):  # by direction, a constant cannot be told from the curves
+                    terms += ("offset",)
+                pick = np.zeros((len(COLUMNS), len(terms)))
+                for i, term in enumerate(terms):
+                    pick[COLUMNS.index(term), i] = 1.0
+                k, r = pick.shape[1], form.spread.shape[1]
+                spread = np.zeros((len(COLUMNS) + form.spread.shape[0], k + r))
+                spread[: len(COLUMNS), :k] = pick
+                spread[len(COLUMNS) :, k:] = form.spread
+                result.append(Candidate(terms=terms, form=form, spread=spread))
+    return sorted(result, key=lambda c: c.size)
+
+
+def _slip(option: Candidate, mapped: regression.Blocks) -> float:
+    theta = regression.solve(mapped.gram.sum(axis=0), mapped.moment.sum(axis=0))
+    inertia = theta[option.terms.index("inertia")]
+    return float(theta[option.terms.index("jerk")] / inertia) if inertia else np.inf
+
+
+def choose(blocks: regression.Blocks, options: list[Candidate]) -> Choice:
+    """Return the simplest candidate that predicts left-out blocks nearly as well as the best.
+
+    Raises:
+        NotIdentifiable: no candidate is determined by the data.
+    """
+    total = max(float(blocks.rows.sum()), 1e-300)
+    judged: list[tuple[float, Candidate]] = []
+    for option in options:
+        mapped = blocks.mapped(option.spread)
+        weight = np.diag(mapped.gram.sum(axis=0))
+        curve = weight[len(option.terms) :]
+        if np.any(weight <= 0.0) or curve.min() < MEAGRE * total:
+            continue
+        if "jerk" in option.terms and abs(_slip(option, mapped)) > LARGEST_SLIP:
+            continue
+        if len(option.form.knots) > 2 and _vague(option, mapped):
+            continue
+        judged.append((float(regression.left_out_losses(mapped).sum()) / total, option))
+    if not judged:
+        raise NotIdentifiable(
+            "No friction curve is determined by these data: the joint hardly moves.",
+            remedy="Record a motion with both directions and several speeds (see `backdrive plan`).",
+        )
+    best = min(loss for loss, _ in judged)
+    sound = [(loss, option) for loss, option in judged if _plausible(option, blocks)]
+    if sound and min(loss for loss, _ in sound) <= UNSOUND * best:
+        judged, best = sound, min(loss for loss, _ in sound)
+    chosen = next(option for loss, option in judged if loss <= TOLERANCE * best + 1e-300)
+    mapped = blocks.mapped(chosen.spread)
+    gram = mapped.gram.sum(axis=0)
+    theta = regression.solve(gram, mapped.moment.sum(axis=0))
+    return Choice(
+        candidate=chosen,
+        coefficients=theta,
+        covariance=regression.sandwich(mapped, theta),
+        left_out=regression.left_out_solutions(mapped),
+        condition=regression.condition(gram),
+        loss={f"{'+'.join(o.terms)} | {o.form.name}": loss for loss, o in judged},
+    )
+
+
+def _vague(option: Candidate, mapped: regression.Blocks) -> bool:
+    """Say whether the data hardly determine some knot: a curve would zigzag there."""
+    theta = regression.solve(mapped.gram.sum(axis=0), mapped.moment.sum(axis=0))
+    k = len(option.terms)
+    errors = np.sqrt(np.maximum(np.diag(regression.sandwich(mapped, theta))[k:], 0.0))
+    return bool(errors.max() > VAGUE * np.abs(theta[k:]).max())
+
+
+def _plausible(option: Candidate, blocks: regression.Blocks) -> bool:
+    """Say whether friction opposes motion at every knot and the inertia is positive."""
+    mapped = blocks.mapped(option.spread)
+    theta = regression.solve(mapped.gram.sum(axis=0), mapped.moment.sum(axis=0))
+    if "inertia" in option.terms and theta[option.terms.index("inertia")] < 0.0:
+        return False
+    curve, k = theta[len(option.terms) :], option.form.knots.size
+    if option.form.symmetric:
+        return bool(curve.min() >= 0.0)
+    constant = 0.5 * (curve[0] - curve[k])
+    lowest = min(curve[:k].min() - constant, curve[k:].min() + constant)
+    return bool(lowest >= 0.0 or ("gravity_sin" not in option.terms and curve.min() >= 0.0))
+
+
+def offset_apart(choice: Choice) -> Choice:
+    """Take the constant out of curves that differ by direction where it is more likely a bias torque than friction.
+
+    The data cannot tell the two apart. With gravity beside it a constant is more likely what gravity left over, and
+    friction cannot push. Both directions then have the same friction at rest, and the constant is the term `offset`.
+    """
+    candidate = choice.candidate
+    t = len(candidate.terms)
+    likely = "gravity_sin" in candidate.terms or float(choice.coefficients[t:].min()) < 0.0
+    if candidate.form.symmetric or not likely:
+        return choice
+    k = candidate.form.knots.size
+    row, curve = curves.constant_apart(k)
+    head = np.eye(t, t + 2 * k)
+    spread = np.vstack([head, np.r_[np.zeros(t), row], np.hstack([np.zeros((2 * k, t)), curve])])
+    back = np.zeros((candidate.spread.shape[0], 1 + t + 2 * k))
+    back[:, :t] = candidate.spread[:, :t]
+    back[COLUMNS.index("offset"), t] = 1.0
+    back[:, t + 1 :] = candidate.spread[:, t:]
+    return replace(
+        choice,
+        candidate=replace(candidate, terms=(*candidate.terms, "offset"), spread=back),
+        coefficients=spread @ choice.coefficients,
+        covariance=spread @ choice.covariance @ spread.T,
+        left_out=choice.left_out @ spread.T,
+    )

@@ -1,0 +1,221 @@
+"""FunctionA: from the cycles of a sweep to velocity-friction pairs (Iwatani 2017, (2.7)), as printed and corrected.
+
+Corrected means: torque and velocity on the same instant; both directions, each with its own velocity; windows without
+enough samples left out; and what inertia, gravity and the bend of the curve leave in a window's mean taken out, by a
+regression that sees only how the torque varies inside the windows. See `docs/theory/sweep.md`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from backdrive import filters
+from backdrive.errors import InvalidInput
+from backdrive.identification import regression
+from backdrive.identification.signals import Signals
+from backdrive.identification.sweep_knots import MERGED, SweepKnots
+from backdrive.identification.sweep_windows import Windows
+from backdrive.log import Log
+
+SHARE = 0.8  # c of (2.7): samples faster than this share of a cycle's peak speed are used [-]
+LEAST = 5  # a window with fewer samples in a direction is left out
+
+
+def function_a(
+    time: np.ndarray,
+    velocity: np.ndarray,
+    torque: np.ndarray,
+    windows: np.ndarray,
+    top_speed: float,
+    c: float = SHARE,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the pairs (V_n, F_n) exactly as Iwatani 2017, (2.7), prints them.
+
+    Args:
+        time: instants [s], (I,).
+        velocity: [rad/s or m/s], (I,).
+        torque: of the actuator [N.m or N], (I,).
+        windows: first and last instant of each cycle [s], (N, 2).
+        top_speed: V [rad/s or m/s].
+        c: share of a cycle's peak speed above which samples are used [-].
+
+    Returns:
+        V_n [rad/s or m/s] and F_n [N.m or N], (N,) each; NaN where a set is empty.
+
+    Raises:
+        InvalidInput: the arrays differ in size, or c is outside [0, 1).
+    """
+    t, v, f = (np.asarray(x, dtype=np.float64) for x in (time, velocity, torque))
+    if not (t.ndim == 1 and t.shape == v.shape == f.shape):
+        raise InvalidInput(f"Shapes {t.shape}, {v.shape}, {f.shape}.", remedy="Give three arrays (I,).")
+    pairs = [_level(t, v, f, w, top_speed * (n + 1) / len(windows), c) for n, w in enumerate(windows)]
+    V, up, down = np.array(pairs).reshape(-1, 5)[:, :3].T
+    return V, 0.5 * (up - down)
+
+
+def _level(t, v, f, window, peak: float, c: float) -> tuple[float, float, float, int, int]:
+    """Return V_n, F_sn+, F_sn- and how many samples are behind them."""
+    if not 0.0 <= c < 1.0:
+        raise InvalidInput(f"c = {c}.", remedy="Give a share of the peak speed in [0, 1).")
+    inside = (t >= window[0]) & (t < window[1])
+    up, down = inside & (v >= c * peak), inside & (v <= -c * peak)
+    mean = lambda x, part: float(x[part].mean()) if part.any() else np.nan  # noqa: E731
+    return mean(v, up), mean(f, up), mean(f, down), int(up.sum()), int(down.sum())
+
+
+def literal(log: Log, cycles: Windows, c: float = SHARE) -> SweepKnots:
+    """Return the pairs as printed: backward difference of the position, torque at the same index, V_n of one direction.
+
+    Args:
+        log: of one joint, with torque.
+        cycles: of the sweep.
+        c: share of a cycle's peak speed above which samples are used [-].
+
+    Returns:
+        One pair a cycle, unsorted; NaN where a set is empty.
+    """
+    f = log.torque[:, 0]  # type: ignore[index]
+    if log.position is not None:
+        v = np.diff(log.position[:, 0], prepend=log.position[0, 0]) / log.period
+    else:
+        v = log.velocity[:, 0]  # type: ignore[index]
+    rows = [_level(log.time, v, f, w, peak, c) for w, peak in zip(cycles.time, cycles.peak)]
+    V, up, down, count_up, count_down = np.array(rows).T
+    none = np.full(V.size, np.nan)
+    return SweepKnots(
+        V_pos=V,
+        F_pos=up,
+        V_neg=V,
+        F_neg=-down,
+        error_pos=none,
+        error_neg=none,
+        count_pos=count_up.astype(int),
+        count_neg=count_down.astype(int),
+    )
+
+
+def corrected(
+    stretches: Sequence[Signals], cycles: Windows, *, rotary: bool, c: float = SHARE, delay: float = 0.0
+) -> SweepKnots:
+    """Return the pairs with velocity and torque on the same instant, and inertia and gravity regressed out.
+
+    Within each window and direction the torque's mean and its part that goes with velocity are taken out; what is left
+    goes with acceleration (inertia) and, on a rotary joint, with position (the slope of gravity). These two numbers are found
+    from all windows together; what they add to a window's mean is subtracted.
+
+    Args:
+        stretches: the log's signals, as `signals.prepare` returns them.
+        cycles: of the sweep.
+        rotary: gravity depends on the position.
+        c: share of a cycle's peak speed above which samples are used [-].
+        delay: from a torque sample to the torque's effect, beyond half a sampling interval [s].
+
+    Returns:
+        One pair a cycle, unsorted; NaN where a direction has fewer than `LEAST` samples.
+    """
+    with_position = all(s.position is not None for s in stretches)
+    columns = [_columns(s, delay) for s in stretches]
+    x = np.concatenate(columns, axis=1)  # time, velocity, torque, acceleration, position
+    groups = [
+        _rows(x[0], d * x[1], w, c * peak) for w, peak in zip(cycles.time, cycles.peak) for d in (1, -1)
+    ]
+    used = [g for g in groups if g.size >= LEAST]
+    center = float(np.mean([x[4, g].mean() for g in used])) if used and with_position else np.nan
+    terms = x[3:4] if not (rotary and with_position) else np.stack([x[3], np.sin(x[4] - center)])
+    k = len(terms)
+    inside = {id(g): _within(np.vstack([x[2], terms])[:, g], x[1, g], x[0, g]) for g in used}
+    gram = sum((z[1:] @ z[1:].T for z in inside.values()), np.zeros((k, k)))
+    moment = sum((z[1:] @ z[0] for z in inside.values()), np.zeros(k))
+    theta = regression.solve(gram, moment)
+    spread = np.zeros((k, k))
+    rows = []
+    for g in groups:
+        if g.size < LEAST:
+            rows.append((np.nan, np.nan, np.nan, g.size, np.zeros(k), np.nan))
+            continue
+        z = inside[id(g)]
+        left = z[0] - theta @ z[1:]
+        spread += long_run(z[1:] * left)
+        mean = terms[:, g].mean(axis=1)
+        error = float(long_run(left[None])[0, 0]) / g.size / max(g.size - 2 - k / len(used), 1.0)
+        rows.append((x[1, g].mean(), x[2, g].mean() - theta @ mean, error, g.size, mean, x[1, g].var()))
+    bread = np.linalg.pinv(gram, hermitian=True)
+    covariance = bread @ spread @ bread
+    V, F, count, variance = (np.array([row[i] for row in rows]).reshape(-1, 2) for i in (0, 1, 3, 5))
+    V, F = V * (1, -1), F * (1, -1)
+    F = F - 0.5 * variance * np.stack([_curvature(*pair) for pair in zip(V.T, F.T)], axis=1)
+    error = np.sqrt([row[2] + row[4] @ covariance @ row[4] for row in rows]).reshape(-1, 2)
+    deviation = np.sqrt(np.diag(covariance))
+    return SweepKnots(
+        V_pos=V[:, 0],
+        F_pos=F[:, 0],
+        V_neg=V[:, 1],
+        F_neg=F[:, 1],
+        error_pos=error[:, 0],
+        error_neg=error[:, 1],
+        count_pos=count[:, 0].astype(int),
+        count_neg=count[:, 1].astype(int),
+        center=center,
+        level=float(np.mean([np.cos(x[4, g] - center).mean() for g in used])) if with_position else 1.0,
+        inertia=(float(theta[0]), float(deviation[0])),
+        slope=(float(theta[1]), float(deviation[1])) if k > 1 else (float("nan"), float("nan")),
+    )
+
+
+def _columns(s: Signals, delay: float) -> np.ndarray:
+    position = np.full(s.time.size, np.nan) if s.position is None else s.position
+    torque = filters.shift(s.torque, 0.5 + delay * s.rate)  # (u_(k-1) + u_k) / 2 without delay
+    return np.stack([s.time, s.velocity, torque, s.acceleration, position])[:, 1:-1]
+
+
+def _rows(time: np.ndarray, velocity: np.ndarray, window: np.ndarray, least: float) -> np.ndarray:
+    a, b = np.searchsorted(time, window)
+    return a + np.flatnonzero(velocity[a:b] >= least)
+
+
+def _curvature(V: np.ndarray, F: np.ndarray) -> np.ndarray:
+    """Return the second derivative at each pair from its neighbours, the first's and last's from the next one, (N,)."""
+    result = np.zeros(V.size)
+    order = np.flatnonzero(np.isfinite(F))[np.argsort(V[np.isfinite(F)])]
+    V, F = V[order], F[order]
+    if order.size < 3 or np.any(np.diff(V) < MERGED * V[-1]):
+        return result
+    bend = 2.0 * np.diff(np.diff(F) / np.diff(V)) / (V[2:] - V[:-2])
+    result[order] = np.concatenate([bend[:1], bend, bend[-1:]])
+    return result
+
+
+def _within(z: np.ndarray, v: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Take mean and slope over velocity out of torque, acceleration and the other rows z, (r, n).
+
+    Near a velocity peak the acceleration is a cubic in time. Only its share along that is kept: noise of a twice
+    differentiated position would make the inertia look smaller (time is the instrument of a two-stage regression).
+    """
+    v = v - v.mean()
+    t = (t - t.mean()) / max(float(np.ptp(t)), 1e-300)
+    z = np.vstack([z, t, t**3])
+    z -= z.mean(axis=1, keepdims=True)
+    z -= np.outer(z @ v, v) / max(float(v @ v), 1e-300)
+    line, cubic = z[-2], z[-1]
+    line /= max(float(np.sqrt(line @ line)), 1e-300)
+    cubic -= (cubic @ line) * line
+    cubic /= max(float(np.sqrt(cubic @ cubic)), 1e-300)
+    z[1] = (z[1] @ line) * line + (z[1] @ cubic) * cubic
+    return z[:-2]
+
+
+def long_run(z: np.ndarray) -> np.ndarray:
+    """Return the covariance of the sums of rows z over correlated samples, (k, k).
+
+    Newey & West, Econometrica 55, 1987, with as many lags as the square root of the samples.
+
+    Args:
+        z: rows of mean zero, (k, n).
+    """
+    width = int(np.sqrt(z.shape[1])) + 1
+    rest = np.zeros((z.shape[0], width))
+    total = np.cumsum(np.hstack([rest, z, rest]), axis=1)
+    sums = total[:, width:] - total[:, :-width]  # triangular weights are those of overlapping sums
+    return sums @ sums.T / width

@@ -1,0 +1,235 @@
+"""Friction of a single axis from any motion: inverse dynamics, linear in its parameters.
+
+    tau = inertia (ddq - slip dddq) + offset + gravity + tau_model + tau_f(dq)
+
+Torque and every regressor are averaged over the same short bins, which filters both sides alike. The curve is line sections or
+Coulomb and viscous, equal in both directions or not; the data choose by blocked cross-validation. Huber's weights keep single wild
+samples from mattering.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from backdrive.errors import NotIdentifiable
+from backdrive.identification import curves, design, regression
+from backdrive.identification.dynamics import predict, rest_of_dynamics, unit_of
+from backdrive.identification.evidence import evidence
+from backdrive.identification.quality import judge
+from backdrive.identification.result import JointEvidence
+from backdrive.identification.signals import Signals, prepare
+from backdrive.log import Joint, Log
+from backdrive.model import Estimate, JointFriction, Validity
+
+BIN_TIME = 0.01  # torque and regressors are averaged over this long [s]
+BLOCK_TIME = 1.5  # aimed length of a cross-validation block [s]
+BLOCKS = (8, 24)  # least and most blocks
+SPAN_FOR_GRAVITY = 0.15  # a rotary joint must travel so far before gravity is looked for [rad]
+CHUNK = 200_000  # samples turned into a regressor at a time
+
+
+def identify_motion(
+    logs: Sequence[Log],
+    joint: str,
+    *,
+    held_out: Sequence[Log] = (),
+    cutoff: float | None = None,
+    gravity: bool | None = None,
+    symmetric: bool | None = None,
+) -> tuple[JointFriction, JointEvidence]:
+    """Identify one joint from arbitrary motion.
+
+    Args:
+        logs: of the same joint; each needs torque and position (or velocity).
+        joint: name.
+        held_out: logs to judge on; without any, blocks of the fitted logs are held out in turn.
+        cutoff: low pass of the motion before differentiation [Hz]; None: a tenth of the sampling rate.
+        gravity: estimate gravity as sin q and cos q; None: where the data ask for it.
+        symmetric: force one curve for both directions (True) or one each (False); None: what the data ask for.
+
+    Raises:
+        InvalidInput: a log holds no torque.
+        NotIdentifiable: the motion does not determine a curve.
+    """
+    stretches = [s for log in logs for s in prepare(log, joint, cutoff=cutoff)]
+    about = logs[0].select(joint).joints[0]
+    speeds = np.concatenate([s.velocity[s.moving] for s in stretches])
+    if not speeds.size or not np.max(np.abs(speeds)) > 0:
+        raise NotIdentifiable(
+            f"Joint '{joint}' does not move in these logs.", remedy="Name a joint that moves."
+        )
+    top = float(np.percentile(np.abs(speeds), 99.9))
+    knots = top * np.array(curves.SHARES)
+    blocks = binned(stretches, knots)
+    positions = [s.position for s in stretches if s.position is not None]
+    travel = max((float(np.ptp(p)) for p in positions), default=0.0)
+    both = bool(min(-speeds.min(), speeds.max()) > 0.05 * top)
+    choice = design.choose(
+        blocks,
+        design.candidates(
+            knots,
+            {name: knots[list(keep)] for name, keep in curves.COARSE.items()},
+            dynamic=True,
+            slip=True,
+            gravity=gravity if about.unit == "rad" and travel > SPAN_FOR_GRAVITY else False,
+            model_torque=any(s.model_torque is not None for s in stretches),
+            both_directions=both,
+            symmetric=symmetric,
+        ),
+    )
+    choice = design.offset_apart(choice)
+    friction = as_friction(choice, choice.coefficients, about, (float(speeds.min()), float(speeds.max())))
+    friction = with_warnings(friction, choice, both)
+    fitted = judge([(s.torque, predict(friction, s), s.rate, s.moving) for s in stretches])
+    if held_out:
+        others = [s for log in held_out for s in prepare(log, joint, cutoff=cutoff)]
+        held = judge([(s.torque, predict(friction, s), s.rate, s.moving) for s in others])
+    else:
+        others = []
+        held = judge(_left_out(stretches, choice, about, friction.validity.velocity))
+    friction = _replace(friction, fitted=fitted, held_out=held)
+    k = len(choice.candidate.terms)
+    return friction, evidence(
+        friction,
+        [
+            (s, s.torque - rest_of_dynamics(friction, s), predict(friction, s), i < len(stretches))
+            for i, s in enumerate([*stretches, *others])
+        ],
+        curves.error_of_curve(choice.candidate.form, choice.covariance[k:, k:]),
+    )
+
+
+def _replace(friction: JointFriction, **changes) -> JointFriction:
+    from dataclasses import replace
+
+    return replace(friction, **changes)
+
+
+def _bins(s: Signals) -> tuple[int, int]:
+    width = max(1, round(BIN_TIME * s.rate))
+    return width, s.time.size // width
+
+
+def _block_count(stretches: Sequence[Signals]) -> int:
+    duration = sum(s.time.size / s.rate for s in stretches)
+    return int(np.clip(duration / BLOCK_TIME, *BLOCKS))
+
+
+def binned(stretches: Sequence[Signals], knots: np.ndarray) -> regression.Blocks:
+    """Return the robustly weighted normal equations of all columns, by block of neighbouring samples."""
+    Xs, ys, ws = [], [], []
+    for s in stretches:
+        width, count = _bins(s)
+        per_chunk = max(1, CHUNK // width)
+        for first in range(0, count, per_chunk):
+            n = min(per_chunk, count - first)
+            rows = slice(first * width, (first + n) * width)
+            X = design.columns(s, knots, rows)
+            Xs.append(X.reshape(n, width, -1).mean(axis=1))
+            ys.append(s.torque[rows].reshape(n, width).mean(axis=1))
+            ws.append(s.moving[rows].reshape(n, width).mean(axis=1))
+    X, y, w = np.concatenate(Xs), np.concatenate(ys), np.concatenate(ws)
+    w = np.where(w > 0.5, w, 0.0)
+    w = regression.robust_weights(X, y, w)
+    count = _block_count(stretches)
+    return regression.accumulate(X, y, w, regression.block_index(len(y), count), count)
+
+
+def as_friction(
+    choice: design.Choice, coefficients: np.ndarray, joint: Joint, velocity: tuple[float, float]
+) -> JointFriction:
+    """Return the joint's friction for a vector of coefficients of the chosen candidate."""
+    candidate, covariance = choice.candidate, choice.covariance
+    k = len(candidate.terms)
+    values = dict(zip(candidate.terms, coefficients[:k]))
+    errors = dict(zip(candidate.terms, np.sqrt(np.maximum(np.diag(covariance)[:k], 0.0))))
+    law, law_errors = curves.to_law(candidate.form, coefficients[k:], covariance[k:, k:])
+    dynamics = {}
+    for term, value in values.items():
+        name, error = term, float(errors[term])
+        if term == "jerk":
+            inertia = values["inertia"]
+            name, value, error = "time_slip", value / inertia, error / abs(inertia)
+        dynamics[name] = Estimate(value=float(value), unit=unit_of(name, joint), standard_error=float(error))
+    return JointFriction(
+        joint=joint,
+        law=law,
+        standard_errors=law_errors,
+        dynamics=dynamics,
+        validity=Validity(velocity=velocity),
+        method="motion",
+    )
+
+
+def with_warnings(friction: JointFriction, choice: design.Choice, both_directions: bool) -> JointFriction:
+    """Return the result with what makes it suspect said in sentences."""
+    said = []
+    low, high = friction.validity.velocity
+    speeds = np.linspace(low, high, 201)
+    if np.any(friction.law.torque(speeds) * speeds < 0.0):
+        said.append(
+            "At some velocities the friction found feeds energy in instead of dissipating it: the torque's sign is inverted, "
+            "or torques act that the model does not know."
+        )
+    inertia = friction.dynamics.get("inertia")
+    if inertia is not None and inertia.value < -2 * inertia.standard_error:
+        said.append(
+            f"The inertia came out negative ({inertia.value:.4g} {inertia.unit}): torque sign, or other axes' pull."
+        )
+    if not both_directions:
+        said.append(
+            "The joint moved in one direction only: friction and a constant torque cannot be told apart."
+        )
+    symmetric = choice.candidate.form.symmetric
+    if not symmetric and "offset" in choice.candidate.terms:
+        said.append(
+            "Friction at rest was taken as equal in both directions, and the constant torque that is left as an offset: "
+            "the data cannot tell the two apart."
+        )
+    elif not symmetric:
+        said.append(
+            "A constant bias torque (cable, current offset, gravity) cannot be told from friction that differs by "
+            "direction; what there is of it is in the friction."
+        )
+    if choice.condition > 1e4:
+        said.append(f"The motion separates the terms poorly (condition number {choice.condition:.1e}).")
+    return _replace(friction, warnings=tuple(said))
+
+
+def _left_out(stretches, choice, joint, velocity):
+    """Predict every block by the fit that did not see it."""
+    models = [as_friction(choice, theta, joint, velocity) for theta in choice.left_out]
+    total = sum(_bins(s)[1] for s in stretches)
+    block = regression.block_index(total, len(models))
+    seen = 0
+    pairs = []
+    for s in stretches:
+        width, count = _bins(s)
+        of_bin = block[seen : seen + count]
+        seen += count
+        of_sample = np.r_[
+            np.repeat(of_bin, width), np.full(s.time.size - count * width, of_bin[-1] if count else 0)
+        ]
+        predicted = np.empty(s.time.size)
+        for b in np.unique(of_sample):
+            rows = np.flatnonzero(of_sample == b)
+            part = slice(rows[0], rows[-1] + 1)
+            predicted[part] = predict(models[b], _part(s, part))
+        pairs.append((s.torque, predicted, s.rate, s.moving))
+    return pairs
+
+
+def _part(s: Signals, rows: slice) -> Signals:
+    return Signals(
+        time=s.time[rows],
+        velocity=s.velocity[rows],
+        acceleration=s.acceleration[rows],
+        jerk=s.jerk[rows],
+        torque=s.torque[rows],
+        rate=s.rate,
+        position=None if s.position is None else s.position[rows],
+        model_torque=None if s.model_torque is None else s.model_torque[rows],
+        moving=s.moving[rows],
+    )

@@ -1,0 +1,188 @@
+"""From torque ramps to a joint's break-away friction and presliding stiffness."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+from backdrive.filters import derivative
+from backdrive.identification.evidence import MOST, curve
+from backdrive.identification.ramp import Presliding, presliding
+from backdrive.identification.result import JointEvidence, Samples
+from backdrive.laws import CoulombViscous, Law
+from backdrive.log import Joint, Log
+from backdrive.model import Estimate, JointFriction, Validity
+
+NAMED = 0.03  # share of the break-away torque from which on the torque at rest is mentioned [-]
+
+
+def identify_ramp(logs: Sequence[Log], joint: str) -> tuple[JointFriction, JointEvidence]:
+    """Identify one joint's break-away friction and presliding stiffness from torque ramps.
+
+    The law is Coulomb friction with the break-away torques. The stiffness is among the dynamics as
+    `presliding_stiffness`; where the encoder does not resolve the displacement, as `presliding_stiffness_bound`.
+
+    Args:
+        logs: torque ramps of the same joint.
+        joint: name.
+
+    Raises:
+        InvalidInput: no log, or one without torque or position.
+        NotIdentifiable: the torque does not ramp while the joint sticks.
+    """
+    if not logs:
+        raise InvalidInput("There is no log to identify from.", remedy="Pass at least one.")
+    about = logs[0].select(joint).on_joint_side().joints[0]
+    found = presliding(logs, joint)
+    (up, up_error, up_seen), (down, down_error, down_seen) = _break_away(found, 1), _break_away(found, -1)
+    law = CoulombViscous(coulomb_positive=max(up, 0.0), coulomb_negative=max(down, 0.0))
+    missing = [n for n, seen in (("coulomb_positive", up_seen), ("coulomb_negative", down_seen)) if not seen]
+    friction = JointFriction(
+        joint=about,
+        law=Law(rate=law),
+        standard_errors={
+            "coulomb_positive": up_error,
+            "coulomb_negative": down_error,
+            "viscous_positive": float("nan"),
+            "viscous_negative": float("nan"),
+        },
+        at_bound=tuple(missing),
+        dynamics=_dynamics(found, about),
+        validity=Validity(
+            velocity=(-found.slip_speed, found.slip_speed), load=(found.largest[1], found.largest[0])
+        ),
+        method="ramp",
+        warnings=_warnings(found, about, missing, (up, up_error), (down, down_error)),
+    )
+    return friction, JointEvidence(
+        joint=about.name,
+        samples=_samples(logs, joint, friction, found),
+        curve=curve(friction, lambda v: np.where(v > 0, up_error, down_error)),
+        verdict=_verdict(friction, found, missing),
+        presliding=_loop(logs, joint),
+    )
+
+
+def _break_away(found: Presliding, direction: int) -> tuple[float, float, bool]:
+    """Return the friction that had to be overcome in a direction, its standard error, and whether it was."""
+    side = 0 if direction > 0 else 1
+    slipped = found.break_away[side]
+    if slipped is None:
+        return direction * (found.largest[side] - found.rest), float("nan"), False
+    return direction * (slipped[0] - found.rest), slipped[1], True
+
+
+def _dynamics(found: Presliding, joint: Joint) -> dict[str, Estimate]:
+    stiffness = f"{joint.torque_unit}/{joint.unit}"
+    result = {"offset": Estimate(value=found.rest, unit=joint.torque_unit)}
+    if found.stiffness is None:
+        result["presliding_stiffness_bound"] = Estimate(value=found.bound, unit=stiffness)
+    else:
+        result["presliding_stiffness"] = Estimate(
+            value=found.stiffness[0], unit=stiffness, standard_error=found.stiffness[1]
+        )
+        if found.tangent is not None:
+            result["presliding_stiffness_tangent"] = Estimate(
+                value=found.tangent[0], unit=stiffness, standard_error=found.tangent[1]
+            )
+    if np.isfinite(found.width):
+        blur = found.count / np.sqrt(6.0)
+        result["hysteresis_width"] = Estimate(value=found.width, unit=joint.unit, standard_error=float(blur))
+        result["hysteresis_area"] = Estimate(value=found.area, unit="J")
+    return result
+
+
+def _warnings(
+    found: Presliding,
+    joint: Joint,
+    missing: Sequence[str],
+    up: tuple[float, float],
+    down: tuple[float, float],
+) -> tuple[str, ...]:
+    said = []
+    unit = joint.torque_unit
+    if not found.resolved:
+        counts = f"{found.displacement / found.count:.0f} counts of {found.count:.3g} {joint.unit}"
+        said.append(
+            f"Joint '{joint.name}': before break-away it moves by {counts}, which is below the encoder's resolution: only a "
+            "lower bound of the stiffness is known."
+        )
+    for name in missing:
+        side, peak = ("+q", found.largest[0]) if name == "coulomb_positive" else ("-q", found.largest[1])
+        said.append(
+            f"Joint '{joint.name}' did not break away along {side} up to {peak:.3g} {unit}: its friction is at least what "
+            "is given."
+        )
+    apart, least = up[0] - down[0], max(min(up[0], down[0]), 1e-300)
+    if not missing and abs(apart) > max(4.0 * np.hypot(up[1], down[1]), NAMED * least):
+        said.append(
+            f"Joint '{joint.name}': the break-away torques differ by {abs(apart):.3g} {unit}; unequal friction and a constant "
+            "pull (gravity, offset of the torque signal) look the same to a ramp."
+        )
+    if abs(found.rest) > NAMED * least:
+        said.append(
+            f"Joint '{joint.name}': the torque of {found.rest:.3g} {unit} before the ramp was taken for gravity or offset; as "
+            "far as friction held the joint then, the two directions are shifted by it."
+        )
+    return tuple(said)
+
+
+def _verdict(friction: JointFriction, found: Presliding, missing: Sequence[str]) -> str:
+    law, unit = friction.law.rate, friction.joint.torque_unit
+    assert isinstance(law, CoulombViscous)
+    per = f"{unit}/{friction.joint.unit}"
+    sides = {"coulomb_positive": "+q", "coulomb_negative": "-q"}
+    words = [
+        f"{'more than ' if name in missing else ''}{getattr(law, name):.3g} {unit} along {side}"
+        for name, side in sides.items()
+    ]
+    if found.stiffness is None:
+        return (
+            f"It breaks away at {' and '.join(words)}. The displacement before that is below the encoder's resolution; "
+            f"the presliding stiffness is at least {found.bound:.3g} {per}."
+        )
+    value, error = found.stiffness
+    said = f"It breaks away at {' and '.join(words)}. Before that it yields with {value:.4g} +- {error:.2g} {per}"
+    if found.tangent is not None:
+        said += f" ({found.tangent[0]:.4g} at the beginning of a branch)"
+    if found.width > found.count:
+        said += f", with a hysteresis {found.width:.3g} {friction.joint.unit} wide"
+    return said + "."
+
+
+def _samples(logs: Sequence[Log], joint: str, friction: JointFriction, found: Presliding) -> Samples:
+    """Return measured torque against the law's, which is not defined where the joint sticks."""
+    columns = []
+    for log in logs:
+        single = log.select(joint).on_joint_side()
+        position, torque = single.position[:, 0], single.torque[:, 0]  # type: ignore[index]
+        velocity = derivative(position, single.period)
+        slides = np.abs(velocity) > found.slip_speed
+        predicted = np.where(slides, friction.law.torque(velocity) + found.rest, np.nan)
+        columns.append(np.stack([single.time, position, velocity, torque, torque - found.rest, predicted]))
+    joined = np.concatenate(columns, axis=1)
+    time, position, velocity, torque, of_friction, predicted = joined[
+        :, :: max(1, -(-joined.shape[1] // MOST))
+    ]
+    return Samples(
+        time=time,
+        position=position,
+        velocity=velocity,
+        torque=torque,
+        friction=of_friction,
+        predicted=predicted,
+        fitted=np.ones(time.size, dtype=bool),
+    )
+
+
+def _loop(logs: Sequence[Log], joint: str) -> np.ndarray:
+    """Return displacement from the first reading against torque, thinned, (n, 2)."""
+    parts = []
+    for log in logs:
+        single = log.select(joint).on_joint_side()
+        position, torque = single.position[:, 0], single.torque[:, 0]  # type: ignore[index]
+        parts.append(np.stack([position - position[0], torque], axis=1))
+    joined = np.concatenate(parts)
+    return joined[:: max(1, -(-len(joined) // MOST))]

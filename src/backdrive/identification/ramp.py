@@ -1,0 +1,256 @@
+"""What torque ramps show before a joint slides: stiffness, hysteresis and break-away (Iwatani 2017, 3.2.2, Fig. 3.3).
+
+Below break-away a joint only stretches. How far, tells the stiffness of what lies between encoder and friction, provided that the
+encoder resolves it; where it does not, only a lower bound of the stiffness can be given, torque over counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive import filters
+from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.identification.function_a import long_run
+from backdrive.identification.hysteresis import BRANCH, CUTOFF, loop
+from backdrive.identification.sweep_windows import turning_points
+from backdrive.log import Log
+
+SLIPS = 30.0  # a joint slips when it moves so many times faster than at the start of the ramp [-]
+FLICKER = 10.0  # and faster than so many counts in one period of the low pass [-]
+RESOLVED = 5.0  # displacement before break-away from which on a stiffness is given [count]
+START = 0.3  # share of a branch's torque, from its beginning, that gives the tangent [-]
+SHORTEST = 8  # a branch with fewer samples is left out
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Branch:
+    """A stretch of one ramp in which the joint sticks and the torque goes one way.
+
+    Attributes:
+        torque: [N.m or N], (n,).
+        position: as read [rad or m], (n,).
+        direction: 1 where the torque rises, -1 where it falls.
+        break_away: torque at which the joint slips at its end, and its uncertainty [N.m or N]; None where it does not.
+    """
+
+    torque: np.ndarray
+    position: np.ndarray
+    direction: int
+    break_away: tuple[float, float] | None
+
+    @property
+    def secant(self) -> tuple[float, float]:
+        """Compliance over the whole branch and its standard error [rad/N.m or m/N]."""
+        return _compliance(self.torque, self.position)
+
+    @property
+    def tangent(self) -> tuple[float, float]:
+        """Compliance at the beginning of the branch and its standard error [rad/N.m or m/N]."""
+        change = np.abs(self.torque - self.torque[0])
+        part = slice(0, max(8, int(np.searchsorted(change, START * change[-1]))))
+        return _compliance(self.torque[part], self.position[part])
+
+    def bound(self, count: float) -> float:
+        """Return a stiffness that the joint certainly exceeds [N.m/rad or N/m].
+
+        A reading that changes by n counts means a displacement below n + 1 counts.
+
+        Args:
+            count: resolution of the encoder [rad or m].
+        """
+        torque = np.abs(self.torque - self.torque[0])
+        moved = np.maximum.accumulate(np.abs(self.position - self.position[0]))
+        return float(np.max(torque / (moved + count)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Presliding:
+    """What the ramps of one joint show before it slides.
+
+    Attributes:
+        branches: in which it sticks, first to last.
+        count: resolution of the position [rad or m].
+        displacement: largest, before break-away [rad or m].
+        stiffness: secant, and its standard error [N.m/rad or N/m]; None below the encoder's resolution.
+        tangent: stiffness at the beginning of a branch, and its standard error [N.m/rad or N/m]; None likewise.
+        bound: a stiffness that is certainly exceeded [N.m/rad or N/m].
+        break_away: torque at which it slipped, as measured, and its standard error: rising, falling [N.m or N]; None where
+            it did not.
+        largest: largest and smallest torque of the ramps [N.m or N].
+        rest: torque before the first ramp [N.m or N].
+        width: of the hysteresis at its middle torque [rad or m]; NaN without a loop free of slip.
+        area: work lost in such a loop [J].
+        slip_speed: speed from which on the joint is taken to slide [rad/s or m/s].
+    """
+
+    branches: tuple[Branch, ...]
+    count: float
+    displacement: float
+    stiffness: tuple[float, float] | None
+    tangent: tuple[float, float] | None
+    bound: float
+    break_away: tuple[tuple[float, float] | None, tuple[float, float] | None]
+    largest: tuple[float, float]
+    rest: float
+    width: float
+    area: float
+    slip_speed: float
+
+    @property
+    def resolved(self) -> bool:
+        """Whether the encoder resolves the displacement before break-away."""
+        return self.stiffness is not None
+
+
+def presliding(logs: Sequence[Log], joint: str | int) -> Presliding:
+    """Return what torque ramps show of a joint before it slides.
+
+    Args:
+        logs: with torque and position, each a ramp up, down and back.
+        joint: name or column.
+
+    Raises:
+        InvalidInput: a log holds no torque or no position.
+        NotIdentifiable: the torque does not go up and down, or the joint slides all the time.
+    """
+    singles = [log.select(joint).on_joint_side() for log in logs]
+    for log in singles:
+        if log.torque is None or log.position is None:
+            raise InvalidInput(
+                f"Joint '{joint}': a ramp needs torque and position.", remedy="Name the channels with --map."
+            )
+    count = max(_count(log) for log in singles)
+    found = [_branches(log, count) for log in singles]
+    branches = [b for each, _, _ in found for b in each]
+    if not branches:
+        raise NotIdentifiable(
+            f"Joint '{joint}': there is no stretch in which the torque ramps and the joint sticks.",
+            remedy="Record it along `backdrive plan ramp`, slowly, from rest.",
+        )
+    displacement = max(float(np.ptp(b.position)) for b in branches)
+    resolved = displacement >= RESOLVED * count
+    width, area = loop(singles, [speed for _, speed, _ in found])
+    torques = [log.torque[:, 0] for log in singles]  # type: ignore[index]
+    return Presliding(
+        branches=tuple(branches),
+        count=count,
+        displacement=displacement,
+        stiffness=_stiffness([b.secant for b in branches], branches, count) if resolved else None,
+        tangent=_stiffness([b.tangent for b in branches], branches, count) if resolved else None,
+        bound=max(b.bound(count) for b in branches),
+        break_away=(_break_away(branches, 1), _break_away(branches, -1)),
+        largest=(max(float(t.max()) for t in torques), min(float(t.min()) for t in torques)),
+        rest=float(np.mean([rest for _, _, rest in found])),
+        width=width,
+        area=area,
+        slip_speed=max(speed for _, speed, _ in found),
+    )
+
+
+def _count(log: Log) -> float:
+    """Return the smallest step of the readings [rad or m]; their noise where they come in no steps."""
+    counts = log.joints[0].encoder_counts
+    if counts:
+        return 1.0 / counts
+    position = log.position[:, 0]  # type: ignore[index]
+    steps = np.abs(np.diff(position))
+    steps = steps[steps > 1e-12 * max(float(np.abs(position).max()), 1e-300)]
+    if not steps.size:
+        return float("nan")
+    smallest = float(steps.min())
+    whole = steps / smallest
+    if float(np.mean(np.abs(whole - np.round(whole)) < 0.05)) > 0.95:
+        return smallest
+    return float(3.0 * 1.4826 * np.median(np.abs(np.diff(position, 2))) / np.sqrt(6.0))
+
+
+def _branches(log: Log, count: float) -> tuple[list[Branch], float, float]:
+    """Return the branches of one log, the speed from which on it slips, and the torque before the first ramp."""
+    torque, position = log.torque[:, 0], log.position[:, 0]  # type: ignore[index]
+    rate = 1.0 / log.period
+    cutoff = min(CUTOFF, 0.1 * rate)
+    smooth = filters.low_pass(torque, cutoff, rate)
+    turns = turning_points(smooth, BRANCH * float(np.ptp(smooth)))
+    if turns.size < 2:
+        return [], 0.0, float(torque[0])
+    velocity = filters.derivative(filters.low_pass(position, cutoff, rate), log.period)
+    first = slice(turns[0], turns[0] + max(2, (turns[1] - turns[0]) // 10))
+    slips = max(SLIPS * float(np.median(np.abs(velocity[first]))), FLICKER * count * cutoff)
+    stuck = np.abs(velocity) < slips
+    for start, stop in _runs(~stuck):
+        if np.ptp(position[start:stop]) < RESOLVED * count:
+            stuck[start:stop] = True  # a count that flickers is no slip
+    settle = round(rate / cutoff)  # as long as the low pass lets a slip shine into its neighbourhood
+    result = []
+    for a, b in zip(turns, turns[1:]):
+        for start, stop in a + _runs(stuck[a : b + 1]):
+            after, before = start > a or not stuck[max(a - 1, 0)], stop <= b
+            first, last = start + settle * after, stop - settle * before
+            if last - first < SHORTEST or np.ptp(smooth[first:last]) < 0.5 * BRANCH * np.ptp(smooth):
+                continue
+            inside = slice(first, last)
+            result.append(
+                Branch(
+                    torque=smooth[inside],
+                    position=position[inside],
+                    direction=1 if smooth[b] > smooth[a] else -1,
+                    break_away=_onset(smooth, velocity, stop, rate, cutoff) if before else None,
+                )
+            )
+    return result, slips, float(torque[: turns[0] + 1].mean())
+
+
+def _runs(mask: np.ndarray) -> np.ndarray:
+    """Return first and past-last index of every stretch of True, (k, 2)."""
+    return np.flatnonzero(np.diff(np.r_[False, mask, False].astype(np.int8))).reshape(-1, 2)
+
+
+def _onset(
+    torque: np.ndarray, velocity: np.ndarray, at: int, rate: float, cutoff: float
+) -> tuple[float, float]:
+    """Return the torque when the slip that is seen at a sample began, and the uncertainty of that.
+
+    Under a rising torque the speed grows with the square of the time since the slip began, so that this time is twice the
+    speed over the acceleration; half of it counts as uncertain, for friction that drops would make it that.
+    """
+    slope = (torque[at] - torque[at - 1]) * rate
+    acceleration = (velocity[min(at + 1, velocity.size - 1)] - velocity[at - 1]) * rate / 2.0
+    since = min(2.0 * abs(velocity[at]) / max(abs(acceleration), 1e-300), 1.0 / cutoff * 4.0)
+    return float(torque[at] - slope * since), float(
+        abs(slope) * np.hypot(since / 2.0, 1.0 / cutoff) / np.sqrt(12.0)
+    )
+
+
+def _break_away(branches: Sequence[Branch], direction: int) -> tuple[float, float] | None:
+    found = [b.break_away for b in branches if b.direction == direction and b.break_away is not None]
+    if not found:
+        return None
+    torque, blur = np.array(found).T
+    scatter = float(np.std(torque, ddof=1) / np.sqrt(torque.size)) if torque.size > 1 else 0.0
+    return float(torque.mean()), float(np.hypot(scatter, blur.mean()))
+
+
+def _compliance(torque: np.ndarray, position: np.ndarray) -> tuple[float, float]:
+    u, x = torque - torque.mean(), position - position.mean()
+    power = max(float(u @ u), 1e-300)
+    c = float(u @ x) / power
+    left = x - c * u
+    return c, float(np.sqrt(long_run((u * left)[None])[0, 0])) / power
+
+
+def _stiffness(
+    compliances: Sequence[tuple[float, float]], branches: Sequence[Branch], count: float
+) -> tuple[float, float] | None:
+    """Return the stiffness by all branches; None where they do not agree on a sign."""
+    c = np.array([value for value, _ in compliances])
+    spans = np.array([float(np.ptp(b.torque)) for b in branches])
+    error = np.hypot([e for _, e in compliances], count / np.sqrt(12.0) / spans)
+    weight = 1.0 / np.maximum(error, 1e-300) ** 2
+    mean = float(weight @ c / weight.sum())
+    if mean <= 0:
+        return None
+    scatter = float(np.sqrt(weight @ (c - mean) ** 2 / weight.sum() / max(c.size - 1, 1)))
+    return 1.0 / mean, max(scatter, float(1.0 / np.sqrt(weight.sum()))) / mean**2

@@ -1,0 +1,169 @@
+"""Constant-velocity runs: where a log keeps its velocity, and what each stretch says of friction and gravity."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive.identification import regression
+from backdrive.log import Log
+
+LEAST_RUNS = 4  # fewer runs do not make a curve
+LEAST_TIME = 0.3  # a plateau inside a longer log lasts at least so long [s]
+STEADY = 0.08  # and stays this close to its level [share of the level]
+SEEN = 0.25  # gravity must explain so much of the torque's variance within the runs [-]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """One constant-velocity run.
+
+    Attributes:
+        velocity: mean velocity [rad/s or m/s].
+        torque: robust mean torque [N.m or N].
+        standard_error: of the torque, from blocks [N.m or N].
+        spread: standard deviation of the torque within the run [N.m or N].
+        uneven: the velocity's standard deviation exceeds a quarter of its mean (stick-slip).
+        start: first instant [s].
+        pull: means of sin q and cos q over the run; None for a linear joint or without position.
+        within: scatter of (sin q, cos q, torque) about their means, (3, 3); None like `pull`.
+    """
+
+    velocity: float
+    torque: float
+    standard_error: float
+    spread: float
+    uneven: bool
+    start: float
+    pull: tuple[float, float] | None = None
+    within: np.ndarray | None = None
+
+
+def _robust_mean(x: np.ndarray) -> float:
+    weights = regression.robust_weights(np.ones((x.size, 1)), x, np.ones(x.size))
+    return float(np.average(x, weights=weights))
+
+
+def _run(time: np.ndarray, velocity: np.ndarray, torque: np.ndarray, angle: np.ndarray | None) -> Run:
+    blocks = [b for b in np.array_split(torque, min(10, max(2, torque.size // 5))) if b.size]
+    means = np.array([_robust_mean(b) for b in blocks])
+    level = float(np.mean(velocity))
+    pull, within = None, None
+    if angle is not None:
+        columns = np.stack([np.sin(angle), np.cos(angle), torque])
+        pull = (float(columns[0].mean()), float(columns[1].mean()))
+        within = (columns - columns.mean(axis=1, keepdims=True)) @ (
+            columns - columns.mean(axis=1, keepdims=True)
+        ).T
+    return Run(
+        velocity=level,
+        torque=_robust_mean(torque),
+        standard_error=float(means.std(ddof=1) / np.sqrt(means.size)),
+        spread=float(np.std(torque)),
+        uneven=bool(np.std(velocity) > 0.25 * abs(level)),
+        start=float(time[0]),
+        pull=pull,
+        within=within,
+    )
+
+
+def find_runs(log: Log, joint: str | int) -> list[Run]:
+    """Return the constant-velocity runs of one joint: the whole log where it is one, else its plateaus.
+
+    Raises:
+        InvalidInput: the log holds no torque.
+    """
+    log.need("torque")
+    if len(log) < 20:
+        return []
+    log = log.select(joint).on_joint_side()
+    torque, velocity = log.need("torque")[:, 0], _velocity(log)
+    good = np.isfinite(velocity) & np.isfinite(torque)
+    time, velocity, torque = log.time[good], velocity[good], torque[good]
+    turns = log.position is not None and log.joints[0].unit == "rad"
+    angle = log.need("position")[good, 0] if turns else None
+    if _keeps_level(velocity):
+        return [_run(time, velocity, torque, angle)]
+    return [
+        _run(time[a:b], velocity[a:b], torque[a:b], None if angle is None else angle[a:b])
+        for a, b in _plateaus(velocity, log.period)
+    ]
+
+
+def whole_run(log: Log, joint: str | int) -> bool:
+    """Say whether a log keeps one velocity throughout."""
+    if len(log) < 20:
+        return False
+    velocity = _velocity(log.select(joint))
+    return _keeps_level(velocity[np.isfinite(velocity)])
+
+
+def _velocity(log: Log) -> np.ndarray:
+    from backdrive.filters import derivative
+
+    velocity = log.velocity if log.velocity is not None else derivative(log.need("position"), log.period)
+    return velocity[:, 0]
+
+
+def _keeps_level(velocity: np.ndarray) -> bool:
+    """Say whether the means of the thirds agree and none is zero: single samples may jump (stick-slip)."""
+    if velocity.size < 20:
+        return False
+    levels = [float(np.mean(part)) for part in np.array_split(velocity, 3)]
+    return min(np.abs(levels)) > 0 and float(np.ptp(levels)) < 0.25 * float(np.max(np.abs(levels)))
+
+
+def _plateaus(velocity: np.ndarray, period: float) -> list[tuple[int, int]]:
+    """Return begin and end of every stretch that keeps its velocity."""
+    width = max(3, int(LEAST_TIME / period))
+    if velocity.size < 2 * width:
+        return []
+    kernel = np.ones(width) / width
+    level = np.convolve(velocity, kernel, "same")
+    square = np.convolve(velocity**2, kernel, "same")
+    spread = np.sqrt(np.maximum(square - level**2, 0.0))
+    top = np.max(np.abs(level))
+    steady = (np.abs(level) > 0.005 * top) & (spread < STEADY * np.abs(level) + 0.002 * top)
+    edges = np.flatnonzero(np.diff(np.r_[False, steady, False].astype(np.int8))).reshape(-1, 2)
+    return [
+        (int(a), int(b))
+        for a, b in edges
+        if b - a >= width and np.ptp(level[a:b]) < 2 * STEADY * abs(np.mean(level[a:b]))
+    ]
+
+
+def gravity_of(runs: Sequence[Run]) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return gravity as seen inside the runs, where nothing else changes with position.
+
+    Returns:
+        The coefficients of sin q and cos q [N.m] and their standard errors; None where position is unknown or explains less
+        than `SEEN` of how the torque varies within the runs.
+    """
+    scatter = [run.within for run in runs if run.within is not None]
+    if len(scatter) < len(runs) or len(runs) < LEAST_RUNS:
+        return None
+    total = np.sum(scatter, axis=0)
+    gram, moment, power = total[:2, :2], total[:2, 2], total[2, 2]
+    if np.linalg.cond(gram) > 1e8 or power <= 0.0:
+        return None
+    theta = np.linalg.solve(gram, moment)
+    if theta @ moment < SEEN * power:
+        return None
+    scores = np.stack([s[:2, 2] - s[:2, :2] @ theta for s in scatter])
+    bread = np.linalg.inv(gram)
+    return theta, np.sqrt(np.diag(bread @ (scores.T @ scores) @ bread))
+
+
+def without_gravity(log: Log, joint: str | int, gravity: np.ndarray) -> Log:
+    """Return the log of one joint, its torque on the joint's side and less gravity.
+
+    Args:
+        log: with position and torque.
+        joint: name or column.
+        gravity: coefficients of sin q and cos q [N.m], (2,).
+    """
+    log = log.select(joint).on_joint_side()
+    pull = gravity[0] * np.sin(log.need("position")) + gravity[1] * np.cos(log.need("position"))
+    return log.replace(torque=log.need("torque") - pull)

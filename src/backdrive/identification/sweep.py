@@ -1,0 +1,198 @@
+"""The sweep identification of Iwatani 2017, chapter 2: friction from sines of one stroke and growing speed.
+
+`function_a` is (2.7) as printed, `sweep_knots` the same with its corrections, `identify_sweep` the whole way from logs to a
+joint's friction. See `docs/theory/sweep.md`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+from backdrive.identification.curves import hats
+from backdrive.identification.dynamics import predict, rest_of_dynamics, unit_of
+from backdrive.identification.evidence import evidence
+from backdrive.identification.function_a import SHARE, corrected, function_a
+from backdrive.identification.function_a import literal as literal_pairs
+from backdrive.identification.grade import grade
+from backdrive.identification.quality import judge
+from backdrive.identification.result import JointEvidence
+from backdrive.identification.signals import Signals, prepare
+from backdrive.identification.sweep_fit import SweepFit, fit
+from backdrive.identification.sweep_knots import SweepKnots, ordered, to_polyline
+from backdrive.identification.sweep_windows import find_windows, windows
+from backdrive.laws import Law, Polyline
+from backdrive.log import Joint, Log
+from backdrive.model import Estimate, JointFriction, Quality, Validity
+
+__all__ = ["SweepKnots", "find_windows", "function_a", "identify_sweep", "sweep_knots", "to_polyline"]
+
+NAMED = 0.03  # share of the friction from which on a constant beside it is mentioned [-]
+
+
+def sweep_knots(
+    log: Log,
+    joint: str | int,
+    plan: Any = None,
+    *,
+    literal: bool = False,
+    c: float = SHARE,
+    delay: float = 0.0,
+) -> SweepKnots:
+    """Return the velocity-friction pairs of a sweep.
+
+    Args:
+        log: with torque, and position or velocity.
+        joint: name or column.
+        plan: the sweep it was recorded with; None: the log's own, or else the cycles are found.
+        literal: as printed: backward difference of the position, torque at the same index, no correction.
+        c: share of a cycle's peak speed above which samples are used [-].
+        delay: from a torque sample to the torque's effect, beyond half a sampling interval [s].
+
+    Raises:
+        NotIdentifiable: no cycles are found, or fewer than two are usable.
+        InvalidInput: the log holds no torque.
+    """
+    return pairs(log, joint, prepare(log, joint), plan, literal=literal, c=c, delay=delay)
+
+
+def pairs(
+    log: Log,
+    joint: str | int,
+    stretches: Sequence[Signals],
+    plan: Any = None,
+    *,
+    literal: bool = False,
+    c: float = SHARE,
+    delay: float = 0.0,
+) -> SweepKnots:
+    """Return what `sweep_knots` returns, for a log whose signals are prepared already."""
+    cycles = windows(log, joint, log.plan if plan is None else plan, stretches)
+    if literal:
+        knots = literal_pairs(log.select(joint).on_joint_side(), cycles, c)
+    else:
+        rotary = log.joints[log.column(joint)].unit == "rad"
+        knots = corrected(stretches, cycles, rotary=rotary, c=c, delay=delay)
+    return ordered(knots, joint, cycles, c)
+
+
+def identify_sweep(
+    logs: Sequence[Log], joint: str, *, literal: bool = False, symmetric: bool | None = None
+) -> tuple[JointFriction, JointEvidence]:
+    """Identify one joint's friction from sweeps.
+
+    With several sweeps the last one is judged by the fit to the others, before all are fitted together.
+
+    Args:
+        logs: one sweep each, of the same joint; about several centers, to tell gravity from unequal directions.
+        joint: name.
+        literal: the procedure as printed, without corrections and standard errors.
+        symmetric: True: one curve for both directions; False: one each; None: one unless they plainly differ.
+
+    Raises:
+        InvalidInput: no log, or one without torque.
+        NotIdentifiable: no cycles of a sweep are found, or fewer than two reach their speed.
+    """
+    if not logs:
+        raise InvalidInput("There is no log to identify from.", remedy="Pass at least one.")
+    about = logs[0].select(joint).on_joint_side().joints[0]
+    stretches = [prepare(log, joint) for log in logs]
+    each = [pairs(log, joint, s) for log, s in zip(logs, stretches)]
+    used = [pairs(log, joint, s, literal=True) for log, s in zip(logs, stretches)] if literal else each
+
+    def fitted_to(part: slice) -> tuple[JointFriction, SweepFit]:
+        found = fit(used[part], unit=about.unit, name=about.name, symmetric=symmetric)
+        return _friction(about, found, each[part], stretches[part], literal), found
+
+    friction, found = fitted_to(slice(None))
+    seen, unseen, before = stretches, [], friction
+    if len(logs) > 1:
+        seen, unseen = stretches[:-1], stretches[-1:]
+        before, _ = fitted_to(slice(0, -1))
+    friction = replace(
+        friction, fitted=_judge(friction, stretches), held_out=_judge(before, unseen) if unseen else None
+    )
+    parts = [_part(friction, s, True) for log in seen for s in log]
+    parts += [_part(before, s, False) for log in unseen for s in log]
+    shown = evidence(friction, parts, _error_of_curve(friction))
+    return friction, replace(shown, verdict=_verdict(friction, found))
+
+
+def _friction(
+    joint: Joint,
+    found: SweepFit,
+    knots: Sequence[SweepKnots],
+    stretches: Sequence[Sequence[Signals]],
+    literal: bool,
+) -> JointFriction:
+    weight = 1.0 / np.array([k.inertia[1] for k in knots]) ** 2
+    inertia = float(weight @ [k.inertia[0] for k in knots] / weight.sum()), float(1.0 / np.sqrt(weight.sum()))
+    flat = [s for log in stretches for s in log]
+    slip = -0.5 / flat[0].rate, 0.0  # a command acts from its sample on, for one interval
+    dynamics = {
+        term: Estimate(value=value, unit=unit_of(term, joint), standard_error=error)
+        for term, (value, error) in {"inertia": inertia, "time_slip": slip, **found.terms}.items()
+    }
+    speeds = np.concatenate([s.velocity for s in flat])
+    errors = {"positive": tuple(found.error_pos.tolist()), "negative": tuple(found.error_neg.tolist())}
+    return JointFriction(
+        joint=joint,
+        law=Law(rate=found.law),
+        standard_errors={} if literal else errors,
+        dynamics=dynamics,
+        validity=Validity(velocity=(float(speeds.min()), float(speeds.max()))),
+        method="sweep",
+        warnings=found.warnings,
+    )
+
+
+def _part(friction: JointFriction, s: Signals, seen: bool) -> tuple[Signals, np.ndarray, np.ndarray, bool]:
+    return s, s.torque - rest_of_dynamics(friction, s), predict(friction, s), seen
+
+
+def _judge(friction: JointFriction, stretches: Sequence[Sequence[Signals]]) -> Quality:
+    return judge((s.torque, predict(friction, s), s.rate, s.moving) for log in stretches for s in log)
+
+
+def _error_of_curve(friction: JointFriction) -> Callable[[np.ndarray], np.ndarray]:
+    """Return a function from velocities to the curve's standard error; the knots' errors are independent."""
+    rate = friction.law.rate
+    assert isinstance(rate, Polyline)
+    errors = friction.standard_errors
+
+    def standard_error(velocity: np.ndarray) -> np.ndarray:
+        if not errors:
+            return np.full(velocity.shape, np.nan)
+        side = np.where(velocity[:, None] > 0, errors["positive"], errors["negative"])
+        return np.sqrt(np.sum((hats(np.abs(velocity), np.array(rate.velocity)) * side) ** 2, axis=1))
+
+    return standard_error
+
+
+def _verdict(friction: JointFriction, found: SweepFit) -> str:
+    unit, rate = friction.joint.torque_unit, friction.law.rate
+    assert isinstance(rate, Polyline)
+    top = rate.velocity[-1]
+    rest = friction.law.torque(np.array([1e-9, -1e-9]) * top) * (1, -1)
+    fast = friction.law.torque(np.array([top, -top])) * (1, -1)
+    if found.symmetric:
+        said = f"Friction is {rest[0]:.3g} {unit} at low speed and {fast[0]:.3g} {unit} at {top:.3g} {friction.joint.unit}/s."
+    else:
+        said = (
+            f"Friction is {rest[0]:.3g} {unit} along +q and {rest[1]:.3g} {unit} along -q at low speed, {fast[0]:.3g} and "
+            f"{fast[1]:.3g} {unit} at {top:.3g} {friction.joint.unit}/s."
+        )
+    if friction.standard_errors:
+        worst = np.max([found.error_pos, found.error_neg])
+        said += f" Its {len(rate.velocity)} knots have standard errors up to {worst:.2g} {unit}."
+    offset = found.terms.get("offset", (0.0, 0.0))[0]
+    if found.symmetric and abs(offset) > NAMED * fast[0]:
+        said += f" A constant {offset:.3g} {unit} was set apart: gravity, an offset of the torque signal or unequal directions."
+    quality = friction.held_out or friction.fitted
+    assert quality is not None
+    of = "a sweep that the fit had not seen" if friction.held_out else "the sweep itself"
+    return f"{said} The model explains all but {quality.residual:.1f} % of the torque of {of}: {grade(friction).word}."

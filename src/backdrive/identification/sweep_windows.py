@@ -1,0 +1,197 @@
+"""Where the cycles of a sweep lie in a log: by the plan it was recorded with, or found in the motion.
+
+A sweep has cycles of one stroke whose peak speeds grow by equal steps (Iwatani 2017, (2.2)-(2.4)). The turning points of the
+position give the strokes; equal strokes in a row, of sine shape and growing speed, give the cycles. What precedes, follows or
+separates them (lead-in, dwell, noise) does not matter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from backdrive import filters
+from backdrive.errors import NotIdentifiable
+from backdrive.identification.signals import Signals, prepare
+from backdrive.log import Log
+
+TRIED = (0.5, 0.25, 0.12, 0.06, 0.03)  # least stroke, as a share of the whole travel [-]
+EQUAL = 0.1  # strokes of one sweep differ by less than this [-]
+SINE = (0.7, 1.3)  # time above 0.8 of the peak speed, over that of a sine of this stroke and peak [-]
+GROWTH = 0.12  # a peak speed lies so close to the straight line through all [share of the step]
+LEAST_STEP = 0.01  # from cycle to cycle the speed grows by at least this share of the highest [-]
+SMOOTH = 25.0  # corner of the low pass on the motion in which cycles are sought [Hz]
+FOLLOWS = 0.15  # a motion follows its plan when it differs by less than this [share of the stroke]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Windows:
+    """The cycles of a sweep.
+
+    Attributes:
+        time: first and last instant of each cycle [s], (N, 2).
+        peak: peak speed of each cycle: n V / N where the plan is known, else as measured [rad/s or m/s], (N,).
+        from_plan: the plan gave them.
+        warnings: in sentences.
+    """
+
+    time: np.ndarray
+    peak: np.ndarray
+    from_plan: bool
+    warnings: tuple[str, ...] = ()
+
+
+def windows(log: Log, joint: str | int, plan: Any, stretches: Sequence[Signals]) -> Windows:
+    """Return the cycles of a sweep.
+
+    Args:
+        log: of the sweep.
+        joint: name or column.
+        plan: the `excite.Sweep` it was recorded with, or an `excite.InTurn` that holds it; otherwise the cycles are found.
+        stretches: the log's signals, as `prepare` returns them.
+
+    Raises:
+        NotIdentifiable: no cycles are found.
+    """
+    said: tuple[str, ...] = ()
+    begin = getattr(plan, "start", 0.0)
+    if plan is not None and plan.kind == "in-turn":
+        name = log.names[log.column(joint)]
+        plan = next((p for p in plan.plans if p.joint == name), None)
+    if plan is not None and plan.kind == "sweep":
+        for start in (0.0, float(log.time[0]) - begin):
+            if _follows(plan, stretches, start):
+                return Windows(time=plan.windows() + start, peak=plan.speeds, from_plan=True)
+        said = (
+            f"Joint '{joint}' did not follow the plan that the log is linked to: the cycles were found in its motion instead.",
+        )
+    time, peak = _find(stretches, joint)
+    return Windows(time=time, peak=peak, from_plan=False, warnings=said)
+
+
+def find_windows(log: Log, joint: str | int) -> np.ndarray:
+    """Find the cycles of a sweep in a log.
+
+    Args:
+        log: with torque, and position or velocity.
+        joint: name or column.
+
+    Returns:
+        First and last instant of each cycle [s], in order of growing speed, (N, 2).
+
+    Raises:
+        NotIdentifiable: the joint does not move in cycles of equal stroke and growing speed.
+        InvalidInput: the log holds no torque.
+    """
+    return _find(prepare(log, joint), joint)[0]
+
+
+def _follows(plan: Any, stretches: Sequence[Signals], start: float) -> bool:
+    above, count = 0.0, 0
+    position = stretches[0].position is not None
+    for s in stretches:
+        t = s.time - start
+        wanted = plan.position(t) if position else plan.velocity(t)
+        above += float(np.sum((wanted - (s.position if position else s.velocity)) ** 2))
+        count += t.size
+    size = abs(plan.stroke) if position else abs(plan.top_speed)
+    return bool(np.sqrt(above / count) < FOLLOWS * size)
+
+
+def _find(stretches: Sequence[Signals], joint: str | int) -> tuple[np.ndarray, np.ndarray]:
+    best: tuple[np.ndarray, np.ndarray] = (np.zeros((0, 2)), np.zeros(0))
+    for s in stretches:
+        x = s.position if s.position is not None else np.cumsum(s.velocity) / s.rate
+        x = filters.low_pass(x, min(SMOOTH, 0.05 * s.rate), s.rate)
+        speed = np.abs(filters.derivative(x, 1.0 / s.rate))
+        travel = float(np.ptp(x))
+        if travel <= 0:
+            continue
+        for share in TRIED:
+            found = _cycles(s.time, x, speed, turning_points(x, share * travel))
+            if len(found[1]) > len(best[1]):
+                best = found
+    if len(best[1]) < 2:
+        raise NotIdentifiable(
+            f"Joint '{joint}' does not move in cycles of equal stroke and growing speed.",
+            remedy="Record it along `backdrive plan sweep`, link the plan, or use --method motion.",
+        )
+    return best
+
+
+def turning_points(x: np.ndarray, least: float) -> np.ndarray:
+    """Return the samples at which a signal turns, between strokes of at least `least`; the first and last included.
+
+    Args:
+        x: the signal, (n,).
+        least: smallest stroke that counts [unit of x].
+    """
+    step = np.sign(np.diff(x))
+    moving = np.flatnonzero(step)
+    if not moving.size:
+        return np.zeros(0, dtype=int)
+    turns = moving[1:][step[moving[1:]] != step[moving[:-1]]]
+    candidates = np.concatenate([[moving[0]], turns, [moving[-1] + 1]])
+    values = x[candidates].tolist()
+    points, low, high, direction = [], 0, 0, 0
+    for i, value in enumerate(values):
+        if value < values[low]:
+            low = i
+        if value > values[high]:
+            high = i
+        if direction >= 0 and value < values[high] - least:
+            points.append(high)
+            direction, low = -1, i
+        elif direction <= 0 and value > values[low] + least:
+            points.append(low)
+            direction, high = 1, i
+    if direction != 0:
+        points.append(high if direction > 0 else low)
+    return candidates[np.array(points, dtype=int)]
+
+
+def _cycles(
+    time: np.ndarray, x: np.ndarray, speed: np.ndarray, turn: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return windows and peak speeds of the longest run of cycles between turning points."""
+    stroke = np.abs(np.diff(x[turn]))
+    period = float(time[1] - time[0])
+    peak, sine = np.zeros(stroke.size), np.zeros(stroke.size, dtype=bool)
+    for i, (a, b) in enumerate(zip(turn, turn[1:])):
+        part = speed[a:b]
+        peak[i] = part.max(initial=0.0)
+        above = np.count_nonzero(part >= 0.8 * peak[i]) * period
+        sine[i] = SINE[0] < above * peak[i] / max(np.arccos(0.8) * stroke[i], 1e-300) < SINE[1]
+    best: tuple[np.ndarray, np.ndarray] = (np.zeros((0, 2)), np.zeros(0))
+    for first in range(stroke.size - 1):
+        pairs: list[int] = []
+        for i in range(first, stroke.size - 1, 2):
+            same = abs(stroke[i : i + 2] / stroke[first] - 1.0).max() < EQUAL
+            even = abs(peak[i] / peak[i + 1] - 1.0) < EQUAL
+            if not (same and even and sine[i] and sine[i + 1]):
+                break
+            pairs.append(i)
+            level = 0.5 * (peak[pairs] + peak[np.array(pairs) + 1])
+            if not _grows(level):
+                pairs.pop()
+                break
+        if len(pairs) > len(best[1]):
+            start = np.array(pairs)
+            edges = np.stack([time[turn[start]], time[turn[start + 2]]], axis=1)
+            best = edges, 0.5 * (peak[start] + peak[start + 1])
+    return best
+
+
+def _grows(level: np.ndarray) -> bool:
+    """Say whether speeds grow by equal steps, the first being a whole number of them."""
+    if level.size == 1:
+        return True
+    step = (level[-1] - level[0]) / (level.size - 1)
+    if step < LEAST_STEP * level[-1]:
+        return False
+    n = np.maximum(1.0, np.round(level[0] / step)) + np.arange(level.size)
+    off = np.abs(level / step - n * np.mean(level / step / n))
+    return bool(np.all(off < np.minimum(GROWTH * np.maximum(1.0, 0.2 * n), 0.4)))

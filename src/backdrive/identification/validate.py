@@ -1,0 +1,76 @@
+"""Judge a model on logs: measured against predicted torque, joint by joint."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.identification.dynamics import predict
+from backdrive.identification.quality import judge
+from backdrive.identification.signals import prepare
+from backdrive.log import Log
+from backdrive.model import FrictionModel, Quality
+
+
+def validate(model: FrictionModel, logs: Sequence[Log], *, urdf: str | None = None) -> dict[str, Quality]:
+    """Return the relative residual of every joint that model and logs share.
+
+    Args:
+        model: with the friction of each joint.
+        logs: with torque, of the same joints (by name).
+        urdf: path of the robot description, for the model of a whole arm.
+
+    Returns:
+        joint name -> quality over all logs.
+
+    Raises:
+        InvalidInput: model and logs share no joint, or the model is of an arm and its description is missing.
+    """
+    shared = [name for name in model.names if all(name in log.names for log in logs)]
+    if not shared:
+        raise InvalidInput(
+            f"Model ({', '.join(model.names)}) and logs ({', '.join(logs[0].names)}) share no joint.",
+            remedy="Name the log's joints as in the model (--names).",
+        )
+    if model.arm is not None:
+        if urdf is None:
+            raise InvalidInput(
+                "This is the model of a whole arm.", remedy="Pass its description with --urdf."
+            )
+        from backdrive.identification.arm import validate_arm
+
+        return validate_arm(model, logs, urdf)
+    result = {}
+    for name in shared:
+        friction = model.joint(name)
+        pairs = []
+        for log in logs:
+            if (
+                friction.method == "constant-velocity"
+                and log.position is None
+                and not friction.dynamics.get("inertia")
+            ):
+                pairs += _runs(friction, log, name)
+                continue
+            pairs += [(s.torque, predict(friction, s), s.rate, s.moving) for s in prepare(log, name)]
+        if not pairs:
+            raise NotIdentifiable(
+                f"Joint '{name}': nothing to judge on.", remedy="Give a log in which it moves."
+            )
+        result[name] = judge(pairs)
+    return result
+
+
+def _runs(friction, log: Log, name: str) -> list:
+    """One pair of mean torques a run: what a constant-velocity model speaks of."""
+    import numpy as np
+
+    from backdrive.identification.runs import find_runs
+
+    runs = find_runs(log, name)
+    if not runs:
+        return []
+    velocity = np.array([r.velocity for r in runs])
+    offset = friction.dynamics["offset"].value if "offset" in friction.dynamics else 0.0
+    measured, predicted = np.array([r.torque for r in runs]), friction.law.torque(velocity) + offset
+    return [(measured, predicted, 1.0, np.ones(len(runs), dtype=bool))]

@@ -1,0 +1,145 @@
+"""The rules of the house, as tests: layers, docstrings with units, import cost, no unsafe loaders."""
+
+import ast
+import importlib
+import pkgutil
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import backdrive
+
+SOURCE = Path(backdrive.__file__).parent
+FILES = sorted(SOURCE.rglob("*.py"))
+HEAVY = (
+    "numba",
+    "matplotlib",
+    "mujoco",
+    "pinocchio",
+    "scipy",
+    "pyarrow",
+    "h5py",
+    "rosbags",
+    "mcap",
+    "typer",
+    "rich",
+)
+UNIT = re.compile(r"\[[^\]\s][^\]]*\]")
+
+
+def modules() -> list[str]:
+    return [
+        "backdrive",
+        *(
+            m.name
+            for m in pkgutil.walk_packages(backdrive.__path__, "backdrive.")
+            if "__main__" not in m.name
+        ),
+    ]
+
+
+def loaded_after(statement: str) -> set[str]:
+    code = f"import sys; {statement}; print('\\n'.join(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return {name.split(".")[0] for name in done.stdout.split()}
+
+
+def test_importing_backdrive_loads_nothing_heavy():
+    loaded = loaded_after("import backdrive")
+    assert not loaded & {*HEAVY, "numpy"}
+
+
+def test_help_loads_no_numerics():
+    loaded = loaded_after("import backdrive.cli")
+    assert not loaded & ({*HEAVY, "numpy"} - {"typer", "rich"})
+
+
+@pytest.mark.parametrize("name", modules())
+def test_every_module_imports_alone_and_without_warnings(name):
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", f"import {name}"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_layers_hold():
+    root = SOURCE.parent.parent
+    done = subprocess.run(
+        ["lint-imports", "--no-cache"], cwd=root, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout
+
+
+def test_every_public_name_has_one_home():
+    for name in backdrive.__all__:
+        value = getattr(backdrive, name)
+        if name != "__version__":
+            assert value.__module__.startswith("backdrive")
+    assert set(dir(backdrive)) == set(backdrive.__all__)
+
+
+def public_functions():
+    for file in FILES:
+        for node in ast.walk(ast.parse(file.read_text())):
+            if (
+                isinstance(node, ast.FunctionDef)
+                and not node.name.startswith("_")
+                and ast.get_docstring(node)
+            ):
+                yield file, node
+
+
+def test_documented_quantities_carry_units():
+    """An argument documented as a torque, velocity, time ... says its unit in brackets."""
+    quantity = re.compile(
+        r"^\s+(\w*(?:torque|velocity|speed|stroke|inertia|cutoff|rate|period|time|duration)\w*): (.*)$"
+    )
+    plain = {"rate_law", "time_slip"}
+    missing = []
+    for file, node in public_functions():
+        arguments = {
+            a.arg: ast.unparse(a.annotation) if a.annotation else ""
+            for a in [*node.args.args, *node.args.kwonlyargs]
+        }
+        doc = ast.get_docstring(node)
+        for i, line in enumerate(doc.splitlines()):
+            match = quantity.match(line)
+            if not match or match[1] not in arguments or match[1] in plain:
+                continue
+            if not re.search(r"float|ndarray", arguments[match[1]]):
+                continue
+            rest = " ".join([match[2], *doc.splitlines()[i + 1 : i + 3]])
+            if not UNIT.search(rest) and "unit" not in rest:
+                missing.append(f"{file.relative_to(SOURCE)}:{node.name}: {match[1]}")
+    assert not missing
+
+
+def test_no_unsafe_loader():
+    forbidden = re.compile(
+        r"\bpickle\.(?:loads?|dumps?|Unpickler)\(|allow_pickle=True|yaml\.load\(|(?<![\w.])eval\(|(?<![\w.])exec\("
+    )
+    found = [f.name for f in FILES if forbidden.search(f.read_text())]
+    assert not found
+
+
+def test_optimisers_live_where_parameters_are_sought():
+    homes = {"identification", "excite", "tune"}
+    found = [
+        f for f in FILES if "scipy.optimize" in f.read_text() and f.relative_to(SOURCE).parts[0] not in homes
+    ]
+    assert not found
+
+
+def test_files_stay_small():
+    long = {str(f.relative_to(SOURCE)): n for f in FILES if (n := len(f.read_text().splitlines())) > 400}
+    assert not long
+
+
+def test_the_version_is_the_packages():
+    from importlib.metadata import version
+
+    assert backdrive.__version__ == version("backdrive")
+    assert importlib.import_module("backdrive.errors").BackdriveError.exit_code == 4
