@@ -1,7 +1,8 @@
 """Run every example of README and docs: ```python blocks are executed, ```sh lines that start with `backdrive` are run.
 
 Each file's blocks run in order in one folder of their own, so that a later block finds what an earlier one wrote. A block that
-follows the line `<!-- not run: REASON -->` is left out, and the reason printed.
+follows the line `<!-- not run: REASON -->` is left out, and the reason printed. The folder holds `log.csv`, a sweep of a simulated
+joint: where a document speaks of your log, this one stands in.
 """
 
 from __future__ import annotations
@@ -27,11 +28,26 @@ def run(command: list[str], folder: Path, what: str) -> None:
         sys.exit(1)
 
 
+def write_log(path: Path) -> None:
+    """Write the log that stands in for the reader's own."""
+    import numpy as np
+
+    from backdrive.excite import Sweep
+    from backdrive.plants.thesis import machine
+    from backdrive.simulate import simulate
+
+    log = simulate(machine("joint_1"), Sweep(stroke=np.deg2rad(20.0), top_speed=2.0, cycles=10), seed=0)
+    table = np.column_stack([log.time, log.need("position")[:, 0], log.need("torque")[:, 0]])
+    np.savetxt(path, table, delimiter=",", header="time,q,tau", comments="")
+
+
 def main() -> None:
     """Go through all documents and numbered examples."""
     ran = 0
     for document in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
         with tempfile.TemporaryDirectory() as scratch:
+            if "log.csv" in document.read_text():
+                write_log(Path(scratch, "log.csv"))
             for i, match in enumerate(BLOCK.finditer(document.read_text())):
                 what = f"{document.relative_to(ROOT)}, block {i + 1}"
                 if match["reason"]:
