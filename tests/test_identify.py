@@ -93,3 +93,23 @@ def test_a_velocity_only_log_of_motion_is_identified_too():
 def test_options_and_digests_are_remembered():
     result = identify(two_joints(), symmetric=True)
     assert result.model.options == {"method": "motion", "symmetric": True}
+
+
+def test_a_law_can_be_asked_for():
+    log = any_motion(lambda v: np.sign(v) * (4 + 2 * np.exp(-np.abs(v) / 0.1) + 1.5 * np.abs(v)))
+    assert identify(log).model.joints[0].law.rate.NAME == "polyline"
+    assert identify(log, law="coulomb-viscous").model.joints[0].law.rate.NAME == "coulomb-viscous"
+    with pytest.raises(UnknownName, match="polyline"):
+        identify(log, law="stribeck")
+
+
+def test_held_out_logs_are_judged_by_every_method():
+    runs = constant_runs(dry, (0.1, 0.4, 0.8, 1.2, 1.6))
+    same = identify(runs, held_out=constant_runs(dry, (0.3, 1.0), seed=3))
+    other = identify(runs, held_out=constant_runs(lambda v: 2 * dry(v), (0.3, 1.0), seed=3))
+    assert same.model.joints[0].held_out.residual < 5.0 < 40.0 < other.model.joints[0].held_out.residual
+    assert "held-out" in same.evidence[0].verdict
+
+
+def test_asking_for_both_directions_is_remembered():
+    assert identify(any_motion(dry), symmetric=False).model.options["symmetric"] is False

@@ -34,6 +34,12 @@ Gear = Annotated[
         "--gear", help="Gear ratios; says that the torque is measured on the motor side: 100,224,120."
     ),
 ]
+Counts = Annotated[
+    str | None,
+    typer.Option(
+        "--counts", help="Encoder counts per rad or m at the joint, one or one each: 104300,233600."
+    ),
+]
 Format = Annotated[
     str | None, typer.Option("--format", help="Reader to use, where the file's name does not tell.")
 ]
@@ -76,19 +82,21 @@ def read(
     names: str | None = None,
     units: str | None = None,
     gear: str | None = None,
+    counts: str | None = None,
     format: str | None = None,
     topic: str | None = None,
 ) -> list[Log]:
     """Read the logs a command was given."""
     from backdrive.readers import read_logs
 
-    unit = words(units)
+    unit, count = words(units), numbers(counts, "--counts")
     return read_logs(
         [str(p) for p in paths],
         map=map,
         names=words(names),
         units=unit[0] if unit and len(unit) == 1 else unit,
         gear=numbers(gear, "--gear"),
+        counts=count[0] if count and len(count) == 1 else count,
         format=format,
         topic=topic,
     )

@@ -40,6 +40,10 @@ def command(
         bool | None,
         typer.Option("--gravity/--no-gravity", help="Estimate gravity (motion).  [default: by data]"),
     ] = None,
+    law: Annotated[
+        str | None,
+        typer.Option("--law", help="Only this law: coulomb-viscous or polyline.  [default: by data]"),
+    ] = None,
     literal: Annotated[
         bool,
         typer.Option("--literal", help="The sweep exactly as printed in the thesis, without corrections."),
@@ -54,6 +58,7 @@ def command(
     names: _logs.Names = None,
     unit: _logs.Units = None,
     gear: _logs.Gear = None,
+    counts: _logs.Counts = None,
     format: _logs.Format = None,
     topic: _logs.Topic = None,
     accept: _logs.Accept = None,
@@ -67,7 +72,15 @@ def command(
     from backdrive.cli._progress import progress
     from backdrive.identification import identify
 
-    options = {"map": map, "names": names, "units": unit, "gear": gear, "format": format, "topic": topic}
+    options = {
+        "map": map,
+        "names": names,
+        "units": unit,
+        "gear": gear,
+        "counts": counts,
+        "format": format,
+        "topic": topic,
+    }
     with progress(quiet=as_json) as say:
         say("Reading")
         read = _logs.read(logs, **options)
@@ -81,6 +94,7 @@ def command(
             held_out=held,
             symmetric=symmetric,
             gravity=gravity,
+            law=law,
             literal=literal,
             cutoff=cutoff,
             accept=accept or [],

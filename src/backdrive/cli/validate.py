@@ -23,6 +23,7 @@ def command(
     names: _logs.Names = None,
     unit: _logs.Units = None,
     gear: _logs.Gear = None,
+    counts: _logs.Counts = None,
     format: _logs.Format = None,
     topic: _logs.Topic = None,
     accept: _logs.Accept = None,
@@ -41,7 +42,9 @@ def command(
     loaded = load_model(model)
     with progress(quiet=as_json) as say:
         say("Reading")
-        read = _logs.read(logs, map=map, names=names, units=unit, gear=gear, format=format, topic=topic)
+        read = _logs.read(
+            logs, map=map, names=names, units=unit, gear=gear, counts=counts, format=format, topic=topic
+        )
         say("Checking the logs")
         read = [health.gate(log, accept=accept or [], repair=repair) for log in read]
         say("Predicting")

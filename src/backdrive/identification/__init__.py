@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from backdrive._catalog import lookup
@@ -27,6 +28,7 @@ def identify(
     held_out: Sequence[Log] = (),
     symmetric: bool | None = None,
     gravity: bool | None = None,
+    law: str | None = None,
     literal: bool = False,
     cutoff: float | None = None,
     accept: Sequence[str] = (),
@@ -44,6 +46,7 @@ def identify(
         held_out: logs to judge on, not seen by the fit.
         symmetric: force one curve for both directions (True) or one each (False).
         gravity: estimate gravity as sin q and cos q (motion); None: where the data ask for it.
+        law: `coulomb-viscous` or `polyline` to allow only that (motion, constant velocity); None: what the data ask for.
         literal: the sweep exactly as printed in the thesis, without corrections.
         cutoff: low pass of the motion before differentiation [Hz].
         accept: names of health findings to accept.
@@ -105,6 +108,7 @@ def identify(
                         held_out,
                         symmetric=symmetric,
                         gravity=gravity,
+                        law=law,
                         literal=literal,
                         cutoff=cutoff,
                     )
@@ -120,19 +124,25 @@ def identify(
         "method": method,
         "symmetric": symmetric,
         "gravity": gravity,
+        "law": law,
         "literal": literal,
         "cutoff": cutoff,
         "accept": list(accept),
         "repair": repair,
+        "held_out": [source.path for log in held_out for source in log.sources],
     }
+    off = {"literal": False, "repair": False, "accept": [], "held_out": []}
     notes = [note for log in logs for note in log.notes]
     model = FrictionModel(
         joints=tuple(friction),
         arm=arm,
         sources=tuple(s for log in logs for s in log.sources),
-        options={k: v for k, v in options.items() if v not in (None, False, [])},
+        options={k: v for k, v in options.items() if v is not None and v != off.get(k)},
         version=__version__,
     )
+    if held_out and method not in ("motion", "arm"):
+        say("Judging on the held-out logs")
+        model, evidence = _judged_on(model, evidence, held_out)
     return Identification(
         model=model,
         evidence=tuple(evidence),
@@ -141,6 +151,24 @@ def identify(
         warnings=tuple(dict.fromkeys(warnings)),
         notes=tuple(dict.fromkeys(notes)),
     )
+
+
+def _judged_on(
+    model: FrictionModel, evidence: Sequence[JointEvidence], held_out: Sequence[Log]
+) -> tuple[FrictionModel, list[JointEvidence]]:
+    """Return model and evidence with the quality on held-out logs, for methods that do not judge themselves."""
+    qualities = validate(model, held_out)
+    joints = tuple(replace(j, held_out=qualities.get(j.joint.name, j.held_out)) for j in model.joints)
+    said = [
+        replace(
+            e,
+            verdict=f"{e.verdict} Of the held-out logs it explains all but {qualities[e.joint].residual:.1f} %.",
+        )
+        if e.joint in qualities
+        else e
+        for e in evidence
+    ]
+    return replace(model, joints=joints), said
 
 
 def _move_together(logs: Sequence[Log], names: Sequence[str]) -> bool:
@@ -181,7 +209,7 @@ def _one(method: str, logs, name: str, held_out, **options) -> tuple[JointFricti
     if method == "constant-velocity":
         from backdrive.identification.constant_velocity import identify_constant_velocity
 
-        return identify_constant_velocity(logs, name, symmetric=options["symmetric"])
+        return identify_constant_velocity(logs, name, symmetric=options["symmetric"], law=options["law"])
     if method == "ramp":
         from backdrive.identification.presliding import identify_ramp
 
@@ -195,6 +223,7 @@ def _one(method: str, logs, name: str, held_out, **options) -> tuple[JointFricti
         cutoff=options["cutoff"],
         gravity=options["gravity"],
         symmetric=options["symmetric"],
+        law=options["law"],
     )
 
 

@@ -59,7 +59,7 @@ def _leave_one_out(X: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def identify_constant_velocity(
-    logs: Sequence[Log], joint: str, *, symmetric: bool | None = None
+    logs: Sequence[Log], joint: str, *, symmetric: bool | None = None, law: str | None = None
 ) -> tuple[JointFriction, JointEvidence]:
     """Identify one joint from constant-velocity runs.
 
@@ -67,6 +67,7 @@ def identify_constant_velocity(
         logs: one run each, or holding several plateaus.
         joint: name.
         symmetric: True: one curve for both directions and an offset; otherwise one curve each.
+        law: `coulomb-viscous` or `polyline` to allow only that; None: what left-out runs ask for.
 
     Raises:
         NotIdentifiable: fewer than four runs are found.
@@ -88,7 +89,10 @@ def identify_constant_velocity(
         )
     both = bool(np.any(v > 0) and np.any(v < 0))
     directional = both and not symmetric
-    tried = _try_sections(v, y, both, directional)
+    lines = "line" in curves.of_law(law)
+    tried = {
+        k: t for k, t in _try_sections(v, y, both, directional).items() if law is None or (k == 1) == lines
+    }
     if not tried:
         raise NotIdentifiable(
             f"Joint '{joint}': the {v.size} runs do not determine a curve.", remedy="Record more speeds."

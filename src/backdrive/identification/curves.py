@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from backdrive._catalog import lookup
 from backdrive.laws import CoulombViscous, Law, Polyline
 
 #: Knots of the fine basis as shares of the top speed: dense where Stribeck curves bend.
@@ -24,6 +25,21 @@ COARSE: dict[str, tuple[int, ...]] = {
     "7 sections": (0, 1, 3, 4, 5, 6, 8, 10),
     "10 sections": tuple(range(11)),
 }
+
+
+def of_law(law: str | None) -> dict[str, tuple[int, ...]]:
+    """Return the candidates of `COARSE` that a law allows: a line for Coulomb and viscous, sections for line sections.
+
+    Raises:
+        UnknownName: no curve of that law is fitted here.
+    """
+    if law is None:
+        return COARSE
+    allowed = {
+        "coulomb-viscous": {"line": COARSE["line"]},
+        "polyline": {k: v for k, v in COARSE.items() if k != "line"},
+    }
+    return lookup(law, allowed, "law that curves are fitted with")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -38,6 +38,7 @@ def identify_motion(
     cutoff: float | None = None,
     gravity: bool | None = None,
     symmetric: bool | None = None,
+    law: str | None = None,
 ) -> tuple[JointFriction, JointEvidence]:
     """Identify one joint from arbitrary motion.
 
@@ -48,6 +49,7 @@ def identify_motion(
         cutoff: low pass of the motion before differentiation [Hz]; None: a tenth of the sampling rate.
         gravity: estimate gravity as sin q and cos q; None: where the data ask for it.
         symmetric: force one curve for both directions (True) or one each (False); None: what the data ask for.
+        law: `coulomb-viscous` or `polyline` to allow only that; None: what the data ask for.
 
     Raises:
         InvalidInput: a log holds no torque.
@@ -70,7 +72,7 @@ def identify_motion(
         blocks,
         design.candidates(
             knots,
-            {name: knots[list(keep)] for name, keep in curves.COARSE.items()},
+            {name: knots[list(keep)] for name, keep in curves.of_law(law).items()},
             dynamic=True,
             slip=True,
             gravity=gravity if about.unit == "rad" and travel > SPAN_FOR_GRAVITY else False,
