@@ -74,3 +74,17 @@ def test_motor_side_torque_is_brought_to_the_joint_once():
 def test_wrong_shapes_are_refused(arguments, said):
     with pytest.raises(InvalidInput, match=said):
         Log(**{"time": T, "joints": (Joint(name="a"),), **arguments})
+
+
+def test_a_copy_with_another_plan_shares_its_arrays_and_a_writeable_one_is_copied():
+    log = two_joints()
+    assert log.replace(plan="a plan").position is log.position
+    mine = np.zeros((5, 2))
+    taken = log.replace(position=mine)
+    mine[0, 0] = 7.0
+    assert taken.position[0, 0] == 0.0
+    view = mine[:]
+    view.setflags(write=False)  # read-only, but mine can still be written
+    taken = log.replace(position=view)
+    mine[0, 0] = 8.0
+    assert taken.position[0, 0] == 7.0

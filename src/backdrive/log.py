@@ -273,6 +273,11 @@ class Log:
 
 
 def _frozen(value: Any, name: str) -> np.ndarray:
+    """Return the values as read-only float64; what already is, and cannot be written through another array, is not copied."""
+    if isinstance(value, np.ndarray) and value.dtype == np.float64 and not value.flags.writeable:
+        owner = value if value.base is None else value.base
+        if isinstance(owner, np.ndarray) and owner.base is None and not owner.flags.writeable:
+            return value
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
