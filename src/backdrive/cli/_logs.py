@@ -75,6 +75,15 @@ def numbers(text: str | None, option: str) -> list[float] | None:
         ) from error
 
 
+def plan_from(path: Path | None):
+    """Return the plan of a --plan option, or None."""
+    if path is None:
+        return None
+    from backdrive.excite import load_plan
+
+    return load_plan(path)
+
+
 def read(
     paths: Sequence[Path],
     *,

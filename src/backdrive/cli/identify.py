@@ -88,7 +88,7 @@ def command(
         result = identify(
             read,
             method=method,
-            plan=_plan(plan),
+            plan=_logs.plan_from(plan),
             joints=joint,
             urdf=str(urdf) if urdf else None,
             held_out=held,
@@ -116,14 +116,6 @@ def command(
         if not as_json:
             typer.echo(f"Below the quality gate of {gate:g} %: {', '.join(failing(result, gate))}.", err=True)
         raise typer.Exit(1)
-
-
-def _plan(path: Path | None):
-    if path is None:
-        return None
-    from backdrive.excite import load_plan
-
-    return load_plan(path)
 
 
 def failing(result: Identification, gate: float) -> list[str]:

@@ -1,5 +1,181 @@
-"""Placeholder."""
+"""`backdrive inspect`: what a log holds, and what is the matter with it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from backdrive.cli import _logs
+
+if TYPE_CHECKING:
+    from backdrive.health import Finding
+    from backdrive.log import Log
+
+BARS = "▁▂▃▄▅▆▇█"
+PLAIN = "_.-~=+*#"
+WIDTH = 32  # characters of a small plot
+MOST = 12  # logs shown one by one; of more, only what is the matter with them
 
 
-def command() -> None:
-    """Not built yet."""
+def command(
+    logs: _logs.Logs,
+    map: _logs.Map = None,
+    joint: _logs.Joints = None,
+    plan: _logs.PlanFile = None,
+    names: _logs.Names = None,
+    unit: _logs.Units = None,
+    gear: _logs.Gear = None,
+    counts: _logs.Counts = None,
+    format: _logs.Format = None,
+    topic: _logs.Topic = None,
+    accept: _logs.Accept = None,
+    as_json: _logs.AsJson = False,
+) -> None:
+    """Show joints, channels, units, rate, gaps and ranges of a log, and its health; exit with 1 where a result would be spoiled.
+
+    Example: backdrive inspect log.csv
+    """
+    from backdrive._catalog import lookup
+    from backdrive.cli._output import print_json
+    from backdrive.cli._progress import progress
+    from backdrive.health import CHECKS, check
+
+    accepted = {lookup(n, {c.name: c.name for c in CHECKS}, "health check") for n in accept or []}
+    with progress(quiet=as_json) as say:
+        say("Reading")
+        read = _logs.read(
+            logs, map=map, names=names, units=unit, gear=gear, counts=counts, format=format, topic=topic
+        )
+        linked = _logs.plan_from(plan)
+        read = [(log.select(joint) if joint else log).replace(plan=linked or log.plan) for log in read]
+        say("Checking")
+        findings = [check(log) for log in read]
+    spoiled = [f for found in findings for f in found if f.severity == "spoils" and f.name not in accepted]
+    if as_json:
+        print_json(
+            {
+                "ok": not spoiled,
+                "logs": [
+                    summary(log) | {"findings": [f.to_dict() for f in found]}
+                    for log, found in zip(read, findings)
+                ],
+            }
+        )
+    else:
+        for log, found in zip(read, findings):
+            _print(log, found, accepted, brief=len(read) > MOST)
+        if len(read) > MOST:
+            typer.echo(
+                f"{len(read)} logs, {sum(bool(f) for f in findings)} with findings; inspect one to see more of it."
+            )
+    if spoiled:
+        raise typer.Exit(1)
+
+
+def summary(log: Log) -> dict[str, Any]:
+    """Return what a log holds, as plain values in SI units."""
+    import numpy as np
+
+    from backdrive.log import channel_unit
+
+    steps = np.diff(log.time)
+    period = log.period
+    channels: dict[str, Any] = {}
+    for name, values in log.channels.items():
+        for column, joint in enumerate(log.joints):
+            x = values[:, column]
+            good = x[np.isfinite(x)]
+            channels.setdefault(joint.name, {})[name] = {
+                "unit": channel_unit(name, joint),
+                "lowest": float(good.min()) if good.size else None,
+                "highest": float(good.max()) if good.size else None,
+                "mean": float(good.mean()) if good.size else None,
+                "not_finite": int(x.size - good.size),
+            }
+    return {
+        "sources": [{"path": s.path, "sha256": s.sha256} for s in log.sources],
+        "samples": len(log),
+        "duration": log.duration,
+        "rate": 1.0 / period if period > 0 else None,
+        "jitter": float(np.percentile(np.abs(steps / period - 1.0), 95))
+        if steps.size and period > 0
+        else None,
+        "longest_interval": float(steps.max()) if steps.size else None,
+        "joints": [
+            {
+                "name": j.name,
+                "unit": j.unit,
+                "torque_side": j.torque_side,
+                "gear_ratio": j.gear_ratio,
+                "encoder_counts": j.encoder_counts,
+                "channels": channels.get(j.name, {}),
+            }
+            for j in log.joints
+        ],
+        "drive": None if log.drive is None else {"law": log.drive.law, "gains": dict(log.drive.gains)},
+        "notes": list(log.notes),
+    }
+
+
+def small_plot(values, bars: str = BARS, width: int = WIDTH) -> str:
+    """Return a channel in one line of characters: the means of equal stretches, lowest to highest.
+
+    Args:
+        values: samples [any], (n,).
+        bars: characters from low to high.
+        width: of the line [characters].
+    """
+    import numpy as np
+
+    stretches = [part[np.isfinite(part)] for part in np.array_split(values, min(width, max(len(values), 1)))]
+    means = np.array([part.mean() if part.size else np.nan for part in stretches])
+    if not np.isfinite(means).any():
+        return " " * len(means)
+    low, high = np.nanmin(means), np.nanmax(means)
+    scaled = (means - low) / (high - low) if high > low else np.full(means.size, 0.5)
+    level = np.rint(scaled * (len(bars) - 1))
+    return "".join(" " if not np.isfinite(i) else bars[int(i)] for i in level)
+
+
+def _print(log: Log, findings: list[Finding], accepted: set[str], *, brief: bool) -> None:
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    console = Console(highlight=False)
+    if brief and not findings:
+        return
+    held = summary(log)
+    console.print(f"[bold]{escape(', '.join(s.path for s in log.sources) or 'log')}[/bold]")
+    if not brief:
+        rate = f"{held['rate']:.6g} Hz" if held["rate"] else "no rate"
+        jitter = (
+            f", jitter {100 * held['jitter']:.2g} % of the interval" if held["jitter"] is not None else ""
+        )
+        longest = (
+            f", longest interval {held['longest_interval']:.4g} s"
+            if held["longest_interval"] is not None
+            else ""
+        )
+        console.print(f"{held['samples']} samples, {held['duration']:.6g} s, {rate}{jitter}{longest}")
+        bars = BARS if "utf" in (console.encoding or "").lower() else PLAIN
+        table = Table(box=None, pad_edge=False)
+        for heading in ("joint", "channel", "unit", "lowest", "highest", "over time"):
+            table.add_column(heading, justify="right" if heading.endswith("est") else "left", no_wrap=True)
+        for column, about in enumerate(held["joints"]):
+            for i, (name, c) in enumerate(about["channels"].items()):
+                ends = [f"{x:.5g}" if x is not None else "-" for x in (c["lowest"], c["highest"])]
+                drawn = small_plot(log.channels[name][:, column], bars)
+                table.add_row(escape(about["name"]) if i == 0 else "", name, c["unit"], *ends, drawn)
+        console.print(table)
+        for note in log.notes:
+            console.print(escape(note), style="dim")
+    for i, finding in enumerate(findings):
+        style = {"spoils": "red", "warn": "yellow"}.get(finding.severity, "dim")
+        word = "accepted" if finding.name in accepted else finding.severity
+        console.print(f"[{style}]{word}[/{style}] [bold]{finding.name}[/bold]: {escape(finding.sentence)}")
+        if i + 1 == len(findings) or findings[i + 1].remedy != finding.remedy:
+            console.print(f"    {escape(finding.remedy)}", style="dim")
+    if not findings:
+        console.print("Nothing is the matter with this log.", style="green")
