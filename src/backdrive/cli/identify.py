@@ -48,6 +48,14 @@ def command(
         bool,
         typer.Option("--literal", help="The sweep exactly as printed in the thesis, without corrections."),
     ] = False,
+    torque_timing: Annotated[
+        str | None,
+        typer.Option(
+            "--torque-timing",
+            help="The sweep's torque is a command (held from its sample on) or a sample (taken with the position).  "
+            "[default: as the motion tells]",
+        ),
+    ] = None,
     cutoff: Annotated[
         float | None, typer.Option("--cutoff", help="Low pass of the motion before differentiation [Hz].")
     ] = None,
@@ -96,6 +104,7 @@ def command(
             gravity=gravity,
             law=law,
             literal=literal,
+            timing=_timing(torque_timing),
             cutoff=cutoff,
             accept=accept or [],
             repair=repair,
@@ -116,6 +125,14 @@ def command(
         if not as_json:
             typer.echo(f"Below the quality gate of {gate:g} %: {', '.join(failing(result, gate))}.", err=True)
         raise typer.Exit(1)
+
+
+def _timing(word: str | None):
+    if word is None:
+        return None
+    from backdrive._catalog import lookup
+
+    return lookup(word, {"command": "command", "sample": "sample"}, "timing of the torque")
 
 
 def failing(result: Identification, gate: float) -> list[str]:

@@ -13,6 +13,7 @@ from backdrive.identification.result import Curve as Curve
 from backdrive.identification.result import Identification as Identification
 from backdrive.identification.result import JointEvidence as JointEvidence
 from backdrive.identification.result import Samples as Samples
+from backdrive.identification.timing import Timing
 from backdrive.identification.validate import validate as validate
 from backdrive.log import Log
 from backdrive.model import FrictionModel, JointFriction
@@ -30,6 +31,7 @@ def identify(
     gravity: bool | None = None,
     law: str | None = None,
     literal: bool = False,
+    timing: Timing | None = None,
     cutoff: float | None = None,
     accept: Sequence[str] = (),
     repair: bool = False,
@@ -48,6 +50,8 @@ def identify(
         gravity: estimate gravity as sin q and cos q (motion); None: where the data ask for it.
         law: `coulomb-viscous` or `polyline` to allow only that (motion, constant velocity); None: what the data ask for.
         literal: the sweep exactly as printed in the thesis, without corrections.
+        timing: the sweep's torque is a `command`, held from its sample on, or a `sample`, taken with the position; None: as
+            the motion tells.
         cutoff: low pass of the motion before differentiation [Hz].
         accept: names of health findings to accept.
         repair: mend the log where an honest repair exists; each is noted.
@@ -110,6 +114,7 @@ def identify(
                         gravity=gravity,
                         law=law,
                         literal=literal,
+                        timing=timing,
                         cutoff=cutoff,
                     )
                 )
@@ -126,6 +131,7 @@ def identify(
         "gravity": gravity,
         "law": law,
         "literal": literal,
+        "timing": timing,
         "cutoff": cutoff,
         "accept": list(accept),
         "repair": repair,
@@ -205,7 +211,9 @@ def _one(method: str, logs, name: str, held_out, **options) -> tuple[JointFricti
     if method == "sweep":
         from backdrive.identification.sweep import identify_sweep
 
-        return identify_sweep(logs, name, literal=options["literal"], symmetric=options["symmetric"])
+        return identify_sweep(
+            logs, name, literal=options["literal"], symmetric=options["symmetric"], timing=options["timing"]
+        )
     if method == "constant-velocity":
         from backdrive.identification.constant_velocity import identify_constant_velocity
 

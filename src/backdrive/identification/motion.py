@@ -109,12 +109,14 @@ def _replace(friction: JointFriction, **changes) -> JointFriction:
     return replace(friction, **changes)
 
 
-def _bins(s: Signals) -> tuple[int, int]:
+def bins(s: Signals) -> tuple[int, int]:
+    """Return the width of a bin and the number of whole bins [sample]."""
     width = max(1, round(BIN_TIME * s.rate))
     return width, s.time.size // width
 
 
-def _block_count(stretches: Sequence[Signals]) -> int:
+def block_count(stretches: Sequence[Signals]) -> int:
+    """Return how many blocks of neighbouring samples all stretches together are cut into."""
     duration = sum(s.time.size / s.rate for s in stretches)
     return int(np.clip(duration / BLOCK_TIME, *BLOCKS))
 
@@ -123,7 +125,7 @@ def binned(stretches: Sequence[Signals], knots: np.ndarray) -> regression.Blocks
     """Return the robustly weighted normal equations of all columns, by block of neighbouring samples."""
     Xs, ys, ws = [], [], []
     for s in stretches:
-        width, count = _bins(s)
+        width, count = bins(s)
         per_chunk = max(1, CHUNK // width)
         for first in range(0, count, per_chunk):
             n = min(per_chunk, count - first)
@@ -135,7 +137,7 @@ def binned(stretches: Sequence[Signals], knots: np.ndarray) -> regression.Blocks
     X, y, w = np.concatenate(Xs), np.concatenate(ys), np.concatenate(ws)
     w = np.where(w > 0.5, w, 0.0)
     w = regression.robust_weights(X, y, w)
-    count = _block_count(stretches)
+    count = block_count(stretches)
     return regression.accumulate(X, y, w, regression.block_index(len(y), count), count)
 
 
@@ -203,12 +205,12 @@ def with_warnings(friction: JointFriction, choice: design.Choice, both_direction
 def _left_out(stretches, choice, joint, velocity):
     """Predict every block by the fit that did not see it."""
     models = [as_friction(choice, theta, joint, velocity) for theta in choice.left_out]
-    total = sum(_bins(s)[1] for s in stretches)
+    total = sum(bins(s)[1] for s in stretches)
     block = regression.block_index(total, len(models))
     seen = 0
     pairs = []
     for s in stretches:
-        width, count = _bins(s)
+        width, count = bins(s)
         of_bin = block[seen : seen + count]
         seen += count
         of_sample = np.r_[

@@ -25,6 +25,7 @@ from backdrive.identification.signals import Signals, prepare
 from backdrive.identification.sweep_fit import SweepFit, fit
 from backdrive.identification.sweep_knots import SweepKnots, ordered, to_polyline
 from backdrive.identification.sweep_windows import find_windows, windows
+from backdrive.identification.timing import Timing, torque_timing
 from backdrive.laws import Law, Polyline
 from backdrive.log import Joint, Log
 from backdrive.model import Estimate, JointFriction, Quality, Validity
@@ -81,7 +82,12 @@ def pairs(
 
 
 def identify_sweep(
-    logs: Sequence[Log], joint: str, *, literal: bool = False, symmetric: bool | None = None
+    logs: Sequence[Log],
+    joint: str,
+    *,
+    literal: bool = False,
+    symmetric: bool | None = None,
+    timing: Timing | None = None,
 ) -> tuple[JointFriction, JointEvidence]:
     """Identify one joint's friction from sweeps.
 
@@ -92,6 +98,8 @@ def identify_sweep(
         joint: name.
         literal: the procedure as printed, without corrections and standard errors.
         symmetric: True: one curve for both directions; False: one each; None: one unless they plainly differ.
+        timing: the torque is a `command`, held from its sample on, or a `sample`, taken with the position; None: as the
+            motion tells, or else a command, with a warning.
 
     Raises:
         InvalidInput: no log, or one without torque.
@@ -101,12 +109,15 @@ def identify_sweep(
         raise InvalidInput("There is no log to identify from.", remedy="Pass at least one.")
     about = logs[0].select(joint).on_joint_side().joints[0]
     stretches = [prepare(log, joint) for log in logs]
-    each = [pairs(log, joint, s) for log, s in zip(logs, stretches)]
+    timings, said = _timings(stretches, timing, literal)
+    delays = [-0.5 / s[0].rate if t == "sample" else 0.0 for s, t in zip(stretches, timings)]
+    each = [pairs(log, joint, s, delay=d) for log, s, d in zip(logs, stretches, delays)]
     used = [pairs(log, joint, s, literal=True) for log, s in zip(logs, stretches)] if literal else each
 
     def fitted_to(part: slice) -> tuple[JointFriction, SweepFit]:
         found = fit(used[part], unit=about.unit, name=about.name, symmetric=symmetric)
-        return _friction(about, found, each[part], stretches[part], literal), found
+        friction = _friction(about, found, each[part], stretches[part], delays[part], literal)
+        return replace(friction, warnings=(*friction.warnings, *said)), found
 
     friction, found = fitted_to(slice(None))
     seen, unseen, before = stretches, [], friction
@@ -127,12 +138,13 @@ def _friction(
     found: SweepFit,
     knots: Sequence[SweepKnots],
     stretches: Sequence[Sequence[Signals]],
+    delays: Sequence[float],
     literal: bool,
 ) -> JointFriction:
     weight = 1.0 / np.array([k.inertia[1] for k in knots]) ** 2
     inertia = float(weight @ [k.inertia[0] for k in knots] / weight.sum()), float(1.0 / np.sqrt(weight.sum()))
     flat = [s for log in stretches for s in log]
-    slip = -0.5 / flat[0].rate, 0.0  # a command acts from its sample on, for one interval
+    slip = -0.5 / flat[0].rate - delays[0], 0.0  # a command acts from its sample on, for one interval
     dynamics = {
         term: Estimate(value=value, unit=unit_of(term, joint), standard_error=error)
         for term, (value, error) in {"inertia": inertia, "time_slip": slip, **found.terms}.items()
@@ -158,19 +170,53 @@ def _judge(friction: JointFriction, stretches: Sequence[Sequence[Signals]]) -> Q
     return judge((s.torque, predict(friction, s), s.rate, s.moving) for log in stretches for s in log)
 
 
+def _timings(
+    stretches: Sequence[Sequence[Signals]], timing: Timing | None, literal: bool
+) -> tuple[list[Timing], list[str]]:
+    """Return of which instant each log's torque is, and what has to be said about it."""
+    if timing is not None or literal:
+        return [timing or "command"] * len(stretches), []
+    told = [torque_timing(s) for s in stretches]
+    said = []
+    if any(t is None for t, _, _ in told):
+        said.append(
+            "The motion does not tell whether the torque was commanded or sampled with the position; it was taken as commanded. "
+            "If that is wrong, the curve is off by up to 1.9 I V^3 T / A^2 (--torque-timing sample)."
+        )
+    return [t or "command" for t, _, _ in told], said
+
+
 def _error_of_curve(friction: JointFriction) -> Callable[[np.ndarray], np.ndarray]:
-    """Return a function from velocities to the curve's standard error; the knots' errors are independent."""
+    """Return a function from velocities to the curve's standard error.
+
+    The knots' errors are independent. Between and beyond the knots comes what a straight section misses of a bent curve,
+    f'' (v - V_n) (v - V_n+1) / 2, with the curvature of the neighbouring knots.
+    """
     rate = friction.law.rate
     assert isinstance(rate, Polyline)
-    errors = friction.standard_errors
+    errors, knots = friction.standard_errors, np.array(rate.velocity)
 
     def standard_error(velocity: np.ndarray) -> np.ndarray:
         if not errors:
             return np.full(velocity.shape, np.nan)
-        side = np.where(velocity[:, None] > 0, errors["positive"], errors["negative"])
-        return np.sqrt(np.sum((hats(np.abs(velocity), np.array(rate.velocity)) * side) ** 2, axis=1))
+        speed, forwards = np.abs(velocity), velocity[:, None] > 0
+        side = np.where(forwards, errors["positive"], errors["negative"])
+        bend = np.where(forwards, *(_bend(knots, np.array(f)) for f in (rate.positive, rate.negative)))
+        section = np.clip(np.searchsorted(knots, speed, side="right") - 1, 0, max(knots.size - 2, 0))
+        following = np.minimum(section + 1, knots.size - 1)
+        curvature = bend[np.arange(speed.size), section]
+        missed = 0.5 * curvature * (speed - knots[section]) * (speed - knots[following])
+        return np.sqrt(np.sum((hats(speed, knots) * side) ** 2, axis=1) + missed**2)
 
     return standard_error
+
+
+def _bend(V: np.ndarray, F: np.ndarray) -> np.ndarray:
+    """Return the curvature of each section, the larger of its two knots', (max(N - 1, 1),)."""
+    if V.size < 3:
+        return np.zeros(max(V.size - 1, 1))
+    inner = np.abs(2.0 * np.diff(np.diff(F) / np.diff(V)) / (V[2:] - V[:-2]))
+    return np.maximum(np.r_[inner[:1], inner], np.r_[inner, inner[-1:]])
 
 
 def _verdict(friction: JointFriction, found: SweepFit) -> str:

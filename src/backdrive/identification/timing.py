@@ -1,0 +1,64 @@
+"""Of which instant a log's torque is: sampled with the position, or commanded from that sample on.
+
+A command u_k acts from t_k to t_k+1, so on average half an interval later than position and velocity of t_k; a measured torque is
+of t_k itself. Taking one for the other biases a sweep's curve by up to -1.9 I V^3 T / A^2. The inertia tells which it is: a torque
+that is d late shows as -I d times the jerk (`design`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from backdrive.identification import curves, motion, regression
+from backdrive.identification.signals import Signals
+
+Timing = Literal["command", "sample"]
+NEAR = 0.25  # a delay this close to a command's (-0.5) or a sample's (0) decides [interval]
+SURE = 0.15  # with a standard error of at most this [interval]
+
+
+def torque_timing(stretches: Sequence[Signals]) -> tuple[Timing | None, float, float]:
+    """Tell from the motion whether the torque was commanded or sampled.
+
+    Args:
+        stretches: of one joint, at one rate.
+
+    Returns:
+        `command`, `sample`, or None where inertia does not tell; the delay of the torque behind the motion and its standard
+        error [s].
+    """
+    speeds = np.concatenate([np.abs(s.velocity[s.moving]) for s in stretches])
+    if not speeds.size or not speeds.max() > 0:
+        return None, float("nan"), float("nan")
+    knots = float(np.percentile(speeds, 99.9)) * np.array(
+        [curves.SHARES[i] for i in curves.COARSE["7 sections"]]
+    )
+    Xs, ys, ws = [], [], []
+    for s in stretches:
+        shape = curves.hats(np.abs(s.velocity), knots) * np.sign(s.velocity)[:, None]
+        position = np.zeros_like(s.velocity) if s.position is None else s.position - s.position.mean()
+        X = np.column_stack([s.acceleration, -s.jerk, np.ones_like(position), position, position**2, shape])
+        width, count = motion.bins(s)
+        rows = slice(0, width * count)
+        Xs.append(X[rows].reshape(count, width, -1).mean(axis=1))
+        ys.append(s.torque[rows].reshape(count, width).mean(axis=1))
+        ws.append((s.moving[rows].reshape(count, width).mean(axis=1) > 0.5).astype(float))
+    X, y = np.concatenate(Xs), np.concatenate(ys)
+    w = regression.robust_weights(X, y, np.concatenate(ws))
+    count = motion.block_count(stretches)
+    blocks = regression.accumulate(X, y, w, regression.block_index(len(y), count), count)
+    theta = regression.solve(blocks.gram.sum(axis=0), blocks.moment.sum(axis=0))
+    if not theta[0] > 0:
+        return None, float("nan"), float("nan")
+    delay = float(theta[1] / theta[0])
+    error = float(np.sqrt(max(regression.sandwich(blocks, theta)[1, 1], 0.0)) / theta[0])
+    period = 1.0 / stretches[0].rate
+    if error < SURE * period:
+        if abs(delay + 0.5 * period) <= NEAR * period:
+            return "command", delay, error
+        if abs(delay) <= NEAR * period:
+            return "sample", delay, error
+    return None, delay, error
