@@ -6,7 +6,11 @@ import pytest
 from _synthetic import any_motion, constant_runs
 from backdrive import Joint, Log, identify
 from backdrive.errors import InvalidInput, NotIdentifiable, UnhealthyLog, UnknownName
+from backdrive.excite import InTurn, Sweep
 from backdrive.identification import validate
+from backdrive.log import Source
+from backdrive.plants.thesis import joint_0, joint_1
+from backdrive.simulate import simulate
 
 
 def dry(v):
@@ -108,8 +112,87 @@ def test_held_out_logs_are_judged_by_every_method():
     same = identify(runs, held_out=constant_runs(dry, (0.3, 1.0), seed=3))
     other = identify(runs, held_out=constant_runs(lambda v: 2 * dry(v), (0.3, 1.0), seed=3))
     assert same.model.joints[0].held_out.residual < 5.0 < 40.0 < other.model.joints[0].held_out.residual
-    assert "held-out" in same.evidence[0].verdict
+    assert "not seen" in same.evidence[0].verdict
+    assert "not seen: poor" in other.evidence[0].verdict
 
 
 def test_asking_for_both_directions_is_remembered():
     assert identify(any_motion(dry), symmetric=False).model.options["symmetric"] is False
+
+
+def test_a_file_cannot_judge_itself():
+    source = (Source(path="a.csv", sha256="ab"),)
+    log = any_motion(dry).replace(sources=source)
+    with pytest.raises(InvalidInput, match="also fitted"):
+        identify(log, held_out=[any_motion(dry, seed=1).replace(sources=source)])
+
+
+@pytest.mark.parametrize(
+    "option", [{"literal": True}, {"timing": "sample"}, {"urdf": "robot.urdf", "method": "motion"}]
+)
+def test_an_option_that_the_method_would_ignore_is_refused(option):
+    with pytest.raises(InvalidInput, match="does not apply"):
+        identify(any_motion(dry), **option)
+
+
+def test_joints_in_another_order_are_brought_into_one_and_units_must_agree():
+    log = two_joints()
+    other = log.select(["wrist", "elbow", "shoulder"])
+    both = identify([log, other]).model
+    np.testing.assert_allclose(both.torque("elbow", 0.5), identify(log).model.torque("elbow", 0.5), rtol=0.01)
+    a, b = any_motion(dry), any_motion(dry, unit="m")
+    with pytest.raises(InvalidInput, match="in rad in one log and in m"):
+        identify([a, b])
+
+
+def test_the_environments_torque_counts():
+    log = any_motion(dry)
+    push = 3.0 * np.sin(np.arange(len(log)) / 700.0)[:, None]
+    result = identify(log.replace(torque=log.torque - push, external_torque=push))
+    assert float(result.model.torque(0, 0.5)) == pytest.approx(6.0, abs=0.1)
+    assert result.model.joints[0].fitted.residual < 5.0
+
+
+def test_nan_that_is_accepted_is_left_out():
+    log = any_motion(dry)
+    torque = log.torque.copy()
+    torque[5000:5100] = np.nan
+    result = identify(log.replace(torque=torque), accept=["nan"])
+    assert float(result.model.torque(0, 0.5)) == pytest.approx(6.0, abs=0.15)
+
+
+def test_a_term_that_cannot_be_predicted_is_an_error_and_not_left_out():
+    log = any_motion(dry, gravity=(8.0, 2.0))
+    model = identify(log).model
+    blind = log.replace(position=None, velocity=np.gradient(log.position, log.time, axis=0))
+    with pytest.raises(InvalidInput, match="gravity"):
+        validate(model, [blind])
+
+
+def test_what_is_suspect_in_the_log_is_among_the_warnings():
+    log = any_motion(dry)
+    result = identify(log.replace(position=log.position * 180 / np.pi, torque=log.torque))
+    assert any("degrees" in w for w in result.warnings)
+
+
+def test_joints_that_move_in_turn_are_cut_to_their_turns_whatever_the_clock():
+    a, b = (Sweep(np.deg2rad(20.0), 2.0, 5, joint=name) for name in "ab")
+    plan = InTurn((a, b))
+    single = {"a": simulate(joint_0(), a, seed=0), "b": simulate(joint_1(), b, seed=0)}
+    late, rate = 5.0, 1000
+    n = round((late + plan.duration + 1.0) * rate)
+    channels = {}
+    for channel in ("position", "torque"):
+        columns = []
+        for name in "ab":
+            x = getattr(single[name], channel)[:, 0]
+            start = round((late + plan.plan_of(name).start) * rate)
+            columns.append(np.r_[np.full(start, x[0]), x, np.full(n - start - x.size, x[-1])])
+        channels[channel] = np.column_stack(columns)
+    log = Log(time=np.arange(n) / rate, joints=(Joint(name="a"), Joint(name="b")), plan=plan, **channels)
+    result = identify(log)
+    assert result.method == "sweep"
+    for name, plant in (("a", joint_0()), ("b", joint_1())):
+        np.testing.assert_allclose(
+            result.model.torque(name, [0.6, 1.5]), plant.law.torque(np.array([0.6, 1.5])), atol=0.12
+        )

@@ -209,6 +209,16 @@ class Log:
             )
         return value
 
+    @property
+    def driving_torque(self) -> np.ndarray:
+        """What drives the joints: actuator torque plus the environment's, where that is known [N.m or N], (n, J).
+
+        Raises:
+            InvalidInput: the log holds no torque.
+        """
+        torque = self.need("torque")
+        return torque if self.external_torque is None else torque + self.external_torque
+
     def replace(self, **changes: Any) -> Log:
         """Return a copy with some fields changed."""
         return replace(self, **changes)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from backdrive._catalog import lookup
-from backdrive.errors import InvalidInput, NotIdentifiable, UnhealthyLog
+from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.excite import plan_to_dict
 from backdrive.identification.auto import METHODS, choose_method, moving_joints, own_turn
+from backdrive.identification.evidence import verdict
+from backdrive.identification.request import apart, applicable, healthy, in_order, move_together
 from backdrive.identification.result import Curve as Curve
 from backdrive.identification.result import Identification as Identification
 from backdrive.identification.result import JointEvidence as JointEvidence
@@ -36,6 +39,7 @@ def identify(
     accept: Sequence[str] = (),
     repair: bool = False,
     progress: Callable[[str], None] | None = None,
+    reading: Mapping[str, Any] | None = None,
 ) -> Identification:
     """Identify the friction of every joint that moves.
 
@@ -56,6 +60,7 @@ def identify(
         accept: names of health findings to accept.
         repair: mend the log where an honest repair exists; each is noted.
         progress: called with a sentence before every step that may take long.
+        reading: how the logs were read (map, unit, ...), to be remembered in the model file.
 
     Returns:
         The model, the evidence for every joint, and which method ran and why.
@@ -71,20 +76,34 @@ def identify(
     logs = [logs] if isinstance(logs, Log) else list(logs)
     if not logs:
         raise InvalidInput("There is no log to identify from.", remedy="Pass at least one.")
-    _same_joints([*logs, *held_out])
+    logs = [in_order(log, logs[0]) for log in logs]
+    held_out = [in_order(log, logs[0]) for log in held_out]
+    apart(logs, held_out)
     if plan is not None:
         logs = [log.replace(plan=plan) for log in logs]
     say("Checking the logs")
-    logs = [_healthy(log, accept, repair) for log in logs]
-    held_out = [_healthy(log, accept, repair) for log in held_out]
+    warnings: list[str] = []
+    logs = [healthy(log, accept, repair, warnings) for log in logs]
+    held_out = [healthy(log, accept, repair, warnings) for log in held_out]
     names, idle = moving_joints(logs, joints)
     if method == "auto":
         method, reason = choose_method(logs, names, urdf)
     else:
         lookup(method, METHODS, "method")
         reason = "it was asked for"
-    warnings = [f"Joint '{name}' hardly moves and was left out." for name in idle]
-    if method == "motion" and _move_together(logs, names):
+    applicable(
+        method,
+        joints=joints,
+        urdf=urdf,
+        gravity=gravity,
+        law=law,
+        literal=literal,
+        timing=timing,
+        cutoff=cutoff,
+    )
+    if method != "arm":
+        warnings += [f"Joint '{name}' hardly moves and was left out." for name in idle]
+    if method == "motion" and move_together(logs, names):
         warnings.append(
             "Several joints move at once and pull on each other; the single-axis model does not know that pull. Pass the robot's "
             "description (--urdf), or torques known from elsewhere (--map tau_model=...)."
@@ -135,9 +154,13 @@ def identify(
         "cutoff": cutoff,
         "accept": list(accept),
         "repair": repair,
-        "held_out": [source.path for log in held_out for source in log.sources],
+        "joints": list(joints or []),
+        "urdf": urdf,
+        "plan": None if plan is None else plan_to_dict(plan),
+        "held_out": [{"path": s.path, "sha256": s.sha256} for log in held_out for s in log.sources],
+        "reading": dict(reading or {}),
     }
-    off = {"literal": False, "repair": False, "accept": [], "held_out": []}
+    off = {"literal": False, "repair": False, "accept": [], "held_out": [], "joints": [], "reading": {}}
     notes = [note for log in logs for note in log.notes]
     model = FrictionModel(
         joints=tuple(friction),
@@ -146,6 +169,7 @@ def identify(
         options={k: v for k, v in options.items() if v is not None and v != off.get(k)},
         version=__version__,
     )
+    model = replace(model, joints=tuple(_with_temperature(j, logs) for j in model.joints))
     if held_out and method not in ("motion", "arm"):
         say("Judging on the held-out logs")
         model, evidence = _judged_on(model, evidence, held_out)
@@ -166,44 +190,12 @@ def _judged_on(
     qualities = validate(model, held_out)
     joints = tuple(replace(j, held_out=qualities.get(j.joint.name, j.held_out)) for j in model.joints)
     said = [
-        replace(
-            e,
-            verdict=f"{e.verdict} Of the held-out logs it explains all but {qualities[e.joint].residual:.1f} %.",
-        )
-        if e.joint in qualities
-        else e
-        for e in evidence
+        replace(e, verdict=e.verdict.replace(verdict(before), verdict(after)))
+        if verdict(before) in e.verdict
+        else replace(e, verdict=f"{e.verdict} {verdict(after)}")
+        for e, before, after in zip(evidence, model.joints, joints)
     ]
     return replace(model, joints=joints), said
-
-
-def _move_together(logs: Sequence[Log], names: Sequence[str]) -> bool:
-    """Say whether joints move at the same time and no torque known from elsewhere takes their pull away."""
-    import numpy as np
-
-    together = 0
-    for log in logs:
-        if len(names) < 2 or log.model_torque is not None or len(log) < 2:
-            continue
-        part = log.select(names)
-        speed = np.abs(np.gradient(part.position, axis=0) if part.position is not None else part.velocity)
-        busy = speed > 0.05 * np.nanpercentile(speed, 99, axis=0)
-        together += int(np.mean(busy.sum(axis=1) > 1) > 0.2)
-    return together > 0
-
-
-def _healthy(log: Log, accept: Sequence[str], repair: bool) -> Log:
-    """Pass a log through the health gate; the error names its file."""
-    from backdrive import health
-
-    try:
-        return health.gate(log, accept=accept, repair=repair)
-    except UnhealthyLog as error:
-        if not log.sources:
-            raise
-        raise UnhealthyLog(
-            f"{log.sources[0].path}: {error.message}", remedy=error.remedy, **error.data
-        ) from error
 
 
 def _one(method: str, logs, name: str, held_out, **options) -> tuple[JointFriction, JointEvidence]:
@@ -235,10 +227,14 @@ def _one(method: str, logs, name: str, held_out, **options) -> tuple[JointFricti
     )
 
 
-def _same_joints(logs: Sequence[Log]) -> None:
-    for log in logs[1:]:
-        if log.names != logs[0].names:
-            raise InvalidInput(
-                f"The logs hold different joints: {', '.join(logs[0].names)} and {', '.join(log.names)}.",
-                remedy="Identify them one by one, or name the joints alike (--names).",
-            )
+def _with_temperature(friction: JointFriction, logs: Sequence[Log]) -> JointFriction:
+    """Return the joint with the range of temperatures that the logs saw."""
+    import numpy as np
+
+    seen = [log.select(friction.joint.name).temperature for log in logs]
+    values = np.concatenate([t[np.isfinite(t)] for t in seen if t is not None] or [np.empty(0)])
+    if not values.size:
+        return friction
+    return replace(
+        friction, validity=replace(friction.validity, temperature=(float(values.min()), float(values.max())))
+    )

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.identification.runs import LEAST_RUNS
 from backdrive.log import Log
 
 #: Method -> what it needs, in words.
@@ -55,12 +57,17 @@ def own_turn(log: Log, joint: str) -> Log:
     if log.plan is None or log.plan.kind != "in-turn" or joint not in [p.joint for p in log.plan.plans]:
         return log
     plan = log.plan.plan_of(joint)
-    begin = log.plan.start
-    for shift in (0.0, float(log.time[0]) - begin):  # the plan's own clock, or the log's
-        part = log.between(plan.start + shift, plan.start + shift + plan.duration)
-        if len(part) > 0.5 * plan.duration / log.period:
-            return part.replace(plan=plan)
-    return log.replace(plan=plan)
+    own = log.select(joint)
+    speed = np.abs(own.need("velocity") if own.position is None else np.gradient(own.position, axis=0))[:, 0]
+    moving = np.flatnonzero(speed > 0.05 * np.nanpercentile(speed, 99.5))
+    if not moving.size:
+        return log.replace(plan=plan)
+    begin, end = (float(log.time[moving[i]]) for i in (0, -1))
+    middle = (
+        0.5 * (begin + end) - 0.5 * plan.duration
+    )  # where the plan lies if its middle is the middle of the motion
+    part = log.between(min(begin, middle) - 0.5, max(end, middle + plan.duration) + 0.5)
+    return part.replace(plan=replace(plan, start=middle))
 
 
 def choose_method(logs: Sequence[Log], joints: Sequence[str], urdf: str | None) -> tuple[str, str]:
@@ -73,11 +80,16 @@ def choose_method(logs: Sequence[Log], joints: Sequence[str], urdf: str | None) 
     """
     if urdf is not None:
         return "arm", "a robot description was given"
-    kinds = {own_turn(log, joint).plan.kind for log in logs if log.plan is not None for joint in joints}
+    turns = [own_turn(log, joint).plan.kind for log in logs if log.plan is not None for joint in joints]
+    kinds = list(dict.fromkeys(turns))
+    if len(kinds) > 1:
+        raise InvalidInput(
+            f"The plan moves the joints in different ways ({', '.join(kinds)}).",
+            remedy="Identify them one by one with --joint.",
+        )
     named = {
         "sweep": "sweep",
         "constant-velocity": "constant-velocity",
-        "torque-ramp": "ramp",
         "ramp": "ramp",
     }
     for kind in kinds:
@@ -88,7 +100,7 @@ def choose_method(logs: Sequence[Log], joints: Sequence[str], urdf: str | None) 
             "A log holds no torque, so there is no friction to identify from it.",
             remedy="Name the channel, for example --map tau=COLUMN.",
         )
-    if all(_steady(log, joint) for log in logs for joint in joints):
+    if len(logs) >= LEAST_RUNS and all(_steady(log, joint) for log in logs for joint in joints):
         return "constant-velocity", "every log keeps one velocity throughout"
     if all(_sweeps(log, joint) for log in logs for joint in joints):
         return "sweep", "cycles of growing frequency and equal stroke were found"

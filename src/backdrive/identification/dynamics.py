@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from backdrive.errors import InvalidInput
 from backdrive.identification.signals import Signals
 from backdrive.log import Joint
 from backdrive.model import JointFriction
@@ -33,18 +34,32 @@ def unit_of(term: str, joint: Joint) -> str:
 
 
 def rest_of_dynamics(friction: JointFriction, signals: Signals) -> np.ndarray:
-    """Return the torque that is not friction [N.m or N], (n,)."""
+    """Return the torque that is not friction [N.m or N], (n,).
+
+    Raises:
+        InvalidInput: the model needs a channel that the log does not hold.
+    """
     value = {k: e.value for k, e in friction.dynamics.items()}
     tau = np.full(signals.velocity.shape, value.get("offset", 0.0))
     if value.get("inertia"):
         tau += value["inertia"] * (signals.acceleration - value.get("time_slip", 0.0) * signals.jerk)
-    if "gravity_sin" in value and signals.position is not None:
-        tau += value["gravity_sin"] * np.sin(signals.position) + value["gravity_cos"] * np.cos(
-            signals.position
-        )
-    if "model_torque" in value and signals.model_torque is not None:
+    if "gravity_sin" in value or "gravity_cos" in value:
+        if signals.position is None:
+            raise _cannot(friction, "gravity", "position", "q")
+        tau += value.get("gravity_sin", 0.0) * np.sin(signals.position)
+        tau += value.get("gravity_cos", 0.0) * np.cos(signals.position)
+    if "model_torque" in value:
+        if signals.model_torque is None:
+            raise _cannot(friction, "a torque known from elsewhere", "model_torque", "tau_model")
         tau += value["model_torque"] * signals.model_torque
     return tau
+
+
+def _cannot(friction: JointFriction, term: str, channel: str, short: str) -> InvalidInput:
+    return InvalidInput(
+        f"Joint '{friction.joint.name}': the model has {term}, and the log holds no {channel}.",
+        remedy=f"Name the channel, for example --map {short}=COLUMN.",
+    )
 
 
 def predict(friction: JointFriction, signals: Signals) -> np.ndarray:

@@ -76,7 +76,7 @@ def literal(log: Log, cycles: Windows, c: float = SHARE) -> SweepKnots:
     Returns:
         One pair a cycle, unsorted; NaN where a set is empty.
     """
-    f = log.torque[:, 0]  # type: ignore[index]
+    f = log.driving_torque[:, 0]
     if log.position is not None:
         v = np.diff(log.position[:, 0], prepend=log.position[0, 0]) / log.period
     else:

@@ -10,6 +10,7 @@ samples from mattering.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -91,7 +92,9 @@ def identify_motion(
     else:
         others = []
         held = judge(_left_out(stretches, choice, about, friction.validity.velocity))
-    friction = _replace(friction, fitted=fitted, held_out=held)
+    carried = np.concatenate([rest_of_dynamics(friction, s) for s in stretches])
+    validity = replace(friction.validity, load=(float(carried.min()), float(carried.max())))
+    friction = replace(friction, fitted=fitted, held_out=held, validity=validity)
     k = len(choice.candidate.terms)
     return friction, evidence(
         friction,
@@ -101,12 +104,6 @@ def identify_motion(
         ],
         curves.error_of_curve(choice.candidate.form, choice.covariance[k:, k:]),
     )
-
-
-def _replace(friction: JointFriction, **changes) -> JointFriction:
-    from dataclasses import replace
-
-    return replace(friction, **changes)
 
 
 def bins(s: Signals) -> tuple[int, int]:
@@ -199,7 +196,7 @@ def with_warnings(friction: JointFriction, choice: design.Choice, both_direction
         )
     if choice.condition > 1e4:
         said.append(f"The motion separates the terms poorly (condition number {choice.condition:.1e}).")
-    return _replace(friction, warnings=tuple(said))
+    return replace(friction, warnings=tuple(said))
 
 
 def _left_out(stretches, choice, joint, velocity):

@@ -157,7 +157,7 @@ def _samples(logs: Sequence[Log], joint: str, friction: JointFriction, found: Pr
     columns = []
     for log in logs:
         single = log.select(joint).on_joint_side()
-        position, torque = single.position[:, 0], single.torque[:, 0]  # type: ignore[index]
+        position, torque = single.need("position")[:, 0], single.driving_torque[:, 0]
         velocity = derivative(position, single.period)
         slides = np.abs(velocity) > found.slip_speed
         predicted = np.where(slides, friction.law.torque(velocity) + found.rest, np.nan)
@@ -182,7 +182,7 @@ def _loop(logs: Sequence[Log], joint: str) -> np.ndarray:
     parts = []
     for log in logs:
         single = log.select(joint).on_joint_side()
-        position, torque = single.position[:, 0], single.torque[:, 0]  # type: ignore[index]
+        position, torque = single.need("position")[:, 0], single.driving_torque[:, 0]
         parts.append(np.stack([position - position[0], torque], axis=1))
     joined = np.concatenate(parts)
     return joined[:: max(1, -(-len(joined) // MOST))]

@@ -22,6 +22,7 @@ SLIPS = 30.0  # a joint slips when it moves so many times faster than at the sta
 FLICKER = 10.0  # and faster than so many counts in one period of the low pass [-]
 RESOLVED = 5.0  # displacement before break-away from which on a stiffness is given [count]
 START = 0.3  # share of a branch's torque, from its beginning, that gives the tangent [-]
+VAGUE = 0.5  # a stiffness with a larger share of error is none [-]
 SHORTEST = 8  # a branch with fewer samples is left out
 
 
@@ -132,13 +133,19 @@ def presliding(logs: Sequence[Log], joint: str | int) -> Presliding:
         )
     displacement = max(float(np.ptp(b.position)) for b in branches)
     resolved = displacement >= RESOLVED * count
+    stiffness = _stiffness([b.secant for b in branches], branches, count) if resolved else None
+    if resolved and (stiffness is None or not stiffness[1] <= VAGUE * stiffness[0]):
+        raise NotIdentifiable(
+            f"Joint '{joint}': it moves by {displacement:.3g} before it slides, and not as a spring does: this is no torque ramp.",
+            remedy="Record it along `backdrive plan ramp`, slowly, from rest; or use --method motion.",
+        )
     width, area = loop(singles, [speed for _, speed, _ in found])
-    torques = [log.torque[:, 0] for log in singles]  # type: ignore[index]
+    torques = [log.driving_torque[:, 0] for log in singles]
     return Presliding(
         branches=tuple(branches),
         count=count,
         displacement=displacement,
-        stiffness=_stiffness([b.secant for b in branches], branches, count) if resolved else None,
+        stiffness=stiffness,
         tangent=_stiffness([b.tangent for b in branches], branches, count) if resolved else None,
         bound=max(b.bound(count) for b in branches),
         break_away=(_break_away(branches, 1), _break_away(branches, -1)),
@@ -169,7 +176,7 @@ def _count(log: Log) -> float:
 
 def _branches(log: Log, count: float) -> tuple[list[Branch], float, float]:
     """Return the branches of one log, the speed from which on it slips, and the torque before the first ramp."""
-    torque, position = log.torque[:, 0], log.position[:, 0]  # type: ignore[index]
+    torque, position = log.driving_torque[:, 0], log.need("position")[:, 0]
     rate = 1.0 / log.period
     cutoff = min(CUTOFF, 0.1 * rate)
     smooth = filters.low_pass(torque, cutoff, rate)

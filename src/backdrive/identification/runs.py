@@ -79,7 +79,7 @@ def find_runs(log: Log, joint: str | int) -> list[Run]:
     if len(log) < 20:
         return []
     log = log.select(joint).on_joint_side()
-    torque, velocity = log.need("torque")[:, 0], _velocity(log)
+    torque, velocity = log.driving_torque[:, 0], _velocity(log)
     good = np.isfinite(velocity) & np.isfinite(torque)
     time, velocity, torque = log.time[good], velocity[good], torque[good]
     turns = log.position is not None and log.joints[0].unit == "rad"
@@ -112,6 +112,8 @@ def _keeps_level(velocity: np.ndarray) -> bool:
     if velocity.size < 20:
         return False
     levels = [float(np.mean(part)) for part in np.array_split(velocity, 3)]
+    if np.mean(velocity * np.sign(np.mean(velocity)) < 0.0) > 0.1:  # it moves to and fro
+        return False
     return min(np.abs(levels)) > 0 and float(np.ptp(levels)) < 0.25 * float(np.max(np.abs(levels)))
 
 

@@ -61,7 +61,7 @@ def prepare(log: Log, joint: str | int, *, cutoff: float | None = None) -> list[
         NotIdentifiable: no stretch is long enough.
     """
     log.need("torque")
-    log = log.select(joint).on_joint_side()
+    log = _finite(log.select(joint).on_joint_side())
     if len(log) < SHORTEST:
         raise NotIdentifiable(
             f"The log has only {len(log)} samples.", remedy=f"At least {SHORTEST} are needed."
@@ -84,6 +84,15 @@ def prepare(log: Log, joint: str | int, *, cutoff: float | None = None) -> list[
             f"No stretch between gaps has {SHORTEST} samples.", remedy="Record without dropping samples."
         )
     return stretches
+
+
+def _finite(log: Log) -> Log:
+    """Leave out rows with a value that is not finite: they become gaps."""
+    motion = "velocity" if log.position is None else "position"
+    good = np.isfinite(log.time) & np.isfinite(log.driving_torque[:, 0]) & np.isfinite(log.need(motion)[:, 0])
+    if log.model_torque is not None:
+        good &= np.isfinite(log.model_torque[:, 0])
+    return log if good.all() else log.rows(good)
 
 
 def _top_speed(log: Log) -> float:
@@ -117,7 +126,7 @@ def _segment(log: Log, period: float, cutoff: float | None, top: float) -> Signa
         velocity=velocity,
         acceleration=acceleration,
         jerk=jerk,
-        torque=log.need("torque")[:, 0],
+        torque=log.driving_torque[:, 0],
         rate=rate,
         position=position,
         model_torque=None if log.model_torque is None else log.model_torque[:, 0],

@@ -43,6 +43,12 @@ def validate(model: FrictionModel, logs: Sequence[Log], *, urdf: str | None = No
     result = {}
     for name in shared:
         friction = model.joint(name)
+        units = {log.joints[log.column(name)].unit for log in logs}
+        if units != {friction.joint.unit}:
+            raise InvalidInput(
+                f"Joint '{name}' is measured in {friction.joint.unit} in the model and in {', '.join(sorted(units))} in the logs.",
+                remedy=f"Read the logs with --unit {friction.joint.unit}.",
+            )
         pairs = []
         for log in logs:
             if (

@@ -1,0 +1,100 @@
+"""What is asked of an identification, checked before it begins: logs that fit together, options that apply."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from backdrive.errors import InvalidInput, UnhealthyLog
+from backdrive.log import Log
+
+
+def in_order(log: Log, first: Log) -> Log:
+    """Return a log with its joints in the order of the first log's.
+
+    Raises:
+        InvalidInput: it holds other joints, or the same in another unit.
+    """
+    if set(log.names) != set(first.names):
+        raise InvalidInput(
+            f"The logs hold different joints: {', '.join(first.names)} and {', '.join(log.names)}.",
+            remedy="Identify them one by one, or name the joints alike (--names).",
+        )
+    log = log if log.names == first.names else log.select(first.names)
+    for mine, theirs in zip(log.joints, first.joints):
+        if mine.unit != theirs.unit:
+            raise InvalidInput(
+                f"Joint '{mine.name}' is in {theirs.unit} in one log and in {mine.unit} in another.",
+                remedy="Read all of them with the same --unit.",
+            )
+    return log
+
+
+def apart(logs: Sequence[Log], held_out: Sequence[Log]) -> None:
+    """Refuse to judge on a file that is fitted."""
+    fitted = {source.sha256: source.path for log in logs for source in log.sources}
+    for log in held_out:
+        for source in log.sources:
+            if source.sha256 in fitted:
+                raise InvalidInput(
+                    f"{source.path} is held out and also fitted ({fitted[source.sha256]}).",
+                    remedy="Hold out a log that is not fitted; without any, blocks of the fitted ones are held out in turn.",
+                )
+
+
+#: Option -> the methods that it is for.
+APPLIES = {
+    "law": ("motion", "constant-velocity"),
+    "gravity": ("motion",),
+    "literal": ("sweep",),
+    "timing": ("sweep",),
+    "cutoff": ("motion", "arm"),
+    "joints": ("sweep", "constant-velocity", "motion", "ramp"),
+    "urdf": ("arm",),
+}
+
+
+def applicable(method: str, **options: Any) -> None:
+    """Refuse an option that the method would ignore."""
+    for name, value in options.items():
+        if value in (None, False, [], ()) and not (name == "gravity" and value is False):
+            continue
+        if method not in APPLIES[name]:
+            raise InvalidInput(
+                f"'{name}' does not apply to the method '{method}'.",
+                remedy=f"It is for {', '.join(APPLIES[name])}: leave it out, or choose another method.",
+            )
+    if options["cutoff"] is not None and not options["cutoff"] > 0:
+        raise InvalidInput(f"cutoff = {options['cutoff']} Hz.", remedy="Give a positive frequency.")
+
+
+def move_together(logs: Sequence[Log], names: Sequence[str]) -> bool:
+    """Say whether joints move at the same time and no torque known from elsewhere takes their pull away."""
+    import numpy as np
+
+    together = 0
+    for log in logs:
+        if len(names) < 2 or log.model_torque is not None or len(log) < 2:
+            continue
+        part = log.select(names)
+        speed = np.abs(np.gradient(part.position, axis=0) if part.position is not None else part.velocity)
+        busy = speed > 0.05 * np.nanpercentile(speed, 99, axis=0)
+        together += int(np.mean(busy.sum(axis=1) > 1) > 0.2)
+    return together > 0
+
+
+def healthy(log: Log, accept: Sequence[str], repair: bool, warnings: list[str]) -> Log:
+    """Pass a log through the health gate; what is suspect joins the warnings, and the error names its file."""
+    from backdrive import health
+
+    try:
+        mended, suspect = health.passed(log, accept=accept, repair=repair)
+        where = f"{log.sources[0].path}: " if log.sources else ""
+        warnings += [f"{where}[{f.name}] {f.sentence}" for f in suspect]
+        return mended
+    except UnhealthyLog as error:
+        if not log.sources:
+            raise
+        raise UnhealthyLog(
+            f"{log.sources[0].path}: {error.message}", remedy=error.remedy, **error.data
+        ) from error
