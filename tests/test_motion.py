@@ -90,6 +90,21 @@ def test_nothing_is_interpolated_across_a_gap():
     assert float(friction.law.torque(0.5)) == pytest.approx(6.0, abs=0.1)
 
 
+def test_a_curve_below_sustained_motion_is_said_to_be_of_reversals():
+    def stretching(v):  # a spring at reversals looks like low friction at low speed
+        return 5.0 * np.tanh(np.asarray(v) / 0.03) + 2.0 * np.asarray(v)
+
+    quick = any_motion(stretching, seconds=40.0)
+    friction, _ = identify_motion([quick], "j1")
+    assert any("turned round" in w for w in friction.warnings)
+    slow = any_motion(stretching, seconds=40.0)
+    time = 20.0 * slow.time  # the same way at a twentieth of the speed
+    velocity = np.gradient(slow.position[:, 0], time)
+    slow = slow.replace(time=time, torque=stretching(velocity))
+    friction, _ = identify_motion([slow], "j1")
+    assert not any("turned round" in w for w in friction.warnings)
+
+
 def test_another_log_is_judged_when_given():
     dry = lambda v: 5.0 * np.sign(v) + 2.0 * v  # noqa: E731
     good, _ = identify_motion([any_motion(dry)], "j1", held_out=[any_motion(dry, seed=5, phase=40.0)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 
 import typer
@@ -14,7 +15,7 @@ COMMANDS = ("demo", "inspect", "plan", "identify", "show", "validate")
 
 app = typer.Typer(
     name="backdrive",
-    help="Identify, compensate and estimate the friction of robot joints.",
+    help="Identify the friction of robot joints from ordinary logs.",
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
@@ -39,12 +40,32 @@ for _name in COMMANDS:
 
 def main() -> None:
     """Run the command line; every failure becomes one message and an exit code (0, 1, 2, 3 or 4)."""
+    for threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(threads, "1")  # small matrices: more threads only wait for each other
+    try:
+        sys.exit(_run())
+    except BrokenPipeError:
+        _silence()
+        sys.exit(0)
+    except OSError as error:  # standard output is full or gone: nothing more can be said there
+        _silence()
+        typer.echo(f"backdrive: cannot write: {error.strerror or error}.", err=True)
+        sys.exit(2)
+
+
+def _run() -> int:
     try:
         app()
     except KeyboardInterrupt:
         typer.echo("Interrupted; nothing half-written was left behind.", err=True)
-        sys.exit(130)
-    except BrokenPipeError:
-        sys.exit(0)
+        return 130
+    except OSError:
+        raise
     except Exception as error:
-        sys.exit(fail(error, as_json="--json" in sys.argv))
+        return fail(error, as_json="--json" in sys.argv)
+    return 0
+
+
+def _silence() -> None:
+    """Keep the interpreter from writing to a broken standard output once more as it ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -75,6 +75,27 @@ def numbers(text: str | None, option: str) -> list[float] | None:
         ) from error
 
 
+def check_targets(outputs: Sequence[Path | None], inputs: Sequence[Path | None]) -> None:
+    """Refuse, before anything long begins, outputs that cannot be written or that would overwrite something.
+
+    Raises:
+        InvalidInput: an output is an input or another output, is a folder, or its folder does not exist.
+    """
+    from backdrive.errors import InvalidInput
+
+    taken = {p.resolve(): p for p in inputs if p is not None}
+    for path in (p for p in outputs if p is not None):
+        if path.resolve() in taken:
+            raise InvalidInput(
+                f"Cannot write {path}: it is also {taken[path.resolve()]}.", remedy="Name another file."
+            )
+        if path.is_dir() or not path.resolve().parent.is_dir():
+            raise InvalidInput(
+                f"Cannot write {path}: it is a folder, or its folder does not exist.", remedy="Name a file."
+            )
+        taken[path.resolve()] = path
+
+
 def plan_from(path: Path | None):
     """Return the plan of a --plan option, or None."""
     if path is None:

@@ -19,7 +19,7 @@ def command(
     joint: Annotated[
         str, typer.Option("--joint", help="Which simulated joint: joint_0, joint_1, joint_2 or setup_a.")
     ] = "joint_1",
-    seed: Annotated[int, typer.Option("--seed", help="Of the noise.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the noise.")] = 0,
     as_json: AsJson = False,
 ) -> None:
     """Sweep a simulated joint of the thesis' manipulator, identify it, and compare with the truth.

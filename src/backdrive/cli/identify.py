@@ -80,6 +80,9 @@ def command(
     from backdrive.cli._progress import progress
     from backdrive.identification import identify
 
+    _logs.check_targets([output, report], [*logs, *(hold_out or []), plan, urdf])
+    if not gate > 0:
+        raise typer.BadParameter(f"--gate {gate}: give a positive percentage.")
     options = {
         "map": map,
         "names": names,
@@ -109,6 +112,7 @@ def command(
             accept=accept or [],
             repair=repair,
             progress=say,
+            reading={k: v for k, v in options.items() if v is not None},
         )
         if output:
             result.model.save(output)
@@ -117,13 +121,16 @@ def command(
 
             say("Drawing the report")
             write_report(result, report, command=shlex.join(["backdrive", *sys.argv[1:]]))
+    bad = failing(result, gate)
     if as_json:
-        _print_json(result, output, report)
+        _print_json(result, output, report, bad)
     else:
         _print_table(result, output, report)
-    if failing(result, gate):
+    if bad:
         if not as_json:
-            typer.echo(f"Below the quality gate of {gate:g} %: {', '.join(failing(result, gate))}.", err=True)
+            typer.echo(
+                f"Below the quality gate (not credible, or above {gate:g} %): {', '.join(bad)}.", err=True
+            )
         raise typer.Exit(1)
 
 
@@ -136,16 +143,18 @@ def _timing(word: str | None):
 
 
 def failing(result: Identification, gate: float) -> list[str]:
-    """Return the joints whose unseen (or else fitted) residual is above the gate [%]."""
+    """Return the joints that are not credible, or whose unseen (or else fitted) residual is above the gate [%]."""
+    from backdrive.identification.grade import credible
+
     bad = []
     for j in result.model.joints:
         quality = j.held_out or j.fitted
-        if quality is not None and not quality.residual <= gate:
+        if not credible(j) or (quality is not None and not quality.residual <= gate):
             bad.append(j.joint.name)
     return bad
 
 
-def _print_json(result: Identification, output: Path | None, report: Path | None) -> None:
+def _print_json(result: Identification, output: Path | None, report: Path | None, bad: list[str]) -> None:
     import json
 
     from backdrive.cli._output import print_json
@@ -153,7 +162,8 @@ def _print_json(result: Identification, output: Path | None, report: Path | None
 
     print_json(
         {
-            "ok": True,
+            "ok": not bad,
+            "below_gate": bad,
             "method": result.method,
             "reason": result.reason,
             "warnings": result.warnings,

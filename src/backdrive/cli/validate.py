@@ -34,10 +34,11 @@ def command(
 
     Example: backdrive validate model.json other_log.csv
     """
-    from backdrive import health, load_model
+    from backdrive import load_model
     from backdrive.cli._output import print_json
     from backdrive.cli._progress import progress
     from backdrive.identification import validate
+    from backdrive.identification.request import healthy
 
     loaded = load_model(model)
     with progress(quiet=as_json) as say:
@@ -46,7 +47,8 @@ def command(
             logs, map=map, names=names, units=unit, gear=gear, counts=counts, format=format, topic=topic
         )
         say("Checking the logs")
-        read = [health.gate(log, accept=accept or [], repair=repair) for log in read]
+        suspect: list[str] = []
+        read = [healthy(log, accept or [], repair, suspect) for log in read]
         say("Predicting")
         qualities = validate(loaded, read, urdf=str(urdf) if urdf else None)
     bad = [name for name, q in qualities.items() if not q.residual <= gate]
@@ -55,7 +57,7 @@ def command(
             name: {"residual_percent": q.residual, "residual_raw_percent": q.residual_raw, "rms": q.rms}
             for name, q in qualities.items()
         }
-        print_json({"ok": not bad, "joints": rows, "below_gate": bad})
+        print_json({"ok": not bad, "joints": rows, "below_gate": bad, "warnings": suspect})
     else:
         from rich.console import Console
         from rich.markup import escape
@@ -74,6 +76,8 @@ def command(
                 str(q.samples),
             )
         Console(highlight=False).print(table)
+        for sentence in suspect:
+            Console(highlight=False).print(escape(sentence), style="yellow")
         if bad:
             typer.echo(f"Above the gate of {gate:g} %: {', '.join(bad)}.", err=True)
     if bad:

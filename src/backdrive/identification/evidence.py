@@ -77,16 +77,15 @@ def verdict(friction: JointFriction) -> str:
     low, high = friction.validity.velocity
     top = max(abs(low), abs(high))
     ways = [sign for sign in (1.0, -1.0) if sign * (high if sign > 0 else low) > 0.05 * top]
-    slow, fast = (np.abs(friction.law.torque(share * top * np.array(ways))) for share in (0.02, 1.0))
+    slowest = 0.02 * top
+    slow, fast = (np.abs(friction.law.torque(speed * np.array(ways))) for speed in (slowest, top))
     if slow.size == 2 and max(np.ptp(slow), np.ptp(fast)) > 0.02 * fast.max():
         amount = (
-            f"Friction is {slow[0]:.3g} {unit} forwards and {slow[1]:.3g} {unit} backwards at low speed, "
+            f"Friction is {slow[0]:.3g} {unit} forwards and {slow[1]:.3g} {unit} backwards at {slowest:.2g} {speed}, "
             f"{fast[0]:.3g} and {fast[1]:.3g} {unit} at {top:.3g} {speed}."
         )
     else:
-        amount = (
-            f"Friction is {slow[0]:.3g} {unit} at low speed and {fast[0]:.3g} {unit} at {top:.3g} {speed}."
-        )
+        amount = f"Friction is {slow[0]:.3g} {unit} at {slowest:.2g} {speed} and {fast[0]:.3g} {unit} at {top:.3g} {speed}."
     quality = friction.held_out or friction.fitted
     residual = quality.residual if quality else float("nan")
     seen = "torque it had not seen" if friction.held_out else "the torque it was fitted to"

@@ -27,6 +27,7 @@ from backdrive.model import Estimate, JointFriction, Validity
 BIN_TIME = 0.01  # torque and regressors are averaged over this long [s]
 BLOCK_TIME = 1.5  # aimed length of a cross-validation block [s]
 BLOCKS = (8, 24)  # least and most blocks
+SUSTAINED = 0.1  # a joint slides where its velocity would last so long at its acceleration [s]
 SPAN_FOR_GRAVITY = 0.15  # a rotary joint must travel so far before gravity is looked for [rad]
 CHUNK = 200_000  # samples turned into a regressor at a time
 
@@ -85,6 +86,14 @@ def identify_motion(
     choice = design.offset_apart(choice)
     friction = as_friction(choice, choice.coefficients, about, (float(speeds.min()), float(speeds.max())))
     friction = with_warnings(friction, choice, both)
+    slowest = slowest_sliding(stretches, knots)
+    if np.any((0.0 < choice.candidate.form.knots) & (choice.candidate.form.knots < slowest)):
+        unit = f"{about.unit}/s"
+        said = (
+            f"Below {slowest:.2g} {unit} the joint moved only while it turned round: what the curve shows there is the torque "
+            "of reversals, not sliding friction."
+        )
+        friction = replace(friction, warnings=(*friction.warnings, said))
     fitted = judge([(s.torque, predict(friction, s), s.rate, s.moving) for s in stretches])
     if held_out:
         others = [s for log in held_out for s in prepare(log, joint, cutoff=cutoff)]
@@ -104,6 +113,24 @@ def identify_motion(
         ],
         curves.error_of_curve(choice.candidate.form, choice.covariance[k:, k:]),
     )
+
+
+def slowest_sliding(stretches: Sequence[Signals], knots: np.ndarray) -> float:
+    """Return the slowest knot near which the joint kept its velocity for a while [rad/s or m/s].
+
+    Args:
+        stretches: of one joint.
+        knots: speeds, ascending from zero [rad/s or m/s], (k,).
+    """
+    for knot in knots[1:]:
+        kept = 0.0
+        for s in stretches:
+            speed = np.abs(s.velocity)
+            steady = np.abs(s.acceleration) * SUSTAINED < speed
+            kept += float(np.count_nonzero(steady & (speed > 0.5 * knot) & (speed < 1.5 * knot))) / s.rate
+        if kept >= SUSTAINED:
+            return float(knot)
+    return float(knots[-1])
 
 
 def bins(s: Signals) -> tuple[int, int]:
