@@ -203,9 +203,11 @@ class Log:
         value = getattr(self, channel)
         if value is None:
             short = {"position": "q", "velocity": "dq", "torque": "tau"}.get(channel, channel)
+            where = f"{self.sources[0].path}: the log" if self.sources else "The log"
+            said = [note for note in self.notes if note.startswith(f"No column was taken as {channel}")]
             raise InvalidInput(
-                f"The log holds no {channel}, and friction cannot be identified without it.",
-                remedy=f"Name the channel, for example --map {short}=COLUMN.",
+                f"{where} holds no {channel}, and friction cannot be identified without it.",
+                remedy=said[0] if said else f"Name the channel, for example --map {short}=COLUMN.",
             )
         return value
 

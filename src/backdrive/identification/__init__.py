@@ -11,7 +11,7 @@ from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.excite import plan_to_dict
 from backdrive.identification.auto import METHODS, choose_method, moving_joints, own_turn
 from backdrive.identification.evidence import verdict
-from backdrive.identification.request import apart, applicable, healthy, in_order, move_together
+from backdrive.identification.request import apart, applicable, healthy, in_order, move_together, slow_clock
 from backdrive.identification.result import Curve as Curve
 from backdrive.identification.result import Identification as Identification
 from backdrive.identification.result import JointEvidence as JointEvidence
@@ -101,6 +101,7 @@ def identify(
         timing=timing,
         cutoff=cutoff,
     )
+    warnings += slow_clock(logs) if method in ("sweep", "motion", "arm") else []
     if method != "arm":
         warnings += [f"Joint '{name}' hardly moves and was left out." for name in idle]
     if method == "motion" and move_together(logs, names):

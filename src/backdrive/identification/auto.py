@@ -95,11 +95,8 @@ def choose_method(logs: Sequence[Log], joints: Sequence[str], urdf: str | None) 
     for kind in kinds:
         if kind in named:
             return named[kind], f"the logs are linked to a plan of the kind '{kind}'"
-    if any(log.torque is None for log in logs):
-        raise InvalidInput(
-            "A log holds no torque, so there is no friction to identify from it.",
-            remedy="Name the channel, for example --map tau=COLUMN.",
-        )
+    for log in logs:
+        log.need("torque")
     if len(logs) >= LEAST_RUNS and all(_steady(log, joint) for log in logs for joint in joints):
         return "constant-velocity", "every log keeps one velocity throughout"
     if all(_sweeps(log, joint) for log in logs for joint in joints):

@@ -87,7 +87,7 @@ def identify_motion(
     friction = as_friction(choice, choice.coefficients, about, (float(speeds.min()), float(speeds.max())))
     friction = with_warnings(friction, choice, both)
     slowest = slowest_sliding(stretches, knots)
-    if np.any((0.0 < choice.candidate.form.knots) & (choice.candidate.form.knots < slowest)):
+    if np.any((choice.candidate.form.knots > 0.0) & (choice.candidate.form.knots < slowest)):
         unit = f"{about.unit}/s"
         said = (
             f"Below {slowest:.2g} {unit} the joint moved only while it turned round: what the curve shows there is the torque "

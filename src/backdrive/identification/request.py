@@ -42,6 +42,8 @@ def apart(logs: Sequence[Log], held_out: Sequence[Log]) -> None:
                 )
 
 
+SLOW = 50.0  # a sampling rate below this makes a result suspect [Hz]
+
 #: Option -> the methods that it is for.
 APPLIES = {
     "law": ("motion", "constant-velocity"),
@@ -66,6 +68,17 @@ def applicable(method: str, **options: Any) -> None:
             )
     if options["cutoff"] is not None and not options["cutoff"] > 0:
         raise InvalidInput(f"cutoff = {options['cutoff']} Hz.", remedy="Give a positive frequency.")
+
+
+def slow_clock(logs: Sequence[Log]) -> list[str]:
+    """Say where the sampling is too slow to differentiate, or the time in another unit."""
+    rates = [1.0 / log.period for log in logs if log.period > 0]
+    if not rates or min(rates) >= SLOW:
+        return []
+    return [
+        f"A log has {min(rates):.3g} samples a second: below {SLOW:g} Hz only slow motion is trustworthy. If its time is in "
+        "milliseconds, read it with --map t=0.001*COLUMN."
+    ]
 
 
 def move_together(logs: Sequence[Log], names: Sequence[str]) -> bool:

@@ -78,6 +78,11 @@ def to_log(
         for i, column in enumerate(order)
     )
     notes += _without_unit(values, joints, columns)
+    if "torque" not in values.arrays:
+        notes.append(
+            "No column was taken as torque: name one with --map tau=COLUMN, times a factor where it is a current or a duty. "
+            f"Columns: {described(columns)}."
+        )
     whole = order == list(range(width))
     channels = {c: v if whole else v[:, order] for c, v in values.arrays.items() if c != "time"}
     log = Log(
