@@ -115,7 +115,10 @@ def left_out_solutions(blocks: Blocks) -> np.ndarray:
 
 
 def sandwich(blocks: Blocks, theta: np.ndarray) -> np.ndarray:
-    """Return the covariance of `theta` from the spread of the blocks' scores, (p, p)."""
+    """Return the covariance of `theta` from the spread of the blocks' scores, (p, p).
+
+    It is widened as Student's distribution is with that few blocks, so that two standard errors hold 95 %.
+    """
     gram = blocks.gram.sum(axis=0)
     scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     bread = np.linalg.pinv(gram / np.outer(scale, scale), rcond=1e-10, hermitian=True) / np.outer(
@@ -123,7 +126,8 @@ def sandwich(blocks: Blocks, theta: np.ndarray) -> np.ndarray:
     )
     scores = blocks.moment - blocks.gram @ theta
     used = max(int(np.sum(blocks.rows > 0)), 2)
-    return bread @ (scores.T @ scores) @ bread * used / (used - 1)
+    few = 1.0 + 1.22 / (used - 1)  # quantile of Student's distribution over that of the normal one, to 1 %
+    return bread @ (scores.T @ scores) @ bread * used / (used - 1) * few**2
 
 
 def condition(gram: np.ndarray) -> float:
