@@ -1,0 +1,48 @@
+"""Tests for identification/timing.py: a commanded torque is told from a sampled one, and neither biases the sweep."""
+
+import numpy as np
+import pytest
+
+from backdrive.excite import Sweep
+from backdrive.identification.signals import prepare
+from backdrive.identification.sweep import identify_sweep
+from backdrive.identification.timing import torque_timing
+from backdrive.plants.thesis import joint_1
+from backdrive.simulate import simulate
+
+SWEEP = Sweep(np.deg2rad(10.0), 2.0, 8)
+
+
+@pytest.fixture(scope="module")
+def commanded():
+    return simulate(joint_1(), SWEEP, seed=3)
+
+
+@pytest.fixture(scope="module")
+def sampled(commanded):
+    mean = 0.5 * (commanded.torque[1:] + commanded.torque[:-1])  # what acted around each sample
+    return commanded.replace(torque=np.vstack([commanded.torque[:1], mean]))
+
+
+def test_the_two_are_told_apart(commanded, sampled):
+    period = commanded.period
+    word, delay, error = torque_timing(prepare(commanded, 0))
+    assert (word, pytest.approx(-0.5 * period, abs=0.2 * period)) == ("command", delay)
+    assert 0.0 < error < 0.15 * period
+    word, delay, _ = torque_timing(prepare(sampled, 0))
+    assert (word, pytest.approx(0.0, abs=0.2 * period)) == ("sample", delay)
+
+
+def test_neither_biases_the_curve_and_the_wrong_word_does(commanded, sampled):
+    truth = joint_1().law.torque(1.8)
+    for log in (commanded, sampled):
+        friction, _ = identify_sweep([log], log.names[0])
+        assert float(friction.law.torque(1.8)) == pytest.approx(float(truth), abs=0.06)
+    wrong, _ = identify_sweep([sampled], sampled.names[0], timing="command")
+    assert abs(float(wrong.law.torque(1.8)) - float(truth)) > 0.3
+
+
+def test_a_motion_without_inertia_does_not_tell(commanded):
+    v = np.gradient(commanded.position[:, 0], commanded.time)
+    noise = np.random.default_rng(0).standard_normal(v.size)
+    assert torque_timing(prepare(commanded.replace(torque=5.0 * np.sign(v) + 2.0 * v + noise), 0))[0] is None
