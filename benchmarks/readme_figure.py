@@ -22,7 +22,9 @@ def main() -> None:
     result = identify(simulate(plant, sweep, seed=0))
     speed = sweep.top_speed * np.linspace(1e-6, 1.0, 80)
     velocity = np.concatenate([-speed[::-1], speed])
-    truth = Curve(velocity=velocity, torque=plant.law.torque(velocity), standard_error=np.full(velocity.size, np.nan))
+    truth = Curve(
+        velocity=velocity, torque=plant.law.torque(velocity), standard_error=np.full(velocity.size, np.nan)
+    )
     TARGET.parent.mkdir(parents=True, exist_ok=True)
     save_curve_png(TARGET, result.model.joints[0], evidence=result.evidence[0], truth=truth)
     print(f"wrote {TARGET}")

@@ -1,8 +1,8 @@
 """Clean logs by seed: joints under closed-loop control, with what real and healthy logs also have.
 
-Each joint has inertia, gravity, LuGre friction with a Stribeck curve, a quantised encoder, a cascaded controller whose velocity comes from
-that encoder, a noisy and perhaps quantised torque signal, and in part of the logs jitter of the clock, a filtered velocity, coupling to
-its neighbour, or only velocity (a drive's export) or only position. Nothing in them is a fault.
+Each joint has inertia, gravity, LuGre friction with a Stribeck curve, a quantised encoder, a cascaded controller whose
+velocity comes from that encoder, a noisy and perhaps quantised torque signal, and in part of the logs jitter of the clock, a
+filtered velocity, coupling to its neighbour, or only velocity (a drive's export) or only position. Nothing in them is a fault.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """How long a person waits: import, help, and a whole identification, each as a process of its own.
 
-Every figure is the median of several warm runs. The machine's own `import numpy` stands beside them: on a quiet machine it takes about
-0.2 s, and where it takes longer everything does.
+Every figure is the median of several warm runs. The machine's own `import numpy` stands beside them: on a quiet machine it
+takes about 0.2 s, and where it takes longer everything does.
 """
 
 from __future__ import annotations

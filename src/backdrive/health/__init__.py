@@ -1,7 +1,7 @@
 """What can be wrong with a log: one check a file, with a name, a sentence with numbers, and a remedy.
 
-Checks run in the order of `CHECKS`, and each sees the log as the repairs before it would leave it. So one fault is one finding: a wrapped
-integer is not also an outlier, and a velocity in degrees not also a wrong scale.
+Checks run in the order of `CHECKS`, and each sees the log as the repairs before it would leave it. So one fault is one
+finding: a wrapped integer is not also an outlier, and a velocity in degrees not also a wrong scale.
 """
 
 from __future__ import annotations
@@ -61,7 +61,6 @@ CHECKS: tuple[Check, ...] = tuple(
         position_jump,
         outlier,
         saturation,
-        no_friction,
         no_motion,
         degrees,
         velocity_mismatch,
@@ -84,7 +83,14 @@ def check(log: Log, *, plan: Any = None) -> list[Finding]:
 
 
 def gate(log: Log, accept: Iterable[str] = (), repair: bool = False, *, plan: Any = None) -> Log:
-    """Let a log pass that would not spoil a result, or stop it.
+    """Let a log pass that would not spoil a result, or stop it; see `passed`, whose first return value this is."""
+    return passed(log, accept, repair, plan=plan)[0]
+
+
+def passed(
+    log: Log, accept: Iterable[str] = (), repair: bool = False, *, plan: Any = None
+) -> tuple[Log, list[Finding]]:
+    """Let a log pass that would not spoil a result, with what is still suspect in it, or stop it.
 
     Args:
         log: any log.
@@ -93,7 +99,8 @@ def gate(log: Log, accept: Iterable[str] = (), repair: bool = False, *, plan: An
         plan: the motion plan it was recorded with; the log's own, if None.
 
     Returns:
-        The log itself, with a note for every accepted fault; or the repaired log.
+        The log itself, with a note for every accepted fault, or the repaired log; and the findings that warn and were neither
+        accepted nor repaired.
 
     Raises:
         UnknownName: a name in `accept` is not a check.
@@ -121,7 +128,12 @@ def gate(log: Log, accept: Iterable[str] = (), repair: bool = False, *, plan: An
         for f in findings
         if f.severity == "spoils" and f.name in accepted
     ]
-    return result.replace(notes=(*result.notes, *notes)) if notes else result
+    left = [
+        f
+        for f in findings
+        if f.severity == "warn" and f.name not in accepted and not (repair and f.repairable)
+    ]
+    return (result.replace(notes=(*result.notes, *notes)) if notes else result), left
 
 
 def _examine(log: Log, plan: Any, accepted: frozenset[str]) -> tuple[list[Finding], Log]:

@@ -142,7 +142,7 @@ def resolution(values: np.ndarray) -> float:
         return 0.0
     apart = np.diff(levels)
     # what rounding leaves between equal values is no step
-    apart = apart[apart > 1e-13 * np.abs(levels[[0, -1]]).max()]
+    apart = apart[apart > 2e-11 * np.abs(levels[[0, -1]]).max()]
     if not apart.size:
         return 0.0
     step = least = float(apart.min())

@@ -8,8 +8,8 @@ import numpy as np
 
 from backdrive.health._exam import Exam
 
-#: A jump is this many times longer than nearly all steps.
-_FAR = 8.0
+#: A jump is so many times longer than nearly all steps, and than those around it.
+_FAR, _FAR_LOCAL = 3.0, 8.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,9 +66,10 @@ def _look(exam: Exam, channel: str, j: int) -> Jumps | None:
     spread = np.median(np.abs(change[around]), axis=1)
     slack = np.ptp(change[around], axis=1) + 2 * resolution
     sizes = change[rows - 1] - local
-    real = np.abs(sizes) > _FAR * np.maximum(spread, resolution)
+    real = np.abs(sizes) > _FAR_LOCAL * np.maximum(spread, resolution)
     if not real.any():
         return None
     beside = change[np.clip(rows[:, None] - 1 + np.array([-1, 1]), 0, change.size - 1)] - local[:, None]
     back = (beside * sizes[:, None] < 0) & (np.abs(beside) > 0.5 * np.abs(sizes[:, None]))
-    return Jumps(rows[real], sizes[real], slack[real], resolution, back.any(axis=1)[real])
+    returns = np.asarray(np.any(back, axis=1))
+    return Jumps(rows[real], sizes[real], slack[real], resolution, returns[real])

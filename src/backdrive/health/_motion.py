@@ -1,7 +1,7 @@
 """Torque and the terms that explain it, of one joint, filtered alike: for the checks that ask what the torque does.
 
-The terms are made from lightly smoothed motion; then they and the torque pass the same three running means. A linear relation between them
-stays what it was, and the noise of the torque is gone.
+The terms are made from lightly smoothed motion; then they and the torque pass the same three running means. A linear
+relation between them stays what it was, and the noise of the torque is gone.
 """
 
 from __future__ import annotations

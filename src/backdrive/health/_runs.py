@@ -10,8 +10,14 @@ from backdrive.health._velocity_fit import velocity_fit
 
 #: A run is called frozen where chance would make one in a million logs like it.
 _CHANCE = 1e-6
+#: The same beside a smooth signal, which stands longer at its peaks than elsewhere.
+_CHANCE_SMOOTH = 1e-9
 #: Only so many of the longest runs are looked at.
 _MOST = 200
+#: A velocity without a position must stand for so many samples.
+_ALONE = 100
+#: Drives differentiate at this period or a shorter one [s].
+_TICK = 1e-3
 #: A frozen velocity is wrong by this share of the top speed at least [1].
 _WRONG = 0.05
 
@@ -19,8 +25,8 @@ _WRONG = 0.05
 def frozen_runs(exam: Exam, channel: str, j: int) -> list[tuple[int, int]]:
     """Return stretches [start, stop) in which a channel stands still although the joint moves.
 
-    A quantised channel has equal neighbours by nature, so a run must be impossible: a position that stood while the velocity went on, a
-    velocity that stood while the position left the straight line, noise that stopped, or a jump when the run ends.
+    A quantised channel has equal neighbours by nature, so a run must be impossible: a position that stood while the velocity
+    went on, a velocity that stood while the position left the straight line, noise that stopped, or a jump when it ends.
     """
     key = ("runs", channel, j)
     if key not in exam.shared:
@@ -60,21 +66,16 @@ def _position_froze(exam: Exam, channel: str, j: int, x: np.ndarray, start: int,
         # a sum of noise is no motion, and neither is a velocity that never quite comes to zero
         wander = 6 * np.sqrt(v.size) * exam.period * white_noise(exam.sample("velocity", j))
         creep = max(0.1 * _top_speed(exam, j), 3 * exam.resolution("velocity", j)) * (t[-1] - t[0])
-        return (
-            min(moved, late) > max(5 * resolution, 8 * _noise(x, start, stop), wander, creep)
-            and release > 0.4 * moved
-        )
+        least = max(5 * resolution, 4 * _noise(x, start, stop), wander, creep)
+        return bool(min(moved, late) > least and release > 0.4 * moved)
     # without a velocity, the position must come back to where the motion before and after leads
-    led = (
-        0.5
-        * (stop - start)
-        * abs(_mean_step(x[max(0, start - 6) : start + 1]) + _mean_step(x[stop : stop + 7]))
-    )
+    lead = _mean_step(x[max(0, start - 6) : start + 1]) + _mean_step(x[stop : stop + 7])
+    led = 0.5 * (stop - start) * abs(lead)
     return max(6 * resolution, 8 * _noise(x, start, stop)) < release and 0.3 * led < release < 3 * led
 
 
 def _signal_froze(exam: Exam, channel: str, j: int, x: np.ndarray, start: int, stop: int) -> bool:
-    if not _moves(exam, channel, j, start, stop):
+    if not moves(exam, channel, j, start, stop):
         return False
     seen = exam.survey(channel)
     resolution = exam.resolution(channel, j)
@@ -90,7 +91,14 @@ def _signal_froze(exam: Exam, channel: str, j: int, x: np.ndarray, start: int, s
         rare = seen.equal[j] * x.size - (stop - start - 1) < 0.02 * x.size
         if resolution == 0 and rare and equal < 0.03:
             return True  # a signal that is not rounded never repeats itself
-        if lively and turns > 0.15 and x.size * equal ** (stop - start - 1) < _CHANCE:
+        chance = x.size * equal ** (stop - start - 1)
+        if lively and turns > 0.15 and chance < _CHANCE:
+            return True
+        if channel == "velocity" and not exam.usable("position", j):
+            return False  # nothing tells a level stretch from a frozen one
+        # a smooth signal may have a level stretch, but comes out of it as it went in
+        jump = abs(x[stop] - x[stop - 1]) if stop < x.size else 0.0
+        if lively and chance < _CHANCE_SMOOTH and jump > max(6 * resolution, 4 * np.median(np.abs(around))):
             return True
     release = abs(x[stop] - x[stop - 1]) if stop < x.size else 0.0
     if x[start] == 0 and start > 0:  # a value that is no longer sent falls to zero, one that is held does not
@@ -101,7 +109,9 @@ def _signal_froze(exam: Exam, channel: str, j: int, x: np.ndarray, start: int, s
 def _agree(exam: Exam, j: int) -> bool:
     """Return whether position and velocity tell the same motion on the whole, so that one can convict the other."""
     fit = velocity_fit(exam, j)
-    return fit is not None and 0.7 < fit.scale < 1.4 and fit.residual < 0.4
+    if fit is None or not abs(fit.scale - 1) < 0.15 or not fit.residual < 0.3:
+        return False
+    return abs(fit.delay) < max(6 * exam.period, 0.03)
 
 
 def _mean_step(x: np.ndarray) -> float:
@@ -118,7 +128,7 @@ def _noise(x: np.ndarray, start: int, stop: int) -> float:
     return float(np.abs(around).max()) if around.size else np.inf
 
 
-def _moves(exam: Exam, channel: str, j: int, start: int, stop: int) -> bool:
+def moves(exam: Exam, channel: str, j: int, start: int, stop: int) -> bool:
     """Return whether the joint moves through all of a run, as the other channels have it."""
     if channel != "position" and exam.usable("position", j):
         q = exam.column("position", j)[start:stop]
@@ -130,9 +140,13 @@ def _moves(exam: Exam, channel: str, j: int, start: int, stop: int) -> bool:
             # a constant velocity is no fault: the position must leave the straight line that it predicts
             t = exam.log.time[start:stop]
             left = np.abs(q - q[0] - exam.column("velocity", j)[start] * (t - t[0])).max()
+            if np.abs(np.diff(q)).max() > 0.5 * left:
+                return False  # it is the position that jumps
             own = exam.resolution("velocity", j) * (t[-1] - t[0])
             stamps = 0.5 * abs(exam.column("velocity", j)[start]) * exam.period
-            slack = _WRONG * _top_speed(exam, j) * (t[-1] - t[0])
+            # a drive that differentiates a coarse encoder may repeat itself when its ticks and the counts fall in step
+            step = exam.resolution("position", j) / min(exam.period, _TICK)
+            slack = max(_WRONG * _top_speed(exam, j), 0.5 * step) * (t[-1] - t[0])
             # and the joint must move at all: some servos report one step of velocity at rest
             return bool(
                 min(left, np.ptp(q)) > max(8 * exam.resolution("position", j), 3 * own, stamps, slack)
@@ -142,4 +156,5 @@ def _moves(exam: Exam, channel: str, j: int, start: int, stop: int) -> bool:
         v = np.abs(exam.column("velocity", j)[start:stop])
         return bool(np.quantile(v, 0.1) > 0.05 * _top_speed(exam, j))
     # nothing else tells of motion; a controller on a coarse encoder can be quiet at one speed for a while
-    return channel == "velocity" and stop - start >= 2 * RUN and exam.column(channel, j)[start] != 0
+    fast = channel == "velocity" and abs(exam.column(channel, j)[start]) > _WRONG * _top_speed(exam, j)
+    return fast and stop - start >= _ALONE

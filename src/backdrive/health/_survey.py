@@ -1,7 +1,7 @@
 """One pass over a channel: the few numbers per joint that tell whether a closer look is needed.
 
-A healthy log of an hour is read once per channel, in pieces that stay in the processor's cache; only joints with a suspicious number are
-looked at sample by sample.
+A healthy log of an hour is read once per channel, in pieces that stay in the processor's cache; only joints with a
+suspicious number are looked at sample by sample.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """How a measured velocity relates to the position's change: scale, delay, and what neither explains.
 
-The position's change over a window, D, is compared with the integral of velocity over it, S. Integrating spares the quantised position
-from being differentiated. A velocity delayed by T gives S plus T times the change of velocity, so D = scale * S + scale * T * dV, by least
-squares over many windows.
+The position's change over a window, D, is compared with the integral of velocity over it, S. Integrating spares the
+quantised position from being differentiated. A velocity delayed by T falls short of the change by T times the change of
+velocity, dV, so D = scale * S + scale * T * dV, by least squares over many windows.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def _fit(exam: Exam, j: int) -> VelocityFit | None:
         change, integral, ends = _windows(pieces, window)
         moved, said = (float(np.sqrt(np.mean(x**2))) if x.size else 0.0 for x in (change, integral))
         # noise adds up with the root of the window, what rounding takes away with the window itself
-        unsure = max(6 * noise * np.sqrt(window), 1.5 * rounding * window)
+        unsure = max(6 * noise * np.sqrt(window), 3 * rounding * window)
         enough = moved > least and max(moved, said) > unsure
         if enough or 3 * window > longest / 4:
             break

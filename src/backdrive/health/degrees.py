@@ -88,7 +88,8 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Turn the channel that is certainly in the larger unit into SI, with its reference and second encoder if position."""
     changes, notes = {}, []
     for finding in findings:
-        assert finding.joint is not None and finding.channel is not None
+        assert finding.joint is not None
+        assert finding.channel is not None
         j = exam.log.names.index(finding.joint)
         alike = (
             ("position", "reference", "second_encoder")

@@ -53,7 +53,9 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Add the period back at each wrap; a reference that wraps by the same period is unwrapped with it."""
     changes, notes = {}, []
     for finding in findings:
-        assert finding.joint is not None and finding.channel is not None and finding.where is not None
+        assert finding.joint is not None
+        assert finding.channel is not None
+        assert finding.where is not None
         j = exam.log.names.index(finding.joint)
         x, period = exam.column(finding.channel, j), finding.value
         offset = np.zeros(x.size)

@@ -1,8 +1,9 @@
 """Whole numbers wrapped by the wrong type: -1 read as 65535, or a sum that ran over its 16 or 32 bits.
 
-A wrap moves a value by 2^16 or 2^32 times the channel's resolution, whatever the scale. Two signs give it away: all values stay within
-one such period, and a jump of nearly that period becomes an ordinary step when the period is taken off. Where a log was resampled after
-the fault, values between the two levels appear that no repair can know; those samples are dropped. Positions are `encoder-wrap`'s.
+A wrap moves a value by 2^16 or 2^32 times the channel's resolution, whatever the scale. Two signs give it away: all values
+stay within one such period, and a jump of nearly that period becomes an ordinary step when the period is taken off. Where a
+log was resampled after the fault, values between the two levels appear that no repair can know; those samples are dropped.
+Positions are `encoder-wrap`'s.
 """
 
 from __future__ import annotations
@@ -65,14 +66,16 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Take the period off; drop samples that were interpolated between the two levels."""
     changes, notes, lost = {}, [], np.zeros(len(exam.log), bool)
     for finding in findings:
-        assert finding.joint is not None and finding.channel is not None
+        assert finding.joint is not None
+        assert finding.channel is not None
         j = exam.log.names.index(finding.joint)
         wrap = _wrap(exam, finding.channel, j)
         assert wrap is not None
         changes[finding.channel, j] = wrap.mended
         lost[wrap.lost] = True
         notes.append(
-            f"{finding.channel} of {finding.joint}: {wrap.period:.6g} was taken off again at {counted(wrap.rows.size, 'wrapped sample')}."
+            f"{finding.channel} of {finding.joint}: {wrap.period:.6g} was taken off again at "
+            f"{counted(wrap.rows.size, 'wrapped sample')}."
         )
     log = with_columns(exam.log, changes, notes)
     if not lost.any():

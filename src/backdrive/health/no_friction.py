@@ -28,7 +28,10 @@ def find(exam: Exam) -> list[Finding]:
                 joint=joint,
                 channel="torque",
                 severity="note",
-                sentence=f"torque of {joint} shows no friction: {mean:.2g} {unit} (standard error {error:.1g}) of {scatter:.3g} {unit}.",
+                sentence=(
+                    f"torque of {joint} shows no friction: {mean:.2g} {unit} (standard error {error:.1g}) in a torque that "
+                    f"scatters by {scatter:.3g} {unit}."
+                ),
                 remedy="Make sure that the torque was measured, not computed from a model of the robot.",
                 value=mean,
             )

@@ -1,8 +1,8 @@
 """Single samples far from both their neighbours.
 
-The measure is the excess of a sample over both its neighbours. Noise, a step (Coulomb friction at a reversal), quantisation and the kicks
-of a differentiating controller all have a usual excess; an outlier is beyond several times the largest usual one, beyond what its own
-surroundings do, and rare.
+The measure is the excess of a sample over both its neighbours. Noise, a step (Coulomb friction at a reversal), quantisation
+and the kicks of a differentiating controller all have a usual excess; an outlier is beyond several times the largest usual
+one, beyond what its own surroundings do, and rare.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ def find(exam: Exam) -> list[Finding]:
                     channel=channel,
                     severity="spoils" if wild else "warn",
                     sentence=(
-                        f"{channel} of {joint} has {counted(rows.size, 'single-sample outlier')}; the largest is {x[rows[worst]]:.5g} "
-                        f"at sample {rows[worst]}, {away[worst]:.3g} off its neighbours."
+                        f"{channel} of {joint} has {counted(rows.size, 'single-sample outlier')}; the largest is "
+                        f"{x[rows[worst]]:.5g} at sample {rows[worst]}, {away[worst]:.3g} off its neighbours."
                     ),
                     remedy="Replace them by the mean of their neighbours (--repair does).",
                     value=float(away[worst]),
@@ -59,7 +59,9 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     n = len(exam.log)
     changes, notes, drop = {}, [], np.zeros(n, bool)
     for finding in findings:
-        assert finding.joint is not None and finding.channel is not None and finding.where is not None
+        assert finding.joint is not None
+        assert finding.channel is not None
+        assert finding.where is not None
         j = exam.log.names.index(finding.joint)
         x, rows = np.array(exam.column(finding.channel, j)), finding.where
         ends = (rows == 0) | (rows == n - 1)
@@ -120,15 +122,19 @@ def _outliers(exam: Exam, channel: str, j: int) -> np.ndarray:
 
 
 def _around(x: np.ndarray, rows: np.ndarray, offsets: tuple[int, ...]) -> np.ndarray:
-    return x[np.clip(rows[:, None] + np.array(offsets), 0, x.size - 1)]
+    """Return x (n,) at offsets from rows, (m, k); zero beyond the ends, where nothing happens."""
+    at = rows[:, None] + np.array(offsets)
+    inside = (at >= 0) & (at < x.size)
+    return np.where(inside, x[np.clip(at, 0, x.size - 1)], 0.0)
 
 
 def _ticks(exam: Exam, j: int, v: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Return which peaks of a velocity are single counts of the encoder, differentiated at 1 kHz or faster than the log."""
     q, count = exam.column("position", j), exam.resolution("position", j)
-    moved = np.ptp(_around(q, rows, (-2, -1, 0, 1)), axis=1)
+    near = q[np.clip(rows[:, None] + np.array([-2, -1, 0, 1]), 0, q.size - 1)]
+    moved = np.ptp(near, axis=1)
     small = np.abs(v[rows] - _between(v, rows)) < 2 * count / min(exam.period, 1e-3)
-    return small & (moved > 0) & (moved < 3.5 * count)
+    return small & (moved > 0) & (moved < 1.5 * count)
 
 
 def _excess(x: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ import numpy as np
 
 from backdrive.health._exam import Exam
 from backdrive.health._finding import Check, Finding
+from backdrive.health._runs import moves
 
 NAME = "saturation"
 CHANNELS = ("torque", "drive_input")
@@ -43,11 +44,13 @@ def _side(exam: Exam, channel: str, j: int, joint: str, side: float) -> Finding 
     if count < _COUNT or limit == 0:
         return None
     lively = np.std(np.diff(exam.sample(channel, j))) > _LIVELY * exam.resolution(channel, j)
-    if lively and _in_a_row(at, _LONG_ROW):  # noise never holds a value
+    start, stop = _longest(at)
+    # noise never holds a value; a joint at rest may
+    if lively and stop - start >= _LONG_ROW and moves(exam, channel, j, start, stop):
         return _finding(exam, channel, j, joint, side, limit, at)
     inner = limit - side * max(_BAND * span, _STEPS * exam.resolution(channel, j))
     below = int(np.count_nonzero((x > inner) if side > 0 else (x < inner))) - count
-    if count < _MORE * below or not _in_a_row(at, _ROW):
+    if count < _MORE * below or stop - start < _ROW:
         return None
     return _finding(exam, channel, j, joint, side, limit, at)
 
@@ -61,16 +64,22 @@ def _finding(
         joint=joint,
         channel=channel,
         severity="warn",
-        sentence=f"{channel} of {joint} is flat at its {'upper' if side > 0 else 'lower'} end, {limit:.4g} {unit}, for {np.count_nonzero(at)} samples.",
-        remedy="If the motor is at its limit this is the truth, if the sensor is it is not: move slower, or leave those samples out.",
+        sentence=(
+            f"{channel} of {joint} is flat at its {'upper' if side > 0 else 'lower'} end, {limit:.4g} {unit}, for "
+            f"{np.count_nonzero(at)} samples."
+        ),
+        remedy="True if the motor is at its limit, not if the sensor is: move slower, or leave those samples out.",
         value=limit,
         where=np.flatnonzero(at),
     )
 
 
-def _in_a_row(at: np.ndarray, length: int) -> bool:
-    total = np.concatenate([[0], np.cumsum(at)])
-    return bool((total[length:] - total[:-length] == length).any())
+def _longest(at: np.ndarray) -> tuple[int, int]:
+    """Return the longest run [start, stop) of a mask that holds somewhere."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(np.int8)))
+    starts, stops = edges[::2], edges[1::2]
+    k = int(np.argmax(stops - starts))
+    return int(starts[k]), int(stops[k])
 
 
 CHECK = Check(NAME, "a torque that is flat at its extreme", find)

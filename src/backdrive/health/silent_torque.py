@@ -48,7 +48,7 @@ def find(exam: Exam) -> list[Finding]:
                         f"{channel} of {joint} is exactly zero at {counted(rows.size, 'sample')} while the joint moves, "
                         f"first at sample {rows[0]}: the drive was off, or the value was not sent."
                     ),
-                    remedy="If the drive was off this is the truth; otherwise cut the log to where the torque is measured (--between).",
+                    remedy="True if the drive was off; otherwise cut the log to where the torque is measured.",
                     value=rows.size,
                     where=rows,
                 )

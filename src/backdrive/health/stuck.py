@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from backdrive.health._exam import Exam
+from backdrive.health._exam import Exam, white_noise
 from backdrive.health._finding import Check, Finding, Repair, counted, keep_rows
 from backdrive.health._runs import frozen_runs
 
@@ -43,7 +43,7 @@ def _frozen(exam: Exam, channel: str, j: int, joint: str) -> Finding | None:
         severity="spoils" if rows.size > _SPOILS * n else "warn",
         sentence=(
             f"{channel} of {joint} stands still while the joint moves: {counted(rows.size, 'sample')} in "
-            f"{counted(len(runs), 'stretch').replace('stretchs', 'stretches')}, the longest from sample {longest[0]} to {longest[1] - 1}."
+            f"{counted(len(runs), 'place')}, the longest from sample {longest[0]} to {longest[1] - 1}."
         ),
         remedy="Drop those samples (--repair does), and look for lost messages of that sensor.",
         value=longest[1] - longest[0],
@@ -82,13 +82,10 @@ def _dead(exam: Exam, channel: str, j: int, joint: str) -> Finding | None:
 def _goes_on(exam: Exam, channel: str, j: int) -> bool:
     """Return whether a motion channel really moves, rather than trembling by a few of its steps."""
     if channel == "velocity":
-        x = exam.sample("velocity", j)
-        middle = np.abs(np.convolve(x, np.ones(9) / 9, "valid"))
-        return bool(
-            middle.size
-            and np.quantile(middle, 0.9) > 3 * np.median(exam.changes("velocity", j))
-            and np.ptp(x) > 0
-        )
+        x, t = exam.column("velocity", j), exam.log.time
+        path = np.cumsum(0.5 * (x[1:] + x[:-1]) * np.diff(t))
+        wander = 6 * np.sqrt(x.size) * exam.period * white_noise(exam.sample("velocity", j))
+        return bool(np.ptp(path) > max(1e-3, wander))
     seen = exam.survey(channel)
     return bool(seen.high[j] - seen.low[j] > max(10 * exam.resolution(channel, j), 1e-3))
 

@@ -20,7 +20,8 @@ SAMPLES, SECONDS = 1.5, 3e-3
 #: A velocity without a position may come out of a filter: in samples, and in seconds.
 _FILTER_SAMPLES, _FILTER_SECONDS = 8.0, 40e-3
 #: A slip must be this many of its standard errors, leave this share of the misfit at most, and explain the torque but for this.
-_SURE, _LEFT, _MISFIT = 6.0, 0.8, 0.25
+#: Where next to nothing is left of the misfit, the standard error need not be small.
+_SURE, _LEFT, _CLEAR, _MISFIT = 6.0, 0.45, 0.2, 0.25
 #: A slip that is worth this share of the torque's scatter is worth a word; from the second on it spoils a fit.
 _WORTH, _SPOILS = 0.015, 0.05
 #: No timing is read from a torque with this share of sample-to-sample noise [1].
@@ -49,8 +50,8 @@ class Slip:
 def find(exam: Exam) -> list[Finding]:
     """Report torques that are explained far better by the motion some samples earlier or later.
 
-    The torque is regressed on acceleration, friction and position at each shift; reversals, where friction itself lags, are left out. The
-    standard error comes from leaving out one stretch of the log at a time.
+    The torque is regressed on acceleration, friction and position at each shift; reversals, where friction itself lags,
+    are left out. The standard error comes from leaving out one stretch of the log at a time.
     """
     findings = []
     for j, joint in exam:
@@ -81,8 +82,8 @@ def _certain(exam: Exam, j: int, slip: Slip) -> bool:
     known = exam.usable("position", j)
     samples, seconds = (SAMPLES, SECONDS) if known else (_FILTER_SAMPLES, _FILTER_SECONDS)
     large = abs(slip.samples) >= max(samples, seconds / exam.period) and abs(slip.samples) < REACH - 1
-    sure = abs(slip.samples) > _SURE * slip.error and slip.left < _LEFT and slip.misfit < _MISFIT
-    return large and sure and slip.effect > _WORTH
+    sure = (abs(slip.samples) > _SURE * slip.error and slip.left < _LEFT) or slip.left < _CLEAR
+    return large and sure and slip.misfit < _MISFIT and slip.effect > _WORTH
 
 
 def estimate(exam: Exam, j: int) -> Slip | None:

@@ -21,35 +21,52 @@ _BOTH, _MOVING = 0.1, 0.05
 def find(exam: Exam) -> list[Finding]:
     """Report joints whose friction torque, mean over the motion, is clearly negative.
 
-    The torque is regressed on acceleration, sign of velocity, velocity, one and position. Friction is what the second and third carry,
-    weighted by the velocity so that it is the dissipated power over the mean speed. Its standard error comes from leaving out one
-    stretch of the log at a time, so an unmodelled torque counts as uncertainty.
+    The torque is regressed on acceleration, sign of velocity, velocity, one and position. Friction is what the second and
+    third carry, weighted by the velocity so that it is the dissipated power over the mean speed. Its standard error comes
+    from leaving out one stretch of the log at a time, so an unmodelled torque counts as uncertainty.
     """
-    findings = []
-    for j, joint in exam:
-        estimate = friction(exam, j)
-        if estimate is None:
-            continue
-        mean, error, scatter = estimate
-        if not mean < -max(SURE * error, SHARE * scatter):
-            continue
-        unit = exam.log.joints[j].torque_unit
-        findings.append(
-            Finding(
-                name=NAME,
-                joint=joint,
-                channel="torque",
-                severity="spoils",
-                sentence=(
-                    f"torque of {joint} has the opposite sign of its motion: friction would drive it with {-mean:.3g} {unit} "
-                    f"(standard error {error:.2g})."
-                ),
-                remedy="Turn the torque's sign (--repair does, or --map tau=-COLUMN); or position and velocity, if it is they.",
-                value=mean,
-                repairable=True,
-            )
-        )
-    return findings
+    estimates = {j: friction(exam, j) for j, _ in exam}
+    inverted = {j for j, estimate in estimates.items() if estimate and _certain(estimate, -1)}
+    right = {j for j, estimate in estimates.items() if estimate and _certain(estimate, 1)}
+    return [
+        _finding(exam, j, joint, estimates[j], j in inverted)
+        for j, joint in exam
+        if j in inverted
+        # one driver has one sign: where all joints that tell are inverted, those that do not tell are not to be left behind
+        or (len(inverted) > 1 and not right and exam.usable("torque", j) and not _positive(estimates[j]))
+    ]
+
+
+def _certain(estimate: tuple[float, float, float], sign: int) -> bool:
+    mean, error, scatter = estimate
+    return sign * mean > max(SURE * error, SHARE * scatter)
+
+
+def _positive(estimate: tuple[float, float, float] | None) -> bool:
+    return estimate is not None and estimate[0] > 0
+
+
+def _finding(
+    exam: Exam, j: int, joint: str, estimate: tuple[float, float, float] | None, certain: bool
+) -> Finding:
+    mean, error, _ = estimate or (np.nan, np.nan, np.nan)
+    push = f"friction would drive it with {-mean:.3g} {exam.log.joints[j].torque_unit} (standard error {error:.2g})"
+    if certain:
+        why = f"has the opposite sign of its motion: {push}"
+    elif estimate is not None:
+        why = f"has the opposite sign like the other joints', though less surely: {push}"
+    else:
+        why = "is taken to have the opposite sign like the other joints'; its own motion does not tell"
+    return Finding(
+        name=NAME,
+        joint=joint,
+        channel="torque",
+        severity="spoils",
+        sentence=f"torque of {joint} {why}.",
+        remedy="Turn the torque's sign (--repair does, or --map tau=-COLUMN); or position and velocity, if it is they.",
+        value=mean,
+        repairable=True,
+    )
 
 
 def friction(exam: Exam, j: int) -> tuple[float, float, float] | None:

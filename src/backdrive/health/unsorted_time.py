@@ -27,7 +27,10 @@ def find(exam: Exam) -> list[Finding]:
             f"The clock starts again at sample {', '.join(map(str, restarts[:5]))}, by up to {back:.3g} s: "
             f"{counted(restarts.size + 1, 'run')} were joined, or the clock was set back."
         )
-        remedy = "Give each run its own file, or use --repair: it moves each run behind the one before, with a gap between if the motion does not go on."
+        remedy = (
+            "Give each run its own file, or use --repair: it moves each run behind the one before, "
+            "with a gap between if the motion does not go on."
+        )
     else:
         sentence = f"{counted(late.size, 'sample')} are out of order, by up to {back:.3g} s, first at sample {late[0]}."
         remedy = "Sort by time (--repair does)."

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from backdrive.health._exam import Exam
-from backdrive.health._finding import Check, Finding, Repair
-from backdrive.health._velocity_fit import velocity_fit
+from backdrive.health._finding import Check, Finding, Repair, Severity
+from backdrive.health._velocity_fit import VelocityFit, velocity_fit
 from backdrive.health.degrees import unlike
 
 NAME = "velocity-mismatch"
@@ -14,6 +14,8 @@ NAME = "velocity-mismatch"
 SCALE, NONSENSE = 0.15, 0.4
 #: A filter's delay is below this; in samples, and in seconds.
 DELAY_SAMPLES, DELAY = 6.0, 0.025
+#: And the delay explains what position and velocity do not share: without it this many times as much is left.
+_HELPS = 1.5
 
 
 def find(exam: Exam) -> list[Finding]:
@@ -23,30 +25,12 @@ def find(exam: Exam) -> list[Finding]:
         fit = velocity_fit(exam, j)
         if fit is None or unlike(exam, j) is not None:
             continue
-        late = max(DELAY_SAMPLES * exam.period, DELAY)
-        severity, value = "spoils", fit.scale
-        if fit.residual > NONSENSE:
-            value = fit.residual
-            sentence = f"velocity of {joint} is not the derivative of its position: {100 * fit.residual:.0f} % of the motion is unexplained."
-        elif fit.scale < 0:
-            sentence = (
-                f"velocity of {joint} has the opposite sign of its position's change (ratio {fit.scale:.3g})."
-            )
-        elif abs(fit.scale - 1) > SCALE:
-            sentence = (
-                f"velocity of {joint} is off by a factor: its position changes {fit.scale:.3g} times as fast."
-            )
-        elif abs(fit.delay) > late:
-            severity, value = "warn", fit.delay
-            way = "lags" if fit.delay > 0 else "leads"
-            sentence = f"velocity of {joint} {way} its position by {1e3 * abs(fit.delay):.0f} ms ({abs(fit.delay) / exam.period:.0f} samples)."
-        elif abs(fit.delay) > max(1.5 * exam.period, 3e-3):
-            severity, value = "note", fit.delay
-            sentence = (
-                f"velocity of {joint} comes {1e3 * fit.delay:.1f} ms after its position, as out of a filter."
-            )
-        else:
+        said = _say(fit, exam.period, f"velocity of {joint}")
+        if said is None:
             continue
+        severity, value, sentence = said
+        mend = "Leave velocity out, so that it is derived from position (--repair does), or correct it with --map."
+        keep = "Nothing need be done; to be rid of the delay, leave velocity out, so that it is derived from position."
         findings.append(
             Finding(
                 name=NAME,
@@ -54,12 +38,38 @@ def find(exam: Exam) -> list[Finding]:
                 channel="velocity",
                 severity=severity,
                 sentence=sentence,
-                remedy="Leave velocity out, so that it is derived from position (--repair does), or correct it with --map.",
+                remedy=keep if severity == "note" else mend,
                 value=value,
                 repairable=severity != "note",
             )
         )
     return findings
+
+
+def _say(fit: VelocityFit, period: float, what: str) -> tuple[Severity, float, str] | None:
+    """Return severity, value and sentence, the gravest first; None where nothing is the matter."""
+    if fit.residual > NONSENSE:
+        share = f"{100 * fit.residual:.0f} % of the motion is unexplained"
+        return "spoils", fit.residual, f"{what} is not the derivative of its position: {share}."
+    if fit.scale < 0:
+        return (
+            "spoils",
+            fit.scale,
+            f"{what} has the opposite sign of its position's change (ratio {fit.scale:.3g}).",
+        )
+    if abs(fit.scale - 1) > SCALE:
+        return (
+            "spoils",
+            fit.scale,
+            f"{what} is off by a factor: its position changes {fit.scale:.3g} times as fast.",
+        )
+    way = "lags" if fit.delay > 0 else "leads"
+    by = f"{1e3 * abs(fit.delay):.3g} ms ({abs(fit.delay) / period:.1f} samples)"
+    if abs(fit.delay) > max(DELAY_SAMPLES * period, DELAY) and fit.plain > _HELPS * fit.residual:
+        return "warn", fit.delay, f"{what} {way} its position by {by}."
+    if abs(fit.delay) > max(1.5 * period, 3e-3):
+        return "note", fit.delay, f"{what} {way} its position by {by}, as a filter does."
+    return None
 
 
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:

@@ -117,10 +117,10 @@ def identify_constant_velocity(
         row, apart = curves.constant_apart(form.knots.size)
         dynamics["offset"] = _offset(float(row @ curve_values), float(row @ curve_covariance @ row), about)
         curve_values, curve_covariance = apart @ curve_values, apart @ curve_covariance @ apart.T
-    law, errors = curves.to_law(form, curve_values, curve_covariance)
+    found, errors = curves.to_law(form, curve_values, curve_covariance)
     friction = JointFriction(
         joint=about,
-        law=law,
+        law=found,
         standard_errors=errors,
         dynamics=dynamics,
         validity=Validity(velocity=(float(v.min()), float(v.max()))),
