@@ -356,7 +356,7 @@ def test_another_description_is_refused(found, tmp_path):
 def test_evidence_adds_up(found):
     for f, e in zip(found[0], found[1]):
         s = e.samples
-        assert s.fitted.any() and not s.fitted.all()  # noqa: PT018
+        assert s.fitted.any() and not s.fitted.all()
         known = s.torque - s.friction
         moving = np.abs(s.velocity) > 0.3 * f.validity.velocity[1]
         np.testing.assert_allclose(

@@ -13,6 +13,7 @@ from backdrive.cli import _logs
 
 if TYPE_CHECKING:
     from backdrive.identification import Identification
+    from backdrive.identification.timing import Timing
 
 
 def command(
@@ -134,12 +135,13 @@ def command(
         raise typer.Exit(1)
 
 
-def _timing(word: str | None):
+def _timing(word: str | None) -> Timing | None:
     if word is None:
         return None
     from backdrive._catalog import lookup
 
-    return lookup(word, {"command": "command", "sample": "sample"}, "timing of the torque")
+    known: dict[str, Timing] = {"command": "command", "sample": "sample"}
+    return lookup(word, known, "timing of the torque")
 
 
 def failing(result: Identification, gate: float) -> list[str]:
