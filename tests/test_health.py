@@ -319,3 +319,11 @@ def test_the_servo_loads_are_unsigned_wherever_they_go_negative():
             np.testing.assert_array_equal(spoils[0].where, np.flatnonzero(expected))
             assert np.abs(gate(log, repair=True).drive_input).max() <= 885
     assert wrapped_files == 12
+
+
+def test_the_how_to_lists_every_check():
+    from pathlib import Path
+
+    text = (Path(__file__).resolve().parent.parent / "docs" / "how-to" / "suspect-a-log.md").read_text()
+    missing = [c.name for c in CHECKS if f"| `{c.name}` | {c.about} |" not in text]
+    assert not missing

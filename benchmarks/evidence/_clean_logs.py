@@ -246,7 +246,7 @@ def _torque(motion: str, t: np.ndarray, top: float, rng: np.random.Generator) ->
 
 
 @njit
-def _run(p, reference, disturbance, period, substeps):  # pragma: no cover - compiled
+def _run(p, reference, disturbance, period, substeps):
     inertia, gravity, angle, coulomb, static, stribeck, viscous, stiffness = (
         p[0],
         p[1],

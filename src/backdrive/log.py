@@ -49,6 +49,22 @@ class Joint:
     gear_ratio: float = 1.0
     encoder_counts: float | None = None
 
+    def __post_init__(self):
+        if self.unit not in ("rad", "m"):
+            raise InvalidInput(
+                f"Joint '{self.name}': the unit is '{self.unit}'.", remedy="It must be rad or m."
+            )
+        if not 0.0 < abs(self.gear_ratio) < np.inf:
+            raise InvalidInput(
+                f"Joint '{self.name}': the gear ratio is {self.gear_ratio}.",
+                remedy="Give motor turns per joint turn.",
+            )
+        if self.encoder_counts is not None and not 0.0 < self.encoder_counts < np.inf:
+            raise InvalidInput(
+                f"Joint '{self.name}': {self.encoder_counts} encoder counts per {self.unit}.",
+                remedy="Give a positive number.",
+            )
+
     @property
     def torque_unit(self) -> str:
         """N.m for a rotary joint, N for a linear one."""

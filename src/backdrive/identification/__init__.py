@@ -11,7 +11,15 @@ from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.excite import plan_to_dict
 from backdrive.identification.auto import METHODS, choose_method, moving_joints, own_turn
 from backdrive.identification.evidence import verdict
-from backdrive.identification.request import apart, applicable, healthy, in_order, move_together, slow_clock
+from backdrive.identification.request import (
+    apart,
+    applicable,
+    healthy,
+    in_order,
+    move_together,
+    slow_clock,
+    unused_torque,
+)
 from backdrive.identification.result import Curve as Curve
 from backdrive.identification.result import Identification as Identification
 from backdrive.identification.result import JointEvidence as JointEvidence
@@ -101,6 +109,7 @@ def identify(
         timing=timing,
         cutoff=cutoff,
     )
+    warnings += unused_torque(logs, method)
     warnings += slow_clock(logs) if method in ("sweep", "motion", "arm") else []
     if method != "arm":
         warnings += [f"Joint '{name}' hardly moves and was left out." for name in idle]

@@ -101,6 +101,12 @@ def explained(
     for j, friction in enumerate(frictions):
         value = {name: e.value for name, e in friction.dynamics.items()}
         velocity = s.velocity[:, j]
+        missing = [term for term in ("inertia", "offset", "transition") if term not in value]
+        if missing:
+            raise InvalidInput(
+                f"Joint '{friction.joint.name}': the arm's model lacks {', '.join(missing)}.",
+                remedy="Identify it again.",
+            )
         sign = np.tanh(velocity / value["transition"])
         rest[:, j] = bodies[:, j] + value["inertia"] * s.acceleration[:, j] + value["offset"]
         rest[:, j] += value.get("load_friction", 0.0) * np.abs(bodies[:, j]) * sign

@@ -1,6 +1,6 @@
 """Friction from runs at constant velocity: one point a run, a curve through the points, judged by leaving runs out.
 
-A run's torque is a robust mean; its error comes from blocks of neighbouring samples. Curves with more and more line sections are
+A run's torque is a robust mean. Curves with more and more line sections are
 compared with a straight line per direction by leave-one-run-out, so that the result says whether a line suffices.
 """
 

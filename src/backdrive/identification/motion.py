@@ -27,6 +27,7 @@ from backdrive.model import Estimate, JointFriction, Validity
 BIN_TIME = 0.01  # torque and regressors are averaged over this long [s]
 BLOCK_TIME = 1.5  # aimed length of a cross-validation block [s]
 BLOCKS = (8, 24)  # least and most blocks
+SHORT, FEW_TURNS = 4.0, 4  # less motion [s], or fewer reversals, is remarked on
 SUSTAINED = 0.1  # a joint slides where its velocity would last so long at its acceleration [s]
 SPAN_FOR_GRAVITY = 0.15  # a rotary joint must travel so far before gravity is looked for [rad]
 CHUNK = 200_000  # samples turned into a regressor at a time
@@ -86,6 +87,11 @@ def identify_motion(
     choice = design.offset_apart(choice)
     friction = as_friction(choice, choice.coefficients, about, (float(speeds.min()), float(speeds.max())))
     friction = with_warnings(friction, choice, both)
+    duration = sum(float(np.count_nonzero(s.moving)) / s.rate for s in stretches)
+    turns = sum(int(np.count_nonzero(np.diff(np.sign(s.velocity[s.moving])))) for s in stretches)
+    if duration < SHORT or turns < FEW_TURNS:
+        said = f"Only {duration:.2g} s of motion with {turns} reversals: too little to separate friction from the rest surely."
+        friction = replace(friction, warnings=(*friction.warnings, said))
     slowest = slowest_sliding(stretches, knots)
     if np.any((choice.candidate.form.knots > 0.0) & (choice.candidate.form.knots < slowest)):
         unit = f"{about.unit}/s"

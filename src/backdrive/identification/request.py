@@ -81,6 +81,16 @@ def slow_clock(logs: Sequence[Log]) -> list[str]:
     ]
 
 
+def unused_torque(logs: Sequence[Log], method: str) -> list[str]:
+    """Say where a torque known from elsewhere is in the logs and the method does not look at it."""
+    if method == "motion" or all(log.model_torque is None for log in logs):
+        return []
+    return [
+        f"The method '{method}' does not use the torque known from elsewhere (tau_model); subtract it from the torque "
+        '(--map "tau=COLUMN-MODEL"), or use --method motion.'
+    ]
+
+
 def move_together(logs: Sequence[Log], names: Sequence[str]) -> bool:
     """Say whether joints move at the same time and no torque known from elsewhere takes their pull away."""
     import numpy as np

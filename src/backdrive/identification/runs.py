@@ -23,8 +23,6 @@ class Run:
     Attributes:
         velocity: mean velocity [rad/s or m/s].
         torque: robust mean torque [N.m or N].
-        standard_error: of the torque, from blocks [N.m or N].
-        spread: standard deviation of the torque within the run [N.m or N].
         uneven: the velocity's standard deviation exceeds a quarter of its mean (stick-slip).
         start: first instant [s].
         pull: means of sin q and cos q over the run; None for a linear joint or without position.
@@ -33,8 +31,6 @@ class Run:
 
     velocity: float
     torque: float
-    standard_error: float
-    spread: float
     uneven: bool
     start: float
     pull: tuple[float, float] | None = None
@@ -47,8 +43,6 @@ def _robust_mean(x: np.ndarray) -> float:
 
 
 def _run(time: np.ndarray, velocity: np.ndarray, torque: np.ndarray, angle: np.ndarray | None) -> Run:
-    blocks = [b for b in np.array_split(torque, min(10, max(2, torque.size // 5))) if b.size]
-    means = np.array([_robust_mean(b) for b in blocks])
     level = float(np.mean(velocity))
     pull, within = None, None
     if angle is not None:
@@ -60,8 +54,6 @@ def _run(time: np.ndarray, velocity: np.ndarray, torque: np.ndarray, angle: np.n
     return Run(
         velocity=level,
         torque=_robust_mean(torque),
-        standard_error=float(means.std(ddof=1) / np.sqrt(means.size)),
-        spread=float(np.std(torque)),
         uneven=bool(np.std(velocity) > 0.25 * abs(level)),
         start=float(time[0]),
         pull=pull,
