@@ -80,6 +80,18 @@ def test_polyline_is_the_thesis_function_written_out():
         assert float(law.torque(-v)) == pytest.approx(-torque, abs=1e-14)
 
 
+@pytest.mark.parametrize("name", RATES)
+def test_the_direction_dependent_form_is_intercepts_and_a_continuous_rest(name):
+    """(3.1): f in gsgn(-F_n, v, F_p) + Phi(v), Phi(0) = 0."""
+    law = Law(rate=EXAMPLES[name])
+    forwards, backwards = law.coulomb()
+    assert float(law.torque(1e-9)) == pytest.approx(forwards, abs=1e-7)
+    assert float(law.torque(-1e-9)) == pytest.approx(-backwards, abs=1e-7)
+    assert float(law.phi(0.0)) == 0.0
+    np.testing.assert_allclose(law.phi([1e-9, -1e-9]), 0.0, atol=1e-7)
+    np.testing.assert_allclose(law.torque([1.0, -1.0]), law.phi([1.0, -1.0]) + [forwards, -backwards])
+
+
 def test_a_mass_below_break_away_stays_exactly_at_rest():
     law = Law(rate=EXAMPLES["coulomb-viscous"])
     assert kernels.solve(0, 0, law.row(), np.zeros(1), 4.999e-3, 1e-3, LOAD, np.nan) == 0.0

@@ -53,6 +53,26 @@ class Law:
         kernels.steady(self.rate.KIND, self.row(), np.ravel(v), np.zeros(2), np.nan, out)
         return out.reshape(v.shape)
 
+    def coulomb(self) -> tuple[float, float]:
+        """Return F_p and F_n of Iwatani 2017, (3.1): friction at the slowest motion along +q and along -q [N.m or N]."""
+        from backdrive.laws import kernels
+
+        lo, hi, _ = kernels.limits(self.rate.KIND, self.row(), 0.0, np.zeros(2), np.nan)
+        return float(hi), float(-lo)
+
+    def phi(self, velocity: np.ndarray | float) -> np.ndarray:
+        """Return Phi(v) of Iwatani 2017, (3.1): what friction has beyond F_p or F_n; continuous, 0 at rest.
+
+        Args:
+            velocity: joint velocity [rad/s or m/s], any shape.
+
+        Returns:
+            Torque of the sign of its effect [N.m or N], the shape of `velocity`.
+        """
+        v = np.asarray(velocity, dtype=np.float64)
+        forwards, backwards = self.coulomb()
+        return self.torque(v) - np.where(v > 0.0, forwards, np.where(v < 0.0, -backwards, 0.0))
+
 
 def rate_law(name: str) -> type[Rows]:
     """Return the class of a rate law; an unknown name is answered with the known ones."""
