@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from backdrive import read_log
 from backdrive.errors import InvalidInput, MappingError
 from backdrive.readers._expression import CHANNEL_OF, parse
 from backdrive.readers.columns import Columns
@@ -182,3 +183,10 @@ def test_nothing_is_mapped_in_silence():
     assert "velocity = 'dq'" in text
     assert "Also called torque, and not used: tau" in text
     assert "No unit is stated, so SI is taken: velocity in rad/s, torque in N.m" in text
+
+
+def test_a_single_joint_is_called_as_its_columns_are(tmp_path):
+    rows = "\n".join(f"{0.01 * i:.2f},{0.1 * i:.2f},{1.0 + i}" for i in range(30))
+    path = tmp_path / "one.csv"
+    path.write_text(f"time,elbow.q,elbow.tau\n{rows}\n")
+    assert read_log(path).names == ("elbow",)

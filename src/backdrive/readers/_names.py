@@ -131,6 +131,9 @@ def guess(widths: Mapping[str, int], stated: Mapping[str, str], settled: Contain
         if scope and not any(h.channel == "time" for h in hits):
             hits = [*hits, *(shared_time or _times(scopes, scope))]
         joints, columns = _gather(hits, widths, notes)
+        moves = columns.get("position", columns.get("velocity", ()))
+        if scope and not joints and hits[-1] in shared_time and len(moves) == 1 and widths[moves[0]] == 1:
+            joints = (scope.rpartition("/")[2],)  # elbow.q, elbow.tau beside a time of all
         elsewhere = [
             h.column for place, others in scopes.items() if place != scope for h in others if h not in hits
         ]
