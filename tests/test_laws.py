@@ -6,19 +6,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from backdrive.errors import InvalidInput, UnknownName
-from backdrive.laws import RATES, CoulombViscous, Law, Polyline, element, kernels, rate_law
+from backdrive.laws import ELEMENTS, RATES, CoulombViscous, Law, Polyline, element, kernels, rate_law
+from backdrive.laws.examples import ELEMENT_EXAMPLES, RATE_EXAMPLES
 
-EXAMPLES = {
-    "coulomb-viscous": CoulombViscous(
-        coulomb_positive=5.0, coulomb_negative=4.0, viscous_positive=1.0, viscous_negative=2.0
-    ),
-    "polyline": Polyline(velocity=(0.2, 1.0, 2.0), positive=(5.0, 6.0, 9.0), negative=(4.0, 6.0, 8.0)),
-}
+EXAMPLES = RATE_EXAMPLES
 LOAD = np.zeros(2)
 
 
 def test_every_rate_law_has_an_example():
-    assert set(EXAMPLES) == set(RATES)
+    assert set(RATE_EXAMPLES) == set(RATES)
+    assert set(ELEMENT_EXAMPLES) == set(ELEMENTS)
 
 
 @pytest.mark.parametrize("name", RATES)
@@ -30,20 +27,18 @@ class TestEveryRateLaw:
     def test_limits_add_up_to_the_steady_torque(self, name):
         law = Law(rate=EXAMPLES[name])
         for v in (-3.0, -0.1, 0.1, 3.0):
-            lo, hi, viscous = kernels.limits(law.rate.KIND, law.row(), v, LOAD, np.nan)
+            lo, hi, viscous = kernels.limits(law.rate.KIND, law.row(), v, LOAD, 20.0)
             assert float(law.torque(v)) == (hi if v > 0 else lo) + viscous
 
     def test_the_viscous_part_vanishes_at_rest(self, name):
-        lo, hi, viscous = kernels.limits(
-            EXAMPLES[name].KIND, Law(rate=EXAMPLES[name]).row(), 0.0, LOAD, np.nan
-        )
+        lo, hi, viscous = kernels.limits(EXAMPLES[name].KIND, Law(rate=EXAMPLES[name]).row(), 0.0, LOAD, 20.0)
         assert viscous == 0.0
         assert lo <= 0.0 <= hi
 
     def test_nan_stays_nan(self, name):
         law = Law(rate=EXAMPLES[name])
         assert np.isnan(law.torque(np.nan))
-        assert np.isnan(kernels.solve(law.rate.KIND, 0, law.row(), np.zeros(1), np.nan, 0.1, LOAD, np.nan))
+        assert np.isnan(kernels.solve(law.rate.KIND, 0, law.row(), np.zeros(2), np.nan, 0.1, 0.1, LOAD, 20.0))
 
     def test_values_and_parameters_have_the_same_names(self, name):
         assert list(EXAMPLES[name].values()) and set(EXAMPLES[name].values()) == set(RATES[name].PARAMETERS)
@@ -52,8 +47,8 @@ class TestEveryRateLaw:
     @given(v_free=st.floats(-50, 50), dt_over_m=st.floats(1e-6, 1.0))
     def test_solve_satisfies_its_inclusion(self, name, v_free, dt_over_m):
         law = Law(rate=EXAMPLES[name])
-        v = kernels.solve(law.rate.KIND, 0, law.row(), np.zeros(1), v_free, dt_over_m, LOAD, np.nan)
-        lo, hi, viscous = kernels.limits(law.rate.KIND, law.row(), v, LOAD, np.nan)
+        v = kernels.solve(law.rate.KIND, 0, law.row(), np.zeros(2), v_free, dt_over_m, dt_over_m, LOAD, 20.0)
+        lo, hi, viscous = kernels.limits(law.rate.KIND, law.row(), v, LOAD, 20.0)
         needed = (v_free - v) / dt_over_m - viscous  # what the set-valued part must supply
         slack = 1e-13 * (abs(v_free) / dt_over_m + 100.0)
         if v > 0:
@@ -85,17 +80,17 @@ def test_the_direction_dependent_form_is_intercepts_and_a_continuous_rest(name):
     """(3.1): f in gsgn(-F_n, v, F_p) + Phi(v), Phi(0) = 0."""
     law = Law(rate=EXAMPLES[name])
     forwards, backwards = law.coulomb()
-    assert float(law.torque(1e-9)) == pytest.approx(forwards, abs=1e-7)
-    assert float(law.torque(-1e-9)) == pytest.approx(-backwards, abs=1e-7)
+    assert float(law.torque(1e-15)) == pytest.approx(forwards, abs=1e-7)
+    assert float(law.torque(-1e-15)) == pytest.approx(-backwards, abs=1e-7)
     assert float(law.phi(0.0)) == 0.0
-    np.testing.assert_allclose(law.phi([1e-9, -1e-9]), 0.0, atol=1e-7)
+    np.testing.assert_allclose(law.phi([1e-15, -1e-15]), 0.0, atol=1e-7)
     np.testing.assert_allclose(law.torque([1.0, -1.0]), law.phi([1.0, -1.0]) + [forwards, -backwards])
 
 
 def test_a_mass_below_break_away_stays_exactly_at_rest():
     law = Law(rate=EXAMPLES["coulomb-viscous"])
-    assert kernels.solve(0, 0, law.row(), np.zeros(1), 4.999e-3, 1e-3, LOAD, np.nan) == 0.0
-    assert kernels.solve(0, 0, law.row(), np.zeros(1), 5.001e-3, 1e-3, LOAD, np.nan) > 0.0
+    assert kernels.solve(0, 0, law.row(), np.zeros(2), 4.999e-3, 1e-3, 1e-3, LOAD, 20.0) == 0.0
+    assert kernels.solve(0, 0, law.row(), np.zeros(2), 5.001e-3, 1e-3, 1e-3, LOAD, 20.0) > 0.0
 
 
 @pytest.mark.parametrize(
@@ -122,4 +117,4 @@ def test_unknown_names_are_answered_with_the_known_ones():
     with pytest.raises(UnknownName, match="polyline"):
         rate_law("polylin")
     with pytest.raises(UnknownName, match="none"):
-        element("lugre")
+        element("lugrey")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import msgspec
 
@@ -18,6 +18,7 @@ from backdrive.log import Joint, Source
 SCHEMA = 1
 MAX_BYTES = 50_000_000
 
+R = TypeVar("R", bound=Rows)
 Number = float | None  # null stands for "unknown" and for an infinite bound
 
 
@@ -167,7 +168,7 @@ def save(model: m.FrictionModel, path: str | Path) -> None:
     write_whole(path, encode(model))
 
 
-def _rows(cls: type[Rows], values: dict[str, _Value], where: str, unit: str) -> Rows:
+def _rows(cls: type[R], values: dict[str, _Value], where: str, unit: str) -> R:
     missing, strange = set(cls.PARAMETERS) - set(values), set(values) - set(cls.PARAMETERS)
     if missing or strange:
         raise ModelFileError(

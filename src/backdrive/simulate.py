@@ -159,7 +159,7 @@ def drive(
         law.rate.KIND,
         law.element.KIND,
         law.row(),
-        np.zeros(max(1, law.element.STATES)),
+        law.state(),
         s,
         g,
         c,

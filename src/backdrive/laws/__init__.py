@@ -7,17 +7,90 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from backdrive._catalog import lookup
+from backdrive.errors import InvalidInput
+from backdrive.laws.base import Element, Rate
 from backdrive.laws.base import Parameter as Parameter
-from backdrive.laws.base import Rows
+from backdrive.laws.elements.bliman_sorine import BlimanSorine as BlimanSorine
+from backdrive.laws.elements.dahl import Dahl as Dahl
+from backdrive.laws.elements.dead_zone import DeadZone as DeadZone
+from backdrive.laws.elements.decaying import Decaying as Decaying
+from backdrive.laws.elements.elastoplastic import Elastoplastic as Elastoplastic
+from backdrive.laws.elements.gms import GMS as GMS
+from backdrive.laws.elements.hayward_armstrong import HaywardArmstrong as HaywardArmstrong
+from backdrive.laws.elements.leuven import Leuven as Leuven
+from backdrive.laws.elements.lugre import LuGre as LuGre
+from backdrive.laws.elements.maxwell_slip import MaxwellSlip as MaxwellSlip
 from backdrive.laws.elements.none import Rigid as Rigid
+from backdrive.laws.elements.reset_integrator import ResetIntegrator as ResetIntegrator
+from backdrive.laws.elements.smoothed_gms import SmoothedGMS as SmoothedGMS
+from backdrive.laws.elements.xiong_kikuuwe import ViscoElastoplastic as ViscoElastoplastic
+from backdrive.laws.elements.xiong_kikuuwe import XiongKikuuwe as XiongKikuuwe
+from backdrive.laws.elements.xiong_kikuuwe import XiongKikuuweMulti as XiongKikuuweMulti
+from backdrive.laws.rates.coulomb_viscous import Coulomb as Coulomb
 from backdrive.laws.rates.coulomb_viscous import CoulombViscous as CoulombViscous
+from backdrive.laws.rates.degressive import Degressive as Degressive
+from backdrive.laws.rates.load_dependent import M1 as M1
+from backdrive.laws.rates.load_dependent import M2 as M2
+from backdrive.laws.rates.load_dependent import M3 as M3
+from backdrive.laws.rates.load_dependent import M4 as M4
+from backdrive.laws.rates.load_dependent import M5 as M5
+from backdrive.laws.rates.load_dependent import M6 as M6
+from backdrive.laws.rates.load_temperature import LoadTemperature as LoadTemperature
+from backdrive.laws.rates.lorentz import StribeckLorentz as StribeckLorentz
+from backdrive.laws.rates.makkar import Makkar as Makkar
 from backdrive.laws.rates.polyline import Polyline as Polyline
+from backdrive.laws.rates.sigmoid import Sigmoid as Sigmoid
+from backdrive.laws.rates.stribeck import StribeckGauss as StribeckGauss
+from backdrive.laws.rates.stribeck import StribeckTustin as StribeckTustin
 
 #: Every rate law by name. A law is one file, one line here and its branch in `kernels.py`.
-RATES: dict[str, type[Rows]] = {c.NAME: c for c in (CoulombViscous, Polyline)}
+RATES: dict[str, type[Rate]] = {
+    c.NAME: c
+    for c in (
+        Coulomb,
+        CoulombViscous,
+        StribeckGauss,
+        StribeckTustin,
+        StribeckLorentz,
+        Makkar,
+        Sigmoid,
+        Degressive,
+        Polyline,
+        M1,
+        M2,
+        M3,
+        M4,
+        M5,
+        M6,
+        LoadTemperature,
+    )
+}
 
 #: Every presliding element by name.
-ELEMENTS: dict[str, type[Rows]] = {c.NAME: c for c in (Rigid,)}
+ELEMENTS: dict[str, type[Element]] = {
+    c.NAME: c
+    for c in (
+        Rigid,
+        DeadZone,
+        Dahl,
+        BlimanSorine,
+        ResetIntegrator,
+        LuGre,
+        Elastoplastic,
+        HaywardArmstrong,
+        ViscoElastoplastic,
+        XiongKikuuwe,
+        XiongKikuuweMulti,
+        Decaying,
+        MaxwellSlip,
+        Leuven,
+        GMS,
+        SmoothedGMS,
+    )
+}
+
+
+REFERENCE = 20.0  # degC, of curves that are asked for without a temperature
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,8 +102,25 @@ class Law:
         element: how that torque builds up and lets go.
     """
 
-    rate: Rows
-    element: Rows = field(default_factory=Rigid)
+    rate: Rate
+    element: Element = field(default_factory=Rigid)
+
+    def __post_init__(self):
+        if self.rate.SMOOTH and not isinstance(self.element, Rigid):
+            raise InvalidInput(
+                f"'{self.rate.NAME}' cannot be carried by '{self.element.NAME}': it vanishes smoothly at rest, so that "
+                "there is no Coulomb torque that a presliding element could build up to.",
+                remedy="Use element 'none' with it, or a Stribeck rate law with this element.",
+            )
+
+    @property
+    def name(self) -> str:
+        """Return `rate`, or `rate+element` where there is presliding."""
+        return self.rate.NAME if isinstance(self.element, Rigid) else f"{self.rate.NAME}+{self.element.NAME}"
+
+    def state(self) -> np.ndarray:
+        """Return the state of a joint at rest and relaxed, with as much room for `solve`, (2 S,)."""
+        return np.zeros(2 * max(self.element.states(), 1))
 
     def row(self) -> np.ndarray:
         """Return the row that `kernels` reads, (1 + m + e,)."""
@@ -38,7 +128,7 @@ class Law:
         return np.concatenate([[rate.size], rate, self.element.row()])
 
     def torque(self, velocity: np.ndarray | float) -> np.ndarray:
-        """Return the steady friction torque at a velocity.
+        """Return the steady friction torque of the rate law at a velocity, without load and, where it counts, at 20 degC.
 
         Args:
             velocity: joint velocity [rad/s or m/s], any shape.
@@ -50,14 +140,14 @@ class Law:
 
         v = np.asarray(velocity, dtype=np.float64)
         out = np.empty(v.size)
-        kernels.steady(self.rate.KIND, self.row(), np.ravel(v), np.zeros(2), np.nan, out)
+        kernels.steady(self.rate.KIND, self.row(), np.ravel(v), np.zeros(2), REFERENCE, out)
         return out.reshape(v.shape)
 
     def coulomb(self) -> tuple[float, float]:
         """Return F_p and F_n of Iwatani 2017, (3.1): friction at the slowest motion along +q and along -q [N.m or N]."""
         from backdrive.laws import kernels
 
-        lo, hi, _ = kernels.limits(self.rate.KIND, self.row(), 0.0, np.zeros(2), np.nan)
+        lo, hi, _ = kernels.limits(self.rate.KIND, self.row(), 0.0, np.zeros(2), REFERENCE)
         return float(hi), float(-lo)
 
     def phi(self, velocity: np.ndarray | float) -> np.ndarray:
@@ -74,11 +164,11 @@ class Law:
         return self.torque(v) - np.where(v > 0.0, forwards, np.where(v < 0.0, -backwards, 0.0))
 
 
-def rate_law(name: str) -> type[Rows]:
+def rate_law(name: str) -> type[Rate]:
     """Return the class of a rate law; an unknown name is answered with the known ones."""
     return lookup(name, RATES, "rate law")
 
 
-def element(name: str) -> type[Rows]:
+def element(name: str) -> type[Element]:
     """Return the class of a presliding element; an unknown name is answered with the known ones."""
     return lookup(name, ELEMENTS, "presliding element")

@@ -20,6 +20,9 @@ class Parameter:
         lower: smallest admissible value.
         upper: largest admissible value.
         many: the parameter is a sequence (the knots of a curve).
+        typical: a value met in the literature, None where there is no typical one.
+        source: where the typical value was published.
+        log: whether values span orders of magnitude, so that a search should step in their logarithm.
     """
 
     symbol: str
@@ -27,6 +30,9 @@ class Parameter:
     lower: float = -np.inf
     upper: float = np.inf
     many: bool = False
+    typical: float | tuple[float, ...] | None = None
+    source: str = ""
+    log: bool = False
 
     def unit_for(self, joint_unit: str) -> str:
         """Return the SI unit for a joint measured in `rad` or `m`."""
@@ -36,12 +42,16 @@ class Parameter:
 
 @dataclass(frozen=True, kw_only=True)
 class Rows:
-    """Base of the dataclasses above the kernels: values in, checked, and out as a row."""
+    """Base of the dataclasses above the kernels: values in, checked, and out as a row.
+
+    NAME is what files and commands call it, KIND the integer that the kernels choose by; classes of one KIND share a
+    kernel and differ in which of its numbers are free. CLAIMS are sentences that the contract tests hold it to.
+    """
 
     NAME: ClassVar[str]
     KIND: ClassVar[int]
     PARAMETERS: ClassVar[dict[str, Parameter]]
-    STATES: ClassVar[int] = 0
+    CLAIMS: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self):
         for name, parameter in self.PARAMETERS.items():
@@ -67,3 +77,46 @@ class Rows:
     def row(self) -> np.ndarray:
         """Return the parameters as the row that the kernels read, (P,)."""
         return np.array([getattr(self, name) for name in self.PARAMETERS], dtype=np.float64)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rate(Rows):
+    """Base of rate laws: what a joint resists with at a velocity.
+
+    Attributes:
+        SMOOTH: the law vanishes continuously at rest; it has no Coulomb torque that a presliding element could carry.
+        SYMMETRIC: both directions resist alike, whatever the parameters.
+        NEEDS: channels beyond the velocity, of `load` and `temperature`.
+    """
+
+    SMOOTH: ClassVar[bool] = False
+    SYMMETRIC: ClassVar[bool] = True
+    NEEDS: ClassVar[tuple[str, ...]] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Element(Rows):
+    """Base of presliding elements: how the torque of a rate law builds up and lets go.
+
+    Attributes:
+        SLIDER: the viscous part of the rate law sees the slider's velocity, not the joint's.
+        DRIFTS: a vibration below break-away moves the element on, cycle by cycle.
+        STEADY: at constant velocity the torque is that of the rate law.
+        SET_VALUED: at rest the torque is whatever holds the joint; `step` gives 0 there and `solve` holds.
+    """
+
+    SLIDER: ClassVar[bool] = False
+    DRIFTS: ClassVar[bool] = False
+    STEADY: ClassVar[bool] = True
+    SET_VALUED: ClassVar[bool] = False
+
+    def states(self) -> int:
+        """Return the number of states of the element."""
+        return 0
+
+    def advice(self, rate: Rate) -> str:
+        """Return what is wrong with this element on that rate law in a sentence, empty if nothing is.
+
+        Not an error: the law is defined, but it may create energy.
+        """
+        return ""

@@ -1,8 +1,9 @@
 """The ladder: one compiled entry for every law, chosen by an integer.
 
 A law is a row `p`: p[0] is the number m of rate-law parameters, p[1:1+m] the rate law's row, p[1+m:] the element's.
-`rate` and `element` are the integers of their classes, `x` the element's state, `load` the pair of motor-side and
-external torque, `temp` the temperature. `limits`, `step` and `solve` are the three kernels that a law offers.
+`rate` and `element` are the integers of their classes; `x` is the element's state, followed by as much room for `solve` to
+try steps in; `load` is the pair of motor-side and external torque, `temp` the temperature. `limits`, `step` and `solve` are
+the three kernels that a law offers.
 """
 
 from __future__ import annotations
@@ -10,10 +11,37 @@ from __future__ import annotations
 import numpy as np
 
 from backdrive._jit import jit
-from backdrive.laws.elements import none
-from backdrive.laws.rates import coulomb_viscous, polyline
+from backdrive.laws.elements import (
+    bliman_sorine,
+    dahl,
+    dead_zone,
+    decaying,
+    elastoplastic,
+    gms,
+    hayward_armstrong,
+    leuven,
+    lugre,
+    maxwell_slip,
+    none,
+    reset_integrator,
+    smoothed_gms,
+    xiong_kikuuwe,
+)
+from backdrive.laws.rates import (
+    coulomb_viscous,
+    degressive,
+    load_dependent,
+    load_temperature,
+    lorentz,
+    makkar,
+    polyline,
+    sigmoid,
+    stribeck,
+)
 
 STEPS = 60  # of `solve` at most; line sections need a handful
+CLOSE = 1e-14  # of the bracket that `solve` ends with to the velocity in it
+FASTEST = 1e100  # beyond this speed [rad/s or m/s] a velocity counts as this one, so that nothing overflows
 
 
 @jit
@@ -24,56 +52,146 @@ def limits(rate, p, v, load, temp):
         return coulomb_viscous.limits(r, v, load, temp)
     if rate == 1:
         return polyline.limits(r, v, load, temp)
+    if rate == 2:
+        return stribeck.limits(r, v, load, temp)
+    if rate == 3:
+        return lorentz.limits(r, v, load, temp)
+    if rate == 4:
+        return makkar.limits(r, v, load, temp)
+    if rate == 5:
+        return sigmoid.limits(r, v, load, temp)
+    if rate == 6:
+        return degressive.limits(r, v, load, temp)
+    if rate == 7:
+        return load_dependent.limits(r, v, load, temp)
+    if rate == 8:
+        return load_temperature.limits(r, v, load, temp)
     return np.nan, np.nan, np.nan
+
+
+@jit
+def carry(element, e, x, lo, hi, dp, dt):
+    """Torque of the element between the limits, and the motion that the viscous part sees; `x` is advanced in place."""
+    if element == 0:
+        return none.step(lo, hi, dp), dp
+    if element == 1:
+        return dead_zone.step(e, lo, hi, dp, dt)
+    if element == 2:
+        return dahl.step(e, x, lo, hi, dp), dp
+    if element == 3:
+        return bliman_sorine.step(e, x, lo, hi, dp), dp
+    if element == 4:
+        return reset_integrator.step(e, x, lo, hi, dp, dt), dp
+    if element == 5:
+        return lugre.step(e, x, lo, hi, dp, dt), dp
+    if element == 6:
+        return elastoplastic.step(e, x, lo, hi, dp, dt), dp
+    if element == 7:
+        return hayward_armstrong.step(e, x, lo, hi, dp)
+    if element == 8:
+        return xiong_kikuuwe.step(e, x, lo, hi, dp, dt), dp
+    if element == 9:
+        return decaying.step(e, x, lo, hi, dp, dt)
+    if element == 10:
+        return maxwell_slip.step(e, x, lo, hi, dp), dp
+    if element == 11:
+        return leuven.step(e, x, lo, hi, dp, dt), dp
+    if element == 12:
+        return gms.step(e, x, lo, hi, dp, dt), dp
+    if element == 13:
+        return smoothed_gms.step(e, x, lo, hi, dp, dt), dp
+    return np.nan, np.nan
 
 
 @jit
 def step(rate, element, p, x, dp, dt, load, temp):
     """Friction torque of one tick; `x` is advanced in place."""
-    lo, hi, viscous = limits(rate, p, dp / dt, load, temp)
-    if element == 0:
-        return none.step(lo, hi, viscous, dp)
-    return np.nan
+    v = dp / dt
+    if v > FASTEST:
+        v, dp = FASTEST, FASTEST * dt
+    elif v < -FASTEST:
+        v, dp = -FASTEST, -FASTEST * dt
+    lo, hi, viscous = limits(rate, p, v, load, temp)
+    f, slid = carry(element, p[1 + int(p[0]) :], x, lo, hi, dp, dt)
+    if slid != dp:
+        viscous = limits(rate, p, slid / dt, load, temp)[2]
+    return f + viscous
 
 
 @jit
-def solve(rate, element, p, x, v_free, dt_over_m, load, temp):
-    """Velocity at the end of a step of a mass held by this friction, implicit in the friction.
+def solve(rate, element, p, x, v_free, dt, dt_over_m, load, temp):
+    """Velocity at the end of a step of a mass held by this friction, implicit in the friction; `x` stays as it is.
 
-    v + dt/m (gsgn(lo, v, hi) + viscous(v)) contains v_free, the velocity that the step would end with without friction.
+    v + dt/m friction(v dt) = v_free, the velocity that the step would end with without friction. Where friction is set-valued,
+    v + dt/m (gsgn(lo, v, hi) + viscous(v)) contains v_free. A `step` over v dt then advances the state.
     """
-    lo, hi, _ = limits(rate, p, 0.0, load, temp)
-    if dt_over_m * lo <= v_free <= dt_over_m * hi:
-        return 0.0
     if not np.isfinite(v_free):
         return np.nan
-    toward = 1.0 if v_free > 0.0 else -1.0
+    at_rest = v_free
+    if element <= 1:
+        lo, hi, _ = limits(rate, p, 0.0, load, temp)
+        if dt_over_m * lo <= v_free <= dt_over_m * hi:
+            return 0.0
+        at_rest -= dt_over_m * (hi if v_free > 0.0 else lo)
+    else:
+        at_rest -= dt_over_m * _tried(rate, element, p, x, 0.0, dt, load, temp)
+        if at_rest == 0.0:
+            return 0.0
+    if not np.isfinite(at_rest):
+        return np.nan
+    toward = 1.0 if at_rest > 0.0 else -1.0
     # a: a speed at which friction is too weak; b: one at which it is too strong
-    a, excess_a = 0.0, dt_over_m * (hi if v_free > 0.0 else -lo) - abs(v_free)
-    b, excess_b = abs(v_free), _excess(rate, p, v_free, toward, v_free, dt_over_m, load, temp)
-    if excess_b <= 0.0:
-        return v_free
+    a, excess_a, b = 0.0, -abs(at_rest), abs(at_rest)
+    excess_b = _excess(rate, element, p, x, b, toward, v_free, dt, dt_over_m, load, temp)
+    for _ in range(STEPS):
+        if not excess_b < 0.0:
+            break
+        a, excess_a, b = b, excess_b, 2.0 * b - excess_b
+        excess_b = _excess(rate, element, p, x, b, toward, v_free, dt, dt_over_m, load, temp)
+    if excess_b == 0.0:
+        return _standing(element, p, toward * b)
     for _ in range(STEPS):  # regula falsi with Illinois' halving: exact where the curve is a straight line
         speed = b - excess_b * (b - a) / (excess_b - excess_a)
         if not a < speed < b:
             break
-        excess = _excess(rate, p, toward * speed, toward, v_free, dt_over_m, load, temp)
+        excess = _excess(rate, element, p, x, speed, toward, v_free, dt, dt_over_m, load, temp)
         if excess == 0.0:
-            return toward * speed
+            return _standing(element, p, toward * speed)
         if excess > 0.0:
             b, excess_b, excess_a = speed, excess, 0.5 * excess_a
         else:
             a, excess_a, excess_b = speed, excess, 0.5 * excess_b
-        if b - a <= 1e-15 * b:
+        if b - a <= CLOSE * b:
             break
-    return toward * (b - excess_b * (b - a) / (excess_b - excess_a))
+    return _standing(element, p, toward * (b - excess_b * (b - a) / (excess_b - excess_a)))
 
 
 @jit
-def _excess(rate, p, v, toward, v_free, dt_over_m, load, temp):
-    """How much a trial velocity asks for beyond what the step provides, along the direction of motion."""
-    lo, hi, viscous = limits(rate, p, v, load, temp)
-    friction = (hi if toward > 0.0 else lo) + viscous
+def _standing(element, p, v):
+    """Velocity of a mass, 0 inside a dead zone."""
+    if element == 1 and abs(v) <= p[1 + int(p[0])]:
+        return 0.0
+    return v
+
+
+@jit
+def _tried(rate, element, p, x, v, dt, load, temp):
+    """Friction torque of a step at velocity v that is not taken."""
+    n = x.size // 2
+    for i in range(n):
+        x[n + i] = x[i]
+    return step(rate, element, p, x[n:], v * dt, dt, load, temp)
+
+
+@jit
+def _excess(rate, element, p, x, speed, toward, v_free, dt, dt_over_m, load, temp):
+    """How much a trial speed asks for beyond what the step provides, along the direction of motion."""
+    v = toward * speed
+    if element <= 1:
+        lo, hi, viscous = limits(rate, p, v, load, temp)
+        friction = (hi if toward > 0.0 else lo) + viscous
+    else:
+        friction = _tried(rate, element, p, x, v, dt, load, temp)
     return toward * (v + dt_over_m * friction - v_free)
 
 
@@ -82,4 +200,4 @@ def steady(rate, p, v, load, temp, out):
     """Fill `out` with the steady friction torque at the velocities `v`; 0 at v = 0."""
     for i in range(v.size):
         lo, hi, viscous = limits(rate, p, v[i], load, temp)
-        out[i] = none.step(lo, hi, viscous, v[i])
+        out[i] = none.step(lo, hi, v[i]) + viscous

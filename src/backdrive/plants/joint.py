@@ -26,6 +26,7 @@ from backdrive.log import Joint
 from backdrive.plants.servo import Servo
 
 STATES = 5  # p, w, q, v, c
+TEMPERATURE = 20.0  # degC
 
 
 @jit
@@ -38,8 +39,8 @@ def gravity(j, q):
 
 
 @jit
-def held(rate, element, p, x, v_free, dt_over_m, widening, load):
-    """Velocity of a mass at the end of a step under friction whose bounds are wider by `widening` >= 0."""
+def held(rate, element, p, x, v_free, h, dt_over_m, widening, load):
+    """Velocity of a mass at the end of a step h under friction whose bounds are wider by `widening` >= 0."""
     shrinkage = dt_over_m * widening
     if abs(v_free) <= shrinkage:
         v_free = 0.0
@@ -47,7 +48,10 @@ def held(rate, element, p, x, v_free, dt_over_m, widening, load):
         v_free -= shrinkage
     else:
         v_free += shrinkage
-    return kernels.solve(rate, element, p, x, v_free, dt_over_m, load, np.nan)
+    v = kernels.solve(rate, element, p, x, v_free, h, dt_over_m, load, TEMPERATURE)
+    if element > 1:
+        kernels.step(rate, element, p, x, v * h, h, load, TEMPERATURE)
+    return v
 
 
 @jit
@@ -66,7 +70,7 @@ def advance(j, s, rate, element, p, x, u, h, load):
         middle = s[0] + half * w
         g = gravity(j, middle)
         dt_over_m = h / (M + L)
-        s[1] = held(rate, element, p, x, w + dt_over_m * (u - g), dt_over_m, widening, load)
+        s[1] = held(rate, element, p, x, w + dt_over_m * (u - g), h, dt_over_m, widening, load)
         s[0] = middle + half * s[1]
         s[2], s[3] = s[0], s[1]
         s[4] = g + L * (s[1] - w) / h
@@ -77,9 +81,9 @@ def advance(j, s, rate, element, p, x, u, h, load):
     s[1] = w + h / M * (u - c)
     s[3] = v + h / L * (c - gravity(j, middle_q))
     if on_load > 0.0:
-        s[3] = held(rate, element, p, x, s[3], h / L, widening, load)
+        s[3] = held(rate, element, p, x, s[3], h, h / L, widening, load)
     else:
-        s[1] = held(rate, element, p, x, s[1], h / M, widening, load)
+        s[1] = held(rate, element, p, x, s[1], h, h / M, widening, load)
     s[0] = middle_p + half * s[1]
     s[2] = middle_q + half * s[3]
     s[4] = c

@@ -4,7 +4,7 @@
 
 At v = 0 the torque may be anything in [lo, hi]; `step`, which sees only motion, gives 0 there, and `solve` gives the
 velocity of a mass that this friction holds or lets slide (true stiction, no chatter). The viscous part sees the joint's
-velocity.
+velocity. gsgn is Iwatani 2017, (3.2).
 """
 
 from __future__ import annotations
@@ -13,23 +13,25 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from backdrive._jit import jit
-from backdrive.laws.base import Parameter, Rows
+from backdrive.laws.base import Element, Parameter
 
 
 @jit
-def step(lo, hi, viscous, dp):
+def step(lo, hi, dp):
     """Torque of one tick from the limits at its velocity and its increment dp."""
     if dp > 0.0:
-        return hi + viscous
+        return hi
     if dp < 0.0:
-        return lo + viscous
-    return 0.0 * dp + viscous
+        return lo
+    return 0.0 * dp
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rigid(Rows):
+class Rigid(Element):
     """No presliding; there is nothing to set."""
 
     NAME: ClassVar[str] = "none"
     KIND: ClassVar[int] = 0
+    SET_VALUED: ClassVar[bool] = True
     PARAMETERS: ClassVar[dict[str, Parameter]] = {}
+    CLAIMS: ClassVar[tuple[str, ...]] = ("A held mass rests exactly.",)

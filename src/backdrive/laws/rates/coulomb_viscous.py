@@ -1,9 +1,10 @@
-"""Coulomb and viscous friction, by direction.
+"""Coulomb and viscous friction.
 
     tau_f in gsgn(-F_n, v, F_p) + (sigma_p v for v > 0, sigma_n v for v < 0)
 
 F_p, F_n: Coulomb torque in the positive and negative direction [N.m or N]. sigma_p, sigma_n: viscous coefficients
-[N.m.s/rad or N.s/m]. Equal values in both directions give the textbook law. gsgn is Iwatani 2017, (3.2).
+[N.m.s/rad or N.s/m]. gsgn is Iwatani 2017, (3.2). `coulomb-viscous` has both directions apart; `coulomb` is the one
+number that remains when they are equal and nothing grows with speed.
 """
 
 from __future__ import annotations
@@ -11,8 +12,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from backdrive._jit import jit
-from backdrive.laws.base import Parameter, Rows
+from backdrive.laws.base import Parameter, Rate
+
+HP3J = "Iwatani 2017, Sec. 3.5.1: joint 0 of a 6-joint arm with harmonic drives"
+EROB = "Rhoban BAM, identified eRob80:100 with a 100:1 harmonic drive, M1"
 
 
 @jit
@@ -24,7 +30,28 @@ def limits(p, v, load, temp):
 
 
 @dataclass(frozen=True, kw_only=True)
-class CoulombViscous(Rows):
+class Coulomb(Rate):
+    """Coulomb friction: one torque against every motion.
+
+    Attributes:
+        coulomb: Coulomb torque F [N.m or N].
+    """
+
+    NAME: ClassVar[str] = "coulomb"
+    KIND: ClassVar[int] = 0
+    PARAMETERS: ClassVar[dict[str, Parameter]] = {
+        "coulomb": Parameter(symbol="F", unit="force", lower=0.0, typical=6.85, source=HP3J, log=True)
+    }
+
+    coulomb: float
+
+    def row(self) -> np.ndarray:
+        """Return [F, F, 0, 0]."""
+        return np.array([self.coulomb, self.coulomb, 0.0, 0.0])
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoulombViscous(Rate):
     """Coulomb and viscous friction, by direction.
 
     Attributes:
@@ -36,11 +63,20 @@ class CoulombViscous(Rows):
 
     NAME: ClassVar[str] = "coulomb-viscous"
     KIND: ClassVar[int] = 0
+    SYMMETRIC: ClassVar[bool] = False
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
-        "coulomb_positive": Parameter(symbol="F_p", unit="force", lower=0.0),
-        "coulomb_negative": Parameter(symbol="F_n", unit="force", lower=0.0),
-        "viscous_positive": Parameter(symbol="sigma_p", unit="force.s/length", lower=0.0),
-        "viscous_negative": Parameter(symbol="sigma_n", unit="force.s/length", lower=0.0),
+        "coulomb_positive": Parameter(
+            symbol="F_p", unit="force", lower=0.0, typical=6.85, source=HP3J, log=True
+        ),
+        "coulomb_negative": Parameter(
+            symbol="F_n", unit="force", lower=0.0, typical=6.85, source=HP3J, log=True
+        ),
+        "viscous_positive": Parameter(
+            symbol="sigma_p", unit="force.s/length", lower=0.0, typical=8.39, source=EROB
+        ),
+        "viscous_negative": Parameter(
+            symbol="sigma_n", unit="force.s/length", lower=0.0, typical=8.39, source=EROB
+        ),
     }
 
     coulomb_positive: float

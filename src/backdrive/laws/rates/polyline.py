@@ -16,7 +16,7 @@ import numpy as np
 
 from backdrive._jit import jit
 from backdrive.errors import InvalidInput
-from backdrive.laws.base import Parameter, Rows
+from backdrive.laws.base import Parameter, Rate
 
 
 @jit
@@ -48,7 +48,7 @@ def limits(p, v, load, temp):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Polyline(Rows):
+class Polyline(Rate):
     """Line sections through velocity-torque pairs, by direction.
 
     Attributes:
@@ -59,6 +59,7 @@ class Polyline(Rows):
 
     NAME: ClassVar[str] = "polyline"
     KIND: ClassVar[int] = 1
+    SYMMETRIC: ClassVar[bool] = False
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
         "velocity": Parameter(symbol="V_n", unit="length/s", lower=0.0, many=True),
         "positive": Parameter(symbol="F_n+", unit="force", many=True),

@@ -1,0 +1,66 @@
+"""Bliman and Sorine's second-order model: two Dahl bristles of opposite sign, so that break-away overshoots.
+
+    y_1' = v/(eta e) - |v| y_1/(eta e),   y_2' = v/e - |v| y_2/e
+    tau_f = F ((1 + b) y_1 - b y_2) + viscous(v)
+
+e: distance over which the slow bristle yields [rad or m]. eta < 1: ratio of the fast one's to it [-]. b: overshoot, how
+much of F the slow bristle takes back [-]. F: bound of the rate law in the direction of motion. In their letters
+F_1 = (1 + b) F and F_2 = b F. Break-away from rest peaks at F (1 + b (1 - eta) r^(-eta/(1 - eta))), r = (1 + b)/(eta b),
+after a distance e eta/(1 - eta) ln r. Rate independent: only the path counts. One step is exact for a constant velocity. P.-A.
+Bliman, M. Sorine, Proc. 3rd European Control Conference, Rome, 1995.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from backdrive._jit import jit
+from backdrive.laws.base import Element, Parameter
+
+
+@jit
+def step(e, x, lo, hi, dp):
+    """Torque of one tick; the states are the two bristles, in torques of the rate law."""
+    distance, ratio, overshoot = e[0], e[1], e[2]
+    if dp > 0.0:
+        bound, path = hi, dp / distance
+    else:
+        bound, path = lo, -dp / distance
+    x[0] = bound + (x[0] - bound) * np.exp(-path / ratio)
+    x[1] = bound + (x[1] - bound) * np.exp(-path)
+    return (1.0 + overshoot) * x[0] - overshoot * x[1]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BlimanSorine(Element):
+    """Two bristles in difference.
+
+    Attributes:
+        distance: e, over which the slow bristle yields [rad or m].
+        ratio: eta, the fast bristle's distance by the slow one's [-].
+        overshoot: b, weight of the slow bristle [-].
+    """
+
+    NAME: ClassVar[str] = "bliman-sorine"
+    KIND: ClassVar[int] = 3
+    DRIFTS: ClassVar[bool] = True
+    PARAMETERS: ClassVar[dict[str, Parameter]] = {
+        "distance": Parameter(symbol="e", unit="length", lower=1e-12, upper=1e3, log=True),
+        "ratio": Parameter(symbol="eta", unit="1", lower=1e-3, upper=0.999),
+        "overshoot": Parameter(symbol="b", unit="1", lower=0.0, upper=10.0),
+    }
+    CLAIMS: ClassVar[tuple[str, ...]] = (
+        "The torque depends on the path alone, not on the speed at which it is run through.",
+        "Break-away exceeds the Coulomb torque by a peak that depends on no velocity.",
+    )
+
+    distance: float
+    ratio: float = 0.5
+    overshoot: float = 0.5
+
+    def states(self) -> int:
+        """Return 2: the two bristles."""
+        return 2

@@ -1,0 +1,70 @@
+"""Dahl's bristle: the torque nears the Coulomb torque exponentially with distance.
+
+    z' = v - |v| z / z_s,   z_s = F/K,   tau_f = K z + viscous(v)
+
+K: presliding stiffness [N.m/rad or N/m], z: stretch of the bristle, F: the bound of the rate law in the direction of motion.
+Rate independent: only the path counts. One step is exact for a constant velocity. P. R. Dahl, The Aerospace Corporation,
+TOR-0158(3107-18)-1, 1968; AIAA J. 14(12), 1976.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from backdrive._jit import jit
+from backdrive.laws.base import Element, Parameter
+
+
+@jit
+def relaxed(z, lo, hi, dp):
+    """Torque z (of unit stiffness) carried towards the bound of the direction of motion over a path dp, exactly."""
+    bound = hi if dp > 0.0 else lo
+    if dp == 0.0:
+        return z
+    if bound == 0.0:
+        return 0.0 * dp
+    return bound + (z - bound) * np.exp(-dp / bound)
+
+
+@jit
+def step(e, x, lo, hi, dp):
+    """Torque of one tick; the state is the torque."""
+    x[0] = relaxed(x[0], lo, hi, e[0] * dp)
+    return x[0]
+
+
+STIFFNESS = Parameter(
+    symbol="K",
+    unit="force/length",
+    lower=1e-9,
+    typical=5e4,
+    source="Iwatani 2017, Sec. 3.5.1: joints of a 6-joint arm with harmonic drives",
+    log=True,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dahl(Element):
+    """Dahl's bristle.
+
+    Attributes:
+        stiffness: K, presliding stiffness at zero torque [N.m/rad or N/m].
+    """
+
+    NAME: ClassVar[str] = "dahl"
+    KIND: ClassVar[int] = 2
+    DRIFTS: ClassVar[bool] = True
+    PARAMETERS: ClassVar[dict[str, Parameter]] = {"stiffness": STIFFNESS}
+    CLAIMS: ClassVar[tuple[str, ...]] = (
+        "The torque depends on the path alone, not on the speed at which it is run through.",
+        "Vibration below break-away drifts.",
+    )
+
+    stiffness: float
+
+    def states(self) -> int:
+        """Return 1: the torque."""
+        return 1

@@ -1,0 +1,56 @@
+"""A dead zone: below a threshold the velocity counts as zero; Karnopp (ASME JDSMC 107(1), 1985), Iwatani 2017, (4.17).
+
+    tau_f = gsgn(lo, v, hi) + viscous(v)   for |v| > V,   else 0
+
+V: half width of the zone [rad/s or m/s]. As a law of given motion it is (4.17): no friction inside the zone, so that a
+noisy velocity does not make the torque jump between the two directions. As a law of a mass (`solve`) it is Karnopp's:
+inside the zone the mass stands, held by whatever torque within [lo, hi] that needs. A velocity counted in encoder steps
+can fall on the threshold exactly: put V half a step off (`threshold + 0.5 count / dt`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from backdrive._jit import jit
+from backdrive.laws.base import Element, Parameter
+
+
+@jit
+def step(e, lo, hi, dp, dt):
+    """Torque and motion of the viscous part of one tick: both 0 inside the zone."""
+    width = e[0] * dt
+    if dp > width:
+        return hi, dp
+    if dp < -width:
+        return lo, dp
+    return 0.0 * dp, 0.0 * dp
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeadZone(Element):
+    """No friction inside a zone of low velocity.
+
+    Attributes:
+        threshold: V, half width of the zone [rad/s or m/s].
+    """
+
+    NAME: ClassVar[str] = "dead-zone"
+    KIND: ClassVar[int] = 1
+    SET_VALUED: ClassVar[bool] = True
+    STEADY: ClassVar[bool] = False
+    PARAMETERS: ClassVar[dict[str, Parameter]] = {
+        "threshold": Parameter(
+            symbol="V",
+            unit="length/s",
+            lower=0.0,
+            upper=1e6,
+            typical=0.01,
+            source="Iwatani 2017, Sec. 4.6.2: two counts of a 5 um encoder in 1 ms",
+            log=True,
+        )
+    }
+    CLAIMS: ClassVar[tuple[str, ...]] = ("The torque is 0 inside the zone and the rate law's outside.",)
+
+    threshold: float

@@ -1,0 +1,66 @@
+"""The thesis' decaying elastoplastic friction: the spring of Hayward and Armstrong lets go at a rate alpha.
+
+    K (p - q) in gsgn(-F_n, q' - alpha (p - q), F_p),   tau_f = K (p - q) + viscous(q')
+
+p: position of the joint, q: of the slider. K: stiffness [N.m/rad or N/m]. alpha: decay rate [1/s]. The backward Euler step is
+a leaky clip: f = clip((f + K dp)/(1 + alpha dt), -F_n, F_p), Iwatani 2017, (3.12)-(3.21). At rest the torque fades with the time
+constant 1/alpha; at a constant velocity it is min(F, K v/alpha), so that below alpha F/K the law is a viscous one. With
+alpha = 0 it is (3.11). The viscous part sees the slider.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from backdrive._jit import jit
+from backdrive.laws.base import Element, Parameter
+from backdrive.laws.elements.dahl import STIFFNESS
+from backdrive.laws.elements.hayward_armstrong import clipped
+
+
+@jit
+def step(e, x, lo, hi, dp, dt):
+    """Torque and slider's motion of one tick; the state is K (p - q)."""
+    K, alpha = e[0], e[1]
+    before = x[0]
+    x[0] = clipped((before + K * dp) / (1.0 + alpha * dt), lo, hi)
+    return x[0], dp - (x[0] - before) / K
+
+
+@dataclass(frozen=True, kw_only=True)
+class Decaying(Element):
+    """A spring that leaks in series with a Coulomb slider.
+
+    Attributes:
+        stiffness: K [N.m/rad or N/m].
+        decay_rate: alpha [1/s].
+    """
+
+    NAME: ClassVar[str] = "decaying"
+    KIND: ClassVar[int] = 9
+    SLIDER: ClassVar[bool] = True
+    STEADY: ClassVar[bool] = False
+    PARAMETERS: ClassVar[dict[str, Parameter]] = {
+        "stiffness": STIFFNESS,
+        "decay_rate": Parameter(
+            symbol="alpha",
+            unit="1/s",
+            lower=0.0,
+            upper=1e6,
+            typical=20.0,
+            source="Iwatani 2017, Sec. 3.5.1",
+            log=True,
+        ),
+    }
+    CLAIMS: ClassVar[tuple[str, ...]] = (
+        "At a constant velocity the torque is min(F, K v/alpha).",
+        "At rest the torque fades.",
+    )
+
+    stiffness: float
+    decay_rate: float = 20.0
+
+    def states(self) -> int:
+        """Return 1: the spring's torque."""
+        return 1

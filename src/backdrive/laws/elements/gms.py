@@ -1,0 +1,76 @@
+"""The generalised Maxwell-slip model: Maxwell-slip elements that, once slipping, follow the rate law with a lag.
+
+    stick: f_i' = k_i v, until |f_i| reaches w_i s(v);   slip: f_i' = C (w_i sgn(v) - f_i/s(v)), until v changes sign
+    tau_f = sum f_i + viscous(v),   sum w_i = 1
+
+k_i: stiffness of element i [N.m/rad or N/m]. w_i: its share [-]. C: attraction, how fast slipping elements follow the rate law
+[N.m/s or N/s]. s(v): bound of the rate law in the direction of motion. The step is implicit in the slipping torque. F.
+Al-Bender, V. Lampaert, J. Swevers, IEEE TAC 50(11), 2005.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from backdrive._jit import jit
+from backdrive.laws.base import Parameter
+from backdrive.laws.elements.maxwell_slip import MANY, Parallel
+
+ATTRACTION = Parameter(symbol="C", unit="force/s", lower=1e-9, typical=100.0, log=True)
+
+
+@jit
+def step(e, x, lo, hi, dp, dt):
+    """Torque of one tick; the states are the elements' torques, then their regimes: +1, -1 slipping that way, 0 sticking."""
+    n = int(e[0])
+    C = e[1 + 2 * n]
+    s = hi if dp >= 0.0 else lo
+    way = 1.0 if dp > 0.0 else -1.0
+    total = 0.0
+    for i in range(n):
+        w = e[1 + n + i]
+        bound = w * s
+        f = x[i]
+        if dp == 0.0:
+            total += f
+            continue
+        if x[n + i] == way:
+            if s == 0.0:
+                f = 0.0
+            else:
+                f = (f + dt * way * C * w) / (1.0 + dt * C / abs(s))
+        else:
+            f += e[1 + i] * dp
+            x[n + i] = 0.0
+            if (f - bound) * way >= 0.0:
+                f = bound
+                x[n + i] = way
+        x[i] = f
+        total += f
+    return total + 0.0 * dp
+
+
+@dataclass(frozen=True, kw_only=True)
+class GMS(Parallel):
+    """Maxwell-slip elements with frictional lag.
+
+    Attributes:
+        stiffness: k_i [N.m/rad or N/m], (N,).
+        share: w_i of the bound of the rate law [-], (N,).
+        attraction: C [N.m/s or N/s].
+    """
+
+    NAME: ClassVar[str] = "gms"
+    KIND: ClassVar[int] = 12
+    PARAMETERS: ClassVar[dict[str, Parameter]] = MANY | {"attraction": ATTRACTION}
+    CLAIMS: ClassVar[tuple[str, ...]] = (
+        "Vibration below break-away does not drift.",
+        "The torque lags behind the velocity in sliding.",
+    )
+
+    attraction: float
+
+    def states(self) -> int:
+        """Return 2 N: the elements' torques and regimes."""
+        return 2 * len(self.stiffness)

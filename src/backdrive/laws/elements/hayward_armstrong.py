@@ -1,0 +1,60 @@
+"""Hayward and Armstrong's elastoplastic contact: a spring in series with a Coulomb slider; Iwatani 2017, (3.3), (3.11).
+
+    tau_f = K (p - q) + viscous(q'),   K (p - q) in gsgn(-F_n, q', F_p)
+
+p: position of the joint, q: of the slider. K: stiffness [N.m/rad or N/m]. F_p, F_n: bounds of the rate law. The backward
+Euler step is a clip: f = clip(f + K dp, -F_n, F_p). Nothing drifts and nothing leaks: what is held stays held. The viscous part
+sees the slider. V. Hayward, B. Armstrong, in Experimental Robotics VI, Springer, 2000.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from backdrive._jit import jit
+from backdrive.laws.base import Element, Parameter
+from backdrive.laws.elements.dahl import STIFFNESS
+
+
+@jit
+def clipped(f, lo, hi):
+    """Return f within [lo, hi]; a NaN stays a NaN."""
+    if f > hi:
+        return hi
+    if f < lo:
+        return lo
+    return f
+
+
+@jit
+def step(e, x, lo, hi, dp):
+    """Torque and slider's motion of one tick; the state is K (p - q)."""
+    K = e[0]
+    before = x[0]
+    trial = before + K * dp
+    x[0] = clipped(trial, lo, hi)
+    if x[0] == trial:
+        return x[0], 0.0
+    return x[0], dp - (x[0] - before) / K
+
+
+@dataclass(frozen=True, kw_only=True)
+class HaywardArmstrong(Element):
+    """A spring in series with a Coulomb slider.
+
+    Attributes:
+        stiffness: K [N.m/rad or N/m].
+    """
+
+    NAME: ClassVar[str] = "hayward-armstrong"
+    KIND: ClassVar[int] = 7
+    SLIDER: ClassVar[bool] = True
+    PARAMETERS: ClassVar[dict[str, Parameter]] = {"stiffness": STIFFNESS}
+    CLAIMS: ClassVar[tuple[str, ...]] = ("Vibration below break-away does not drift.",)
+
+    stiffness: float
+
+    def states(self) -> int:
+        """Return 1: the spring's torque."""
+        return 1

@@ -1,0 +1,108 @@
+"""LuGre: a bristle whose deflection feels damping, under a rate law that may be weaker in motion than at rest.
+
+    z' = v - sigma_0 |v| z / s(v),   tau_f = sigma_0 z + sigma_1(v) z' + viscous(v),   sigma_1(v) = sigma_1 exp(-(v/v_d)^2)
+
+sigma_0: stiffness [N.m/rad or N/m]. sigma_1: damping of the bristle [N.m.s/rad or N.s/m]. s(v): the bound of the rate law.
+v_d: speed beyond which the damping fades [rad/s or m/s]; 0 for a constant sigma_1. Without fading a reversal at high speed
+gives a spike of up to 2 sigma_1 s/(sigma_0 dt). The step is implicit in z, so that |z| <= s/sigma_0 always. C. Canudas de Wit,
+H. Olsson, K. J. Astrom, P. Lischinsky, IEEE TAC 40(3), 1995.
+
+LuGre friction does not create energy if sigma_2 >= sigma_1 (F_s - F_c)/F_c (N. Barabanov, R. Ortega, IEEE TAC 45(4), 2000).
+With a damping that fades, v_d <= 4 sqrt(2 e) F_c/sigma_1 suffices whatever sigma_2 is: F v - V' is a quadratic in z, positive
+where sigma_1(v) |v| <= 4 s(v), and |v| exp(-(v/v_d)^2) is v_d/sqrt(2 e) at most. The values of the 1995 paper satisfy neither.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from backdrive._jit import jit
+from backdrive.laws.base import Element, Parameter, Rate
+
+CANUDAS = "Canudas de Wit et al., IEEE TAC 40(3), 1995, Table I"
+
+
+@jit
+def damping(sigma_1, v_d, v):
+    """Damping of the bristle at velocity v."""
+    if v_d <= 0.0 or sigma_1 == 0.0:
+        return sigma_1
+    r = v / v_d
+    return sigma_1 * np.exp(-r * r)
+
+
+@jit
+def step(e, x, lo, hi, dp, dt):
+    """Torque of one tick; the state is sigma_0 z."""
+    sigma_0, sigma_1, v_d = e[0], e[1], e[2]
+    f = x[0]
+    reach = sigma_0 * dp
+    s = hi if dp > 0.0 else lo
+    if dp == 0.0:
+        after = f
+    elif s == 0.0:
+        after = 0.0 * dp
+    elif abs(reach) > 1e8 * abs(s):  # (f + reach)/(1 + reach/s), where reach may overflow
+        after = s
+    else:
+        after = (f + reach) / (1.0 + reach / s)
+    x[0] = after
+    if sigma_1 == 0.0:
+        return after
+    return after + damping(sigma_1, v_d, dp / dt) / sigma_0 * ((after - f) / dt)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LuGre(Element):
+    """A damped bristle.
+
+    Attributes:
+        stiffness: sigma_0 [N.m/rad or N/m].
+        damping: sigma_1 [N.m.s/rad or N.s/m].
+        fading: v_d, speed beyond which the damping fades [rad/s or m/s]; 0 for never.
+    """
+
+    NAME: ClassVar[str] = "lugre"
+    KIND: ClassVar[int] = 5
+    DRIFTS: ClassVar[bool] = True
+    PARAMETERS: ClassVar[dict[str, Parameter]] = {
+        "stiffness": Parameter(
+            symbol="sigma_0", unit="force/length", lower=1e-9, typical=1e5, source=CANUDAS, log=True
+        ),
+        "damping": Parameter(
+            symbol="sigma_1", unit="force.s/length", lower=0.0, typical=316.0, source=CANUDAS, log=True
+        ),
+        "fading": Parameter(symbol="v_d", unit="length/s", lower=0.0, upper=1e6, log=True),
+    }
+    CLAIMS: ClassVar[tuple[str, ...]] = (
+        "Vibration below break-away drifts.",
+        "The torque lags behind the velocity.",
+    )
+
+    stiffness: float
+    damping: float = 0.0
+    fading: float = 0.0
+
+    def states(self) -> int:
+        """Return 1: the bristle's torque."""
+        return 1
+
+    def advice(self, rate: Rate) -> str:
+        """Return what is wrong with sigma_1 where the rate law weakens with speed by more than its viscous part bears."""
+        value = rate.values()
+        weakest, strongest = value.get("coulomb", 0.0), value.get("breakaway", 0.0)
+        if "stribeck" in value:
+            strongest = weakest + value["stribeck"]
+        if self.damping == 0.0 or strongest <= weakest:
+            return ""
+        needed = np.inf if weakest == 0.0 else self.damping * (strongest - weakest) / weakest
+        fades = 4.0 * np.sqrt(2.0 * np.e) * weakest / self.damping
+        if value.get("viscous", 0.0) >= needed or 0.0 < self.fading <= fades:
+            return ""
+        return (
+            f"LuGre with damping = {self.damping:g} needs viscous >= {needed:g} or 0 < fading <= {fades:g} so as not to "
+            "create energy."
+        )

@@ -1,0 +1,70 @@
+"""The reset integrator of Haessig and Friedland: a bristle that stretches, gives, and is carried along.
+
+    z' = 0  if (v > 0 and z >= z_p) or (v < 0 and z <= -z_n),   else v
+    tau_f = (1 + a) K z + D z'  while the bristle holds,  K z  while it slides;   + viscous(v)
+
+K: stiffness [N.m/rad or N/m]. z_p = F_p/K, z_n = F_n/K: break-away distances, F_p and F_n the bounds of the rate law. a:
+what break-away adds to sliding [-]. D: damping while the bristle holds [N.m.s/rad or N.s/m]. The torque jumps at
+break-away by a F. D. A. Haessig, B. Friedland, ASME JDSMC 113(3), 1991.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from backdrive._jit import jit
+from backdrive.laws.base import Element, Parameter
+from backdrive.laws.elements.dahl import STIFFNESS
+
+
+@jit
+def step(e, x, lo, hi, dp, dt):
+    """Torque of one tick; the state is K z."""
+    stiffness, excess, damping = e[0], e[1], e[2]
+    trial = x[0] + stiffness * dp
+    if trial >= hi and dp > 0.0:
+        x[0] = hi
+        return hi
+    if trial <= lo and dp < 0.0:
+        x[0] = lo
+        return lo
+    if trial > hi:  # the bound has fallen under a bristle that is let go
+        trial = hi
+    elif trial < lo:
+        trial = lo
+    held = (1.0 + excess) * trial + damping * (dp / dt)
+    x[0] = trial
+    if held > (1.0 + excess) * hi:
+        return (1.0 + excess) * hi
+    if held < (1.0 + excess) * lo:
+        return (1.0 + excess) * lo
+    return held
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResetIntegrator(Element):
+    """A bristle that breaks away with a jump.
+
+    Attributes:
+        stiffness: K [N.m/rad or N/m].
+        excess: a, what break-away adds to sliding [-].
+        damping: D, while the bristle holds [N.m.s/rad or N.s/m]; its torque is cut at break-away.
+    """
+
+    NAME: ClassVar[str] = "reset-integrator"
+    KIND: ClassVar[int] = 4
+    PARAMETERS: ClassVar[dict[str, Parameter]] = {
+        "stiffness": STIFFNESS,
+        "excess": Parameter(symbol="a", unit="1", lower=0.0, upper=10.0),
+        "damping": Parameter(symbol="D", unit="force.s/length", lower=0.0),
+    }
+    CLAIMS: ClassVar[tuple[str, ...]] = ("Vibration below break-away does not drift.",)
+
+    stiffness: float
+    excess: float = 0.0
+    damping: float = 0.0
+
+    def states(self) -> int:
+        """Return 1: the bristle's torque."""
+        return 1

@@ -1,0 +1,134 @@
+"""A smoothed GMS model: Maxwell-slip elements whose change from sticking to slipping has derivatives.
+
+    f_i' = k_i (v - h(r_i) |v| r_i),   r_i = sgn(v) f_i/(w_i s(v)) along the motion,   tau_f = sum f_i + viscous(v),   sum w_i = 1
+    h(r) = m(r) g(r)/(m(1) g(1)),   m(r) = 1 - tanh(l (r + b))/2 + tanh(l (r - b))/2,   g(r) = (1 + tanh(c r))/2
+
+k_i: stiffness of element i [N.m/rad or N/m]. w_i: its share of the bound s(v) of the rate law [-]. m: 0 while the element holds
+(|r| < b), 1 when it slips; l: sharpness of the change [-]. g: 0 after a reversal, 1 when loading; c: its sharpness [-]. The
+idea is that of M. Boegli, T. De Laet, J. De Schutter, J. Swevers, IEEE/ASME T-Mech. 19(5), 2014; the functions m and g are those of
+the open Fortran library `friction` of J. Christopherson, with sgn(v) in g and h divided by its value at 1, so that the steady
+torque is the rate law's at every speed. The step is implicit in f_i. Rate independent under a constant bound.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from backdrive._jit import jit
+from backdrive.laws.base import Parameter
+from backdrive.laws.elements.maxwell_slip import MANY, Parallel
+
+STEPS = 60
+
+
+@jit
+def gate(r, sharp, margin, reversal):
+    """m(r) g(r), not yet normalised."""
+    held = 1.0 - 0.5 * np.tanh(sharp * (r + margin)) + 0.5 * np.tanh(sharp * (r - margin))
+    return held * (0.5 + 0.5 * np.tanh(reversal * r))
+
+
+@jit
+def loaded(r, path, full, sharp, margin, reversal):
+    """Where an element at r gets to over a path (in units of its stretch at break-away): u = r + path (1 - h(u) u)."""
+    if r >= 1.0:
+        low, high = 1.0, r
+    else:
+        low, high = r, 1.0
+        if r + path < 1.0:
+            high = r + path
+    if low == high:
+        return low
+    inverse = 1.0 / (1.0 + path)
+    below = ((low - r) - path * (1.0 - gate(low, sharp, margin, reversal) / full * low)) * inverse
+    above = ((high - r) - path * (1.0 - gate(high, sharp, margin, reversal) / full * high)) * inverse
+    if below >= 0.0:
+        return low
+    if above <= 0.0:
+        return high
+    u = low
+    for _ in range(STEPS):  # regula falsi with Illinois' halving
+        u = high - above * (high - low) / (above - below)
+        if not low < u < high:
+            break
+        value = ((u - r) - path * (1.0 - gate(u, sharp, margin, reversal) / full * u)) * inverse
+        if value > 0.0:
+            high, above, below = u, value, 0.5 * below
+        elif value < 0.0:
+            low, below, above = u, value, 0.5 * above
+        else:
+            break
+        if high - low <= 1e-15:
+            break
+    return u
+
+
+@jit
+def step(e, x, lo, hi, dp, dt):
+    """Torque of one tick; the states are the elements' torques."""
+    n = int(e[0])
+    sharp, margin, reversal = e[1 + 2 * n], e[2 + 2 * n], e[3 + 2 * n]
+    s = hi if dp > 0.0 else lo
+    total = 0.0
+    if dp != 0.0:
+        full = gate(1.0, sharp, margin, reversal)
+        for i in range(n):
+            bound = e[1 + n + i] * s
+            if bound == 0.0:
+                x[i] = 0.0
+                continue
+            x[i] = bound * loaded(x[i] / bound, e[1 + i] * dp / bound, full, sharp, margin, reversal)
+            total += x[i]
+        return total + 0.0 * dp
+    for i in range(n):
+        total += x[i]
+    return total
+
+
+@dataclass(frozen=True, kw_only=True)
+class SmoothedGMS(Parallel):
+    """Maxwell-slip elements that begin to slip smoothly.
+
+    Attributes:
+        stiffness: k_i [N.m/rad or N/m], (N,).
+        share: w_i of the bound of the rate law [-], (N,).
+        sharpness: l, of the change from sticking to slipping [-].
+        margin: b, share of an element's bound at which it begins to slip [-].
+        reversal: c, sharpness of the return to sticking after a reversal [-].
+    """
+
+    NAME: ClassVar[str] = "smoothed-gms"
+    KIND: ClassVar[int] = 13
+    PARAMETERS: ClassVar[dict[str, Parameter]] = MANY | {
+        "sharpness": Parameter(
+            symbol="l",
+            unit="1",
+            lower=1.0,
+            upper=1e4,
+            typical=100.0,
+            source="`friction` library, GMS example",
+        ),
+        "margin": Parameter(
+            symbol="b",
+            unit="1",
+            lower=0.1,
+            upper=0.999,
+            typical=0.95,
+            source="`friction` library, GMS example",
+        ),
+        "reversal": Parameter(
+            symbol="c", unit="1", lower=1.0, upper=1e4, typical=10.0, source="`friction` library, GMS example"
+        ),
+    }
+    CLAIMS: ClassVar[tuple[str, ...]] = ("The torque has a derivative with respect to every parameter.",)
+
+    sharpness: float = 100.0
+    margin: float = 0.95
+    reversal: float = 10.0
+
+    def states(self) -> int:
+        """Return N: the elements' torques."""
+        return len(self.stiffness)

@@ -1,0 +1,54 @@
+"""Degressive viscous friction: what grows with speed flattens, as with greased harmonic drives.
+
+    tau_f in F sgn(v) + k |v|^n sgn(v),      0 < n <= 1
+
+F: Coulomb torque [N.m or N]. k: torque of the viscous part at 1 rad/s or 1 m/s [N.m or N, per (rad/s)^n or (m/s)^n].
+n: exponent; 1 is linear viscous friction, 1/2 the square root, 2/3 that of a lubricated rolling bearing (A. Palmgren,
+Grundlagen der Waelzlagertechnik, 1964). A power law of harmonic drives: S. Wolf, M. Iskandar, ICRA 2018.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from backdrive._jit import jit
+from backdrive.laws.base import Parameter, Rate
+from backdrive.laws.rates.coulomb_viscous import HP3J
+
+
+@jit
+def limits(p, v, load, temp):
+    """Rate law: -F, F and k |v|^n sgn(v)."""
+    F, k, n = p[0], p[1], p[2]
+    speed = abs(v)
+    if n == 0.5:
+        growth = k * np.sqrt(speed)
+    else:
+        growth = k * speed**n
+    return -F, F, -growth if v < 0.0 else growth
+
+
+@dataclass(frozen=True, kw_only=True)
+class Degressive(Rate):
+    """Coulomb friction and a viscous part that flattens with speed.
+
+    Attributes:
+        coulomb: F [N.m or N].
+        growth: k, torque of the viscous part at unit speed [N.m.(s/rad)^n or N.(s/m)^n].
+        exponent: n [-].
+    """
+
+    NAME: ClassVar[str] = "degressive"
+    KIND: ClassVar[int] = 6
+    PARAMETERS: ClassVar[dict[str, Parameter]] = {
+        "coulomb": Parameter(symbol="F", unit="force", lower=0.0, typical=6.85, source=HP3J, log=True),
+        "growth": Parameter(symbol="k", unit="force.(s/length)^n", lower=0.0),
+        "exponent": Parameter(symbol="n", unit="1", lower=0.05, upper=1.0, typical=2.0 / 3.0, source="Palmgren 1964, lubricated rolling bearings"),
+    }
+
+    coulomb: float
+    growth: float
+    exponent: float = 0.5

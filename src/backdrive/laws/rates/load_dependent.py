@@ -1,0 +1,211 @@
+"""Load-dependent friction, M1 to M6: a geared servo whose friction grows with the torque through its gears.
+
+    e = exp(-|v/v_s|^alpha)
+    F = F_c + e F_st + |K_m tau_m - K_e tau_e| + e |S_m tau_m - S_e tau_e| + e Q
+    tau_f in F sgn(v) + K_v v
+    Q = Q_e tau_e^2 where the external torque opposes the motor's and is the smaller, Q_m tau_m^2 where it is the greater
+
+tau_m, tau_e: torque of the motor and of everything else on the joint (gravity, a hand) [N.m or N], the pair `load`.
+F_c, F_st: Coulomb and Stribeck torque [N.m or N]. v_s, alpha: Stribeck velocity [rad/s or m/s] and exponent. K, S: growth
+with the load [-]. Q: quadratic growth [1/(N.m) or 1/N]. K_v: viscous coefficient [N.m.s/rad or N.s/m]. M1 has F_c and K_v;
+M2 adds F_st; M3 and M4 add one growth for both torques to M1 and M2; M5 gives each torque its own; M6 adds Q. Duclusaud,
+Passault, Padois, Ly, "Extended Friction Models for the Physics Simulation of Servo Actuators", arXiv 2410.08650, 2024.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from backdrive._jit import jit
+from backdrive.laws.base import Parameter, Rate
+from backdrive.laws.rates.stribeck import fading
+
+
+@jit
+def limits(p, v, load, temp):
+    """Rate law: -F, F and K_v v under the load (tau_m, tau_e)."""
+    F_c, F_st, v_s, alpha, K_v = p[0], p[1], p[2], p[3], p[4]
+    tau_m, tau_e = load[0], load[1]
+    e = fading(v, v_s, alpha)
+    F = F_c + e * F_st + abs(p[5] * tau_m - p[6] * tau_e) + e * abs(p[7] * tau_m - p[8] * tau_e)
+    if tau_m * tau_e < 0.0:
+        if abs(tau_e) < abs(tau_m):
+            F += e * p[9] * tau_e * tau_e
+        elif abs(tau_e) > abs(tau_m):
+            F += e * p[10] * tau_m * tau_m
+    return -F, F, K_v * v
+
+
+BAM = "Rhoban BAM, Dynamixel MX-106, M6"
+ALL: dict[str, Parameter] = {
+    "coulomb": Parameter(symbol="F_c", unit="force", lower=0.0, typical=0.100, source=BAM, log=True),
+    "stribeck": Parameter(symbol="F_st", unit="force", lower=0.0, typical=0.122, source=BAM, log=True),
+    "stribeck_velocity": Parameter(
+        symbol="v_s", unit="length/s", lower=1e-9, upper=1e6, typical=1.75, source=BAM, log=True
+    ),
+    "exponent": Parameter(symbol="alpha", unit="1", lower=0.1, upper=4.0, typical=1.14, source=BAM),
+    "viscous": Parameter(symbol="K_v", unit="force.s/length", lower=0.0, typical=0.0507, source=BAM),
+    "load": Parameter(symbol="K", unit="1", lower=0.0, upper=2.0),
+    "load_stribeck": Parameter(symbol="S", unit="1", lower=0.0, upper=2.0),
+    "load_motor": Parameter(symbol="K_m", unit="1", lower=0.0, upper=2.0, typical=0.198, source=BAM),
+    "load_external": Parameter(symbol="K_e", unit="1", lower=0.0, upper=2.0, typical=0.0222, source=BAM),
+    "load_stribeck_motor": Parameter(symbol="S_m", unit="1", lower=0.0, upper=2.0, typical=0.199, source=BAM),
+    "load_stribeck_external": Parameter(
+        symbol="S_e", unit="1", lower=0.0, upper=2.0, typical=0.0871, source=BAM
+    ),
+    "quadratic_external": Parameter(symbol="Q_e", unit="1/force", lower=0.0, typical=7.33e-5, source=BAM),
+    "quadratic_motor": Parameter(symbol="Q_m", unit="1/force", lower=0.0, typical=0.0100, source=BAM),
+}
+
+
+def _only(*names: str) -> dict[str, Parameter]:
+    return {name: ALL[name] for name in names}
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadDependent(Rate):
+    """What M1 to M6 share: the row that names all eleven numbers, absent ones 0."""
+
+    KIND: ClassVar[int] = 7
+    NEEDS: ClassVar[tuple[str, ...]] = ("load",)
+
+    def row(self) -> np.ndarray:
+        """Return [F_c, F_st, v_s, alpha, K_v, K_m, K_e, S_m, S_e, Q_e, Q_m], (11,)."""
+        value = self.values()
+        both, fading_both = value.get("load", 0.0), value.get("load_stribeck", 0.0)
+        return np.array(
+            [
+                value["coulomb"],
+                value.get("stribeck", 0.0),
+                value.get("stribeck_velocity", 1.0),
+                value.get("exponent", 1.0),
+                value["viscous"],
+                value.get("load_motor", both),
+                value.get("load_external", both),
+                value.get("load_stribeck_motor", fading_both),
+                value.get("load_stribeck_external", fading_both),
+                value.get("quadratic_external", 0.0),
+                value.get("quadratic_motor", 0.0),
+            ]
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class M1(LoadDependent):
+    """Coulomb and viscous friction.
+
+    Attributes:
+        coulomb: F_c [N.m or N].
+        viscous: K_v [N.m.s/rad or N.s/m].
+    """
+
+    NAME: ClassVar[str] = "m1"
+    NEEDS: ClassVar[tuple[str, ...]] = ()
+    PARAMETERS: ClassVar[dict[str, Parameter]] = _only("coulomb", "viscous")
+
+    coulomb: float
+    viscous: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class M2(LoadDependent):
+    """Coulomb, viscous and Stribeck friction.
+
+    Attributes:
+        coulomb: F_c [N.m or N].
+        viscous: K_v [N.m.s/rad or N.s/m].
+        stribeck: F_st, what the slowest motion adds [N.m or N].
+        stribeck_velocity: v_s [rad/s or m/s].
+        exponent: alpha [-].
+    """
+
+    NAME: ClassVar[str] = "m2"
+    NEEDS: ClassVar[tuple[str, ...]] = ()
+    PARAMETERS: ClassVar[dict[str, Parameter]] = _only(
+        "coulomb", "viscous", "stribeck", "stribeck_velocity", "exponent"
+    )
+
+    coulomb: float
+    viscous: float = 0.0
+    stribeck: float = 0.0
+    stribeck_velocity: float = 1.0
+    exponent: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class M3(LoadDependent):
+    """Coulomb and viscous friction that grows with the load.
+
+    Attributes:
+        coulomb: F_c [N.m or N].
+        viscous: K_v [N.m.s/rad or N.s/m].
+        load: K, growth with |tau_m - tau_e| [-].
+    """
+
+    NAME: ClassVar[str] = "m3"
+    PARAMETERS: ClassVar[dict[str, Parameter]] = _only("coulomb", "viscous", "load")
+
+    coulomb: float
+    viscous: float = 0.0
+    load: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class M4(M2):
+    """Stribeck friction that grows with the load, sliding and at break-away.
+
+    Attributes:
+        load: K, growth with |tau_m - tau_e| [-].
+        load_stribeck: S, the same of what the slowest motion adds [-].
+    """
+
+    NAME: ClassVar[str] = "m4"
+    NEEDS: ClassVar[tuple[str, ...]] = ("load",)
+    PARAMETERS: ClassVar[dict[str, Parameter]] = M2.PARAMETERS | _only("load", "load_stribeck")
+
+    load: float = 0.0
+    load_stribeck: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class M5(M2):
+    """Stribeck friction that grows with the motor's and with the external torque, each by its own factor.
+
+    Attributes:
+        load_motor: K_m [-].
+        load_external: K_e [-].
+        load_stribeck_motor: S_m [-].
+        load_stribeck_external: S_e [-].
+    """
+
+    NAME: ClassVar[str] = "m5"
+    NEEDS: ClassVar[tuple[str, ...]] = ("load",)
+    PARAMETERS: ClassVar[dict[str, Parameter]] = M2.PARAMETERS | _only(
+        "load_motor", "load_external", "load_stribeck_motor", "load_stribeck_external"
+    )
+
+    load_motor: float = 0.0
+    load_external: float = 0.0
+    load_stribeck_motor: float = 0.0
+    load_stribeck_external: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class M6(M5):
+    """M5 and what a joint adds that is held against a load, quadratic in it.
+
+    Attributes:
+        quadratic_external: Q_e, where the external torque is the smaller [1/(N.m) or 1/N].
+        quadratic_motor: Q_m, where it is the greater [1/(N.m) or 1/N].
+    """
+
+    NAME: ClassVar[str] = "m6"
+    PARAMETERS: ClassVar[dict[str, Parameter]] = M5.PARAMETERS | _only(
+        "quadratic_external", "quadratic_motor"
+    )
+
+    quadratic_external: float = 0.0
+    quadratic_motor: float = 0.0

@@ -1,0 +1,66 @@
+"""A continuously differentiable friction curve: Makkar, Dixon, Sawyer, Hu (IEEE/ASME AIM 2005).
+
+    tau_f(v) = g_1 (tanh(g_2 v) - tanh(g_3 v)) + g_4 tanh(g_5 v) + g_6 v
+
+g_1: height of the Stribeck peak before it is cut, g_4: Coulomb torque [N.m or N]. g_2 > g_3: steepness of the rise and of
+the fall, g_5: steepness of the Coulomb part [s/rad or s/m]. g_6: viscous coefficient [N.m.s/rad or N.s/m]. Friction is 0
+at rest and rises steeply: nothing holds a joint for good, and there is no Coulomb torque for a presliding element to carry.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from backdrive._jit import jit
+from backdrive.laws.base import Parameter, Rate
+
+MAKKAR = "example of this law in the MathWorks System Identification Toolbox (idnlgreydemo5)"
+
+
+@jit
+def limits(p, v, load, temp):
+    """Rate law: no set-valued part; the whole curve is in the last number."""
+    rise, fall, coulomb = np.tanh(p[1] * v), np.tanh(p[2] * v), np.tanh(p[4] * v)
+    return 0.0, 0.0, p[0] * (rise - fall) + p[3] * coulomb + p[5] * v
+
+
+@dataclass(frozen=True, kw_only=True)
+class Makkar(Rate):
+    """Smooth friction from three hyperbolic tangents.
+
+    Attributes:
+        stribeck: g_1, height of the Stribeck peak [N.m or N].
+        rise: g_2, steepness of its rise [s/rad or s/m].
+        fall: g_3, steepness of its fall [s/rad or s/m].
+        coulomb: g_4, Coulomb torque [N.m or N].
+        steepness: g_5, of the Coulomb torque's rise [s/rad or s/m].
+        viscous: g_6 [N.m.s/rad or N.s/m].
+    """
+
+    NAME: ClassVar[str] = "makkar"
+    KIND: ClassVar[int] = 4
+    SMOOTH: ClassVar[bool] = True
+    PARAMETERS: ClassVar[dict[str, Parameter]] = {
+        "stribeck": Parameter(symbol="g_1", unit="force", lower=0.0, typical=0.25, source=MAKKAR, log=True),
+        "rise": Parameter(
+            symbol="g_2", unit="s/length", lower=1e-6, upper=1e9, typical=100.0, source=MAKKAR, log=True
+        ),
+        "fall": Parameter(
+            symbol="g_3", unit="s/length", lower=1e-6, upper=1e9, typical=10.0, source=MAKKAR, log=True
+        ),
+        "coulomb": Parameter(symbol="g_4", unit="force", lower=0.0, typical=0.1, source=MAKKAR, log=True),
+        "steepness": Parameter(
+            symbol="g_5", unit="s/length", lower=1e-6, upper=1e9, typical=100.0, source=MAKKAR, log=True
+        ),
+        "viscous": Parameter(symbol="g_6", unit="force.s/length", lower=0.0, typical=0.01, source=MAKKAR),
+    }
+
+    stribeck: float
+    rise: float
+    fall: float
+    coulomb: float
+    steepness: float
+    viscous: float = 0.0
