@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
+from backdrive.engine import axis as plant
 from backdrive.errors import InvalidInput, UnknownName
 from backdrive.excite import Sweep, TorqueRamp
 from backdrive.laws import CoulombViscous, Law
 from backdrive.plants import MACHINES, Servo, SimulatedJoint, machine
-from backdrive.plants import joint as plant
 from backdrive.plants.thesis import bent_curve, joint_1
 from backdrive.simulate import drive, longest_step, run, simulate
 
@@ -16,10 +16,10 @@ DRY = Law(rate=CoulombViscous(coulomb_positive=9.0, coulomb_negative=6.0))
 def advance(joint, state, torque, h, steps):
     """Advance a state under a constant torque; return it after every step."""
     law, s = joint.law, np.array(state, dtype=float)
-    row, p, x, load = joint.row(), law.row(), np.zeros(1), np.zeros(2)
+    row, p, x = joint.row(), law.row(), law.state()
     out = np.empty((steps, 5))
     for i in range(steps):
-        plant.advance(row, s, law.rate.KIND, law.element.KIND, p, x, torque, h, load)
+        plant.advance(row, s, law.rate.KIND, law.element.KIND, p, x, torque, h, 20.0)
         out[i] = s
     return out
 
@@ -239,9 +239,9 @@ def test_an_advance_is_the_same_without_the_compiler():
     joint = joint_1(compliant=True).replace(load_dependence=0.05, friction_side="load")
     states = []
     for step in (plant.advance, getattr(plant.advance, "py_func", plant.advance)):
-        s, load = np.array([0.1, 1.0, 0.1, 0.5, 3.0]), np.zeros(2)
+        s = np.array([0.1, 1.0, 0.1, 0.5, 3.0])
         for _ in range(20):
-            step(joint.row(), s, 1, 0, joint.law.row(), np.zeros(1), 20.0, 1e-4, load)
+            step(joint.row(), s, 1, 0, joint.law.row(), np.zeros(2), 20.0, 1e-4, 20.0)
         states.append(s)
     assert states[0] == pytest.approx(states[1], rel=1e-12)
 

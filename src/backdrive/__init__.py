@@ -22,28 +22,43 @@ _HOMES = {
     "identify": "backdrive.identification",
     "FrictionModel": "backdrive.model",
     "load_model": "backdrive.model",
+    "Axis": "backdrive.engine",
+    "DriveModel": "backdrive.engine",
+    "Law": "backdrive.laws",
+    "forward": "backdrive.engine",
+    "rollout": "backdrive.engine",
 }
 
 __all__ = [  # noqa: RUF022  (sorted by use)
     "__version__",
+    "Axis",
     "BackdriveError",
     "Drive",
+    "DriveModel",
     "FrictionModel",
     "Joint",
+    "Law",
     "Log",
     "Sweep",
     "check",
+    "forward",
     "identify",
     "load_model",
     "read_log",
     "read_logs",
+    "rollout",
 ]
 
 if TYPE_CHECKING:
+    from backdrive.engine import Axis as Axis
+    from backdrive.engine import DriveModel as DriveModel
+    from backdrive.engine import forward as forward
+    from backdrive.engine import rollout as rollout
     from backdrive.errors import BackdriveError as BackdriveError
     from backdrive.excite import Sweep as Sweep
     from backdrive.health import check as check
     from backdrive.identification import identify as identify
+    from backdrive.laws import Law as Law
     from backdrive.log import Drive as Drive
     from backdrive.log import Joint as Joint
     from backdrive.log import Log as Log

@@ -24,7 +24,7 @@ KERNEL_HOMES = (
     "_jit.py",
     "filters.py",
     "laws",
-    "rollout",
+    "engine",
     "plants",
     "estimate",
     "compensate",
@@ -50,11 +50,28 @@ def kernel_digest() -> str:
 def jit(function: F) -> F:
     """Compile `function` without fastmath (a NaN stays a NaN) and cache it on disk.
 
-    With NUMBA_DISABLE_JIT=1 the plain function is returned, so that the same tests run on both.
+    Kernels allocate nothing, so numba's reference counting is off: its atomic operations cost several times what a
+    law does. With NUMBA_DISABLE_JIT=1 the plain function is returned, so that the same tests run on both.
     """
+    return _compiled(function)
+
+
+def leaf(function: F) -> F:
+    """Compile as `jit` does, and inline the function wherever it is called: for what is called every tick.
+
+    Not for what calls a ladder of laws more than once, which would grow beyond what a compiler can chew.
+    """
+    return _compiled(function, forceinline=True)
+
+
+def _compiled(function: F, **wanted: bool) -> F:
     if nb.config.DISABLE_JIT:  # type: ignore[attr-defined]
         return function
-    compiled: Any = nb.njit(error_model="numpy", nogil=True)(function)
+    from numba.core.options import DefaultOptions
+
+    options: Any = {"_nrt": False} | wanted
+    options = {name: value for name, value in options.items() if hasattr(DefaultOptions, name)}
+    compiled: Any = nb.njit(error_model="numpy", nogil=True, **options)(function)
     stamped = _stamped_cache(function)
     if stamped is not None:
         compiled._cache = stamped

@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 
 from backdrive._jit import jit
+from backdrive.engine import axis as axis_
+from backdrive.engine import servo as servo_
 from backdrive.errors import InvalidInput
 from backdrive.log import Drive, Log
-from backdrive.plants import joint as plant_
-from backdrive.plants import servo as servo_
 from backdrive.plants.joint import SimulatedJoint
 
 SUBSTEP = 5e-4  # longest integration step [s]
 DELAYED = 1e-4  # the same with a delay, which is rounded to whole steps [s]
+TEMPERATURE = 20.0  # degC, of a simulated joint
 PHASE = 0.25  # and longest step as a phase of the transmission's own oscillation [rad]
 
 
@@ -40,19 +41,18 @@ def run(j, rate, element, p, x, s, g, c, limit, count, T, substeps, late, closed
     """
     n = target.shape[0]
     h = T / substeps
-    load = np.zeros(2)
-    before = plant_.gravity(j, s[2])
+    before = axis_.gravity(j, s[2])
     for k in range(n):
         reading = encoder(s[0], count)
         if closed:
-            u = servo_.tick(g, c, T, target[k, 0], target[k, 1], reading, limit)
+            u = servo_.tick(g, 0, c, T, target[k, 0], target[k, 1], reading, limit)
         else:
             u = min(max(target[k, 0], -limit), limit)
         out[k, 0], out[k, 1], out[k, 2], out[k, 3] = reading, u, s[1], s[3]
         for i in range(substeps):
             behind = k - (late - i + substeps - 1) // substeps if late > i else k
             acting = out[behind, 1] if behind >= 0 else before
-            plant_.advance(j, s, rate, element, p, x, acting + noise[k], h, load)
+            axis_.advance(j, s, rate, element, p, x, acting + noise[k], h, TEMPERATURE)
 
 
 def simulate(

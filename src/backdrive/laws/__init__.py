@@ -140,14 +140,14 @@ class Law:
 
         v = np.asarray(velocity, dtype=np.float64)
         out = np.empty(v.size)
-        kernels.steady(self.rate.KIND, self.row(), np.ravel(v), np.zeros(2), REFERENCE, out)
+        kernels.steady(self.rate.KIND, self.row(), np.ravel(v), (0.0, 0.0), REFERENCE, out)
         return out.reshape(v.shape)
 
     def coulomb(self) -> tuple[float, float]:
         """Return F_p and F_n of Iwatani 2017, (3.1): friction at the slowest motion along +q and along -q [N.m or N]."""
         from backdrive.laws import kernels
 
-        lo, hi, _ = kernels.limits(self.rate.KIND, self.row(), 0.0, np.zeros(2), REFERENCE)
+        lo, hi, _ = kernels.limits(self.rate.KIND, self.row(), 0.0, (0.0, 0.0), REFERENCE)
         return float(hi), float(-lo)
 
     def phi(self, velocity: np.ndarray | float) -> np.ndarray:

@@ -37,7 +37,9 @@ class Parameter:
     def unit_for(self, joint_unit: str) -> str:
         """Return the SI unit for a joint measured in `rad` or `m`."""
         force = "N.m" if joint_unit == "rad" else "N"
-        return self.unit.replace("force", force).replace("length", joint_unit)
+        below = f"({force})" if joint_unit == "rad" else force
+        unit = self.unit.replace("/force", f"/{below}").replace("force", force)
+        return unit.replace("length", joint_unit)
 
 
 @dataclass(frozen=True, kw_only=True)

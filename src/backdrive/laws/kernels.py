@@ -1,8 +1,9 @@
 """The ladder: one compiled entry for every law, chosen by an integer.
 
 A law is a row `p`: p[0] is the number m of rate-law parameters, p[1:1+m] the rate law's row, p[1+m:] the element's.
-`rate` and `element` are the integers of their classes; `x` is the element's state, followed by as much room for `solve` to
-try steps in; `load` is the pair of motor-side and external torque, `temp` the temperature. `limits`, `step` and `solve` are
+A rate law reads its row from p[1] on, an element from p[e] on: a slice would cost more than the law. `rate` and `element` are
+the integers of their classes; `x` is the element's state, followed by as much room for `solve` to keep it while it tries
+steps; `load` is the pair of motor-side and external torque, a tuple, `temp` the temperature. `limits`, `step` and `solve` are
 the three kernels that a law offers.
 """
 
@@ -10,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import jit, leaf
 from backdrive.laws.elements import (
     bliman_sorine,
     dahl,
@@ -40,70 +41,69 @@ from backdrive.laws.rates import (
 )
 
 STEPS = 60  # of `solve` at most; line sections need a handful
-CLOSE = 1e-14  # of the bracket that `solve` ends with to the velocity in it
+CLOSE = 1e-14  # of what is left of the balance when `solve` ends to the velocities in it
 FASTEST = 1e100  # beyond this speed [rad/s or m/s] a velocity counts as this one, so that nothing overflows
 
 
-@jit
+@leaf
 def limits(rate, p, v, load, temp):
     """Rate law at velocity v: (lo, hi, viscous)."""
-    r = p[1 : 1 + int(p[0])]
     if rate == 0:
-        return coulomb_viscous.limits(r, v, load, temp)
+        return coulomb_viscous.limits(p, v, load, temp)
     if rate == 1:
-        return polyline.limits(r, v, load, temp)
+        return polyline.limits(p, v, load, temp)
     if rate == 2:
-        return stribeck.limits(r, v, load, temp)
+        return stribeck.limits(p, v, load, temp)
     if rate == 3:
-        return lorentz.limits(r, v, load, temp)
+        return lorentz.limits(p, v, load, temp)
     if rate == 4:
-        return makkar.limits(r, v, load, temp)
+        return makkar.limits(p, v, load, temp)
     if rate == 5:
-        return sigmoid.limits(r, v, load, temp)
+        return sigmoid.limits(p, v, load, temp)
     if rate == 6:
-        return degressive.limits(r, v, load, temp)
+        return degressive.limits(p, v, load, temp)
     if rate == 7:
-        return load_dependent.limits(r, v, load, temp)
+        return load_dependent.limits(p, v, load, temp)
     if rate == 8:
-        return load_temperature.limits(r, v, load, temp)
+        return load_temperature.limits(p, v, load, temp)
     return np.nan, np.nan, np.nan
 
 
-@jit
-def carry(element, e, x, lo, hi, dp, dt):
+@leaf
+def carry(element, p, e, x, lo, hi, dp, dt):
     """Torque of the element between the limits, and the motion that the viscous part sees; `x` is advanced in place."""
     if element == 0:
         return none.step(lo, hi, dp), dp
     if element == 1:
-        return dead_zone.step(e, lo, hi, dp, dt)
+        return dead_zone.step(p, e, lo, hi, dp, dt)
     if element == 2:
-        return dahl.step(e, x, lo, hi, dp), dp
+        return dahl.step(p, e, x, lo, hi, dp), dp
     if element == 3:
-        return bliman_sorine.step(e, x, lo, hi, dp), dp
+        return bliman_sorine.step(p, e, x, lo, hi, dp), dp
     if element == 4:
-        return reset_integrator.step(e, x, lo, hi, dp, dt), dp
+        return reset_integrator.step(p, e, x, lo, hi, dp, dt), dp
     if element == 5:
-        return lugre.step(e, x, lo, hi, dp, dt), dp
+        return lugre.step(p, e, x, lo, hi, dp, dt), dp
     if element == 6:
-        return elastoplastic.step(e, x, lo, hi, dp, dt), dp
+        return elastoplastic.step(p, e, x, lo, hi, dp, dt), dp
     if element == 7:
-        return hayward_armstrong.step(e, x, lo, hi, dp)
+        return hayward_armstrong.step(p, e, x, lo, hi, dp)
     if element == 8:
-        return xiong_kikuuwe.step(e, x, lo, hi, dp, dt), dp
+        return xiong_kikuuwe.step(p, e, x, lo, hi, dp, dt), dp
     if element == 9:
-        return decaying.step(e, x, lo, hi, dp, dt)
+        return decaying.step(p, e, x, lo, hi, dp, dt)
     if element == 10:
-        return maxwell_slip.step(e, x, lo, hi, dp), dp
+        return maxwell_slip.step(p, e, x, lo, hi, dp), dp
     if element == 11:
-        return leuven.step(e, x, lo, hi, dp, dt), dp
+        return leuven.step(p, e, x, lo, hi, dp, dt), dp
     if element == 12:
-        return gms.step(e, x, lo, hi, dp, dt), dp
+        return gms.step(p, e, x, lo, hi, dp, dt), dp
     if element == 13:
-        return smoothed_gms.step(e, x, lo, hi, dp, dt), dp
+        return smoothed_gms.step(p, e, x, lo, hi, dp, dt), dp
     return np.nan, np.nan
 
 
-@jit
+@leaf
 def step(rate, element, p, x, dp, dt, load, temp):
     """Friction torque of one tick; `x` is advanced in place."""
     v = dp / dt
@@ -112,7 +112,7 @@ def step(rate, element, p, x, dp, dt, load, temp):
     elif v < -FASTEST:
         v, dp = -FASTEST, -FASTEST * dt
     lo, hi, viscous = limits(rate, p, v, load, temp)
-    f, slid = carry(element, p[1 + int(p[0]) :], x, lo, hi, dp, dt)
+    f, slid = carry(element, p, 1 + int(p[0]), x, lo, hi, dp, dt)
     if slid != dp:
         viscous = limits(rate, p, slid / dt, load, temp)[2]
     return f + viscous
@@ -140,38 +140,39 @@ def solve(rate, element, p, x, v_free, dt, dt_over_m, load, temp):
     if not np.isfinite(at_rest):
         return np.nan
     toward = 1.0 if at_rest > 0.0 else -1.0
+    close = CLOSE * (abs(v_free) + abs(at_rest))
     # a: a speed at which friction is too weak; b: one at which it is too strong
     a, excess_a, b = 0.0, -abs(at_rest), abs(at_rest)
     excess_b = _excess(rate, element, p, x, b, toward, v_free, dt, dt_over_m, load, temp)
+    side, grown = 0, 1.0
     for _ in range(STEPS):
         if not excess_b < 0.0:
             break
-        a, excess_a, b = b, excess_b, 2.0 * b - excess_b
+        a, excess_a, b = b, excess_b, b - 2.0 * grown * excess_b
+        grown *= 2.0
         excess_b = _excess(rate, element, p, x, b, toward, v_free, dt, dt_over_m, load, temp)
     if excess_b == 0.0:
-        return _standing(element, p, toward * b)
-    for _ in range(STEPS):  # regula falsi with Illinois' halving: exact where the curve is a straight line
+        return toward * b
+    for _ in range(
+        STEPS
+    ):  # regula falsi, a side that stays halved (Illinois): exact where the curve is a straight line
         speed = b - excess_b * (b - a) / (excess_b - excess_a)
         if not a < speed < b:
             break
         excess = _excess(rate, element, p, x, speed, toward, v_free, dt, dt_over_m, load, temp)
-        if excess == 0.0:
-            return _standing(element, p, toward * speed)
+        if abs(excess) <= close:
+            return toward * speed
         if excess > 0.0:
-            b, excess_b, excess_a = speed, excess, 0.5 * excess_a
+            b, excess_b = speed, excess
+            if side > 0:
+                excess_a *= 0.5
+            side = 1
         else:
-            a, excess_a, excess_b = speed, excess, 0.5 * excess_b
-        if b - a <= CLOSE * b:
-            break
-    return _standing(element, p, toward * (b - excess_b * (b - a) / (excess_b - excess_a)))
-
-
-@jit
-def _standing(element, p, v):
-    """Velocity of a mass, 0 inside a dead zone."""
-    if element == 1 and abs(v) <= p[1 + int(p[0])]:
-        return 0.0
-    return v
+            a, excess_a = speed, excess
+            if side < 0:
+                excess_b *= 0.5
+            side = -1
+    return toward * (b - excess_b * (b - a) / (excess_b - excess_a))
 
 
 @jit
@@ -180,7 +181,10 @@ def _tried(rate, element, p, x, v, dt, load, temp):
     n = x.size // 2
     for i in range(n):
         x[n + i] = x[i]
-    return step(rate, element, p, x[n:], v * dt, dt, load, temp)
+    friction = step(rate, element, p, x, v * dt, dt, load, temp)
+    for i in range(n):
+        x[i] = x[n + i]
+    return friction
 
 
 @jit

@@ -25,9 +25,9 @@ from collections.abc import Callable
 import numpy as np
 
 from backdrive._catalog import lookup
+from backdrive.engine.servo import Servo
 from backdrive.laws import CoulombViscous, Law, Polyline
 from backdrive.plants.joint import SimulatedJoint
-from backdrive.plants.servo import Servo
 
 COUNTS = 65536  # of the HP3J's encoders, a motor turn [1]
 BEND = 1.0  # speed at which the friction curve bends [rad/s]

@@ -17,14 +17,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import leaf
 from backdrive.laws.base import Element, Parameter
 
 
-@jit
-def step(e, x, lo, hi, dp):
+@leaf
+def step(p, e, x, lo, hi, dp):
     """Torque of one tick; the states are the two bristles, in torques of the rate law."""
-    distance, ratio, overshoot = e[0], e[1], e[2]
+    distance, ratio, overshoot = p[e], p[e + 1], p[e + 2]
     if dp > 0.0:
         bound, path = hi, dp / distance
     else:

@@ -14,11 +14,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import leaf
 from backdrive.laws.base import Element, Parameter
 
 
-@jit
+@leaf
 def relaxed(z, lo, hi, dp):
     """Torque z (of unit stiffness) carried towards the bound of the direction of motion over a path dp, exactly."""
     bound = hi if dp > 0.0 else lo
@@ -29,10 +29,10 @@ def relaxed(z, lo, hi, dp):
     return bound + (z - bound) * np.exp(-dp / bound)
 
 
-@jit
-def step(e, x, lo, hi, dp):
+@leaf
+def step(p, e, x, lo, hi, dp):
     """Torque of one tick; the state is the torque."""
-    x[0] = relaxed(x[0], lo, hi, e[0] * dp)
+    x[0] = relaxed(x[0], lo, hi, p[e] * dp)
     return x[0]
 
 

@@ -3,9 +3,10 @@
     tau_f = gsgn(lo, v, hi) + viscous(v)   for |v| > V,   else 0
 
 V: half width of the zone [rad/s or m/s]. As a law of given motion it is (4.17): no friction inside the zone, so that a
-noisy velocity does not make the torque jump between the two directions. As a law of a mass (`solve`) it is Karnopp's:
-inside the zone the mass stands, held by whatever torque within [lo, hi] that needs. A velocity counted in encoder steps
-can fall on the threshold exactly: put V half a step off (`threshold + 0.5 count / dt`).
+noisy velocity does not make the torque jump between the two directions. A mass under it (`solve`) needs no zone: an implicit
+step holds it exactly at rest, which is what Karnopp's zone was for, and lets it slide under the rate law at any other
+velocity. A velocity counted in encoder steps can fall on the threshold exactly: put V half a step off
+(`threshold + 0.5 count / dt`).
 """
 
 from __future__ import annotations
@@ -13,14 +14,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from backdrive._jit import jit
+from backdrive._jit import leaf
 from backdrive.laws.base import Element, Parameter
 
 
-@jit
-def step(e, lo, hi, dp, dt):
+@leaf
+def step(p, e, lo, hi, dp, dt):
     """Torque and motion of the viscous part of one tick: both 0 inside the zone."""
-    width = e[0] * dt
+    width = p[e] * dt
     if dp > width:
         return hi, dp
     if dp < -width:

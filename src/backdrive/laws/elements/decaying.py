@@ -13,16 +13,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from backdrive._jit import jit
+from backdrive._jit import leaf
 from backdrive.laws.base import Element, Parameter
 from backdrive.laws.elements.dahl import STIFFNESS
 from backdrive.laws.elements.hayward_armstrong import clipped
 
 
-@jit
-def step(e, x, lo, hi, dp, dt):
+@leaf
+def step(p, e, x, lo, hi, dp, dt):
     """Torque and slider's motion of one tick; the state is K (p - q)."""
-    K, alpha = e[0], e[1]
+    K, alpha = p[e], p[e + 1]
     before = x[0]
     x[0] = clipped((before + K * dp) / (1.0 + alpha * dt), lo, hi)
     return x[0], dp - (x[0] - before) / K
@@ -40,6 +40,7 @@ class Decaying(Element):
     NAME: ClassVar[str] = "decaying"
     KIND: ClassVar[int] = 9
     SLIDER: ClassVar[bool] = True
+    DRIFTS: ClassVar[bool] = True
     STEADY: ClassVar[bool] = False
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
         "stiffness": STIFFNESS,
@@ -55,7 +56,7 @@ class Decaying(Element):
     }
     CLAIMS: ClassVar[tuple[str, ...]] = (
         "At a constant velocity the torque is min(F, K v/alpha).",
-        "At rest the torque fades.",
+        "At rest the torque fades, and under a bias the joint creeps.",
     )
 
     stiffness: float

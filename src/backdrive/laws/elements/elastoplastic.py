@@ -17,14 +17,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import jit, leaf
 from backdrive.laws.base import Parameter
 from backdrive.laws.elements.lugre import LuGre, damping
 
 STEPS = 60
 
 
-@jit
+@leaf
 def plastic(w):
     """a: share of the motion that slides, w of the way from the elastic limit to full sliding."""
     return 0.5 + 0.5 * np.sin(np.pi * (w - 0.5))
@@ -39,28 +39,32 @@ def yielded(g, R, S, b):
         return S if R > 1e8 * S else (g + R) / (1.0 + R / S)
     low, high = 0.0, 1.0  # of w = (u/S - b)/(1 - b), where the residual below is < 0 and > 0
     below, above = ((b * S - g) - R) / (S + R), (S - g) / (S + R)
-    for _ in range(STEPS):  # regula falsi with Illinois' halving
+    w, side = 0.0, 0
+    for _ in range(STEPS):  # regula falsi, a side that stays halved (Illinois)
         w = high - above * (high - low) / (above - below)
         if not low < w < high:
             break
         ratio = b + w * (1.0 - b)
         value = ((ratio * S - g) - R * (1.0 - plastic(w) * ratio)) / (S + R)
         if value > 0.0:
-            high, above, below = w, value, 0.5 * below
-        elif value < 0.0:
-            low, below, above = w, value, 0.5 * above
+            high, above = w, value
+            if side > 0:
+                below *= 0.5
+            side = 1
         else:
-            low = high = w
+            low, below = w, value
+            if side < 0:
+                above *= 0.5
+            side = -1
+        if not abs(value) > 1e-15:
             break
-        if high - low <= 1e-14:
-            break
-    return S * (b + 0.5 * (low + high) * (1.0 - b)) if high - low <= 1e-14 else S * (b + w * (1.0 - b))
+    return S * (b + w * (1.0 - b))
 
 
-@jit
-def step(e, x, lo, hi, dp, dt):
+@leaf
+def step(p, e, x, lo, hi, dp, dt):
     """Torque of one tick; the state is sigma_0 z."""
-    sigma_0, sigma_1, v_d, b = e[0], e[1], e[2], e[3]
+    sigma_0, sigma_1, v_d, b = p[e], p[e + 1], p[e + 2], p[e + 3]
     f = x[0]
     if dp > 0.0:
         after = yielded(f, sigma_0 * dp, hi, b) if hi > 0.0 else 0.0

@@ -13,23 +13,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from backdrive._jit import jit
+from backdrive._jit import leaf
 from backdrive.laws.base import Parameter
 from backdrive.laws.elements.maxwell_slip import MANY, Parallel
 
 ATTRACTION = Parameter(symbol="C", unit="force/s", lower=1e-9, typical=100.0, log=True)
 
 
-@jit
-def step(e, x, lo, hi, dp, dt):
+@leaf
+def step(p, e, x, lo, hi, dp, dt):
     """Torque of one tick; the states are the elements' torques, then their regimes: +1, -1 slipping that way, 0 sticking."""
-    n = int(e[0])
-    C = e[1 + 2 * n]
+    n = int(p[e])
+    C = p[e + 1 + 2 * n]
     s = hi if dp >= 0.0 else lo
     way = 1.0 if dp > 0.0 else -1.0
     total = 0.0
     for i in range(n):
-        w = e[1 + n + i]
+        w = p[e + 1 + n + i]
         bound = w * s
         f = x[i]
         if dp == 0.0:
@@ -41,7 +41,7 @@ def step(e, x, lo, hi, dp, dt):
             else:
                 f = (f + dt * way * C * w) / (1.0 + dt * C / abs(s))
         else:
-            f += e[1 + i] * dp
+            f += p[e + 1 + i] * dp
             x[n + i] = 0.0
             if (f - bound) * way >= 0.0:
                 f = bound

@@ -12,12 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from backdrive._jit import jit
+from backdrive._jit import leaf
 from backdrive.laws.base import Element, Parameter
 from backdrive.laws.elements.dahl import STIFFNESS
 
 
-@jit
+@leaf
 def clipped(f, lo, hi):
     """Return f within [lo, hi]; a NaN stays a NaN."""
     if f > hi:
@@ -27,10 +27,10 @@ def clipped(f, lo, hi):
     return f
 
 
-@jit
-def step(e, x, lo, hi, dp):
+@leaf
+def step(p, e, x, lo, hi, dp):
     """Torque and slider's motion of one tick; the state is K (p - q)."""
-    K = e[0]
+    K = p[e]
     before = x[0]
     trial = before + K * dp
     x[0] = clipped(trial, lo, hi)

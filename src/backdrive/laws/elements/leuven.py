@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from backdrive._jit import jit
+from backdrive._jit import jit, leaf
 from backdrive.laws.base import Parameter
 from backdrive.laws.elements.hayward_armstrong import clipped
 from backdrive.laws.elements.maxwell_slip import MANY, Parallel
@@ -22,65 +22,70 @@ from backdrive.laws.elements.maxwell_slip import MANY, Parallel
 STEPS = 60
 
 
-@jit
-def pulled(e, x, dz, lo, hi):
+@leaf
+def pulled(p, e, x, dz, lo, hi):
     """Hysteresis torque after the bristle has moved by dz; `x` stays as it is."""
-    n = int(e[0])
+    n = int(p[e])
     total = 0.0
     for i in range(n):
-        w = e[1 + n + i]
-        total += clipped(x[i] + e[1 + i] * dz, w * lo, w * hi)
+        w = p[e + 1 + n + i]
+        total += clipped(x[i] + p[e + 1 + i] * dz, w * lo, w * hi)
     return total
 
 
 @jit
-def moved(e, x, way, path, lo, hi):
+def moved(p, e, x, way, path, lo, hi):
     """How far the bristle moves, along the motion, while the joint moves by path > 0: the root u of u = path (1 - ...)."""
-    n = e[1 + 2 * int(e[0])]
+    n = p[e + 1 + 2 * int(p[e])]
     S = hi if way > 0.0 else -lo
     low, high = 0.0, 2.0  # of u/path
-    below = (way * pulled(e, x, 0.0, lo, hi)) / S
+    below = (way * pulled(p, e, x, 0.0, lo, hi)) / S
     below = _sharp(below, n) - 1.0
     if below >= 0.0:
         return 0.0
-    above = 1.0 + _sharp(way * pulled(e, x, way * 2.0 * path, lo, hi) / S, n)
+    above = 1.0 + _sharp(way * pulled(p, e, x, way * 2.0 * path, lo, hi) / S, n)
     u = 0.0
-    for _ in range(STEPS):  # regula falsi with Illinois' halving
+    side = 0
+    for _ in range(STEPS):  # regula falsi, a side that stays halved (Illinois)
         u = high - above * (high - low) / (above - below)
         if not low < u < high:
             break
-        value = u - 1.0 + _sharp(way * pulled(e, x, way * u * path, lo, hi) / S, n)
+        value = u - 1.0 + _sharp(way * pulled(p, e, x, way * u * path, lo, hi) / S, n)
         if value > 0.0:
-            high, above, below = u, value, 0.5 * below
-        elif value < 0.0:
-            low, below, above = u, value, 0.5 * above
+            high, above = u, value
+            if side > 0:
+                below *= 0.5
+            side = 1
         else:
-            return u * path
-        if high - low <= 1e-15:
+            low, below = u, value
+            if side < 0:
+                above *= 0.5
+            side = -1
+        if not abs(value) > 1e-15:
             break
     return u * path
 
 
-@jit
+@leaf
 def _sharp(r, n):
     """sgn(r) |r|^n."""
     return r**n if r > 0.0 else -((-r) ** n)
 
 
-@jit
-def step(e, x, lo, hi, dp, dt):
+@leaf
+def step(p, e, x, lo, hi, dp, dt):
     """Torque of one tick; the states are the elements' torques."""
-    n = int(e[0])
-    sigma_1 = e[2 + 2 * n]
+    n = int(p[e])
+    sigma_1 = p[e + 2 + 2 * n]
     dz = dp
     if dp > 0.0:
-        dz = moved(e, x, 1.0, dp, lo, hi) if hi > 0.0 else 0.0
+        dz = moved(p, e, x, 1.0, dp, lo, hi) if hi > 0.0 else 0.0
     elif dp < 0.0:
-        dz = -moved(e, x, -1.0, -dp, lo, hi) if lo < 0.0 else 0.0
+        dz = -moved(p, e, x, -1.0, -dp, lo, hi) if lo < 0.0 else 0.0
     total = 0.0
     for i in range(n):
-        w = e[1 + n + i]
-        x[i] = clipped(x[i] + e[1 + i] * dz, w * lo, w * hi)
+        w = p[e + 1 + n + i]
+        x[i] = clipped(x[i] + p[e + 1 + i] * dz, w * lo, w * hi)
         total += x[i]
     return total + sigma_1 * (dz / dt)
 

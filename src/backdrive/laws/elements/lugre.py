@@ -19,13 +19,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import leaf
 from backdrive.laws.base import Element, Parameter, Rate
 
 CANUDAS = "Canudas de Wit et al., IEEE TAC 40(3), 1995, Table I"
 
 
-@jit
+@leaf
 def damping(sigma_1, v_d, v):
     """Damping of the bristle at velocity v."""
     if v_d <= 0.0 or sigma_1 == 0.0:
@@ -34,10 +34,10 @@ def damping(sigma_1, v_d, v):
     return sigma_1 * np.exp(-r * r)
 
 
-@jit
-def step(e, x, lo, hi, dp, dt):
+@leaf
+def step(p, e, x, lo, hi, dp, dt):
     """Torque of one tick; the state is sigma_0 z."""
-    sigma_0, sigma_1, v_d = e[0], e[1], e[2]
+    sigma_0, sigma_1, v_d = p[e], p[e + 1], p[e + 2]
     f = x[0]
     reach = sigma_0 * dp
     s = hi if dp > 0.0 else lo

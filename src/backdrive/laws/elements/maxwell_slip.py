@@ -14,7 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import leaf
 from backdrive.errors import InvalidInput
 from backdrive.laws.base import Element, Parameter
 from backdrive.laws.elements.hayward_armstrong import clipped
@@ -22,14 +22,14 @@ from backdrive.laws.elements.hayward_armstrong import clipped
 MOST = 32  # elements
 
 
-@jit
-def step(e, x, lo, hi, dp):
+@leaf
+def step(p, e, x, lo, hi, dp):
     """Torque of one tick; the states are the elements' torques."""
-    n = int(e[0])
+    n = int(p[e])
     total = 0.0
     for i in range(n):
-        w = e[1 + n + i]
-        x[i] = clipped(x[i] + e[1 + i] * dp, w * lo, w * hi)
+        w = p[e + 1 + n + i]
+        x[i] = clipped(x[i] + p[e + 1 + i] * dp, w * lo, w * hi)
         total += x[i]
     return total
 

@@ -12,11 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from backdrive._jit import jit
+from backdrive._jit import leaf
 from backdrive.laws.base import Element, Parameter
 
 
-@jit
+@leaf
 def step(lo, hi, dp):
     """Torque of one tick from the limits at its velocity and its increment dp."""
     if dp > 0.0:

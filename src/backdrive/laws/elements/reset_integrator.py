@@ -13,15 +13,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from backdrive._jit import jit
+from backdrive._jit import leaf
 from backdrive.laws.base import Element, Parameter
 from backdrive.laws.elements.dahl import STIFFNESS
 
 
-@jit
-def step(e, x, lo, hi, dp, dt):
+@leaf
+def step(p, e, x, lo, hi, dp, dt):
     """Torque of one tick; the state is K z."""
-    stiffness, excess, damping = e[0], e[1], e[2]
+    stiffness, excess, damping = p[e], p[e + 1], p[e + 2]
     trial = x[0] + stiffness * dp
     if trial >= hi and dp > 0.0:
         x[0] = hi

@@ -17,14 +17,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import jit, leaf
 from backdrive.laws.base import Parameter
 from backdrive.laws.elements.maxwell_slip import MANY, Parallel
 
 STEPS = 60
 
 
-@jit
+@leaf
 def gate(r, sharp, margin, reversal):
     """m(r) g(r), not yet normalised."""
     held = 1.0 - 0.5 * np.tanh(sharp * (r + margin)) + 0.5 * np.tanh(sharp * (r - margin))
@@ -50,37 +50,42 @@ def loaded(r, path, full, sharp, margin, reversal):
     if above <= 0.0:
         return high
     u = low
-    for _ in range(STEPS):  # regula falsi with Illinois' halving
+    side = 0
+    for _ in range(STEPS):  # regula falsi, a side that stays halved (Illinois)
         u = high - above * (high - low) / (above - below)
         if not low < u < high:
             break
         value = ((u - r) - path * (1.0 - gate(u, sharp, margin, reversal) / full * u)) * inverse
         if value > 0.0:
-            high, above, below = u, value, 0.5 * below
-        elif value < 0.0:
-            low, below, above = u, value, 0.5 * above
+            high, above = u, value
+            if side > 0:
+                below *= 0.5
+            side = 1
         else:
-            break
-        if high - low <= 1e-15:
+            low, below = u, value
+            if side < 0:
+                above *= 0.5
+            side = -1
+        if not abs(value) > 1e-15:
             break
     return u
 
 
-@jit
-def step(e, x, lo, hi, dp, dt):
+@leaf
+def step(p, e, x, lo, hi, dp, dt):
     """Torque of one tick; the states are the elements' torques."""
-    n = int(e[0])
-    sharp, margin, reversal = e[1 + 2 * n], e[2 + 2 * n], e[3 + 2 * n]
+    n = int(p[e])
+    sharp, margin, reversal = p[e + 1 + 2 * n], p[e + 2 + 2 * n], p[e + 3 + 2 * n]
     s = hi if dp > 0.0 else lo
     total = 0.0
     if dp != 0.0:
         full = gate(1.0, sharp, margin, reversal)
         for i in range(n):
-            bound = e[1 + n + i] * s
+            bound = p[e + 1 + n + i] * s
             if bound == 0.0:
                 x[i] = 0.0
                 continue
-            x[i] = bound * loaded(x[i] / bound, e[1 + i] * dp / bound, full, sharp, margin, reversal)
+            x[i] = bound * loaded(x[i] / bound, p[e + 1 + i] * dp / bound, full, sharp, margin, reversal)
             total += x[i]
         return total + 0.0 * dp
     for i in range(n):

@@ -20,7 +20,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import leaf
 from backdrive.laws.base import Element, Parameter
 from backdrive.laws.elements.dahl import STIFFNESS
 from backdrive.laws.elements.hayward_armstrong import clipped
@@ -29,11 +29,11 @@ from backdrive.laws.elements.maxwell_slip import MANY, Parallel
 ROBOT = "a 7-joint robot simulated with one such element a joint: K = 5000 N.m/rad, B/K = 10 ms"
 
 
-@jit
-def step(e, x, lo, hi, dp, dt):
+@leaf
+def step(p, e, x, lo, hi, dp, dt):
     """Torque of one tick; the states are the spring torques K_i a_i, then the lagging bounds (0 before the first tick)."""
-    n = int(e[0])
-    beta, lag = e[1 + 2 * n], e[2 + 2 * n]
+    n = int(p[e])
+    beta, lag = p[e + 1 + 2 * n], p[e + 2 + 2 * n]
     if lag > 0.0:
         if x[n] == 0.0 and x[n + 1] == 0.0:
             x[n], x[n + 1] = hi, lo
@@ -43,8 +43,8 @@ def step(e, x, lo, hi, dp, dt):
         hi, lo = x[n], x[n + 1]
     total = 0.0
     for i in range(n):
-        w = e[1 + n + i]
-        pull = e[1 + i] * dp
+        w = p[e + 1 + n + i]
+        pull = p[e + 1 + i] * dp
         f = clipped(x[i] + pull + beta * (pull / dt), w * lo, w * hi)
         x[i] = (beta * x[i] + dt * f) / (beta + dt)
         total += f

@@ -14,15 +14,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import leaf
 from backdrive.laws.base import Parameter, Rate
 from backdrive.laws.rates.coulomb_viscous import HP3J
 
 
-@jit
+@leaf
 def limits(p, v, load, temp):
     """Rate law: -F, F and k |v|^n sgn(v)."""
-    F, k, n = p[0], p[1], p[2]
+    F, k, n = p[1], p[2], p[3]
     speed = abs(v)
     if n == 0.5:
         growth = k * np.sqrt(speed)
@@ -46,7 +46,14 @@ class Degressive(Rate):
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
         "coulomb": Parameter(symbol="F", unit="force", lower=0.0, typical=6.85, source=HP3J, log=True),
         "growth": Parameter(symbol="k", unit="force.(s/length)^n", lower=0.0),
-        "exponent": Parameter(symbol="n", unit="1", lower=0.05, upper=1.0, typical=2.0 / 3.0, source="Palmgren 1964, lubricated rolling bearings"),
+        "exponent": Parameter(
+            symbol="n",
+            unit="1",
+            lower=0.05,
+            upper=1.0,
+            typical=2.0 / 3.0,
+            source="Palmgren 1964, lubricated rolling bearings",
+        ),
     }
 
     coulomb: float

@@ -19,23 +19,23 @@ from typing import ClassVar
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import leaf
 from backdrive.laws.base import Parameter, Rate
 from backdrive.laws.rates.stribeck import fading
 
 
-@jit
+@leaf
 def limits(p, v, load, temp):
     """Rate law: -F, F and K_v v under the load (tau_m, tau_e)."""
-    F_c, F_st, v_s, alpha, K_v = p[0], p[1], p[2], p[3], p[4]
+    F_c, F_st, v_s, alpha, K_v = p[1], p[2], p[3], p[4], p[5]
     tau_m, tau_e = load[0], load[1]
     e = fading(v, v_s, alpha)
-    F = F_c + e * F_st + abs(p[5] * tau_m - p[6] * tau_e) + e * abs(p[7] * tau_m - p[8] * tau_e)
+    F = F_c + e * F_st + abs(p[6] * tau_m - p[7] * tau_e) + e * abs(p[8] * tau_m - p[9] * tau_e)
     if tau_m * tau_e < 0.0:
         if abs(tau_e) < abs(tau_m):
-            F += e * p[9] * tau_e * tau_e
+            F += e * p[10] * tau_e * tau_e
         elif abs(tau_e) > abs(tau_m):
-            F += e * p[10] * tau_m * tau_m
+            F += e * p[11] * tau_m * tau_m
     return -F, F, K_v * v
 
 

@@ -16,16 +16,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import leaf
 from backdrive.laws.base import Parameter, Rate
 from backdrive.laws.rates.stribeck import fading
 
 
-@jit
+@leaf
 def limits(p, v, load, temp):
     """Rate law: -s(v), s(v) and the viscous part under a load at a temperature."""
     F_c0, F_cl, F_sl, v_sl, F_s0, F_sT, v_s0, v_sT, F_v0, F_vT, T_v, delta = (
-        p[0],
         p[1],
         p[2],
         p[3],
@@ -37,6 +36,7 @@ def limits(p, v, load, temp):
         p[9],
         p[10],
         p[11],
+        p[12],
     )
     carried = 0.5 * abs(load[0] - load[1])
     v_s = v_s0 + v_sT * temp

@@ -11,15 +11,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from backdrive._jit import jit
+from backdrive._jit import leaf
 from backdrive.laws.base import Parameter, Rate
 from backdrive.laws.rates.stribeck import COMMON
 
 
-@jit
+@leaf
 def limits(p, v, load, temp):
     """Rate law: -s(v), s(v) and sigma_2 v."""
-    F_c, F_s, v_s, sigma_2 = p[0], p[1], p[2], p[3]
+    F_c, F_s, v_s, sigma_2 = p[1], p[2], p[3], p[4]
     r = v / v_s
     s = F_c + (F_s - F_c) / (1.0 + r * r)
     return -s, s, sigma_2 * v

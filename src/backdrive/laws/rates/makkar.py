@@ -14,17 +14,17 @@ from typing import ClassVar
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import leaf
 from backdrive.laws.base import Parameter, Rate
 
 MAKKAR = "example of this law in the MathWorks System Identification Toolbox (idnlgreydemo5)"
 
 
-@jit
+@leaf
 def limits(p, v, load, temp):
     """Rate law: no set-valued part; the whole curve is in the last number."""
-    rise, fall, coulomb = np.tanh(p[1] * v), np.tanh(p[2] * v), np.tanh(p[4] * v)
-    return 0.0, 0.0, p[0] * (rise - fall) + p[3] * coulomb + p[5] * v
+    rise, fall, coulomb = np.tanh(p[2] * v), np.tanh(p[3] * v), np.tanh(p[5] * v)
+    return 0.0, 0.0, p[1] * (rise - fall) + p[4] * coulomb + p[6] * v
 
 
 @dataclass(frozen=True, kw_only=True)

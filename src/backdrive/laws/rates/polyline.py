@@ -14,34 +14,34 @@ from typing import ClassVar
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import leaf
 from backdrive.errors import InvalidInput
 from backdrive.laws.base import Parameter, Rate
 
 
-@jit
+@leaf
 def branch(p, n, start, speed):
-    """Curve of one direction at speed >= 0: knots p[1:1+n], torques p[start:start+n]."""
+    """Curve of one direction at speed >= 0: knots p[2:2+n], torques p[start:start+n]."""
     if n == 1:
         return p[start]
     i = 0
-    while i < n - 2 and speed >= p[2 + i]:
+    while i < n - 2 and speed >= p[3 + i]:
         i += 1
-    V_0, V_1 = p[1 + i], p[2 + i]
+    V_0, V_1 = p[2 + i], p[3 + i]
     F_0, F_1 = p[start + i], p[start + i + 1]
     return F_0 + (F_1 - F_0) / (V_1 - V_0) * (speed - V_0)
 
 
-@jit
+@leaf
 def limits(p, v, load, temp):
     """Rate law: the intercepts -F_n and F_p, and Phi(v)."""
-    n = int(p[0])
-    F_p = max(branch(p, n, 1 + n, 0.0), 0.0)
-    F_n = max(branch(p, n, 1 + 2 * n, 0.0), 0.0)
+    n = int(p[1])
+    F_p = max(branch(p, n, 2 + n, 0.0), 0.0)
+    F_n = max(branch(p, n, 2 + 2 * n, 0.0), 0.0)
     if v > 0.0:
-        phi = branch(p, n, 1 + n, v) - F_p
+        phi = branch(p, n, 2 + n, v) - F_p
     elif v < 0.0:
-        phi = F_n - branch(p, n, 1 + 2 * n, -v)
+        phi = F_n - branch(p, n, 2 + 2 * n, -v)
     else:
         phi = 0.0 * v  # keeps a NaN
     return -F_n, F_p, phi

@@ -14,16 +14,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import leaf
 from backdrive.laws.base import Parameter, Rate
 
 GAZ = "Gaz et al., IEEE RA-L 4(4), 2019, joint 1"
 
 
-@jit
+@leaf
 def limits(p, v, load, temp):
     """Rate law: no set-valued part; the whole curve is in the last number."""
-    phi_1, phi_2, phi_3 = p[0], p[1], p[2]
+    phi_1, phi_2, phi_3 = p[1], p[2], p[3]
     # a/(1 + e^-x) - a/(1 + e^-y) = a/2 (tanh(x/2) - tanh(y/2)): no overflow
     return 0.0, 0.0, 0.5 * phi_1 * (np.tanh(0.5 * phi_2 * (v + phi_3)) - np.tanh(0.5 * phi_2 * phi_3))
 

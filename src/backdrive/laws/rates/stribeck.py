@@ -14,13 +14,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import leaf
 from backdrive.laws.base import Parameter, Rate
 
 CANUDAS = "Canudas de Wit et al., IEEE TAC 40(3), 1995, Table I"
 
 
-@jit
+@leaf
 def fading(v, v_s, delta):
     """exp(-|v/v_s|^delta): 1 at rest, 0 at speed."""
     r = abs(v) / v_s
@@ -31,10 +31,10 @@ def fading(v, v_s, delta):
     return np.exp(-(r**delta))
 
 
-@jit
+@leaf
 def limits(p, v, load, temp):
     """Rate law: -s(v), s(v) and sigma_2 v."""
-    F_c, F_s, v_s, delta, sigma_2 = p[0], p[1], p[2], p[3], p[4]
+    F_c, F_s, v_s, delta, sigma_2 = p[1], p[2], p[3], p[4], p[5]
     s = F_c + (F_s - F_c) * fading(v, v_s, delta)
     return -s, s, sigma_2 * v
 

@@ -19,13 +19,13 @@ STATES = 3  # integral of the error, position of the tick before, filtered veloc
 
 
 @jit
-def tick(g, s, T, r, dr, p, limit):
+def tick(g, o, s, T, r, dr, p, limit):
     """Torque command of one tick; `s` is advanced in place.
 
-    `g` is the row of `Servo`, `s` the state, T the period, r and dr the reference and its velocity, p the measured
-    position and `limit` the largest torque.
+    `g` holds the row of `Servo` from place `o` on, `s` is the state, T the period, r and dr the reference and its
+    velocity, p the measured position and `limit` the largest torque.
     """
-    K_p, K_d, K_i, filter_time = g[0], g[1], g[2], g[3]
+    K_p, K_d, K_i, filter_time = g[o], g[o + 1], g[o + 2], g[o + 3]
     e = r - p
     s[2] += T / (T + filter_time) * ((p - s[1]) / T - s[2])
     s[1] = p

@@ -1,0 +1,83 @@
+"""One axis in motion: motor and load, a transmission that may yield, gravity, and friction that truly sticks.
+
+    M w' = u - c - [friction]            c = K_c (p - q) + D_c (w - v)
+    L v' = c - a sin q - b cos q - o - [friction]
+
+p, w: position and velocity on the motor's side, where the encoder is; q, v: on the load's side. The friction acts on the
+one side or on the other (Iwatani 2017, Fig. 3.2: on the load's). A rigid transmission makes the two one mass.
+Gravity is (2.10), which has a = 0, b = M L g for a joint angle measured from the horizontal; o is a constant torque.
+
+A step drifts half a step, kicks, and drifts half a step again; the kick is implicit in the friction
+(`laws.kernels.solve`), so that a held mass rests exactly. Friction may grow with the load that the transmission carries:
+its bounds are widened by mu |c|, which in an implicit step is a shrinkage of the free velocity. Laws that see the load get
+the motor's torque and the negative of c, which for a rigid axis is gravity and what accelerates the load.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from backdrive._jit import jit
+from backdrive.laws import kernels
+
+STATES = 5  # p, w, q, v, c
+ROW = 10  # M, L, K_c, D_c, a, b, rigid, on_load, mu, o
+
+
+@jit
+def gravity(j, q):
+    """Torque of gravity and of the offset at the load's position q."""
+    a, b = j[4], j[5]
+    if a == 0.0 and b == 0.0:
+        return j[9]
+    return a * np.sin(q) + b * np.cos(q) + j[9]
+
+
+@jit
+def held(rate, element, p, x, v_free, h, dt_over_m, widening, load, temp):
+    """Velocity of a mass at the end of a step h under friction whose bounds are wider by `widening` >= 0."""
+    shrinkage = dt_over_m * widening
+    if abs(v_free) <= shrinkage:
+        v_free = 0.0
+    elif v_free > 0.0:
+        v_free -= shrinkage
+    else:
+        v_free += shrinkage
+    v = kernels.solve(rate, element, p, x, v_free, h, dt_over_m, load, temp)
+    if element > 1:
+        kernels.step(rate, element, p, x, v * h, h, load, temp)
+    return v
+
+
+@jit
+def advance(j, s, rate, element, p, x, u, h, temp):
+    """Advance the state `s` of the axis `j` by one step h under the torque u, in place.
+
+    `rate`, `element`, `p`, `x` are the friction law and its state.
+    """
+    M, L, K_c, D_c, rigid, on_load, mu = j[0], j[1], j[2], j[3], j[6], j[7], j[8]
+    half = 0.5 * h
+    load = (u, -s[4])
+    widening = mu * abs(s[4])
+    w = s[1]
+    if rigid > 0.0:
+        middle = s[0] + half * w
+        g = gravity(j, middle)
+        dt_over_m = h / (M + L)
+        s[1] = held(rate, element, p, x, w + dt_over_m * (u - g), h, dt_over_m, widening, load, temp)
+        s[0] = middle + half * s[1]
+        s[2], s[3] = s[0], s[1]
+        s[4] = g + L * (s[1] - w) / h
+        return
+    v = s[3]
+    middle_p, middle_q = s[0] + half * w, s[2] + half * v
+    c = K_c * (middle_p - middle_q) + D_c * (w - v)
+    s[1] = w + h / M * (u - c)
+    s[3] = v + h / L * (c - gravity(j, middle_q))
+    if on_load > 0.0:
+        s[3] = held(rate, element, p, x, s[3], h, h / L, widening, load, temp)
+    else:
+        s[1] = held(rate, element, p, x, s[1], h, h / M, widening, load, temp)
+    s[0] = middle_p + half * s[1]
+    s[2] = middle_q + half * s[3]
+    s[4] = c

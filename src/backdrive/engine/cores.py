@@ -1,0 +1,45 @@
+"""Compiled work spread over the cores: threads, since kernels release the interpreter's lock."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+from backdrive.errors import InvalidInput
+
+
+def available() -> int:
+    """Return the number of cores that this process may use."""
+    try:
+        return max(1, len(os.sched_getaffinity(0)))
+    except AttributeError:  # not on every system
+        return max(1, os.cpu_count() or 1)
+
+
+def spread(work: Callable[[int, int], None], count: int, workers: int | None = None) -> None:
+    """Call `work(first, last)` on pieces of range(count) that together cover it, several at a time.
+
+    The result does not depend on the number of workers, as long as each item has its own place to write to.
+
+    Args:
+        work: a function that spends its time in compiled code.
+        count: number of items.
+        workers: threads; None: one a core.
+
+    Raises:
+        InvalidInput: `workers` is not positive.
+    """
+    workers = available() if workers is None else workers
+    if workers < 1:
+        raise InvalidInput(f"workers = {workers}.", remedy="Give at least 1, or None for all cores.")
+    workers = min(workers, count)
+    if workers <= 1:
+        if count > 0:
+            work(0, count)
+        return
+    pieces = min(count, 4 * workers)  # a few each: items may differ in length
+    edges = [count * i // pieces for i in range(pieces + 1)]
+    with ThreadPoolExecutor(workers) as pool:
+        for done in [pool.submit(work, a, b) for a, b in zip(edges, edges[1:])]:
+            done.result()

@@ -1,0 +1,155 @@
+"""Drives: what turns a drive's input into torque on the motor's side.
+
+    controller   open:      y = gain r
+                 position:  y = K_p (r - q) + K_d (r' - v) + K_i integral(r - q), |y| <= limit
+                 velocity:  y = K_p (r - v) + K_i integral(r - v), |y| <= limit
+    actuator     torque:    u = y
+                 motor:     i = (U y - k_t v)/(R + R_s y^2),   u = k_t i/(1 + c |i|)
+
+r: input of the drive; q, v: position and velocity of the motor's side. For a motor U is the supply voltage [V], so that y is a
+duty, or 1 where y is a voltage. k_t: torque constant on the joint's side, which is the back-EMF constant too [N.m/A]. R:
+resistance [ohm]; R_s: of the supply, which sags under the current drawn [ohm]. c: saturation, by which the torque constant falls
+with current [1/A]. The input comes late by `delay`; it is interpolated between samples, or held.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from backdrive._jit import jit
+from backdrive.engine import servo
+from backdrive.errors import InvalidInput
+
+STATES = servo.STATES + 1  # and the input of the step before
+ROW = 15
+
+
+@jit
+def delayed(r, t, hold):
+    """Input at the time t in samples: interpolated, or held; its ends go on for ever."""
+    last = r.size - 1
+    if t <= 0.0:
+        return r[0]
+    if t >= last:
+        return r[last]
+    k = int(t)
+    if hold > 0.0:
+        return r[k]
+    return r[k] + (t - k) * (r[k + 1] - r[k])
+
+
+@jit
+def torque(d, s, r, supply, q, v, h):
+    """Torque of one step h for the input r; `s` is advanced in place. A NaN supply stands for the drive's own."""
+    kind, limit = int(d[0]), d[6]
+    before, s[3] = s[3], r
+    if kind == 0:
+        y = d[1] * r
+        if abs(y) > limit:
+            y = limit if y > 0.0 else -limit
+    elif kind == 1:
+        y = servo.tick(d, 2, s, h, r, (r - before) / h, q, limit)
+    else:
+        e = r - v
+        s[0] += h * e
+        y = d[2] * e + d[4] * s[0]
+        if abs(y) > limit:
+            if y * e > 0.0:
+                s[0] -= h * e
+            y = limit if y > 0.0 else -limit
+    if d[7] == 0.0:
+        return y
+    k_t = d[9]
+    U = d[8] if np.isnan(supply) else supply
+    i = (U * y - k_t * v) / (d[10] + d[11] * y * y)
+    return k_t * i / (1.0 + d[12] * abs(i))
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveModel:
+    """A drive in the loop.
+
+    Attributes:
+        controller: what the input is: `open`, `position` or `velocity`.
+        actuator: `torque`, or `motor` for one that a voltage or a duty is put on.
+        gain: of the open controller [output/input].
+        proportional: K_p [output/rad, output/m, or per unit of velocity].
+        derivative: K_d [output.s/rad or output.s/m].
+        integral: K_i [output/(rad.s) or output/(m.s)].
+        filter_time: of the low pass on the measured velocity [s].
+        limit: largest output of the controller [N.m, N, V, or 1 for a duty].
+        supply: U, voltage at full duty [V]; 1 where the controller's output is a voltage.
+        torque_constant: k_t, behind the gears [N.m/A or N/A].
+        resistance: R [ohm].
+        supply_resistance: R_s [ohm].
+        saturation: c, fall of the torque constant with current [1/A].
+        delay: by which the input comes late [s].
+        hold: the input is held between samples, not interpolated.
+    """
+
+    controller: Literal["open", "position", "velocity"] = "open"
+    actuator: Literal["torque", "motor"] = "torque"
+    gain: float = 1.0
+    proportional: float = 0.0
+    derivative: float = 0.0
+    integral: float = 0.0
+    filter_time: float = 0.0
+    limit: float = np.inf
+    supply: float = 1.0
+    torque_constant: float = 1.0
+    resistance: float = 1.0
+    supply_resistance: float = 0.0
+    saturation: float = 0.0
+    delay: float = 0.0
+    hold: bool = False
+
+    def __post_init__(self):
+        for name, known in (("controller", CONTROLLERS), ("actuator", ACTUATORS)):
+            if getattr(self, name) not in known:
+                raise InvalidInput(
+                    f"DriveModel: {name} = {getattr(self, name)!r}.",
+                    remedy=f"It is one of {', '.join(known)}.",
+                )
+        for f in fields(self)[2:-1]:
+            value = float(getattr(self, f.name))
+            positive = f.name in ("limit", "supply", "torque_constant", "resistance")
+            free = f.name in ("gain", "delay")
+            if np.isnan(value) or (value <= 0.0 if positive else value < 0.0 and not free):
+                raise InvalidInput(
+                    f"DriveModel: {f.name} = {value}.",
+                    remedy=f"It must be {'positive' if positive else 'a number' if free else '>= 0'}.",
+                )
+            object.__setattr__(self, f.name, value)
+
+    def replace(self, **changes: Any) -> DriveModel:
+        """Return a copy with some fields changed."""
+        return replace(self, **changes)
+
+    def row(self) -> np.ndarray:
+        """Return the row that `torque` reads, (15,)."""
+        return np.array(
+            [
+                CONTROLLERS.index(self.controller),
+                self.gain,
+                self.proportional,
+                self.derivative,
+                self.integral,
+                self.filter_time,
+                self.limit,
+                ACTUATORS.index(self.actuator),
+                self.supply,
+                self.torque_constant,
+                self.resistance,
+                self.supply_resistance,
+                self.saturation,
+                self.delay,
+                float(self.hold),
+            ]
+        )
+
+
+CONTROLLERS = ("open", "position", "velocity")
+ACTUATORS = ("torque", "motor")

@@ -1,0 +1,269 @@
+"""Forward dynamics of single axes: from the input of the drive to the motion, for many parameter sets at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from backdrive._jit import jit
+from backdrive.engine import axis as axis_
+from backdrive.engine import drives
+from backdrive.engine.cores import spread
+from backdrive.engine.drives import DriveModel
+from backdrive.engine.series import Lanes
+from backdrive.errors import InvalidInput
+from backdrive.laws import REFERENCE, Law
+
+
+@jit
+def motion(j, d, rate, element, p, x, s, c, r, supply, enabled, temp, dt, substeps, out):
+    """Fill `out` with motor-side position, its velocity and the drive's torque at every sample.
+
+    `j`, `d`: rows of axis and drive; `s`, `c`: their states; r: input of the drive (n,); supply, enabled, temp: (n,) or (1,).
+    """
+    h = dt / substeps
+    late, hold = d[13] / dt, d[14]
+    supplies, switches, temps = supply.size > 1, enabled.size > 1, temp.size > 1
+    c[1], c[3] = s[0], drives.delayed(r, -late, hold)
+    u = 0.0
+    for k in range(r.size):
+        out[k, 0], out[k, 1] = s[0], s[1]
+        on = enabled[k if switches else 0] > 0.0
+        for i in range(substeps):
+            u = 0.0
+            if on:
+                asked = drives.delayed(r, k + i / substeps - late, hold)
+                u = drives.torque(d, c, asked, supply[k if supplies else 0], s[0], s[1], h)
+            if i == 0:
+                out[k, 2] = u
+            axis_.advance(j, s, rate, element, p, x, u, h, temp[k if temps else 0])
+
+
+@jit
+def lanes(first, last, J, D, rates, elements, P, X, S, C, log, r, supply, enabled, temp, dt, substeps, out):
+    """Run lanes first to last - 1: a lane is an axis on one of the logs."""
+    for i in range(first, last):
+        m = log[i]
+        motion(
+            J[i],
+            D[i],
+            rates[i],
+            elements[i],
+            P[i],
+            X[i],
+            S[i],
+            C[i],
+            r[m],
+            supply[m],
+            enabled[m],
+            temp[m],
+            dt,
+            substeps,
+            out[i],
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Axis:
+    """One joint with its drive, for forward dynamics.
+
+    Attributes:
+        law: its friction.
+        inertia: of the motor's side, or of the whole axis where nothing yields [kg.m^2 or kg].
+        drive: what turns the input into torque.
+        load_inertia: of the load's side [kg.m^2 or kg]; what accelerates it is load for laws that depend on it.
+        stiffness: K_c of the transmission [N.m/rad or N/m]; infinite for a rigid one.
+        damping: D_c of the transmission [N.m.s/rad or N.s/m].
+        gravity_sin: a of gravity a sin q + b cos q [N.m or N].
+        gravity_cos: b of the same [N.m or N].
+        offset: a constant torque on the side of friction [N.m or N].
+        friction_side: which mass the friction acts on.
+        load_dependence: mu, growth of the Coulomb bounds with the transmitted torque [-].
+    """
+
+    law: Law
+    inertia: float
+    drive: DriveModel = field(default_factory=DriveModel)
+    load_inertia: float = 0.0
+    stiffness: float = np.inf
+    damping: float = 0.0
+    gravity_sin: float = 0.0
+    gravity_cos: float = 0.0
+    offset: float = 0.0
+    friction_side: Literal["motor", "load"] = "motor"
+    load_dependence: float = 0.0
+
+    def __post_init__(self):
+        rules = {
+            "inertia": self.inertia > 0,
+            "load_inertia": 0 <= self.load_inertia < np.inf,
+            "stiffness": self.stiffness > 0,
+            "damping": 0 <= self.damping < np.inf,
+            "gravity_sin": np.isfinite(self.gravity_sin),
+            "gravity_cos": np.isfinite(self.gravity_cos),
+            "offset": np.isfinite(self.offset),
+            "load_dependence": 0 <= self.load_dependence < np.inf,
+            "friction_side": self.friction_side in ("motor", "load"),
+        }
+        for name, holds in rules.items():
+            if not holds:
+                raise InvalidInput(
+                    f"Axis: {name} = {getattr(self, name)!r}.",
+                    remedy="Give a finite SI value inside its range.",
+                )
+        if np.isfinite(self.stiffness) and self.load_inertia == 0.0:
+            raise InvalidInput(
+                "Axis: a transmission that yields carries no load.", remedy="Give load_inertia > 0."
+            )
+
+    def replace(self, **changes: Any) -> Axis:
+        """Return a copy with some fields changed."""
+        return replace(self, **changes)
+
+    def row(self) -> np.ndarray:
+        """Return the row that `engine.axis.advance` reads, (10,)."""
+        rigid = bool(np.isinf(self.stiffness))
+        return np.array(
+            [
+                self.inertia,
+                self.load_inertia,
+                0.0 if rigid else self.stiffness,
+                self.damping,
+                self.gravity_sin,
+                self.gravity_cos,
+                float(rigid),
+                float(self.friction_side == "load"),
+                self.load_dependence,
+                self.offset,
+            ]
+        )
+
+    def at(self, position: float, velocity: float = 0.0) -> np.ndarray:
+        """Return the state of an axis that moves at a velocity, its transmission bearing gravity, (5,)."""
+        row, q = self.row(), position
+        if np.isfinite(self.stiffness):
+            for _ in range(50):  # K_c (p - q) = g(q) contracts by g'/K_c, far below 1
+                q = position - axis_.gravity(row, q) / self.stiffness
+        return np.array([position, velocity, q, velocity, axis_.gravity(row, q)])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motions:
+    """What forward dynamics gives.
+
+    Attributes:
+        position: of the motor's side [rad or m], (L, n).
+        velocity: of the motor's side [rad/s or m/s], (L, n).
+        torque: of the drive [N.m or N], (L, n).
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    torque: np.ndarray
+
+
+def forward(
+    axes: Axis | Sequence[Axis],
+    drive_input: np.ndarray,
+    *,
+    dt: float,
+    position: np.ndarray | float = 0.0,
+    velocity: np.ndarray | float = 0.0,
+    log: np.ndarray | None = None,
+    supply: np.ndarray | None = None,
+    enabled: np.ndarray | None = None,
+    temperature: np.ndarray | None = None,
+    substeps: int = 1,
+    workers: int | None = None,
+) -> Motions:
+    """Return how axes move under the inputs of their drives, friction implicit: what is held rests exactly.
+
+    Args:
+        axes: one axis a lane.
+        drive_input: of the drives: torque, position, velocity, voltage or duty [SI], (n,) or (M, n).
+        dt: sampling time [s].
+        position: where the motions start [rad or m], one number or (M,).
+        velocity: with which they start [rad/s or m/s], one number or (M,).
+        log: which input a lane runs on, (L,); None: lane i on input i, or all on the one there is.
+        supply: voltage where it is measured [V], (M, n); None: the drives' own.
+        enabled: 0 where the drive is switched off, (M, n); None: always on.
+        temperature: [degC], (M, n); None: 20.
+        substeps: integration steps a sample; the controllers run in each.
+        workers: threads; None: one a core. The numbers do not depend on it.
+
+    Returns:
+        Position, velocity and drive torque at every sample, (L, n) each.
+
+    Raises:
+        InvalidInput: shapes do not match, or a value is not finite.
+    """
+    axes = [axes] if isinstance(axes, Axis) else list(axes)
+    r = np.ascontiguousarray(np.atleast_2d(np.asarray(drive_input, dtype=np.float64)))
+    M, n = r.shape
+    if not axes or n == 0 or not np.all(np.isfinite(r)):
+        raise InvalidInput(
+            f"{len(axes)} axes on inputs of shape {r.shape}, all finite: {bool(np.all(np.isfinite(r)))}.",
+            remedy="Give at least one axis and finite inputs.",
+        )
+    if not 0.0 < dt < np.inf or substeps < 1:
+        raise InvalidInput(f"dt = {dt} s, substeps = {substeps}.", remedy="Both must be positive.")
+    if log is None:
+        log = np.zeros(len(axes), dtype=np.int64) if M == 1 else np.arange(len(axes))
+    log = np.asarray(log, dtype=np.int64)
+    if log.shape != (len(axes),) or log.min() < 0 or log.max() >= M:
+        raise InvalidInput(
+            f"{len(axes)} axes, {M} inputs, and `log` of shape {log.shape}.",
+            remedy="Name an existing input for every axis.",
+        )
+    channels = [_channel(v, M, n, name) for v, name in ((supply, "supply"), (enabled, "enabled"))]
+    supplies = np.full((M, 1), np.nan) if channels[0] is None else channels[0]
+    switches = np.ones((M, 1)) if channels[1] is None else channels[1]
+    warmth = _channel(temperature, M, n, "temperature")
+    warmth = np.full((M, 1), REFERENCE) if warmth is None else warmth
+    start = np.broadcast_to(np.asarray(position, dtype=np.float64), (M,))
+    speed = np.broadcast_to(np.asarray(velocity, dtype=np.float64), (M,))
+    rows = Lanes([a.law for a in axes])
+    J = np.array([a.row() for a in axes])
+    D = np.array([a.drive.row() for a in axes])
+    S = np.array([a.at(float(start[m]), float(speed[m])) for a, m in zip(axes, log)])
+    out = np.empty((len(axes), n, 3))
+    X, C = np.zeros((len(axes), rows.states)), np.zeros((len(axes), drives.STATES))
+
+    def work(first: int, last: int) -> None:
+        lanes(
+            first,
+            last,
+            J,
+            D,
+            rows.rates,
+            rows.elements,
+            rows.rows,
+            X,
+            S,
+            C,
+            log,
+            r,
+            supplies,
+            switches,
+            warmth,
+            dt,
+            substeps,
+            out,
+        )
+
+    spread(work, len(axes), workers)
+    return Motions(position=out[:, :, 0], velocity=out[:, :, 1], torque=out[:, :, 2])
+
+
+def _channel(values, M: int, n: int, name: str) -> np.ndarray | None:
+    if values is None:
+        return None
+    values = np.atleast_2d(np.asarray(values, dtype=np.float64))
+    if values.shape != (M, n) or not np.all(np.isfinite(values)):
+        raise InvalidInput(
+            f"{name} has the shape {values.shape} or values that are not finite.", remedy=f"Give ({M}, {n})."
+        )
+    return np.ascontiguousarray(values)

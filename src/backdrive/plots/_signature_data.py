@@ -1,0 +1,233 @@
+"""What a friction law does in four experiments: constant velocity, presliding, a mass on a spring, a wavering velocity.
+
+Velocities and torques are chosen by the law, in steps of 1, 2 and 5, so that the examples of `backdrive.laws.examples`
+go through the same experiments and can be compared by eye.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive.laws import REFERENCE, Law, kernels
+
+#: Turning points of the presliding motion, in stretches at break-away: a loop with a loop in it that has one in it, and back.
+TURNS = (0.0, 3.0, 1.2, 2.2, 1.6, 3.0, -3.0, -1.2, -2.2, -1.6, -3.0, 3.0)
+TICKS = 250  # of the presliding motion per stretch
+SPEEDS = 48  # velocities of a steady curve
+SETTLED = 400  # ticks at most until a constant velocity gives a constant torque
+FREQUENCIES = (1.0, 10.0)  # of the wavering velocity [Hz]
+PERIOD = 600  # ticks of one of its periods
+INERTIA = 1.0  # of the pulled mass [kg.m^2]
+PULL = 4000  # ticks
+LOADS = ((0.0, 0.0), (20.0, -10.0), (20.0, -30.0))  # motor's and external torque [N.m]
+TEMPERATURES = (20.0, 40.0, 60.0)  # [degC]
+CARRIED = (20.0, -20.0)  # load at those [N.m]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Condition:
+    """Under which load and at which temperature a law is shown.
+
+    Attributes:
+        label: in words.
+        load: motor's and external torque [N.m], (2,).
+        temperature: [degC].
+    """
+
+    label: str
+    load: tuple[float, float] = (0.0, 0.0)
+    temperature: float = REFERENCE
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """The sizes of the four experiments.
+
+    Attributes:
+        velocity: about where the Stribeck effect is half gone [rad/s].
+        torque: about what the joint resists with when it slides [N.m].
+        stretch: over which presliding goes [rad].
+        spring: that pulls the mass [N.m/rad].
+        speed: of the spring's other end [rad/s].
+        duration: of the pull [s].
+    """
+
+    velocity: float
+    torque: float
+    stretch: float
+    spring: float
+    speed: float
+    duration: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trace:
+    """One curve: abscissas and ordinates, (n,)."""
+
+    x: np.ndarray
+    y: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pull:
+    """A mass pulled through a spring whose other end moves steadily, (n,) each.
+
+    Attributes:
+        time: [s].
+        torque: of the spring [N.m].
+        position: of the mass [rad].
+        end: of the spring's other end [rad].
+    """
+
+    time: np.ndarray
+    torque: np.ndarray
+    position: np.ndarray
+    end: np.ndarray
+
+
+def conditions(law: Law) -> list[Condition]:
+    """Return one condition, or three loads or temperatures where the law depends on them."""
+    if "temperature" in law.rate.NEEDS:
+        return [Condition(label=f"{t:g} °C", load=CARRIED, temperature=t) for t in TEMPERATURES]
+    if "load" in law.rate.NEEDS:
+        return [
+            Condition(label=f"{motor:g}, {external:g} N·m".replace("-", "\u2212"), load=(motor, external))
+            for motor, external in LOADS
+        ]
+    return [Condition(label="")]
+
+
+def scene(law: Law) -> Scene:
+    """Return sizes at which the law shows what it does."""
+    rate, element = law.rate.values(), law.element.values()
+    v_s = rate.get("stribeck_velocity", 0.0) + REFERENCE * rate.get("stribeck_velocity_temperature", 0.0)
+    velocity = _rounded(v_s if v_s > 0.0 else 0.05)
+    torque = _rounded(float(np.mean(np.abs(law.torque(velocity * np.array([10.0, -10.0]))))))
+    breakaway = max(law.coulomb()) or torque
+    if "stiffness" in element:
+        share = np.asarray(element.get("share", 1.0))
+        stretch = float(np.max(share * breakaway / np.asarray(element["stiffness"])))
+    else:
+        stretch = element.get("distance", 0.01 * velocity)
+    spring = (0.1 * torque / velocity) ** 2 / INERTIA  # break-away flings the mass to a few times `velocity`
+    strongest = max(_held(law, at) for at in conditions(law))
+    return Scene(
+        velocity=velocity,
+        torque=torque,
+        stretch=stretch,
+        spring=spring,
+        speed=0.4 * velocity,
+        duration=_rounded(2.5 * max(strongest, torque) / (0.4 * velocity * spring)),
+    )
+
+
+def _held(law: Law, at: Condition) -> float:
+    """Return the torque at which a joint at rest breaks away [N.m]."""
+    lo, hi, _ = kernels.limits(law.rate.KIND, law.row(), 0.0, np.array(at.load), at.temperature)
+    return max(-lo, hi)
+
+
+def _rounded(x: float) -> float:
+    """Return the nearest of 1, 2, 5 times a power of ten, 1 for 0."""
+    if not x > 0.0:
+        return 1.0
+    ten = 10.0 ** np.floor(np.log10(x))
+    steps = np.array([1.0, 2.0, 5.0, 10.0]) * ten
+    return float(f"{steps[np.argmin(np.abs(np.log(steps / x)))]:.3g}")
+
+
+def run(law: Law, increments: np.ndarray, period: float, at: Condition) -> np.ndarray:
+    """Return the torque of a motion that is given, from rest and relaxed.
+
+    Args:
+        law: friction.
+        increments: of the position, tick by tick [rad], (n,).
+        period: of a tick [s].
+        at: load and temperature.
+
+    Returns:
+        Friction torque [N.m], (n,).
+    """
+    rate, element, p, x = law.rate.KIND, law.element.KIND, law.row(), law.state()
+    load, step = np.array(at.load), kernels.step
+    return np.array(
+        [step(rate, element, p, x, dp, period, load, at.temperature) for dp in increments.tolist()]
+    )
+
+
+def steady(law: Law, velocity: np.ndarray, at: Condition) -> np.ndarray:
+    """Return the torque that constant velocities end with, presliding included [N.m], (n,).
+
+    Args:
+        law: friction.
+        velocity: [rad/s], (n,).
+        at: load and temperature.
+    """
+    rate, element, p = law.rate.KIND, law.element.KIND, law.row()
+    load, size, out = np.array(at.load), scene(law), np.empty(velocity.size)
+    for i, v in enumerate(velocity.tolist()):
+        x, before, torque = law.state(), np.inf, 0.0
+        dt = max(0.25 * size.stretch / abs(v), 5e-3)
+        for _ in range(SETTLED):
+            torque = kernels.step(rate, element, p, x, v * dt, dt, load, at.temperature)
+            if abs(torque - before) <= 1e-9 * abs(torque):
+                break
+            before = torque
+        out[i] = torque
+    return out
+
+
+def speeds(law: Law) -> np.ndarray:
+    """Return the speeds of a steady curve, from a fiftieth to thirty times the scene's, by equal ratios [rad/s], (n,)."""
+    return scene(law).velocity * np.geomspace(0.02, 30.0, SPEEDS)
+
+
+def presliding(law: Law, mean_speed: float, at: Condition) -> Trace:
+    """Return torque over position along nested reversals, each leg half a cosine.
+
+    Args:
+        law: friction.
+        mean_speed: of every leg [rad/s].
+        at: load and temperature.
+    """
+    stretch, parts = scene(law).stretch, [np.zeros(1)]
+    for a, b in zip(TURNS[:-1], TURNS[1:]):
+        u = np.arange(1, round(TICKS * abs(b - a)) + 1) / round(TICKS * abs(b - a))
+        parts.append(stretch * (a + (b - a) * 0.5 * (1.0 - np.cos(np.pi * u))))
+    position = np.concatenate(parts)
+    torque = run(law, np.diff(position), stretch / (TICKS * mean_speed), at)
+    return Trace(x=position[1:], y=torque)
+
+
+def pull(law: Law, at: Condition) -> Pull:
+    """Return the motion of a mass that a spring draws along, its other end moving steadily; implicit in all forces."""
+    rate, element, p, x = law.rate.KIND, law.element.KIND, law.row(), law.state()
+    size, load = scene(law), np.array(at.load)
+    dt = size.duration / PULL
+    time = dt * np.arange(1, PULL + 1)
+    end, position = size.speed * time, np.empty(PULL)
+    soft = dt / INERTIA / (1.0 + dt * dt * size.spring / INERTIA)  # the spring's give within the tick
+    q = v = 0.0
+    for i, target in enumerate(end.tolist()):
+        v_free = soft * (INERTIA * v / dt + size.spring * (target - q))
+        v = kernels.solve(rate, element, p, x, v_free, dt, soft, load, at.temperature)
+        kernels.step(rate, element, p, x, v * dt, dt, load, at.temperature)
+        q += v * dt
+        position[i] = q
+    return Pull(time=time, torque=size.spring * (end - position), position=position, end=end)
+
+
+def lag(law: Law, frequency: float, at: Condition) -> Trace:
+    """Return torque over velocity while the velocity wavers about the scene's and stays positive: the last of four periods.
+
+    Args:
+        law: friction.
+        frequency: of the velocity [Hz].
+        at: load and temperature.
+    """
+    dt = 1.0 / (frequency * PERIOD)
+    velocity = scene(law).velocity * (1.1 + np.sin(2.0 * np.pi * np.arange(4 * PERIOD + 1) / PERIOD))
+    torque = run(law, velocity * dt, dt, at)
+    return Trace(x=velocity[-PERIOD - 1 :], y=torque[-PERIOD - 1 :])
