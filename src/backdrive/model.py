@@ -189,11 +189,17 @@ class FrictionModel:
 
 
 def load_model(path) -> FrictionModel:
-    """Read a model file.
+    """Read a model file, or published parameters by name.
+
+    Args:
+        path: of the file; or `preset:NAME`, such as `preset:mx106/m6`.
 
     Raises:
         ModelFileError: the file is damaged, of another kind or of a newer schema; the message says where and why.
+        UnknownName: there is no such preset; the message lists them.
     """
     from backdrive.model_file import load
+    from backdrive.presets import load_preset, preset_name
 
-    return load(path)
+    preset = preset_name(path)
+    return load(path) if preset is None else load_preset(preset)

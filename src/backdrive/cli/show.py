@@ -11,7 +11,13 @@ SPEEDS = 21  # velocities of the table in --json
 
 
 def command(
-    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model file made by `identify -o`.")],
+    model: Annotated[
+        str,
+        typer.Argument(
+            metavar="MODEL.json",
+            help="Model file made by `identify -o`, or preset:NAME; preset: alone lists them.",
+        ),
+    ],
     joint: Annotated[
         list[str] | None,
         typer.Option("--joint", "-j", metavar="NAME", help="Only this joint; may be repeated."),
@@ -29,9 +35,15 @@ def command(
     """Show a friction model: its laws with errors and bounds, where it holds, how good it is, where it comes from.
 
     Example: backdrive show model.json --joint elbow --plot elbow.png
+
+    Example: backdrive show preset:mx106/m6
     """
     from backdrive.model import FrictionModel, load_model
+    from backdrive.presets import preset_name
 
+    if preset_name(model) == "" and plot is None and not joint:
+        _print_presets(as_json)
+        return
     loaded = load_model(model)
     shown = loaded
     if joint:
@@ -52,6 +64,19 @@ def command(
         _print_tables(shown)
         if plot is not None:
             typer.echo(f"Wrote {plot}.")
+
+
+def _print_presets(as_json: bool) -> None:
+    from backdrive.cli._output import print_json
+    from backdrive.presets import PREFIX, overview
+
+    presets = list(overview())
+    if as_json:
+        print_json({"ok": True, "presets": presets})
+        return
+    width = max(len(preset["name"]) for preset in presets)
+    for preset in presets:
+        typer.echo(f"{PREFIX}{preset['name']:{width}s}  {preset['title']}")
 
 
 def _print_json(model, plot: Path | None) -> None:
