@@ -10,7 +10,7 @@ from backdrive.laws import ELEMENTS, RATES, CoulombViscous, Law, Polyline, eleme
 from backdrive.laws.examples import ELEMENT_EXAMPLES, RATE_EXAMPLES
 
 EXAMPLES = RATE_EXAMPLES
-LOAD = np.zeros(2)
+LOAD = (0.0, 0.0)
 
 
 def test_every_rate_law_has_an_example():

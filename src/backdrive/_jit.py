@@ -64,7 +64,40 @@ def leaf(function: F) -> F:
     return _compiled(function, forceinline=True)
 
 
-def _compiled(function: F, **wanted: bool) -> F:
+def ladder(function: F) -> F:
+    """Compile as `jit` does, and write the body out wherever it is called, before its types are known.
+
+    Where the caller knows the integers that it branches on, the other branches are gone, and what they call is never
+    compiled.
+    """
+    return _compiled(function, inline="always")
+
+
+def specialised(function: F, *kinds: int) -> F:
+    """Compile a closure over the integers `kinds`, a loop of its own for each of their values.
+
+    The compiler may take it that no array it writes to overlaps another argument: so parameters stay in registers, where a
+    store to the output would otherwise have them read again every tick. `kinds` are part of the name of its cache file, for
+    two processes that fill the cache at once.
+    """
+    function.__qualname__ = "_".join([function.__name__, *(str(kind) for kind in kinds)])
+    compiled: Any = _compiled(function)
+    try:
+        compiler, usual = compiled._compiler, compiled._compiler._customize_flags
+
+        def apart(flags):
+            flags = usual(flags)
+            if hasattr(flags, "noalias"):
+                flags.noalias = True
+            return flags
+
+        compiler._customize_flags = apart
+    except AttributeError:  # slower, no less right
+        pass
+    return compiled
+
+
+def _compiled(function: F, **wanted: Any) -> F:
     if nb.config.DISABLE_JIT:  # type: ignore[attr-defined]
         return function
     from numba.core.options import DefaultOptions

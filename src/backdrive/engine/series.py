@@ -1,13 +1,14 @@
-"""Friction torque along given motions, for many parameter sets at once, in one compiled call."""
+"""Friction torque along given motions, for many parameter sets at once, in compiled loops."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import jit, specialised
 from backdrive.engine.cores import spread
 from backdrive.errors import InvalidInput
 from backdrive.laws import REFERENCE, Law, kernels
@@ -17,24 +18,42 @@ if TYPE_CHECKING:
 
 
 @jit
-def series(rate, element, p, x, dp, dt, load, temp, out):
-    """Fill `out` with the torque of every tick of a motion; `x` is advanced in place.
+def wild(dp, limit):
+    """Return how many increments are beyond a limit; a NaN is not."""
+    count = 0
+    for m in range(dp.shape[0]):
+        for k in range(dp.shape[1]):
+            count += abs(dp[m, k]) > limit
+    return count
 
-    dp: position increments (n,); load: (n, 2), or (1, 2) for a constant one; temp: (n,), or (1,).
+
+@cache
+def lanes_of(rate: int, element: int, tame: bool) -> Callable:
+    """Return the compiled loop of one law over lanes: parameter rows, each on one of the motions.
+
+    A loop that knows its law is as fast as one written for it by hand; a loop that chooses among all of them every tick
+    takes up to four times as long. The compiler meets a law when it is first rolled out, and the disk remembers.
+
+    Args:
+        rate: kind of the rate law.
+        element: kind of the element.
+        tame: no velocity is beyond `kernels.FASTEST`, so that none has to be looked at.
     """
-    loads, temps = load.shape[0] > 1, temp.size > 1
-    for k in range(dp.size):
-        i = k if loads else 0
-        pair = (load[i, 0], load[i, 1])
-        out[k] = kernels.step(rate, element, p, x, dp[k], dt, pair, temp[k if temps else 0])
 
+    def lanes(which, P, X, motion, dp, dt, load, temp, out):
+        loads, temps = load.shape[1] > 1, temp.shape[1] > 1
+        for i in which:
+            m = motion[i]
+            p, x, tau, moved, loaded, warm = P[i], X[i], out[i], dp[m], load[m], temp[m]
+            for k in range(moved.size):
+                j = k if loads else 0
+                pair, t, d = (loaded[j, 0], loaded[j, 1]), warm[k if temps else 0], moved[k]
+                if tame:
+                    tau[k] = kernels.bounded(rate, element, p, x, d / dt, d, dt, pair, t)
+                else:
+                    tau[k] = kernels.step(rate, element, p, x, d, dt, pair, t)
 
-@jit
-def lanes(first, last, rates, elements, P, X, motion, dp, dt, load, temp, out):
-    """Run lanes first to last - 1: a lane is a parameter row on one of the motions."""
-    for i in range(first, last):
-        m = motion[i]
-        series(rates[i], elements[i], P[i], X[i], dp[m], dt, load[m], temp[m], out[i])
+    return specialised(lanes, rate, element, int(tame))
 
 
 class Lanes:
@@ -54,7 +73,14 @@ class Lanes:
         self.rows = np.zeros((len(rows), max(r.size for r in rows)))
         for i, row in enumerate(rows):
             self.rows[i, : row.size] = row
-        self.states = max(law.state().size for law in laws)
+        self.states = 2 * max(max(law.element.states(), 1) for law in laws)
+        #: for every law its kinds, its lanes, and how many lanes come before
+        self._groups: list[tuple[int, int, np.ndarray, int]] = []
+        place = 0
+        for rate, element in sorted(set(zip(self.rates.tolist(), self.elements.tolist()))):
+            lanes = np.flatnonzero((self.rates == rate) & (self.elements == element))
+            self._groups.append((rate, element, lanes, place))
+            place += len(lanes)
 
     def torque(
         self,
@@ -80,17 +106,31 @@ class Lanes:
 
         Returns:
             tau_f [N.m or N], (L, n).
+
+        Raises:
+            InvalidInput: `motion` does not name one motion for every lane.
         """
+        if len(motion) != len(self.rates):
+            raise InvalidInput(
+                f"{len(motion)} lanes have a motion, there are {len(self.rates)}.", remedy="Name one a lane."
+            )
         M, n = dp.shape
         load = np.zeros((M, 1, 2)) if load is None else load
         temperature = np.full((M, 1), REFERENCE) if temperature is None else temperature
         X = np.zeros((len(motion), self.states)) if state is None else state
         out = np.empty((len(motion), n))
 
+        motion = np.ascontiguousarray(motion, dtype=np.int64)
+        tame = wild(dp, 0.5 * kernels.FASTEST * dt) == 0
+        loops = [
+            (lanes_of(rate, element, tame), lanes, place) for rate, element, lanes, place in self._groups
+        ]
+
         def work(first: int, last: int) -> None:
-            lanes(
-                first, last, self.rates, self.elements, self.rows, X, motion, dp, dt, load, temperature, out
-            )
+            for loop, lanes, place in loops:
+                a, b = max(first - place, 0), min(last - place, len(lanes))
+                if a < b:
+                    loop(lanes[a:b], self.rows, X, motion, dp, dt, load, temperature, out)
 
         spread(work, len(motion), workers)
         return out

@@ -29,6 +29,7 @@ from backdrive.laws.elements.xiong_kikuuwe import XiongKikuuweMulti as XiongKiku
 from backdrive.laws.rates.coulomb_viscous import Coulomb as Coulomb
 from backdrive.laws.rates.coulomb_viscous import CoulombViscous as CoulombViscous
 from backdrive.laws.rates.degressive import Degressive as Degressive
+from backdrive.laws.rates.gear_load import GearLoad as GearLoad
 from backdrive.laws.rates.load_dependent import M1 as M1
 from backdrive.laws.rates.load_dependent import M2 as M2
 from backdrive.laws.rates.load_dependent import M3 as M3
@@ -63,6 +64,7 @@ RATES: dict[str, type[Rate]] = {
         M5,
         M6,
         LoadTemperature,
+        GearLoad,
     )
 }
 

@@ -9,6 +9,8 @@ import numpy as np
 
 from backdrive.errors import InvalidInput
 
+SPEEDS = (1e-12, *np.geomspace(1e-9, 1e6, 61).tolist())  # [rad/s or m/s], where a rate law is looked at
+
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
@@ -95,13 +97,55 @@ class Rate(Rows):
     SYMMETRIC: ClassVar[bool] = True
     NEEDS: ClassVar[tuple[str, ...]] = ()
 
+    def span(
+        self, load: tuple[float, float] = (0.0, 0.0), temperature: float = 20.0
+    ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+        """Return what a presliding element meets along +q and along -q, over all speeds.
+
+        Args:
+            load: motor-side and external torque [N.m or N].
+            temperature: [degC].
+
+        Returns:
+            Smallest and largest Coulomb torque [N.m or N] and smallest viscous coefficient [N.m.s/rad or N.s/m], twice.
+        """
+        found = []
+        for curve in self.curves(load, temperature).values():
+            bounds = [bound + min(viscous, 0.0) for _, bound, viscous in curve]
+            found.append(
+                (min(bounds), max(bounds), min(max(viscous, 0.0) / speed for speed, _, viscous in curve))
+            )
+        return found[0], found[1]
+
+    def curves(
+        self, load: tuple[float, float], temperature: float
+    ) -> dict[float, list[tuple[float, float, float]]]:
+        """Return speed, Coulomb and viscous torque against the motion at many speeds, by direction 1 and -1.
+
+        Args:
+            load: motor-side and external torque [N.m or N].
+            temperature: [degC].
+        """
+        from backdrive.laws import kernels
+
+        row = self.row()
+        row = np.concatenate([[row.size], row])
+        result = {}
+        for way in (1.0, -1.0):
+            result[way] = []
+            for speed in SPEEDS:
+                lo, hi, viscous = kernels.limits(self.KIND, row, way * speed, load, temperature)
+                result[way].append((speed, float(hi if way > 0.0 else -lo), float(way * viscous)))
+        return result
+
 
 @dataclass(frozen=True, kw_only=True)
 class Element(Rows):
     """Base of presliding elements: how the torque of a rate law builds up and lets go.
 
     Attributes:
-        SLIDER: the viscous part of the rate law sees the slider's velocity, not the joint's.
+        SLIDER: the viscous part of the rate law sees the slider's velocity, not the joint's. Where it is the joint's, what
+            weakens with speed in it (falling sections of a polyline) narrows the bounds instead.
         DRIFTS: a vibration below break-away moves the element on, cycle by cycle.
         STEADY: at constant velocity the torque is that of the rate law.
         SET_VALUED: at rest the torque is whatever holds the joint; `step` gives 0 there and `solve` holds.
@@ -116,9 +160,14 @@ class Element(Rows):
         """Return the number of states of the element."""
         return 0
 
-    def advice(self, rate: Rate) -> str:
+    def advice(self, rate: Rate, load: tuple[float, float] = (0.0, 0.0), temperature: float = 20.0) -> str:
         """Return what is wrong with this element on that rate law in a sentence, empty if nothing is.
 
         Not an error: the law is defined, but it may create energy.
+
+        Args:
+            rate: the rate law.
+            load: motor-side and external torque [N.m or N].
+            temperature: [degC].
         """
         return ""

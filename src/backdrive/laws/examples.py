@@ -21,6 +21,7 @@ from backdrive.laws import (
     Decaying,
     Degressive,
     Elastoplastic,
+    GearLoad,
     HaywardArmstrong,
     Law,
     Leuven,
@@ -108,6 +109,7 @@ RATE_EXAMPLES: dict[str, Rate] = {
             thinning=20.0,
             exponent=1.3,
         ),
+        GearLoad(coulomb=3.0, load=0.15, driving=0.1, driven=0.2, stribeck_velocity=0.05, viscous=1.0),
     )
 }
 

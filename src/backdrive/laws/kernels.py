@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from backdrive._jit import jit, leaf
+from backdrive._jit import jit, ladder
 from backdrive.laws.elements import (
     bliman_sorine,
     dahl,
@@ -31,6 +31,7 @@ from backdrive.laws.elements import (
 from backdrive.laws.rates import (
     coulomb_viscous,
     degressive,
+    gear_load,
     load_dependent,
     load_temperature,
     lorentz,
@@ -45,7 +46,7 @@ CLOSE = 1e-14  # of what is left of the balance when `solve` ends to the velocit
 FASTEST = 1e100  # beyond this speed [rad/s or m/s] a velocity counts as this one, so that nothing overflows
 
 
-@leaf
+@ladder
 def limits(rate, p, v, load, temp):
     """Rate law at velocity v: (lo, hi, viscous)."""
     if rate == 0:
@@ -66,10 +67,12 @@ def limits(rate, p, v, load, temp):
         return load_dependent.limits(p, v, load, temp)
     if rate == 8:
         return load_temperature.limits(p, v, load, temp)
+    if rate == 9:
+        return gear_load.limits(p, v, load, temp)
     return np.nan, np.nan, np.nan
 
 
-@leaf
+@ladder
 def carry(element, p, e, x, lo, hi, dp, dt):
     """Torque of the element between the limits, and the motion that the viscous part sees; `x` is advanced in place."""
     if element == 0:
@@ -103,17 +106,32 @@ def carry(element, p, e, x, lo, hi, dp, dt):
     return np.nan, np.nan
 
 
-@leaf
+@ladder
 def step(rate, element, p, x, dp, dt, load, temp):
     """Friction torque of one tick; `x` is advanced in place."""
     v = dp / dt
-    if v > FASTEST:
-        v, dp = FASTEST, FASTEST * dt
-    elif v < -FASTEST:
-        v, dp = -FASTEST, -FASTEST * dt
+    if abs(v) > FASTEST:
+        v = FASTEST if v > 0.0 else -FASTEST
+        dp = v * dt
+    return bounded(rate, element, p, x, v, dp, dt, load, temp)
+
+
+@ladder
+def bounded(rate, element, p, x, v, dp, dt, load, temp):
+    """Friction torque of a `step` at a velocity v = dp/dt that is at most FASTEST."""
     lo, hi, viscous = limits(rate, p, v, load, temp)
+    slides = element == 1 or element == 7 or element == 9  # noqa: PLR1714 (the compiler follows it)
+    if element != 0 and not slides and viscous * v < 0.0:
+        # what weakens with speed narrows the bounds
+        weaker = min(abs(viscous), hi if v > 0.0 else -lo)
+        if v > 0.0:
+            hi -= weaker
+            viscous += weaker
+        else:
+            lo += weaker
+            viscous -= weaker
     f, slid = carry(element, p, 1 + int(p[0]), x, lo, hi, dp, dt)
-    if slid != dp:
+    if slides:
         viscous = limits(rate, p, slid / dt, load, temp)[2]
     return f + viscous
 
@@ -123,7 +141,8 @@ def solve(rate, element, p, x, v_free, dt, dt_over_m, load, temp):
     """Velocity at the end of a step of a mass held by this friction, implicit in the friction; `x` stays as it is.
 
     v + dt/m friction(v dt) = v_free, the velocity that the step would end with without friction. Where friction is set-valued,
-    v + dt/m (gsgn(lo, v, hi) + viscous(v)) contains v_free. A `step` over v dt then advances the state.
+    v + dt/m (gsgn(lo, v, hi) + viscous(v)) contains v_free; where friction jumps at rest (a slipping element of GMS, a bristle
+    of the reset integrator that has given) v may be next to the jump. A `step` over v dt then advances the state.
     """
     if not np.isfinite(v_free):
         return np.nan
@@ -153,10 +172,9 @@ def solve(rate, element, p, x, v_free, dt, dt_over_m, load, temp):
         excess_b = _excess(rate, element, p, x, b, toward, v_free, dt, dt_over_m, load, temp)
     if excess_b == 0.0:
         return toward * b
-    for _ in range(
-        STEPS
-    ):  # regula falsi, a side that stays halved (Illinois): exact where the curve is a straight line
-        speed = b - excess_b * (b - a) / (excess_b - excess_a)
+    # regula falsi, a side that stays halved (Illinois): exact where the curve is a straight line; then bisection
+    for k in range(2 * STEPS):
+        speed = b - excess_b * (b - a) / (excess_b - excess_a) if k < STEPS else 0.5 * (a + b)
         if not a < speed < b:
             break
         excess = _excess(rate, element, p, x, speed, toward, v_free, dt, dt_over_m, load, temp)

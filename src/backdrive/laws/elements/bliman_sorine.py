@@ -1,13 +1,14 @@
 """Bliman and Sorine's second-order model: two Dahl bristles of opposite sign, so that break-away overshoots.
 
-    y_1' = v/(eta e) - |v| y_1/(eta e),   y_2' = v/e - |v| y_2/e
-    tau_f = F ((1 + b) y_1 - b y_2) + viscous(v)
+    x_1' = (F v - |v| x_1)/(eta e),   x_2' = (F v - |v| x_2)/e
+    tau_f = (1 + b) x_1 - b x_2 + viscous(v)
 
 e: distance over which the slow bristle yields [rad or m]. eta < 1: ratio of the fast one's to it [-]. b: overshoot, how
 much of F the slow bristle takes back [-]. F: bound of the rate law in the direction of motion. In their letters
 F_1 = (1 + b) F and F_2 = b F. Break-away from rest peaks at F (1 + b (1 - eta) r^(-eta/(1 - eta))), r = (1 + b)/(eta b),
-after a distance e eta/(1 - eta) ln r. Rate independent: only the path counts. One step is exact for a constant velocity. P.-A.
-Bliman, M. Sorine, Proc. 3rd European Control Conference, Rome, 1995.
+after a distance e eta/(1 - eta) ln r; after a reversal in sliding it overshoots by twice as much. Rate independent: only the
+path counts. One step is exact for a constant velocity. P.-A. Bliman, M. Sorine, Proc. 3rd European Control Conference, Rome,
+1995.
 """
 
 from __future__ import annotations
@@ -18,13 +19,15 @@ from typing import ClassVar
 import numpy as np
 
 from backdrive._jit import leaf
-from backdrive.laws.base import Element, Parameter
+from backdrive.laws.base import Element, Parameter, Rate
 
 
 @leaf
 def step(p, e, x, lo, hi, dp):
     """Torque of one tick; the states are the two bristles, in torques of the rate law."""
     distance, ratio, overshoot = p[e], p[e + 1], p[e + 2]
+    if dp == 0.0:
+        return (1.0 + overshoot) * x[0] - overshoot * x[1]
     if dp > 0.0:
         bound, path = hi, dp / distance
     else:
@@ -55,6 +58,8 @@ class BlimanSorine(Element):
     CLAIMS: ClassVar[tuple[str, ...]] = (
         "The torque depends on the path alone, not on the speed at which it is run through.",
         "Break-away exceeds the Coulomb torque by a peak that depends on no velocity.",
+        "Vibration below break-away drifts.",
+        "No closed cycle gets work out of it, under bounds that do not change with speed.",
     )
 
     distance: float
@@ -64,3 +69,14 @@ class BlimanSorine(Element):
     def states(self) -> int:
         """Return 2: the two bristles."""
         return 2
+
+    def advice(self, rate: Rate, load: tuple[float, float] = (0.0, 0.0), temperature: float = 20.0) -> str:
+        """Return that bounds which change with speed may let it create energy, empty where they do not."""
+        if all(
+            strongest <= weakest * (1.0 + 1e-12) for weakest, strongest, _ in rate.span(load, temperature)
+        ):
+            return ""
+        return (
+            f"'{self.NAME}' has its own break-away: under a rate law that changes with speed it may create energy; "
+            "use a Coulomb rate law with it."
+        )

@@ -61,6 +61,7 @@ class Dahl(Element):
     CLAIMS: ClassVar[tuple[str, ...]] = (
         "The torque depends on the path alone, not on the speed at which it is run through.",
         "Vibration below break-away drifts.",
+        "No motion from rest gets work out of it.",
     )
 
     stiffness: float

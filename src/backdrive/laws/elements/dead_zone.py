@@ -52,6 +52,9 @@ class DeadZone(Element):
             log=True,
         )
     }
-    CLAIMS: ClassVar[tuple[str, ...]] = ("The torque is 0 inside the zone and the rate law's outside.",)
+    CLAIMS: ClassVar[tuple[str, ...]] = (
+        "The torque is 0 inside the zone and the rate law's outside.",
+        "No motion from rest gets work out of it.",
+    )
 
     threshold: float

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from backdrive._jit import leaf
-from backdrive.laws.base import Element, Parameter
+from backdrive.laws.base import Element, Parameter, Rate
 from backdrive.laws.elements.dahl import STIFFNESS
-from backdrive.laws.elements.hayward_armstrong import clipped
+from backdrive.laws.elements.hayward_armstrong import between, clipped
 
 
 @leaf
@@ -24,8 +24,11 @@ def step(p, e, x, lo, hi, dp, dt):
     """Torque and slider's motion of one tick; the state is K (p - q)."""
     K, alpha = p[e], p[e + 1]
     before = x[0]
-    x[0] = clipped((before + K * dp) / (1.0 + alpha * dt), lo, hi)
-    return x[0], dp - (x[0] - before) / K
+    trial = (before + K * dp) / (1.0 + alpha * dt)
+    x[0] = clipped(trial, lo, hi)
+    if x[0] == trial:
+        return x[0], alpha * dt * trial / K
+    return x[0], between(dp - (x[0] - before) / K, dp)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +60,7 @@ class Decaying(Element):
     CLAIMS: ClassVar[tuple[str, ...]] = (
         "At a constant velocity the torque is min(F, K v/alpha).",
         "At rest the torque fades, and under a bias the joint creeps.",
+        "No motion from rest gets work out of it, unless the viscous part falls with speed.",
     )
 
     stiffness: float
@@ -65,3 +69,17 @@ class Decaying(Element):
     def states(self) -> int:
         """Return 1: the spring's torque."""
         return 1
+
+    def advice(self, rate: Rate, load: tuple[float, float] = (0.0, 0.0), temperature: float = 20.0) -> str:
+        """Return whether friction drives the joint at low speed, where the viscous part is negative and the spring leaks."""
+        for way, curve in rate.curves(load, temperature).items():
+            for speed, bound, viscous in curve:
+                held = (
+                    min(bound, self.stiffness * speed / self.decay_rate) if self.decay_rate > 0.0 else bound
+                )
+                if held + viscous < 0.0:
+                    return (
+                        f"'{self.NAME}' carries {held:g} at the velocity {way * speed:g}, where the rate law takes off "
+                        f"{-viscous:g}: friction drives the joint. Lower decay_rate or raise stiffness."
+                    )
+        return ""

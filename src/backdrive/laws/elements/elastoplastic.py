@@ -21,7 +21,7 @@ from backdrive._jit import jit, leaf
 from backdrive.laws.base import Parameter
 from backdrive.laws.elements.lugre import LuGre, damping
 
-STEPS = 60
+SECANTS, STEPS = 40, 100
 
 
 @leaf
@@ -36,12 +36,12 @@ def yielded(g, R, S, b):
     if g + R <= b * S:
         return g + R
     if g >= S:
-        return S if R > 1e8 * S else (g + R) / (1.0 + R / S)
+        return S if R > 1e16 * S else (g + R) / (1.0 + R / S)
     low, high = 0.0, 1.0  # of w = (u/S - b)/(1 - b), where the residual below is < 0 and > 0
     below, above = ((b * S - g) - R) / (S + R), (S - g) / (S + R)
     w, side = 0.0, 0
-    for _ in range(STEPS):  # regula falsi, a side that stays halved (Illinois)
-        w = high - above * (high - low) / (above - below)
+    for k in range(STEPS):  # regula falsi, a side that stays halved (Illinois), then bisection
+        w = high - above * (high - low) / (above - below) if k < SECANTS else 0.5 * (low + high)
         if not low < w < high:
             break
         ratio = b + w * (1.0 - b)
@@ -105,6 +105,7 @@ class Elastoplastic(LuGre):
     CLAIMS: ClassVar[tuple[str, ...]] = (
         "Vibration below the elastic share of break-away does not drift.",
         "The torque lags behind the velocity.",
+        "No motion from rest gets work out of it, where `advice` is empty.",
     )
 
     elastic: float = 0.7

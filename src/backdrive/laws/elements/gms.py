@@ -4,8 +4,9 @@
     tau_f = sum f_i + viscous(v),   sum w_i = 1
 
 k_i: stiffness of element i [N.m/rad or N/m]. w_i: its share [-]. C: attraction, how fast slipping elements follow the rate law
-[N.m/s or N/s]. s(v): bound of the rate law in the direction of motion. The step is implicit in the slipping torque. F.
-Al-Bender, V. Lampaert, J. Swevers, IEEE TAC 50(11), 2005.
+[N.m/s or N/s]. s(v): bound of the rate law in the direction of motion. The step is implicit in the slipping torque. An
+element that slips slowly takes on torque without motion: where s falls with speed, loading fast, slipping slowly and
+unloading gains (s(0) - s(v))^2 w_i^2/(2 k_i). F. Al-Bender, V. Lampaert, J. Swevers, IEEE TAC 50(11), 2005.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from backdrive._jit import leaf
-from backdrive.laws.base import Parameter
+from backdrive.laws.base import Parameter, Rate
 from backdrive.laws.elements.maxwell_slip import MANY, Parallel
 
 ATTRACTION = Parameter(symbol="C", unit="force/s", lower=1e-9, typical=100.0, log=True)
@@ -67,6 +68,7 @@ class GMS(Parallel):
     CLAIMS: ClassVar[tuple[str, ...]] = (
         "Vibration below break-away does not drift.",
         "The torque lags behind the velocity in sliding.",
+        "No motion from rest gets work out of it, under bounds that do not change with speed.",
     )
 
     attraction: float
@@ -74,3 +76,14 @@ class GMS(Parallel):
     def states(self) -> int:
         """Return 2 N: the elements' torques and regimes."""
         return 2 * len(self.stiffness)
+
+    def advice(self, rate: Rate, load: tuple[float, float] = (0.0, 0.0), temperature: float = 20.0) -> str:
+        """Return that bounds which change with speed may let it create energy, empty where they do not."""
+        if all(
+            strongest <= weakest * (1.0 + 1e-12) for weakest, strongest, _ in rate.span(load, temperature)
+        ):
+            return ""
+        return (
+            f"'{self.NAME}' lets torque grow in slow slipping without motion: under a rate law that changes with speed it may "
+            "create a little energy; 'smoothed-gms' and 'maxwell-slip' do not."
+        )

@@ -4,7 +4,8 @@
 
 p: position of the joint, q: of the slider. K: stiffness [N.m/rad or N/m]. F_p, F_n: bounds of the rate law. The backward
 Euler step is a clip: f = clip(f + K dp, -F_n, F_p). Nothing drifts and nothing leaks: what is held stays held. The viscous part
-sees the slider. V. Hayward, B. Armstrong, in Experimental Robotics VI, Springer, 2000.
+sees the slider, as far as that moves along with the joint: bounds that fall with speed may throw it further. V. Hayward,
+B. Armstrong, in Experimental Robotics VI, Springer, 2000.
 """
 
 from __future__ import annotations
@@ -28,6 +29,16 @@ def clipped(f, lo, hi):
 
 
 @leaf
+def between(slid, dp):
+    """Slider's motion within that of the joint, beyond which it gets only where the bounds fall; a NaN stays a NaN."""
+    if slid * dp < 0.0:
+        return 0.0
+    if abs(slid) > abs(dp):
+        return dp
+    return slid
+
+
+@leaf
 def step(p, e, x, lo, hi, dp):
     """Torque and slider's motion of one tick; the state is K (p - q)."""
     K = p[e]
@@ -36,7 +47,7 @@ def step(p, e, x, lo, hi, dp):
     x[0] = clipped(trial, lo, hi)
     if x[0] == trial:
         return x[0], 0.0
-    return x[0], dp - (x[0] - before) / K
+    return x[0], between(dp - (x[0] - before) / K, dp)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +62,10 @@ class HaywardArmstrong(Element):
     KIND: ClassVar[int] = 7
     SLIDER: ClassVar[bool] = True
     PARAMETERS: ClassVar[dict[str, Parameter]] = {"stiffness": STIFFNESS}
-    CLAIMS: ClassVar[tuple[str, ...]] = ("Vibration below break-away does not drift.",)
+    CLAIMS: ClassVar[tuple[str, ...]] = (
+        "Vibration below break-away does not drift.",
+        "No motion from rest gets work out of it, unless the viscous part falls with speed.",
+    )
 
     stiffness: float
 

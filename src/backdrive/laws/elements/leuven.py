@@ -19,7 +19,9 @@ from backdrive.laws.base import Parameter
 from backdrive.laws.elements.hayward_armstrong import clipped
 from backdrive.laws.elements.maxwell_slip import MANY, Parallel
 
-STEPS = 60
+SECANTS, STEPS = 40, 100
+FAR = 1e5  # times a bound, of a torque the other way
+NOTHING = 1e-150  # of a bound [N.m or N]
 
 
 @leaf
@@ -36,18 +38,24 @@ def pulled(p, e, x, dz, lo, hi):
 @jit
 def moved(p, e, x, way, path, lo, hi):
     """How far the bristle moves, along the motion, while the joint moves by path > 0: the root u of u = path (1 - ...)."""
-    n = p[e + 1 + 2 * int(p[e])]
+    N = int(p[e])
+    n = p[e + 1 + 2 * N]
     S = hi if way > 0.0 else -lo
-    low, high = 0.0, 2.0  # of u/path
-    below = (way * pulled(p, e, x, 0.0, lo, hi)) / S
-    below = _sharp(below, n) - 1.0
+    below = _sharp(way * pulled(p, e, x, 0.0, lo, hi) / S, n) - 1.0
     if below >= 0.0:
         return 0.0
-    above = 1.0 + _sharp(way * pulled(p, e, x, way * 2.0 * path, lo, hi) / S, n)
+    low, high = 0.0, -below  # of u/path
+    if high > 2.0:  # loaded the other way beyond the bound: at most until the last element slips
+        farthest = 0.0
+        for i in range(N):
+            farthest = max(farthest, (p[e + 1 + N + i] * S - way * x[i]) / p[e + 1 + i])
+        high = min(high, 1.0 + farthest / path)
+    below = max(below, -1.0)
+    above = high - 1.0 + _sharp(way * pulled(p, e, x, way * high * path, lo, hi) / S, n)
     u = 0.0
     side = 0
-    for _ in range(STEPS):  # regula falsi, a side that stays halved (Illinois)
-        u = high - above * (high - low) / (above - below)
+    for k in range(STEPS):  # regula falsi, a side that stays halved (Illinois), then bisection
+        u = high - above * (high - low) / (above - below) if k < SECANTS else 0.5 * (low + high)
         if not low < u < high:
             break
         value = u - 1.0 + _sharp(way * pulled(p, e, x, way * u * path, lo, hi) / S, n)
@@ -57,7 +65,7 @@ def moved(p, e, x, way, path, lo, hi):
                 below *= 0.5
             side = 1
         else:
-            low, below = u, value
+            low, below = u, max(value, -1.0)
             if side < 0:
                 above *= 0.5
             side = -1
@@ -68,8 +76,8 @@ def moved(p, e, x, way, path, lo, hi):
 
 @leaf
 def _sharp(r, n):
-    """sgn(r) |r|^n."""
-    return r**n if r > 0.0 else -((-r) ** n)
+    """sgn(r) |r|^n; r far below -1 is cut, so that nothing overflows."""
+    return r**n if r > 0.0 else -(min(-r, FAR) ** n)
 
 
 @leaf
@@ -78,11 +86,15 @@ def step(p, e, x, lo, hi, dp, dt):
     n = int(p[e])
     sigma_1 = p[e + 2 + 2 * n]
     dz = dp
-    if dp > 0.0:
-        dz = moved(p, e, x, 1.0, dp, lo, hi) if hi > 0.0 else 0.0
-    elif dp < 0.0:
-        dz = -moved(p, e, x, -1.0, -dp, lo, hi) if lo < 0.0 else 0.0
     total = 0.0
+    if dp != 0.0 and (hi if dp > 0.0 else -lo) <= NOTHING:
+        for i in range(n):
+            x[i] = 0.0
+        return total
+    if dp > 0.0:
+        dz = moved(p, e, x, 1.0, dp, lo, hi)
+    elif dp < 0.0:
+        dz = -moved(p, e, x, -1.0, -dp, lo, hi)
     for i in range(n):
         w = p[e + 1 + n + i]
         x[i] = clipped(x[i] + p[e + 1 + i] * dz, w * lo, w * hi)
@@ -108,7 +120,11 @@ class Leuven(Parallel):
         "sharpness": Parameter(symbol="n", unit="1", lower=0.5, upper=50.0, typical=2.0),
         "damping": Parameter(symbol="sigma_1", unit="force.s/length", lower=0.0, log=True),
     }
-    CLAIMS: ClassVar[tuple[str, ...]] = ("Presliding remembers as many reversals as there are elements.",)
+    CLAIMS: ClassVar[tuple[str, ...]] = (
+        "Presliding remembers as many reversals as there are elements.",
+        "Vibration below break-away drifts.",
+        "No motion from rest gets work out of it.",
+    )
 
     sharpness: float = 2.0
     damping: float = 0.0

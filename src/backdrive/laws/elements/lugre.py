@@ -45,7 +45,7 @@ def step(p, e, x, lo, hi, dp, dt):
         after = f
     elif s == 0.0:
         after = 0.0 * dp
-    elif abs(reach) > 1e8 * abs(s):  # (f + reach)/(1 + reach/s), where reach may overflow
+    elif abs(reach) > 1e16 * abs(s):  # (f + reach)/(1 + reach/s), where reach may overflow
         after = s
     else:
         after = (f + reach) / (1.0 + reach / s)
@@ -80,6 +80,7 @@ class LuGre(Element):
     CLAIMS: ClassVar[tuple[str, ...]] = (
         "Vibration below break-away drifts.",
         "The torque lags behind the velocity.",
+        "No motion from rest gets work out of it, where `advice` is empty.",
     )
 
     stiffness: float
@@ -90,19 +91,18 @@ class LuGre(Element):
         """Return 1: the bristle's torque."""
         return 1
 
-    def advice(self, rate: Rate) -> str:
-        """Return what is wrong with sigma_1 where the rate law weakens with speed by more than its viscous part bears."""
-        value = rate.values()
-        weakest, strongest = value.get("coulomb", 0.0), value.get("breakaway", 0.0)
-        if "stribeck" in value:
-            strongest = weakest + value["stribeck"]
-        if self.damping == 0.0 or strongest <= weakest:
+    def advice(self, rate: Rate, load: tuple[float, float] = (0.0, 0.0), temperature: float = 20.0) -> str:
+        """Return what is wrong with sigma_1 where the rate law changes with speed by more than its viscous part bears."""
+        if self.damping == 0.0:
             return ""
-        needed = np.inf if weakest == 0.0 else self.damping * (strongest - weakest) / weakest
-        fades = 4.0 * np.sqrt(2.0 * np.e) * weakest / self.damping
-        if value.get("viscous", 0.0) >= needed or 0.0 < self.fading <= fades:
-            return ""
-        return (
-            f"LuGre with damping = {self.damping:g} needs viscous >= {needed:g} or 0 < fading <= {fades:g} so as not to "
-            "create energy."
-        )
+        for weakest, strongest, viscous in rate.span(load, temperature):
+            if strongest <= weakest * (1.0 + 1e-12):
+                continue
+            needed = np.inf if weakest == 0.0 else self.damping * (strongest - weakest) / weakest
+            fades = 4.0 * np.sqrt(2.0 * np.e) * weakest / self.damping
+            if viscous < needed and not 0.0 < self.fading <= fades:
+                return (
+                    f"'{self.NAME}' with damping = {self.damping:g} needs viscous >= {needed:g} or "
+                    f"0 < fading <= {fades:g} so as not to create energy."
+                )
+        return ""

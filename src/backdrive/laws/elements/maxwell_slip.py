@@ -91,6 +91,7 @@ class MaxwellSlip(Parallel):
     CLAIMS: ClassVar[tuple[str, ...]] = (
         "Vibration below break-away does not drift.",
         "A reversal repeats the virgin curve at twice the size.",
+        "No motion from rest gets work out of it.",
     )
 
     def states(self) -> int:

@@ -34,4 +34,7 @@ class Rigid(Element):
     KIND: ClassVar[int] = 0
     SET_VALUED: ClassVar[bool] = True
     PARAMETERS: ClassVar[dict[str, Parameter]] = {}
-    CLAIMS: ClassVar[tuple[str, ...]] = ("A held mass rests exactly.",)
+    CLAIMS: ClassVar[tuple[str, ...]] = (
+        "A held mass rests exactly.",
+        "No motion from rest gets work out of it.",
+    )

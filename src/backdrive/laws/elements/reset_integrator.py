@@ -5,7 +5,8 @@
 
 K: stiffness [N.m/rad or N/m]. z_p = F_p/K, z_n = F_n/K: break-away distances, F_p and F_n the bounds of the rate law. a:
 what break-away adds to sliding [-]. D: damping while the bristle holds [N.m.s/rad or N.s/m]. The torque jumps at
-break-away by a F. D. A. Haessig, B. Friedland, ASME JDSMC 113(3), 1991.
+break-away by a F; a tick in which the bristle gives has the jump and the damping for the share of it that still held, so
+that shaking at break-away returns no more energy than it takes. D. A. Haessig, B. Friedland, ASME JDSMC 113(3), 1991.
 """
 
 from __future__ import annotations
@@ -19,16 +20,24 @@ from backdrive.laws.elements.dahl import STIFFNESS
 
 
 @leaf
+def given(held, jump, damping, dp, dt):
+    """What is added to sliding in the tick of break-away: the jump and the damping, for the share of it that still held."""
+    added = held / dp * jump + damping * (held / dt)
+    return jump if abs(added) > abs(jump) else added
+
+
+@leaf
 def step(p, e, x, lo, hi, dp, dt):
     """Torque of one tick; the state is K z."""
     stiffness, excess, damping = p[e], p[e + 1], p[e + 2]
-    trial = x[0] + stiffness * dp
-    if trial >= hi and dp > 0.0:
+    before = x[0]
+    trial = before + stiffness * dp
+    if trial >= hi and dp >= 0.0:
         x[0] = hi
-        return hi
-    if trial <= lo and dp < 0.0:
+        return hi if before >= hi else hi + given((hi - before) / stiffness, excess * hi, damping, dp, dt)
+    if trial <= lo and dp <= 0.0:
         x[0] = lo
-        return lo
+        return lo if before <= lo else lo + given((lo - before) / stiffness, excess * lo, damping, dp, dt)
     if trial > hi:  # the bound has fallen under a bristle that is let go
         trial = hi
     elif trial < lo:
@@ -59,7 +68,10 @@ class ResetIntegrator(Element):
         "excess": Parameter(symbol="a", unit="1", lower=0.0, upper=10.0),
         "damping": Parameter(symbol="D", unit="force.s/length", lower=0.0),
     }
-    CLAIMS: ClassVar[tuple[str, ...]] = ("Vibration below break-away does not drift.",)
+    CLAIMS: ClassVar[tuple[str, ...]] = (
+        "Vibration below break-away does not drift.",
+        "No motion from rest gets work out of it.",
+    )
 
     stiffness: float
     excess: float = 0.0

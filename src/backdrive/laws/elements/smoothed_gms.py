@@ -1,6 +1,6 @@
 """A smoothed GMS model: Maxwell-slip elements whose change from sticking to slipping has derivatives.
 
-    f_i' = k_i (v - h(r_i) |v| r_i),   r_i = sgn(v) f_i/(w_i s(v)) along the motion,   tau_f = sum f_i + viscous(v),   sum w_i = 1
+    f_i' = k_i v (1 - h(r_i) r_i),   r_i = sgn(v) f_i/(w_i s(v)),   tau_f = sum f_i + viscous(v),   sum w_i = 1
     h(r) = m(r) g(r)/(m(1) g(1)),   m(r) = 1 - tanh(l (r + b))/2 + tanh(l (r - b))/2,   g(r) = (1 + tanh(c r))/2
 
 k_i: stiffness of element i [N.m/rad or N/m]. w_i: its share of the bound s(v) of the rate law [-]. m: 0 while the element holds
@@ -21,7 +21,9 @@ from backdrive._jit import jit, leaf
 from backdrive.laws.base import Parameter
 from backdrive.laws.elements.maxwell_slip import MANY, Parallel
 
-STEPS = 60
+SECANTS, STEPS = 40, 100
+NOTHING = 1e-150  # of a bound [N.m or N]
+FAR = 1e16  # times a bound: a pull after which the element slips
 
 
 @leaf
@@ -47,12 +49,14 @@ def loaded(r, path, full, sharp, margin, reversal):
     above = ((high - r) - path * (1.0 - gate(high, sharp, margin, reversal) / full * high)) * inverse
     if below >= 0.0:
         return low
-    if above <= 0.0:
+    if above < 0.0:  # loaded the other way, an element that yields gets further than its spring
+        high, above = 1.0, (1.0 - r) * inverse
+    if above == 0.0:
         return high
     u = low
     side = 0
-    for _ in range(STEPS):  # regula falsi, a side that stays halved (Illinois)
-        u = high - above * (high - low) / (above - below)
+    for k in range(STEPS):  # regula falsi, a side that stays halved (Illinois), then bisection
+        u = high - above * (high - low) / (above - below) if k < SECANTS else 0.5 * (low + high)
         if not low < u < high:
             break
         value = ((u - r) - path * (1.0 - gate(u, sharp, margin, reversal) / full * u)) * inverse
@@ -82,10 +86,13 @@ def step(p, e, x, lo, hi, dp, dt):
         full = gate(1.0, sharp, margin, reversal)
         for i in range(n):
             bound = p[e + 1 + n + i] * s
-            if bound == 0.0:
+            pull = p[e + 1 + i] * dp
+            if abs(bound) <= NOTHING:
                 x[i] = 0.0
-                continue
-            x[i] = bound * loaded(x[i] / bound, p[e + 1 + i] * dp / bound, full, sharp, margin, reversal)
+            elif abs(pull) > FAR * abs(bound):
+                x[i] = bound
+            else:
+                x[i] = bound * loaded(x[i] / bound, pull / bound, full, sharp, margin, reversal)
             total += x[i]
         return total + 0.0 * dp
     for i in range(n):
@@ -128,7 +135,11 @@ class SmoothedGMS(Parallel):
             symbol="c", unit="1", lower=1.0, upper=1e4, typical=10.0, source="`friction` library, GMS example"
         ),
     }
-    CLAIMS: ClassVar[tuple[str, ...]] = ("The torque has a derivative with respect to every parameter.",)
+    CLAIMS: ClassVar[tuple[str, ...]] = (
+        "The torque has a derivative with respect to every parameter.",
+        "Vibration below break-away drifts by no more than the share of slip at its peak.",
+        "No motion from rest gets work out of it.",
+    )
 
     sharpness: float = 100.0
     margin: float = 0.95

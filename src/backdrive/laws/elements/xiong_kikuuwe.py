@@ -66,7 +66,10 @@ class ViscoElastoplastic(Element):
     NAME: ClassVar[str] = "visco-elastoplastic"
     KIND: ClassVar[int] = 8
     PARAMETERS: ClassVar[dict[str, Parameter]] = {"stiffness": STIFFNESS, "damping": DAMPING}
-    CLAIMS: ClassVar[tuple[str, ...]] = ("Vibration below break-away does not drift.",)
+    CLAIMS: ClassVar[tuple[str, ...]] = (
+        "Vibration below break-away does not drift.",
+        "No motion from rest gets work out of it.",
+    )
 
     stiffness: float
     damping: float = 0.0
@@ -129,6 +132,7 @@ class XiongKikuuweMulti(Parallel):
     CLAIMS: ClassVar[tuple[str, ...]] = (
         "Vibration below break-away does not drift.",
         "The torque lags behind the velocity in sliding.",
+        "No motion from rest gets work out of it.",
     )
 
     damping_time: float = 0.0

@@ -30,7 +30,10 @@ def limits(p, v, load, temp):
     F_c, F_st, v_s, alpha, K_v = p[1], p[2], p[3], p[4], p[5]
     tau_m, tau_e = load[0], load[1]
     e = fading(v, v_s, alpha)
-    F = F_c + e * F_st + abs(p[6] * tau_m - p[7] * tau_e) + e * abs(p[8] * tau_m - p[9] * tau_e)
+    F = F_c + e * F_st
+    if not p[6] + p[7] + p[8] + p[9] + p[10] + p[11] > 0.0:  # M1, M2: the load may be unknown
+        return -F, F, K_v * v
+    F += abs(p[6] * tau_m - p[7] * tau_e) + e * abs(p[8] * tau_m - p[9] * tau_e)
     if tau_m * tau_e < 0.0:
         if abs(tau_e) < abs(tau_m):
             F += e * p[10] * tau_e * tau_e

@@ -3,8 +3,8 @@
     tau_f in gsgn(-F_n, v, F_p) + Phi(v),   Phi(0) = 0
 
 Between the knots V_1 < ... < V_N the curve of each direction is linear; below V_1 and above V_N the first and last
-section go on. F_p and F_n are the intercepts of the two curves at zero velocity. Where the two directions are equal this
-is the symmetric phi(v) of (2.8), with |v| in (2.9g).
+section go on; a first section that would start below 0 starts at 0. F_p and F_n are the intercepts of the two curves at zero
+velocity. Where the two directions are equal this is the symmetric phi(v) of (2.8), with |v| in (2.9g).
 """
 
 from __future__ import annotations
@@ -38,7 +38,11 @@ def limits(p, v, load, temp):
     n = int(p[1])
     F_p = max(branch(p, n, 2 + n, 0.0), 0.0)
     F_n = max(branch(p, n, 2 + 2 * n, 0.0), 0.0)
-    if v > 0.0:
+    if (
+        abs(v) < p[2] and (F_p if v > 0.0 else F_n) == 0.0
+    ):  # a first section that would start below 0 starts at 0
+        phi = p[2 + n if v > 0.0 else 2 + 2 * n] / p[2] * v
+    elif v > 0.0:
         phi = branch(p, n, 2 + n, v) - F_p
     elif v < 0.0:
         phi = F_n - branch(p, n, 2 + 2 * n, -v)

@@ -1,0 +1,79 @@
+"""Gear friction: it grows with the torque that the gears transmit, more or less so when the load drives them back.
+
+    e = exp(-(v/v_s)^2)
+    F = F_c + (K + e S)|T|,   S = S_d where T v > 0, the motor drives the load;   S = S_b where T v < 0, the load drives it
+    tau_f in F sgn(v) + K_v v
+
+T: torque that the gears transmit to the load, the negative of the external torque of the pair `load` [N.m or N]: gravity and
+what accelerates the load, not what accelerates the motor. K: friction between sliding teeth per unit of T [-]; S_d, S_b:
+what rest adds to K [-]; so that a joint holds more than it lifts. F_c: Coulomb torque without load [N.m or N]. v_s:
+velocity at which the addition has fallen to 1/e [rad/s or m/s]. K_v: viscous coefficient [N.m.s/rad or N.s/m]. Friction
+in proportion to the transmitted torque: Dohring, Lee, Newman, "A load-dependent transmission friction model: theory and
+experiments", ICRA 1993; two directions of power: Wang, Kim, "Directional efficiency in geared transmissions", ICRA 2015.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from backdrive._jit import leaf
+from backdrive.laws.base import Parameter, Rate
+
+
+@leaf
+def limits(p, v, load, temp):
+    """Rate law: lo, hi and K_v v under the transmitted torque -load[1]."""
+    F_c, K, S_d, S_b, v_s, K_v = p[1], p[2], p[3], p[4], p[5], p[6]
+    size = abs(load[1])
+    if size == 0.0:
+        return -F_c, F_c, K_v * v
+    ratio = v / v_s
+    e = np.exp(-ratio * ratio)
+    driving = F_c + (K + e * S_d) * size
+    driven = F_c + (K + e * S_b) * size
+    if load[1] < 0.0:
+        return -driven, driving, K_v * v
+    return -driving, driven, K_v * v
+
+
+FITTED = "fitted to the XL330 logs of Rhoban BAM"
+
+
+@dataclass(frozen=True, kw_only=True)
+class GearLoad(Rate):
+    """Friction in proportion to the torque that the gears transmit.
+
+    Attributes:
+        coulomb: F_c, without load [N.m or N].
+        load: K, sliding [-].
+        driving: S_d, what rest adds where the motor drives the load [-].
+        driven: S_b, what rest adds where the load drives the motor back [-].
+        stribeck_velocity: v_s [rad/s or m/s].
+        viscous: K_v [N.m.s/rad or N.s/m].
+    """
+
+    NAME: ClassVar[str] = "gear-load"
+    KIND: ClassVar[int] = 9
+    NEEDS: ClassVar[tuple[str, ...]] = ("load",)
+    PARAMETERS: ClassVar[dict[str, Parameter]] = {
+        "coulomb": Parameter(symbol="F_c", unit="force", lower=0.0, typical=0.0062, source=FITTED, log=True),
+        "load": Parameter(symbol="K", unit="1", lower=0.0, upper=2.0, typical=0.26, source=FITTED),
+        "driving": Parameter(symbol="S_d", unit="1", lower=0.0, upper=2.0, typical=0.18, source=FITTED),
+        "driven": Parameter(symbol="S_b", unit="1", lower=0.0, upper=2.0, typical=0.17, source=FITTED),
+        "stribeck_velocity": Parameter(
+            symbol="v_s", unit="length/s", lower=1e-9, upper=1e6, typical=0.31, source=FITTED, log=True
+        ),
+        "viscous": Parameter(
+            symbol="K_v", unit="force.s/length", lower=0.0, typical=0.0072, source=FITTED, log=True
+        ),
+    }
+
+    coulomb: float
+    load: float = 0.0
+    driving: float = 0.0
+    driven: float = 0.0
+    stribeck_velocity: float = 1.0
+    viscous: float = 0.0
