@@ -25,6 +25,7 @@ _HOMES = {
     "Axis": "backdrive.engine",
     "DriveModel": "backdrive.engine",
     "Law": "backdrive.laws",
+    "fit": "backdrive.fitting",
     "forward": "backdrive.engine",
     "rollout": "backdrive.engine",
 }
@@ -41,6 +42,7 @@ __all__ = [  # noqa: RUF022  (sorted by use)
     "Log",
     "Sweep",
     "check",
+    "fit",
     "forward",
     "identify",
     "load_model",
@@ -56,6 +58,7 @@ if TYPE_CHECKING:
     from backdrive.engine import rollout as rollout
     from backdrive.errors import BackdriveError as BackdriveError
     from backdrive.excite import Sweep as Sweep
+    from backdrive.fitting import fit as fit
     from backdrive.health import check as check
     from backdrive.identification import identify as identify
     from backdrive.laws import Law as Law

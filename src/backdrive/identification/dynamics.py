@@ -11,8 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from backdrive.engine import rollout
 from backdrive.errors import InvalidInput
 from backdrive.identification.signals import Signals
+from backdrive.laws import Rigid
 from backdrive.log import Joint
 from backdrive.model import JointFriction
 
@@ -63,5 +65,8 @@ def _cannot(friction: JointFriction, term: str, channel: str, short: str) -> Inv
 
 
 def predict(friction: JointFriction, signals: Signals) -> np.ndarray:
-    """Return the joint's total torque by the model [N.m or N], (n,)."""
-    return rest_of_dynamics(friction, signals) + friction.law.torque(signals.velocity)
+    """Return the joint's total torque by the model, presliding included [N.m or N], (n,)."""
+    rest = rest_of_dynamics(friction, signals)
+    if isinstance(friction.law.element, Rigid):
+        return rest + friction.law.torque(signals.velocity)
+    return rest + rollout(friction.law, dq=signals.velocity, dt=1.0 / signals.rate)

@@ -1,0 +1,222 @@
+#include "loops.h"
+
+static void coulomb_viscous(LANE) {
+    const double F_p = p[1], F_n = p[2], sigma_p = p[3], sigma_n = p[4];
+    for (long k = 0; k < n; k++) {
+        const double d = dp[k], v = d / dt;
+        const double viscous = v < 0.0 ? sigma_n * v : sigma_p * v;
+        const double f = d > 0.0 ? F_p : d < 0.0 ? -F_n : 0.0 * d;
+        out[k] = f + viscous;
+    }
+}
+OVER_SETS(coulomb_viscous)
+
+static inline double gauss(double v, double F_c, double F_s, double v_s) {
+    const double r = fabs(v) / v_s;
+    return F_c + (F_s - F_c) * exp(-r * r);
+}
+
+static void stribeck_gauss(LANE) {
+    const double F_c = p[1], F_s = p[2], v_s = p[3], sigma_2 = p[5];
+    for (long k = 0; k < n; k++) {
+        const double d = dp[k], v = d / dt, s = gauss(v, F_c, F_s, v_s);
+        const double f = d > 0.0 ? s : d < 0.0 ? -s : 0.0 * d;
+        out[k] = f + sigma_2 * v;
+    }
+}
+OVER_SETS(stribeck_gauss)
+
+static void lugre(LANE) {
+    const double F_c = p[1], F_s = p[2], v_s = p[3], sigma_2 = p[5];
+    const double sigma_0 = p[6], sigma_1 = p[7], v_d = p[8];
+    double z = x[0]; /* sigma_0 times the deflection */
+    for (long k = 0; k < n; k++) {
+        const double d = dp[k], v = d / dt;
+        const double s = copysign(gauss(v, F_c, F_s, v_s), d), reach = sigma_0 * d;
+        double after;
+        if (d == 0.0)
+            after = z;
+        else if (s == 0.0)
+            after = 0.0;
+        else if (fabs(reach) > 1e16 * fabs(s))
+            after = s;
+        else
+            after = (z + reach) / (1.0 + reach / s);
+        double f = after;
+        if (sigma_1 != 0.0) {
+            double damping = sigma_1;
+            if (v_d > 0.0) {
+                const double r = v / v_d;
+                damping = sigma_1 * exp(-r * r);
+            }
+            f = after + damping / sigma_0 * ((after - z) / dt);
+        }
+        z = after;
+        out[k] = f + sigma_2 * v;
+    }
+    x[0] = z;
+}
+OVER_SETS(lugre)
+
+static inline double clipped(double f, double lo, double hi) { return f > hi ? hi : f < lo ? lo : f; }
+
+/* Slider's motion within that of the joint. */
+static inline double between(double slid, double d) {
+    return slid * d < 0.0 ? 0.0 : fabs(slid) > fabs(d) ? d : slid;
+}
+
+static void hayward_armstrong(LANE) {
+    const double F_c = p[1], F_s = p[2], v_s = p[3], sigma_2 = p[5], K = p[6];
+    double z = x[0]; /* torque of the spring */
+    for (long k = 0; k < n; k++) {
+        const double d = dp[k], s = gauss(d / dt, F_c, F_s, v_s);
+        const double trial = z + K * d, after = clipped(trial, -s, s);
+        const double slid = after == trial ? 0.0 : between(d - (after - z) / K, d);
+        z = after;
+        out[k] = after + sigma_2 * (slid / dt);
+    }
+    x[0] = z;
+}
+OVER_SETS(hayward_armstrong)
+
+static void decaying(LANE) {
+    const double F_c = p[1], F_s = p[2], v_s = p[3], sigma_2 = p[5], K = p[6], alpha = p[7];
+    double z = x[0]; /* torque of the spring */
+    for (long k = 0; k < n; k++) {
+        const double d = dp[k], s = gauss(d / dt, F_c, F_s, v_s);
+        const double trial = (z + K * d) / (1.0 + alpha * dt), after = clipped(trial, -s, s);
+        const double slid = after == trial ? alpha * dt * trial / K : between(d - (after - z) / K, d);
+        z = after;
+        out[k] = after + sigma_2 * (slid / dt);
+    }
+    x[0] = z;
+}
+OVER_SETS(decaying)
+
+static void maxwell_slip(LANE) {
+    const double F_c = p[1], F_s = p[2], v_s = p[3], sigma_2 = p[5];
+    const int N = (int)p[6];
+    const double *restrict stiffness = p + 7, *restrict share = p + 7 + N;
+    for (long k = 0; k < n; k++) {
+        const double d = dp[k], v = d / dt, s = gauss(v, F_c, F_s, v_s);
+        double total = 0.0;
+        for (int i = 0; i < N; i++) {
+            const double w = share[i];
+            x[i] = clipped(x[i] + stiffness[i] * d, w * -s, w * s);
+            total += x[i];
+        }
+        out[k] = total + sigma_2 * v;
+    }
+}
+OVER_SETS(maxwell_slip)
+
+static void gms(LANE) {
+    const double F_c = p[1], F_s = p[2], v_s = p[3], sigma_2 = p[5];
+    const int N = (int)p[6];
+    const double *restrict stiffness = p + 7, *restrict share = p + 7 + N;
+    const double C = p[7 + 2 * N];
+    double *restrict regime = x + N; /* +1, -1: slipping that way, 0: sticking */
+    for (long k = 0; k < n; k++) {
+        const double d = dp[k], v = d / dt;
+        const double s = copysign(gauss(v, F_c, F_s, v_s), d), way = d > 0.0 ? 1.0 : -1.0;
+        double total = 0.0;
+        for (int i = 0; i < N; i++) {
+            const double bound = share[i] * s;
+            double f = x[i];
+            if (d == 0.0) {
+                total += f;
+                continue;
+            }
+            if (regime[i] == way) {
+                f = s == 0.0 ? 0.0 : (f + dt * way * C * share[i]) / (1.0 + dt * C / fabs(s));
+            } else {
+                f += stiffness[i] * d;
+                regime[i] = 0.0;
+                if ((f - bound) * way >= 0.0) {
+                    f = bound;
+                    regime[i] = way;
+                }
+            }
+            x[i] = f;
+            total += f;
+        }
+        out[k] = total + sigma_2 * v;
+    }
+}
+OVER_SETS(gms)
+
+static void m6(LANE) {
+    const double F_c = p[1], F_st = p[2], v_s = p[3], alpha = p[4], K_v = p[5];
+    const double K_m = p[6], K_e = p[7], S_m = p[8], S_e = p[9], Q_e = p[10], Q_m = p[11];
+    for (long k = 0; k < n; k++) {
+        const double d = dp[k], v = d / dt, tau_m = load[2 * k], tau_e = load[2 * k + 1];
+        const double e = exp(-pow(fabs(v) / v_s, alpha));
+        double F = F_c + e * F_st + (fabs(K_m * tau_m - K_e * tau_e) + e * fabs(S_m * tau_m - S_e * tau_e));
+        if (tau_m * tau_e < 0.0) {
+            if (fabs(tau_e) < fabs(tau_m))
+                F += e * Q_e * tau_e * tau_e;
+            else if (fabs(tau_e) > fabs(tau_m))
+                F += e * Q_m * tau_m * tau_m;
+        }
+        const double f = d > 0.0 ? F : d < 0.0 ? -F : 0.0 * d;
+        out[k] = f + K_v * v;
+    }
+}
+OVER_SETS(m6)
+
+#define STEPS 60
+#define CLOSE 1e-14
+
+/* What a trial speed asks for beyond what the step provides. */
+static inline double excess_at(const double *p, double speed, double toward, double v_free, double dt_over_m) {
+    const double v = toward * speed;
+    return toward * (v + dt_over_m * (toward * gauss(v, p[1], p[2], p[3]) + p[5] * v) - v_free);
+}
+
+/* Velocity at the end of a step of a mass under Stribeck friction: bracketed, then regula falsi with halving. */
+static double solve(const double *p, double v_free, double dt_over_m) {
+    const double held = dt_over_m * p[2];
+    if (-held <= v_free && v_free <= held) return 0.0;
+    const double at_rest = v_free - (v_free > 0.0 ? held : -held), toward = at_rest > 0.0 ? 1.0 : -1.0;
+    const double close = CLOSE * (fabs(v_free) + fabs(at_rest));
+    double a = 0.0, excess_a = -fabs(at_rest), b = fabs(at_rest), grown = 1.0;
+    double excess_b = excess_at(p, b, toward, v_free, dt_over_m);
+    int side = 0;
+    for (int i = 0; i < STEPS && excess_b < 0.0; i++) {
+        const double next = b - 2.0 * grown * excess_b;
+        a = b, excess_a = excess_b, b = next, grown *= 2.0;
+        excess_b = excess_at(p, b, toward, v_free, dt_over_m);
+    }
+    if (excess_b == 0.0) return toward * b;
+    for (int i = 0; i < STEPS; i++) {
+        const double speed = b - excess_b * (b - a) / (excess_b - excess_a);
+        if (!(a < speed && speed < b)) break;
+        const double excess = excess_at(p, speed, toward, v_free, dt_over_m);
+        if (fabs(excess) <= close) return toward * speed;
+        if (excess > 0.0) {
+            b = speed, excess_b = excess;
+            if (side > 0) excess_a *= 0.5;
+            side = 1;
+        } else {
+            a = speed, excess_a = excess;
+            if (side < 0) excess_b *= 0.5;
+            side = -1;
+        }
+    }
+    return toward * (b - excess_b * (b - a) / (excess_b - excess_a));
+}
+
+/* A mass under Stribeck friction that a PD position loop takes along the reference r; position, velocity, torque. */
+void forward_stribeck(const double *p, double M, double K_p, double K_d, const double *r, double h, long n,
+                      double *restrict out) {
+    double q = 0.0, w = 0.0, before = r[0], q_before = 0.0;
+    for (long k = 0; k < n; k++) {
+        const double v = (q - q_before) / h, dr = (r[k] - before) / h;
+        const double u = K_p * (r[k] - q) + K_d * (dr - v);
+        out[3 * k] = q, out[3 * k + 1] = w, out[3 * k + 2] = u;
+        q_before = q, before = r[k];
+        const double middle = q + 0.5 * h * w;
+        w = solve(p, w + h / M * u, h / M);
+        q = middle + 0.5 * h * w;
+    }
+}

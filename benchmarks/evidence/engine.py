@@ -1,0 +1,370 @@
+"""How fast friction is computed: against C written by hand, against what people write in Python, and how the cost grows.
+
+The C loops (`benchmarks/engine_c/loops.c`) hold one law each and the same arithmetic in the same order; their torques are
+compared with ours bit for bit before anything is timed. Both sides give a fresh array. C and ours take turns within one
+run, and a ratio is the median over the turns: what a shared machine does to one it does to the other. One thread is
+measured in the thread's own CPU time, all threads by the wall clock.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+import tracemalloc
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from _common import Judge
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "engine_c"))
+from c_loops import Loops
+
+from backdrive.engine import Axis, DriveModel, Lanes, forward, rollout
+from backdrive.engine.cores import available
+from backdrive.engine.tick import Tick
+from backdrive.laws import GMS, Law, MaxwellSlip
+from backdrive.laws.examples import RATE_EXAMPLES, example
+
+DT = 1e-3
+LONG, SETS, TICKS = 1_000_000, 10_000, 1000
+SECONDS = 2.0  # for the turns of one comparison, but at least:
+TURNS = 5
+EIGHT = {"stiffness": tuple(1.2e4 / k for k in range(1, 9)), "share": (0.125,) * 8}
+LAWS = {
+    "coulomb-viscous": example("coulomb-viscous"),
+    "stribeck-gauss": example("stribeck-gauss"),
+    "lugre": example("lugre"),
+    "hayward-armstrong": example("hayward-armstrong"),
+    "decaying": example("decaying"),
+    "maxwell-slip": Law(rate=RATE_EXAMPLES["stribeck-gauss"], element=MaxwellSlip(**EIGHT)),
+    "gms": Law(rate=RATE_EXAMPLES["stribeck-gauss"], element=GMS(**EIGHT, attraction=100.0)),
+    "m6": example("m6"),
+}
+ARM = ("coulomb-viscous", "stribeck-gauss", "lugre", "hayward-armstrong", "maxwell-slip", "gms", "m6")
+FIRST = """
+import time
+wall, cpu = time.perf_counter(), time.process_time()
+import numpy as np
+from backdrive.engine import rollout
+from backdrive.laws.examples import example
+ready = time.perf_counter()
+q = 0.01 * np.sin(np.arange(1000) * 0.01)
+rollout(example("lugre"), q=q, dt=1e-3)
+first = time.perf_counter()
+print(ready - wall, first - ready, time.process_time() - cpu)
+"""
+
+
+def moved(n: int, slower: float = 1.0) -> np.ndarray:
+    """Return positions of strokes with reversals within presliding [rad], (n,)."""
+    t = DT * np.arange(n) / slower
+    return 0.3 * np.sin(2 * np.pi * 0.31 * t) + 0.01 * np.sin(2 * np.pi * 3.7 * t)
+
+
+def turns(theirs: Callable, ours: Callable, clock: Callable[[], float], seconds: float = SECONDS) -> dict:
+    """Return times of both in turns [s], the median and the best ratio of ours to theirs, and the number of turns."""
+    a, b, end = [], [], time.perf_counter() + seconds
+    theirs()
+    ours()
+    while len(a) < TURNS or (time.perf_counter() < end and len(a) < 40):
+        for function, times in ((theirs, a), (ours, b))[:: 1 if len(a) % 2 == 0 else -1]:
+            start = clock()
+            kept = function()
+            times.append(clock() - start)
+            del kept
+    ratio = statistics.median(y / x for x, y in zip(a, b))
+    return {"theirs": min(a), "ours": min(b), "ratio": ratio, "of_best": min(b) / min(a), "turns": len(a)}
+
+
+def against_c(loops: Loops, judge: Judge) -> list[dict]:
+    """Compare the loops of every law, one long series and many sets, on one thread and on all."""
+    threads, results, alike = available(), [], True
+    print(f"{'law':18s} {'case':12s} thr   C [ns] ours [ns]  ratio  of best  turns")
+    generator = np.random.default_rng(0)
+    for name, law in LAWS.items():
+        for case, n, count in (("one series", LONG, 1), ("10,000 sets", TICKS, SETS)):
+            for workers in (1, threads)[: 2 if threads > 1 and loops.threaded else 1]:
+                sets = count * workers if count == 1 else count  # on all threads: a series each
+                lanes, motion = Lanes([law] * sets), np.zeros(sets, dtype=np.int64)
+                lanes.rows[:, 1:3] *= generator.uniform(0.5, 2.0, (sets, 1))
+                q = moved(n, slower=0.2 if n == TICKS else 1.0)
+                dp = np.diff(q, prepend=q[0])[None].copy()
+                load = np.stack([3.0 * np.sin(9.0 * q), 2.0 * np.cos(7.0 * q)], axis=1)[None].copy()
+                given = load if law.rate.NEEDS else None
+
+                def c(name=name, lanes=lanes, motion=motion, dp=dp, load=load, workers=workers):
+                    return loops.torque(name, lanes, motion, dp, DT, load, workers)
+
+                def ours(lanes=lanes, motion=motion, dp=dp, given=given, workers=workers):
+                    return lanes.torque(motion, dp, DT, given, workers=workers)
+
+                alike &= np.array_equal(c().view(np.int64), ours().view(np.int64))
+                clock = time.thread_time if workers == 1 else time.perf_counter
+                got = turns(c, ours, clock) | {"law": name, "case": case, "threads": workers}
+                got["theirs"], got["ours"] = (1e9 * got[k] / sets / n for k in ("theirs", "ours"))
+                results.append(got)
+                print(
+                    f"{name:18s} {case:12s} {workers:3d} {got['theirs']:8.2f} {got['ours']:9.2f} {got['ratio']:6.2f} "
+                    f"{got['of_best']:8.2f} {got['turns']:6d}",
+                    flush=True,
+                )
+    judge.that("torques of C and ours agree in every bit, all laws", alike)
+    for r in results:
+        judge.at_most(f"{r['law']}, {r['case']}, {r['threads']} thread(s): time over C's", r["ratio"], 1.3)
+    return results
+
+
+def by_hand(law: Law, dq: np.ndarray) -> np.ndarray:
+    """Return LuGre's torque by the loop that people write: NumPy's functions on one number at a time."""
+    r, e = law.rate.values(), law.element.values()
+    F_c, F_s, v_s, sigma_2 = r["coulomb"], r["breakaway"], r["stribeck_velocity"], r["viscous"]
+    sigma_0, sigma_1, v_d = e["stiffness"], e["damping"], e["fading"]
+    z, tau = 0.0, np.zeros_like(dq)
+    for k in range(len(dq)):
+        v = dq[k]
+        s = F_c + (F_s - F_c) * np.exp(-((v / v_s) ** 2))
+        before, z = z, (z + v * DT) / (1.0 + sigma_0 * np.abs(v) * DT / s)
+        damping = sigma_1 * np.exp(-((v / v_d) ** 2))
+        tau[k] = sigma_0 * z + damping * (z - before) / DT + sigma_2 * v
+    return tau
+
+
+def by_integrator(law: Law, dq: np.ndarray, method: str) -> np.ndarray:
+    """Return LuGre's torque by a stiff integrator along the same velocities."""
+    from scipy.integrate import solve_ivp
+
+    r, e = law.rate.values(), law.element.values()
+    F_c, F_s, v_s, sigma_2 = r["coulomb"], r["breakaway"], r["stribeck_velocity"], r["viscous"]
+    sigma_0, sigma_1, v_d = e["stiffness"], e["damping"], e["fading"]
+    t = DT * np.arange(len(dq))
+
+    def rate(at, z):
+        v = np.interp(at, t, dq)
+        s = F_c + (F_s - F_c) * np.exp(-((v / v_s) ** 2))
+        return v - sigma_0 * abs(v) / s * z
+
+    z = solve_ivp(rate, (0.0, t[-1]), [0.0], method=method, t_eval=t, rtol=1e-6, atol=1e-9).y[0]
+    s = F_c + (F_s - F_c) * np.exp(-((dq / v_s) ** 2))
+    slope = dq - sigma_0 * np.abs(dq) / s * z
+    return sigma_0 * z + sigma_1 * np.exp(-((dq / v_d) ** 2)) * slope + sigma_2 * dq
+
+
+def against_python(judge: Judge) -> dict:
+    """Compare a whole `rollout` call with a loop in Python and with SciPy's integrators."""
+    law, results = LAWS["lugre"], {}
+    for name, n, other in (
+        ("a NumPy loop", 50_000, lambda dq: by_hand(law, dq)),
+        ("solve_ivp LSODA", 10_000, lambda dq: by_integrator(law, dq, "LSODA")),
+        ("solve_ivp Radau", 3000, lambda dq: by_integrator(law, dq, "Radau")),
+    ):
+        dq = np.gradient(moved(n), DT)
+
+        def ours(dq=dq):
+            return rollout(law, dq=dq, dt=DT, workers=1)
+
+        tau = ours()
+        apart = float(np.sqrt(np.mean((other(dq) - tau) ** 2)) / np.sqrt(np.mean(tau**2)))
+        got = turns(lambda dq=dq, other=other: other(dq), ours, time.thread_time, seconds=1.5)
+        results[name] = {
+            "times": 1.0 / got["ratio"],
+            "apart": apart,
+            "theirs": got["theirs"],
+            "ours": got["ours"],
+        }
+        judge.that(
+            f"LuGre, {n} ticks: {results[name]['times']:.0f} times as fast as {name} (at least 100); torques apart by "
+            f"{100 * apart:.3g} % rms",
+            results[name]["times"] >= 100.0,
+        )
+    return results
+
+
+def growth(judge: Judge) -> dict:
+    """Measure how the time grows with joints, sets and length, and what a set takes in memory."""
+    law, results = LAWS["lugre"], {}
+    q = moved(1_000_000)
+    dp = np.diff(q, prepend=q[0])[None].copy()
+    wide = {J: np.repeat(q[:20_000, None], J, axis=1) for J in (4, 8, 16, 32, 64)}
+    lanes = {B: Lanes([law] * B) for B in (300, 1000, 3000, 10_000)}
+    work: dict[str, tuple[tuple[int, ...], Callable[[int], Callable]]] = {
+        "joints": (tuple(wide), lambda J: lambda: rollout(law, q=wide[J], dt=DT, workers=1)),
+        "sets": (
+            tuple(lanes),
+            lambda B: lambda: lanes[B].torque(np.zeros(B, dtype=np.int64), dp[:, :300].copy(), DT, workers=1),
+        ),
+        "length": (
+            (30_000, 100_000, 300_000, 1_000_000),
+            lambda n: lambda: rollout(law, q=q[:n], dt=DT, workers=1),
+        ),
+    }
+    for name, (sizes, made) in work.items():
+        times = [np.inf] * len(sizes)
+        for _ in range(7):
+            for i, size in enumerate(sizes):
+                run, start = made(size), time.thread_time()
+                run()
+                times[i] = min(times[i], time.thread_time() - start)
+        slope = float(np.polyfit(np.log(sizes), np.log(times), 1)[0])
+        results[name] = {"sizes": list(sizes), "seconds": times, "slope": slope}
+        judge.that(f"time grows with {name} by the power {slope:.3f} (0.9 to 1.1)", 0.9 <= slope <= 1.1)
+    B = SETS
+    tracemalloc.start()
+    many = Lanes([law] * B)
+    many.torque(np.zeros(B, dtype=np.int64), dp[:, :10].copy(), DT, workers=1)
+    peak = tracemalloc.get_traced_memory()[1] - B * 10 * 8
+    tracemalloc.stop()
+    row, state = 8 * many.rows.shape[1], 8 * many.states
+    results["bytes"] = {"row": row, "state": state, "peak": peak / B}
+    print(
+        f"  a set of LuGre: {row} bytes of row, {state} of state; {peak / B:.0f} at the peak, output excluded"
+    )
+    return results
+
+
+def starts() -> dict:
+    """Time the first `rollout` of a process, with an empty cache and with a full one."""
+    with tempfile.TemporaryDirectory() as cache:
+        environment = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA_")} | {
+            "NUMBA_CACHE_DIR": cache
+        }
+        runs = []
+        for _ in range(6):
+            start = time.perf_counter()
+            done = subprocess.run(
+                [sys.executable, "-c", FIRST], env=environment, capture_output=True, text=True, check=True
+            )
+            runs.append([time.perf_counter() - start, *(float(w) for w in done.stdout.split())])
+    names = ("process", "imports", "first_rollout", "cpu")
+    result = {
+        "cold": dict(zip(names, runs[0])),
+        "warm": dict(zip(names, (statistics.median(r[i] for r in runs[1:]) for i in range(4)))),
+    }
+    for name, r in result.items():
+        print(
+            f"  {name} start: first rollout {r['first_rollout']:.2f} s, imports {r['imports']:.2f} s, whole process "
+            f"{r['process']:.2f} s (CPU {r['cpu']:.2f} s)"
+        )
+    return result
+
+
+def ticking(judge: Judge, calls: int = 100_000) -> dict:
+    """Time single ticks of seven joints with seven laws, called from Python."""
+    tick = Tick([example(name) for name in ARM], dt=DT)
+    tick.load[:] = [3.0, -2.0]
+    rows = list(np.diff(np.outer(moved(calls + 1), np.linspace(0.5, 1.5, len(ARM))), axis=0))
+    call, clock = tick.tick, time.perf_counter_ns
+    took, idle = np.empty(calls, dtype=np.int64), np.empty(calls, dtype=np.int64)
+    for k, row in enumerate(rows):
+        start = clock()
+        call(row)
+        took[k] = clock() - start
+        start = clock()
+        idle[k] = clock() - start
+    result = {
+        name: {p: float(np.percentile(values, float(p))) for p in ("50", "99", "99.9", "100")}
+        for name, values in (("tick", took), ("nothing", idle))
+    }
+    print(
+        f"  tick, percentiles [ns]: {result['tick']}\n  clock alone, the machine's noise [ns]: {result['nothing']}"
+    )
+    judge.at_most("tick of seven joints, median", result["tick"]["50"] / 1e3, 2.0, "us")
+    judge.at_most("tick of seven joints, 99 %", result["tick"]["99"] / 1e3, 10.0, "us")
+    whole, broken = (Tick([example(name) for name in ARM], dt=DT) for _ in range(2))
+    right = True
+    for k, row in enumerate(rows[:2000]):
+        bad = row.copy()
+        bad[k % 7] = np.nan
+        others = np.arange(7) != k % 7
+        before = whole._states.copy()
+        broken._states[:], broken.torque[:] = before, whole.torque
+        expected, got = whole.tick(row), broken.tick(bad)
+        right &= np.array_equal(expected[others], got[others]) and bool(np.isfinite(got).all())
+    judge.that("a NaN in one joint leaves the torques of the others as they are, bit for bit", right)
+    return result
+
+
+def driven(loops: Loops) -> dict:
+    """Time forward dynamics of an axis with Stribeck friction in a position loop against the same in C."""
+    law, reference = LAWS["stribeck-gauss"], moved(100_000)
+    axis = Axis(
+        law=law, inertia=0.5, drive=DriveModel(controller="position", proportional=2000.0, derivative=60.0)
+    )
+
+    def c():
+        return loops.forward(law.row(), 0.5, 2000.0, 60.0, reference, DT)
+
+    def ours():
+        return forward(axis, reference, dt=DT, workers=1)
+
+    expected, motion = c(), ours()
+    got = turns(c, ours, time.thread_time)
+    got["theirs"], got["ours"] = (1e9 * got[k] / len(reference) for k in ("theirs", "ours"))
+    apart = float(np.abs(np.stack([motion.position[0], motion.velocity[0]], axis=1) - expected[:, :2]).max())
+    print(
+        f"  forward dynamics, Stribeck under a position loop: C {got['theirs']:.0f} ns a step, ours {got['ours']:.0f} ns, "
+        f"ratio {got['ratio']:.2f}; motions apart by {apart:.1e} at most (for information)"
+    )
+    return got | {"apart": apart}
+
+
+def draw(file: Path, found: dict) -> None:
+    """Draw times over C's, and how the cost grows."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, (left, right) = plt.subplots(1, 2, figsize=(10.5, 4.0), layout="constrained")
+    cases = sorted({(r["threads"], r["case"]) for r in found["against_c"]})
+    at = np.arange(len(LAWS))
+    for i, (threads, case) in enumerate(cases):
+        ratios = [r["ratio"] for r in found["against_c"] if (r["threads"], r["case"]) == (threads, case)]
+        left.bar(at + 0.2 * (i - 0.5 * len(cases) + 0.5), ratios, 0.19, label=f"{case}, {threads} thread(s)")
+    left.axhline(1.3, color="0.3", linewidth=1.0, linestyle="--")
+    left.set_xticks(at, list(LAWS), rotation=35, ha="right")
+    left.set_ylabel("time over that of C [-]")
+    left.legend(fontsize=7, loc="lower right")
+    for name in ("joints", "sets", "length"):
+        g = found["growth"][name]
+        right.loglog(g["sizes"], g["seconds"], "o-", label=f"{name}: power {g['slope']:.2f}")
+    right.set_xlabel("number of joints, sets or ticks")
+    right.set_ylabel("time of one thread [s]")
+    right.legend(fontsize=8)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(file, dpi=130)
+
+
+def main() -> None:
+    """Measure, write down and judge."""
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
+    parser.add_argument("--json", type=Path, help="write the figures there")
+    parser.add_argument("--figure", type=Path, help="draw them there")
+    wanted = parser.parse_args()
+    judge = Judge()
+    with tempfile.TemporaryDirectory() as scratch:
+        loops = Loops(Path(scratch))
+        load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
+        print(f"{loops.compiler}; {available()} cores, load {load:.1f}")
+        found = {"compiler": loops.compiler, "cores": available(), "load": load}
+        found["against_c"] = against_c(loops, judge)
+        found["forward"] = driven(loops)
+    found["against_python"] = against_python(judge)
+    found["growth"] = growth(judge)
+    found["starts"] = starts()
+    found["tick"] = ticking(judge)
+    if wanted.json:
+        wanted.json.write_text(json.dumps(found, indent=1))
+    if wanted.figure:
+        draw(wanted.figure, found)
+    judge.end()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,217 @@
+"""`backdrive fit`: friction laws from logs, presliding included, and which of them to use."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from backdrive.cli import _logs
+
+if TYPE_CHECKING:
+    from backdrive.fitting import FitResult
+
+
+def command(
+    logs: _logs.Logs,
+    law: Annotated[
+        str,
+        typer.Option(
+            "--law",
+            help="auto, a law, or several: stribeck-gauss,stribeck-gauss+lugre (see `backdrive laws`).",
+        ),
+    ] = "auto",
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Model file to write (JSON).")] = None,
+    report: Annotated[Path | None, typer.Option("--report", help="Report to write (one HTML file).")] = None,
+    map: _logs.Map = None,
+    joint: _logs.Joints = None,
+    hold_out: Annotated[
+        list[Path] | None,
+        typer.Option("--hold-out", help="Log to judge on, not fitted.  [default: every third window]"),
+    ] = None,
+    gravity: Annotated[
+        bool | None,
+        typer.Option("--gravity/--no-gravity", help="Seek gravity.  [default: where the joint turns]"),
+    ] = None,
+    bound: Annotated[
+        list[str] | None,
+        typer.Option("--bound", help="Range of a parameter, NAME=LOW:HIGH in SI units; may be repeated."),
+    ] = None,
+    cutoff: Annotated[
+        float | None, typer.Option("--cutoff", help="Low pass of the motion before differentiation [Hz].")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Of the starts of the search.")] = 0,
+    names: _logs.Names = None,
+    unit: _logs.Units = None,
+    gear: _logs.Gear = None,
+    counts: _logs.Counts = None,
+    format: _logs.Format = None,
+    topic: _logs.Topic = None,
+    accept: _logs.Accept = None,
+    repair: _logs.Repair = False,
+    as_json: _logs.AsJson = False,
+) -> None:
+    """Fit friction laws to every joint that moves, and say which to use.
+
+    Example: backdrive fit DATA_EMPS.mat --map "t=t,q=qm,tau=35.15*vir" --unit m --law auto -o model.json
+    """
+    from backdrive.cli._progress import progress
+    from backdrive.fitting import fit
+
+    _logs.check_targets([output, report], [*logs, *(hold_out or [])])
+    bounds = _bounds(bound)
+    options = {
+        "map": map,
+        "names": names,
+        "units": unit,
+        "gear": gear,
+        "counts": counts,
+        "format": format,
+        "topic": topic,
+    }
+    with progress(quiet=as_json) as say:
+        say("Reading")
+        read = _logs.read(logs, **options)
+        held = _logs.read(hold_out, **options) if hold_out else []
+        result = fit(
+            read,
+            law,
+            joints=joint,
+            held_out=held,
+            gravity=gravity,
+            bounds=bounds,
+            cutoff=cutoff,
+            accept=accept or [],
+            repair=repair,
+            seed=seed,
+            progress=say,
+        )
+        if output:
+            result.model.save(output)
+        if report:
+            from backdrive.report import write_report
+
+            say("Drawing the report")
+            write_report(result, report, command=shlex.join(["backdrive", *sys.argv[1:]]))
+    written = [str(p) for p in (output, report) if p]
+    if as_json:
+        _print_json(result, written)
+    else:
+        _print_tables(result, written)
+
+
+def _bounds(words: list[str] | None) -> dict[str, tuple[float, float]]:
+    from backdrive.errors import InvalidInput
+
+    found = {}
+    for word in words or []:
+        name, _, ends = word.partition("=")
+        low, colon, high = ends.partition(":")
+        try:
+            found[name.strip()] = (float(low), float(high))
+        except ValueError as error:
+            raise InvalidInput(
+                f"--bound {word}: not NAME=LOW:HIGH.", remedy="For example --bound stiffness=1e3:1e5."
+            ) from error
+        if not colon or not found[name.strip()][0] < found[name.strip()][1]:
+            raise InvalidInput(
+                f"--bound {word}: the lower end is not below the upper one.",
+                remedy="Give the lower end first: NAME=LOW:HIGH.",
+            )
+    return found
+
+
+def _print_json(result: FitResult, written: list[str]) -> None:
+    import json
+
+    from backdrive.cli._output import print_json
+    from backdrive.model_file import encode
+
+    print_json(
+        {
+            "warnings": result.warnings,
+            "notes": result.notes,
+            "choices": {
+                c.joint: {
+                    "chosen": c.chosen,
+                    "reason": c.reason,
+                    "laws": [
+                        {
+                            "law": x.name,
+                            "parameters": x.parameters,
+                            "error_fitted": x.error,
+                            "error_held_out": x.held_out,
+                            "aic": x.aic,
+                            "seconds": x.seconds,
+                            "remark": x.remark,
+                        }
+                        for x in c.candidates
+                    ],
+                }
+                for c in result.choices
+            },
+            "model": json.loads(encode(result.model)),
+            "written": written,
+        }
+    )
+
+
+def _print_tables(result: FitResult, written: list[str]) -> None:
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    console = Console(highlight=False)
+    for choice, friction in zip(result.choices, result.model.joints):
+        unit = friction.joint.torque_unit
+        table = Table(box=None, pad_edge=False, title=escape(choice.joint), title_justify="left")
+        table.add_column("law")
+        for heading in ("numbers", f"fitted [{unit}]", f"unseen [{unit}]", "AIC", "s"):
+            table.add_column(heading.replace("[", r"\["), justify="right")
+        table.add_column("remark")
+        for c in choice.candidates:
+            style = "bold" if c.name == choice.chosen else None
+            table.add_row(
+                c.name,
+                str(c.parameters or "-"),
+                f"{c.error:.3g}",
+                f"{c.held_out:.3g}",
+                f"{c.aic:.0f}",
+                f"{c.seconds:.1f}",
+                escape(c.remark),
+                style=style,
+            )
+        console.print(table)
+        console.print(escape(choice.reason))
+        console.print(_numbers(friction))
+        for warning in friction.warnings:
+            console.print(f"  {escape(warning)}", style="yellow")
+    for warning in result.warnings:
+        console.print(escape(warning), style="yellow")
+    for note in result.notes:
+        console.print(escape(note), style="dim")
+    for path in written:
+        console.print(f"Wrote {escape(path)}")
+
+
+def _numbers(friction):
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    for heading in ("number", "value", "standard error", "unit"):
+        table.add_column(heading, justify="left" if heading in ("number", "unit") else "right")
+    for rows in (friction.law.rate, friction.law.element):
+        for name, parameter in rows.PARAMETERS.items():
+            value, error = getattr(rows, name), friction.standard_errors.get(name, float("nan"))
+            values = value if parameter.many else (value,)
+            spread = error if isinstance(error, (tuple, list)) else [error] * len(values)
+            unit = parameter.unit_for(friction.joint.unit)
+            for i, (v, e) in enumerate(zip(values, spread)):
+                label = f"{name}[{i}]" if parameter.many else name
+                table.add_row(label.replace("[", r"\["), f"{v:.4g}", f"{e:.2g}", unit)
+    for name, e in friction.dynamics.items():
+        table.add_row(name, f"{e.value:.4g}", f"{e.standard_error:.2g}", e.unit)
+    return table

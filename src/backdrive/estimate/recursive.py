@@ -1,0 +1,306 @@
+"""Recursive least squares that a torque loop can carry: parameters that drift, and excitation that comes and goes.
+
+    tau = sum theta_i phi_i(q, v, a),     phi = sat(v/v_0), v, a, sin q, cos q, 1, as chosen
+
+sat(v/v_0) is sgn(v) outside the dead zone |v| <= v_0; inside it friction may be anything between its bounds, so nothing is
+learned there if a Coulomb torque is among the parameters. With phi in units of torque noise and theta in units of its
+prior standard deviation, one tick is
+
+    forget:  P <- P + (1 - m)/m P phi phi' P / z,     z = phi' P phi,   m = 1 - (1 - lambda)(1 - tr P / n)
+    learn:   theta <- theta + w P phi e / (1 + w z),  P <- P - w P phi phi' P / (1 + w z)
+
+e is the error of the prediction and w = c/(1 + (1 - c) z) its weight, c = min(1, gate sqrt(1 + z) / |e|): the step is that
+of an error clipped to its gate (Huber), so that no sample moves theta by more than gate sqrt(n) prior standard deviations.
+Only what the new sample speaks of is forgotten (restricted exponential forgetting: R. Kulhavy, M. Karny, IFAC World Congress
+1984; R. Kulhavy, Automatica 23(5), 1987), and less of it the larger the covariance is (bounded-gain forgetting: J.-J. Slotine,
+W. Li, Applied Nonlinear Control, 1991, 8.7). A sample whose |phi| is below 1 could not change the torque by its noise:
+nothing is forgotten for it.
+
+The covariance cannot wind up: |P phi|^2 <= tr(P) z, so forgetting leaves tr P <= tr(P)/m, and with x = tr(P)/n this is
+n x / (lambda + (1 - lambda) x) <= n for x <= 1. Since tr P = n at the start, tr P <= n for ever: the estimator never knows
+less than its prior. Without noise, V = d' P^-1 d of the parameter error d falls: forgetting lowers P^-1, and learning
+takes w e^2/(1 + w z) off V. Hence |d|^2 <= n V(0), whatever the motion.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from backdrive._catalog import lookup
+from backdrive._jit import jit, leaf
+from backdrive.errors import InvalidInput
+from backdrive.status import Status
+
+#: What a torque may be made of: integer of the kernel and unit of the parameter for a rotary joint.
+REGRESSORS: dict[str, tuple[int, str]] = {
+    "coulomb": (0, "N.m"),
+    "coulomb_positive": (1, "N.m"),
+    "coulomb_negative": (2, "N.m"),
+    "viscous": (3, "N.m.s/rad"),
+    "inertia": (4, "kg.m^2"),
+    "gravity_sin": (5, "N.m"),
+    "gravity_cos": (6, "N.m"),
+    "offset": (7, "N.m"),
+}
+
+ALIKE = ({0, 1}, {0, 2}, {1, 2, 7})  # one of these is the sum of the others outside the dead zone
+DRY = 2  # regressors up to this one are Coulomb torques
+FRICTION = 3  # regressors up to this one are friction
+OK, NOT_FINITE, SATURATED = int(Status.OK), int(Status.NOT_FINITE), int(Status.SATURATED)
+SETTINGS = 5  # columns of `g`: noise, dead zone, forgetting, gate, limit
+
+
+@leaf
+def regressor(kind, q, v, a, dead_zone):
+    """One regressor at position q, velocity v and acceleration a."""
+    if kind <= DRY:
+        s = v / dead_zone if abs(v) < dead_zone else (1.0 if v > 0.0 else -1.0 if v < 0.0 else 0.0)
+        if kind == 1:
+            return s if s > 0.0 else 0.0
+        if kind == 2:
+            return s if s < 0.0 else 0.0
+        return s
+    if kind == 3:
+        return v
+    if kind == 4:
+        return a
+    if kind == 5:
+        return np.sin(q)
+    if kind == 6:
+        return np.cos(q)
+    return 1.0
+
+
+@leaf
+def learn(j, n, g, theta, P, phi, gain, e):
+    """Forget and learn from the error e [noise] of joint j; False, and nothing changed, where that would not be finite."""
+    forgetting, gate = g[j, 2], g[j, 3]
+    z, size, trace, reach = 0.0, 0.0, 0.0, 0.0
+    for i in range(n):
+        total = 0.0
+        for k in range(n):
+            total += P[j, i * n + k] * phi[k]
+        gain[i] = total
+        z += phi[i] * total
+        size += phi[i] * phi[i]
+        reach += total * total
+        trace += P[j, i * n + i]
+    if not z <= 1e200 or not abs(e) <= 1e200:
+        return False
+    if not z > 0.0:
+        return True
+    grown, m = 0.0, 1.0
+    if size >= 1.0 and trace < n and reach <= trace * z:  # the last holds but for rounding
+        m = 1.0 - (1.0 - forgetting) * (1.0 - trace / n)
+        grown = (1.0 - m) / m / z
+    # after forgetting: P phi = gain/m, phi' P phi = z/m
+    z_m = z / m
+    bound = gate * np.sqrt(1.0 + z_m)
+    c = 1.0 if abs(e) <= bound else bound / abs(e)
+    share = c / (1.0 + z_m)  # w/(1 + w z)
+    change = grown - share / (m * m)
+    for i in range(n):
+        theta[j, i] += share * e * (gain[i] / m)
+        for k in range(i + 1):
+            value = P[j, i * n + k] + change * (gain[i] * gain[k])
+            P[j, i * n + k] = value
+            P[j, k * n + i] = value
+    return True
+
+
+@jit
+def tick(kinds, g, scale, theta, P, phi, gain, q, v, a, tau, value, out, friction, codes):
+    """One tick of all joints; returns the worst status.
+
+    `theta` and `P` are the estimate in units of `scale` and its covariance, (J, n) and (J, n n); `value` is the estimate in SI
+    units, `out` and `friction` the predicted torque and its friction, in place; `phi`, `gain` are room to work in (n,).
+    """
+    joints, n = theta.shape
+    worst = OK
+    fits = q.size == joints and v.size == joints and a.size == joints and tau.size == joints
+    for j in range(joints):
+        code = OK
+        if not fits or not np.isfinite(q[j] + v[j] + a[j] + tau[j]):
+            codes[j] = NOT_FINITE
+            worst = NOT_FINITE if worst != NOT_FINITE else worst
+            continue
+        noise, dead_zone, limit = g[j, 0], g[j, 1], g[j, 4]
+        dry = False
+        e = tau[j]
+        for i in range(n):
+            x = regressor(kinds[i], q[j], v[j], a[j], dead_zone)
+            phi[i] = x * scale[j, i] / noise
+            e -= x * value[j, i]
+            dry = dry or kinds[i] <= DRY
+        known = True
+        if not (dry and abs(v[j]) <= dead_zone):
+            known = learn(j, n, g, theta, P, phi, gain, e / noise)
+        total, rubbing = 0.0, 0.0
+        for i in range(n):
+            value[j, i] = theta[j, i] * scale[j, i]
+            part = phi[i] * noise * theta[j, i]
+            total += part
+            if kinds[i] <= FRICTION:
+                rubbing += part
+        if not known or not np.isfinite(total):
+            codes[j] = NOT_FINITE
+            worst = NOT_FINITE
+            continue
+        if abs(total) > limit:
+            total = limit if total > 0.0 else -limit
+            code = SATURATED
+        if abs(rubbing) > limit:
+            rubbing = limit if rubbing > 0.0 else -limit
+            code = SATURATED
+        out[j], friction[j], codes[j] = total, rubbing, code
+        if code != OK and worst == OK:
+            worst = code
+    return worst
+
+
+class RecursiveLeastSquares:
+    """Estimate friction, inertia and gravity of every joint while it moves.
+
+    Attributes:
+        names: the parameters, in the order of the columns.
+        estimate: their values, updated in place by `tick` (J, n).
+        torque: predicted torque [N.m or N], updated in place (J,).
+        friction: the share of `torque` that is Coulomb and viscous friction [N.m or N], updated in place (J,).
+        codes: `Status` of every joint, updated in place (J,).
+    """
+
+    def __init__(
+        self,
+        regressors: tuple[str, ...],
+        *,
+        spread: np.ndarray | float,
+        noise: np.ndarray | float,
+        joints: int = 1,
+        start: np.ndarray | float = 0.0,
+        dead_zone: np.ndarray | float = 1e-3,
+        forgetting: np.ndarray | float = 0.9995,
+        gate: float = 5.0,
+        limit: np.ndarray | float = np.inf,
+    ):
+        """Check the settings and compile the kernel, so that the first tick takes no longer than the next.
+
+        Args:
+            regressors: names out of `REGRESSORS`.
+            spread: standard deviation of the parameters around `start`, in their units, one number, (n,) or (J, n). It is
+                also the largest uncertainty, on average over the parameters, that the estimator falls back to.
+            noise: standard deviation of the measured torque around the model [N.m or N], one number or (J,).
+            joints: J, how many.
+            start: parameters at the start, in their units, one number, (n,) or (J, n).
+            dead_zone: v_0, speed below which friction is not learned from [rad/s or m/s], one number or (J,).
+            forgetting: lambda. Each sample replaces what one direction of the n was known by, so that under a motion that
+                excites them all the memory is about n/(1 - lambda) samples [-].
+            gate: errors beyond this many standard deviations (a contact, a glitch) count less.
+            limit: largest predicted torque [N.m or N], one number or (J,).
+
+        Raises:
+            InvalidInput: a setting is out of range, or a regressor is named twice.
+            UnknownName: there is no such regressor.
+        """
+        self.names = tuple(regressors)
+        kinds = [lookup(name, REGRESSORS, "regressor")[0] for name in self.names]
+        n = len(kinds)
+        if n == 0 or len(set(kinds)) < n or any(same <= set(kinds) for same in ALIKE):
+            raise InvalidInput(
+                f"The regressors {self.names} are none, or no motion can tell some of them apart.",
+                remedy="Name each once; take 'coulomb' with 'offset', or one Coulomb torque a direction without.",
+            )
+        if not joints >= 1:
+            raise InvalidInput(f"joints = {joints}.", remedy="Give at least 1.")
+        J = int(joints)
+        self._scale = _table("spread", spread, (J, n), 0.0, np.inf)
+        first = _table("start", start, (J, n), -np.inf, np.inf)
+        settings = (
+            ("noise", noise, 0.0, np.inf),
+            ("dead_zone", dead_zone, 0.0, np.inf),
+            ("forgetting", forgetting, 0.5, 1.0 + 1e-15),
+            ("gate", gate, 0.0, np.inf),
+        )
+        columns = [_table(name, value, (J,), low, high) for name, value, low, high in settings]
+        limits = np.asarray(limit, dtype=np.float64)
+        if np.any(np.isnan(limits)) or np.any(limits <= 0.0) or limits.shape not in ((), (J,)):
+            raise InvalidInput(f"limit = {limit}.", remedy="Give one positive torque, or one a joint.")
+        self._kinds = np.array(kinds, dtype=np.int64)
+        self._settings = np.ascontiguousarray(np.stack([*columns, np.broadcast_to(limits, (J,))], axis=1))
+        self._start = first
+        self._theta, self._P = np.empty((J, n)), np.empty((J, n * n))
+        self._phi, self._gain = np.zeros(n), np.zeros(n)
+        self.estimate, self.torque, self.friction = np.empty((J, n)), np.empty(J), np.empty(J)
+        self.codes = np.zeros(J, dtype=np.int64)
+        self.reset()
+        rest = np.zeros(J)
+        self.tick(rest, rest, rest, rest)
+        self.reset()
+
+    def reset(self) -> None:
+        """Return to the start, the covariance to the prior's."""
+        n = self._kinds.size
+        self._theta[:] = self._start / self._scale
+        self._P[:] = np.eye(n).reshape(-1)
+        self.estimate[:] = self._start
+        self.torque[:], self.friction[:], self.codes[:] = 0.0, 0.0, OK
+
+    def tick(
+        self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, torque: np.ndarray
+    ) -> Status:
+        """Learn from one sample and predict its torque; all rows are float64, and nothing is raised.
+
+        Where an input is not finite, or a row is not (J,), the estimate and the predicted torque stay as they are.
+
+        Args:
+            position: q [rad or m], (J,).
+            velocity: v [rad/s or m/s], (J,).
+            acceleration: a [rad/s^2 or m/s^2], (J,).
+            torque: measured [N.m or N], (J,).
+
+        Returns:
+            The worst status of the joints; those of each are in `codes`.
+        """
+        return STATUSES[
+            tick(
+                self._kinds,
+                self._settings,
+                self._scale,
+                self._theta,
+                self._P,
+                self._phi,
+                self._gain,
+                position,
+                velocity,
+                acceleration,
+                torque,
+                self.estimate,
+                self.torque,
+                self.friction,
+                self.codes,
+            )
+        ]
+
+    def uncertainty(self) -> np.ndarray:
+        """Return standard deviations of the estimate for white torque noise of the given size, in its units, (J, n)."""
+        J, n = self._theta.shape
+        return np.sqrt(np.diagonal(self._P.reshape(J, n, n), axis1=1, axis2=2).clip(0.0)) * self._scale
+
+
+STATUSES = tuple(Status)  # by code
+
+
+def _table(name: str, value, shape: tuple[int, ...], low: float, high: float) -> np.ndarray:
+    """Return a setting as a table of that shape, all strictly between the bounds."""
+    given = np.asarray(value, dtype=np.float64)
+    try:
+        table = np.array(np.broadcast_to(given, shape))
+    except ValueError:
+        raise InvalidInput(
+            f"'{name}' has the shape {given.shape}.", remedy=f"Give one number or {shape}."
+        ) from None
+    if not np.all(np.isfinite(table)) or np.any(table <= low) or np.any(table >= high):
+        raise InvalidInput(
+            f"'{name}' = {given.tolist()} is not strictly between {low:g} and {high:g}.",
+            remedy="Give finite SI values.",
+        )
+    return table

@@ -1,0 +1,180 @@
+"""Which of several fitted laws to use: judged on windows or logs that no fit has seen, and said in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from backdrive.fitting.law_fit import LawFit
+from backdrive.fitting.torque import Stretch
+from backdrive.laws import ELEMENTS, RATES
+
+WINDOWS = 15  # of time; every third is held out
+WORTH = 0.02  # a richer law must lower the held-out error by this share [-]
+
+#: Laws that `auto` considers by what the data can support.
+CURVES = ("coulomb-viscous", "stribeck-gauss", "stribeck-tustin", "degressive")
+PRESLIDING = ("stribeck-gauss+hayward-armstrong", "stribeck-gauss+lugre", "stribeck-gauss+elastoplastic")
+LOADED = ("m3", "m4", "m5")
+WARM = ("load-temperature",)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Candidate:
+    """One law of a choice.
+
+    Attributes:
+        name: of the law.
+        parameters: numbers that were sought.
+        error: RMS on what was fitted [N.m or N]; NaN where the fit failed.
+        held_out: RMS on what was not [N.m or N].
+        aic: Akaike's information criterion, less the smallest of the choice.
+        seconds: that the fit took.
+        remark: why it failed, or what it could not see.
+        fit: the fit; None where it failed.
+        windows: mean squared error of each held-out window, for paired comparison.
+    """
+
+    name: str
+    parameters: int
+    error: float
+    held_out: float
+    aic: float
+    seconds: float
+    remark: str = ""
+    fit: LawFit | None = None
+    windows: np.ndarray | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Choice:
+    """The laws that were tried on one joint, and the one to use.
+
+    Attributes:
+        joint: its name.
+        candidates: in the order of their number of parameters.
+        chosen: name of the law to use.
+        reason: why, and why a richer one is not worth it.
+    """
+
+    joint: str
+    candidates: tuple[Candidate, ...]
+    chosen: str
+    reason: str
+
+    def candidate(self, name: str | None = None) -> Candidate:
+        """Return a candidate by name; None: the chosen one."""
+        return next(c for c in self.candidates if c.name == (name or self.chosen))
+
+
+def shortlist(words: str | Sequence[str], *, presliding: bool, load: bool, warm: bool) -> list[str]:
+    """Return the names of the laws to try.
+
+    Args:
+        words: `auto`, a name, names with commas between, or a sequence of names.
+        presliding: the motion shows presliding, resolved by the encoder.
+        load: the log holds the load, and it varies.
+        warm: the log holds the temperature, and it varies.
+    """
+    if not isinstance(words, str):
+        return [str(w) for w in words]
+    if words != "auto":
+        return [w.strip() for w in words.split(",") if w.strip()]
+    return [
+        *CURVES,
+        *(PRESLIDING if presliding else ()),
+        *(LOADED if load else ()),
+        *(WARM if warm and load else ()),
+    ]
+
+
+def windows(stretches: Sequence[Stretch]) -> list[np.ndarray]:
+    """Return a mask a stretch of the samples that are held out: every third of the windows of time."""
+    total = sum(len(s.torque) for s in stretches)
+    masks = []
+    for s in stretches:
+        n = len(s.torque)
+        count = max(3, round(WINDOWS * n / total))
+        masks.append((np.arange(n) * count // n) % 3 == 1)
+    return masks
+
+
+def without(stretches: Sequence[Stretch], masks: Sequence[np.ndarray]) -> list[Stretch]:
+    """Return stretches in which masked samples do not count; the motion stays whole, so that states are right."""
+    return [replace(s, judged=s.judged & ~mask) for s, mask in zip(stretches, masks)]
+
+
+def judged(fit: LawFit, stretches: Sequence[Stretch], masks: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the mean squared error of each held-out window [N.m or N, squared], (W,)."""
+    found = []
+    for s, tau, mask in zip(stretches, fit.predict(stretches), masks):
+        squared = (s.torque - tau) ** 2
+        edges = np.flatnonzero(np.diff(np.r_[0, mask.astype(np.int8), 0]))
+        for a, b in edges.reshape(-1, 2):
+            part = squared[a:b][s.judged[a:b]]
+            if part.size:
+                found.append(float(part.mean()))
+    return np.array(found)
+
+
+def seen(fit: LawFit, stretches: Sequence[Stretch]) -> tuple[float, int]:
+    """Return the mean squared error on what was fitted [N.m or N, squared], rests included, and the number of samples."""
+    squared = [((s.torque - tau) ** 2)[s.judged] for s, tau in zip(stretches, fit.predict(stretches))]
+    joined = np.concatenate(squared)
+    return float(joined.mean()), joined.size
+
+
+def choose(joint: str, candidates: Sequence[Candidate], unit: str, size: float) -> Choice:
+    """Return the choice: the simplest law that no richer one beats by more than it is worth.
+
+    Args:
+        joint: its name.
+        candidates: fitted and judged.
+        unit: of torque.
+        size: root mean square of the measured torque [N.m or N], for percentages.
+    """
+    alive = sorted(
+        (c for c in candidates if np.isfinite(c.held_out)), key=lambda c: (c.parameters, c.held_out)
+    )
+    least = min((c.aic for c in candidates if np.isfinite(c.aic)), default=0.0)
+    table = tuple(
+        replace(c, aic=c.aic - least) for c in sorted(candidates, key=lambda c: (c.parameters, c.name))
+    )
+    best = min(alive, key=lambda c: c.held_out)
+    simple = next(c for c in alive if not _worth(c, best))
+    share = 100.0 / size if size > 0 else float("nan")
+    reason = (
+        f"'{simple.name}' leaves {simple.held_out:.3g} {unit} ({share * simple.held_out:.1f} %) of torque that it had not "
+        f"seen, with {simple.parameters} numbers."
+    )
+    richer = [c for c in alive if c.parameters > simple.parameters]
+    if richer:
+        c = min(richer, key=lambda c: c.held_out)
+        gain = 100.0 * (1.0 - c.held_out / simple.held_out)
+        reason += f" '{c.name}' with {c.parameters} would bring {c.held_out:.3g} {unit}" + (
+            f", {gain:.1f} % less: not worth it." if gain > 0 else ", no less: it is not worth it."
+        )
+    poorer = [c for c in alive if c.parameters < simple.parameters]
+    if poorer:
+        c = min(poorer, key=lambda c: c.held_out)
+        reason += f" The simpler '{c.name}' leaves {c.held_out:.3g} {unit}."
+    return Choice(joint=joint, candidates=table, chosen=simple.name, reason=reason)
+
+
+def _worth(simple: Candidate, best: Candidate) -> bool:
+    """Say whether the best law beats a simpler one by more than the windows' scatter, and by enough to matter."""
+    if best.held_out >= (1.0 - WORTH) * simple.held_out:
+        return False
+    if simple.windows is None or best.windows is None or len(simple.windows) != len(best.windows):
+        return True
+    gain = simple.windows - best.windows
+    error = float(gain.std(ddof=1) / np.sqrt(len(gain))) if len(gain) > 1 else 0.0
+    return float(gain.mean()) > error
+
+
+def known(name: str) -> bool:
+    """Say whether this is the name of a law."""
+    rate, _, element = name.partition("+")
+    return (rate in RATES or rate in ELEMENTS) and (not element or element in ELEMENTS)

@@ -1,0 +1,222 @@
+"""`fit`: a friction law from logs, torque given motion, with honest uncertainty."""
+
+from __future__ import annotations
+
+import warnings as warnings_
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
+from backdrive.fitting import starts as starts_
+from backdrive.fitting import words
+from backdrive.fitting.search import Found, Search, screen
+from backdrive.fitting.torque import Stretch, TorqueProblem, stretch
+from backdrive.fitting.uncertainty import WEAK, covariance
+from backdrive.fitting.unknowns import LawShape, Scales, shares
+from backdrive.laws import Law
+
+NEAR = 1e-6  # a coordinate so near to its bound is at it
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LawFit:
+    """One law fitted to the stretches of one joint.
+
+    Attributes:
+        law: the law that was found.
+        name: of the law.
+        values: every number that was sought, by name [SI].
+        standard_errors: of them [SI]; NaN where there is none.
+        at_bound: names of those that ended at a bound of their range.
+        unseen: those that the motion does not show, each with a sentence.
+        rms: of measured less predicted torque on the stretches of the fit [N.m or N].
+        samples: that were fitted.
+        aic: Akaike's information criterion for independent residuals; smaller is better.
+        converged: the search came to rest.
+        interrupted: a person stopped it.
+        warnings: what makes the result suspect, in sentences.
+        problem: what was fitted, for predictions.
+        found: where the search ended, for profiles and bootstraps.
+    """
+
+    law: Law
+    name: str
+    values: Mapping[str, float]
+    standard_errors: Mapping[str, float]
+    at_bound: tuple[str, ...]
+    unseen: Mapping[str, str]
+    rms: float
+    samples: int
+    aic: float
+    converged: bool
+    interrupted: bool
+    warnings: tuple[str, ...]
+    problem: TorqueProblem = field(repr=False)
+    found: Found = field(repr=False)
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """Return the 95 % interval of a number; for what is sought in its logarithm it is asymmetric.
+
+        Raises:
+            UnknownName: the fit has no such number.
+        """
+        from backdrive._catalog import lookup
+
+        unknown = lookup(name, {u.name: u for u in self.problem.unknowns}, "number of this fit")
+        value, error = self.values[name], self.standard_errors[name]
+        if not np.isfinite(error):
+            return unknown.lower, unknown.upper
+        if unknown.log:
+            reach = np.exp(1.96 * error / value)
+            return value / reach, value * reach
+        return value - 1.96 * error, value + 1.96 * error
+
+    def predict(self, stretches: Sequence[Stretch]) -> list[np.ndarray]:
+        """Return the torque that the fit predicts for stretches [N.m or N], each (n,)."""
+        problem = TorqueProblem.__new__(TorqueProblem)
+        problem.__dict__ |= self.problem.__dict__
+        problem.stretches = list(stretches)
+        problem.regressors = [problem._regressors(s) for s in stretches]
+        return [tau[0] for tau in problem.predict([self.values])]
+
+
+def fit_law(
+    law: str | LawShape,
+    stretches: Sequence[Stretch],
+    *,
+    unit: str = "rad",
+    counts: float | None = None,
+    terms: Sequence[str] = ("inertia", "offset"),
+    delay: bool = True,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    scales: Scales | None = None,
+    loss: str = "huber",
+    begin: int = 48,
+    descend: int = 3,
+    iterations: int = 40,
+    seed: int = 0,
+    begin_at: Mapping[str, float] | None = None,
+    tick: Callable[[str, int, float], None] | None = None,
+) -> LawFit:
+    """Fit one law to stretches of one joint, torque given motion.
+
+    Args:
+        law: `rate`, `rate+element`, or a shape with parameters held fixed.
+        stretches: of one joint.
+        unit: of the joint, `rad` or `m`.
+        counts: encoder steps per rad or m, if known.
+        terms: of the rest of the dynamics that are sought too.
+        delay: seek the time by which torque was recorded later than motion.
+        bounds: of parameters, by name [SI].
+        scales: sizes that ranges follow from; None: read off the data.
+        loss: `linear`, `huber` or `absolute`.
+        begin: starts that are screened.
+        descend: of them that descend.
+        iterations: of a descent at most.
+        seed: of the starts.
+        begin_at: values to begin at besides the guess, by name [SI].
+        tick: called with the law's name, the iteration and the cost.
+
+    Raises:
+        NotIdentifiable: no motion, constant torque, or too few samples.
+        InvalidInput: contradictory bounds.
+    """
+    shape = LawShape.named(law) if isinstance(law, str) else law
+    if not stretches or sum(len(s.torque) for s in stretches) < 50:
+        raise NotIdentifiable(
+            f"{sum(len(s.torque) for s in stretches)} samples are too few to fit '{shape.name}' to.",
+            remedy="Record at least 50 samples, better a minute of motion with reversals.",
+        )
+    terms = tuple(t for t in terms if not (t == "offset" and "offset" in shape.rate.PARAMETERS))
+    scales = starts_.scales(stretches, terms, unit, counts) if scales is None else scales
+    problem = TorqueProblem(shape, stretches, scales, terms=terms, delay=delay, bounds=bounds)
+    search = Search(problem.residuals, problem.lower, problem.upper, loss=loss)
+    points = starts_.starts(problem, scales, begin, seed)
+    if begin_at is not None:
+        points = np.vstack([problem.point(begin_at), points])
+    inform = None if tick is None else lambda i, c: tick(shape.name, i, c)
+    with warnings_.catch_warnings():
+        warnings_.simplefilter("ignore", RuntimeWarning)
+        chosen = np.vstack([points[:1], screen(search, points, descend)])
+        short = [search.run(start, iterations=8) for start in chosen]
+        best = min(short, key=lambda f: float(f.residual @ f.residual))
+        found = (
+            best
+            if any(f.interrupted for f in short)
+            else search.run(best.point, iterations=iterations, tick=inform)
+        )
+    return conclude(problem, found)
+
+
+def conclude(problem: TorqueProblem, found: Found) -> LawFit:
+    """Return what a search's end says: values, errors, what is at a bound and what was not seen."""
+    found = problem.ordered(found)
+    values = problem.values(found.point)
+    at_bound = (found.point <= problem.lower + NEAR) | (found.point >= problem.upper - NEAR)
+    edges = np.cumsum([int(s.judged.sum()) for s in problem.stretches])
+    cov = covariance(
+        found.jacobian,
+        found.residual,
+        found.weight,
+        ~at_bound,
+        edges.tolist(),
+        problem.encoder(found.point),
+    )
+    root = np.sqrt(np.diag(cov.matrix))
+    errors, relative = {}, np.full(len(problem.unknowns), np.inf)
+    for i, u in enumerate(problem.unknowns):
+        errors[u.name] = float(root[i] * u.slope(values[u.name]))
+        size = 1.0 if u.ratio else abs(values[u.name])
+        if u.name in ("delay", "offset", "gravity_sin", "gravity_cos"):
+            size = max(size, 0.1 * u.scale * (50.0 if u.name == "delay" else 1.0))
+        if np.isfinite(root[i]) and size > 0:
+            relative[i] = errors[u.name] / size
+    judged = [i for i, u in enumerate(problem.unknowns) if u.name not in problem.terms and u.name != "delay"]
+    unseen, sentences = words.unseen(
+        [problem.names[i] for i in judged],
+        relative[judged],
+        cov.correlation[np.ix_(judged, judged)],
+        WEAK,
+    )
+    law = problem.shape.law(values)
+    m = len(found.residual)
+    rms = float(np.sqrt(np.mean(found.residual**2)))
+    notes = list(sentences)
+    names = tuple(u.name for u, hit in zip(problem.unknowns, at_bound) if hit)
+    for u, hit in zip(problem.unknowns, at_bound):
+        if hit:
+            end = (
+                "lower"
+                if values[u.name] <= u.lower * (1 + 1e-5) + 1e-300
+                or found.point[problem.names.index(u.name)]
+                <= problem.lower[problem.names.index(u.name)] + NEAR
+                else "upper"
+            )
+            notes.append(f"'{u.name}' ended at the {end} bound of its range, {values[u.name]:.3g} {u.unit}.")
+    if advice := law.element.advice(law.rate):
+        notes.append(advice)
+    if found.interrupted:
+        notes.append("The search was interrupted; this is the best that it had found.")
+    elif not found.converged:
+        notes.append("The search did not come to rest in its iterations; the best point is given.")
+    return LawFit(
+        law=law,
+        name=problem.shape.name,
+        values=values,
+        standard_errors=errors,
+        at_bound=names,
+        unseen=unseen,
+        rms=rms,
+        samples=m,
+        aic=float(m * np.log(max(rms**2, 1e-300)) + 2 * len(values)),
+        converged=found.converged,
+        interrupted=found.interrupted,
+        warnings=tuple(notes),
+        problem=problem,
+        found=found,
+    )
+
+
+__all__ = ["BackdriveError", "InvalidInput", "LawFit", "Stretch", "conclude", "fit_law", "shares", "stretch"]

@@ -1,0 +1,185 @@
+"""How sure a fit is: covariance that bears noise correlated in time, profile intervals, a bootstrap over windows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+BLOCKS = 60  # of time, whose scores are taken as independent
+UNSEEN = 1e4  # standard error [search coordinate] beyond which a number does not act on the residuals at all
+WEAK = 0.10  # a standard error beyond this share of the value is called weak [-]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Covariance:
+    """Covariance of the search coordinates.
+
+    Attributes:
+        matrix: (P, P); NaN for coordinates at a bound, infinite for those that do not act on the residuals.
+        free: coordinates that are not at a bound, (P,).
+        correlation: between them, (P, P).
+        degrees: of freedom for Student's t.
+    """
+
+    matrix: np.ndarray
+    free: np.ndarray
+    correlation: np.ndarray
+    degrees: float
+
+
+def covariance(
+    jacobian: np.ndarray,
+    residual: np.ndarray,
+    weight: np.ndarray,
+    free: np.ndarray,
+    edges: Sequence[int] = (),
+    inputs: np.ndarray | None = None,
+) -> Covariance:
+    """Return the covariance of a weighted least-squares fit.
+
+    The scores are summed over blocks of time before they are squared, so that residuals that stay on one side for a while
+    (encoder steps, what the law does not know) count as one error and not as many. Where that comes out smaller than the
+    covariance for independent residuals and errors of the motion, the latter stands.
+
+    Args:
+        jacobian: of the residuals by the search coordinates, (m, P).
+        residual: (m,).
+        weight: of the residuals, (m,).
+        free: coordinates that are not at a bound, (P,).
+        edges: where stretches of time end within the residuals.
+        inputs: what errors of the motion do to the residuals, a draw a row, (D, m).
+    """
+    m, P = jacobian.shape
+    matrix, correlation = np.full((P, P), np.nan), np.eye(P)
+    nothing = Covariance(matrix=matrix, free=free, correlation=correlation, degrees=1.0)
+    if m <= free.sum():
+        return nothing
+    variance = float((weight * residual) @ residual) / max(m - int(free.sum()), 1)
+    length = np.linalg.norm(np.where(np.isfinite(jacobian), jacobian, 0.0), axis=0)
+    seen = free & (length * UNSEEN > np.sqrt(variance)) & np.isfinite(jacobian).all(axis=0)
+    matrix[free & ~seen, free & ~seen] = np.inf
+    if not seen.any():
+        return nothing
+    size = length[seen]
+    J = jacobian[:, seen] / size
+    bread = inverse(J.T @ (weight[:, None] * J))
+    scores = J * (weight * residual)[:, None]
+    bounds = sorted({0, m, *edges})
+    parts = []
+    for a, b in zip(bounds, bounds[1:]):
+        count = max(1, round(BLOCKS * (b - a) / m))
+        cuts = np.unique(np.linspace(a, b, count + 1).astype(int))
+        parts.append(np.add.reduceat(scores, cuts[:-1], axis=0))
+    sums = np.concatenate(parts)
+    G = len(sums)
+    plain = variance * bread
+    sandwich = bread @ (sums.T @ sums * (G / max(G - 1, 1))) @ bread
+    if inputs is not None and len(inputs):
+        moves = (inputs * weight) @ J @ bread
+        plain = plain + moves.T @ moves / len(inputs)
+    root = np.sqrt(np.maximum(np.diag(plain), 1e-300))
+    grown = np.sqrt(np.maximum(np.diag(sandwich) / root**2, 1.0))
+    at = np.ix_(seen, seen)
+    matrix[at] = plain * np.outer(grown, grown) / np.outer(size, size)
+    correlation[at] = plain / np.outer(root, root)
+    return Covariance(matrix=matrix, free=free, correlation=correlation, degrees=float(max(m - P, 1)))
+
+
+def inverse(gram: np.ndarray) -> np.ndarray:
+    """Return the inverse of a Gram matrix; a direction that the data do not show gets a large variance, not none.
+
+    Args:
+        gram: symmetric, its diagonal of the order of 1, (P, P).
+    """
+    value, vector = np.linalg.eigh(gram)
+    value = np.maximum(value, 1e-14 * value.max())
+    return (vector / value) @ vector.T
+
+
+def profile(
+    best: float,
+    cost: Callable[[float], float],
+    least: float,
+    variance: float,
+    error: float,
+    lower: float,
+    upper: float,
+) -> tuple[float, float]:
+    """Return the 95 % profile interval of one search coordinate.
+
+    Args:
+        best: where the cost is least.
+        cost: cost with the coordinate held and all others fitted again.
+        least: the cost at `best`.
+        variance: of a residual.
+        error: standard error, by which the walk steps.
+        lower: bound of the coordinate.
+        upper: bound of the coordinate.
+
+    Returns:
+        Where the cost has risen by 3.84 variances on either side; a bound where it never does.
+    """
+    ends = []
+    for way, bound in ((-1.0, lower), (1.0, upper)):
+        inside, at = best, best
+        step = max(error, 1e-9)
+        for _ in range(12):
+            at = float(np.clip(at + way * step, lower, upper))
+            if cost(at) - least > 3.841 * variance:
+                break
+            inside = at
+            if at == bound:
+                break
+            step *= 1.6
+        else:
+            inside = at = bound
+        if inside != at:
+            for _ in range(8):
+                middle = 0.5 * (inside + at)
+                if cost(middle) - least > 3.841 * variance:
+                    at = middle
+                else:
+                    inside = middle
+        ends.append(0.5 * (inside + at))
+    return ends[0], ends[1]
+
+
+def bootstrap(
+    jacobian: np.ndarray,
+    residual: np.ndarray,
+    weight: np.ndarray,
+    free: np.ndarray,
+    *,
+    draws: int = 200,
+    windows: int = BLOCKS,
+    seed: int = 0,
+) -> np.ndarray:
+    """Return standard errors of the search coordinates from windows drawn with replacement, (P,).
+
+    Each draw takes one Gauss-Newton step from the fit on the windows drawn, which is exact where the model is linear over the
+    error's size.
+
+    Args:
+        jacobian: (m, P).
+        residual: (m,).
+        weight: (m,).
+        free: coordinates that are not at a bound, (P,).
+        draws: number of resamples.
+        windows: that the residuals are cut into.
+        seed: of the draws.
+    """
+    m = len(residual)
+    J = jacobian[:, free]
+    cuts = np.unique(np.linspace(0, m, windows + 1).astype(int))
+    grams = np.array([J[a:b].T @ (weight[a:b, None] * J[a:b]) for a, b in zip(cuts, cuts[1:])])
+    moments = np.array([J[a:b].T @ (weight[a:b] * residual[a:b]) for a, b in zip(cuts, cuts[1:])])
+    rng = np.random.default_rng(seed)
+    moves = np.empty((draws, J.shape[1]))
+    for i in range(draws):
+        drawn = rng.integers(0, len(grams), len(grams))
+        moves[i] = -np.linalg.lstsq(grams[drawn].sum(axis=0), moments[drawn].sum(axis=0), rcond=1e-10)[0]
+    errors = np.full(jacobian.shape[1], np.nan)
+    errors[free] = moves.std(axis=0, ddof=1)
+    return errors

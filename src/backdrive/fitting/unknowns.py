@@ -1,0 +1,232 @@
+"""What a fit seeks: numbers with unit and range, and the way from a search vector to a law.
+
+A search runs in scaled coordinates: the logarithm of what spans orders of magnitude, and everything else in units of its
+scale. Shares of elements side by side are sought as the logarithms of their ratios to the last one, so that they always
+add up to 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+from backdrive.laws import ELEMENTS, RATES, Law
+from backdrive.laws.base import Element, Parameter, Rate
+from backdrive.laws.elements.maxwell_slip import Parallel
+
+WIDEST = 9.0  # of the logarithm of a ratio of shares
+WIDE = 1e3  # a range whose ends differ by more than this factor is searched in the logarithm
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scales:
+    """Sizes that the data show, from which ranges follow.
+
+    Attributes:
+        force: of friction [N.m or N].
+        speed: largest [rad/s or m/s].
+        length: over which presliding torque builds up [rad or m].
+        unit: of the joint, `rad` or `m`.
+        slowest: speed below which the encoder says nothing [rad/s or m/s].
+        lag: a time in which friction may settle [s].
+    """
+
+    force: float
+    speed: float
+    length: float
+    unit: str = "rad"
+    slowest: float = 0.0
+    lag: float = 0.01
+
+    def of(self, unit: str) -> float:
+        """Return the size of a quantity of this unit."""
+        table = {
+            "force": self.force,
+            "force.s/length": self.force / self.speed,
+            "length/s": self.speed,
+            "s/length": 1.0 / self.speed,
+            "force/length": self.force / self.length,
+            "length": self.length,
+            "1": 1.0,
+            "1/s": 20.0,
+            "s": self.lag,
+            "1/force": 1.0 / self.force,
+            "force/s": self.force / 0.05,
+            "force/degC": self.force / 50.0,
+            "length/s/degC": self.speed / 50.0,
+            "degC": 20.0,
+            "force.(s/length)^n": self.force / self.speed**0.5,
+        }
+        return table[unit]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unknown:
+    """One number that is sought.
+
+    Attributes:
+        name: parameter of the law, or term of the dynamics; `name[i]` in a sequence.
+        unit: SI unit for this joint.
+        lower: smallest value.
+        upper: largest value.
+        log: sought in its logarithm.
+        scale: size that a search steps in, where it does not step in the logarithm.
+        ratio: the number is the logarithm of a ratio of shares.
+    """
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    log: bool = False
+    scale: float = 1.0
+    ratio: bool = False
+
+    def __post_init__(self):
+        if not self.lower < self.upper:
+            raise InvalidInput(
+                f"'{self.name}' is bounded by {self.lower:g} and {self.upper:g} [{self.unit}].",
+                remedy="Give a lower bound below the upper one.",
+            )
+
+    def inward(self, value):
+        """Return search coordinates of values."""
+        value = np.clip(value, self.lower, self.upper)
+        return np.log(value) if self.log else np.asarray(value) / self.scale
+
+    def outward(self, u):
+        """Return values of search coordinates."""
+        return np.clip(np.exp(u) if self.log else np.asarray(u) * self.scale, self.lower, self.upper)
+
+    def slope(self, value: float) -> float:
+        """Return d(value)/d(search coordinate)."""
+        return value if self.log else self.scale
+
+
+def unknown(
+    name: str, parameter: Parameter, scales: Scales, bounds: Mapping[str, tuple[float, float]]
+) -> Unknown:
+    """Return the unknown of a law's parameter: its range is the parameter's, cut to what the data can tell."""
+    size = scales.of(parameter.unit)
+    wide = parameter.log or (parameter.lower > 0.0 and WIDE * parameter.lower < parameter.upper < np.inf)
+    if parameter.unit == "1" and np.isfinite(parameter.lower) and np.isfinite(parameter.upper):
+        lower, upper = parameter.lower, parameter.upper
+    elif parameter.log:
+        lower, upper = max(parameter.lower, 1e-4 * size), min(parameter.upper, 1e4 * size)
+    else:
+        lower, upper = max(parameter.lower, -50.0 * size), min(parameter.upper, 50.0 * size)
+    plain = name.partition("[")[0]
+    if plain in bounds:
+        asked = bounds[plain]
+        if not asked[0] < asked[1] or asked[1] < parameter.lower or asked[0] > parameter.upper:
+            raise InvalidInput(
+                f"The bounds {asked[0]:g} to {asked[1]:g} of '{plain}' contradict its range "
+                f"{parameter.lower:g} to {parameter.upper:g} [{parameter.unit_for(scales.unit)}].",
+                remedy="Give a lower and a higher bound inside the range.",
+            )
+        lower, upper = max(asked[0], parameter.lower), min(asked[1], parameter.upper)
+    log = wide and lower > 0.0
+    return Unknown(
+        name=name, unit=parameter.unit_for(scales.unit), lower=lower, upper=upper, log=log, scale=size
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LawShape:
+    """Which law is sought: its classes, how many elements side by side, and what is held fixed.
+
+    Attributes:
+        rate: class of the rate law.
+        element: class of the presliding element.
+        count: of elements side by side, or of the knots of a curve whose velocities are fixed.
+        fixed: values of parameters that are not sought.
+    """
+
+    rate: type[Rate]
+    element: type[Element]
+    count: int = 4
+    fixed: Mapping[str, Any]
+
+    @classmethod
+    def named(cls, name: str, *, count: int = 4, fixed: Mapping[str, Any] | None = None) -> LawShape:
+        """Return the shape of `rate`, or `rate+element`.
+
+        Raises:
+            UnknownName: no such law; the message names near ones.
+            InvalidInput: the rate law cannot be carried by the element, or a fixed parameter is none of the law's.
+        """
+        from backdrive.laws import element, rate_law
+        from backdrive.laws.examples import ELEMENT_EXAMPLES, RATE_EXAMPLES
+
+        first, plus, second = name.partition("+")
+        if not plus and first in ELEMENTS and first not in RATES:
+            first, second = "stribeck-gauss", first
+        shape = cls(
+            rate=rate_law(first), element=element(second or "none"), count=count, fixed=dict(fixed or {})
+        )
+        Law(rate=RATE_EXAMPLES[first], element=ELEMENT_EXAMPLES[second or "none"])  # says why not, where not
+        strange = set(shape.fixed) - set(shape.rate.PARAMETERS) - set(shape.element.PARAMETERS)
+        if strange:
+            raise InvalidInput(
+                f"'{name}' has no {', '.join(sorted(strange))} to be held fixed.",
+                remedy=f"It has {', '.join([*shape.rate.PARAMETERS, *shape.element.PARAMETERS])}.",
+            )
+        return shape
+
+    @property
+    def name(self) -> str:
+        """Return `rate`, or `rate+element`."""
+        return self.rate.NAME if self.element.NAME == "none" else f"{self.rate.NAME}+{self.element.NAME}"
+
+    def unknowns(
+        self, scales: Scales, bounds: Mapping[str, tuple[float, float]] | None = None
+    ) -> list[Unknown]:
+        """Return what is sought of the law, in the order of its parameters."""
+        bounds = bounds or {}
+        found = []
+        for rows in (self.rate, self.element):
+            for name, parameter in rows.PARAMETERS.items():
+                if name in self.fixed:
+                    continue
+                if name == "share" and issubclass(rows, Parallel):
+                    for i in range(self.count - 1):
+                        found.append(
+                            Unknown(name=f"share[{i}]", unit="1", lower=-WIDEST, upper=WIDEST, ratio=True)
+                        )
+                elif parameter.many:
+                    if not issubclass(rows, Parallel) and "velocity" not in self.fixed:
+                        raise InvalidInput(
+                            f"'{rows.NAME}' is a curve, which a sweep gives; a fit does not choose its knots.",
+                            remedy="Use `identify`, fix `velocity`, or fit stribeck-tustin or degressive.",
+                        )
+                    found += [unknown(f"{name}[{i}]", parameter, scales, bounds) for i in range(self.count)]
+                else:
+                    found.append(unknown(name, parameter, scales, bounds))
+        return found
+
+    def law(self, values: Mapping[str, float]) -> Law:
+        """Return the law of these values."""
+        return Law(rate=self._rows(self.rate, values), element=self._rows(self.element, values))
+
+    def _rows(self, cls, values):
+        given = {}
+        for name, parameter in cls.PARAMETERS.items():
+            if name in self.fixed:
+                given[name] = self.fixed[name]
+            elif name == "share" and issubclass(cls, Parallel):
+                given[name] = shares([values[f"share[{i}]"] for i in range(self.count - 1)])
+            elif parameter.many:
+                given[name] = tuple(values[f"{name}[{i}]"] for i in range(self.count))
+            else:
+                given[name] = values[name]
+        return cls(**given)
+
+
+def shares(ratios: Sequence[float]) -> tuple[float, ...]:
+    """Return shares that add up to 1 from the logarithms of their ratios to the last."""
+    weights = np.exp(np.append(np.asarray(ratios, dtype=float), 0.0))
+    return tuple((weights / weights.sum()).tolist())

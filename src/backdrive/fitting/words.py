@@ -1,0 +1,121 @@
+"""What a fit could not see, in words: why this motion does not show a parameter, and what would."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+#: Parameter -> (what the motion lacks, what would show it).
+REASONS: dict[str, tuple[str, str]] = {
+    "stiffness": (
+        "the motion holds no reversal slow enough, sampled finely enough, to see presliding",
+        "reverse slowly within the presliding distance, with many encoder counts in it",
+    ),
+    "share": (
+        "the motion does not stop at different depths of presliding",
+        "add small loops of shrinking amplitude",
+    ),
+    "damping": (
+        "the motion holds no reversal slow enough to see the bristle's damping (sigma_1)",
+        "add fast small vibration within the presliding distance",
+    ),
+    "damping_time": (
+        "the motion holds no fast presliding, where the springs' damping would show",
+        "add fast small vibration within the presliding distance",
+    ),
+    "fading": (
+        "the joint never reverses at speeds around v_d",
+        "reverse at several speeds",
+    ),
+    "elastic": (
+        "no load below break-away was held or repeated, so that elastic and sliding deflection look alike",
+        "add small loops below break-away",
+    ),
+    "decay_rate": ("the joint never rests under load", "add dwells after a motion"),
+    "distance": ("no reversal shows how friction turns round", "reverse slowly"),
+    "ratio": ("the peak at break-away is not resolved", "reverse slowly, sampled finely"),
+    "overshoot": ("no reversal shows a peak at break-away", "reverse slowly, sampled finely"),
+    "excess": ("the joint never breaks away slowly", "break away slowly from rest, again and again"),
+    "attraction": (
+        "the speed never varies quickly enough in sliding for friction to lag",
+        "vary the speed at 1 to 20 Hz without reversing",
+    ),
+    "lag": (
+        "the speed never varies quickly enough in sliding for friction to lag",
+        "vary the speed at 1 to 20 Hz without reversing",
+    ),
+    "sharpness": ("presliding is not resolved where sliding sets in", "break away slowly, sampled finely"),
+    "margin": ("presliding is not resolved where sliding sets in", "break away slowly, sampled finely"),
+    "reversal": ("the first moments after a reversal are not resolved", "reverse slowly, sampled finely"),
+    "threshold": ("the joint is never slower than the dead zone", "add very slow motion"),
+    "breakaway": ("no motion is slow enough to see break-away", "add very slow motion"),
+    "stribeck": ("no motion is slow enough to see break-away", "add very slow motion"),
+    "stribeck_velocity": (
+        "no motion passes the Stribeck velocity slowly enough, or friction falls too little there",
+        "add motion between a hundredth and a tenth of the top speed",
+    ),
+    "exponent": ("too few speeds tell the curve's bend", "sweep the speed"),
+    "viscous": ("the speeds are too small or too alike for a slope", "add fast motion"),
+    "growth": ("the speeds are too small or too alike for a slope", "add fast motion"),
+    "rise": ("no motion is slow enough to see friction rise from rest", "add very slow motion"),
+    "fall": ("no motion is slow enough to see the Stribeck fall", "add slow motion"),
+    "steepness": ("no motion is slow enough to see friction rise from rest", "add very slow motion"),
+    "load": ("the load hardly varies", "record under several loads, lifting and lowering"),
+    "quadratic": ("the load hardly varies", "record under several loads, lifting and lowering"),
+    "driving": ("no slow motion lifts a load", "lift a load slowly, from rest"),
+    "driven": ("no slow motion lowers a load", "lower a load slowly, from rest"),
+    "positive": ("no speed near this knot was driven along +q", "sweep the speed"),
+    "negative": ("no speed near this knot was driven along -q", "sweep the speed"),
+    "temperature": ("the temperature hardly varies", "record cold and warm"),
+    "thinning": ("the temperature hardly varies", "record cold and warm"),
+    "inertia": ("the joint hardly accelerates", "add fast motion"),
+    "gravity": ("the positions hardly differ", "move through a wide range"),
+    "offset": ("one direction alone was recorded", "move in both directions"),
+    "delay": ("nothing in the torque is quick enough to time it", "add reversals"),
+}
+
+
+def why(name: str) -> tuple[str, str]:
+    """Return what a motion lacks that does not show this parameter, and what would."""
+    plain = name.partition("[")[0]
+    if plain in REASONS:
+        return REASONS[plain]
+    for part in ("temperature", "load", "quadratic", "gravity", "viscous", "coulomb", "offset"):
+        if part in plain and part in REASONS:
+            return REASONS[part]
+    return (
+        "too little in it depends on this number",
+        "record a richer motion, for example of `backdrive plan`",
+    )
+
+
+def unseen(
+    names: Sequence[str], relative: np.ndarray, correlation: np.ndarray, weak: float
+) -> tuple[dict[str, str], list[str]]:
+    """Return by name what is not identifiable from this motion, as a sentence, and the sentences in order.
+
+    Args:
+        names: of the numbers.
+        relative: standard error by value, (P,); infinite or NaN where there is none.
+        correlation: between their estimates, (P, P).
+        weak: share beyond which a number counts as not identifiable.
+    """
+    found = {}
+    for i, name in enumerate(names):
+        if relative[i] <= weak:
+            continue
+        lacks, shows = why(name)
+        others = np.abs(np.where(np.isfinite(correlation[i]), correlation[i], 0.0))
+        others[i] = 0.0
+        partner = int(np.argmax(others))
+        size = f"its error is {100 * relative[i]:.0f} %" if np.isfinite(relative[i]) else "it has no error"
+        twin = (
+            f"; it trades against '{names[partner]}' (correlation {correlation[i, partner]:+.2f})"
+            if others[partner] > 0.9
+            else ""
+        )
+        found[name] = (
+            f"'{name}' is not identifiable from this motion ({size}{twin}): {lacks}. To see it, {shows}."
+        )
+    return found, list(found.values())
