@@ -169,7 +169,8 @@ def solves_what_it_steps(b: Batch, random):
         scale = abs(v_free) + soft * b.bound[i] + abs(v)
         if abs(residual(v)) > 1e-9 * scale:
             near = max(1e-9 * abs(v), 1e-12 * scale)
-            assert residual(v - near) <= 0.0 <= residual(v + near), (b.laws[i], v_free, soft, before)
+            around = [residual(v - near), residual(v), residual(v + near)]
+            assert min(around) <= 0.0 <= max(around), (b.laws[i], v_free, soft, before)
 
 
 PROPERTIES = (

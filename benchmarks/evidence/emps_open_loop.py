@@ -7,7 +7,8 @@ more every second; what friction is worth shows in millimetres.
 
 Sought with every law: mass, offset, delay of the force, what the velocity of the first sample lacks, and a drift of the
 offset in proportion to time: the force that the axis needs moves by about half a newton over the log, alike in both directions
-(amplifier and motor warm up), which no friction law can do. Starts come from a regression on the force, no table of numbers.
+(amplifier and motor warm up), which no friction law can do. Starts come from a regression on the force, no table of numbers;
+a presliding element starts on its rate law's fit.
 """
 
 from __future__ import annotations
@@ -59,6 +60,9 @@ LAWS = {
     ),
 }
 CHOSEN = "coulomb-viscous"
+ENDS: dict[
+    tuple[str, str, bool], dict[str, float]
+] = {}  # of fits, for laws that carry a presliding element on top
 
 
 def logs() -> tuple[MotionLog, MotionLog, MotionLog]:
@@ -118,6 +122,7 @@ def fit(name: str, log: MotionLog, *, drift: bool) -> tuple[MotionFit, float]:
     """Return the fit of a law to a log and its CPU seconds."""
     ranges, fixed = LAWS[name]
     begin = starts(log)
+    begin |= ENDS.get((name.partition("+")[0], log.name, drift), {})
     if name == "coulomb":
         begin["coulomb"] += 0.08 * begin["viscous"]
     free = OTHERS | (DRIFT if drift else {}) | ranges
@@ -126,6 +131,7 @@ def fit(name: str, log: MotionLog, *, drift: bool) -> tuple[MotionFit, float]:
     axis = Axis(law=Law(rate=M1(coulomb=0.0)), inertia=95.0, drive=DriveModel())
     shape, spent = LawShape.named(name, count=1, fixed=fixed), time.process_time()
     found = fit_motion([log], shape, axis=axis, free=free, unit="m", begin=1, begin_at=begin, iterations=25)
+    ENDS[name, log.name, drift] = dict(found.values)
     return found, time.process_time() - spent
 
 

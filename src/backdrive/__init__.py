@@ -26,6 +26,7 @@ _HOMES = {
     "DriveModel": "backdrive.engine",
     "Law": "backdrive.laws",
     "fit": "backdrive.fitting",
+    "fit_motion": "backdrive.fitting",
     "forward": "backdrive.engine",
     "rollout": "backdrive.engine",
 }
@@ -43,6 +44,7 @@ __all__ = [  # noqa: RUF022  (sorted by use)
     "Sweep",
     "check",
     "fit",
+    "fit_motion",
     "forward",
     "identify",
     "load_model",
@@ -59,6 +61,7 @@ if TYPE_CHECKING:
     from backdrive.errors import BackdriveError as BackdriveError
     from backdrive.excite import Sweep as Sweep
     from backdrive.fitting import fit as fit
+    from backdrive.fitting import fit_motion as fit_motion
     from backdrive.health import check as check
     from backdrive.identification import identify as identify
     from backdrive.laws import Law as Law

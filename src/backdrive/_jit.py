@@ -8,6 +8,7 @@ functions are compiled in every process instead (slower, never stale).
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import os
 from collections.abc import Callable
@@ -45,6 +46,28 @@ def kernel_digest() -> str:
             total.update(str(file.relative_to(root)).encode())
             total.update(file.read_bytes())
     return total.hexdigest()
+
+
+def _bind_libm() -> None:
+    """Have compiled code call the C library's present exp, log and pow.
+
+    Numba binds those of the glibc that it was built against: a wrapper of before 2.29, which doubles the time of an exp that
+    underflows, as every Stribeck curve does at speed. The numbers are the same. Elsewhere than on glibc nothing changes.
+    """
+    try:
+        from llvmlite import binding
+        from numba.core.registry import cpu_target
+
+        library = ctypes.CDLL("libm.so.6")
+        _ = cpu_target.target_context  # it binds numba's own when it is first made
+        for name in ("exp", "log", "pow"):
+            binding.add_symbol(name, ctypes.cast(getattr(library, name), ctypes.c_void_p).value)
+    except (ImportError, AttributeError, OSError):
+        pass
+
+
+if not nb.config.DISABLE_JIT:  # type: ignore[attr-defined]
+    _bind_libm()
 
 
 def jit(function: F) -> F:

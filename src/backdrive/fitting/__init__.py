@@ -14,6 +14,9 @@ from backdrive.fitting.choice import Candidate as Candidate
 from backdrive.fitting.choice import Choice as Choice
 from backdrive.fitting.law_fit import LawFit as LawFit
 from backdrive.fitting.law_fit import fit_law as fit_law
+from backdrive.fitting.motion import MotionFit as MotionFit
+from backdrive.fitting.motion import fit_motion as fit_motion
+from backdrive.fitting.motion_log import MotionLog as MotionLog
 from backdrive.identification.result import Identification, JointEvidence
 from backdrive.log import Log
 

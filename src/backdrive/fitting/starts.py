@@ -8,9 +8,10 @@ import numpy as np
 
 from backdrive.engine import Lanes
 from backdrive.errors import NotIdentifiable
-from backdrive.fitting.torque import SLOW, Stretch, TorqueProblem, column
+from backdrive.filters import low_pass
+from backdrive.fitting.torque import SLOW, SMOOTHED, Stretch, TorqueProblem, column
 from backdrive.fitting.unknowns import Scales
-from backdrive.laws import Coulomb, HaywardArmstrong, Law
+from backdrive.laws import Coulomb, HaywardArmstrong, Law, Leuven
 
 GRID = 24  # break-away distances that elements side by side are first sought at
 STILL = 1e-9  # rad or m: a joint whose position spans less has not moved
@@ -194,7 +195,8 @@ def side_by_side(problem: TorqueProblem, left: Sequence[np.ndarray], scales: Sca
     for s, f in zip(problem.stretches, left):
         chosen = np.flatnonzero(s.judged & (np.abs(s.velocity) < 2 * SLOW * np.abs(s.velocity).max()))
         chosen = chosen[:: max(1, chosen.size // 2000)]
-        play = lanes.torque(np.zeros(GRID, dtype=np.int64), s.dp[None], s.dt)
+        dp = bristle(s, f, scales.force) if problem.shape.element is Leuven else s.dp
+        play = lanes.torque(np.zeros(GRID, dtype=np.int64), dp[None], s.dt)
         rows.append(play[:, chosen].T)
         targets.append(f[chosen])
     strength = nnls(np.concatenate(rows), np.concatenate(targets))[0]
@@ -219,6 +221,21 @@ def side_by_side(problem: TorqueProblem, left: Sequence[np.ndarray], scales: Sca
     return values | {
         f"share[{i}]": float(np.log(w / sliders[-1][0])) for i, (w, _) in enumerate(sliders[:-1])
     }
+
+
+def bristle(s: Stretch, friction: np.ndarray, force: float) -> np.ndarray:
+    """Return how far the bristle of the Leuven model moves in each sample, as the measured friction tells it [rad or m].
+
+    Args:
+        s: the stretch.
+        friction: torque less the rest of the dynamics [N.m or N], (n,).
+        force: of friction [N.m or N].
+    """
+    smooth = low_pass(friction, min(SMOOTHED, 0.1 / s.dt) / 3.0, 1.0 / s.dt)
+    slow = _slow(s)
+    bound = max(float(np.quantile(np.abs(smooth[slow]), 0.95)) if slow.sum() > 20 else force, 1e-9)
+    load = np.sign(s.dp) * smooth / bound
+    return np.ascontiguousarray(s.dp * (1.0 - np.clip(np.sign(load) * load**2, -1.0, 1.0)))
 
 
 def threshold(problem: TorqueProblem, left: Sequence[np.ndarray]) -> float:
