@@ -330,7 +330,8 @@ def draw(file: Path, found: dict) -> None:
     left.axhline(1.3, color="0.3", linewidth=1.0, linestyle="--")
     left.set_xticks(at, list(LAWS), rotation=35, ha="right")
     left.set_ylabel("time over that of C [-]")
-    left.legend(fontsize=7, loc="lower right")
+    left.set_ylim(0.0, 1.3 * max(r["ratio"] for r in found["against_c"]))
+    left.legend(fontsize=7, loc="upper left", ncols=2)
     for name in ("joints", "sets", "length"):
         g = found["growth"][name]
         right.loglog(g["sizes"], g["seconds"], "o-", label=f"{name}: power {g['slope']:.2f}")
