@@ -12,7 +12,7 @@ static void coulomb_viscous(LANE) {
 OVER_SETS(coulomb_viscous)
 
 static inline double gauss(double v, double F_c, double F_s, double v_s) {
-    const double r = fabs(v) / v_s;
+    const double r = fabs(v) * (1.0 / v_s);
     return F_c + (F_s - F_c) * exp(-r * r);
 }
 
@@ -41,15 +41,15 @@ static void lugre(LANE) {
         else if (fabs(reach) > 1e16 * fabs(s))
             after = s;
         else
-            after = (z + reach) / (1.0 + reach / s);
+            after = (z + reach) * (s / (s + reach));
         double f = after;
         if (sigma_1 != 0.0) {
             double damping = sigma_1;
             if (v_d > 0.0) {
-                const double r = v / v_d;
+                const double r = v * (1.0 / v_d);
                 damping = sigma_1 * exp(-r * r);
             }
-            f = after + damping / sigma_0 * ((after - z) / dt);
+            f = after + damping * (after - z) * (1.0 / (sigma_0 * dt));
         }
         z = after;
         out[k] = f + sigma_2 * v;
@@ -58,7 +58,7 @@ static void lugre(LANE) {
 }
 OVER_SETS(lugre)
 
-static inline double clipped(double f, double lo, double hi) { return f > hi ? hi : f < lo ? lo : f; }
+static inline double clipped(double f, double lo, double hi) { f = f > hi ? hi : f; return f < lo ? lo : f; }
 
 /* Slider's motion within that of the joint. */
 static inline double between(double slid, double d) {

@@ -21,11 +21,8 @@ from backdrive.laws.elements.dahl import STIFFNESS
 @leaf
 def clipped(f, lo, hi):
     """Return f within [lo, hi]; a NaN stays a NaN."""
-    if f > hi:
-        return hi
-    if f < lo:
-        return lo
-    return f
+    f = hi if f > hi else f
+    return lo if f < lo else f
 
 
 @leaf

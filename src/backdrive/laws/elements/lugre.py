@@ -30,7 +30,7 @@ def damping(sigma_1, v_d, v):
     """Damping of the bristle at velocity v."""
     if v_d <= 0.0 or sigma_1 == 0.0:
         return sigma_1
-    r = v / v_d
+    r = v * (1.0 / v_d)  # in a loop over ticks the division is done once
     return sigma_1 * np.exp(-r * r)
 
 
@@ -45,14 +45,14 @@ def step(p, e, x, lo, hi, dp, dt):
         after = f
     elif s == 0.0:
         after = 0.0 * dp
-    elif abs(reach) > 1e16 * abs(s):  # (f + reach)/(1 + reach/s), where reach may overflow
+    elif abs(reach) > 1e16 * abs(s):  # where reach may overflow
         after = s
     else:
-        after = (f + reach) / (1.0 + reach / s)
+        after = (f + reach) * (s / (s + reach))
     x[0] = after
     if sigma_1 == 0.0:
         return after
-    return after + damping(sigma_1, v_d, dp / dt) / sigma_0 * ((after - f) / dt)
+    return after + damping(sigma_1, v_d, dp / dt) * (after - f) * (1.0 / (sigma_0 * dt))
 
 
 @dataclass(frozen=True, kw_only=True)

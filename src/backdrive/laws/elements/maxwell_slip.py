@@ -27,9 +27,12 @@ def step(p, e, x, lo, hi, dp):
     """Torque of one tick; the states are the elements' torques."""
     n = int(p[e])
     total = 0.0
+    if e < 0 or n < 0 or n > MOST:  # tells the compiler that no index is negative
+        return np.nan
     for i in range(n):
         w = p[e + 1 + n + i]
         x[i] = clipped(x[i] + p[e + 1 + i] * dp, w * lo, w * hi)
+    for i in range(n):  # apart, so that the loop above runs on several elements at once
         total += x[i]
     return total
 

@@ -23,7 +23,7 @@ CANUDAS = "Canudas de Wit et al., IEEE TAC 40(3), 1995, Table I"
 @leaf
 def fading(v, v_s, delta):
     """exp(-|v/v_s|^delta): 1 at rest, 0 at speed."""
-    r = abs(v) / v_s
+    r = abs(v) * (1.0 / v_s)  # in a loop over ticks the division is done once
     if delta == 2.0:
         return np.exp(-r * r)
     if delta == 1.0:
