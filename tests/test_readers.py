@@ -379,7 +379,7 @@ def test_a_servo_log_of_bam(tmp_path):
     assert log.drive_input[:, 0].tolist() == pytest.approx([1.0, -0.2, 0.0])
     assert log.drive.law == "duty"
     assert log.drive.gains["kp"] == 200
-    assert log.drive.gains["vin"] == 7.4
+    assert log.drive.gains["supply"] == 7.4
     # firmware: duty = error * kp * (4096 / 2 pi) / (256 * 885)
     assert log.drive.gains["duty_per_rad"] == pytest.approx(200 * 4096 / 2 / np.pi / 256 / 885)
     assert log.names == ("xl330",)

@@ -40,6 +40,24 @@ def command(
         list[str] | None,
         typer.Option("--bound", help="Range of a parameter, NAME=LOW:HIGH in SI units; may be repeated."),
     ] = None,
+    drive: Annotated[
+        str | None,
+        typer.Option(
+            "--drive",
+            help="Fit without torque, from the drive's input (--map u=...): torque, position, velocity, voltage or duty, and "
+            "its numbers: position,proportional=2000,derivative=60.",
+        ),
+    ] = None,
+    known: Annotated[
+        str | None,
+        typer.Option(
+            "--known", help="With --drive: what of the axis is not sought, inertia=0.5,gravity_sin=2."
+        ),
+    ] = None,
+    interval: Annotated[
+        str, typer.Option("--interval", help="Kind of the 95 % intervals: covariance, profile or bootstrap.")
+    ] = "covariance",
+    loss: Annotated[str, typer.Option("--loss", help="linear, huber or absolute.")] = "huber",
     cutoff: Annotated[
         float | None, typer.Option("--cutoff", help="Low pass of the motion before differentiation [Hz].")
     ] = None,
@@ -57,12 +75,15 @@ def command(
     """Fit friction laws to every joint that moves, and say which to use.
 
     Example: backdrive fit DATA_EMPS.mat --map "t=t,q=qm,tau=35.15*vir" --unit m --law auto -o model.json
+
+    Without torque: backdrive fit log.csv --map u=goal --drive position,proportional=2000,derivative=60
     """
     from backdrive.cli._progress import progress
     from backdrive.fitting import fit
 
     _logs.check_targets([output, report], [*logs, *(hold_out or [])])
     bounds = _bounds(bound)
+    controller = _drive(drive, bounds)
     options = {
         "map": map,
         "names": names,
@@ -83,6 +104,10 @@ def command(
             held_out=held,
             gravity=gravity,
             bounds=bounds,
+            loss=loss,
+            interval=interval,  # type: ignore[arg-type]
+            drive=controller,
+            known=_numbers_of(known, "--known"),
             cutoff=cutoff,
             accept=accept or [],
             repair=repair,
@@ -124,6 +149,33 @@ def _bounds(words: list[str] | None) -> dict[str, tuple[float, float]]:
     return found
 
 
+def _drive(words: str | None, bounds: dict[str, tuple[float, float]]):
+    """Return the drive of the engine that a person names, or None."""
+    if words is None:
+        return None
+    from backdrive.fitting.drive_of_log import model_of, sought_of
+    from backdrive.log import Drive
+
+    law, _, gains = words.partition(",")
+    return model_of(Drive(law=law.strip(), gains=_numbers_of(gains, "--drive")), sought_of(bounds))  # type: ignore[arg-type]
+
+
+def _numbers_of(words: str | None, option: str) -> dict[str, float]:
+    from backdrive.errors import InvalidInput
+
+    found = {}
+    for word in (words or "").split(","):
+        name, _, value = word.partition("=")
+        try:
+            if name.strip():
+                found[name.strip()] = float(value)
+        except ValueError as error:
+            raise InvalidInput(
+                f"{option} {word}: not NAME=NUMBER.", remedy="For example inertia=0.5,gravity_sin=2."
+            ) from error
+    return found
+
+
 def _print_json(result: FitResult, written: list[str]) -> None:
     import json
 
@@ -134,10 +186,12 @@ def _print_json(result: FitResult, written: list[str]) -> None:
         {
             "warnings": result.warnings,
             "notes": result.notes,
+            "intervals": result.intervals,
             "choices": {
                 c.joint: {
                     "chosen": c.chosen,
                     "reason": c.reason,
+                    "unit": c.unit,
                     "laws": [
                         {
                             "law": x.name,
@@ -166,9 +220,9 @@ def _print_tables(result: FitResult, written: list[str]) -> None:
 
     console = Console(highlight=False)
     for choice, friction in zip(result.choices, result.model.joints):
-        unit = friction.joint.torque_unit
+        unit = choice.unit
         table = Table(box=None, pad_edge=False, title=escape(choice.joint), title_justify="left")
-        table.add_column("law")
+        table.add_column("law", no_wrap=True)
         for heading in ("numbers", f"fitted [{unit}]", f"unseen [{unit}]", "AIC", "s"):
             table.add_column(heading.replace("[", r"\["), justify="right")
         table.add_column("remark")
@@ -186,7 +240,7 @@ def _print_tables(result: FitResult, written: list[str]) -> None:
             )
         console.print(table)
         console.print(escape(choice.reason))
-        console.print(_numbers(friction))
+        console.print(_numbers(friction, result.intervals.get(choice.joint, {})))
         for warning in friction.warnings:
             console.print(f"  {escape(warning)}", style="yellow")
     for warning in result.warnings:
@@ -197,21 +251,28 @@ def _print_tables(result: FitResult, written: list[str]) -> None:
         console.print(f"Wrote {escape(path)}")
 
 
-def _numbers(friction):
+def _numbers(friction, intervals):
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False)
-    for heading in ("number", "value", "standard error", "unit"):
+    for heading in ("number", "value", "standard error", "95 % interval", "unit"):
         table.add_column(heading, justify="left" if heading in ("number", "unit") else "right")
+
+    def add(name: str, value: float, error: float, unit: str, sought: str) -> None:
+        ends = ""
+        if sought in intervals and not sought.startswith("share"):
+            low, high = intervals[sought]
+            ends = f"{low:.4g} to {high:.4g}"
+        table.add_row(name.replace("[", r"\["), f"{value:.4g}", f"{error:.2g}", ends, unit)
+
     for rows in (friction.law.rate, friction.law.element):
         for name, parameter in rows.PARAMETERS.items():
             value, error = getattr(rows, name), friction.standard_errors.get(name, float("nan"))
             values = value if parameter.many else (value,)
             spread = error if isinstance(error, (tuple, list)) else [error] * len(values)
-            unit = parameter.unit_for(friction.joint.unit)
             for i, (v, e) in enumerate(zip(values, spread)):
                 label = f"{name}[{i}]" if parameter.many else name
-                table.add_row(label.replace("[", r"\["), f"{v:.4g}", f"{e:.2g}", unit)
+                add(label, v, e, parameter.unit_for(friction.joint.unit), label)
     for name, e in friction.dynamics.items():
-        table.add_row(name, f"{e.value:.4g}", f"{e.standard_error:.2g}", e.unit)
+        add(name, e.value, e.standard_error, e.unit, "delay" if name == "time_slip" else name)
     return table

@@ -68,6 +68,15 @@ def torque(d, s, r, supply, q, v, h):
     return k_t * i / (1.0 + d[12] * abs(i))
 
 
+@jit
+def along(d, s, r, supply, q, v, dt, out):
+    """Fill `out` with the torque of a drive along a motion: position q and velocity v (n,); `supply` is (n,) or (1,)."""
+    late, hold = d[13] / dt, d[14]
+    s[1], s[3] = q[0], delayed(r, -late, hold)
+    for k in range(r.size):
+        out[k] = torque(d, s, delayed(r, k - late, hold), supply[k if supply.size > 1 else 0], q[k], v[k], dt)
+
+
 @dataclass(frozen=True, kw_only=True)
 class DriveModel:
     """A drive in the loop.

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from backdrive.errors import BackdriveError
 from backdrive.fitting.law_fit import LawFit
 from backdrive.fitting.torque import Stretch
 from backdrive.laws import ELEMENTS, RATES
@@ -28,12 +29,12 @@ class Candidate:
     Attributes:
         name: of the law.
         parameters: numbers that were sought.
-        error: RMS on what was fitted [N.m or N]; NaN where the fit failed.
-        held_out: RMS on what was not [N.m or N].
+        error: RMS on what was fitted [N.m or N; rad or m where motion was fitted]; NaN where the fit failed.
+        held_out: RMS on what was not [the same unit].
         aic: Akaike's information criterion, less the smallest of the choice.
         seconds: that the fit took.
         remark: why it failed, or what it could not see.
-        fit: the fit; None where it failed.
+        fit: the fit of torque; None where it failed, or where motion was fitted.
         windows: mean squared error of each held-out window, for paired comparison.
     """
 
@@ -57,12 +58,14 @@ class Choice:
         candidates: in the order of their number of parameters.
         chosen: name of the law to use.
         reason: why, and why a richer one is not worth it.
+        unit: of the errors.
     """
 
     joint: str
     candidates: tuple[Candidate, ...]
     chosen: str
     reason: str
+    unit: str = "N.m"
 
     def candidate(self, name: str | None = None) -> Candidate:
         """Return a candidate by name; None: the chosen one."""
@@ -90,12 +93,11 @@ def shortlist(words: str | Sequence[str], *, presliding: bool, load: bool, warm:
     ]
 
 
-def windows(stretches: Sequence[Stretch]) -> list[np.ndarray]:
-    """Return a mask a stretch of the samples that are held out: every third of the windows of time."""
-    total = sum(len(s.torque) for s in stretches)
+def windows(lengths: Sequence[int]) -> list[np.ndarray]:
+    """Return for stretches of so many samples a mask each of those that are held out: every third of the windows of time."""
+    total = sum(lengths)
     masks = []
-    for s in stretches:
-        n = len(s.torque)
+    for n in lengths:
         count = max(3, round(WINDOWS * n / total))
         masks.append((np.arange(n) * count // n) % 3 == 1)
     return masks
@@ -110,13 +112,15 @@ def judged(fit: LawFit, stretches: Sequence[Stretch], masks: Sequence[np.ndarray
     """Return the mean squared error of each held-out window [N.m or N, squared], (W,)."""
     found = []
     for s, tau, mask in zip(stretches, fit.predict(stretches), masks):
-        squared = (s.torque - tau) ** 2
-        edges = np.flatnonzero(np.diff(np.r_[0, mask.astype(np.int8), 0]))
-        for a, b in edges.reshape(-1, 2):
-            part = squared[a:b][s.judged[a:b]]
-            if part.size:
-                found.append(float(part.mean()))
+        found += squares((s.torque - tau) ** 2, mask, s.judged)
     return np.array(found)
+
+
+def squares(squared: np.ndarray, mask: np.ndarray, counts: np.ndarray) -> list[float]:
+    """Return the mean of squared errors over each run of a mask, of the samples that count."""
+    edges = np.flatnonzero(np.diff(np.r_[0, mask.astype(np.int8), 0]))
+    runs = [squared[a:b][counts[a:b]] for a, b in edges.reshape(-1, 2)]
+    return [float(run.mean()) for run in runs if run.size]
 
 
 def seen(fit: LawFit, stretches: Sequence[Stretch]) -> tuple[float, int]:
@@ -126,14 +130,36 @@ def seen(fit: LawFit, stretches: Sequence[Stretch]) -> tuple[float, int]:
     return float(joined.mean()), joined.size
 
 
-def choose(joint: str, candidates: Sequence[Candidate], unit: str, size: float) -> Choice:
+def failed(name: str, error: BackdriveError, seconds: float) -> Candidate:
+    """Return the candidate of a law that could not be fitted."""
+    return Candidate(
+        name=name,
+        parameters=0,
+        error=np.nan,
+        held_out=np.nan,
+        aic=np.nan,
+        seconds=seconds,
+        remark=error.message,
+    )
+
+
+def remark(unseen: Iterable[str]) -> str:
+    """Return in a few words what a fit could not see."""
+    plain = list(dict.fromkeys(n.partition("[")[0] for n in unseen))
+    return f"not seen: {', '.join(plain)}" if plain else ""
+
+
+def choose(
+    joint: str, candidates: Sequence[Candidate], unit: str, size: float, what: str = "torque"
+) -> Choice:
     """Return the choice: the simplest law that no richer one beats by more than it is worth.
 
     Args:
         joint: its name.
         candidates: fitted and judged.
-        unit: of torque.
-        size: root mean square of the measured torque [N.m or N], for percentages.
+        unit: of the errors.
+        size: root mean square of what was measured, for percentages.
+        what: was measured, for the sentence.
     """
     alive = sorted(
         (c for c in candidates if np.isfinite(c.held_out)), key=lambda c: (c.parameters, c.held_out)
@@ -146,7 +172,7 @@ def choose(joint: str, candidates: Sequence[Candidate], unit: str, size: float) 
     simple = next(c for c in alive if not _worth(c, best))
     share = 100.0 / size if size > 0 else float("nan")
     reason = (
-        f"'{simple.name}' leaves {simple.held_out:.3g} {unit} ({share * simple.held_out:.1f} %) of torque that it had not "
+        f"'{simple.name}' leaves {simple.held_out:.3g} {unit} ({share * simple.held_out:.1f} %) of {what} that it had not "
         f"seen, with {simple.parameters} numbers."
     )
     richer = [c for c in alive if c.parameters > simple.parameters]
@@ -160,7 +186,7 @@ def choose(joint: str, candidates: Sequence[Candidate], unit: str, size: float) 
     if poorer:
         c = min(poorer, key=lambda c: c.held_out)
         reason += f" The simpler '{c.name}' leaves {c.held_out:.3g} {unit}."
-    return Choice(joint=joint, candidates=table, chosen=simple.name, reason=reason)
+    return Choice(joint=joint, candidates=table, chosen=simple.name, reason=reason, unit=unit)
 
 
 def _worth(simple: Candidate, best: Candidate) -> bool:

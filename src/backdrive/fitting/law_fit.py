@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from backdrive._catalog import lookup
 from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
 from backdrive.fitting import starts as starts_
 from backdrive.fitting import words
+from backdrive.fitting.intervals import Method, intervals
 from backdrive.fitting.search import Found, Search, screen
 from backdrive.fitting.torque import Stretch, TorqueProblem, stretch
 from backdrive.fitting.uncertainty import WEAK, covariance
@@ -39,6 +41,7 @@ class LawFit:
         warnings: what makes the result suspect, in sentences.
         problem: what was fitted, for predictions.
         found: where the search ended, for profiles and bootstraps.
+        loss: that was minimised.
     """
 
     law: Law
@@ -55,6 +58,7 @@ class LawFit:
     warnings: tuple[str, ...]
     problem: TorqueProblem = field(repr=False)
     found: Found = field(repr=False)
+    loss: str = "huber"
 
     def interval(self, name: str) -> tuple[float, float]:
         """Return the 95 % interval of a number; for what is sought in its logarithm it is asymmetric.
@@ -62,16 +66,25 @@ class LawFit:
         Raises:
             UnknownName: the fit has no such number.
         """
-        from backdrive._catalog import lookup
+        return lookup(name, self.intervals(), "number of this fit")
 
-        unknown = lookup(name, {u.name: u for u in self.problem.unknowns}, "number of this fit")
-        value, error = self.values[name], self.standard_errors[name]
-        if not np.isfinite(error):
-            return unknown.lower, unknown.upper
-        if unknown.log:
-            reach = np.exp(1.96 * error / value)
-            return value / reach, value * reach
-        return value - 1.96 * error, value + 1.96 * error
+    def intervals(
+        self, method: Method = "covariance", *, seed: int = 0, tick: Callable[[str], None] | None = None
+    ) -> dict[str, tuple[float, float]]:
+        """Return the 95 % interval of every number; see `fitting.intervals`.
+
+        Args:
+            method: `covariance`, `profile` (all others are fitted again along the number) or `bootstrap` (over windows).
+            seed: of the bootstrap.
+            tick: called with the name before the profile of each number.
+
+        Raises:
+            UnknownName: no such method.
+            InvalidInput: a profile of absolute deviations.
+        """
+        return intervals(
+            self.problem, self.found, self.standard_errors, method, loss=self.loss, seed=seed, tick=tick
+        )
 
     def predict(self, stretches: Sequence[Stretch]) -> list[np.ndarray]:
         """Return the torque that the fit predicts for stretches [N.m or N], each (n,)."""
@@ -107,7 +120,7 @@ def fit_law(
         stretches: of one joint.
         unit: of the joint, `rad` or `m`.
         counts: encoder steps per rad or m, if known.
-        terms: of the rest of the dynamics that are sought too.
+        terms: of the rest of the dynamics that are sought too; `offset` is left out for a law whose directions differ.
         delay: seek the time by which torque was recorded later than motion.
         bounds: of parameters, by name [SI].
         scales: sizes that ranges follow from; None: read off the data.
@@ -129,7 +142,8 @@ def fit_law(
             f"{sum(len(s.torque) for s in stretches)} samples are too few to fit '{shape.name}' to.",
             remedy="Record at least 50 samples, better a minute of motion with reversals.",
         )
-    terms = tuple(t for t in terms if not (t == "offset" and "offset" in shape.rate.PARAMETERS))
+    if not shape.rate.SYMMETRIC:  # two directions of their own hold a constant torque already
+        terms = tuple(t for t in terms if t != "offset")
     scales = starts_.scales(stretches, terms, unit, counts) if scales is None else scales
     problem = TorqueProblem(shape, stretches, scales, terms=terms, delay=delay, bounds=bounds)
     search = Search(problem.residuals, problem.lower, problem.upper, loss=loss)
@@ -147,10 +161,10 @@ def fit_law(
             if any(f.interrupted for f in short)
             else search.run(best.point, iterations=iterations, tick=inform)
         )
-    return conclude(problem, found)
+    return conclude(problem, found, loss)
 
 
-def conclude(problem: TorqueProblem, found: Found) -> LawFit:
+def conclude(problem: TorqueProblem, found: Found, loss: str = "huber") -> LawFit:
     """Return what a search's end says: values, errors, what is at a bound and what was not seen."""
     found = problem.ordered(found)
     values = problem.values(found.point)
@@ -216,6 +230,7 @@ def conclude(problem: TorqueProblem, found: Found) -> LawFit:
         warnings=tuple(notes),
         problem=problem,
         found=found,
+        loss=loss,
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 BLOCKS = 60  # of time, whose scores are taken as independent
 UNSEEN = 1e4  # standard error [search coordinate] beyond which a number does not act on the residuals at all
+RISE = 1.96  # root of the rise of the cost at the end of a 95 % profile interval [standard deviations]
 WEAK = 0.10  # a standard error beyond this share of the value is called weak [-]
 
 
@@ -119,30 +120,36 @@ def profile(
         upper: bound of the coordinate.
 
     Returns:
-        Where the cost has risen by 3.84 variances on either side; a bound where it never does.
+        Where the cost has risen by 1.96^2 variances on either side; a bound where it never does.
     """
+
+    def rise(at: float) -> float:
+        return float(np.sqrt(max(cost(at) - least, 0.0) / variance)) - RISE
+
     ends = []
     for way, bound in ((-1.0, lower), (1.0, upper)):
-        inside, at = best, best
-        step = max(error, 1e-9)
+        inside, below, at, above = best, -RISE, best, -RISE
+        step = RISE * max(error, 1e-9)
         for _ in range(12):
             at = float(np.clip(at + way * step, lower, upper))
-            if cost(at) - least > 3.841 * variance:
+            above = rise(at)
+            if above > 0.0 or at == bound:
                 break
-            inside = at
-            if at == bound:
-                break
+            inside, below = at, above
             step *= 1.6
-        else:
-            inside = at = bound
-        if inside != at:
-            for _ in range(8):
-                middle = 0.5 * (inside + at)
-                if cost(middle) - least > 3.841 * variance:
-                    at = middle
-                else:
-                    inside = middle
-        ends.append(0.5 * (inside + at))
+        if above <= 0.0:
+            ends.append(bound)
+            continue
+        for _ in range(6):  # the root of the rise is nearly a straight line
+            middle = at - above * (at - inside) / (above - below)
+            value = rise(middle)
+            if value > 0.0:
+                at, above = middle, value
+            else:
+                inside, below = middle, value
+            if abs(value) < 0.01 * RISE:
+                break
+        ends.append(at - above * (at - inside) / (above - below))
     return ends[0], ends[1]
 
 

@@ -72,6 +72,26 @@ REASONS: dict[str, tuple[str, str]] = {
     "inertia": ("the joint hardly accelerates", "add fast motion"),
     "gravity": ("the positions hardly differ", "move through a wide range"),
     "offset": ("one direction alone was recorded", "move in both directions"),
+    "coulomb": (
+        "gravity, a constant torque and the friction of the two directions look alike in it",
+        "move slowly in both directions through the same positions",
+    ),
+    "drive.delay": ("nothing in the drive's input is quick enough to time it", "add steps and reversals"),
+    "drive.gain": (
+        "nothing tells the drive's torque from inertia and friction",
+        "give the inertia, or hold a known load",
+    ),
+    "drive.torque_constant": (
+        "nothing tells the drive's torque from inertia and friction",
+        "give the inertia, or hold a known load",
+    ),
+    "drive.resistance": (
+        "speed and load hardly vary apart from each other",
+        "move fast under several loads",
+    ),
+    "drive.supply_resistance": ("the drive hardly draws current", "add fast starts under load"),
+    "drive.saturation": ("the drive hardly draws current", "add fast starts under load"),
+    "drive.proportional_factor": ("the controller's error hardly acts", "add steps of its input"),
     "delay": ("nothing in the torque is quick enough to time it", "add reversals"),
 }
 
@@ -79,6 +99,8 @@ REASONS: dict[str, tuple[str, str]] = {
 def why(name: str) -> tuple[str, str]:
     """Return what a motion lacks that does not show this parameter, and what would."""
     plain = name.partition("[")[0]
+    if plain not in REASONS and plain.startswith("drive."):
+        plain = plain[6:]
     if plain in REASONS:
         return REASONS[plain]
     for part in ("temperature", "load", "quadratic", "gravity", "viscous", "coulomb", "offset"):

@@ -131,7 +131,7 @@ def _bam(content: dict, arrays: dict[str, np.ndarray], notes: list[str]) -> Colu
         "duty_per_rad": float(content["kp"]) * _COUNTS_PER_RAD / (_FIRMWARE_GAIN * _FULL_DUTY),
     }
     if isinstance(content.get("vin"), (int, float)):
-        gains["vin"] = float(content["vin"])
+        gains["supply"] = float(content["vin"])
     channels = {name: channel for name, channel in _BAM.items() if name in arrays}
     units = {"timestamp": "s", "position": "rad", "speed": "rad/s", "goal_position": "rad", "temp": "degC"}
     return Columns(

@@ -1,0 +1,246 @@
+"""Motion given the drive's input: laws fitted to one joint through forward dynamics, its drive in the loop.
+
+No torque is needed. What the drive must have given along the measured motion follows from its own gains; a fit to that torque
+(`law_fit`) gives the start, and the motion itself decides (`motion`): the joint is let go from the measured start of every
+window under the recorded input. Every third window is held out.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from backdrive._catalog import lookup
+from backdrive.engine import Axis, DriveModel
+from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
+from backdrive.fitting import choice as choice_
+from backdrive.fitting import starts
+from backdrive.fitting.choice import Candidate
+from backdrive.fitting.drive_of_log import drive_of, sought_of
+from backdrive.fitting.driven import Driven, driven, split, whole
+from backdrive.fitting.given_motion import gravity_terms
+from backdrive.fitting.intervals import intervals
+from backdrive.fitting.law_fit import fit_law
+from backdrive.fitting.motion import MotionFit, fit_motion
+from backdrive.fitting.motion_log import MotionLog
+from backdrive.fitting.motion_problem import MotionProblem
+from backdrive.fitting.motion_result import finish_motion
+from backdrive.fitting.motion_terms import NAMES, OF_AXIS
+from backdrive.fitting.request import JointFit, Request
+from backdrive.fitting.unknowns import LawShape
+from backdrive.laws import Coulomb, Law
+from backdrive.log import Joint, Log
+
+STEP = 1e-3  # longest integration step [s]
+STARTS = (
+    12  # stretches whose velocity at the start is sought too, which a low pass tells badly there, at most
+)
+LATEST = 0.03  # longest delay that is sought [s]
+PLAIN = "coulomb-viscous"  # fitted to the drive's torque for starts of laws that need the load
+
+
+def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Request) -> JointFit:
+    """Return the fit of one joint.
+
+    Args:
+        logs: with the drive's input, to fit.
+        held_out: the same, to judge on; none: every third window of the fitted ones.
+        name: of the joint.
+        asked: everything else.
+
+    Raises:
+        InvalidInput: the drive is not known, or the logs do not fit together.
+        NotIdentifiable: no law can be fitted or judged.
+    """
+    info = logs[0].joints[logs[0].column(name)]
+    template = asked.drive or drive_of(logs[0], sought_of(asked.bounds))
+    fitted = [d for log in logs for d in driven(log, name, template, asked)]
+    unseen = [d for log in held_out for d in driven(log, name, template, asked)]
+    problem = _Problem(info, template, fitted, asked)
+    held = template.controller != "open"
+    pieces = whole(fitted, held)
+    shown, judges = (pieces, whole(unseen, held)) if unseen else split(fitted, held)
+    candidates: list[Candidate] = []
+    fits: dict[str, MotionFit] = {}
+    failure: BackdriveError | None = None
+    for candidate in choice_.shortlist(asked.law, presliding=False, load=False, warm=False):
+        asked.say(f"{name}: fitting {candidate}")
+        begun = clock.perf_counter()
+        try:
+            one = problem.fit(candidate, shown, asked.ticker(name))
+        except BackdriveError as error:
+            candidates.append(choice_.failed(candidate, error, clock.perf_counter() - begun))
+            failure = error
+            continue
+        squares = _squares(one, judges)
+        fits[one.name] = one
+        candidates.append(
+            Candidate(
+                name=one.name,
+                parameters=len(one.values),
+                error=one.rms,
+                held_out=float(np.sqrt(squares.mean())),
+                aic=one.samples * np.log(max(one.rms**2, 1e-300)) + 2 * len(one.values),
+                seconds=clock.perf_counter() - begun,
+                remark=choice_.remark(one.unseen),
+                windows=squares,
+            )
+        )
+        if one.interrupted:
+            break
+    if not any(np.isfinite(c.held_out) for c in candidates):
+        raise failure or NotIdentifiable("No law could be judged.", remedy="Record a longer log.")
+    position = np.concatenate([d.log.position - d.log.position.mean() for d in fitted])
+    size = float(np.sqrt(np.mean(position**2)))
+    choice = choice_.choose(name, candidates, info.unit, size, "motion")
+    best = fits[choice.chosen]
+    final = best
+    if not unseen and not best.interrupted:
+        asked.say(f"{name}: fitting {best.name} to everything")
+        final = problem.fit(best.name, pieces, asked.ticker(name), best.values)
+    numbers = intervals(
+        final.problem,
+        final.found,
+        final.standard_errors,
+        asked.interval,
+        loss=asked.loss,
+        step=1e-4,
+        seed=asked.seed,
+        tick=lambda number: asked.say(f"{name}: profile of {number}"),
+    )
+    friction, evidence = finish_motion(info, final, choice, fitted, unseen, asked, problem.scales)
+    return JointFit(
+        friction=friction,
+        evidence=evidence,
+        choice=choice,
+        intervals={n: e for n, e in numbers.items() if not n.startswith("start.")},
+    )
+
+
+class _Problem:
+    """What stays the same from law to law."""
+
+    def __init__(self, info: Joint, drive: DriveModel, driven: Sequence[Driven], asked: Request):
+        for name in asked.known:
+            lookup(name, dict.fromkeys(OF_AXIS, 0), "number of an axis")
+        self.info, self.drive, self.asked = info, drive, asked
+        self.bounds: dict[str, Any] = dict(asked.bounds or {})
+        self.middle = drive.replace(
+            **{
+                n[6:]: _middle(r)
+                for n, r in self.bounds.items()
+                if n.startswith("drive.") and n != "drive.proportional_factor"
+            }
+        )
+        self.stretches = [d.stretch(self.middle) for d in driven]
+        gravity = gravity_terms(self.stretches, info.unit, asked.gravity)
+        sought = [t for t in ("inertia", "offset", *gravity) if t not in asked.known]
+        self.terms = [
+            *sought,
+            *(n for n in self.bounds if n in ("gravity_sin", "gravity_cos") and n not in sought),
+        ]
+        self.scales = starts.scales(
+            self.stretches, ("inertia", "offset", *gravity), info.unit, info.encoder_counts
+        )
+        self.axis = Axis(
+            **{"law": Law(rate=Coulomb(coulomb=0.0)), "inertia": 1.0, "drive": drive, **asked.known}  # type: ignore[arg-type]
+        )
+        self.substeps = max(1, int(np.ceil(driven[0].log.dt / STEP - 1e-6)))
+
+    def fit(self, law: str, logs, tick, begin_at: Mapping[str, float] | None = None) -> MotionFit:
+        """Return the fit of one law, begun at a fit to the drive's torque."""
+        shape = LawShape.named(law)
+        numbers = {**shape.rate.PARAMETERS, **shape.element.PARAMETERS}
+        for n in self.bounds:
+            if n.partition("[")[0] not in {*numbers, *NAMES}:
+                raise InvalidInput(
+                    f"'{n}' is bounded, and neither '{law}' nor the axis has it.",
+                    remedy=f"It has {', '.join(numbers)}, {', '.join(NAMES)}.",
+                )
+        start = dict(begin_at) if begin_at else self._start(shape)
+        free = self._free(shape, start)
+        problem = MotionProblem(
+            shape, logs, self.axis, free, substeps=self.substeps, scales=self.scales, unit=self.info.unit
+        )
+        wide = bool(shape.rate.NEEDS)
+        return fit_motion(
+            problem,
+            loss=self.asked.loss,  # type: ignore[arg-type]
+            begin=1 if begin_at else 64 if wide else 16,
+            descend=4 if wide else 2,
+            finish=2 if wide else 1,
+            begin_at=start,
+            seed=self.asked.seed,
+            tick=tick,
+        )
+
+    def _start(self, shape: LawShape) -> dict[str, float]:
+        law_bounds = {
+            n: r for n, r in self.bounds.items() if n in {**shape.rate.PARAMETERS, **shape.element.PARAMETERS}
+        }
+        found = fit_law(
+            PLAIN if shape.rate.NEEDS else shape,
+            self.stretches,
+            unit=self.info.unit,
+            counts=self.info.encoder_counts,
+            terms=[t for t in self.terms if t in ("inertia", "offset", "gravity_sin", "gravity_cos")],
+            delay=self.asked.delay and self.drive.controller == "open",  # a controller's input alone is late
+            bounds=None if shape.rate.NEEDS else law_bounds,
+            scales=self.scales,
+            begin=24,
+            descend=1,
+            seed=self.asked.seed,
+        )
+        start = dict(found.values)
+        start["drive.delay"] = float(np.clip(-start.pop("delay", 0.0), 0.0, LATEST))
+        return start
+
+    def _free(self, shape: LawShape, start: dict[str, float]) -> dict[str, Any]:
+        """Return the ranges of everything that is sought; those asked for come before ours."""
+        force = max(float(np.abs(s.torque).max()) for s in self.stretches)
+        free: dict[str, Any] = {}
+        for term in self.terms:
+            if term == "offset" and not shape.rate.SYMMETRIC:
+                continue
+            value = start.get(term, 0.0)
+            if term == "inertia":
+                top = max(float(np.abs(s.acceleration).max()) for s in self.stretches)
+                value = start[term] = max(value, 1e-3 * force / max(top, 1e-12))
+                free[term] = (value / 20.0, 20.0 * value, value)
+            else:
+                reach = 2.0 * force
+                free[term] = (-reach, reach, float(np.clip(value, -reach, reach)))
+        if self.drive.controller != "open" and len(self.stretches) <= STARTS:
+            free["start.velocity"] = (-self.scales.speed, self.scales.speed, 0.0)
+        if self.asked.delay:
+            free["drive.delay"] = (0.0, LATEST, float(np.clip(start.get("drive.delay", 0.0), 0.0, LATEST)))
+        for n, r in self.bounds.items():
+            if n in shape.fixed or (n.startswith("drive.") or n in NAMES or n in self._numbers(shape)):
+                free[n] = r
+        for n, r in free.items():
+            if n in start:
+                start[n] = float(np.clip(start[n], r[0], r[1]))
+        return free
+
+    @staticmethod
+    def _numbers(shape: LawShape) -> set[str]:
+        return {*shape.rate.PARAMETERS, *shape.element.PARAMETERS}
+
+
+def _squares(one: MotionFit, judges: Sequence[MotionLog]) -> np.ndarray:
+    """Return the mean squared error of each window that is judged on [rad^2 or m^2], (W,)."""
+    found = []
+    for log, motion in zip(judges, one.predict(judges)):
+        counts = np.ones(len(motion), dtype=bool)
+        found += choice_.squares(
+            (motion - log.position) ** 2, counts if log.judged is None else log.judged, counts
+        )
+    return np.array(found)
+
+
+def _middle(given: Any) -> float:
+    low, high = float(given[0]), float(given[1])
+    return float(np.sqrt(low * high)) if low > 0.0 and high >= 10.0 * low else 0.5 * (low + high)

@@ -1,0 +1,168 @@
+"""Torque given motion: every law of a shortlist fitted to one joint, judged, and the chosen one fitted to everything."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from backdrive.errors import BackdriveError, NotIdentifiable
+from backdrive.fitting import choice as choice_
+from backdrive.fitting import starts
+from backdrive.fitting.choice import Candidate
+from backdrive.fitting.law_fit import fit_law
+from backdrive.fitting.request import JointFit, Request
+from backdrive.fitting.result import finish
+from backdrive.laws import rate_law
+from backdrive.log import Log
+
+if TYPE_CHECKING:
+    from backdrive.fitting.torque import Stretch
+    from backdrive.identification.signals import Signals
+
+VARIES = 0.1  # a load or temperature varies that spans this share of its size [-]
+TURNS = 0.5  # a joint that turns by less shows little of gravity [rad]
+
+
+def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Request) -> JointFit:
+    """Return the fit of one joint.
+
+    Args:
+        logs: to fit.
+        held_out: to judge on; none: every third window of the fitted ones.
+        name: of the joint.
+        asked: everything else.
+
+    Raises:
+        NotIdentifiable: no law can be fitted or judged.
+    """
+    info = logs[0].joints[logs[0].column(name)]
+    pairs = [pair for log in logs for pair in _stretches(log, name, asked.cutoff)]
+    unseen = [pair for log in held_out for pair in _stretches(log, name, asked.cutoff)]
+    stretches = [s for _, s in pairs]
+    terms = ["inertia", "offset", *gravity_terms(stretches, info.unit, asked.gravity)]
+    load = all(s.load.shape[0] > 1 and _varies(s.load[:, 1]) for s in stretches)
+    warm = all(s.temperature.size > 1 and _varies(s.temperature) for s in stretches)
+    sizes = starts.scales(stretches, terms, info.unit, info.encoder_counts)
+    shown = sizes.length * (info.encoder_counts or np.inf) >= 5.0 and _slow_reversals(stretches, sizes.length)
+    masks = (
+        [np.zeros(len(s.torque), dtype=bool) for s in stretches]
+        if unseen
+        else choice_.windows([len(s.torque) for s in stretches])
+    )
+    fitted = choice_.without(stretches, masks)
+    judges = [s for _, s in unseen] if unseen else stretches
+    candidates: list[Candidate] = []
+    failure: BackdriveError | None = None
+    options: dict[str, Any] = {
+        "unit": info.unit,
+        "counts": info.encoder_counts,
+        "terms": terms,
+        "delay": asked.delay,
+        "bounds": asked.bounds,
+        "scales": sizes,
+        "loss": asked.loss,
+        "seed": asked.seed,
+    }
+    for candidate in choice_.shortlist(asked.law, presliding=shown, load=load, warm=warm):
+        asked.say(f"{name}: fitting {candidate}")
+        begun = clock.perf_counter()
+        try:
+            _supported(candidate, load=load, warm=warm)
+            one = fit_law(candidate, fitted, tick=asked.ticker(name), **options)
+        except BackdriveError as error:
+            candidates.append(choice_.failed(candidate, error, clock.perf_counter() - begun))
+            failure = error
+            continue
+        squares = choice_.judged(
+            one, judges, [np.ones(len(s.torque), dtype=bool) for s in judges] if unseen else masks
+        )
+        seen, count = choice_.seen(one, fitted)
+        candidates.append(
+            Candidate(
+                name=one.name,
+                parameters=len(one.values),
+                error=float(np.sqrt(seen)),
+                held_out=float(np.sqrt(squares.mean())) if squares.size else np.nan,
+                aic=count * np.log(max(seen, 1e-300)) + 2 * len(one.values),
+                seconds=clock.perf_counter() - begun,
+                remark=choice_.remark(one.unseen),
+                fit=one,
+                windows=squares,
+            )
+        )
+        if one.interrupted:
+            break
+    if not any(np.isfinite(c.held_out) for c in candidates):
+        raise failure or NotIdentifiable("No law could be judged.", remedy="Record a longer log.")
+    size = float(np.sqrt(np.mean(np.concatenate([s.torque for s in stretches]) ** 2)))
+    choice = choice_.choose(name, candidates, info.torque_unit, size)
+    best = choice.candidate().fit
+    assert best is not None
+    final = best
+    if not unseen and not best.interrupted:
+        asked.say(f"{name}: fitting {best.name} to everything")
+        final = fit_law(best.problem.shape, stretches, begin=8, descend=1, begin_at=best.values, **options)
+    intervals = final.intervals(
+        asked.interval, seed=asked.seed, tick=lambda number: asked.say(f"{name}: profile of {number}")
+    )
+    friction, evidence = finish(info, final, best, choice, pairs, unseen, masks)
+    return JointFit(friction=friction, evidence=evidence, choice=choice, intervals=intervals)
+
+
+def gravity_terms(stretches: Sequence[Stretch], unit: str, asked: bool | None) -> tuple[str, ...]:
+    """Return the terms of gravity that are sought: where asked for, or where the joint turns far enough to show it."""
+    turns = unit == "rad" and all(s.position is not None for s in stretches)
+    far = turns and max(float(np.ptp(s.position)) for s in stretches) > TURNS  # type: ignore[arg-type]
+    return ("gravity_sin", "gravity_cos") if asked or (asked is None and far) else ()
+
+
+def _supported(candidate: str, *, load: bool, warm: bool) -> None:
+    first = candidate.partition("+")[0]
+    needs = rate_law(first).NEEDS if first in choice_.RATES else ()
+    for need, there in (("load", load), ("temperature", warm)):
+        if need in needs and not there:
+            raise NotIdentifiable(
+                f"'{candidate}' depends on the {need}, and the log holds none that varies.",
+                remedy=f"Name the channel, for example --map {need[:4]}=COLUMN.",
+            )
+
+
+def _stretches(log: Log, name: str, cutoff: float | None) -> list[tuple[Signals, Stretch]]:
+    """Return signals and stretches of one joint, with its load and temperature."""
+    from backdrive.fitting.torque import stretch
+    from backdrive.identification.signals import prepare
+
+    own = log.select(name).on_joint_side()
+    found = []
+    for signals in prepare(log, name, cutoff=cutoff):
+        load = temperature = None
+        if own.load is not None or own.external_torque is not None:
+            external = -own.load[:, 0] if own.load is not None else own.need("external_torque")[:, 0]
+            load = np.column_stack([signals.torque, np.interp(signals.time, own.time, external)])
+        if own.temperature is not None:
+            temperature = np.interp(signals.time, own.time, own.temperature[:, 0])
+        one = stretch(signals, load=load, temperature=temperature)
+        if signals.model_torque is not None:
+            one = replace(one, torque=one.torque - signals.model_torque)
+        found.append((signals, one))
+    return found
+
+
+def _varies(x: np.ndarray) -> bool:
+    return bool(np.ptp(x) > VARIES * max(float(np.abs(x).max()), 1e-12))
+
+
+def _slow_reversals(stretches, length: float) -> bool:
+    """Say whether some reversals take at least five samples to cross the presliding distance."""
+    count = 0
+    for s in stretches:
+        path = np.cumsum(np.abs(s.dp))
+        turns = np.flatnonzero(np.diff(np.sign(s.velocity)) != 0)
+        for k in turns:
+            if k + 6 < len(path) and path[k + 5] - path[k] < 2.0 * length:
+                count += 1
+    return count >= 3
