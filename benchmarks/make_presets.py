@@ -168,7 +168,7 @@ def franka() -> dict[str, FrictionModel]:
     joints = tuple(
         JointFriction(
             joint=Joint(name=f"panda_joint{i}"),
-            law=Law(rate=Sigmoid(span=span, steepness=steepness, offset=offset)),
+            law=Law(rate=Sigmoid(span=span, steepness=steepness, shift=offset)),
             validity=Validity(velocity=(-speed, speed)),
             method="published",
             warnings=(
@@ -186,7 +186,7 @@ def franka() -> dict[str, FrictionModel]:
         "origin": "https://github.com/marcocognetti/FrankaEmikaPandaDynModel, matlab/dyn_model_panda/get_FrictionTorque.m",
         "licence": "numbers published in the paper; no text or code of it is contained",
         "changes": "units added; values as they are",
-        "keys": {"span": "phi_1", "steepness": "phi_2", "offset": "phi_3"},
+        "keys": {"span": "phi_1", "steepness": "phi_2", "shift": "phi_3"},
         "remarks": ["the joints are named as in the maker's robot description"],
     }
     return {"franka/panda": FrictionModel(joints=joints, options=options, version=__version__)}

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pytest
 from hypothesis import strategies as st
 
 from backdrive._jit import jit
@@ -329,12 +328,6 @@ def many(name: str):
             shared = random.random(3).tolist()  # load and temperature
             conditions += [Condition.drawn(shared + u) for u in random.random((EACH, 2)).tolist()]
         yield batch(laws, conditions, random), random
-
-
-def only_long(request: pytest.FixtureRequest) -> None:
-    """Skip a test that is not asked for with `-m long`."""
-    if "long" not in str(request.config.getoption("markexpr")):
-        pytest.skip("many more random cases: -m long")
 
 
 def survives_the_model_file(laws):

@@ -19,7 +19,6 @@ from _laws import (
     cube,
     law_of,
     many,
-    only_long,
     survives_the_model_file,
 )
 from backdrive.laws import ELEMENTS, RATES, Coulomb, DeadZone, Law, kernels
@@ -164,8 +163,7 @@ def test_every_rate_law(property_, name):
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", NAMES)
-def test_every_rate_law_at_length(name, request):
-    only_long(request)
+def test_every_rate_law_at_length(name):
     for b, random in many(name):
         for property_ in PROPERTIES:
             property_(copy(b), random)
@@ -188,8 +186,7 @@ def test_every_law_survives_the_model_file(name):
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", [*RATES, *ELEMENTS])
-def test_every_law_survives_the_model_file_at_length(name, request):
-    only_long(request)
+def test_every_law_survives_the_model_file_at_length(name):
     for seed in range(4):
         survives_the_model_file(list(laws_of(name, 1000, seed)))
 

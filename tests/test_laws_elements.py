@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from _laws import EXAMPLES, JIT, LANES, TICKS, Batch, batches, many, only_long
+from _laws import EXAMPLES, JIT, LANES, TICKS, Batch, batches, many
 from backdrive.laws import ELEMENTS, Coulomb, Law
 
 ALL = sorted(ELEMENTS)
@@ -199,8 +199,7 @@ def test_every_element(property_, name):
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", ALL)
-def test_every_element_at_length(name, request):
-    only_long(request)
+def test_every_element_at_length(name):
     for b, random in many(name):
         for property_ in PROPERTIES:
             property_(copy(b), random)

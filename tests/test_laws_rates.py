@@ -106,7 +106,7 @@ def test_load_and_temperature_enter_as_printed():
 
 def test_published_curves():
     """Franka Emika Panda, joint 3 (Gaz et al. 2019): plateaus 0.3938 and 0.2469 N.m; Makkar's peak is below g_1 + g_4."""
-    panda = Law(rate=Sigmoid(span=0.64068, steepness=10.136, offset=-0.04607))
+    panda = Law(rate=Sigmoid(span=0.64068, steepness=10.136, shift=-0.04607))
     np.testing.assert_allclose(panda.torque([100.0, -100.0]), [0.3938, -0.2469], atol=5e-5)
     v = np.linspace(0.0, 0.2, 20001)
     curve = Law(

@@ -158,11 +158,11 @@ def test_published_numbers_of_the_panda():
     model = load_model("preset:franka/panda")
     assert model.names == tuple(f"panda_joint{i}" for i in range(1, 8))
     rate = model.joint("panda_joint1").law.rate
-    assert (rate.span, rate.steepness, rate.offset) == (0.54615, 5.1181, 0.039533)
+    assert (rate.span, rate.steepness, rate.shift) == (0.54615, 5.1181, 0.039533)
     assert [j.law.rate.span for j in model.joints] == [
         *(0.54615, 0.87224, 0.64068, 1.2794, 0.83904, 0.30301, 0.56489),
     ]
-    assert model.joint("panda_joint3").law.rate.offset == -0.04607
+    assert model.joint("panda_joint3").law.rate.shift == -0.04607
     for i, plateau, reverse in ((1, 0.2455, 0.3006), (3, 0.3938, 0.2469), (6, 0.1785, 0.1245)):
         joint = f"panda_joint{i}"
         assert model.torque(joint, 50.0) == pytest.approx(plateau, abs=5e-5)

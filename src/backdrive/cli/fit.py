@@ -50,9 +50,7 @@ def command(
     ] = None,
     known: Annotated[
         str | None,
-        typer.Option(
-            "--known", help="With --drive: what of the axis is not sought, inertia=0.5,gravity_sin=2."
-        ),
+        typer.Option("--known", help="What is known and not sought: inertia=0.5,offset=0."),
     ] = None,
     interval: Annotated[
         str, typer.Option("--interval", help="Kind of the 95 % intervals: covariance, profile or bootstrap.")

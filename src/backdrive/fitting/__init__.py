@@ -82,7 +82,8 @@ def fit(
         loss: `linear`, `huber` or `absolute`.
         interval: `covariance`, `profile` or `bootstrap`; see `fitting.intervals`.
         drive: fit from motion given this drive's input; None: as the logs say, where they hold no torque.
-        known: numbers of `engine.Axis` that are not sought, by name [SI]; given the drive's input.
+        known: what is not sought, by name [SI]: `inertia`, `offset`, `gravity_sin`, `gravity_cos`; given the drive's input any
+            number of `engine.Axis`.
         accept: names of health findings to accept.
         repair: mend the log where an honest repair exists; each is noted.
         seed: of the starts.
@@ -124,11 +125,6 @@ def fit(
     logs = [healthy(log, accept, repair, warnings) for log in logs]
     held_out = [healthy(log, accept, repair, warnings) for log in held_out]
     driven = drive is not None or any(log.torque is None and log.drive_input is not None for log in logs)
-    if known and not driven:
-        raise InvalidInput(
-            f"{', '.join(known)} is known, and the fit is of torque given motion.",
-            remedy="Leave it out, or name the drive whose input moved the joint.",
-        )
     asked = Request(
         law=law,
         gravity=gravity,

@@ -80,10 +80,10 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Re
         candidates.append(
             Candidate(
                 name=one.name,
-                parameters=len(one.values),
+                parameters=len(one.problem.unknowns),
                 error=one.rms,
                 held_out=float(np.sqrt(squares.mean())),
-                aic=one.samples * np.log(max(one.rms**2, 1e-300)) + 2 * len(one.values),
+                aic=one.samples * np.log(max(one.rms**2, 1e-300)) + 2 * len(one.problem.unknowns),
                 seconds=clock.perf_counter() - begun,
                 remark=choice_.remark(one.unseen),
                 windows=squares,
@@ -111,12 +111,13 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Re
         seed=asked.seed,
         tick=lambda number: asked.say(f"{name}: profile of {number}"),
     )
+    numbers = {n: ends for n, ends in numbers.items() if not n.startswith("start.")}
     friction, evidence = finish_motion(info, final, choice, fitted, unseen, asked, problem.scales)
     return JointFit(
         friction=friction,
         evidence=evidence,
         choice=choice,
-        intervals={n: e for n, e in numbers.items() if not n.startswith("start.")},
+        intervals=final.problem.shape.complete(numbers),
     )
 
 
@@ -152,7 +153,7 @@ class _Problem:
 
     def fit(self, law: str, logs, tick, begin_at: Mapping[str, float] | None = None) -> MotionFit:
         """Return the fit of one law, begun at a fit to the drive's torque."""
-        shape = LawShape.named(law)
+        shape = LawShape.named(law).beside(self.terms)
         numbers = {**shape.rate.PARAMETERS, **shape.element.PARAMETERS}
         for n in self.bounds:
             if n.partition("[")[0] not in {*numbers, *NAMES}:
@@ -203,8 +204,6 @@ class _Problem:
         force = max(float(np.abs(s.torque).max()) for s in self.stretches)
         free: dict[str, Any] = {}
         for term in self.terms:
-            if term == "offset" and not shape.rate.SYMMETRIC:
-                continue
             value = start.get(term, 0.0)
             if term == "inertia":
                 top = max(float(np.abs(s.acceleration).max()) for s in self.stretches)

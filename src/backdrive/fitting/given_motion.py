@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from backdrive._catalog import lookup
 from backdrive.errors import BackdriveError, NotIdentifiable
 from backdrive.fitting import choice as choice_
 from backdrive.fitting import starts
@@ -16,14 +17,17 @@ from backdrive.fitting.choice import Candidate
 from backdrive.fitting.law_fit import fit_law
 from backdrive.fitting.request import JointFit, Request
 from backdrive.fitting.result import finish
+from backdrive.identification.dynamics import unit_of
 from backdrive.laws import rate_law
 from backdrive.log import Log
+from backdrive.model import Estimate
 
 if TYPE_CHECKING:
     from backdrive.fitting.torque import Stretch
     from backdrive.identification.signals import Signals
 
 VARIES = 0.1  # a load or temperature varies that spans this share of its size [-]
+TERMS = ("inertia", "offset", "gravity_sin", "gravity_cos")
 TURNS = 0.5  # a joint that turns by less shows little of gravity [rad]
 
 
@@ -39,11 +43,14 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Re
     Raises:
         NotIdentifiable: no law can be fitted or judged.
     """
+    for term in asked.known:
+        lookup(term, dict.fromkeys(TERMS, 0), "number that a fit of torque takes as known")
     info = logs[0].joints[logs[0].column(name)]
-    pairs = [pair for log in logs for pair in _stretches(log, name, asked.cutoff)]
-    unseen = [pair for log in held_out for pair in _stretches(log, name, asked.cutoff)]
+    pairs = [pair for log in logs for pair in _stretches(log, name, asked)]
+    unseen = [pair for log in held_out for pair in _stretches(log, name, asked)]
     stretches = [s for _, s in pairs]
     terms = ["inertia", "offset", *gravity_terms(stretches, info.unit, asked.gravity)]
+    terms = [term for term in terms if term not in asked.known]
     load = all(s.load.shape[0] > 1 and _varies(s.load[:, 1]) for s in stretches)
     warm = all(s.temperature.size > 1 and _varies(s.temperature) for s in stretches)
     sizes = starts.scales(stretches, terms, info.unit, info.encoder_counts)
@@ -84,10 +91,10 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Re
         candidates.append(
             Candidate(
                 name=one.name,
-                parameters=len(one.values),
+                parameters=len(one.problem.unknowns),
                 error=float(np.sqrt(seen)),
                 held_out=float(np.sqrt(squares.mean())) if squares.size else np.nan,
-                aic=count * np.log(max(seen, 1e-300)) + 2 * len(one.values),
+                aic=count * np.log(max(seen, 1e-300)) + 2 * len(one.problem.unknowns),
                 seconds=clock.perf_counter() - begun,
                 remark=choice_.remark(one.unseen),
                 fit=one,
@@ -110,6 +117,13 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Re
         asked.interval, seed=asked.seed, tick=lambda number: asked.say(f"{name}: profile of {number}")
     )
     friction, evidence = finish(info, final, best, choice, pairs, unseen, masks)
+    given = {
+        term: Estimate(value=value, unit=unit_of(term, info), standard_error=float("nan"))
+        for term, value in asked.known.items()
+    }
+    if any(log.model_torque is not None for log in logs):
+        given["model_torque"] = Estimate(value=1.0, unit="1", standard_error=float("nan"))
+    friction = replace(friction, dynamics=dict(friction.dynamics) | given)
     return JointFit(friction=friction, evidence=evidence, choice=choice, intervals=intervals)
 
 
@@ -131,14 +145,14 @@ def _supported(candidate: str, *, load: bool, warm: bool) -> None:
             )
 
 
-def _stretches(log: Log, name: str, cutoff: float | None) -> list[tuple[Signals, Stretch]]:
+def _stretches(log: Log, name: str, asked: Request) -> list[tuple[Signals, Stretch]]:
     """Return signals and stretches of one joint, with its load and temperature."""
-    from backdrive.fitting.torque import stretch
+    from backdrive.fitting.torque import column, stretch
     from backdrive.identification.signals import prepare
 
     own = log.select(name).on_joint_side()
     found = []
-    for signals in prepare(log, name, cutoff=cutoff):
+    for signals in prepare(log, name, cutoff=asked.cutoff):
         load = temperature = None
         if own.load is not None or own.external_torque is not None:
             external = -own.load[:, 0] if own.load is not None else own.need("external_torque")[:, 0]
@@ -146,6 +160,10 @@ def _stretches(log: Log, name: str, cutoff: float | None) -> list[tuple[Signals,
         if own.temperature is not None:
             temperature = np.interp(signals.time, own.time, own.temperature[:, 0])
         one = stretch(signals, load=load, temperature=temperature)
+        if asked.known:
+            given = sum(value * column(one, term) for term, value in asked.known.items())
+            elsewhere = 0.0 if signals.model_torque is None else signals.model_torque
+            signals = replace(signals, model_torque=elsewhere + given)
         if signals.model_torque is not None:
             one = replace(one, torque=one.torque - signals.model_torque)
         found.append((signals, one))

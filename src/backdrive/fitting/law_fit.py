@@ -82,9 +82,10 @@ class LawFit:
             UnknownName: no such method.
             InvalidInput: a profile of absolute deviations.
         """
-        return intervals(
+        found = intervals(
             self.problem, self.found, self.standard_errors, method, loss=self.loss, seed=seed, tick=tick
         )
+        return self.problem.shape.complete(found)
 
     def predict(self, stretches: Sequence[Stretch]) -> list[np.ndarray]:
         """Return the torque that the fit predicts for stretches [N.m or N], each (n,)."""
@@ -120,7 +121,7 @@ def fit_law(
         stretches: of one joint.
         unit: of the joint, `rad` or `m`.
         counts: encoder steps per rad or m, if known.
-        terms: of the rest of the dynamics that are sought too; `offset` is left out for a law whose directions differ.
+        terms: of the rest of the dynamics that are sought too; beside `offset` Coulomb friction is alike in both directions.
         delay: seek the time by which torque was recorded later than motion.
         bounds: of parameters, by name [SI].
         scales: sizes that ranges follow from; None: read off the data.
@@ -142,8 +143,7 @@ def fit_law(
             f"{sum(len(s.torque) for s in stretches)} samples are too few to fit '{shape.name}' to.",
             remedy="Record at least 50 samples, better a minute of motion with reversals.",
         )
-    if not shape.rate.SYMMETRIC:  # two directions of their own hold a constant torque already
-        terms = tuple(t for t in terms if t != "offset")
+    shape = shape.beside(terms)
     scales = starts_.scales(stretches, terms, unit, counts) if scales is None else scales
     problem = TorqueProblem(shape, stretches, scales, terms=terms, delay=delay, bounds=bounds)
     search = Search(problem.residuals, problem.lower, problem.upper, loss=loss)
@@ -215,16 +215,18 @@ def conclude(problem: TorqueProblem, found: Found, loss: str = "huber") -> LawFi
         notes.append("The search was interrupted; this is the best that it had found.")
     elif not found.converged:
         notes.append("The search did not come to rest in its iterations; the best point is given.")
+    if problem.shape.ties:
+        notes.append(words.alike(problem.shape.ties))
     return LawFit(
         law=law,
         name=problem.shape.name,
-        values=values,
-        standard_errors=errors,
+        values=problem.shape.complete(values),
+        standard_errors=problem.shape.complete(errors),
         at_bound=names,
         unseen=unseen,
         rms=rms,
         samples=m,
-        aic=float(m * np.log(max(rms**2, 1e-300)) + 2 * len(values)),
+        aic=float(m * np.log(max(rms**2, 1e-300)) + 2 * len(problem.unknowns)),
         converged=found.converged,
         interrupted=found.interrupted,
         warnings=tuple(notes),

@@ -211,11 +211,13 @@ def _conclude(problem: MotionProblem, found: Found) -> MotionFit:
         notes.append("The search was interrupted; this is the best that it had found.")
     elif not found.converged:
         notes.append("The search did not come to rest in its iterations; the best point is given.")
+    if problem.shape.ties:
+        notes.append(words.alike(problem.shape.ties))
     return MotionFit(
         axis=fitted,
         name=problem.shape.name,
-        values=values,
-        standard_errors=errors,
+        values=problem.shape.complete(values),
+        standard_errors=problem.shape.complete(errors),
         at_bound=tuple(problem.names[i] for i in np.flatnonzero(at_bound)),
         unseen=unseen,
         mean_absolute=float(np.abs(found.residual).mean()),

@@ -170,7 +170,7 @@ def assemble(
 def _size(shape: LawShape, u: Unknown, scales: Scales) -> float:
     """Return a start for a law's number without a range: its typical size in these data."""
     parameter = {**shape.rate.PARAMETERS, **shape.element.PARAMETERS}[u.name.partition("[")[0]]
-    typical = {"exponent": 1.0, "stribeck_velocity": 0.05 * scales.speed, "offset": 0.0}
+    typical = {"exponent": 1.0, "stribeck_velocity": 0.05 * scales.speed, "shift": 0.0}
     typical |= {"breakaway": 1.3 * scales.force, "stribeck": 0.3 * scales.force}
     if u.name in typical:
         return typical[u.name]

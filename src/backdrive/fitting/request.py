@@ -31,7 +31,7 @@ class Request:
         interval: kind of the intervals.
         seed: of the starts.
         drive: what turns the drive's input into torque; None: as the logs say.
-        known: numbers of the axis that are not sought, by name [SI].
+        known: what is not sought, by name [SI].
         say: called with a sentence before every step that may take long.
     """
 

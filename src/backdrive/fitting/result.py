@@ -67,7 +67,7 @@ def finish(
                 standard_error=final.standard_errors[name],
             )
             for name, term in DYNAMICS.items()
-            if name in final.values and not (name == "offset" and not final.law.rate.SYMMETRIC)
+            if name in final.values
         },
         validity=Validity(
             velocity=(float(min(low, 0.0)), float(max(high, 0.0))),

@@ -133,6 +133,7 @@ def guess(problem: TorqueProblem, scales: Scales) -> dict[str, float]:
         "steepness": 3.0 / v_s,
         "span": 2.0 * F,
         "offset": found.get("offset", 0.0),
+        "shift": 0.0,
         "stiffness": K,
         "damping": 0.2 * K * scales.lag,
         "damping_time": 0.002,
@@ -163,8 +164,6 @@ def guess(problem: TorqueProblem, scales: Scales) -> dict[str, float]:
         "stribeck_load": 0.05,
         "delay": 0.0,
     }
-    if "sigmoid" in problem.shape.name:
-        known |= {"steepness": 3.0 / v_s, "offset": 0.0}
     parallel = side_by_side(problem, left, scales) if problem.side_by_side else {}
     if "threshold" in problem.names:
         known["threshold"] = threshold(problem, left)

@@ -8,7 +8,7 @@ add up to 1.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -144,12 +144,14 @@ class LawShape:
         element: class of the presliding element.
         count: of elements side by side, or of the knots of a curve whose velocities are fixed.
         fixed: values of parameters that are not sought.
+        ties: parameters that are not sought and equal another one.
     """
 
     rate: type[Rate]
     element: type[Element]
     count: int = 4
     fixed: Mapping[str, Any]
+    ties: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def named(cls, name: str, *, count: int = 4, fixed: Mapping[str, Any] | None = None) -> LawShape:
@@ -182,6 +184,20 @@ class LawShape:
         """Return `rate`, or `rate+element`."""
         return self.rate.NAME if self.element.NAME == "none" else f"{self.rate.NAME}+{self.element.NAME}"
 
+    def beside(self, terms: Sequence[str]) -> LawShape:
+        """Return the shape to be sought beside these terms of the dynamics.
+
+        Nothing tells a constant torque from Coulomb friction that differs by direction: where an `offset` is sought, the
+        directions are taken to resist alike.
+        """
+        loose = "offset" not in terms or any(name in self.fixed for name in self.rate.TIES.values())
+        ties = {} if loose else {a: b for a, b in self.rate.TIES.items() if a not in self.fixed}
+        return replace(self, ties=ties)
+
+    def complete(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return values by name, those of the tied parameters among them."""
+        return {**values, **{a: values[b] for a, b in self.ties.items() if b in values}}
+
     def unknowns(
         self, scales: Scales, bounds: Mapping[str, tuple[float, float]] | None = None
     ) -> list[Unknown]:
@@ -190,7 +206,7 @@ class LawShape:
         found = []
         for rows in (self.rate, self.element):
             for name, parameter in rows.PARAMETERS.items():
-                if name in self.fixed:
+                if name in self.fixed or name in self.ties:
                     continue
                 if name == "share" and issubclass(rows, Parallel):
                     for i in range(self.count - 1):
@@ -203,13 +219,15 @@ class LawShape:
                             f"'{rows.NAME}' is a curve, which a sweep gives; a fit does not choose its knots.",
                             remedy="Use `identify`, fix `velocity`, or fit stribeck-tustin or degressive.",
                         )
-                    found += [unknown(f"{name}[{i}]", parameter, scales, bounds) for i in range(self.count)]
+                    each = [f"{name}[{i}]" for i in range(self.count)]
+                    found += [unknown(n, parameter, scales, bounds) for n in each if n not in self.ties]
                 else:
                     found.append(unknown(name, parameter, scales, bounds))
         return found
 
     def law(self, values: Mapping[str, float]) -> Law:
         """Return the law of these values."""
+        values = self.complete(values)
         return Law(rate=self._rows(self.rate, values), element=self._rows(self.element, values))
 
     def _rows(self, cls, values):

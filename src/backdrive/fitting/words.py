@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -94,6 +94,12 @@ REASONS: dict[str, tuple[str, str]] = {
     "drive.proportional_factor": ("the controller's error hardly acts", "add steps of its input"),
     "delay": ("nothing in the torque is quick enough to time it", "add reversals"),
 }
+
+
+def alike(ties: Mapping[str, str]) -> str:
+    """Return what is to be said of parameters that were taken to equal others."""
+    pairs = " and ".join(f"'{a}' is taken to equal '{b}'" for a, b in ties.items())
+    return f"{pairs}: one posture tells no difference between the directions from a constant torque, which is in 'offset'."
 
 
 def why(name: str) -> tuple[str, str]:

@@ -90,11 +90,13 @@ class Rate(Rows):
     Attributes:
         SMOOTH: the law vanishes continuously at rest; it has no Coulomb torque that a presliding element could carry.
         SYMMETRIC: both directions resist alike, whatever the parameters.
+        TIES: parameters that a constant torque makes up for, and what they are taken to equal where one is sought too.
         NEEDS: channels beyond the velocity, of `load` and `temperature`.
     """
 
     SMOOTH: ClassVar[bool] = False
     SYMMETRIC: ClassVar[bool] = True
+    TIES: ClassVar[dict[str, str]] = {}
     NEEDS: ClassVar[tuple[str, ...]] = ()
 
     def span(

@@ -56,7 +56,7 @@ RATE_EXAMPLES: dict[str, Rate] = {
         StribeckTustin(coulomb=4.0, breakaway=6.0, stribeck_velocity=0.05, exponent=0.8, viscous=1.0),
         StribeckLorentz(coulomb=4.0, breakaway=6.0, stribeck_velocity=0.05, viscous=1.0),
         Makkar(stribeck=2.0, rise=100.0, fall=20.0, coulomb=4.0, steepness=100.0, viscous=1.0),
-        Sigmoid(span=9.0, steepness=30.0, offset=0.005),
+        Sigmoid(span=9.0, steepness=30.0, shift=0.005),
         Degressive(coulomb=4.0, growth=1.5, exponent=0.5),
         Polyline(velocity=(0.05, 0.2, 1.0), positive=(5.0, 4.5, 5.5), negative=(4.5, 4.0, 5.5)),
         M1(coulomb=4.0, viscous=1.0),

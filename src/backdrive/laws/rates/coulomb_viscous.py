@@ -64,6 +64,7 @@ class CoulombViscous(Rate):
     NAME: ClassVar[str] = "coulomb-viscous"
     KIND: ClassVar[int] = 0
     SYMMETRIC: ClassVar[bool] = False
+    TIES: ClassVar[dict[str, str]] = {"coulomb_negative": "coulomb_positive"}
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
         "coulomb_positive": Parameter(
             symbol="F_p", unit="force", lower=0.0, typical=6.85, source=HP3J, log=True

@@ -64,6 +64,7 @@ class Polyline(Rate):
     NAME: ClassVar[str] = "polyline"
     KIND: ClassVar[int] = 1
     SYMMETRIC: ClassVar[bool] = False
+    TIES: ClassVar[dict[str, str]] = {"negative[0]": "positive[0]"}
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
         "velocity": Parameter(symbol="V_n", unit="length/s", lower=0.0, many=True),
         "positive": Parameter(symbol="F_n+", unit="force", many=True),

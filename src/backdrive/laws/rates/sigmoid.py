@@ -35,7 +35,7 @@ class Sigmoid(Rate):
     Attributes:
         span: phi_1, friction at high speed in both directions together [N.m or N].
         steepness: phi_2 [s/rad or s/m].
-        offset: phi_3, velocity by which the curve is shifted [rad/s or m/s].
+        shift: phi_3, velocity by which the curve is shifted [rad/s or m/s].
     """
 
     NAME: ClassVar[str] = "sigmoid"
@@ -47,11 +47,11 @@ class Sigmoid(Rate):
         "steepness": Parameter(
             symbol="phi_2", unit="s/length", lower=1e-6, upper=1e9, typical=5.1181, source=GAZ, log=True
         ),
-        "offset": Parameter(
+        "shift": Parameter(
             symbol="phi_3", unit="length/s", lower=-1e6, upper=1e6, typical=0.039533, source=GAZ
         ),
     }
 
     span: float
     steepness: float
-    offset: float = 0.0
+    shift: float = 0.0
