@@ -31,6 +31,7 @@ KERNEL_HOMES = (
     "compensate",
     "control",
     "simulate.py",
+    "closed_loop.py",
 )
 
 

@@ -21,3 +21,7 @@ class Status(IntEnum):
     NOT_FINITE = 1, "An input was NaN or infinite; the last safe output is held."
     BAD_INTERVAL = 2, "The time step was zero, negative or far from the nominal one; the last output is held."
     SATURATED = 3, "The output reached its limit."
+    JUMP = (
+        4,
+        "The position jumped further than the joint can move; the reading was not believed and the output fades.",
+    )

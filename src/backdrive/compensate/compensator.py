@@ -1,0 +1,106 @@
+"""What a friction compensator adds to the motor's torque, tick by tick.
+
+    f = R tau_f(dp) + dither + extra
+
+tau_f: a `FrictionEstimator`, any law of `backdrive.laws`. R <= 1: share that is compensated, Iwatani 2017, (2.21); a little less
+than what is there, for what is put in beyond it is never taken out again. With Hayward and Armstrong's contact this is
+Mahvash and Okamura's compensator (IEEE Trans. Robotics 23(6), 2007), with the decaying contact the thesis' algFC, (3.27), and with
+a switching decay rate algFC2, (3.28). What is extra goes beyond a friction model (`extras`): pulses, an observer of LuGre's
+bristle, a disturbance observer.
+
+A compensator of friction is a spring with negative stiffness as long as its contact is stuck. What keeps it passive is the
+real friction, which is why R < 1 and a contact no stiffer than the joint's own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from backdrive._jit import jit
+from backdrive.compensate import dither as dither_
+from backdrive.compensate import extras
+from backdrive.compensate.dither import NONE, Dither
+from backdrive.compensate.extras import Extra
+from backdrive.errors import InvalidInput
+from backdrive.estimate import friction as friction_
+from backdrive.estimate.friction import NOTHING, FrictionEstimator
+from backdrive.laws import kernels
+
+FRICTION, DITHER, EXTRA = 2, 2 + friction_.ROW, 2 + friction_.ROW + dither_.ROW
+ROW = EXTRA + extras.ROW
+S_DITHER, S_EXTRA = 1, 1 + dither_.STATES
+STATES = S_EXTRA + extras.STATES
+
+
+@jit
+def tick(c, i, p, x, s, j, q, dp, dt, t, error, slope, u, load, temp):
+    """Return the torque of one tick.
+
+    `c[i:]`: row, `p`, `x`: the law and its state, `s[j:]`: state. q: encoder, dp: its increment, t: time, error and slope: how
+    far the reference is ahead and its rate, u: torque that acted meanwhile.
+    """
+    kind = int(c[i + 16])
+    if kind >= 2:  # an observer runs the law itself
+        return extras.observed(c, i + 16, c[i], p, x, s, j + 6, q, dp, dt, error, slope, u, load, temp)
+    model = friction_.tick(c, i + 2, p, x, s, j, dp, dt, load, temp)
+    f = c[i] * model
+    if c[i + 9] >= 0.0:
+        lo, hi, viscous = kernels.limits(int(c[i + 2]), p, dp / dt, load, temp)
+        held = x[0] if c[i + 1] > 0.0 else model - viscous
+        f += dither_.tick(c, i + 9, s, j + 1, lo < held < hi, lo, hi, q, dt, t)
+    if kind == 1:
+        f += extras.pulse(c, i + 16, s, j + 6, dp, dt, error)
+    return f
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compensator:
+    """A friction compensator of one joint.
+
+    Attributes:
+        friction: what is taken as friction.
+        share: R, of it that is given [-].
+        dither: at rest; None for none.
+        extra: beyond a friction model; None for nothing.
+    """
+
+    friction: FrictionEstimator = field(default_factory=lambda: NOTHING)
+    share: float = 1.0
+    dither: Dither | None = None
+    extra: Extra | None = None
+
+    def __post_init__(self):
+        if not 0.0 <= self.share < np.inf:
+            raise InvalidInput(f"share = {self.share}.", remedy="Give R, 0 or more; 0.9 is a good start.")
+        if self.dither is not None and not self.friction.law.element.states():
+            raise InvalidInput(
+                f"'{self.friction.law.name}' has no presliding, so that it never is stuck and never dithers.",
+                remedy="Give the law an element, for example `Decaying`.",
+            )
+        if self.extra is not None:
+            self.extra.check(self.friction.law)
+
+    def row(self, dt: float) -> np.ndarray:
+        """Return the row that `tick` reads, (ROW,)."""
+        c = np.zeros(ROW)
+        c[0], c[1] = self.share, float(self.friction.law.element.SLIDER)
+        c[FRICTION:DITHER] = self.friction.row()
+        c[DITHER:EXTRA] = NONE if self.dither is None else self.dither.row()
+        c[EXTRA:] = np.zeros(extras.ROW) if self.extra is None else self.extra.row(dt, self.friction)
+        return c
+
+    def start(self, position: float) -> np.ndarray:
+        """Return the state of a joint at rest at a position, (STATES,)."""
+        s = np.zeros(STATES)
+        s[S_DITHER + 3], s[S_DITHER + 4] = position, position
+        s[S_EXTRA:] = extras.start(self.extra, position)
+        return s
+
+    def replace(self, **changes: Any) -> Compensator:
+        """Return a copy with some fields changed."""
+        from dataclasses import replace
+
+        return replace(self, **changes)

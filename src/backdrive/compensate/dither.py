@@ -1,0 +1,107 @@
+"""Dither at rest: a small sine that keeps a stuck joint on the verge of moving, so that a light hand breaks it away.
+
+    f_d = R_d ((F_p + F_n)/2 sin(Omega t) + (F_p - F_n)/2)   while the friction model is stuck, else 0
+
+Iwatani 2017, (3.26), (3.27). F_p, F_n: friction that holds the joint now [N.m or N]. R_d: share of it [-]. Omega: angular
+frequency [rad/s]. t runs on for ever in the thesis, so that the sine may enter at any phase, with a step of up to R_d F; with `reset` it begins at phase zero
+whenever the model gets stuck.
+
+`adaptive` follows the idea of M. T. S. Aung, R. Kikuuwe, M. Yamamoto (ASME J. Dyn. Syst. Meas. Control 137(5), 2015): the
+oscillation is held to a few counts of the encoder. The amplitude, a share of R_d, grows while a window of time shows no count
+and shrinks while it shows more than `counts`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from backdrive._jit import jit
+from backdrive.errors import InvalidInput
+
+MODES = ("fixed", "reset", "adaptive")
+ROW = 7  # mode or -1, R_d, Omega, count, counts, window, rate
+STATES = 5  # time in the phase, share, time in the window, least and largest position in it
+
+
+@jit
+def tick(c, i, s, j, stuck, lo, hi, q, dt, t):
+    """Return the dither of one tick; `c[i:]`: row, `s[j:]`: state, lo and hi: bounds of friction, t: time."""
+    mode = c[i]
+    if mode < 0.0:
+        return 0.0
+    if mode == 2.0:
+        adapt(c, i, s, j, q, dt)
+    if not stuck:
+        s[j] = 0.0
+        return 0.0
+    phase = t
+    if mode == 1.0:
+        phase = s[j]
+        s[j] += dt
+    share = s[j + 1] if mode == 2.0 else 1.0
+    return share * c[i + 1] * (0.5 * (hi - lo) * np.sin(c[i + 2] * phase) + 0.5 * (hi + lo))
+
+
+@jit
+def adapt(c, i, s, j, q, dt):
+    """Let the share of the amplitude grow where nothing moves and shrink where too much does."""
+    s[j + 2] += dt
+    s[j + 3], s[j + 4] = min(s[j + 3], q), max(s[j + 4], q)
+    if s[j + 2] < c[i + 5]:
+        return
+    moved = (s[j + 4] - s[j + 3]) / c[i + 3]
+    if moved < 0.5:
+        s[j + 1] = min(s[j + 1] + c[i + 6], 1.0)
+    elif moved > c[i + 4] + 0.5:
+        s[j + 1] = max(s[j + 1] - 2.0 * c[i + 6], 0.0)
+    s[j + 2], s[j + 3], s[j + 4] = 0.0, q, q
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dither:
+    """A sine while the joint is stuck.
+
+    Attributes:
+        share: R_d, of the friction that holds the joint [-].
+        frequency: Omega/(2 pi) [Hz].
+        mode: `fixed`: by the clock, as in the thesis; `reset`: from phase zero; `adaptive`: of a few counts.
+        count: of the encoder, for `adaptive` [rad or m].
+        counts: to which the oscillation is held, for `adaptive` [1].
+        window: of time in which it is looked at [s]; at least a period.
+        growth: of the amplitude's share in each window [-].
+    """
+
+    share: float = 0.3
+    frequency: float = 15.0
+    mode: Literal["fixed", "reset", "adaptive"] = "fixed"
+    count: float = 1e-6
+    counts: float = 2.0
+    window: float = 0.07
+    growth: float = 0.1
+
+    def __post_init__(self):
+        positive = all(0.0 < x < np.inf for x in (self.frequency, self.count, self.counts, self.window))
+        if (
+            self.mode not in MODES
+            or not positive
+            or not (0.0 <= self.share <= 1.0 and 0.0 < self.growth <= 1.0)
+        ):
+            raise InvalidInput(
+                f"{self}.",
+                remedy="share lies in 0 to 1, so that the dither alone does not move the joint; the rest is positive; mode is one "
+                f"of {', '.join(MODES)}.",
+            )
+
+    def row(self) -> np.ndarray:
+        """Return the row that `tick` reads, (7,)."""
+        omega = 2.0 * np.pi * self.frequency
+        return np.array(
+            [MODES.index(self.mode), self.share, omega, self.count, self.counts, self.window, self.growth]
+        )
+
+
+#: The row of no dither.
+NONE = np.array([-1.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0])

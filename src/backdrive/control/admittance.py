@@ -1,0 +1,67 @@
+"""Sensorless admittance control: the joint follows a virtual mass that the estimated external force moves.
+
+    m q_d'' + b q_d' = tau_e,     u = K_p (q_d - q) + K_d (q_d' - q');   Iwatani 2017, (4.6)
+
+m: virtual inertia [kg.m^2 or kg]. b: virtual viscosity [N.m.s/rad or N.s/m] (the thesis prints other units). With the period T
+
+    v_d <- (m v_d + T tau_e)/(m + b T),   q_d <- q_d + T v_d.
+
+tau_e has to come from the torque of the tick before: with one more sample of delay and T K_d/m = 1 the loop is unstable.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive._jit import jit
+from backdrive.errors import InvalidInput
+
+ROW = 5
+STATES = 4  # q_d, v_d, position before, begun
+
+
+@jit
+def tick(c, i, s, j, tau_e, q, T):
+    """Return the torque of one tick; `c[i:]`: m, b, K_p, K_d, limit; `s[j:]`: state."""
+    m, b, limit = c[i], c[i + 1], c[i + 4]
+    v = (q - s[j + 2]) / T
+    s[j + 2] = q
+    v_d = (m * s[j + 1] + T * tau_e) / (m + b * T)
+    s[j + 1] = v_d
+    s[j] += T * v_d
+    u = c[i + 2] * (s[j] - q) + c[i + 3] * (v_d - v)
+    return min(max(u, -limit), limit)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Admittance:
+    """A virtual mass and the position controller that follows it.
+
+    Attributes:
+        inertia: m [kg.m^2 or kg].
+        viscosity: b [N.m.s/rad or N.s/m].
+        proportional: K_p [N.m/rad or N/m].
+        derivative: K_d [N.m.s/rad or N.s/m].
+        limit: of the torque [N.m or N].
+    """
+
+    inertia: float
+    viscosity: float
+    proportional: float
+    derivative: float
+    limit: float = np.inf
+
+    def __post_init__(self):
+        numbers = (self.inertia, self.viscosity, self.proportional, self.derivative, self.limit)
+        if not (self.inertia > 0.0 and all(x >= 0.0 for x in numbers)):
+            raise InvalidInput(f"{self}.", remedy="The inertia is positive, nothing is negative.")
+
+    def row(self) -> np.ndarray:
+        """Return the row that `tick` reads, (5,)."""
+        return np.array([self.inertia, self.viscosity, self.proportional, self.derivative, self.limit])
+
+    def start(self, position: float) -> np.ndarray:
+        """Return the state at rest at a position, (4,)."""
+        return np.array([position, 0.0, position, 1.0])

@@ -1,0 +1,135 @@
+"""Friction torque of a joint from its encoder alone: any law of `backdrive.laws`, and the thesis' with a decay rate that switches.
+
+CT, Iwatani 2017, (4.17): a dead zone of velocity. HA, (4.8): Hayward and Armstrong's contact. algFE, (4.16): the decaying
+contact. All of these are laws, run along the increments of the encoder. algFE2, (4.20), is the decaying contact whose rate goes
+from alpha_N at rest to alpha_H in motion and back:
+
+    w <- min(w + r_W T, 1)  where the joint moved by more than V_W T,  else  max(w - r_W T, 0)
+    alpha = (1 - w) alpha_N + w alpha_H
+
+(the thesis prints max and min the other way round, by which w would leave [0, 1]; and a step R_W a sample, here r_W = R_W/T).
+Velocities are whole encoder counts a tick; a threshold that falls on one is put half a count above it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive._jit import jit
+from backdrive.errors import InvalidInput
+from backdrive.laws import Coulomb, DeadZone, Decaying, HaywardArmstrong, Law, kernels
+from backdrive.laws.base import Rate
+
+ROW = 7  # rate, element, place of alpha in the row or 0, alpha_N, alpha_H, r_W, V_W
+
+
+@jit
+def tick(c, i, p, x, s, j, dp, dt, load, temp):
+    """Return the friction torque of one tick; `c[i:]`: row, `p`, `x`: the law and its state, `s[j]`: w."""
+    at = int(c[i + 2])
+    if at > 0:
+        w = s[j]
+        if abs(dp) > c[i + 6] * dt:
+            w = min(w + c[i + 5] * dt, 1.0)
+        else:
+            w = max(w - c[i + 5] * dt, 0.0)
+        s[j] = w
+        p[at] = (1.0 - w) * c[i + 3] + w * c[i + 4]
+    return kernels.step(int(c[i]), int(c[i + 1]), p, x, dp, dt, load, temp)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrictionEstimator:
+    """A law that is run along the encoder.
+
+    Attributes:
+        law: friction law.
+        fast_decay: alpha_H, rate in motion of a decaying law whose own rate is alpha_N [1/s]; None: the rate stays.
+        switch_rate: r_W, by which the weight of alpha_H comes and goes [1/s].
+        threshold: V_W, speed above which it comes [rad/s or m/s].
+    """
+
+    law: Law
+    fast_decay: float | None = None
+    switch_rate: float = 10.0
+    threshold: float = 0.0
+
+    def __post_init__(self):
+        if self.fast_decay is None:
+            return
+        if not isinstance(self.law.element, Decaying):
+            raise InvalidInput(
+                f"'{self.law.name}' has no decay rate to switch.", remedy="Use the element `Decaying`."
+            )
+        holds = 0.0 <= self.fast_decay < np.inf and 0.0 < self.switch_rate < np.inf
+        if not holds or not 0.0 <= self.threshold < np.inf:
+            raise InvalidInput(
+                f"fast_decay = {self.fast_decay}, switch_rate = {self.switch_rate}, threshold = {self.threshold}.",
+                remedy="Give rates and a threshold that are finite and not negative.",
+            )
+
+    def row(self) -> np.ndarray:
+        """Return the row that `tick` reads, (7,)."""
+        law = self.law
+        slow = getattr(law.element, "decay_rate", 0.0)
+        at = 0 if self.fast_decay is None else len(law.row()) - 1
+        fast = slow if self.fast_decay is None else self.fast_decay
+        return np.array(
+            [law.rate.KIND, law.element.KIND, at, slow, fast, self.switch_rate, self.threshold], dtype=float
+        )
+
+
+def between_counts(threshold: float, count: float, dt: float) -> float:
+    """Return a threshold of velocity that no count falls on: half a count above the last that does not exceed it.
+
+    Args:
+        threshold: speed [rad/s or m/s].
+        count: of the encoder [rad or m]; 0 leaves the threshold.
+        dt: sampling time [s].
+    """
+    return threshold if count == 0.0 else (np.floor(threshold * dt / count + 1e-6) + 0.5) * count / dt
+
+
+def ct(rate: Rate, threshold: float) -> FrictionEstimator:
+    """Return CT, the rate law with a dead zone of velocity: Iwatani 2017, (4.17)."""
+    return FrictionEstimator(law=Law(rate=rate, element=DeadZone(threshold=threshold)))
+
+
+def ha(rate: Rate, stiffness: float) -> FrictionEstimator:
+    """Return HA, Hayward and Armstrong's contact: Iwatani 2017, (4.8)."""
+    return FrictionEstimator(law=Law(rate=rate, element=HaywardArmstrong(stiffness=stiffness)))
+
+
+def alg_fe(rate: Rate, stiffness: float, decay_rate: float = 20.0) -> FrictionEstimator:
+    """Return algFE, the decaying contact: Iwatani 2017, (4.16)."""
+    return FrictionEstimator(law=Law(rate=rate, element=Decaying(stiffness=stiffness, decay_rate=decay_rate)))
+
+
+def alg_fe2(
+    rate: Rate,
+    stiffness: float,
+    threshold: float,
+    decay_rate: float = 20.0,
+    fast_decay: float = 500.0,
+    switch_rate: float = 10.0,
+) -> FrictionEstimator:
+    """Return algFE2, the decaying contact that lets go faster in motion: Iwatani 2017, (4.20), corrected."""
+    law = Law(rate=rate, element=Decaying(stiffness=stiffness, decay_rate=decay_rate))
+    return FrictionEstimator(law=law, fast_decay=fast_decay, switch_rate=switch_rate, threshold=threshold)
+
+
+#: No friction at all.
+NOTHING = FrictionEstimator(law=Law(rate=Coulomb(coulomb=0.0)))
+
+__all__ = [
+    "NOTHING",
+    "FrictionEstimator",
+    "alg_fe",
+    "alg_fe2",
+    "between_counts",
+    "ct",
+    "ha",
+    "tick",
+]

@@ -1,0 +1,1 @@
+"""Run the thesis' experiments, draw them, bind the book."""
