@@ -3,8 +3,8 @@
     f_d = R_d ((F_p + F_n)/2 sin(Omega t) + (F_p - F_n)/2)   while the friction model is stuck, else 0
 
 Iwatani 2017, (3.26), (3.27). F_p, F_n: friction that holds the joint now [N.m or N]. R_d: share of it [-]. Omega: angular
-frequency [rad/s]. t runs on for ever in the thesis, so that the sine may enter at any phase, with a step of up to R_d F; with `reset` it begins at phase zero
-whenever the model gets stuck.
+frequency [rad/s]. t runs on for ever in the thesis, so that the sine may enter at any phase, with a step of up to R_d F; with
+`reset` it begins at phase zero whenever the model gets stuck.
 
 `adaptive` follows the idea of M. T. S. Aung, R. Kikuuwe, M. Yamamoto (ASME J. Dyn. Syst. Meas. Control 137(5), 2015): the
 oscillation is held to a few counts of the encoder. The amplitude, a share of R_d, grows while a window of time shows no count
