@@ -94,7 +94,8 @@ def run(
         f, code = 0.0, 0
         if loops > 0:
             g[loop.APPLIED, 0] = last - held
-            g[loop.ERROR, 0], g[loop.SLOPE, 0] = target[k, 0] - reading, target[k, 1] - v
+            if kind == 1:
+                g[loop.ERROR, 0], g[loop.SLOPE, 0] = target[k, 0] - reading, target[k, 1] - v
             code = loop.joint(C, 0, cp, cx, cs, E, ep, ex, es, g, 0, reading, T)
             f = g[loop.TORQUE, 0]
         u, wanted = 0.0, target[k, 0]
