@@ -106,5 +106,8 @@ def test_demo_compares_with_the_truth(tmp_path):
     rows = json.loads(done.stdout)["friction"]
     assert max(abs(r["error"]) for r in rows) < 0.1
     assert (tmp_path / "backdrive-demo" / "report.html").exists()
+    hand = json.loads(done.stdout)["hand"]
+    assert hand["compensated"] < 0.7 * hand["bare"]
+    assert "A hand moves the joint" in (tmp_path / "backdrive-demo" / "report.html").read_text()
     again = backdrive("demo", "--json", cwd=tmp_path)
     assert json.loads(again.stdout)["friction"] == rows

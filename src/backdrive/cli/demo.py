@@ -22,7 +22,7 @@ def command(
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of the noise.")] = 0,
     as_json: AsJson = False,
 ) -> None:
-    """Sweep a simulated joint of the thesis' manipulator, identify it, and compare with the truth.
+    """Sweep a simulated joint of the thesis' manipulator, identify it, compare with the truth, and let a hand move it.
 
     Example: backdrive demo
     """
@@ -53,6 +53,11 @@ def command(
         friction = result.model.joints[0]
         speeds = sweep.top_speed * np.array(SHOWN)
         truth, found = plant.law.torque(speeds), friction.law.torque(speeds)
+        say("A hand moves the joint")
+        from backdrive.experiments.guided_demo import guided
+        from backdrive.report.guided import guided_section
+
+        hand = guided(joint, friction.law, plant.inertia, seed)
         say("Drawing the report")
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -67,6 +72,7 @@ def command(
             command=f"backdrive demo --joint {joint} --seed {seed}",
             title=f"Demo: simulated joint {log.names[0]}",
             compare={log.names[0]: _curve(plant.law, sweep.top_speed)},
+            more=[guided_section(hand)],
         )
     wall = time.perf_counter() - start
     rows = [
@@ -74,9 +80,17 @@ def command(
         for v, a, b in zip(speeds, truth, found)
     ]
     if as_json:
-        print_json({"ok": True, "report": str(report), "model": str(folder / "model.json"), "friction": rows})
+        print_json(
+            {
+                "ok": True,
+                "report": str(report),
+                "model": str(folder / "model.json"),
+                "friction": rows,
+                "hand": {"bare": hand.force[0], "compensated": hand.force[1], "estimate_error": hand.error},
+            }
+        )
         return
-    _print(rows, friction.joint, report, wall, sweep.duration)
+    _print(rows, friction.joint, report, wall, sweep.duration, hand)
 
 
 def _curve(law, top: float):
@@ -91,7 +105,7 @@ def _curve(law, top: float):
     )
 
 
-def _print(rows: list[dict], joint, report: Path, wall: float, duration: float) -> None:
+def _print(rows: list[dict], joint, report: Path, wall: float, duration: float, hand) -> None:
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
@@ -106,4 +120,9 @@ def _print(rows: list[dict], joint, report: Path, wall: float, duration: float) 
             f"{row['speed']:.2f}", f"{row['truth']:.3f}", f"{row['identified']:.3f}", f"{row['error']:+.3f}"
         )
     console.print(table)
+    bare, compensated = hand.force
+    console.print(
+        f"A hand needs {bare:.2f} {hand.unit} (RMS) to move the bare joint, {compensated:.2f} {hand.unit} with its friction "
+        f"compensated; estimated without a sensor, its force is wrong by {100 * hand.error:.0f} %."
+    )
     console.print(f"Open {escape(str(report))}")

@@ -6,7 +6,7 @@ bytes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from backdrive.errors import InvalidInput
@@ -21,6 +21,7 @@ def render(
     command: str,
     title: str | None = None,
     compare: Mapping[str, Curve] | None = None,
+    more: Sequence[str] = (),
 ) -> str:
     """Return the report of an identification as HTML.
 
@@ -29,6 +30,7 @@ def render(
         command: the command line that made it, to be copied.
         title: of the report; by default it names the joint or the number of joints.
         compare: joint name -> a true curve, drawn and measured against the identified one.
+        more: further sections, as functions of `report` return them.
 
     Raises:
         InvalidInput: the evidence does not belong to the model's joints, or `compare` names another joint.
@@ -63,7 +65,7 @@ def render(
         '<meta name="color-scheme" content="light dark"><meta name="referrer" content="no-referrer">'
         f"<title>{esc(title)}</title>\n<style>{CSS}</style></head>\n<body><main>\n"
         f"{page.header(result, title)}\n{page.summary(result)}\n"
-        + "\n".join(sections)
+        + "\n".join([*sections, *more])
         + f"\n{page.provenance(result, command)}\n</main></body></html>\n"
     )
 
@@ -75,6 +77,7 @@ def write_report(
     command: str,
     title: str | None = None,
     compare: Mapping[str, Curve] | None = None,
+    more: Sequence[str] = (),
 ) -> Path:
     """Write the report of an identification, whole or not at all; see `render`.
 
@@ -84,4 +87,4 @@ def write_report(
     """
     from backdrive._files import write_whole
 
-    return write_whole(path, render(result, command=command, title=title, compare=compare))
+    return write_whole(path, render(result, command=command, title=title, compare=compare, more=more))
