@@ -1,0 +1,216 @@
+"""`backdrive reproduce`: every experiment of the thesis again, judged, drawn and bound into a book."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from backdrive.reproduce.catalog import Entry
+    from backdrive.reproduce.run import Result
+
+BOOK = "index.html"
+WIDE = 120  # columns from which claims stand in a table of five columns
+
+
+def command(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[NAME]...", help="fig-3.8, table-2.2, chapter-3, or all (the default)."),
+    ] = None,
+    folder: Annotated[Path, typer.Option("--folder", help="Where the book and its pictures go.")] = Path(
+        "backdrive-book"
+    ),
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of everything random.")] = 0,
+    list_only: Annotated[bool, typer.Option("--list", help="List the experiments and run none.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
+) -> None:
+    """Run experiments of the thesis in simulation, print what it states beside what came out, and bind an HTML book.
+
+    Ctrl-C keeps what is done. The exit code is 1 when a claim falls short.
+
+    Example: backdrive reproduce fig-2.12
+    """
+    from backdrive.cli._output import print_json
+    from backdrive.reproduce.catalog import ENTRIES, choose
+
+    if list_only:
+        entries = choose(names) if names else list(ENTRIES)
+        if as_json:
+            print_json({"ok": True, "experiments": [_entry(e) for e in entries]})
+        else:
+            _print_list(entries)
+        return
+    entries = choose(names or ())
+    results, interrupted = _run(entries, folder, seed, quiet=as_json)
+    book = _bind(results, entries, folder, seed, [*(names or ())])
+    code = _exit_code(results, interrupted)
+    if as_json:
+        print_json(
+            {
+                "ok": code == 0,
+                "seed": seed,
+                "book": str(book),
+                "experiments": [_result(r, folder) for r in results],
+                "missing": [e.name for e in _missing(results, entries)],
+            }
+        )
+    else:
+        _print(results, book, interrupted, len(entries))
+    if code:
+        raise typer.Exit(code)
+
+
+def _run(entries: list[Entry], folder: Path, seed: int, *, quiet: bool) -> tuple[list[Result], bool]:
+    """Run, write each picture as it comes, and return what is done, in the order of the book."""
+    from backdrive._files import write_whole
+    from backdrive.cli._progress import progress
+    from backdrive.errors import InvalidInput
+    from backdrive.reproduce.book import verdict
+    from backdrive.reproduce.run import run_all
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidInput(
+            f"Cannot make {folder}: {error.strerror}.", remedy="Name another --folder."
+        ) from error
+    done: dict[str, Result] = {}
+    interrupted = False
+    with progress(quiet=quiet) as say:
+        say(f"Running {entries[0].name}")
+        try:
+            for result in run_all(entries, seed=seed):
+                name = result.entry.name
+                done[name] = result
+                if result.outcome is not None:
+                    write_whole(folder / f"{name}.png", result.png)
+                    write_whole(folder / f"{name}.svg", result.svg)
+                if not quiet:
+                    typer.echo(f"{name}: {verdict(result)[1]} ({result.seconds:.1f} s)", err=True)
+                if len(done) < len(entries):
+                    say(f"Running {entries[len(done)].name}, {len(done)} of {len(entries)} are done")
+        except KeyboardInterrupt:
+            interrupted = True
+    return [done[e.name] for e in entries if e.name in done], interrupted
+
+
+def _missing(results: list[Result], entries: list[Entry]) -> list[Entry]:
+    names = {r.entry.name for r in results}
+    return [e for e in entries if e.name not in names]
+
+
+def _bind(results: list[Result], entries: list[Entry], folder: Path, seed: int, words: list[str]) -> Path:
+    from backdrive import __version__
+    from backdrive.reproduce.book import write_book
+
+    return write_book(
+        folder / BOOK,
+        results,
+        command=" ".join(["backdrive reproduce", *words, f"--seed {seed}"]),
+        seed=seed,
+        version=__version__,
+        missing=[e.name for e in _missing(results, entries)],
+    )
+
+
+def _exit_code(results: list[Result], interrupted: bool) -> int:
+    if interrupted:
+        return 130
+    return max((r.exit_code if r.error else int(not r.holds) for r in results), default=0)
+
+
+def _entry(entry: Entry) -> dict[str, Any]:
+    return {"name": entry.name, "group": entry.group, "title": entry.title, "available": entry.available}
+
+
+def _result(result: Result, folder: Path) -> dict[str, Any]:
+    document = _entry(result.entry) | {"holds": result.holds, "seconds": round(result.seconds, 2)}
+    if result.outcome is None:
+        return document | {"error": result.error}
+    outcome = result.outcome
+    return document | {
+        "title": outcome.title,
+        "setting": outcome.setting,
+        "pictures": [str(folder / f"{result.entry.name}.{kind}") for kind in ("png", "svg")],
+        "claims": [
+            {
+                "what": c.what,
+                "thesis": c.thesis,
+                "ours": c.ours,
+                "gate": c.gate,
+                "holds": c.holds,
+                "why": c.why,
+            }
+            for c in outcome.claims
+        ],
+        "numbers": dict(outcome.numbers),
+    }
+
+
+def _print_list(entries: list[Entry]) -> None:
+    width = max((len(e.name) for e in entries), default=0)
+    for entry in entries:
+        typer.echo(f"{entry.name:<{width}}  {entry.title}{'' if entry.available else ' (no program yet)'}")
+
+
+def _print(results: list[Result], book: Path, interrupted: bool, asked: int) -> None:
+    from rich.console import Console
+    from rich.markup import escape
+
+    from backdrive.reproduce.book import headline, overall
+
+    console = Console(highlight=False)
+    for result in results:
+        title = result.entry.title if result.outcome is None else result.outcome.title
+        console.print(f"\n[bold]{escape(headline(result.entry.name))}: {escape(title)}[/bold]")
+        if result.outcome is None:
+            console.print(f"broke down: {escape(result.error)}", soft_wrap=True)
+            if result.where:
+                typer.echo(result.where, err=True)
+        else:
+            console.print(_table(result) if console.width >= WIDE else _blocks(result))
+    console.print()
+    if interrupted:
+        console.print(f"Interrupted: {len(results)} of {asked} experiments are done and kept.")
+    console.print(escape(overall(results)), soft_wrap=True)
+    console.print(f"Open {escape(str(book))}", soft_wrap=True)
+
+
+def _table(result: Result) -> Any:
+    """Return the claims of an experiment as a table with a column each."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    from backdrive.reproduce.book import WORDS
+
+    table = Table(box=None, pad_edge=False)
+    table.add_column("verdict", no_wrap=True)
+    for heading, ratio in (("claim", 4), ("thesis", 2), ("here", 5), ("gate", 3)):
+        table.add_column(heading, ratio=ratio, overflow="fold")
+    for c in result.outcome.claims if result.outcome else ():
+        why = f"{c.what}. {c.why}" if c.holds is False and c.why else c.what
+        table.add_row(WORDS[c.holds][1], *(escape(text) for text in (why, c.thesis, c.ours, c.gate)))
+    return table
+
+
+def _blocks(result: Result) -> Any:
+    """Return the same for a narrow terminal: a block a claim."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    from backdrive.reproduce.book import WORDS
+
+    table = Table(box=None, pad_edge=False, show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    for c in result.outcome.claims if result.outcome else ():
+        table.add_row(WORDS[c.holds][1], escape(c.what))
+        shown = [("thesis", c.thesis), ("here", c.ours), ("gate", c.gate)]
+        shown += [("why", c.why)] if c.holds is False else []
+        for word, text in shown:
+            if text:
+                table.add_row(f"  {word}", escape(text))
+    return table

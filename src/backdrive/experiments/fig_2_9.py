@@ -1,0 +1,76 @@
+"""Fig. 2.9: identified curves of Joint 1 in five postures; Iwatani 2017, 2.4.3."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from backdrive.experiments import Claim, Outcome
+from backdrive.experiments._sweeps import (
+    LOADS,
+    METHODS,
+    POSTURES,
+    SETTING,
+    by_posture,
+    in_posture,
+    listed,
+    posture_errors,
+)
+
+
+def run(seed: int = 0) -> Outcome:
+    """Sweep Joint 1 over 20 degrees in the five postures, without and with friction that grows with the load."""
+    runs = {mu: by_posture(seed, mu) for mu in LOADS}
+    plain = runs[0.0]
+    worst = {m: max(posture_errors(plain, m).values()) for m in METHODS}
+    carried = {name: _gravity(name) for name in POSTURES}
+    spread = [max(posture_errors(runs[mu], "aligned").values()) for mu in LOADS]
+    inertia = {name: POSTURES[name][0] for name in POSTURES}
+    claims = (
+        Claim(
+            what="Inertia is largest in (v) and smallest in (i), gravity largest in (ii) and smallest in (v)",
+            thesis="caption of Fig. 2.9",
+            ours=f"{listed(inertia.values())} kg.m^2; {listed(carried.values())} N.m",
+            holds=None,
+            why="So chosen: the thesis gives the order and no numbers.",
+        ),
+        Claim(
+            what="The curves of all postures almost overlap, as printed",
+            thesis="differences below 4 %",
+            ours=f"at most {worst['literal']:.2f} %",
+            gate="at most 4 %",
+            holds=worst["literal"] <= 4.0,
+        ),
+        Claim(
+            what="The same, aligned",
+            ours=f"at most {worst['aligned']:.3f} %",
+            gate="at most 0.5 %",
+            holds=worst["aligned"] <= 0.5,
+        ),
+        Claim(
+            what="Friction that grows with the transmitted torque drives the postures apart",
+            ours=f"{listed(spread, '.2f')} % for {listed(LOADS, 'g')} N.m a N.m",
+            gate="grows; 0.03 N.m a N.m reaches the thesis' size",
+            holds=spread == sorted(spread) and spread[-1] > 3.0,
+            why="Neither inertia nor gravity explains a difference of 4 %: the sweep removes both to a tenth of that. Friction "
+            "of gears grows with the load they carry, and 3 % of it is enough.",
+        ),
+    )
+    return Outcome(
+        name="fig-2.9",
+        title="Identified curves of Joint 1 by posture",
+        setting=f"{SETTING} Joint 1, A = 20 deg. Inertia and gravity of the postures are assumed, in the thesis' order.",
+        claims=claims,
+        data={
+            "curves": {mu: {name: r.curves for name, r in done.items()} for mu, done in runs.items()},
+            "inertia": inertia,
+            "gravity": carried,
+        },
+        numbers={f"worst_{m}": worst[m] for m in METHODS}
+        | {f"worst_load_{mu:g}": s for mu, s in zip(LOADS, spread)},
+    )
+
+
+def _gravity(name: str) -> float:
+    """Return the torque of gravity at the center of the stroke [N.m]."""
+    joint, center = in_posture(name)
+    return float(joint.gravity(np.deg2rad(center)))

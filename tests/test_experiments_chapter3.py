@@ -1,0 +1,135 @@
+"""Chapter 3 of the thesis as experiments: peaks and their tests, short runs of every figure, and what each draws."""
+
+import importlib
+
+import numpy as np
+import pytest
+from scipy.stats import ttest_ind
+
+from backdrive.experiments import (
+    _guided,
+    fig_3_3,
+    fig_3_4,
+    fig_3_6,
+    fig_3_7,
+    fig_3_8,
+    fig_3_9,
+    fig_3_10,
+    fig_3_11,
+)
+
+SHORT = {
+    fig_3_7: {"CYCLES": 3, "ZOOM": (0, 2)},
+    fig_3_8: {"CYCLES": 4, "SEEDS": 2, "SHORT": 1, "VARIED": 2},
+    fig_3_9: {"CYCLES": 3},
+    fig_3_10: {"CYCLES": 4, "SEEDS": 1, "SHORT": 1, "VARIED": 2},
+    fig_3_11: {"SEEDS": 2, "FEWER": 1, "AFTER": 1.2},
+}
+
+
+@pytest.fixture
+def outcome(monkeypatch):
+    """Return a function that runs an experiment with few, short motions."""
+
+    def run(module, seed=0):
+        if module is fig_3_9:
+            monkeypatch.setattr(fig_3_7, "ZOOM", (0, 2))
+        for name, value in SHORT.get(module, {}).items():
+            monkeypatch.setattr(module, name, value)
+        return module.run(seed)
+
+    return run
+
+
+def drawn(name, outcome):
+    figure = importlib.import_module(f"backdrive.plots.thesis.{name}").draw(outcome)
+    figure.canvas.draw()
+    return figure
+
+
+def test_peaks_are_taken_window_by_window():
+    time = _guided.PERIOD * np.arange(round((_guided.BEGIN + 3 * _guided.CYCLE) / _guided.PERIOD))
+    cut = _guided.windows(time, 3)
+    assert cut.shape == (3, 1500)
+    np.testing.assert_allclose(cut[:, 0], [0.5, 2.0, 3.5])
+
+
+def test_comparison_is_students_t_test():
+    rng = np.random.default_rng(1)
+    a, b = 10.0 + rng.standard_normal(30), 9.0 + 2.0 * rng.standard_normal(20)
+    found, expected = _guided.compare(a, b), ttest_ind(a, b)
+    assert found.t == pytest.approx(expected.statistic)
+    assert found.p == pytest.approx(expected.pvalue)
+    assert found.low < found.difference < found.high
+    assert found.effect == pytest.approx(found.t * np.sqrt(1 / 30 + 1 / 20))
+    assert _guided.compare(a, b) == found
+
+
+def test_marks_are_those_of_the_thesis():
+    assert [_guided.mark(p) for p in (5e-4, 5e-3, 0.03, 0.2)] == ["***", "**", "*", "ns"]
+
+
+def test_the_five_cases_differ_as_the_thesis_says():
+    cases = fig_3_10.guidance("joint_0").compensators()
+    assert tuple(cases) == _guided.CASES
+    decay = {case: getattr(c.friction.law.element, "decay_rate", None) for case, c in cases.items()}
+    assert (decay["C"], decay["CD"], decay["P"], decay["PD"]) == (0.0, 0.0, 20.0, 20.0)
+    assert [case for case, c in cases.items() if c.dither is not None] == ["CD", "PD"]
+
+
+def test_gates_hold_on_stiff_transmissions():
+    for guidance in (fig_3_8.guidance(), *(fig_3_10.guidance(name) for name in fig_3_10.ARM)):
+        assert guidance.plant.stiffness >= 2.0 * guidance.stiffness
+        assert guidance.plant.friction_side == "load"
+
+
+@pytest.mark.parametrize("module", [fig_3_3, fig_3_4, fig_3_6])
+def test_every_claim_of_the_quick_figures_holds(module):
+    found = module.run()
+    assert [claim.what for claim in found.claims if claim.holds is False] == []
+    drawn(module.__name__.rsplit(".", 1)[1], found)
+
+
+def test_intercepts_of_setup_a_are_found():
+    numbers = fig_3_4.run().numbers
+    assert numbers["setup_a.F_p"] == pytest.approx(12.0, abs=0.05)
+    assert numbers["setup_a.F_n"] == pytest.approx(8.0, abs=0.05)
+
+
+def test_first_count_comes_with_half_a_count_of_stretch():
+    numbers = fig_3_3.run().numbers
+    assert numbers["setup_a.first"] == pytest.approx(0.5 * 5e-6 * 2.4e6, rel=0.01)
+    assert numbers["joint_0.first"] < 0.1
+
+
+@pytest.mark.parametrize("module", [fig_3_7, fig_3_8, fig_3_9, fig_3_10, fig_3_11])
+def test_short_runs_say_and_draw_something(module, outcome):
+    found = outcome(module)
+    assert found.claims
+    assert all(np.isfinite(value) for value in found.numbers.values())
+    drawn(module.__name__.rsplit(".", 1)[1], found)
+
+
+def test_proposed_compensator_with_dither_has_the_smallest_peaks(outcome):
+    claims = outcome(fig_3_8).claims
+    assert claims[0].holds
+    assert claims[1].holds
+
+
+def test_same_seed_same_numbers(outcome):
+    first, again, other = outcome(fig_3_8), outcome(fig_3_8), outcome(fig_3_8, 1)
+    assert first.numbers == again.numbers
+    assert first.numbers != other.numbers
+
+
+def test_switched_decay_rate_brings_joint_0_to_rest():
+    found = fig_3_11.judge(fig_3_11.joint_0(1.1), 2, 0)
+    assert found["rest"] == {"alpha_N": 0, "alpha_H": 2, "algFC2": 2}
+    assert found["peak"]["algFC2"] < found["peak"]["alpha_H"]
+
+
+def test_threshold_lies_between_counts():
+    release = fig_3_11.setup_a()
+    threshold = release.compensators()["algFC2"].friction.threshold
+    assert threshold == pytest.approx(2.5 * release.plant.encoder_count / fig_3_11.PERIOD)
+    assert release.threshold > release.boundary
