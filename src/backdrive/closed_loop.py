@@ -65,8 +65,8 @@ def run(
 
     `law`: rate and element of the joint; C, ...: compensator; E, ...: estimator; `loops`: 1 where they run; `kind`: 0 no
     controller, 1 servo, 2 admittance; `numbers`: period, substeps, late, count, limit, K_h, B_h, ripple, cycles a unit, gravity
-    compensated, phase of the encoder; `target` (n, 2); `hand` (n, 4): position, velocity, grip, push; `noise` (n, 2): of the
-    actuator and of the encoder.
+    compensated, phase of the encoder; `target` (n, 2); `hand` (n, 4): position, velocity, grip, push; `noise` (n, 4): of the
+    actuator, of the encoder, what a fault adds to the reading, and whether the tick is missed.
     """
     T, substeps, late, count, limit = numbers[0], int(numbers[1]), int(numbers[2]), numbers[3], numbers[4]
     K_h, B_h, ripple, cycles, weightless, phase = (
@@ -83,10 +83,12 @@ def run(
     reading_before = encoder(s[0] + phase, count)
     n = target.shape[0]
     last = before
+    passed = 0.0
     for k in range(n):
-        reading = encoder(s[0] + phase, count) + noise[k, 1]
-        v = (reading - reading_before) / T
-        reading_before = reading
+        passed += T
+        read = encoder(s[0] + phase, count) + noise[k, 1] + noise[k, 2]
+        reading = read if np.isfinite(read) else reading_before  # the controller holds on to what it has seen
+        v = (reading - reading_before) / passed
         held = 0.0
         if weightless > 0.0:
             j[PUSH] = offset
@@ -96,18 +98,23 @@ def run(
             g[loop.APPLIED, 0] = last - held
             if kind == 1:
                 g[loop.ERROR, 0], g[loop.SLOPE, 0] = target[k, 0] - reading, target[k, 1] - v
-            code = loop.joint(C, 0, cp, cx, cs, E, ep, ex, es, g, 0, reading, T)
+            if noise[k, 3] == 0.0:
+                code = loop.joint(C, 0, cp, cx, cs, E, ep, ex, es, g, 0, read, passed)
             f = g[loop.TORQUE, 0]
-        u, wanted = 0.0, target[k, 0]
-        if kind == 1:
-            u = servo_.tick(k_row, 0, k_state, T, target[k, 0], target[k, 1], reading, limit)
+        command, wanted = last, target[k, 0]
+        if noise[k, 3] == 0.0:
+            u = 0.0
+            if kind == 1:
+                u = servo_.tick(k_row, 0, k_state, passed, target[k, 0], target[k, 1], reading, limit)
+            elif kind == 2:
+                u = admittance.tick(k_row, 0, k_state, 0, g[loop.EXTERNAL, 0], reading, passed)
+                wanted = k_state[0]
+            command = min(max(u + f + held, -limit), limit)
+            last, reading_before, passed = command, reading, 0.0
         elif kind == 2:
-            u = admittance.tick(k_row, 0, k_state, 0, g[loop.EXTERNAL, 0], reading, T)
             wanted = k_state[0]
-        command = min(max(u + f + held, -limit), limit)
-        last = command
         force = hand[k, 2] * (K_h * (hand[k, 0] - s[2]) + B_h * (hand[k, 1] - s[3])) + hand[k, 3]
-        out[k, 0], out[k, 1], out[k, 2] = reading, command, f
+        out[k, 0], out[k, 1], out[k, 2] = read, command, f
         out[k, 3], out[k, 4], out[k, 5] = g[loop.EXTERNAL, 0], g[loop.FRICTION, 0], force
         out[k, 6], out[k, 7], out[k, 8], out[k, 9] = s[0], s[2], s[1], s[3]
         out[k, 10], out[k, 11] = wanted, code
@@ -142,6 +149,8 @@ class Scene:
         ripple_cycles: of it [1/rad or 1/m, times 2 pi].
         encoder_noise: standard deviation of the reading beside its counts [rad or m].
         substep: longest integration step [s].
+        fault: what a fault adds to the encoder's reading [rad or m] (NaN for no reading), and 1 where the loop misses its
+            tick, (n, 2); None for none. The controller takes what is no number for the reading before.
         seed: of noises and of the phase of the encoder's counts.
     """
 
@@ -158,6 +167,7 @@ class Scene:
     ripple_cycles: float = 0.0
     encoder_noise: float = 0.0
     substep: float = SUBSTEP
+    fault: np.ndarray | None = None
     seed: int = 0
 
     def __post_init__(self):
@@ -171,6 +181,10 @@ class Scene:
             raise InvalidInput(
                 f"target has the shape {np.shape(self.target)}.",
                 remedy=f"Give ({n}, 2), as the hand's motion.",
+            )
+        if self.fault is not None and np.shape(self.fault) != (n, 2):
+            raise InvalidInput(
+                f"fault has the shape {np.shape(self.fault)}.", remedy=f"Give ({n}, 2), as the hand's motion."
             )
         if isinstance(self.controller, Admittance) and (self.loop is None or self.loop.external is None):
             raise InvalidInput(
@@ -292,9 +306,11 @@ def _prepared(scene: Scene) -> tuple[tuple, np.ndarray]:
         kind, k_row, k_state = 2, controller.row(), controller.start(reading)
     rows = loop.rows([scene.loop or JointLoop()], np.array([reading]), T)
     parts = [array[0] for array in rows[:-1]]
-    noise = np.zeros((n, 2))
+    noise = np.zeros((n, 4))
     noise[:, 0] = plant.torque_noise * rng.standard_normal(n)
     noise[:, 1] = scene.encoder_noise * rng.standard_normal(n)
+    if scene.fault is not None:
+        noise[:, 2:] = scene.fault
     hand = scene.hand or Hand(stiffness=0.0, damping=0.0)
     numbers = np.array(
         [

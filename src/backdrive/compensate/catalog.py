@@ -6,7 +6,7 @@ from backdrive.compensate.compensator import Compensator
 from backdrive.compensate.dither import Dither
 from backdrive.compensate.extras import BristleObserver, DisturbanceObserver, Pulses
 from backdrive.estimate.friction import FrictionEstimator, alg_fe, alg_fe2
-from backdrive.laws import Decaying, HaywardArmstrong, Law, LuGre, ViscoElastoplastic
+from backdrive.laws import Decaying, Law, LuGre, ViscoElastoplastic
 from backdrive.laws.base import Rate
 
 
@@ -18,14 +18,15 @@ def nothing() -> Compensator:
 def mahvash_okamura(rate: Rate, stiffness: float, share: float = 0.9) -> Compensator:
     """Return Mahvash and Okamura's compensator with a rate law: Iwatani 2017, (2.22).
 
-    With Coulomb friction alone it is the thesis' MO, (2.24); with a linear viscosity MOL, (2.25); with an identified curve MOP.
+    With Coulomb friction alone it is the thesis' MO, (2.24); with a linear viscosity MOL, (2.25); with an identified curve MOP. The
+    viscous part sees the encoder's velocity, as in (2.22b); in algFC, (3.27j), it sees the slider's.
 
     Args:
         rate: rate law.
         stiffness: K [N.m/rad or N/m].
         share: R [-].
     """
-    law = Law(rate=rate, element=HaywardArmstrong(stiffness=stiffness))
+    law = Law(rate=rate, element=ViscoElastoplastic(stiffness=stiffness, damping=0.0))
     return Compensator(friction=FrictionEstimator(law=law), share=share)
 
 

@@ -19,41 +19,67 @@ from typing import Any
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import jit, ladder
 from backdrive.compensate import dither as dither_
 from backdrive.compensate import extras
 from backdrive.compensate.dither import NONE, Dither
 from backdrive.compensate.extras import Extra
 from backdrive.errors import InvalidInput
+from backdrive.estimate import external as external_
 from backdrive.estimate import friction as friction_
 from backdrive.estimate.friction import NOTHING, FrictionEstimator
-from backdrive.laws import kernels
 
 FRICTION, DITHER, EXTRA = 2, 2 + friction_.ROW, 2 + friction_.ROW + dither_.ROW
 ROW = EXTRA + extras.ROW
 S_DITHER, S_EXTRA = 1, 1 + dither_.STATES
 STATES = S_EXTRA + extras.STATES
+NEARLY = (
+    0.98  # share of its bound at which a bristle, which comes near it but never reaches it, counts as sliding
+)
 
 
-@jit
+@ladder
 def tick(c, i, p, x, s, j, q, dp, dt, t, error, slope, u, load, temp):
     """Return the torque of one tick.
 
     `c[i:]`: row, `p`, `x`: the law and its state, `s[j:]`: state. q: encoder, dp: its increment, t: time, error and slope: how
-    far the reference is ahead and its rate, u: torque that acted meanwhile.
+    far the reference is ahead and its rate, u: torque that acted meanwhile, less gravity.
     """
-    kind = int(c[i + 16])
+    kind = int(c[i + EXTRA])
     if kind >= 2:  # an observer runs the law itself
-        return extras.observed(c, i + 16, c[i], p, x, s, j + 6, q, dp, dt, error, slope, u, load, temp)
-    model = friction_.tick(c, i + 2, p, x, s, j, dp, dt, load, temp)
+        return extras.observed(
+            c, i + EXTRA, c[i], p, x, s, j + S_EXTRA, q, dp, dt, error, slope, u, load, temp
+        )
+    model = friction_.tick(c, i + FRICTION, p, x, s, j + 0, dp, dt, load, temp)
     f = c[i] * model
-    if c[i + 9] >= 0.0:
-        lo, hi, viscous = kernels.limits(int(c[i + 2]), p, dp / dt, load, temp)
-        held = x[0] if c[i + 1] > 0.0 else model - viscous
-        f += dither_.tick(c, i + 9, s, j + 1, lo < held < hi, lo, hi, q, dt, t)
+    if c[i + DITHER] >= 0.0:
+        lo, hi, viscous = friction_.bounds(int(c[i + FRICTION]), p, dp / dt, load, temp)
+        slides = c[i + 1] > 0.0
+        held = x[0] if slides else model - viscous
+        near = 1.0 if slides else NEARLY
+        f += dither_.tick(c, i + DITHER, s, j + S_DITHER, near * lo < held < near * hi, lo, hi, q, dt, t)
     if kind == 1:
-        f += extras.pulse(c, i + 16, s, j + 6, dp, dt, error)
+        f += extras.pulse(c, i + EXTRA, s, j + S_EXTRA, dp, dt, error)
     return f
+
+
+@jit
+def shift(c, i, s, j, by):
+    """Move everything that is a position: the encoder counts from another zero."""
+    s[j + S_DITHER + 3] += by
+    s[j + S_DITHER + 4] += by
+    if c[i + EXTRA] == 3.0:
+        external_.shift(c, i + EXTRA + 2, s, j + S_EXTRA, by)
+
+
+@jit
+def restart(c, i, s, j, q):
+    """Forget everything: the joint rests at q."""
+    for k in range(STATES):
+        s[j + k] = 0.0
+    if c[i + EXTRA] == 2.0:
+        s[j + S_EXTRA + 1] = 1.0
+    shift(c, i, s, j, q)
 
 
 @dataclass(frozen=True, kw_only=True)

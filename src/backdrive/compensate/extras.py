@@ -20,12 +20,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import jit, ladder
 from backdrive.errors import InvalidInput
 from backdrive.estimate import external
+from backdrive.estimate import friction as friction_
 from backdrive.estimate.external import ExternalForce
 from backdrive.estimate.friction import NOTHING, FrictionEstimator
-from backdrive.laws import Law, LuGre, kernels
+from backdrive.laws import Law, LuGre
 from backdrive.laws.elements import lugre
 
 ROW = (
@@ -37,7 +38,7 @@ STATES = external.STATES
 @jit
 def pulse(c, i, s, j, dp, dt, error):
     """Return the pulse of one tick; `c[i:]`: kind, height, width, wait, tolerance; `s[j:]`: time stuck, time left, sign."""
-    if s[j + 1] > 0.0:
+    if s[j + 1] > 0.5 * dt:
         s[j + 1] -= dt
         s[j] = 0.0
         return s[j + 2] * c[i + 1]
@@ -49,11 +50,11 @@ def pulse(c, i, s, j, dp, dt, error):
     return 0.0
 
 
-@jit
+@ladder
 def observed(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):
     """Return the torque of an observer with a share of its friction; `c[i:]`: row, `s[j:]`: state."""
     if c[i] == 2.0:
-        return share * bristle(c, i, p, s, j, dp, dt, error, slope, load, temp)
+        return share * bristle(c, i + 0, p, s, j + 0, dp, dt, error, slope, load, temp)
     missed, friction = external.tick(c, i + 2, p, x, s, j, q, dp, dt, u, 0.0, load, temp)
     limit = c[i + 1]
     return share * friction - min(max(missed, -limit), limit)
@@ -63,7 +64,7 @@ def observed(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):
 def bristle(c, i, p, s, j, dp, dt, error, slope, load, temp):
     """Return the torque of the LuGre observer; `s[j]`: sigma_0 z, `s[j + 1]`: theta."""
     v = dp / dt
-    lo, hi, viscous = kernels.limits(int(c[i + 6]), p, v, load, temp)
+    lo, hi, viscous = friction_.bounds(int(c[i + 6]), p, v, load, temp)
     e = 1 + int(p[0])
     sigma_0 = p[e]
     wrong = slope + c[i + 2] * error
@@ -72,7 +73,9 @@ def bristle(c, i, p, s, j, dp, dt, error, slope, load, temp):
     after = before + sigma_0 * (dp + dt * c[i + 1] * wrong)
     if s_v > 0.0:
         after /= 1.0 + sigma_0 * abs(dp) / s_v
-    after = min(max(after, lo), hi)
+    after = min(
+        max(after, min(lo, before)), max(hi, before)
+    )  # a bound that has fallen is approached as LuGre does
     s[j] = after
     bent = after + lugre.damping(p[e + 1], p[e + 2], v) * (after - before) / (sigma_0 * dt)
     s[j + 1] = min(max(s[j + 1] + dt * c[i + 3] * wrong * bent, c[i + 4]), c[i + 5])
@@ -146,6 +149,15 @@ class BristleObserver(Extra):
     lowest: float = 0.5
     highest: float = 1.5
 
+    def __post_init__(self):
+        positive = all(0.0 <= x < np.inf for x in (self.corner, self.adaptation))
+        if (
+            not 0.0 <= self.lowest <= 1.0 <= self.highest < np.inf
+            or not positive
+            or not np.isfinite(self.gain)
+        ):
+            raise InvalidInput(f"{self}.", remedy="0 <= lowest <= 1 <= highest; corner and adaptation >= 0.")
+
     def check(self, law: Law) -> None:
         """Refuse a law whose bristle is not LuGre's.
 
@@ -154,8 +166,6 @@ class BristleObserver(Extra):
         """
         if not isinstance(law.element, LuGre):
             raise InvalidInput(f"'{law.name}' has no LuGre bristle.", remedy="Use the element `LuGre`.")
-        if not 0.0 <= self.lowest <= 1.0 <= self.highest < np.inf or min(self.corner, self.adaptation) < 0.0:
-            raise InvalidInput(f"{self}.", remedy="0 <= lowest <= 1 <= highest; corner and adaptation >= 0.")
 
     def row(self, dt: float, friction: FrictionEstimator) -> np.ndarray:
         """Return the row that `bristle` reads."""
@@ -182,6 +192,11 @@ class DisturbanceObserver(Extra):
     limit: float
     gravity_sin: float = 0.0
     gravity_cos: float = 0.0
+
+    def __post_init__(self):
+        if not 0.0 < self.limit < np.inf:
+            raise InvalidInput(f"{self}.", remedy="The limit is positive and finite.")
+        self.estimator()  # which looks at the rest
 
     def row(self, dt: float, friction: FrictionEstimator) -> np.ndarray:
         """Return the limit and the row of the observer."""

@@ -5,7 +5,8 @@
 Nothing is allocated, nothing is raised. What a real loop meets is answered so that the output stays safe: a reading that is not
 finite or that jumped further than the joint can move is not believed, and meanwhile the output fades, f <- f/(1 + fade T); a late
 tick is run with the time that really passed; an interval that makes no sense is one more reading that is not believed. A jump
-that stays longer than `patience` is taken for the encoder's new zero. Every joint has a `Status`.
+that stays longer than `patience` is taken for the encoder's new zero: everything that is a position moves along, so that neither
+torque nor estimate sees it. Every joint has a `Status`.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import jit, ladder
 from backdrive.compensate import compensator as compensator_
 from backdrive.compensate.compensator import Compensator
 from backdrive.errors import InvalidInput
@@ -39,51 +40,89 @@ TABLE = 22
 
 
 @jit
+def shift(c, s, ce, se, g, j, by):
+    """Move everything of a joint that is a position, and take the present reading for the one before."""
+    compensator_.shift(c, 0, s, 0, by)
+    external_.shift(ce, 0, se, 0, by)
+    g[BEFORE, j] += by
+    g[ELSEWHERE, j] = g[BEFORE, j]
+    g[SINCE, j], g[STALE, j] = 0.0, 0.0
+
+
+@jit
+def restart(c, x, s, ce, xe, se, g, j, q):
+    """Forget what a joint has run into: it rests at q."""
+    for k in range(x.size):
+        x[k] = 0.0
+    for k in range(xe.size):
+        xe[k] = 0.0
+    compensator_.restart(c, 0, s, 0, q)
+    external_.restart(ce, 0, se, 0, q)
+    g[BEFORE, j], g[ELSEWHERE, j] = q, q
+    g[SINCE, j], g[STALE, j] = 0.0, 0.0
+    g[EXTERNAL, j], g[FRICTION, j] = 0.0, 0.0
+
+
+@jit
+def believed(c, s, ce, se, g, j, q, dt):
+    """Return the status of a joint's input; where it is not OK, let the outputs fade."""
+    nominal, top = g[NOMINAL, j], g[TOP, j]
+    timely = FASTEST * nominal <= dt <= SLOWEST * nominal
+    passed = dt if timely else nominal
+    g[TIME, j] += passed
+    if g[BEGUN, j] == 0.0 and np.isfinite(q):
+        shift(c, s, ce, se, g, j, q - g[BEFORE, j])
+        g[BEGUN, j] = 1.0
+    g[SINCE, j] += passed
+    inputs = q + g[APPLIED, j] + g[KNOWN, j] + g[ERROR, j] + g[SLOPE, j] + g[MOTOR, j] + g[LOAD, j]
+    goes_on = abs(q - g[ELSEWHERE, j]) <= top * passed
+    code = OK
+    if not timely:
+        code = BAD_INTERVAL
+    elif not np.isfinite(inputs + g[TEMPERATURE, j]):
+        code = NOT_FINITE
+    elif g[ELSEWHERE, j] != g[BEFORE, j] and goes_on:
+        code = JUMP  # what follows a jump
+        g[STALE, j] += passed
+        g[ELSEWHERE, j] = q
+        if g[STALE, j] > g[PATIENCE, j]:
+            shift(c, s, ce, se, g, j, q - g[BEFORE, j])
+    elif not abs(q - g[BEFORE, j]) <= top * g[SINCE, j]:
+        code = JUMP
+        g[STALE, j], g[ELSEWHERE, j] = 0.0, q
+    if code != OK:
+        fading = 1.0 + g[FADE, j] * nominal
+        g[TORQUE, j] /= fading
+        g[EXTERNAL, j] /= fading
+    return code
+
+
+@ladder
 def joint(c, i, p, x, s, ce, pe, xe, se, g, j, q, dt):
     """Advance one joint by one tick and return its status.
 
     `c[i:]`, `p`, `x`, `s`: compensator; `ce`, `pe`, `xe`, `se`: estimator; `g[:, j]`: table.
     """
-    nominal = g[NOMINAL, j]
-    timely = FASTEST * nominal <= dt <= SLOWEST * nominal
-    g[SINCE, j] += dt if timely else nominal
-    T = g[SINCE, j]
-    g[TIME, j] += dt if timely else nominal
-    if g[BEGUN, j] == 0.0 and np.isfinite(q):
-        g[BEFORE, j], g[BEGUN, j], g[ELSEWHERE, j] = q, 1.0, q
-    dp = q - g[BEFORE, j]
-    code = OK
-    if not timely:
-        code = BAD_INTERVAL
-    elif not (np.isfinite(q) and np.isfinite(g[APPLIED, j]) and np.isfinite(g[KNOWN, j])):
-        code = NOT_FINITE
-    elif abs(dp) > g[TOP, j] * T:
-        code = JUMP
+    code = believed(c, s, ce, se, g, j, q, dt)
     if code != OK:
-        g[STALE, j] += dt if timely else nominal
-        if code == JUMP and g[STALE, j] > g[PATIENCE, j] and abs(q - g[ELSEWHERE, j]) <= g[TOP, j] * T:
-            g[BEFORE, j], g[SINCE, j], g[STALE, j] = q, 0.0, 0.0  # the encoder counts from another zero
-        if np.isfinite(q):
-            g[ELSEWHERE, j] = q
-        fading = 1.0 + g[FADE, j] * nominal
-        g[TORQUE, j] /= fading
-        g[EXTERNAL, j] /= fading
         return code
+    T, dp, u = g[SINCE, j], q - g[BEFORE, j], g[APPLIED, j]
     load, temp = (g[MOTOR, j], g[LOAD, j]), g[TEMPERATURE, j]
     f = compensator_.tick(
-        c, i, p, x, s, 0, q, dp, T, g[TIME, j], g[ERROR, j], g[SLOPE, j], g[APPLIED, j], load, temp
+        c, i, p, x, s, 0, q, dp, T, g[TIME, j], g[ERROR, j], g[SLOPE, j], u - g[KNOWN, j], load, temp
     )
+    tau_e, tau_f = 0.0, 0.0
     if g[ESTIMATES, j] > 0.0:
-        tau_e, tau_f = external_.tick(ce, 0, pe, xe, se, 0, q, dp, T, g[APPLIED, j], g[KNOWN, j], load, temp)
-        g[EXTERNAL, j], g[FRICTION, j] = tau_e, tau_f
-    if not np.isfinite(f):
-        g[TORQUE, j] /= 1.0 + g[FADE, j] * nominal
+        tau_e, tau_f = external_.tick(ce, 0, pe, xe, se, 0, q, dp, T, u, g[KNOWN, j], load, temp)
+    if not np.isfinite(f + tau_e + tau_f):  # finite, but beyond what numbers hold
+        restart(c, x, s, ce, xe, se, g, j, q)
+        g[TORQUE, j] /= 1.0 + g[FADE, j] * g[NOMINAL, j]
         return NOT_FINITE
     limit = g[LIMIT, j]
     if abs(f) > limit:
         f = limit if f > 0.0 else -limit
         code = SATURATED
-    g[TORQUE, j] = f
+    g[TORQUE, j], g[EXTERNAL, j], g[FRICTION, j] = f, tau_e, tau_f
     g[BEFORE, j], g[SINCE, j], g[STALE, j], g[ELSEWHERE, j] = q, 0.0, 0.0, q
     return code
 
@@ -92,11 +131,8 @@ def joint(c, i, p, x, s, ce, pe, xe, se, g, j, q, dt):
 def tick(C, P, X, S, CE, PE, XE, SE, g, codes, q, dt):
     """Advance every joint by one tick and return the worst status."""
     worst = OK
-    fits = q.size == codes.size
     for j in range(codes.size):
-        codes[j] = joint(
-            C[j], 0, P[j], X[j], S[j], CE[j], PE[j], XE[j], SE[j], g, j, q[j] if fits else np.nan, dt
-        )
+        codes[j] = joint(C[j], 0, P[j], X[j], S[j], CE[j], PE[j], XE[j], SE[j], g, j, q[j], dt)
         if codes[j] != OK and worst in (OK, SATURATED):
             worst = codes[j]
     return worst
@@ -143,6 +179,7 @@ def rows(joints: Sequence[JointLoop], positions: np.ndarray, dt: float) -> tuple
     laws = [[j.compensator.friction.law for j in joints], [e.friction.law for e in estimators]]
     table = np.zeros((TABLE, J))
     table[NOMINAL], table[TEMPERATURE] = dt, REFERENCE
+    table[BEFORE] = table[ELSEWHERE] = positions
     for row, values in (
         (TOP, [j.top_speed for j in joints]),
         (LIMIT, [j.limit for j in joints]),
@@ -201,10 +238,12 @@ class Loop:
         self._arrays = rows(self.joints, np.zeros(J), self.interval)
         self.table = self._arrays[-1]
         self.codes = np.zeros(J, dtype=np.int64)
+        self._position = np.zeros(J)
         self.torque, self.external, self.friction = (self.table[k] for k in (TORQUE, EXTERNAL, FRICTION))
         self.error, self.slope, self.known = (self.table[k] for k in (ERROR, SLOPE, KNOWN))
         self.load, self.temperature = self.table[MOTOR : LOAD + 1].T, self.table[TEMPERATURE]
         self._applied = self.table[APPLIED]
+        self._tick: Any = tick
         self.update(np.zeros(J), np.zeros(J))
         self.reset(np.zeros(J))
 
@@ -219,14 +258,21 @@ class Loop:
         """Advance every joint by one tick; nothing is allocated and nothing is raised.
 
         Args:
-            position: encoder readings [rad or m], float64, (J,).
+            position: encoder readings [rad or m], (J,).
             applied: torque that acted since the tick before [N.m or N], (J,).
             interval: since the tick before [s]; None: the nominal one.
 
         Returns:
             The worst status of the joints; those of each are in `codes`.
         """
-        self._applied[:] = applied
-        dt = self.interval if interval is None else 1.0 * interval  # an integer would be another kernel
-        given: tuple[Any, ...] = (*self._arrays, self.codes, position, dt)
-        return STATUSES[tick(*given)]
+        read, dt = self._position, self.interval
+        try:
+            if len(position) != len(read) or len(applied) != len(read):
+                read[:] = np.nan
+            else:
+                read[:], self._applied[:] = position, applied
+            if interval is not None:
+                dt = float(interval)
+        except (TypeError, ValueError, OverflowError):  # no numbers at all
+            read[:] = np.nan
+        return STATUSES[self._tick(*self._arrays, self.codes, read, dt)]

@@ -22,7 +22,7 @@ from typing import Literal
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import jit, ladder
 from backdrive.errors import InvalidInput
 from backdrive.estimate import friction as friction_
 from backdrive.estimate import sliding_mode
@@ -30,27 +30,27 @@ from backdrive.estimate.friction import NOTHING, FrictionEstimator
 from backdrive.estimate.sliding_mode import MotionFilter
 
 METHODS = ("direct", "momentum", "disturbance", "extended", "kalman")
-FILTER, FRICTION = 8, 13  # places of the rows of filter and friction in the row
+FILTER, FRICTION = 9, 14  # places of the rows of filter and friction in the row
 ROW = FRICTION + friction_.ROW
 STATES = sliding_mode.STATES + 1 + 4  # filter, w, and four of the observer
 W, O = sliding_mode.STATES, sliding_mode.STATES + 1  # noqa: E741 (the observer's place)
 
 
-@jit
+@ladder
 def tick(c, i, p, x, s, j, q, dp, dt, u, known, load, temp):
     """Return external force and friction of one tick.
 
     `c[i:]`: row, `p`, `x`: friction law and its state, `s[j:]`: state. q: encoder, dp: its increment, u: torque that acted
     meanwhile, known: torque of gravity and of other joints beyond that of the row.
     """
-    tau_f = friction_.tick(c, i + 13, p, x, s, j + 5, dp, dt, load, temp)
+    tau_f = friction_.tick(c, i + FRICTION, p, x, s, j + W, dp, dt, load, temp)
     M, L, T = c[i + 1], c[i + 4], dt
     n = u - known - tau_f
     if c[i + 2] != 0.0 or c[i + 3] != 0.0:
         n -= c[i + 2] * np.sin(q) + c[i + 3] * np.cos(q)
     kind = int(c[i])
     if kind == 0:
-        a = sliding_mode.motion(c, i + 8, s, j, q, dp, T)[1]
+        a = sliding_mode.motion(c, i + FILTER, s, j + 0, q, dp, T)[1]
         return M * a - n, tau_f
     if kind == 1:
         r = L * (M * (dp / T) - s[j + 6] - T * n) / (1.0 + L * T)
@@ -61,14 +61,38 @@ def tick(c, i, p, x, s, j, q, dp, dt, u, known, load, temp):
         s[j + 7] = (s[j + 7] + L * T * (M * (v - s[j + 6]) / T - n)) / (1.0 + L * T)
         s[j + 6] = v
         return s[j + 7], tau_f
-    # predict with what acted, correct with what was measured
+    # predict with what acted, correct with what was measured; gains in ticks, those of a tick of another length from L
+    g_1, g_2, g_3 = c[i + 5], c[i + 6], c[i + 7]
+    if abs(T - c[i + 8]) > 0.1 * c[i + 8]:
+        b = np.exp(-L * T)
+        g_1, g_2, g_3 = (
+            1.0 - b * b * b,
+            1.5 * (1.0 - b) * (1.0 - b) * (1.0 + b),
+            (1.0 - b) * (1.0 - b) * (1.0 - b),
+        )
     d = s[j + 8]
     acceleration = n / M + d
     e = q - (s[j + 6] + T * s[j + 7] + 0.5 * T * T * acceleration)
-    s[j + 6] = q - (1.0 - c[i + 5]) * e
-    s[j + 7] += T * acceleration + c[i + 6] * e
-    s[j + 8] = d + c[i + 7] * e
+    s[j + 6] = q - (1.0 - g_1) * e
+    s[j + 7] += T * acceleration + g_2 * e / T
+    s[j + 8] = d + g_3 * e / (T * T)
     return M * s[j + 8], tau_f
+
+
+@jit
+def shift(c, i, s, j, by):
+    """Move everything that is a position: the encoder counts from another zero."""
+    s[j] += by
+    if c[i] >= 3.0:
+        s[j + 6] += by
+
+
+@jit
+def restart(c, i, s, j, q):
+    """Forget everything: the joint rests at q."""
+    for k in range(STATES):
+        s[j + k] = 0.0
+    shift(c, i, s, j, q)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,21 +131,23 @@ class ExternalForce:
             )
 
     def row(self, dt: float) -> np.ndarray:
-        """Return the row that `tick` reads, (20,)."""
+        """Return the row that `tick` reads, (21,)."""
         c = np.zeros(ROW)
-        gains = (0.0, 0.0, 0.0)
+        gains, bandwidth = (0.0, 0.0, 0.0), self.bandwidth
         if self.method == "extended":
             b = np.exp(-self.bandwidth * dt)
-            gains = (1.0 - b**3, 1.5 * (1.0 - b) ** 2 * (1.0 + b) / dt, (1.0 - b) ** 3 / dt**2)
+            gains = (1.0 - b**3, 1.5 * (1.0 - b) ** 2 * (1.0 + b), (1.0 - b) ** 3)
         elif self.method == "kalman":
             gains = self._stationary(dt)
+            bandwidth = -np.log(1.0 - gains[0]) / (3.0 * dt)  # of a threefold pole that corrects q by as much
         c[:FILTER] = (
             METHODS.index(self.method),
             self.inertia,
             self.gravity_sin,
             self.gravity_cos,
-            self.bandwidth,
+            bandwidth,
             *gains,
+            dt,
         )
         c[FILTER:FRICTION], c[FRICTION:] = self.filter.row(), self.friction.row()
         return c
@@ -137,7 +163,7 @@ class ExternalForce:
         Q, R = np.diag([0.0, 0.0, walk**2]), np.array([[1.0 / 12.0]])
         P = solve_discrete_are(A.T, C.T, Q, R)
         K = (P @ C.T / (C @ P @ C.T + R)).ravel()
-        return float(K[0]), float(K[1] / dt), float(K[2] / dt**2)
+        return float(K[0]), float(K[1]), float(K[2])
 
     def start(self, position: float) -> np.ndarray:
         """Return the state of a joint at rest at a position, (10,)."""

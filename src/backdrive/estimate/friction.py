@@ -26,6 +26,12 @@ ROW = 7  # rate, element, place of alpha in the row or 0, alpha_N, alpha_H, r_W,
 
 
 @jit
+def bounds(rate, p, v, load, temp):
+    """Return lower and upper bound and the viscous part of a rate law, compiled once for all that ask."""
+    return kernels.limits(rate, p, v, load, temp)
+
+
+@jit
 def tick(c, i, p, x, s, j, dp, dt, load, temp):
     """Return the friction torque of one tick; `c[i:]`: row, `p`, `x`: the law and its state, `s[j]`: w."""
     at = int(c[i + 2])
