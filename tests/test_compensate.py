@@ -126,7 +126,7 @@ def test_the_leaky_clip_is_alg_fc(case, share):
         p = walk(seed)
         f = along(alg_fc(CURVE, K, alpha, dither, share=share), p)
         assert np.abs(f - alg_fc_printed(p, alpha, R_d=R_d, R=share)).max() < 1e-9
-    assert np.abs(f).max() > 8.0
+    assert np.abs(f).max() > 5.0
 
 
 def test_the_compact_form_is_the_printed_one_to_the_last_digits():
@@ -405,8 +405,9 @@ def test_bristle_and_scale_stay_within_their_bounds():
         s = loop._arrays[3][0, 6:]
         assert abs(s[0]) <= 7.5 * (1.0 + 1e-12)
         theta.append(s[1])
-    assert min(theta) == 0.7
-    assert max(theta) == 1.3
+    assert min(theta) >= 0.7
+    assert max(theta) <= 1.3
+    assert not JIT or (min(theta) == 0.7 and max(theta) == 1.3)
 
 
 def tracked(compensator, law, inertia=0.7, seconds=3.0):
@@ -596,6 +597,22 @@ def test_a_cycle_feeds_itself_only_up_to_the_bound(R):
         energy = taken(q, R, (1e4 * K_C, F_C), (K_C, F_C))
         cycle = 2 * (path([2.0 * a], 0.02 * R_C).size - 1)
         assert (energy[-1] < energy[-1 - cycle]) == gains
+
+
+@settings(max_examples=200 if JIT else 20)
+@given(
+    damping=st.floats(0.0, 3.0).map(lambda x: 10.0**x),
+    stiffer=st.floats(0.2, 2.0),
+    alpha=st.floats(0.5, 800.0),
+    mass=st.floats(0.02, 2.0),
+)
+def test_a_joint_stuck_on_its_load_is_stable_as_routh_says(damping, stiffer, alpha, mass):
+    """M p'' = -K_c p - D p' + f, f' = K p' - alpha f: stable iff D (K_c - K + D alpha + M alpha^2) > M alpha K."""
+    K_ = stiffer * K_C
+    A = np.array([[0.0, 1.0, 0.0], [-K_C / mass, -damping / mass, 1.0 / mass], [0.0, K_, -alpha]])
+    margin = damping * (K_C - K_ + damping * alpha + mass * alpha**2) - mass * alpha * K_
+    if abs(margin) > 1e-6 * mass * alpha * K_:
+        assert (np.linalg.eigvals(A).real.max() < 0.0) == (margin > 0.0)
 
 
 # ------------------------------------------------------------------------------------------------------------ refusals

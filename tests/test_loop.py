@@ -97,6 +97,7 @@ anything = st.one_of(
 )
 
 
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @settings(max_examples=30 if JIT else 3)
 @given(
     ticks=st.lists(
@@ -182,6 +183,7 @@ def test_a_nan_beside_the_readings_is_survived(where):
     getattr(loop, where)[:] = 20.0 if where == "temperature" else 0.0
 
 
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of NumPy's scalars, without the compiler
 @pytest.mark.parametrize("name", sorted(ELEMENT_EXAMPLES))
 def test_every_law_survives_readings_beyond_all_measure(name):
     law = Law(rate=RATE_EXAMPLES["stribeck-gauss"], element=ELEMENT_EXAMPLES[name])
