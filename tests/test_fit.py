@@ -95,7 +95,8 @@ def test_a_richer_law_is_not_taken_where_it_is_not_worth_it():
     assert (law.coulomb_positive, law.coulomb_negative) == pytest.approx((3.5, 3.5), abs=0.1)
     assert result.model.joints[0].dynamics["offset"].value == pytest.approx(0.5, abs=0.1)
     assert any("'coulomb_negative' is taken to equal" in w for w in result.model.joints[0].warnings)
-    known = fit(log, "coulomb-viscous", known={"offset": 0.0, "inertia": 0.3}).model.joints[0]
+    given = {"offset": 0.0, "inertia": 0.3}
+    known = fit(log, "coulomb-viscous", gravity=False, known=given).model.joints[0]
     law = known.law.rate
     assert (law.coulomb_positive, law.coulomb_negative) == pytest.approx((4.0, 3.0), abs=0.1)
     assert (known.dynamics["offset"].value, known.dynamics["inertia"].value) == (0.0, 0.3)

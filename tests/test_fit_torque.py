@@ -43,7 +43,8 @@ def recorded(law, *, v=None, noise=0.1, seed=0, late=LATE, load=None) -> Stretch
     at = np.arange(0, len(q), 10)
     then = np.maximum(at - round(late / h), 0)
     rng = np.random.default_rng(seed)
-    torque = rollout(law, q=q[then], dt=DT, load=load) + INERTIA * a[then]
+    moved = {"dq": v[then]} if law.element.SET_VALUED else {"q": q[then]}  # without a state: at the instant
+    torque = rollout(law, **moved, dt=DT, load=load) + INERTIA * a[then]
     torque = torque + noise * rng.standard_normal(len(at))
     log = Log(
         time=at * h,

@@ -57,8 +57,22 @@ def command(
     ] = "covariance",
     loss: Annotated[str, typer.Option("--loss", help="linear, huber or absolute.")] = "huber",
     cutoff: Annotated[
-        float | None, typer.Option("--cutoff", help="Low pass of the motion before differentiation [Hz].")
+        float | None,
+        typer.Option(
+            "--cutoff",
+            help="Low pass of the motion before differentiation [Hz].  [default: by sampling rate and encoder]",
+        ),
     ] = None,
+    step: Annotated[
+        float | None,
+        typer.Option(
+            "--step", help="Longest integration step of a fit with --drive [s].  [default: by the drive]"
+        ),
+    ] = None,
+    gate: Annotated[
+        float,
+        typer.Option("--gate", help="Exit with 1 where the unseen residual of a joint is above this [%]."),
+    ] = 50.0,
     seed: Annotated[int, typer.Option("--seed", help="Of the starts of the search.")] = 0,
     names: _logs.Names = None,
     unit: _logs.Units = None,
@@ -77,9 +91,12 @@ def command(
     Without torque: backdrive fit log.csv --map u=goal --drive position,proportional=2000,derivative=60
     """
     from backdrive.cli._progress import progress
+    from backdrive.cli.identify import failing
     from backdrive.fitting import fit
 
     _logs.check_targets([output, report], [*logs, *(hold_out or [])])
+    if not gate > 0:
+        raise typer.BadParameter(f"--gate {gate}: give a positive percentage.")
     bounds = _bounds(bound)
     controller = _drive(drive, bounds)
     options = {
@@ -107,9 +124,11 @@ def command(
             drive=controller,
             known=_numbers_of(known, "--known"),
             cutoff=cutoff,
+            step=step,
             accept=accept or [],
             repair=repair,
             seed=seed,
+            reading={k: v for k, v in options.items() if v is not None},
             progress=say,
         )
         if output:
@@ -120,10 +139,17 @@ def command(
             say("Drawing the report")
             write_report(result, report, command=shlex.join(["backdrive", *sys.argv[1:]]))
     written = [str(p) for p in (output, report) if p]
+    bad = failing(result, gate)
     if as_json:
-        _print_json(result, written)
+        _print_json(result, written, bad)
     else:
         _print_tables(result, written)
+    if bad:
+        if not as_json:
+            typer.echo(
+                f"Below the quality gate (not credible, or above {gate:g} %): {', '.join(bad)}.", err=True
+            )
+        raise typer.Exit(1)
 
 
 def _bounds(words: list[str] | None) -> dict[str, tuple[float, float]]:
@@ -174,7 +200,7 @@ def _numbers_of(words: str | None, option: str) -> dict[str, float]:
     return found
 
 
-def _print_json(result: FitResult, written: list[str]) -> None:
+def _print_json(result: FitResult, written: list[str], bad: list[str]) -> None:
     import json
 
     from backdrive.cli._output import print_json
@@ -182,6 +208,9 @@ def _print_json(result: FitResult, written: list[str]) -> None:
 
     print_json(
         {
+            "ok": not bad,
+            "below_gate": bad,
+            "interrupted": result.stopped,
             "warnings": result.warnings,
             "notes": result.notes,
             "intervals": result.intervals,
@@ -272,5 +301,5 @@ def _numbers(friction, intervals):
                 label = f"{name}[{i}]" if parameter.many else name
                 add(label, v, e, parameter.unit_for(friction.joint.unit), label)
     for name, e in friction.dynamics.items():
-        add(name, e.value, e.standard_error, e.unit, "delay" if name == "time_slip" else name)
+        add(name, e.value, e.standard_error, e.unit, name)
     return table

@@ -11,7 +11,9 @@ from backdrive.cli import _logs
 
 
 def command(
-    model: Annotated[str, typer.Argument(help="Model file made by `identify -o`, or preset:NAME.")],
+    model: Annotated[
+        str, typer.Argument(help="Model file made by `identify -o` or `fit -o`, or preset:NAME.")
+    ],
     logs: _logs.Logs,
     map: _logs.Map = None,
     urdf: Annotated[

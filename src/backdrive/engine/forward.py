@@ -201,6 +201,10 @@ def forward(
         InvalidInput: shapes do not match, or a value is not finite.
     """
     axes = [axes] if isinstance(axes, Axis) else list(axes)
+    if strange := [a for a in axes if not isinstance(a, Axis)]:
+        raise InvalidInput(
+            f"An axis is a {type(strange[0]).__name__}.", remedy="Give Axis(law=..., inertia=...)."
+        )
     r = np.ascontiguousarray(np.atleast_2d(np.asarray(drive_input, dtype=np.float64)))
     M, n = r.shape
     if not axes or n == 0 or not np.all(np.isfinite(r)):
@@ -210,6 +214,11 @@ def forward(
         )
     if not 0.0 < dt < np.inf or substeps < 1:
         raise InvalidInput(f"dt = {dt} s, substeps = {substeps}.", remedy="Both must be positive.")
+    if log is None and M > 1 and len(axes) != M:
+        raise InvalidInput(
+            f"{len(axes)} axes and {M} inputs.",
+            remedy="Give one input, one an axis, or say with `log` which axis runs on which.",
+        )
     if log is None:
         log = np.zeros(len(axes), dtype=np.int64) if M == 1 else np.arange(len(axes))
     log = np.asarray(log, dtype=np.int64)
@@ -223,8 +232,7 @@ def forward(
     switches = np.ones((M, 1)) if channels[1] is None else channels[1]
     warmth = _channel(temperature, M, n, "temperature")
     warmth = np.full((M, 1), REFERENCE) if warmth is None else warmth
-    start = np.broadcast_to(np.asarray(position, dtype=np.float64), (M,))
-    speed = np.broadcast_to(np.asarray(velocity, dtype=np.float64), (M,))
+    start, speed = _start(position, M, "position"), _start(velocity, M, "velocity")
     rows = Lanes([a.law for a in axes])
     J = np.array([a.row() for a in axes])
     D = np.array([a.drive.row() for a in axes])
@@ -256,6 +264,15 @@ def forward(
 
     spread(work, len(axes), workers)
     return Motions(position=out[:, :, 0], velocity=out[:, :, 1], torque=out[:, :, 2])
+
+
+def _start(values, M: int, name: str) -> np.ndarray:
+    values = np.asarray(values, dtype=np.float64)
+    if values.shape not in ((), (1,), (M,)) or not np.all(np.isfinite(values)):
+        raise InvalidInput(
+            f"{name} = {values.tolist()}.", remedy=f"Give one finite number, or {M}, one an input."
+        )
+    return np.broadcast_to(values, (M,))
 
 
 def _channel(values, M: int, n: int, name: str) -> np.ndarray | None:

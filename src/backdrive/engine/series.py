@@ -140,10 +140,13 @@ def increments(q: np.ndarray | None, dq: np.ndarray | None, dt: float) -> np.nda
     """Return position increments, (n, M), of positions or velocities of that shape, checked."""
     if (q is None) == (dq is None):
         raise InvalidInput("Give either positions q or velocities dq.", remedy="Leave one of them out.")
-    if not 0.0 < dt < np.inf:
-        raise InvalidInput(f"dt = {dt} s.", remedy="Give the sampling time in seconds.")
+    if not np.isscalar(dt) or isinstance(dt, str) or not 0.0 < dt < np.inf:
+        raise InvalidInput(f"dt = {dt!r} s.", remedy="Give the sampling time in seconds, one number.")
     name, motion = ("q", q) if q is not None else ("dq", dq)
-    motion = np.asarray(motion, dtype=np.float64)
+    try:
+        motion = np.asarray(motion, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInput(f"{name} holds what is no number.", remedy="Give plain numbers.") from error
     if motion.ndim not in (1, 2) or motion.size == 0:
         raise InvalidInput(f"{name} has the shape {motion.shape}.", remedy="Give (n,) or (n, J), time first.")
     if not np.all(np.isfinite(motion)):
@@ -187,12 +190,17 @@ def rollout(
     dp = increments(q, dq, dt)
     n, joints = dp.shape
     shape = np.asarray(q if q is not None else dq).shape
-    single = not isinstance(model, Sequence)
+    single = not isinstance(model, Sequence) or isinstance(model, str)
     sets = [model] if single else list(model)  # type: ignore[list-item, arg-type]
     if not sets:
         raise InvalidInput("There is no model in the sequence.", remedy="Give at least one law.")
     laws: list[Law] = []
     for candidate in sets:
+        if not isinstance(candidate, Law) and not hasattr(candidate, "joints"):
+            raise InvalidInput(
+                f"The model is a {type(candidate).__name__}.",
+                remedy="Give a Law(rate=..., element=...), or a FrictionModel, as `load_model` gives it.",
+            )
         own = [candidate] * joints if isinstance(candidate, Law) else [j.law for j in candidate.joints]
         if len(own) != joints:
             raise InvalidInput(

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from backdrive._catalog import lookup
 from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
 from backdrive.fitting.choice import Candidate as Candidate
 from backdrive.fitting.choice import Choice as Choice
@@ -30,10 +29,12 @@ class FitResult(Identification):
     Attributes:
         choices: one a joint, in the model's order.
         intervals: 95 % intervals of every number that was sought, by joint and name [SI].
+        stopped: a person interrupted it; this is what had been found.
     """
 
     choices: tuple[Choice, ...] = ()
     intervals: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
+    stopped: bool = False
 
     def choice(self, joint: str | int = 0) -> Choice:
         """Return the choice of one joint, by name or position."""
@@ -51,6 +52,7 @@ def fit(
     delay: bool = True,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     cutoff: float | None = None,
+    step: float | None = None,
     loss: str = "huber",
     interval: Method = "covariance",
     drive: DriveModel | Drive | None = None,
@@ -58,6 +60,7 @@ def fit(
     accept: Sequence[str] = (),
     repair: bool = False,
     seed: int = 0,
+    reading: Mapping[str, object] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> FitResult:
     """Fit friction laws to every joint that moves: from torque given motion, or from motion given the drive's input.
@@ -76,9 +79,13 @@ def fit(
         held_out: logs to judge on; windows of the fitted ones where there are none.
         gravity: seek gravity as sin q and cos q; None: where the joint turns.
         delay: seek the time by which torque was recorded later than motion, or by which the drive's input acts late.
-        bounds: of parameters, by name [SI]; given the drive's input also of numbers of the axis and its drive, which are
-            sought then: `inertia`, `drive.resistance`, ... (see `fitting.motion_terms`).
-        cutoff: low pass of the motion before differentiation [Hz].
+        bounds: of parameters, `inertia`, `offset`, `gravity_sin`, `gravity_cos` and `delay`, by name [SI]; given the drive's
+            input of any number of the axis and its drive, which is sought then: `drive.resistance`, ... (see
+            `fitting.motion_terms`).
+        cutoff: low pass of the motion before differentiation [Hz]; None: a tenth of the sampling rate, at most 100, and
+            lower where an encoder's steps would drown the acceleration (`fitting.smoothing`).
+        step: longest integration step of a fit given the drive's input [s]; None: a part of the fastest time constant of the
+            drive with the inertia, at most 1 ms.
         loss: `linear`, `huber` or `absolute`.
         interval: `covariance`, `profile` or `bootstrap`; see `fitting.intervals`.
         drive: fit from motion given this drive's input; None: as the logs say, where they hold no torque.
@@ -87,7 +94,10 @@ def fit(
         accept: names of health findings to accept.
         repair: mend the log where an honest repair exists; each is noted.
         seed: of the starts.
+        reading: how the logs were read, for the record.
         progress: called with a sentence before every step that may take long.
+
+    An interruption (Ctrl-C) ends the fit with the best that it had found, once it has something; the result says so.
 
     Returns:
         The model, the evidence for every joint, and the table of laws with the reason for the choice.
@@ -99,24 +109,35 @@ def fit(
         UnknownName: no such law or joint.
     """
     from backdrive import __version__
-    from backdrive.fitting import given_drive, given_motion
+    from backdrive.fitting import asked as asked_
+    from backdrive.fitting import given_drive, given_motion, stopping
     from backdrive.fitting.choice import shortlist
     from backdrive.fitting.drive_of_log import model_of, sought_of
-    from backdrive.fitting.intervals import METHODS
     from backdrive.fitting.request import JointFit, Request
     from backdrive.fitting.unknowns import LawShape
     from backdrive.identification.auto import moving_joints
-    from backdrive.identification.request import apart, healthy, in_order
+    from backdrive.identification.request import apart, healthy, in_order, slow_clock
     from backdrive.model import FrictionModel
 
     say = progress or (lambda sentence: None)
-    logs = [logs] if isinstance(logs, Log) else list(logs)
-    if not logs:
-        raise InvalidInput("There is no log to fit.", remedy="Pass at least one.")
+    logs = [logs] if isinstance(logs, Log) else list(logs) if isinstance(logs, Sequence) else [logs]
+    if not logs or not all(isinstance(log, Log) for log in [*logs, *held_out]):
+        raise InvalidInput(
+            "There is no log to fit.", remedy="Pass at least one `Log`, as `read_log` gives it."
+        )
     if not (isinstance(law, str) and law == "auto"):
         for name in shortlist(law, presliding=True, load=True, warm=True):
             LawShape.named(name)
-    lookup(interval, dict.fromkeys(METHODS, 0), "kind of interval")
+    asked_.refuse_nonsense(
+        loss=loss,
+        interval=interval,
+        seed=seed,
+        cutoff=cutoff,
+        step=step,
+        known=known or {},
+        bounds=bounds or {},
+        drive=drive,
+    )
     logs = [in_order(log, logs[0]) for log in logs]
     held_out = [in_order(log, logs[0]) for log in held_out]
     apart(logs, held_out)
@@ -124,6 +145,7 @@ def fit(
     warnings: list[str] = []
     logs = [healthy(log, accept, repair, warnings) for log in logs]
     held_out = [healthy(log, accept, repair, warnings) for log in held_out]
+    warnings += slow_clock(logs)
     driven = drive is not None or any(log.torque is None and log.drive_input is not None for log in logs)
     asked = Request(
         law=law,
@@ -131,6 +153,7 @@ def fit(
         delay=delay,
         bounds=bounds,
         cutoff=cutoff,
+        step=step,
         loss=loss,
         interval=interval,
         seed=seed,
@@ -141,14 +164,30 @@ def fit(
     fit_joint = given_drive.fit_joint if driven else given_motion.fit_joint
     names, idle = moving_joints(logs, joints)
     warnings += [f"Joint '{name}' hardly moves and was left out." for name in idle]
+    if driven:
+        warnings += asked_.drive_off(logs)
     found: list[JointFit] = []
-    for name in names:
-        try:
-            found.append(fit_joint(logs, held_out, name, asked))
-        except BackdriveError as error:
-            if len(names) == 1:
-                raise
-            warnings.append(f"Joint '{name}' was left out: {error.message} {error.remedy}")
+    stopped = False
+    with stopping.gently():
+        for name in names:
+            try:
+                stopping.check()
+                found.append(fit_joint(logs, held_out, name, asked))
+            except BackdriveError as error:
+                if len(names) == 1:
+                    raise
+                warnings.append(f"Joint '{name}' was left out: {error.message} {error.remedy}")
+            except KeyboardInterrupt:
+                if not found:
+                    raise
+                stopped = True
+            stopped = stopped or bool(found and found[-1].stopped)
+            if stopped:
+                break
+    left = [name for name in names if name not in [f.choice.joint for f in found]]
+    if stopped:
+        rest = f" Without a result: {', '.join(left)}." if left else ""
+        warnings.append(f"The fit was interrupted.{rest}")
     if not found:
         raise NotIdentifiable(
             "No joint could be fitted. " + " ".join(warnings), remedy="Record a motion with reversals."
@@ -156,7 +195,18 @@ def fit(
     model = FrictionModel(
         joints=tuple(f.friction for f in found),
         sources=tuple(s for log in logs for s in log.sources),
-        options={"law": law if isinstance(law, str) else list(law), "loss": loss, "seed": seed},
+        options=asked_.remembered(
+            asked,
+            joints={
+                f.choice.joint: dict(f.settings)
+                for f in found
+                if any(v is not None for v in f.settings.values())
+            },
+            hold_out=[s.path for log in held_out for s in log.sources],
+            accept=list(accept),
+            repair=repair or None,
+            reading=dict(reading or {}),
+        ),
         version=__version__,
     )
     return FitResult(
@@ -165,7 +215,8 @@ def fit(
         method="fit",
         reason="motion given the drive's input" if driven else "torque given motion",
         warnings=tuple(warnings),
-        notes=tuple(note for log in logs for note in log.notes),
+        notes=(*(note for log in logs for note in log.notes), *(note for f in found for note in f.notes)),
         choices=tuple(f.choice for f in found),
         intervals={f.choice.joint: f.intervals for f in found},
+        stopped=stopped,
     )

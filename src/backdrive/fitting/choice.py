@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from backdrive.errors import BackdriveError
+from backdrive._catalog import lookup
+from backdrive.errors import BackdriveError, InvalidInput
 from backdrive.fitting.law_fit import LawFit
 from backdrive.fitting.torque import Stretch
+from backdrive.fitting.unknowns import LawShape
 from backdrive.laws import ELEMENTS, RATES
 
 WINDOWS = 15  # of time; every third is held out
@@ -36,6 +38,7 @@ class Candidate:
         remark: why it failed, or what it could not see.
         fit: the fit of torque; None where it failed, or where motion was fitted.
         windows: mean squared error of each held-out window, for paired comparison.
+        shown: the data show its presliding, where it has any; where they do not, it is not chosen over a law without.
     """
 
     name: str
@@ -47,6 +50,7 @@ class Candidate:
     remark: str = ""
     fit: LawFit | None = None
     windows: np.ndarray | None = None
+    shown: bool = True
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,8 +72,12 @@ class Choice:
     unit: str = "N.m"
 
     def candidate(self, name: str | None = None) -> Candidate:
-        """Return a candidate by name; None: the chosen one."""
-        return next(c for c in self.candidates if c.name == (name or self.chosen))
+        """Return a candidate by name; None: the chosen one.
+
+        Raises:
+            UnknownName: no such law was tried.
+        """
+        return lookup(name or self.chosen, {c.name: c for c in self.candidates}, "law that was tried")
 
 
 def shortlist(words: str | Sequence[str], *, presliding: bool, load: bool, warm: bool) -> list[str]:
@@ -81,10 +89,20 @@ def shortlist(words: str | Sequence[str], *, presliding: bool, load: bool, warm:
         load: the log holds the load, and it varies.
         warm: the log holds the temperature, and it varies.
     """
-    if not isinstance(words, str):
-        return [str(w) for w in words]
     if words != "auto":
-        return [w.strip() for w in words.split(",") if w.strip()]
+        found = words.split(",") if isinstance(words, str) else words
+        found = list(found) if isinstance(found, (list, tuple)) else [found]
+        if strange := [w for w in found if not isinstance(w, str)]:
+            raise InvalidInput(
+                f"A law to fit is a {type(strange[0]).__name__}.",
+                remedy="Name it: 'stribeck-gauss', or 'stribeck-gauss+lugre'; its numbers are what a fit finds.",
+            )
+        found = [w.strip() for w in found if w.strip()]
+        if not found:
+            raise InvalidInput(
+                f"No law is named: {words!r}.", remedy="Name one, or 'auto'; `backdrive laws` lists them."
+            )
+        return found
     return [
         *CURVES,
         *(PRESLIDING if presliding else ()),
@@ -111,8 +129,8 @@ def without(stretches: Sequence[Stretch], masks: Sequence[np.ndarray]) -> list[S
 def judged(fit: LawFit, stretches: Sequence[Stretch], masks: Sequence[np.ndarray]) -> np.ndarray:
     """Return the mean squared error of each held-out window [N.m or N, squared], (W,)."""
     found = []
-    for s, tau, mask in zip(stretches, fit.predict(stretches), masks):
-        found += squares((s.torque - tau) ** 2, mask, s.judged)
+    for s, miss, mask in zip(stretches, fit.misses(stretches), masks):
+        found += squares(miss**2, mask, s.judged)
     return np.array(found)
 
 
@@ -125,7 +143,7 @@ def squares(squared: np.ndarray, mask: np.ndarray, counts: np.ndarray) -> list[f
 
 def seen(fit: LawFit, stretches: Sequence[Stretch]) -> tuple[float, int]:
     """Return the mean squared error on what was fitted [N.m or N, squared], rests included, and the number of samples."""
-    squared = [((s.torque - tau) ** 2)[s.judged] for s, tau in zip(stretches, fit.predict(stretches))]
+    squared = [(miss**2)[s.judged] for s, miss in zip(stretches, fit.misses(stretches))]
     joined = np.concatenate(squared)
     return float(joined.mean()), joined.size
 
@@ -141,6 +159,25 @@ def failed(name: str, error: BackdriveError, seconds: float) -> Candidate:
         seconds=seconds,
         remark=error.message,
     )
+
+
+def shape_of(name: str) -> LawShape:
+    """Return the shape of a law by name."""
+    return LawShape.named(name)
+
+
+def is_shown(shape: LawShape, unseen: Iterable[str], at_bound: Iterable[str]) -> bool:
+    """Say whether a fit saw something of a law's presliding.
+
+    Args:
+        shape: of the law.
+        unseen: numbers that the motion does not show.
+        at_bound: numbers that ended at a bound.
+    """
+    hidden = {n.partition("[")[0] for n in (*unseen, *at_bound)}
+    main = [n for n in shape.element.PARAMETERS if n != "share"]
+    first = "stiffness" if "stiffness" in main else (main or [""])[0]
+    return first not in hidden
 
 
 def remark(unseen: Iterable[str]) -> str:
@@ -168,6 +205,8 @@ def choose(
     table = tuple(
         replace(c, aic=c.aic - least) for c in sorted(candidates, key=lambda c: (c.parameters, c.name))
     )
+    if any(c.shown for c in alive):
+        alive = [c for c in alive if c.shown]
     best = min(alive, key=lambda c: c.held_out)
     simple = next(c for c in alive if not _worth(c, best))
     share = 100.0 / size if size > 0 else float("nan")

@@ -103,8 +103,7 @@ def whole(parts: Sequence[Driven], held: bool) -> list[MotionLog]:
     """
     if held:
         return [p.log for p in parts]
-    length = min(LOOSE, sum(len(p.log.position) * p.log.dt for p in parts) / FEWEST)
-    return [w for p in parts for w in p.log.windows(length)]
+    return [w for p in parts for w in p.log.windows(_loose(parts))]
 
 
 def split(parts: Sequence[Driven], held: bool) -> tuple[list[MotionLog], list[MotionLog]]:
@@ -117,3 +116,22 @@ def split(parts: Sequence[Driven], held: bool) -> tuple[list[MotionLog], list[Mo
         [replace(log, judged=~mask) for log, mask in zip(logs, masks)],
         [replace(log, judged=mask) for log, mask in zip(logs, masks)],
     )
+
+
+def held_out_masks(parts: Sequence[Driven], held: bool) -> list[np.ndarray]:
+    """Return for every stretch the samples that `split` holds out, (n,) each."""
+    if held:
+        return windows([len(p.log.position) for p in parts])
+    masks, index = [], 0
+    length = _loose(parts)
+    for p in parts:
+        mask, place = np.zeros(len(p.log.position), dtype=bool), 0
+        for w in p.log.windows(length):
+            mask[place : place + len(w.position)] = index % 3 == 1
+            place, index = place + len(w.position), index + 1
+        masks.append(mask)
+    return masks
+
+
+def _loose(parts: Sequence[Driven]) -> float:
+    return min(LOOSE, sum(len(p.log.position) * p.log.dt for p in parts) / FEWEST)

@@ -9,15 +9,17 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive.engine import Axis, DriveModel
-from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
+from backdrive.errors import BackdriveError, NotIdentifiable
 from backdrive.fitting import choice as choice_
 from backdrive.fitting import starts
+from backdrive.fitting.asked import described
 from backdrive.fitting.choice import Candidate
 from backdrive.fitting.drive_of_log import drive_of, sought_of
 from backdrive.fitting.driven import Driven, driven, split, whole
@@ -29,12 +31,15 @@ from backdrive.fitting.motion_log import MotionLog
 from backdrive.fitting.motion_problem import MotionProblem
 from backdrive.fitting.motion_result import finish_motion
 from backdrive.fitting.motion_terms import NAMES, OF_AXIS
-from backdrive.fitting.request import JointFit, Request
+from backdrive.fitting.request import JointFit, Request, check_bounds, interruption
+from backdrive.fitting.stopping import unless_stopped
 from backdrive.fitting.unknowns import LawShape
 from backdrive.laws import Coulomb, Law
 from backdrive.log import Joint, Log
 
 STEP = 1e-3  # longest integration step [s]
+QUICK = 0.06  # of the fastest time constant of the drive with the inertia, that a step may be [-]
+FINEST = 20  # steps a sample, at most, unless a person asks for more
 STARTS = (
     12  # stretches whose velocity at the start is sought too, which a low pass tells badly there, at most
 )
@@ -66,16 +71,24 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Re
     candidates: list[Candidate] = []
     fits: dict[str, MotionFit] = {}
     failure: BackdriveError | None = None
-    for candidate in choice_.shortlist(asked.law, presliding=False, load=False, warm=False):
+    listed = choice_.shortlist(asked.law, presliding=False, load=False, warm=False)
+    check_bounds(asked.bounds, listed, NAMES)
+    stopped = False
+    for candidate in listed:
         asked.say(f"{name}: fitting {candidate}")
         begun = clock.perf_counter()
         try:
             one = problem.fit(candidate, shown, asked.ticker(name))
+            squares = _squares(one, judges)
         except BackdriveError as error:
             candidates.append(choice_.failed(candidate, error, clock.perf_counter() - begun))
             failure = error
             continue
-        squares = _squares(one, judges)
+        except KeyboardInterrupt:
+            if not fits:
+                raise
+            stopped = True
+            break
         fits[one.name] = one
         candidates.append(
             Candidate(
@@ -90,6 +103,7 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Re
             )
         )
         if one.interrupted:
+            stopped = True
             break
     if not any(np.isfinite(c.held_out) for c in candidates):
         raise failure or NotIdentifiable("No law could be judged.", remedy="Record a longer log.")
@@ -98,26 +112,39 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Re
     choice = choice_.choose(name, candidates, info.unit, size, "motion")
     best = fits[choice.chosen]
     final = best
-    if not unseen and not best.interrupted:
+    if not unseen and not stopped:
         asked.say(f"{name}: fitting {best.name} to everything")
-        final = problem.fit(best.name, pieces, asked.ticker(name), best.values)
-    numbers = intervals(
+        again = unless_stopped(lambda: problem.fit(best.name, pieces, asked.ticker(name), best.values))
+        stopped = again is None or again.interrupted
+        final = best if again is None or (again.interrupted and again.rms > best.rms) else again
+    numbers, done = intervals(
         final.problem,
         final.found,
         final.standard_errors,
-        asked.interval,
+        "covariance" if stopped else asked.interval,
         loss=asked.loss,
         step=1e-4,
         seed=asked.seed,
         tick=lambda number: asked.say(f"{name}: profile of {number}"),
     )
     numbers = {n: ends for n, ends in numbers.items() if not n.startswith("start.")}
-    friction, evidence = finish_motion(info, final, choice, fitted, unseen, asked, problem.scales)
+    stopped = stopped or not done
+    friction, evidence = finish_motion(info, final, best, choice, fitted, unseen, asked, problem.scales)
+    if stopped:
+        said = interruption(listed, candidates, done)
+        friction = replace(friction, warnings=(said, *friction.warnings))
+    judged = choice.candidate()
     return JointFit(
         friction=friction,
         evidence=evidence,
         choice=choice,
         intervals=final.problem.shape.complete(numbers),
+        stopped=stopped,
+        settings={
+            "drive": described(final.axis.drive),
+            "step": final.problem.logs[0].dt / final.problem.substeps,
+            "motion": {"error": final.rms, "held_out": judged.held_out, "unit": info.unit},
+        },
     )
 
 
@@ -149,22 +176,30 @@ class _Problem:
         self.axis = Axis(
             **{"law": Law(rate=Coulomb(coulomb=0.0)), "inertia": 1.0, "drive": drive, **asked.known}  # type: ignore[arg-type]
         )
-        self.substeps = max(1, int(np.ceil(driven[0].log.dt / STEP - 1e-6)))
+        self.dt = driven[0].log.dt
+        self.dampings = drive.proportional if drive.controller == "velocity" else drive.derivative
+        self.stiffness = drive.proportional if drive.controller == "position" else 0.0
+        if drive.actuator == "motor":
+            volts = self.middle.supply * self.middle.torque_constant / self.middle.resistance
+            self.dampings = self.dampings * volts + self.middle.torque_constant**2 / self.middle.resistance
+            self.stiffness *= volts
+
+    def substeps(self, inertia: float) -> int:
+        """Return the integration steps a sample: short against the time in which the drive settles the inertia."""
+        if self.asked.step is not None:
+            return max(1, int(np.ceil(self.dt / self.asked.step - 1e-6)))
+        rates = (self.dampings / inertia, np.sqrt(self.stiffness / inertia))
+        step = min(STEP, QUICK / max(*rates, 1e-9))
+        return min(max(1, int(np.ceil(self.dt / step - 1e-6))), max(FINEST, int(np.ceil(self.dt / STEP))))
 
     def fit(self, law: str, logs, tick, begin_at: Mapping[str, float] | None = None) -> MotionFit:
         """Return the fit of one law, begun at a fit to the drive's torque."""
         shape = LawShape.named(law).beside(self.terms)
-        numbers = {**shape.rate.PARAMETERS, **shape.element.PARAMETERS}
-        for n in self.bounds:
-            if n.partition("[")[0] not in {*numbers, *NAMES}:
-                raise InvalidInput(
-                    f"'{n}' is bounded, and neither '{law}' nor the axis has it.",
-                    remedy=f"It has {', '.join(numbers)}, {', '.join(NAMES)}.",
-                )
         start = dict(begin_at) if begin_at else self._start(shape)
         free = self._free(shape, start)
+        substeps = self.substeps(start.get("inertia", self.axis.inertia))
         problem = MotionProblem(
-            shape, logs, self.axis, free, substeps=self.substeps, scales=self.scales, unit=self.info.unit
+            shape, logs, self.axis, free, substeps=substeps, scales=self.scales, unit=self.info.unit
         )
         wide = bool(shape.rate.NEEDS)
         return fit_motion(
@@ -195,6 +230,8 @@ class _Problem:
             descend=1,
             seed=self.asked.seed,
         )
+        if found.interrupted:
+            raise KeyboardInterrupt
         start = dict(found.values)
         start["drive.delay"] = float(np.clip(-start.pop("delay", 0.0), 0.0, LATEST))
         return start

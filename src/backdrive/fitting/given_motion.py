@@ -15,8 +15,10 @@ from backdrive.fitting import choice as choice_
 from backdrive.fitting import starts
 from backdrive.fitting.choice import Candidate
 from backdrive.fitting.law_fit import fit_law
-from backdrive.fitting.request import JointFit, Request
+from backdrive.fitting.request import JointFit, Request, check_bounds, interruption
 from backdrive.fitting.result import finish
+from backdrive.fitting.smoothing import Smoothing, smoothing
+from backdrive.fitting.stopping import unless_stopped
 from backdrive.identification.dynamics import unit_of
 from backdrive.laws import rate_law
 from backdrive.log import Log
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
 
 VARIES = 0.1  # a load or temperature varies that spans this share of its size [-]
 TERMS = ("inertia", "offset", "gravity_sin", "gravity_cos")
+WORSE = 1.1  # mean square of a fit to everything by that of the one that was judged, beyond which it is not taken [-]
 TURNS = 0.5  # a joint that turns by less shows little of gravity [rad]
 
 
@@ -46,14 +49,16 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Re
     for term in asked.known:
         lookup(term, dict.fromkeys(TERMS, 0), "number that a fit of torque takes as known")
     info = logs[0].joints[logs[0].column(name)]
-    pairs = [pair for log in logs for pair in _stretches(log, name, asked)]
-    unseen = [pair for log in held_out for pair in _stretches(log, name, asked)]
+    smooth = smoothing([*logs, *held_out], name) if asked.cutoff is None else Smoothing(cutoff=asked.cutoff)
+    pairs = [pair for log in logs for pair in _stretches(log, name, smooth.cutoff)]
+    unseen = [pair for log in held_out for pair in _stretches(log, name, smooth.cutoff)]
     stretches = [s for _, s in pairs]
     terms = ["inertia", "offset", *gravity_terms(stretches, info.unit, asked.gravity)]
+    terms += [term for term in TERMS if term in (asked.bounds or {}) and term not in terms]
     terms = [term for term in terms if term not in asked.known]
     load = all(s.load.shape[0] > 1 and _varies(s.load[:, 1]) for s in stretches)
     warm = all(s.temperature.size > 1 and _varies(s.temperature) for s in stretches)
-    sizes = starts.scales(stretches, terms, info.unit, info.encoder_counts)
+    sizes = starts.scales(stretches, terms, info.unit, info.encoder_counts, asked.known)
     shown = sizes.length * (info.encoder_counts or np.inf) >= 5.0 and _slow_reversals(stretches, sizes.length)
     masks = (
         [np.zeros(len(s.torque), dtype=bool) for s in stretches]
@@ -62,6 +67,7 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Re
     )
     fitted = choice_.without(stretches, masks)
     judges = [s for _, s in unseen] if unseen else stretches
+    judged_on = [np.ones(len(s.torque), dtype=bool) for s in judges] if unseen else masks
     candidates: list[Candidate] = []
     failure: BackdriveError | None = None
     options: dict[str, Any] = {
@@ -69,25 +75,31 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Re
         "counts": info.encoder_counts,
         "terms": terms,
         "delay": asked.delay,
-        "bounds": asked.bounds,
+        "known": asked.known,
         "scales": sizes,
         "loss": asked.loss,
         "seed": asked.seed,
     }
-    for candidate in choice_.shortlist(asked.law, presliding=shown, load=load, warm=warm):
+    listed = choice_.shortlist(asked.law, presliding=shown, load=load, warm=warm)
+    check_bounds(asked.bounds, listed, (*TERMS, *(("delay",) if asked.delay else ())))
+    stopped = False
+    for candidate in listed:
         asked.say(f"{name}: fitting {candidate}")
         begun = clock.perf_counter()
         try:
             _supported(candidate, load=load, warm=warm)
-            one = fit_law(candidate, fitted, tick=asked.ticker(name), **options)
+            one = fit_law(candidate, fitted, bounds=asked.bounds, tick=asked.ticker(name), **options)
+            squares = choice_.judged(one, judges, judged_on)
+            seen, count = choice_.seen(one, fitted)
         except BackdriveError as error:
             candidates.append(choice_.failed(candidate, error, clock.perf_counter() - begun))
             failure = error
             continue
-        squares = choice_.judged(
-            one, judges, [np.ones(len(s.torque), dtype=bool) for s in judges] if unseen else masks
-        )
-        seen, count = choice_.seen(one, fitted)
+        except KeyboardInterrupt:
+            if not candidates:
+                raise
+            stopped = True
+            break
         candidates.append(
             Candidate(
                 name=one.name,
@@ -97,25 +109,54 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Re
                 aic=count * np.log(max(seen, 1e-300)) + 2 * len(one.problem.unknowns),
                 seconds=clock.perf_counter() - begun,
                 remark=choice_.remark(one.unseen),
+                shown=choice_.is_shown(one.problem.shape, one.unseen, one.at_bound),
                 fit=one,
                 windows=squares,
             )
         )
         if one.interrupted:
+            stopped = True
             break
     if not any(np.isfinite(c.held_out) for c in candidates):
+        if stopped:
+            raise KeyboardInterrupt
         raise failure or NotIdentifiable("No law could be judged.", remedy="Record a longer log.")
     size = float(np.sqrt(np.mean(np.concatenate([s.torque for s in stretches]) ** 2)))
     choice = choice_.choose(name, candidates, info.torque_unit, size)
     best = choice.candidate().fit
     assert best is not None
-    final = best
-    if not unseen and not best.interrupted:
+    final, remarks = best, [smooth.warning] if smooth.warning else []
+    if not unseen and not stopped:
         asked.say(f"{name}: fitting {best.name} to everything")
-        final = fit_law(best.problem.shape, stretches, begin=8, descend=1, begin_at=best.values, **options)
-    intervals = final.intervals(
-        asked.interval, seed=asked.seed, tick=lambda number: asked.say(f"{name}: profile of {number}")
+        again = unless_stopped(
+            lambda: fit_law(
+                best.problem.shape,
+                stretches,
+                begin=8,
+                descend=1,
+                begin_at=best.values,
+                bounds=asked.bounds,
+                **options,
+            )
+        )
+        stopped = again is None or again.interrupted
+        if again is not None and choice_.seen(again, stretches)[0] <= (
+            WORSE * choice_.seen(best, stretches)[0]
+        ):
+            final = again
+        elif again is not None and not again.interrupted:
+            remarks.append(
+                "Fitted to everything, the law explains the log worse than without the windows that it was judged on: the "
+                "numbers are those of the fit that was judged."
+            )
+    intervals, done = final.intervals_until_stopped(
+        "covariance" if stopped else asked.interval,
+        seed=asked.seed,
+        tick=lambda number: asked.say(f"{name}: profile of {number}"),
     )
+    stopped = stopped or not done
+    if stopped:
+        remarks.append(interruption(listed, candidates, done))
     friction, evidence = finish(info, final, best, choice, pairs, unseen, masks)
     given = {
         term: Estimate(value=value, unit=unit_of(term, info), standard_error=float("nan"))
@@ -123,8 +164,18 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Re
     }
     if any(log.model_torque is not None for log in logs):
         given["model_torque"] = Estimate(value=1.0, unit="1", standard_error=float("nan"))
-    friction = replace(friction, dynamics=dict(friction.dynamics) | given)
-    return JointFit(friction=friction, evidence=evidence, choice=choice, intervals=intervals)
+    friction = replace(
+        friction, dynamics=dict(friction.dynamics) | given, warnings=(*remarks, *friction.warnings)
+    )
+    return JointFit(
+        friction=friction,
+        evidence=evidence,
+        choice=choice,
+        intervals=intervals,
+        stopped=stopped,
+        notes=(smooth.note,) if smooth.note else (),
+        settings={"cutoff": smooth.cutoff},
+    )
 
 
 def gravity_terms(stretches: Sequence[Stretch], unit: str, asked: bool | None) -> tuple[str, ...]:
@@ -145,25 +196,19 @@ def _supported(candidate: str, *, load: bool, warm: bool) -> None:
             )
 
 
-def _stretches(log: Log, name: str, asked: Request) -> list[tuple[Signals, Stretch]]:
-    """Return signals and stretches of one joint, with its load and temperature."""
-    from backdrive.fitting.torque import column, stretch
+def _stretches(log: Log, name: str, cutoff: float | None) -> list[tuple[Signals, Stretch]]:
+    """Return signals and stretches of one joint, with its load and temperature; a torque known from elsewhere is taken off."""
+    from backdrive.fitting.torque import SMOOTHED, stretch
     from backdrive.identification.signals import prepare
 
-    own = log.select(name).on_joint_side()
     found = []
-    for signals in prepare(log, name, cutoff=asked.cutoff):
-        load = temperature = None
-        if own.load is not None or own.external_torque is not None:
-            external = -own.load[:, 0] if own.load is not None else own.need("external_torque")[:, 0]
-            load = np.column_stack([signals.torque, np.interp(signals.time, own.time, external)])
-        if own.temperature is not None:
-            temperature = np.interp(signals.time, own.time, own.temperature[:, 0])
-        one = stretch(signals, load=load, temperature=temperature)
-        if asked.known:
-            given = sum(value * column(one, term) for term, value in asked.known.items())
-            elsewhere = 0.0 if signals.model_torque is None else signals.model_torque
-            signals = replace(signals, model_torque=elsewhere + given)
+    for signals in prepare(log, name, cutoff=cutoff):
+        one = stretch(
+            signals,
+            load=signals.load,
+            temperature=signals.temperature,
+            bandwidth=SMOOTHED if cutoff is None else min(cutoff, SMOOTHED),
+        )
         if signals.model_torque is not None:
             one = replace(one, torque=one.torque - signals.model_torque)
         found.append((signals, one))

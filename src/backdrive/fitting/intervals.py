@@ -15,7 +15,6 @@ from backdrive.fitting.uncertainty import bootstrap, inverse, profile
 Method = Literal["covariance", "profile", "bootstrap"]
 METHODS: tuple[str, ...] = get_args(Method)
 REACH = 1.96  # standard errors of a 95 % interval
-LARGEST = 700.0  # logarithm of what an interval may reach to
 STEPS = 8  # of the search that fits all others again, per point of a profile
 
 
@@ -29,8 +28,10 @@ def intervals(
     step: float = 1e-5,
     seed: int = 0,
     tick: Callable[[str], None] | None = None,
-) -> dict[str, tuple[float, float]]:
-    """Return the 95 % interval of every number that was sought [SI]; the whole range where a number has no error.
+) -> tuple[dict[str, tuple[float, float]], bool]:
+    """Return the 95 % interval of every number that was sought [SI], within its range; all of that where a number has no error.
+
+    The second thing returned is False where a person interrupted profiles: the rest have the interval of the covariance.
 
     Args:
         problem: what was fitted: `unknowns`, `lower`, `upper` and `residuals`.
@@ -49,11 +50,7 @@ def intervals(
         UnknownName: no such method.
         InvalidInput: a profile of absolute deviations, whose rise says nothing about an error.
     """
-    lookup(method, dict.fromkeys(METHODS, 0), "kind of interval")
-    if method == "profile" and loss == "absolute":
-        raise InvalidInput(
-            "A profile needs squares, and the loss is 'absolute'.", remedy="Ask for bootstrap intervals."
-        )
+    check(method, loss)
     unknowns, point = problem.unknowns, found.point
     root = np.array(
         [errors[u.name] / u.slope(float(u.outward(x))) for u, x in zip(unknowns, point)], dtype=float
@@ -61,19 +58,37 @@ def intervals(
     free = np.isfinite(root) & (root > 0.0)
     if method == "bootstrap" and free.any():
         root[free] = bootstrap(found.jacobian, found.residual, found.weight, free, seed=seed)[free]
-    result = {}
+    result, done = {}, True
     for i, u in enumerate(unknowns):
         if not free[i]:
             ends = np.array([problem.lower[i], problem.upper[i]])
-        elif method == "profile":
-            if tick is not None:
-                tick(u.name)
-            ends = np.array(_profiled(problem, found, i, free, float(root[i]), loss, step))
         else:
             ends = point[i] + REACH * root[i] * np.array([-1.0, 1.0])
-        low, high = (float(np.exp(min(e, LARGEST))) if u.log else float(e * u.scale) for e in ends)
+        if free[i] and method == "profile" and done:
+            if tick is not None:
+                tick(u.name)
+            try:
+                ends = np.array(_profiled(problem, found, i, free, float(root[i]), loss, step))
+            except KeyboardInterrupt:
+                done = False
+        ends = np.clip(ends, problem.lower[i], problem.upper[i])
+        low, high = (float(u.outward(e)) for e in ends)
         result[u.name] = (low, high)
-    return result
+    return result, done
+
+
+def check(method: str, loss: str) -> None:
+    """Refuse a kind of interval that there is not, or not with this loss.
+
+    Raises:
+        UnknownName: no such method.
+        InvalidInput: a profile of absolute deviations.
+    """
+    lookup(method, dict.fromkeys(METHODS, 0), "kind of interval")
+    if method == "profile" and loss == "absolute":
+        raise InvalidInput(
+            "A profile needs squares, and the loss is 'absolute'.", remedy="Ask for bootstrap intervals."
+        )
 
 
 def _profiled(
@@ -98,7 +113,10 @@ def _profiled(
         search = Search(
             residuals, problem.lower[others], problem.upper[others], loss=loss, sigma=sigma, step=step
         )
-        return search.run(start, iterations=STEPS, tolerance=1e-6).cost
+        ended = search.run(start, iterations=STEPS, tolerance=1e-6)
+        if ended.interrupted:
+            raise KeyboardInterrupt
+        return ended.cost
 
     return profile(
         float(found.point[i]),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings as warnings_
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,12 +14,16 @@ from backdrive.fitting import starts as starts_
 from backdrive.fitting import words
 from backdrive.fitting.intervals import Method, intervals
 from backdrive.fitting.search import Found, Search, screen
-from backdrive.fitting.torque import Stretch, TorqueProblem, stretch
+from backdrive.fitting.torque import BESIDE, LONGEST_DELAY, Stretch, TorqueProblem, earlier, stretch
 from backdrive.fitting.uncertainty import WEAK, covariance
 from backdrive.fitting.unknowns import LawShape, Scales, shares
 from backdrive.laws import Law
 
 NEAR = 1e-6  # a coordinate so near to its bound is at it
+FAR = 3.0  # samples from which on a delay is looked for before the search
+TRIES = 3  # of reversals left out where the delay puts them
+#: What may be 0 -> times its scale, below which an error counts as small however small the value.
+LOOSE = {"delay": 50.0, "offset": 1.0, "gravity_sin": 1.0, "gravity_cos": 1.0}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,18 +86,44 @@ class LawFit:
             UnknownName: no such method.
             InvalidInput: a profile of absolute deviations.
         """
-        found = intervals(
+        return self.intervals_until_stopped(method, seed=seed, tick=tick)[0]
+
+    def intervals_until_stopped(
+        self, method: Method = "covariance", *, seed: int = 0, tick: Callable[[str], None] | None = None
+    ) -> tuple[dict[str, tuple[float, float]], bool]:
+        """Return the same, and whether no interruption left numbers with the interval of the covariance."""
+        found, done = intervals(
             self.problem, self.found, self.standard_errors, method, loss=self.loss, seed=seed, tick=tick
         )
-        return self.problem.shape.complete(found)
+        return self.problem.shape.complete(found), done
 
-    def predict(self, stretches: Sequence[Stretch]) -> list[np.ndarray]:
-        """Return the torque that the fit predicts for stretches [N.m or N], each (n,)."""
-        problem = TorqueProblem.__new__(TorqueProblem)
-        problem.__dict__ |= self.problem.__dict__
-        problem.stretches = list(stretches)
-        problem.regressors = [problem._regressors(s) for s in stretches]
-        return [tau[0] for tau in problem.predict([self.values])]
+    def predict(self, stretches: Sequence[Stretch], *, friction: bool = False) -> list[np.ndarray]:
+        """Return the torque that the fit predicts for stretches [N.m or N], each (n,).
+
+        Args:
+            stretches: motions of the joint.
+            friction: alone, without the terms of the dynamics.
+        """
+        return [tau[0] for tau in self.problem.predict([self.values], list(stretches), friction=friction)]
+
+    def misses(self, stretches: Sequence[Stretch]) -> list[np.ndarray]:
+        """Return measured less predicted torque [N.m or N], each (n,).
+
+        Friction that jumps at a reversal is at that sample anything between what it is before and after: when within the
+        sampling time the joint turned, no law can say.
+        """
+        found = []
+        for s, tau in zip(stretches, self.predict(stretches)):
+            low = high = tau
+            if self.law.element.SET_VALUED and len(tau) > 2:
+                way = np.sign(earlier(s.velocity, self.values.get("delay", 0.0) / s.dt))
+                turns = np.flatnonzero(way[1:] != way[:-1])
+                near = np.unique(np.clip(turns[:, None] + np.arange(-1, 3), 1, len(tau) - 2))
+                low, high = tau.copy(), tau.copy()
+                around = np.array([tau[near - 1], tau[near], tau[near + 1]])
+                low[near], high[near] = around.min(axis=0), around.max(axis=0)
+            found.append(s.torque - np.clip(s.torque, low, high))
+        return found
 
 
 def fit_law(
@@ -105,6 +135,7 @@ def fit_law(
     terms: Sequence[str] = ("inertia", "offset"),
     delay: bool = True,
     bounds: Mapping[str, tuple[float, float]] | None = None,
+    known: Mapping[str, float] | None = None,
     scales: Scales | None = None,
     loss: str = "huber",
     begin: int = 48,
@@ -123,7 +154,8 @@ def fit_law(
         counts: encoder steps per rad or m, if known.
         terms: of the rest of the dynamics that are sought too; beside `offset` Coulomb friction is alike in both directions.
         delay: seek the time by which torque was recorded later than motion.
-        bounds: of parameters, by name [SI].
+        bounds: of parameters, terms and delay, by name [SI].
+        known: terms of the dynamics that are not sought, by name [SI].
         scales: sizes that ranges follow from; None: read off the data.
         loss: `linear`, `huber` or `absolute`.
         begin: starts that are screened.
@@ -144,23 +176,36 @@ def fit_law(
             remedy="Record at least 50 samples, better a minute of motion with reversals.",
         )
     shape = shape.beside(terms)
-    scales = starts_.scales(stretches, terms, unit, counts) if scales is None else scales
-    problem = TorqueProblem(shape, stretches, scales, terms=terms, delay=delay, bounds=bounds)
-    search = Search(problem.residuals, problem.lower, problem.upper, loss=loss)
-    points = starts_.starts(problem, scales, begin, seed)
-    if begin_at is not None:
-        points = np.vstack([problem.point(begin_at), points])
+    scales = starts_.scales(stretches, terms, unit, counts, known) if scales is None else scales
+    about, dt = 0.0, max(s.dt for s in stretches)
+    if delay:
+        plain = starts_.without_known(stretches, known or {})
+        about = begin_at["delay"] if begin_at else starts_.delay_of(plain, terms, LONGEST_DELAY)
+        about = about if abs(about) > FAR * dt else 0.0
     inform = None if tick is None else lambda i, c: tick(shape.name, i, c)
-    with warnings_.catch_warnings():
-        warnings_.simplefilter("ignore", RuntimeWarning)
-        chosen = np.vstack([points[:1], screen(search, points, descend)])
-        short = [search.run(start, iterations=8) for start in chosen]
-        best = min(short, key=lambda f: float(f.residual @ f.residual))
-        found = (
-            best
-            if any(f.interrupted for f in short)
-            else search.run(best.point, iterations=iterations, tick=inform)
+    for _ in range(TRIES):
+        problem = TorqueProblem(
+            shape, stretches, scales, terms=terms, delay=delay, bounds=bounds, known=known, about=about
         )
+        search = Search(problem.residuals, problem.lower, problem.upper, loss=loss)
+        points = starts_.starts(problem, scales, begin, seed)
+        if begin_at is not None:
+            points = np.vstack([problem.point(begin_at), points])
+        with warnings_.catch_warnings():
+            warnings_.simplefilter("ignore", RuntimeWarning)
+            chosen = np.vstack([points[:1], screen(search, points, descend)])
+            short = [search.run(start, iterations=8) for start in chosen]
+            best = min(short, key=lambda f: float(f.residual @ f.residual))
+            found = (
+                replace(best, interrupted=True)
+                if any(f.interrupted for f in short)
+                else search.run(best.point, iterations=iterations, tick=inform)
+            )
+        values = problem.values(found.point)
+        late = values.get("delay", 0.0)
+        if not shape.element.SET_VALUED or abs(late - about) <= (BESIDE - 2) * dt or found.interrupted:
+            break
+        about, begin_at, begin, descend = late, values, 2, 1
     return conclude(problem, found, loss)
 
 
@@ -180,20 +225,20 @@ def conclude(problem: TorqueProblem, found: Found, loss: str = "huber") -> LawFi
     )
     root = np.sqrt(np.diag(cov.matrix))
     errors, relative = {}, np.full(len(problem.unknowns), np.inf)
+    largest = max(float(np.abs(s.torque).max()) for s in problem.stretches)
     for i, u in enumerate(problem.unknowns):
         errors[u.name] = float(root[i] * u.slope(values[u.name]))
         size = 1.0 if u.ratio else abs(values[u.name])
-        if u.name in ("delay", "offset", "gravity_sin", "gravity_cos"):
-            size = max(size, 0.1 * u.scale * (50.0 if u.name == "delay" else 1.0))
+        if u.name in LOOSE:
+            size = min(
+                max(size, LOOSE[u.name] * u.scale), max(largest, u.scale) if u.name != "delay" else np.inf
+            )
         if np.isfinite(root[i]) and size > 0:
             relative[i] = errors[u.name] / size
-    judged = [i for i, u in enumerate(problem.unknowns) if u.name not in problem.terms and u.name != "delay"]
-    unseen, sentences = words.unseen(
-        [problem.names[i] for i in judged],
-        relative[judged],
-        cov.correlation[np.ix_(judged, judged)],
-        WEAK,
-    )
+    for i, u in enumerate(problem.unknowns):
+        if u.name == "delay" and at_bound[i]:
+            relative[i] = 0.0  # said below
+    unseen, sentences = words.unseen(problem.names, relative, cov.correlation, WEAK)
     law = problem.shape.law(values)
     m = len(found.residual)
     rms = float(np.sqrt(np.mean(found.residual**2)))

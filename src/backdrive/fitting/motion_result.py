@@ -7,14 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from backdrive.fitting.asked import described
 from backdrive.fitting.choice import Choice
-from backdrive.fitting.driven import Driven
-from backdrive.fitting.law_fit import conclude
+from backdrive.fitting.driven import Driven, held_out_masks
+from backdrive.fitting.law_fit import LawFit, conclude
 from backdrive.fitting.motion import MotionFit
+from backdrive.fitting.motion_terms import UNITS
 from backdrive.fitting.request import Request
 from backdrive.fitting.result import finish
 from backdrive.fitting.search import Found, Search
-from backdrive.fitting.torque import TorqueProblem
+from backdrive.fitting.torque import Stretch, TorqueProblem
 from backdrive.fitting.unknowns import Scales
 from backdrive.identification.result import JointEvidence
 from backdrive.log import Joint
@@ -27,6 +29,7 @@ OTHERS = ("load_inertia", "stiffness", "damping", "load_dependence")
 def finish_motion(
     joint: Joint,
     final: MotionFit,
+    judged: MotionFit,
     choice: Choice,
     fitted: Sequence[Driven],
     unseen: Sequence[Driven],
@@ -38,6 +41,7 @@ def finish_motion(
     Args:
         joint: whose friction it is.
         final: fitted to everything.
+        judged: fitted without what it is judged on.
         choice: of the law.
         fitted: stretches of the fit.
         unseen: the same of held-out logs.
@@ -46,7 +50,35 @@ def finish_motion(
     """
     stretches = [d.stretch(final.axis.drive) for d in fitted]
     tests = [d.stretch(final.axis.drive) for d in unseen]
-    values, shape = {**asked.known, **final.values}, final.problem.shape
+    masks = held_out_masks(fitted, final.axis.drive.controller != "open")
+    friction, evidence = finish(
+        joint,
+        _in_torque(final, stretches, asked, scales),
+        _in_torque(judged, stretches, asked, scales),
+        choice,
+        [(d.signals, s) for d, s in zip(fitted, stretches)],
+        [(d.signals, s) for d, s in zip(unseen, tests)],
+        masks,
+    )
+    units = {u.name: u.unit for u in final.problem.unknowns}
+    numbers = {*final.problem.shape.rate.PARAMETERS, *final.problem.shape.element.PARAMETERS}
+    dynamics = dict(friction.dynamics) | _given(final, asked, joint, numbers)
+    dynamics |= {
+        n: Estimate(value=v, unit=units[n], standard_error=final.standard_errors[n])
+        for n, v in final.values.items()
+        if n.startswith("drive.") or (n in OTHERS and n not in numbers)
+    }
+    friction = replace(
+        friction,
+        dynamics=dynamics,
+        method=f"fit of {final.name}: motion given the drive's input",
+    )
+    return friction, evidence
+
+
+def _in_torque(one: MotionFit, stretches: Sequence[Stretch], asked: Request, scales: Scales) -> LawFit:
+    """Return a fit of motion as one of the torque that its drive must have given."""
+    values, shape = {**asked.known, **one.values}, one.problem.shape
     numbers = {*shape.rate.PARAMETERS, *shape.element.PARAMETERS}
     terms = [t for t in RIGID if t in values and t not in numbers]
     problem = TorqueProblem(shape, stretches, scales, terms=terms)
@@ -63,33 +95,24 @@ def finish_motion(
         evaluations=search.evaluations,
     )
     seen = conclude(problem, found, asked.loss)
-    in_torque = replace(
+    return replace(
         seen,
         values={n: values.get(n, v) for n, v in seen.values.items()},
-        standard_errors={n: final.standard_errors.get(n, np.nan) for n in seen.values},
-        at_bound=final.at_bound,
-        unseen=final.unseen,
-        warnings=final.warnings,
+        standard_errors={n: one.standard_errors.get(n, np.nan) for n in seen.values},
+        at_bound=one.at_bound,
+        unseen=one.unseen,
+        warnings=one.warnings,
     )
-    friction, evidence = finish(
-        joint,
-        in_torque,
-        in_torque,
-        choice,
-        [(d.signals, s) for d, s in zip(fitted, stretches)],
-        [(d.signals, s) for d, s in zip(unseen, tests)],
-        [np.zeros(len(s.torque), dtype=bool) for s in stretches],
-    )
-    units = {u.name: u.unit for u in final.problem.unknowns}
-    dynamics = dict(friction.dynamics) | {
-        n: Estimate(value=v, unit=units[n], standard_error=final.standard_errors[n])
-        for n, v in final.values.items()
-        if n.startswith("drive.") or (n in OTHERS and n not in numbers)
+
+
+def _given(final: MotionFit, asked: Request, joint: Joint, numbers: set[str]) -> dict[str, Estimate]:
+    """Return the numbers of the drive and the axis that were given and not sought, so that the model can be run again."""
+    side = 0 if joint.unit == "rad" else 1
+    found = {
+        f"drive.{n}": v
+        for n, v in described(final.axis.drive).items()
+        if isinstance(v, float) and np.isfinite(v)
     }
-    friction = replace(
-        friction,
-        dynamics=dynamics,
-        held_out=friction.held_out if unseen else None,
-        method=f"fit of {final.name}: motion given the drive's input",
-    )
-    return friction, evidence
+    found |= {n: float(v) for n, v in asked.known.items() if n not in RIGID and n not in numbers}
+    units = {n: UNITS[n][side] if n in UNITS else "SI" for n in found}
+    return {n: Estimate(value=v, unit=units[n]) for n, v in found.items()}

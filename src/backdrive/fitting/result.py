@@ -25,7 +25,7 @@ DYNAMICS = {
     "offset": "offset",
     "gravity_sin": "gravity_sin",
     "gravity_cos": "gravity_cos",
-    "delay": "time_slip",
+    "delay": "delay",
 }
 
 
@@ -86,19 +86,9 @@ def finish(
     )
     for (signals, s), tau, seen in series:
         known = 0.0 if signals.model_torque is None else signals.model_torque
-        steady = friction.law.torque(signals.velocity)
-        rest = tau - _series(final, s) + known
+        rest = tau - final.predict([s], friction=True)[0] + known
         parts.append((signals, s.torque + known - rest, tau + known, seen))
-        assert steady.shape == tau.shape
     return friction, evidence(friction, parts, lambda velocity: band(final, velocity))
-
-
-def _series(final: LawFit, s: Stretch) -> np.ndarray:
-    """Return the friction alone that the fit predicts [N.m or N], (n,)."""
-    from backdrive.engine import Lanes
-
-    lanes = Lanes([final.law])
-    return lanes.torque(np.zeros(1, dtype=np.int64), s.dp[None], s.dt, s.load[None], s.temperature[None])[0]
 
 
 def _held_out(judged, stretches, unseen, masks):

@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from backdrive.fitting import stopping
+
 STEP = 1e-5  # of the forward differences, in scaled coordinates
 DAMPINGS = np.array([0.01, 0.1, 1.0, 10.0])  # tried in one batch, times the damping of the step before
 HUBER = 2.0  # residuals beyond so many standard deviations count linearly
@@ -79,6 +81,7 @@ class Search:
 
     def evaluate(self, points: np.ndarray) -> np.ndarray:
         """Return the residuals of a batch, (B, m)."""
+        stopping.check()
         self.evaluations += len(points)
         return self.residuals(points)
 

@@ -2,32 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from backdrive.engine import Lanes
 from backdrive.errors import NotIdentifiable
 from backdrive.filters import low_pass
-from backdrive.fitting.torque import SLOW, SMOOTHED, Stretch, TorqueProblem, column
+from backdrive.fitting.torque import SLOW, SMOOTHED, Stretch, TorqueProblem, column, earlier
 from backdrive.fitting.unknowns import Scales
 from backdrive.laws import Coulomb, HaywardArmstrong, Law, Leuven
 
 GRID = 24  # break-away distances that elements side by side are first sought at
+MOST = 2.0  # times the largest friction seen: more than that no break-away can be
+LONGEST = 50_000  # samples in which a delay is looked for
 STILL = 1e-9  # rad or m: a joint whose position spans less has not moved
 
 
-def rest_of(stretches: Sequence[Stretch], terms: Sequence[str]) -> tuple[dict[str, float], list[np.ndarray]]:
+def rest_of(
+    stretches: Sequence[Stretch], terms: Sequence[str], known: Mapping[str, float] | None = None
+) -> tuple[dict[str, float], list[np.ndarray]]:
     """Return rough values of friction and dynamics by linear least squares, and what is left for friction.
 
     Args:
         stretches: of one joint.
         terms: of the rest of the dynamics.
+        known: terms that are not sought, by name [SI].
 
     Returns:
         Values by name: `coulomb`, `viscous` and the terms; and the measured torque less the terms, a series a stretch.
     """
     rows, targets = [], []
+    stretches = without_known(stretches, known or {})
     for s in stretches:
         v = s.velocity
         moving = s.judged & (np.abs(v) > SLOW * np.abs(v).max())
@@ -44,7 +51,49 @@ def rest_of(stretches: Sequence[Stretch], terms: Sequence[str]) -> tuple[dict[st
     return {k: float(v) for k, v in found.items()}, left
 
 
-def scales(stretches: Sequence[Stretch], terms: Sequence[str], unit: str, count: float | None) -> Scales:
+def without_known(stretches: Sequence[Stretch], known: Mapping[str, float]) -> list[Stretch]:
+    """Return stretches whose torque is without what known terms take of it."""
+    return [
+        replace(s, torque=s.torque - sum(value * column(s, term) for term, value in known.items()))
+        for s in stretches
+    ]
+
+
+def delay_of(stretches: Sequence[Stretch], terms: Sequence[str], reach: float) -> float:
+    """Return the delay of the torque at which Coulomb and viscous friction explain it best [s]; coarse.
+
+    Args:
+        stretches: of one joint.
+        terms: of the rest of the dynamics.
+        reach: longest delay, either way [s].
+    """
+    s = max(stretches, key=lambda s: len(s.torque))
+    n, dt = len(s.torque), s.dt
+    a = max(0, (n - LONGEST) // 2)
+    at = slice(a, a + LONGEST)
+    v = s.velocity
+    columns = np.array([np.sign(v), v, *(column(s, t) for t in terms)])[:, at]
+    torque, use = s.torque[at], (s.judged & (np.abs(v) > SLOW * np.abs(v).max()))[at]
+    farthest = round(reach / dt)
+    step = max(1, farthest // 12)
+
+    def left(late: int) -> float:
+        A = earlier(columns, float(late))[:, use].T
+        norm = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+        theta = np.linalg.lstsq(A / norm, torque[use], rcond=1e-8)[0]
+        return float(np.sum((torque[use] - A / norm @ theta) ** 2))
+
+    best = min(range(-(farthest // step) * step, farthest + 1, step), key=left)
+    return dt * min(range(best - step + 1, best + step), key=left)
+
+
+def scales(
+    stretches: Sequence[Stretch],
+    terms: Sequence[str],
+    unit: str,
+    count: float | None,
+    known: Mapping[str, float] | None = None,
+) -> Scales:
     """Return the sizes that the data show.
 
     Args:
@@ -52,6 +101,7 @@ def scales(stretches: Sequence[Stretch], terms: Sequence[str], unit: str, count:
         terms: of the rest of the dynamics.
         unit: of the joint.
         count: encoder steps per rad or m, if known.
+        known: terms that are not sought, by name [SI].
 
     Raises:
         NotIdentifiable: the joint never moves, or its torque never changes.
@@ -68,14 +118,15 @@ def scales(stretches: Sequence[Stretch], terms: Sequence[str], unit: str, count:
             "The torque is the same number throughout.",
             remedy="Name the channel that holds the measured torque or current.",
         )
-    found, left = rest_of(stretches, terms)
+    found, left = rest_of(stretches, terms, known)
     force = max(found["coulomb"], 0.3 * float(np.median([np.abs(f).mean() for f in left])), 1e-9)
     length = presliding_length(stretches, left, force)
     length = float(np.clip(length, 1e-7 * travel, 0.2 * travel))
     if count:
         length = max(length, 1.0 / count)
     slowest = 1.0 / (count * max(s.dt for s in stretches)) if count else 0.0
-    return Scales(force=force, speed=speed, length=length, unit=unit, slowest=slowest)
+    most = MOST * max(float(np.quantile(np.abs(f), 0.999)) for f in left)
+    return Scales(force=force, speed=speed, length=length, unit=unit, slowest=slowest, most=max(most, force))
 
 
 def presliding_length(stretches: Sequence[Stretch], left: Sequence[np.ndarray], force: float) -> float:
@@ -99,7 +150,7 @@ def presliding_length(stretches: Sequence[Stretch], left: Sequence[np.ndarray], 
 
 def guess(problem: TorqueProblem, scales: Scales) -> dict[str, float]:
     """Return starting values by name."""
-    found, left = rest_of(problem.stretches, problem.terms)
+    found, left = rest_of(problem.stretches, problem.terms, problem.known)
     F, V = max(found["coulomb"], 0.05 * scales.force), scales.speed
     b = min(found["viscous"], 2.0 * F / V)
     near = np.concatenate(
@@ -162,7 +213,7 @@ def guess(problem: TorqueProblem, scales: Scales) -> dict[str, float]:
         "quadratic_motor": 0.01 / F,
         "coulomb_load": 0.05,
         "stribeck_load": 0.05,
-        "delay": 0.0,
+        "delay": problem.about,
     }
     parallel = side_by_side(problem, left, scales) if problem.side_by_side else {}
     if "threshold" in problem.names:

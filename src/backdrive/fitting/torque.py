@@ -15,6 +15,7 @@ import numpy as np
 from backdrive.engine import Lanes
 from backdrive.errors import NotIdentifiable
 from backdrive.fitting.unknowns import LawShape, Scales, Unknown
+from backdrive.identification.dynamics import earlier, increments
 from backdrive.identification.signals import Signals
 from backdrive.laws import REFERENCE, DeadZone, Law
 
@@ -44,6 +45,7 @@ class Stretch:
         load: motor-side and external torque [N.m or N], (n, 2) or (1, 2).
         temperature: [degC], (n,) or (1,).
         judged: samples that count, (n,).
+        bandwidth: up to here an encoder's steps show as velocity [Hz].
     """
 
     dp: np.ndarray
@@ -54,6 +56,7 @@ class Stretch:
     load: np.ndarray = field(default_factory=lambda: np.zeros((1, 2)))
     temperature: np.ndarray = field(default_factory=lambda: np.array([REFERENCE]))
     judged: np.ndarray
+    bandwidth: float = SMOOTHED
 
     @property
     def velocity(self) -> np.ndarray:
@@ -62,7 +65,11 @@ class Stretch:
 
 
 def stretch(
-    signals: Signals, *, load: np.ndarray | None = None, temperature: np.ndarray | None = None
+    signals: Signals,
+    *,
+    load: np.ndarray | None = None,
+    temperature: np.ndarray | None = None,
+    bandwidth: float = SMOOTHED,
 ) -> Stretch:
     """Return prepared signals as a stretch.
 
@@ -70,13 +77,10 @@ def stretch(
         signals: of `identification.signals.prepare`.
         load: motor-side and external torque [N.m or N], (n, 2).
         temperature: [degC], (n,).
+        bandwidth: of the low pass that the motion went through [Hz].
     """
     dt = 1.0 / signals.rate
-    if signals.position is not None:
-        dp = np.diff(signals.position, prepend=signals.position[:1])
-    else:
-        v = signals.velocity
-        dp = 0.5 * dt * (v + np.concatenate([v[:1], v[:-1]]))
+    dp = increments(signals.position, signals.velocity, dt)
     judged = np.isfinite(signals.torque)
     judged[: min(5, len(judged))] = False
     return Stretch(
@@ -88,6 +92,7 @@ def stretch(
         load=np.zeros((1, 2)) if load is None else np.ascontiguousarray(load),
         temperature=np.array([REFERENCE]) if temperature is None else np.ascontiguousarray(temperature),
         judged=judged,
+        bandwidth=bandwidth,
     )
 
 
@@ -100,7 +105,9 @@ class TorqueProblem:
         scales: sizes that ranges follow from.
         terms: of the rest of the dynamics: `inertia`, `offset`, `gravity_sin`, `gravity_cos`.
         delay: seek how much later the torque was recorded than the motion.
-        bounds: of the law's parameters, beyond their own.
+        bounds: of the law's parameters, beyond their own, and of terms and delay.
+        known: terms that are not sought, by name [SI].
+        about: delay near which the torque is expected: where a reversal may be does not count where friction jumps there [s].
     """
 
     def __init__(
@@ -112,8 +119,11 @@ class TorqueProblem:
         terms: Sequence[str] = (),
         delay: bool = False,
         bounds: Mapping[str, tuple[float, float]] | None = None,
+        known: Mapping[str, float] | None = None,
+        about: float = 0.0,
     ):
         self.shape, self.stretches, self.terms = shape, list(stretches), tuple(terms)
+        self.known, self.about, bounds = dict(known or {}), about, dict(bounds or {})
         self.unknowns: list[Unknown] = shape.unknowns(scales, bounds)
         top = max(float(np.abs(s.acceleration).max()) for s in self.stretches)
         for term in self.terms:
@@ -121,33 +131,37 @@ class TorqueProblem:
             unit = {"inertia": "kg.m^2" if scales.unit == "rad" else "kg"}.get(
                 term, "N.m" if scales.unit == "rad" else "N"
             )
-            low = 0.0 if term == "inertia" else -1e3 * size
-            self.unknowns.append(Unknown(name=term, unit=unit, lower=low, upper=1e3 * size, scale=size))
+            low, high = bounds.get(term, (0.0 if term == "inertia" else -1e3 * size, 1e3 * size))
+            self.unknowns.append(Unknown(name=term, unit=unit, lower=low, upper=high, scale=size))
         if delay:
             dt = max(s.dt for s in self.stretches)
             reach = max(LONGEST_DELAY, 2.0 * dt)
-            self.unknowns.append(Unknown(name="delay", unit="s", lower=-reach, upper=reach, scale=dt))
+            low, high = bounds.get("delay", (-reach, reach))
+            self.unknowns.append(Unknown(name="delay", unit="s", lower=low, upper=high, scale=dt))
         if shape.element.SET_VALUED:  # at rest its torque is whatever holds the joint
             self.stretches = [
-                moving(s, max(2.0 * scales.slowest * s.dt * SMOOTHED, RESTS * scales.speed))
+                moving(s, max(2.0 * scales.slowest * s.dt * s.bandwidth, RESTS * scales.speed), about / s.dt)
                 for s in self.stretches
             ]
-        dt = max(s.dt for s in self.stretches)
+        dt, band = max((s.dt, s.bandwidth) for s in self.stretches)
         self.count = scales.slowest * dt
-        self.blur = max(BLUR * scales.slowest * SMOOTHED * dt * np.sqrt(SMOOTHED * dt), 1e-5 * scales.speed)
+        self.blur = max(BLUR * scales.slowest * band * dt * np.sqrt(band * dt), 1e-5 * scales.speed)
         self.regressors = [self._regressors(s) for s in self.stretches]
         self.names = tuple(u.name for u in self.unknowns)
         self.lower = np.array([float(u.inward(u.lower)) for u in self.unknowns])
         self.upper = np.array([float(u.inward(u.upper)) for u in self.unknowns])
         self.size = sum(int(s.judged.sum()) for s in self.stretches)
         if self.size < FEWEST:
+            whole = sum(len(s.torque) for s in stretches)
             raise NotIdentifiable(
-                f"{self.size} samples are too few to fit {len(self.unknowns)} numbers to.",
-                remedy=f"Record at least {FEWEST}, better a minute.",
+                f"Of {whole} samples {self.size} are left to fit {len(self.unknowns)} numbers to: rests, reversals and what is "
+                "held out do not count.",
+                remedy=f"At least {FEWEST} have to be left: record longer, better a minute of motion.",
             )
 
     def _regressors(self, s: Stretch) -> np.ndarray:
-        return np.array([column(s, t) for t in self.terms]).reshape(len(self.terms), len(s.torque))
+        names = (*self.terms, *self.known)
+        return np.array([column(s, t) for t in names]).reshape(len(names), len(s.torque))
 
     @property
     def side_by_side(self) -> bool:
@@ -168,13 +182,18 @@ class TorqueProblem:
         )
 
     def predict(
-        self, values: Sequence[Mapping[str, float]], stretches: Sequence[Stretch] | None = None
+        self,
+        values: Sequence[Mapping[str, float]],
+        stretches: Sequence[Stretch] | None = None,
+        *,
+        friction: bool = False,
     ) -> list[np.ndarray]:
         """Return the torque that candidates predict for every stretch [N.m or N], each (B, n).
 
         Args:
             values: numbers by name, a candidate each.
             stretches: motions to predict for; None: those of the problem.
+            friction: alone, without the terms of the dynamics.
         """
         if stretches is None:
             pairs = list(zip(self.stretches, self.regressors))
@@ -186,17 +205,18 @@ class TorqueProblem:
             zones = np.array([v.get("threshold", self.shape.fixed.get("threshold", 0.0)) for v in values])
             laws = [Law(rate=law.rate) for law in laws]
         lanes = Lanes(laws)
-        beta = np.array([[v[t] for t in self.terms] for v in values]).reshape(len(values), len(self.terms))
+        beta = np.array([[*(v[t] for t in self.terms), *self.known.values()] for v in values])
+        rigid = self.shape.element.SET_VALUED
         delays, which = np.unique([v.get("delay", 0.0) for v in values], return_inverse=True)
         predicted = []
         for s, X in pairs:
-            moved = [_late(s, X, d / s.dt) for d in delays]
+            moved = [_late(s, X, d / s.dt, rigid) for d in delays]
             dp, load = np.array([m[0] for m in moved]), np.array([m[1] for m in moved])
             warmth = np.broadcast_to(s.temperature, (len(delays), s.temperature.size))
             tau = lanes.torque(which, dp, s.dt, load, np.ascontiguousarray(warmth))
             if zones is not None:
                 tau *= _outside(dp[which] / s.dt, zones, self.blur)
-            for j in range(len(delays) if self.terms else 0):
+            for j in range(len(delays) if len(X) and not friction else 0):
                 mine = which == j
                 tau[mine] += beta[mine] @ moved[j][2]
             predicted.append(tau)
@@ -257,7 +277,7 @@ class TorqueProblem:
         from backdrive.filters import derivative, low_pass
 
         e = self.count * (rng.uniform(size=len(s.dp)) - 0.5)
-        e = low_pass(e, min(SMOOTHED, 0.1 / s.dt), 1.0 / s.dt)
+        e = low_pass(e, min(s.bandwidth, 0.1 / s.dt), 1.0 / s.dt)
         return replace(
             s,
             dp=s.dp + np.diff(e, prepend=e[:1]),
@@ -288,60 +308,35 @@ def column(s: Stretch, term: str) -> np.ndarray:
     return np.sin(s.position) if term == "gravity_sin" else np.cos(s.position)
 
 
-def moving(s: Stretch, slowest: float) -> Stretch:
+def moving(s: Stretch, slowest: float, late: float = 0.0) -> Stretch:
     """Return a stretch in which samples slower than that, and their neighbours, do not count.
 
     Args:
         s: the stretch.
         slowest: speed [rad/s or m/s].
+        late: samples by which the torque is later than the motion.
     """
-    resting = (np.abs(s.velocity) < slowest) | (np.diff(np.sign(s.velocity), prepend=0.0) != 0)
+    velocity = earlier(s.velocity, float(round(late)))
+    resting = (np.abs(velocity) < slowest) | (np.diff(np.sign(velocity), prepend=0.0) != 0)
     near = np.convolve(resting, np.ones(2 * BESIDE + 1), mode="same") > 0
     return replace(s, judged=s.judged & ~near)
 
 
-def earlier(x: np.ndarray, samples: float) -> np.ndarray:
-    """Return a series as it was some samples before, by cubic interpolation, its ends held.
+def _late(
+    s: Stretch, X: np.ndarray, samples: float, rigid: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return increments, load and regressors of a motion that the torque lags behind by so many samples.
 
-    Args:
-        x: time last, (..., n).
-        samples: how long before; negative for later.
+    A law without a state knows nothing but the velocity at the instant of the torque: the increments of a `rigid` one are those
+    around a sample. What builds up over the path takes those of the interval that ends at it.
     """
-    if samples == 0.0:
-        return x
-    n = x.shape[-1]
-    whole = int(np.floor(samples))
-    u = 1.0 - (samples - whole)  # of the way from the sample before to the sample after
-    k = np.arange(n) - whole - 1
-    weights = (
-        -u * (u - 1.0) * (u - 2.0) / 6.0,
-        (u * u - 1.0) * (u - 2.0) / 2.0,
-        -u * (u + 1.0) * (u - 2.0) / 2.0,
-        u * (u * u - 1.0) / 6.0,
-    )
-    low, high = max(0, 1 - int(k[0])), min(n, n - 2 - int(k[0]))  # inside, slices do
-    found = np.empty_like(x)
-    if high > low:
-        a = low + int(k[0])
-        m = high - low
-        found[..., low:high] = sum(w * x[..., a + j : a + j + m] for j, w in zip((-1, 0, 1, 2), weights))
-    for edge in (slice(0, min(low, n)), slice(max(high, min(low, n)), n)):
-        at = k[edge]
-        if at.size:
-            found[..., edge] = sum(
-                w * x[..., np.clip(at + j, 0, n - 1)] for j, w in zip((-1, 0, 1, 2), weights)
-            )
-    return found
-
-
-def _late(s: Stretch, X: np.ndarray, samples: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return increments, load and regressors of a motion that the torque lags behind by so many samples."""
-    if samples == 0.0:
+    if samples == 0.0 and not rigid:
         return s.dp, s.load, X
     path = s.position if s.position is not None else np.cumsum(s.dp)
     path = earlier(path, samples)
     load = s.load if s.load.shape[0] == 1 else np.ascontiguousarray(earlier(s.load.T, samples).T)
-    return np.diff(path, prepend=path[:1]), load, earlier(X, samples)
+    dp = np.gradient(path) if rigid else np.diff(path, prepend=path[:1])
+    return dp, load, earlier(X, samples)
 
 
 def _outside(velocity: np.ndarray, threshold: np.ndarray, blur: float) -> np.ndarray:

@@ -22,6 +22,9 @@ WIDEST = 9.0  # of the logarithm of a ratio of shares
 WIDE = 1e3  # a range whose ends differ by more than this factor is searched in the logarithm
 
 
+PEAKS = ("breakaway",)  # may not pass what was seen: where no motion is slow enough, nothing else holds them
+
+
 @dataclass(frozen=True, kw_only=True)
 class Scales:
     """Sizes that the data show, from which ranges follow.
@@ -33,6 +36,7 @@ class Scales:
         unit: of the joint, `rad` or `m`.
         slowest: speed below which the encoder says nothing [rad/s or m/s].
         lag: a time in which friction may settle [s].
+        most: friction that the data can show, for what a law has beyond its sliding torque [N.m or N].
     """
 
     force: float
@@ -41,6 +45,7 @@ class Scales:
     unit: str = "rad"
     slowest: float = 0.0
     lag: float = 0.01
+    most: float = np.inf
 
     def of(self, unit: str) -> float:
         """Return the size of a quantity of this unit."""
@@ -107,6 +112,21 @@ class Unknown:
         return value if self.log else self.scale
 
 
+def range_asked(name: str, given: Any) -> tuple[float, float]:
+    """Return a range that a person gave.
+
+    Raises:
+        InvalidInput: it is not two numbers, the lower one first.
+    """
+    try:
+        low, high = (float(x) for x in given)
+    except (TypeError, ValueError):
+        raise InvalidInput(
+            f"The bounds of '{name}' are {given!r}.", remedy="Give two numbers, (lower, upper), in SI units."
+        ) from None
+    return low, high
+
+
 def unknown(
     name: str, parameter: Parameter, scales: Scales, bounds: Mapping[str, tuple[float, float]]
 ) -> Unknown:
@@ -120,8 +140,10 @@ def unknown(
     else:
         lower, upper = max(parameter.lower, -50.0 * size), min(parameter.upper, 50.0 * size)
     plain = name.partition("[")[0]
+    if plain in PEAKS:
+        upper = max(min(upper, scales.most), 2.0 * lower)
     if plain in bounds:
-        asked = bounds[plain]
+        asked = range_asked(plain, bounds[plain])
         if not asked[0] < asked[1] or asked[1] < parameter.lower or asked[0] > parameter.upper:
             raise InvalidInput(
                 f"The bounds {asked[0]:g} to {asked[1]:g} of '{plain}' contradict its range "

@@ -3,11 +3,14 @@
     tau = inertia (ddq - time_slip dddq) + offset + gravity_sin sin q + gravity_cos cos q
           + model_torque tau_model + tau_f(dq)
 
-`time_slip` is the delay of the measured torque behind the motion: to first order it shows as jerk times inertia, which is
-where an unnoticed slip spoils a friction curve.
+`time_slip` is the delay of the measured torque behind the motion as `identify` estimates it: to first order it shows as jerk
+times inertia, which is where an unnoticed slip spoils a friction curve. `delay` is the same as `fit` estimates it: all of the
+motion, in friction, inertia and gravity, is that of a moment before.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,6 +25,7 @@ from backdrive.model import JointFriction
 TERMS: dict[str, tuple[str, str]] = {
     "inertia": ("kg.m^2", "kg"),
     "time_slip": ("s", "s"),
+    "delay": ("s", "s"),
     "offset": ("N.m", "N"),
     "gravity_sin": ("N.m", "N"),
     "gravity_cos": ("N.m", "N"),
@@ -41,6 +45,10 @@ def rest_of_dynamics(friction: JointFriction, signals: Signals) -> np.ndarray:
     Raises:
         InvalidInput: the model needs a channel that the log does not hold.
     """
+    return _rest(friction, _then(friction, signals))
+
+
+def _rest(friction: JointFriction, signals: Signals) -> np.ndarray:
     value = {k: e.value for k, e in friction.dynamics.items()}
     tau = np.full(signals.velocity.shape, value.get("offset", 0.0))
     if value.get("inertia"):
@@ -65,8 +73,88 @@ def _cannot(friction: JointFriction, term: str, channel: str, short: str) -> Inv
 
 
 def predict(friction: JointFriction, signals: Signals) -> np.ndarray:
-    """Return the joint's total torque by the model, presliding included [N.m or N], (n,)."""
-    rest = rest_of_dynamics(friction, signals)
-    if isinstance(friction.law.element, Rigid):
-        return rest + friction.law.torque(signals.velocity)
-    return rest + rollout(friction.law, dq=signals.velocity, dt=1.0 / signals.rate)
+    """Return the joint's total torque by the model, presliding included [N.m or N], (n,).
+
+    Raises:
+        InvalidInput: the model needs a channel that the log does not hold.
+    """
+    then = _then(friction, signals)
+    rest, law, dt = _rest(friction, then), friction.law, 1.0 / then.rate
+    load = temperature = None
+    if "load" in law.rate.NEEDS:
+        if then.load is None:
+            raise _cannot(friction, "friction that depends on the load", "load", "load")
+        load = then.load
+    if "temperature" in law.rate.NEEDS:
+        if then.temperature is None:
+            raise _cannot(friction, "friction that depends on the temperature", "temperature", "temp")
+        temperature = then.temperature
+    if isinstance(law.element, Rigid):
+        if load is None and temperature is None:
+            return rest + law.torque(then.velocity)
+        return rest + rollout(law, dq=then.velocity, dt=dt, load=load, temperature=temperature)
+    moved = increments(then.position, then.velocity, dt) / dt
+    return rest + rollout(law, dq=moved, dt=dt, load=load, temperature=temperature)
+
+
+def increments(position: np.ndarray | None, velocity: np.ndarray, dt: float) -> np.ndarray:
+    """Return by how much a joint moved in the interval that ends at each sample [rad or m], (n,).
+
+    Args:
+        position: [rad or m], (n,); None for a velocity-only log.
+        velocity: [rad/s or m/s], (n,).
+        dt: sampling time [s].
+    """
+    if position is not None:
+        return np.diff(position, prepend=position[:1])
+    return 0.5 * dt * (velocity + np.concatenate([velocity[:1], velocity[:-1]]))
+
+
+def earlier(x: np.ndarray, samples: float) -> np.ndarray:
+    """Return a series as it was some samples before, by cubic interpolation, its ends held.
+
+    Args:
+        x: time last, (..., n).
+        samples: how long before; negative for later.
+    """
+    if samples == 0.0:
+        return x
+    n = x.shape[-1]
+    whole = int(np.floor(samples))
+    u = 1.0 - (samples - whole)  # of the way from the sample before to the sample after
+    k = np.arange(n) - whole - 1
+    weights = (
+        -u * (u - 1.0) * (u - 2.0) / 6.0,
+        (u * u - 1.0) * (u - 2.0) / 2.0,
+        -u * (u + 1.0) * (u - 2.0) / 2.0,
+        u * (u * u - 1.0) / 6.0,
+    )
+    low, high = max(0, 1 - int(k[0])), min(n, n - 2 - int(k[0]))  # inside, slices do
+    found = np.empty_like(x)
+    if high > low:
+        a = low + int(k[0])
+        m = high - low
+        found[..., low:high] = sum(w * x[..., a + j : a + j + m] for j, w in zip((-1, 0, 1, 2), weights))
+    for edge in (slice(0, min(low, n)), slice(max(high, min(low, n)), n)):
+        at = k[edge]
+        if at.size:
+            found[..., edge] = sum(
+                w * x[..., np.clip(at + j, 0, n - 1)] for j, w in zip((-1, 0, 1, 2), weights)
+            )
+    return found
+
+
+def _then(friction: JointFriction, signals: Signals) -> Signals:
+    """Return the motion and the load that the torque of each sample belongs to; what is known from elsewhere stays."""
+    delay = friction.dynamics["delay"].value if "delay" in friction.dynamics else 0.0
+    if not delay:
+        return signals
+    samples = delay * signals.rate
+    return replace(
+        signals,
+        velocity=earlier(signals.velocity, samples),
+        acceleration=earlier(signals.acceleration, samples),
+        jerk=earlier(signals.jerk, samples),
+        position=None if signals.position is None else earlier(signals.position, samples),
+        load=None if signals.load is None else np.ascontiguousarray(earlier(signals.load.T, samples).T),
+    )

@@ -30,6 +30,8 @@ class Signals:
         position: low-passed like the velocity [rad or m], (n,); None for a velocity-only log.
         model_torque: torque known from elsewhere [N.m or N], (n,); None if absent.
         moving: False where the joint rests so long that its friction may be anything, (n,).
+        load: motor-side and external torque, for laws that depend on load [N.m or N], (n, 2); None if absent.
+        temperature: [degC], (n,); None if absent.
     """
 
     time: np.ndarray
@@ -41,6 +43,8 @@ class Signals:
     position: np.ndarray | None
     model_torque: np.ndarray | None
     moving: np.ndarray
+    load: np.ndarray | None = None
+    temperature: np.ndarray | None = None
 
 
 def default_cutoff(rate: float) -> float:
@@ -131,7 +135,17 @@ def _segment(log: Log, period: float, cutoff: float | None, top: float) -> Signa
         position=position,
         model_torque=None if log.model_torque is None else log.model_torque[:, 0],
         moving=_moving(velocity, rate, top),
+        load=_load(log),
+        temperature=None if log.temperature is None else log.temperature[:, 0],
     )
+
+
+def _load(log: Log) -> np.ndarray | None:
+    """Return the motor's torque, without what the environment adds, and the external one (n, 2): what laws of load see."""
+    if log.load is None and log.external_torque is None:
+        return None
+    external = -log.load[:, 0] if log.load is not None else log.need("external_torque")[:, 0]
+    return np.column_stack([log.need("torque")[:, 0], external])
 
 
 def _moving(velocity: np.ndarray, rate: float, top: float) -> np.ndarray:

@@ -58,13 +58,29 @@ def validate(model: FrictionModel, logs: Sequence[Log], *, urdf: str | None = No
             ):
                 pairs += _runs(friction, log, name)
                 continue
-            pairs += [(s.torque, predict(friction, s), s.rate, s.moving) for s in prepare(log, name)]
+            if log.torque is None and log.drive_input is not None:
+                raise InvalidInput(
+                    f"The log holds no torque of joint '{name}', and a model is judged by torque.",
+                    remedy="Map the torque (--map tau=COLUMN). What a fit from the drive's input leaves of the motion it had not "
+                    "seen is in its model's options, under `joints`; to judge another log by its motion, fit with --hold-out.",
+                )
+            stretches = prepare(log, name, cutoff=_cutoff(model, name))
+            pairs += [(s.torque, predict(friction, s), s.rate, s.moving) for s in stretches]
         if not pairs:
             raise NotIdentifiable(
                 f"Joint '{name}': nothing to judge on.", remedy="Give a log in which it moves."
             )
         result[name] = judge(pairs)
     return result
+
+
+def _cutoff(model: FrictionModel, name: str) -> float | None:
+    """Return the low pass of the motion that a joint was fitted with [Hz]; None: the usual one."""
+    joints = model.options.get("joints")
+    own = joints.get(name) if isinstance(joints, dict) else None
+    found = own.get("cutoff") if isinstance(own, dict) else None
+    found = model.options.get("cutoff") if found is None else found
+    return float(found) if isinstance(found, (int, float)) and found > 0 else None
 
 
 def _runs(friction, log: Log, name: str) -> list:

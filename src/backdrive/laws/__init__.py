@@ -108,6 +108,13 @@ class Law:
     element: Element = field(default_factory=Rigid)
 
     def __post_init__(self):
+        for name, kind, remedy in (
+            ("rate", Rate, "Give a rate law, such as StribeckGauss(...); what carries it is the element."),
+            ("element", Element, "Give a presliding element, such as LuGre(...), or leave it out."),
+        ):
+            if not isinstance(getattr(self, name), kind):
+                what = type(getattr(self, name)).__name__
+                raise InvalidInput(f"The {name} of a law is a {what}.", remedy=remedy)
         if self.rate.SMOOTH and not isinstance(self.element, Rigid):
             raise InvalidInput(
                 f"'{self.rate.NAME}' cannot be carried by '{self.element.NAME}': it vanishes smoothly at rest, so that "
