@@ -17,7 +17,7 @@ from backdrive.plants.joint import SimulatedJoint
 from backdrive.plants.thesis import joint_0, joint_1, joint_2, setup_a
 
 DT = 1e-3
-SUBSTEP = 4e-5  # s, of the truth
+SUBSTEP = 5e-5  # s, of the truth
 LETS_GO, PUSHES = 1.35, 2.35  # s, in the scene of release and break-away
 REST = 1.0  # s, at the end of a scene, in which a limit cycle is looked for
 
@@ -156,14 +156,14 @@ def scenes(who: Contender, loop: JointLoop, setting: Setting, seed: int) -> list
         "substep": SUBSTEP,
         "seed": seed,
     }
-    guided = strokes(DT, stroke=who.stroke, duration=0.7, count=8, variation=0.05, seed=seed)
-    tick = DT * np.arange(3000)
+    guided = strokes(DT, stroke=who.stroke, duration=0.7, count=6, variation=0.05, seed=seed)
+    tick = DT * np.arange(2200)
     pace, servo = 0.5, low_gains(plant)
     saw = who.stroke * (2.0 / np.pi) * np.arcsin(0.98 * np.sin(2 * np.pi * pace * tick))
     target = np.stack([saw, np.gradient(saw, DT)], axis=1)
     return [
         Scene(motion=release(who), hand=who.hand, **common),  # type: ignore[arg-type]
-        Scene(motion=pushes(2.0 * who.coulomb * ((tick[:2500] > 0.1) & (tick[:2500] < 0.16))), **common),  # type: ignore[arg-type]
+        Scene(motion=pushes(2.0 * who.coulomb * ((tick > 0.1) & (tick < 0.16))), **common),  # type: ignore[arg-type]
         Scene(motion=guided, hand=who.hand, **common),  # type: ignore[arg-type]
         Scene(
             motion=pushes(np.zeros(len(tick)), position=float(saw[0])),
