@@ -15,7 +15,7 @@ def command(
         str,
         typer.Argument(
             metavar="MODEL.json",
-            help="Model file made by `identify -o`, or preset:NAME; preset: alone lists them.",
+            help="Model file made by `identify -o` or `fit -o`, or preset:NAME; preset: alone lists them.",
         ),
     ],
     joint: Annotated[

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from backdrive.cli import _logs
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from backdrive.fitting.judging import MotionQuality
+    from backdrive.model import FrictionModel
 
 
 def command(
@@ -32,7 +38,7 @@ def command(
     repair: _logs.Repair = False,
     as_json: _logs.AsJson = False,
 ) -> None:
-    """Compare measured with predicted torque, joint by joint.
+    """Compare measured with predicted torque, joint by joint; without torque, motion under the drive's input.
 
     Example: backdrive validate model.json other_log.csv
     """
@@ -52,6 +58,12 @@ def command(
         suspect: list[str] = []
         read = [healthy(log, accept or [], repair, suspect) for log in read]
         say("Predicting")
+        if all(log.torque is None and log.drive_input is not None for log in read):
+            from backdrive.fitting.judging import judge_motion
+
+            by_motion = judge_motion(loaded, read)
+            _show_motion(loaded, by_motion, gate, suspect, as_json)
+            return
         qualities = validate(loaded, read, urdf=str(urdf) if urdf else None)
     bad = [name for name, q in qualities.items() if not q.residual <= gate]
     if as_json:
@@ -80,6 +92,38 @@ def command(
         Console(highlight=False).print(table)
         for sentence in suspect:
             Console(highlight=False).print(escape(sentence), style="yellow")
+        if bad:
+            typer.echo(f"Above the gate of {gate:g} %: {', '.join(bad)}.", err=True)
+    if bad:
+        raise typer.Exit(1)
+
+
+def _show_motion(
+    model: FrictionModel,
+    found: Mapping[str, MotionQuality],
+    gate: float,
+    suspect: Sequence[str],
+    as_json: bool,
+) -> None:
+    """Print how well the motion is predicted, and exit with 1 where it is above the gate."""
+    from backdrive.cli._output import print_json
+
+    bad = [name for name, q in found.items() if not q.residual <= gate]
+    if as_json:
+        rows = {
+            name: {"motion_residual_percent": q.residual, "rms": q.rms, "samples": q.samples}
+            for name, q in found.items()
+        }
+        print_json({"ok": not bad, "joints": rows, "below_gate": bad, "warnings": list(suspect)})
+    else:
+        for name, q in found.items():
+            unit = model.joint(name).joint.unit
+            typer.echo(
+                f"{name}: its motion from the drive's input is off by {q.residual:.2g} % ({q.rms:.3g} {unit} rms, "
+                f"{q.samples} samples)."
+            )
+        for sentence in suspect:
+            typer.echo(sentence)
         if bad:
             typer.echo(f"Above the gate of {gate:g} %: {', '.join(bad)}.", err=True)
     if bad:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -140,7 +140,7 @@ def increments(q: np.ndarray | None, dq: np.ndarray | None, dt: float) -> np.nda
     """Return position increments, (n, M), of positions or velocities of that shape, checked."""
     if (q is None) == (dq is None):
         raise InvalidInput("Give either positions q or velocities dq.", remedy="Leave one of them out.")
-    if not np.isscalar(dt) or isinstance(dt, str) or not 0.0 < dt < np.inf:
+    if not isinstance(dt, (int, float, np.integer, np.floating)) or not 0.0 < dt < np.inf:
         raise InvalidInput(f"dt = {dt!r} s.", remedy="Give the sampling time in seconds, one number.")
     name, motion = ("q", q) if q is not None else ("dq", dq)
     try:
@@ -191,7 +191,7 @@ def rollout(
     n, joints = dp.shape
     shape = np.asarray(q if q is not None else dq).shape
     single = not isinstance(model, Sequence) or isinstance(model, str)
-    sets = [model] if single else list(model)  # type: ignore[list-item, arg-type]
+    sets: list[Any] = [model] if single else list(model)  # type: ignore[list-item, arg-type]
     if not sets:
         raise InvalidInput("There is no model in the sequence.", remedy="Give at least one law.")
     laws: list[Law] = []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -90,8 +91,8 @@ def shortlist(words: str | Sequence[str], *, presliding: bool, load: bool, warm:
         warm: the log holds the temperature, and it varies.
     """
     if words != "auto":
-        found = words.split(",") if isinstance(words, str) else words
-        found = list(found) if isinstance(found, (list, tuple)) else [found]
+        parts: Any = words.split(",") if isinstance(words, str) else words
+        found: list[Any] = list(parts) if isinstance(parts, (list, tuple)) else [parts]
         if strange := [w for w in found if not isinstance(w, str)]:
             raise InvalidInput(
                 f"A law to fit is a {type(strange[0]).__name__}.",

@@ -38,7 +38,7 @@ from backdrive.laws import Coulomb, Law
 from backdrive.log import Joint, Log
 
 STEP = 1e-3  # longest integration step [s]
-QUICK = 0.06  # of the fastest time constant of the drive with the inertia, that a step may be [-]
+QUICK = 0.08  # of the fastest time constant of the drive with the inertia, that a step may be [-]
 FINEST = 20  # steps a sample, at most, unless a person asks for more
 STARTS = (
     12  # stretches whose velocity at the start is sought too, which a low pass tells badly there, at most

@@ -16,7 +16,7 @@ from backdrive.laws import Coulomb, HaywardArmstrong, Law, Leuven
 
 GRID = 24  # break-away distances that elements side by side are first sought at
 MOST = 2.0  # times the largest friction seen: more than that no break-away can be
-LONGEST = 50_000  # samples in which a delay is looked for
+LONGEST = 15_000  # samples in which a delay is looked for
 STILL = 1e-9  # rad or m: a joint whose position spans less has not moved
 
 

@@ -22,6 +22,7 @@ from backdrive.identification.grade import grade
 from backdrive.identification.quality import judge
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
+from backdrive.identification.sweep_delay import sweep_delay
 from backdrive.identification.sweep_fit import SweepFit, fit
 from backdrive.identification.sweep_knots import SweepKnots, ordered, to_polyline
 from backdrive.identification.sweep_windows import find_windows, windows
@@ -30,9 +31,18 @@ from backdrive.laws import Law, Polyline
 from backdrive.log import Joint, Log
 from backdrive.model import Estimate, JointFriction, Quality, Validity
 
-__all__ = ["SweepKnots", "find_windows", "function_a", "identify_sweep", "sweep_knots", "to_polyline"]
+__all__ = [
+    "SweepKnots",
+    "find_windows",
+    "fit_sweeps",
+    "function_a",
+    "identify_sweep",
+    "sweep_knots",
+    "to_polyline",
+]
 
 NAMED = 0.03  # share of the friction from which on a constant beside it is mentioned [-]
+TOLD = 0.5  # standard error of a drive's delay, up to which it is taken for estimated [sampling interval]
 
 
 def sweep_knots(
@@ -99,7 +109,8 @@ def identify_sweep(
         literal: the procedure as printed, without corrections and standard errors.
         symmetric: True: one curve for both directions; False: one each; None: one unless they plainly differ.
         timing: the torque is a `command`, held from its sample on, or a `sample`, taken with the position; None: as the
-            motion tells, or else a command, with a warning.
+            motion tells, be it neither: then the delay of the drive is estimated. A command, with a warning, where the motion
+            does not tell.
 
     Raises:
         InvalidInput: no log, or one without torque.
@@ -109,14 +120,15 @@ def identify_sweep(
         raise InvalidInput("There is no log to identify from.", remedy="Pass at least one.")
     about = logs[0].select(joint).on_joint_side().joints[0]
     stretches = [prepare(log, joint) for log in logs]
-    timings, said = _timings(stretches, timing, literal)
-    delays = [-0.5 / s[0].rate if t == "sample" else 0.0 for s, t in zip(stretches, timings)]
-    each = [pairs(log, joint, s, delay=d) for log, s, d in zip(logs, stretches, delays)]
+    delays, errors, said = _delays(logs, joint, stretches, timing, literal)
+    each, late = _each(logs, joint, stretches, delays, errors)
     used = [pairs(log, joint, s, literal=True) for log, s in zip(logs, stretches)] if literal else each
 
     def fitted_to(part: slice) -> tuple[JointFriction, SweepFit]:
-        found = fit(used[part], unit=about.unit, name=about.name, symmetric=symmetric)
-        friction = _friction(about, found, each[part], stretches[part], delays[part], literal)
+        off = [] if literal else late[part]
+        found = fit(used[part], unit=about.unit, name=about.name, symmetric=symmetric, late=off)
+        slip = -0.5 / stretches[part][0][0].rate - delays[part][0], errors[part][0]
+        friction = _friction(about, found, each[part], stretches[part], slip, literal)
         return replace(friction, warnings=(*friction.warnings, *said)), found
 
     friction, found = fitted_to(slice(None))
@@ -133,18 +145,60 @@ def identify_sweep(
     return friction, replace(shown, verdict=_verdict(friction, found))
 
 
+def fit_sweeps(
+    logs: Sequence[Log], joint: str, *, symmetric: bool | None = None, timing: Timing | None = None
+) -> SweepFit:
+    """Return the curve of one joint with the covariance of its knots, from sweeps about one or several centers.
+
+    Args:
+        logs: one sweep each, of the same joint.
+        joint: name.
+        symmetric: as in `identify_sweep`.
+        timing: as in `identify_sweep`.
+
+    Raises:
+        InvalidInput: no log, or one without torque.
+        NotIdentifiable: no cycles of a sweep are found, or fewer than two reach their speed.
+    """
+    if not logs:
+        raise InvalidInput("There is no log to identify from.", remedy="Pass at least one.")
+    stretches = [prepare(log, joint) for log in logs]
+    delays, errors, said = _delays(logs, joint, stretches, timing, False)
+    each, late = _each(logs, joint, stretches, delays, errors)
+    unit = logs[0].joints[logs[0].column(joint)].unit
+    found = fit(each, unit=unit, name=joint, symmetric=symmetric, late=late)
+    return replace(found, warnings=(*found.warnings, *said))
+
+
+def _each(
+    logs: Sequence[Log],
+    joint: str,
+    stretches: Sequence[Sequence[Signals]],
+    delays: Sequence[float],
+    errors: Sequence[float],
+) -> tuple[list[SweepKnots], list[SweepKnots]]:
+    """Return the pairs of each sweep, and the same with the delay off by its error; none of the latter where it has none."""
+    each = [pairs(log, joint, s, delay=d) for log, s, d in zip(logs, stretches, delays)]
+    if not any(errors):
+        return each, []
+    off = [d + e for d, e in zip(delays, errors)]
+    return each, [
+        pairs(log, joint, s, delay=d) if e else k
+        for log, s, d, e, k in zip(logs, stretches, off, errors, each)
+    ]
+
+
 def _friction(
     joint: Joint,
     found: SweepFit,
     knots: Sequence[SweepKnots],
     stretches: Sequence[Sequence[Signals]],
-    delays: Sequence[float],
+    slip: tuple[float, float],
     literal: bool,
 ) -> JointFriction:
     weight = 1.0 / np.array([k.inertia[1] for k in knots]) ** 2
     inertia = float(weight @ [k.inertia[0] for k in knots] / weight.sum()), float(1.0 / np.sqrt(weight.sum()))
     flat = [s for log in stretches for s in log]
-    slip = -0.5 / flat[0].rate - delays[0], 0.0  # a command acts from its sample on, for one interval
     dynamics = {
         term: Estimate(value=value, unit=unit_of(term, joint), standard_error=error)
         for term, (value, error) in {"inertia": inertia, "time_slip": slip, **found.terms}.items()
@@ -170,20 +224,46 @@ def _judge(friction: JointFriction, stretches: Sequence[Sequence[Signals]]) -> Q
     return judge((s.torque, predict(friction, s), s.rate, s.moving) for log in stretches for s in log)
 
 
-def _timings(
-    stretches: Sequence[Sequence[Signals]], timing: Timing | None, literal: bool
-) -> tuple[list[Timing], list[str]]:
-    """Return of which instant each log's torque is, and what has to be said about it."""
-    if timing is not None or literal:
-        return [timing or "command"] * len(stretches), []
-    told = [torque_timing(s) for s in stretches]
-    said = []
-    if any(t is None for t, _, _ in told):
-        said.append(
-            "The motion does not tell whether the torque was commanded or sampled with the position; it was taken as commanded. "
-            "If that is wrong, the curve is off by up to 1.9 I V^3 T / A^2 (--torque-timing sample)."
+def _delays(
+    logs: Sequence[Log],
+    joint: str,
+    stretches: Sequence[Sequence[Signals]],
+    timing: Timing | None,
+    literal: bool,
+) -> tuple[list[float], list[float], list[str]]:
+    """Return each log's delay from the middle of a command's interval to the torque's effect [s], its error, and what to say."""
+    told: list[str | None] = [timing or "command"] * len(stretches)
+    if timing is None and not literal:
+        told = [torque_timing(s)[0] for s in stretches]
+    delays = [-0.5 / s[0].rate if t == "sample" else 0.0 for s, t in zip(stretches, told)]
+    errors = [0.0] * len(stretches)
+    open_ = [i for i, t in enumerate(told) if t is None]
+    if not open_:
+        return delays, errors, []
+    period = 1.0 / stretches[open_[0]][0].rate
+    found = [sweep_delay(stretches[i], windows(logs[i], joint, logs[i].plan, stretches[i])) for i in open_]
+    weight = np.array([1.0 / e**2 if np.isfinite(e) and e > 0 else 0.0 for _, e in found])
+    error = float(1.0 / np.sqrt(weight.sum())) if weight.any() else float("inf")
+    if not error < TOLD * period:
+        return (
+            delays,
+            errors,
+            [
+                "The motion does not tell whether the torque was commanded or sampled with the position; it was taken as "
+                "commanded. If that is wrong, the curve is off by up to 1.9 I V^3 T / A^2 (--torque-timing sample)."
+            ],
         )
-    return [t or "command" for t, _, _ in told], said
+    delay = float(weight @ [d if w > 0 else 0.0 for (d, _), w in zip(found, weight)] / weight.sum())
+    for i in open_:
+        delays[i], errors[i] = delay, error
+    return (
+        delays,
+        errors,
+        [
+            f"The torque acts {1e3 * delay:.2f} +- {1e3 * error:.2f} ms later than a command that is held for one interval; this "
+            "delay was estimated from the motion and taken out."
+        ],
+    )
 
 
 def _error_of_curve(friction: JointFriction) -> Callable[[np.ndarray], np.ndarray]:
@@ -235,6 +315,12 @@ def _verdict(friction: JointFriction, found: SweepFit) -> str:
     if friction.standard_errors:
         worst = np.max([found.error_pos, found.error_neg])
         said += f" Its {len(rate.velocity)} knots have standard errors up to {worst:.2g} {unit}."
+        if np.isfinite(found.noise_gain) and not found.symmetric:
+            (up, a), (down, b) = found.constants()
+            said += (
+                f" The first section meets rest at {up:.3f} +- {1.96 * a:.3f} {unit} along +q and {down:.3f} +- "
+                f"{1.96 * b:.3f} {unit} along -q (95 %)."
+            )
     offset = found.terms.get("offset", (0.0, 0.0))[0]
     if found.symmetric and abs(offset) > NAMED * fast[0]:
         said += f" A constant {offset:.3g} {unit} was set apart: gravity, an offset of the torque signal or unequal directions."

@@ -2,13 +2,13 @@
 
 Beside the friction, the pairs hold gravity at the center of their stroke and any offset of the torque signal. The half sum of the
 two directions shows these together with whatever differs between the directions. Only sweeps about several centers tell gravity
-from a constant difference, and nothing tells an offset of the torque signal from one.
+from a constant difference, and nothing tells an offset of the torque signal from one. See `docs/theory/asymmetry.md`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,7 +21,15 @@ UNEQUAL = 0.03  # share of the friction from which on the directions are taken t
 WORST_CONDITION = (
     500.0  # beyond it, gravity and a constant difference of the directions are not told apart [-]
 )
-TERMS = ("gravity_sin", "gravity_cos", "offset")
+UNSEEN = 0.02  # a direction of gravity that the centers show by less than this share of the other one is left out [-]
+GRAVITY = ("gravity_sin", "gravity_cos")
+TERMS = (*GRAVITY, "offset")
+LOAD = "load_dependence"
+ALL = (*TERMS, LOAD)
+REMEDY = (
+    "Sweeps about three distant centers tell gravity apart, or a second one half a turn from the first (`backdrive plan sweep "
+    "--centres auto`); so does another posture of the arm, or one in which the axis is vertical."
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,6 +44,11 @@ class SweepFit:
         terms: of `TERMS`, as far as found: value and standard error [N.m or N].
         condition: of telling gravity from a constant difference of the directions [-]; infinite without gravity.
         warnings: in sentences.
+        covariance: of the torques at the law's knots, along +q first [(N.m)^2 or N^2], (2 m, 2 m).
+        noise_gain: standard error of the constant difference by that of the half sum about one center [-]; NaN where it was
+            not attributed.
+        load: growth of the friction with the gravity that the joint carries and its standard error [-], and the gravity at
+            which the law holds [N.m]; None where the data do not show it.
     """
 
     law: Polyline
@@ -45,15 +58,36 @@ class SweepFit:
     terms: dict[str, tuple[float, float]]
     condition: float
     warnings: tuple[str, ...]
+    covariance: np.ndarray
+    noise_gain: float = float("nan")
+    load: tuple[float, float, float] | None = None
+
+    def constants(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return the constant of each direction, the intercept of its first section at rest, and its standard error.
+
+        That is what (3.1) calls F_p and F_n; with a Stribeck peak below V_1, or one that reaches V_1, it is not the Coulomb
+        torque.
+
+        Returns:
+            Along +q and along -q, value and standard error [N.m or N].
+        """
+        V = np.array(self.law.velocity)
+        m = V.size
+        row = hats(np.zeros(1), V)[0]
+        found = []
+        for side, F in ((slice(0, m), self.law.positive), (slice(m, 2 * m), self.law.negative)):
+            variance = row @ self.covariance[side, side] @ row
+            found.append((float(row @ F), float(np.sqrt(max(variance, 0.0)))))
+        return found[0], found[1]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Equations:
-    """Linear equations of all pairs: unknown are the friction at V along +q and -q, and `TERMS`.
+    """Linear equations of all pairs: unknown are the friction at V along +q and -q, and `ALL`.
 
     Attributes:
         V: knots [rad/s or m/s], (K,).
-        X: coefficients, (r, 2 K + 3).
+        X: coefficients, (r, 2 K + 4); those of the load are 0 until gravity is known (`loaded`).
         y: mean torques, then slopes of gravity where known, (r,).
         weight: inverse standard errors, (r,).
         levels: how many of the equations are mean torques.
@@ -70,7 +104,7 @@ class Equations:
 
         Args:
             curves: `equal` in both directions, their `own`, or `balanced`: own, with no difference on average.
-            terms: those of `TERMS` that take part.
+            terms: those of `ALL` that take part.
         """
         K = self.V.size
         one = np.eye(K)
@@ -81,21 +115,42 @@ class Equations:
             shape = np.block([[one, uneven], [one, -uneven]])
         else:
             shape = np.eye(2 * K)
-        full = np.zeros((2 * K + len(TERMS), shape.shape[1] + len(terms)))
+        full = np.zeros((2 * K + len(ALL), shape.shape[1] + len(terms)))
         full[: 2 * K, : shape.shape[1]] = shape
         for column, term in enumerate(terms):
-            full[2 * K + TERMS.index(term), shape.shape[1] + column] = 1.0
+            full[2 * K + ALL.index(term), shape.shape[1] + column] = 1.0
         return full
 
+    def loaded(self, gravity: np.ndarray) -> Equations:
+        """Return the same with friction that grows with the size of gravity, 1 N.m for every N.m carried.
+
+        Args:
+            gravity: a and b of a sin q + b cos q [N.m], (2,).
+        """
+        K = self.V.size
+        X = self.X.copy()
+        forwards = X[: self.levels, :K].sum(axis=1) + X[: self.levels, K : 2 * K].sum(axis=1)
+        X[: self.levels, -1] = forwards * np.abs(X[: self.levels, 2 * K : 2 * K + 2] @ gravity)
+        return replace(self, X=X)
+
     def condition(self, curves: str, terms: Sequence[str]) -> float:
-        """Return the condition number of the mean torques' equations [-]."""
+        """Return the condition number of the mean torques' equations [-].
+
+        A direction of gravity that the centers do not show, as with two of them half a turn apart, does not count: nothing
+        has to be told from it.
+        """
         X = self.X[: self.levels] @ self.spread(curves, terms)
+        both = [i for i, term in enumerate(terms, X.shape[1] - len(terms)) if term in GRAVITY]
+        if len(both) == 2:
+            left, size, _ = np.linalg.svd(X[:, both], full_matrices=False)
+            if size[1] < UNSEEN * size[0]:
+                X = np.column_stack([np.delete(X, both, axis=1), left[:, 0] * size[0]])
         singular = np.linalg.svd(X, compute_uv=False)
         wide = X.shape[0] < X.shape[1] or singular[-1] <= 1e-12 * singular[0]
         return float("inf") if wide else float(singular[0] / singular[-1])
 
     def solve(self, curves: str, terms: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-        """Return all unknowns, (2 K + 3,), and their covariance."""
+        """Return all unknowns, (2 K + 4,), and their covariance."""
         spread = self.spread(curves, terms)
         X = (self.X @ spread) * self.weight[:, None]
         scale = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
@@ -114,14 +169,14 @@ def equations(knots: Sequence[SweepKnots]) -> Equations:
         center = k.center if np.isfinite(k.center) else 0.0
         sides = (1.0, k.V_pos, k.F_pos, k.error_pos, 0), (-1.0, k.V_neg, k.F_neg, k.error_neg, K)
         for sign, speed, torque, deviation, first in sides:
-            rows = np.zeros((speed.size, 2 * K + len(TERMS)))
+            rows = np.zeros((speed.size, 2 * K + len(ALL)))
             rows[:, first : first + K] = sign * hats(speed, V)
-            rows[:, 2 * K :] = k.level * np.sin(center), k.level * np.cos(center), 1.0
+            rows[:, 2 * K : 2 * K + 3] = k.level * np.sin(center), k.level * np.cos(center), 1.0
             X.append(rows)
             y.append(sign * torque)
             error.append(deviation)
         if k.slope[1] > 0:
-            row = np.zeros((1, 2 * K + len(TERMS)))
+            row = np.zeros((1, 2 * K + len(ALL)))
             row[0, 2 * K : 2 * K + 2] = k.level * np.cos(center), -k.level * np.sin(center)
             slopes.append((row, k.slope))
     levels = sum(e.size for e in error)
@@ -137,7 +192,14 @@ def equations(knots: Sequence[SweepKnots]) -> Equations:
     )
 
 
-def fit(knots: Sequence[SweepKnots], *, unit: str, name: str, symmetric: bool | None = None) -> SweepFit:
+def fit(
+    knots: Sequence[SweepKnots],
+    *,
+    unit: str,
+    name: str,
+    symmetric: bool | None = None,
+    late: Sequence[SweepKnots] = (),
+) -> SweepFit:
     """Return the curve through the pairs of sweeps of one joint.
 
     Args:
@@ -145,48 +207,86 @@ def fit(knots: Sequence[SweepKnots], *, unit: str, name: str, symmetric: bool | 
         unit: the joint's, `rad` or `m`.
         name: the joint's, for messages.
         symmetric: True: one curve for both directions; False: one each; None: one unless they plainly differ.
+        late: the same pairs with the delay of the drive off by its standard error, where that was estimated.
     """
     eqs = equations(knots)
     K = eqs.V.size
     said = [w for k in knots for w in k.warnings]
-    gravity = ("gravity_sin", "gravity_cos")
-    terms: tuple[str, ...] = gravity if unit == "rad" and _has_gravity(knots) else ("offset",)
-    condition = eqs.condition("own", terms) if terms == gravity else float("inf")
+    condition, known = float("inf"), False
+    terms: tuple[str, ...] = ("offset",)
+    if unit == "rad":
+        known = _has_gravity(knots)
+        apart = eqs.condition("own", GRAVITY)
+        if known or apart <= WORST_CONDITION:
+            terms, condition = GRAVITY, apart
     curves, kept = "balanced", terms
     if condition <= WORST_CONDITION:
         curves = "own"
     elif unit == "m" and eqs.solve("own", ())[0][: 2 * K].min() >= 0:
         curves, kept = "own", ()
     theta, covariance = eqs.solve(curves, kept)
+    load = None
+    if terms == GRAVITY and known and np.isfinite(knots[0].error_pos).all():
+        from backdrive.identification.load_fit import growth
+
+        load = growth(eqs, curves, kept, theta)
+        if load is not None:
+            eqs, kept = eqs.loaded(load.gravity), (*kept, LOAD)
+            theta, covariance = eqs.solve(curves, kept)
+            said.append(load.sentence(name))
     if symmetric is None:
         symmetric = not _differ(theta, covariance, K)
     if symmetric:
-        if terms == gravity and eqs.condition("equal", TERMS) <= WORST_CONDITION:
-            terms = TERMS
-        theta, covariance = eqs.solve("equal", terms)
-    else:
-        terms = kept
-        said.append(_attribution(name, unit, knots, curves, condition))
-    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        kept = terms
+        if terms == GRAVITY and eqs.condition("equal", TERMS) <= WORST_CONDITION:
+            kept = TERMS
+        kept = kept if load is None else (*kept, LOAD)
+        curves = "equal"
+        theta, covariance = eqs.solve(curves, kept)
+    if late:
+        moved = replace(eqs, y=equations(late).y).solve(curves, kept)[0] - theta
+        covariance = covariance + np.outer(moved, moved)
+    gain = _gain(knots, covariance, K) if curves == "own" and terms == GRAVITY else float("nan")
+    if not symmetric:
+        said.append(_attribution(name, unit, knots, curves, condition, gain))
     if np.isnan(knots[0].error_pos).all():
-        deviation[:] = np.nan  # the literal procedure knows no errors
+        covariance = np.full_like(covariance, np.nan)  # the literal procedure knows no errors
+    carried = 0.0 if load is None else load.carried
+    at_load = np.vstack([np.eye(2 * K, theta.size), np.eye(theta.size)[2 * K :]])
+    at_load[: 2 * K, -1] = carried  # the law is that of the joint under the gravity that it carried
+    theta, covariance = at_load @ theta, at_load @ covariance @ at_load.T
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     law = clamped(eqs.V, theta[:K], theta[K : 2 * K])
     if len(law.velocity) > K:
         said.append(
             f"Joint '{name}': the first section of the curve reaches below zero at rest, where it was cut off."
         )
-    shapes = hats(np.array(law.velocity), eqs.V)
-    error_pos, error_neg = (np.sqrt((shapes**2) @ deviation[i : i + K] ** 2) for i in (0, K))
-    values = dict(zip(TERMS, zip(theta[2 * K :], deviation[2 * K :])))
+    shapes = np.kron(np.eye(2), hats(np.array(law.velocity), eqs.V))
+    shown = shapes @ covariance[: 2 * K, : 2 * K] @ shapes.T
+    error_pos, error_neg = np.sqrt(np.maximum(np.diag(shown), 0.0)).reshape(2, -1)
+    values: dict[str, tuple[float, float]] = {
+        term: (float(theta[i]), float(deviation[i])) for i, term in enumerate(ALL, 2 * K)
+    }
     return SweepFit(
         law=law,
         symmetric=bool(symmetric),
         error_pos=error_pos,
         error_neg=error_neg,
-        terms={t: (float(values[t][0]), float(values[t][1])) for t in terms},
+        terms={t: values[t] for t in kept if t != LOAD},
         condition=condition,
         warnings=tuple(dict.fromkeys(said)),
+        covariance=shown,
+        noise_gain=gain,
+        load=None if load is None else (*values[LOAD], carried),
     )
+
+
+def _gain(knots: Sequence[SweepKnots], covariance: np.ndarray, K: int) -> float:
+    """Return the standard error of the constant difference's half by that of the half sum about one center [-]."""
+    row = np.zeros(len(covariance))
+    row[:K], row[K : 2 * K] = 0.5 / K, -0.5 / K
+    one = np.mean([np.sum(k.error_pos**2 + k.error_neg**2) / (2.0 * k.V.size) ** 2 for k in knots])
+    return float(np.sqrt(row @ covariance @ row / one))
 
 
 def _has_gravity(knots: Sequence[SweepKnots]) -> bool:
@@ -207,13 +307,15 @@ def _differ(theta: np.ndarray, covariance: np.ndarray, K: int) -> bool:
     return bool(plain and np.any(np.abs(up - down) > SIGNIFICANT * error))
 
 
-def _attribution(name: str, unit: str, knots: Sequence[SweepKnots], curves: str, condition: float) -> str:
+def _attribution(
+    name: str, unit: str, knots: Sequence[SweepKnots], curves: str, condition: float, gain: float
+) -> str:
     bias = float(np.mean([k.bias for k in knots]))
     torque = "N.m" if unit == "rad" else "N"
     if np.isfinite(condition) and curves == "own":
         return (
             f"Joint '{name}': its centers tell the constant difference of the directions from gravity (condition "
-            f"{condition:.0f}); an offset of the torque signal would look the same as such a difference."
+            f"{condition:.0f}, noise gain {gain:.2g}); an offset of the torque signal would look the same as such a difference."
         )
     if curves == "own":
         return (
@@ -222,5 +324,5 @@ def _attribution(name: str, unit: str, knots: Sequence[SweepKnots], curves: str,
         )
     return (
         f"Joint '{name}': offset unattributed: {bias:.3g} {torque} may be gravity, an offset of the torque signal or a constant "
-        "difference of the directions; it is given to the former two. Sweeps about three distant centers tell gravity apart."
+        f"difference of the directions; it is given to the former two.{'' if unit == 'm' else ' ' + REMEDY}"
     )

@@ -60,9 +60,9 @@ def validate(model: FrictionModel, logs: Sequence[Log], *, urdf: str | None = No
                 continue
             if log.torque is None and log.drive_input is not None:
                 raise InvalidInput(
-                    f"The log holds no torque of joint '{name}', and a model is judged by torque.",
-                    remedy="Map the torque (--map tau=COLUMN). What a fit from the drive's input leaves of the motion it had not "
-                    "seen is in its model's options, under `joints`; to judge another log by its motion, fit with --hold-out.",
+                    f"The log holds no torque of joint '{name}', and here a model is judged by torque.",
+                    remedy="Map the torque (--map tau=COLUMN). A model of `fit --drive` is judged by motion: `backdrive validate`, "
+                    "or `backdrive.fitting.judging.judge_motion`.",
                 )
             stretches = prepare(log, name, cutoff=_cutoff(model, name))
             pairs += [(s.torque, predict(friction, s), s.rate, s.moving) for s in stretches]

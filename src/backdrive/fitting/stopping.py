@@ -1,0 +1,78 @@
+"""Ctrl-C during a fit: the first one ends what is under way and keeps what was found, the second one ends everything.
+
+An interruption that arrives anywhere, as Python has it, may be lost in a thread or spoil a result that is half made. So while
+something can be kept it is only noted, and raised where a search stands between two evaluations.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TypeVar
+
+T = TypeVar("T")
+
+
+@dataclass
+class _State:
+    """What has happened so far.
+
+    Attributes:
+        noted: a first interruption waits to be raised.
+        depth: fits under way.
+    """
+
+    noted: bool = False
+    depth: int = 0
+
+
+_state = _State()
+
+
+def check() -> None:
+    """Raise the interruption that was noted, once.
+
+    Raises:
+        KeyboardInterrupt: a person asked for the end.
+    """
+    if _state.noted:
+        _state.noted = False
+        raise KeyboardInterrupt
+
+
+@contextmanager
+def gently() -> Iterator[None]:
+    """Note the first Ctrl-C within this block; the second one, and any where signals cannot be caught, ends it at once."""
+    plain = signal.default_int_handler
+    if (
+        _state.depth
+        or threading.current_thread() is not threading.main_thread()
+        or signal.getsignal(signal.SIGINT) is not plain
+    ):
+        yield
+        return
+
+    def note(number, frame):
+        if _state.noted:
+            raise KeyboardInterrupt
+        _state.noted = True
+
+    _state.noted, _state.depth = False, 1
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, plain)
+        _state.depth = 0
+
+
+def unless_stopped(call: Callable[[], T]) -> T | None:
+    """Return what a call gives, or None where it was interrupted."""
+    try:
+        check()
+        return call()
+    except KeyboardInterrupt:
+        return None

@@ -1,0 +1,181 @@
+"""Friction that grows with the gravity that a joint carries, from sweeps of the assembled arm.
+
+With a growth mu_d of the friction where the motor lifts and mu_b where the weight drives the motor back, the mean torques are
+
+    along +q:   F_p(V) + g + mu |g|  + delta g        mu = (mu_d + mu_b) / 2
+    along -q:  -F_n(V) + g - mu |g|  + delta g        delta = (mu_d - mu_b) / 2
+
+since friction sgn(v) mu_d |g| where v g > 0 and sgn(v) mu_b |g| where v g < 0 is sgn(v) mu |g| + delta g. So mu is even in the
+direction: it shows in the half difference, once the posture changes |g|. delta is a factor on gravity and nothing else: no
+posture of the same arm shows it, only a weight that is known (`payload_growth`), which seems to weigh 1 + delta of itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from backdrive.errors import InvalidInput, NotIdentifiable
+
+if TYPE_CHECKING:
+    from backdrive.identification.sweep_fit import Equations
+    from backdrive.identification.sweep_knots import SweepKnots
+
+SIGNIFICANT = 4.0  # standard errors from which on a growth is taken to be there [-]
+LEAST = 0.01  # and by how much friction must change with it from sweep to sweep [share of the friction]
+ROUNDS = 4  # the size of gravity is that of the round before
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Growth:
+    """How friction grows with the gravity that the joint carries.
+
+    Attributes:
+        slope: mu, mean of lifting and being driven back, and its standard error [-].
+        gravity: a and b of a sin q + b cos q [N.m], (2,).
+        carried: mean size of gravity in the sweeps [N.m].
+    """
+
+    slope: tuple[float, float]
+    gravity: np.ndarray
+    carried: float
+
+    def sentence(self, name: str) -> str:
+        """Return the result in words."""
+        value, error = self.slope
+        return (
+            f"Joint '{name}': friction grows by {value:.3f} +- {error:.3f} of the gravity that the joint carries; the curve is "
+            f"that under {self.carried:.3g} N.m. Lifting and being driven back are told apart only by a known payload."
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PayloadGrowth:
+    """How friction grows with the load where the motor drives it, and where it drives the motor back.
+
+    Attributes:
+        driving: mu_d and its standard error [-].
+        driven: mu_b and its standard error [-].
+        gravity: a and b of the arm without payload, a sin q + b cos q [N.m], (2,).
+        positive: friction without load at the knots along +q [N.m], (K,).
+        negative: the same along -q [N.m], (K,).
+        velocity: the knots [rad/s], (K,).
+        condition: of the equations [-].
+    """
+
+    driving: tuple[float, float]
+    driven: tuple[float, float]
+    gravity: np.ndarray
+    positive: np.ndarray
+    negative: np.ndarray
+    velocity: np.ndarray
+    condition: float
+
+
+def growth(eqs: Equations, curves: str, terms: Sequence[str], theta: np.ndarray) -> Growth | None:
+    """Return the growth of friction with gravity where the equations show one, or else None.
+
+    Args:
+        eqs: of all sweeps.
+        curves: as in `Equations.spread`.
+        terms: gravity, and what else takes part.
+        theta: their solution without growth.
+    """
+    from backdrive.identification.sweep_fit import LOAD, WORST_CONDITION
+
+    K = eqs.V.size
+    friction = 0.5 * float(np.mean(theta[: 2 * K]))
+    for _ in range(ROUNDS):
+        gravity = theta[2 * K : 2 * K + 2]
+        size = np.abs(eqs.X[: eqs.levels, 2 * K : 2 * K + 2] @ gravity)
+        if not np.ptp(size) > LEAST * friction:
+            return None
+        with_load = eqs.loaded(gravity / max(float(size.max()), 1e-300))  # scaled, for the condition number
+        if not with_load.condition(curves, (*terms, LOAD)) <= WORST_CONDITION:
+            return None
+        theta, covariance = eqs.loaded(gravity).solve(curves, (*terms, LOAD))
+    value, error = float(theta[-1]), float(np.sqrt(max(covariance[-1, -1], 0.0)))
+    if not value > SIGNIFICANT * error or not value * np.ptp(size) > LEAST * friction:
+        return None
+    return Growth(slope=(value, error), gravity=gravity, carried=float(size.mean()))
+
+
+def payload_growth(
+    knots: Sequence[SweepKnots], payloads: Sequence[tuple[float, float]], *, name: str = "joint"
+) -> PayloadGrowth:
+    """Return how friction grows with the load in both directions of power, from sweeps with and without a known payload.
+
+    Args:
+        knots: one entry a sweep.
+        payloads: s and c of the payload's gravity s sin q + c cos q in each sweep; (0, 0) without one [N.m].
+        name: of the joint, for messages.
+
+    Raises:
+        InvalidInput: not one payload a sweep, or none that differs.
+        NotIdentifiable: the sweeps do not tell curve, gravity, growth and the payload's part apart.
+    """
+    from backdrive.identification.sweep_fit import GRAVITY, LOAD, WORST_CONDITION, equations
+
+    weights = np.array(payloads, dtype=np.float64)
+    if weights.shape != (len(knots), 2) or not np.isfinite(weights).all():
+        raise InvalidInput(
+            f"{weights.shape} payloads for {len(knots)} sweeps.",
+            remedy="Give the sine and the cosine part of each [N.m].",
+        )
+    if not np.ptp(weights, axis=0).any():
+        raise InvalidInput(
+            f"Joint '{name}': all sweeps carry the same payload.",
+            remedy="Repeat one without it, or with another one; without a known change of weight, lifting and being driven "
+            "back look like one friction and more gravity.",
+        )
+    eqs = equations(knots)
+    K, n = eqs.V.size, eqs.levels
+    of_sweep = np.repeat(np.arange(len(knots)), [2 * k.V.size for k in knots])
+    center, level = np.array([k.center for k in knots]), np.array([k.level for k in knots])
+    carried = level * (weights[:, 0] * np.sin(center) + weights[:, 1] * np.cos(center))
+    sign = eqs.X[:n, :K].sum(axis=1) + eqs.X[:n, K : 2 * K].sum(axis=1)
+    spread = eqs.spread("own", (*GRAVITY, LOAD))
+    base, weight = (eqs.X @ spread)[:n], eqs.weight[:n]
+    payload = carried[of_sweep]
+    delta, inverse, theta, X = 0.0, np.zeros(0), np.zeros(0), base
+    for _ in range(2 * ROUNDS):
+        gravity = (
+            theta[2 * K : 2 * K + 2] / (1.0 + delta) if theta.size else _start(base, eqs.y[:n], payload, K)
+        )
+        size = np.abs(base[:, 2 * K : 2 * K + 2] @ gravity + payload)
+        X = np.column_stack([base[:, :-1], sign * size, payload])
+        inverse = np.linalg.pinv(X * weight[:, None], rcond=1e-12)
+        theta = inverse @ ((eqs.y[:n] - payload) * weight)
+        delta = float(theta[-1])
+    scaled = X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)
+    singular = np.linalg.svd(scaled, compute_uv=False)
+    condition = float(singular[0] / max(singular[-1], 1e-300))
+    if not condition <= WORST_CONDITION:
+        raise NotIdentifiable(
+            f"Joint '{name}': the sweeps do not tell growth with the load from the rest (condition {condition:.0f}).",
+            remedy="Sweep about three distant centers, each with and without the payload.",
+        )
+    covariance = inverse @ inverse.T
+    found = []
+    for way in (1.0, -1.0):
+        row = np.zeros(theta.size)
+        row[-2:] = 1.0, way
+        found.append((float(row @ theta), float(np.sqrt(row @ covariance @ row))))
+    return PayloadGrowth(
+        driving=found[0],
+        driven=found[1],
+        gravity=theta[2 * K : 2 * K + 2] / (1.0 + delta),
+        positive=theta[:K],
+        negative=theta[K : 2 * K],
+        velocity=eqs.V,
+        condition=condition,
+    )
+
+
+def _start(base: np.ndarray, y: np.ndarray, payload: np.ndarray, K: int) -> np.ndarray:
+    """Return gravity as it is found without growth [N.m], (2,)."""
+    found = np.linalg.lstsq(base[:, : 2 * K + 2], y - payload, rcond=1e-10)[0]
+    return found[2 * K : 2 * K + 2]

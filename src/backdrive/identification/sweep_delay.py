@@ -1,0 +1,88 @@
+"""The delay of the drive, from the windows of a sweep.
+
+A torque that acts d later than it was commanded leaves -I d dddq in the friction. At one speed the jerk of cycle n is
+-(2 n V / (A N))^2 times the speed, so that cycles which pass the same speed with different jerk tell d from friction. All that
+the windows hold is regressed together: a curve for each direction, inertia, gravity and I d.
+
+The noise of the drive moves the joint, and the servo answers it: acceleration and jerk as measured go along with the error of
+the torque, and least squares would take the loop's own lag for a delay (by 1 ms on a simulated joint). The motion that was
+wanted does not know the noise. It is nearly what a low pass above the frequency of the last cycle leaves of the position,
+and that is the instrument here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from backdrive import filters
+from backdrive.identification.curves import basis
+from backdrive.identification.function_a import long_run
+from backdrive.identification.signals import Signals
+from backdrive.identification.sweep_windows import Windows
+
+SHARE = 0.3  # samples faster than this share of a cycle's peak speed are used [-]
+CORNER = 6.5  # corner of the low pass, in frequencies of the fastest cycle [-]
+ROUNDS = 4  # the first order in d is repeated with the torque shifted by what was found
+
+
+def sweep_delay(stretches: Sequence[Signals], cycles: Windows) -> tuple[float, float]:
+    """Return the time from the middle of a command's interval to the torque's effect, and its standard error [s].
+
+    0 for a command that acts at once and is held, minus half a sampling interval for a torque sampled with the position.
+
+    Args:
+        stretches: the log's signals, as `prepare` returns them.
+        cycles: of the sweep.
+
+    Returns:
+        Delay and standard error [s]; NaN where the sweep has fewer than three cycles, or no position.
+    """
+    nothing = float("nan"), float("nan")
+    if cycles.peak.size < 3 or any(s.position is None for s in stretches):
+        return nothing
+    slow, fast = float(cycles.peak.min()), float(cycles.peak.max())
+    knots = np.concatenate([[SHARE * slow], np.linspace(slow, fast, 2 * cycles.peak.size - 1)])
+    length = float(np.min(cycles.time[:, 1] - cycles.time[:, 0]))
+    parts = [_part(s, cycles, CORNER / length, knots) for s in stretches]
+    delay, bread, theta, y = 0.0, np.zeros((1, 1)), np.zeros(2), []
+    for _ in range(ROUNDS):
+        y = [filters.shift(s.torque, 0.5 + delay * s.rate)[rows] for s, (rows, *_) in zip(stretches, parts)]
+        moments = [(Z.T @ X, Z.T @ f) for (_, X, Z, _), f in zip(parts, y)]
+        gram, moment = sum(m[0] for m in moments), sum(m[1] for m in moments)
+        scale = np.sqrt(np.maximum(np.abs(np.diag(gram)), 1e-300))
+        bread = np.linalg.pinv(gram / np.outer(scale, scale), rcond=1e-10) / np.outer(scale, scale)
+        theta = bread @ moment
+        if not theta[0] > 0:
+            return nothing
+        delay -= float(theta[1] / theta[0])
+    spread = sum(
+        long_run((Z[a:b] * (f - X @ theta)[a:b, None]).T)
+        for (_, X, Z, edges), f in zip(parts, y)
+        for a, b in edges
+    )
+    return delay, float(np.sqrt((bread @ spread @ bread.T)[1, 1]) / theta[0])
+
+
+def _part(s: Signals, cycles: Windows, corner: float, knots: np.ndarray):
+    """Return the samples used, regressors, instruments, and where runs of samples begin and end."""
+    wanted = filters.low_pass(s.position, min(corner, 0.2 * s.rate), s.rate)  # type: ignore[arg-type]
+    motion = [wanted]
+    for _ in range(3):
+        motion.append(filters.derivative(motion[-1], 1.0 / s.rate))
+    used = np.zeros(s.time.size, dtype=bool)
+    for window, peak in zip(cycles.time, cycles.peak):
+        a, b = np.searchsorted(s.time, window)
+        used[a:b] |= np.abs(motion[1][a:b]) >= SHARE * peak
+    rows = np.flatnonzero(used)
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(rows) > 1) + 1, [rows.size]])
+    edges = [(int(a), int(b)) for a, b in zip(starts, starts[1:]) if b > a]
+    X = _regressor([m[rows] for m in (s.position, s.velocity, s.acceleration, s.jerk)], knots)  # type: ignore[index]
+    Z = _regressor([m[rows] for m in motion], knots)
+    return rows, X, Z, edges
+
+
+def _regressor(motion: Sequence[np.ndarray], knots: np.ndarray) -> np.ndarray:
+    q, v, a, j = motion
+    return np.column_stack([a, -j, np.sin(q), np.cos(q), basis(v, knots)])
