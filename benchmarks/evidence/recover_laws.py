@@ -51,7 +51,7 @@ POOLED = (0.92, 0.98)  # of all seeds and parameters
 WIDEST = 2.5  # interval by that of the bound
 NAMES = (*RATES, *(n for n in ELEMENTS if n != "none"))
 #: Starts that are screened, and how many of them descend, for laws that one guess may lead astray.
-STARTS = {"makkar": (64, 2), "load-temperature": (48, 3), "decaying": (16, 2)}
+STARTS = {"makkar": (64, 2), "load-temperature": (96, 5), "decaying": (16, 2), "leuven": (32, 3)}
 FINER = 5  # steps a sample of the finer truth
 
 known = lru_cache(maxsize=None)(case)

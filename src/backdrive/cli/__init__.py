@@ -11,7 +11,19 @@ import typer
 from backdrive.cli._output import fail
 
 #: Command name -> module that defines `command(...)`; a module is one file and one line here.
-COMMANDS = ("demo", "inspect", "plan", "identify", "fit", "show", "validate", "laws", "reproduce")
+COMMANDS = (
+    "demo",
+    "inspect",
+    "plan",
+    "identify",
+    "fit",
+    "show",
+    "validate",
+    "compare",
+    "tune",
+    "laws",
+    "reproduce",
+)
 
 app = typer.Typer(
     name="backdrive",

@@ -11,7 +11,7 @@ _SPEED = ("top_speed", "top_speed_deg")
 _TORQUE = ("amplitude", "offset", "cycles", "torque_limit")
 #: Kind of plan -> the options that mean something to it, beside those that all have.
 KINDS: dict[str, tuple[str, ...]] = {
-    "sweep": (*_MOTION, *_SPEED, "literal", "bias", "time_slip"),
+    "sweep": (*_MOTION, *_SPEED, "literal", "bias", "time_slip", "centres"),
     "constant-velocity": (*_MOTION, *_SPEED, "speeds", "ramp_acceleration", "pause"),
     "multisine": (*_MOTION, "band", "period", "seed"),
     "sine-torque": (*_TORQUE, "frequency", "inertia"),
@@ -59,6 +59,7 @@ class Request:
     friction: float | None = None
     bias: float | None = None
     time_slip: float | None = None
+    centres: str | None = None
 
 
 def refuse_idle_options(request: Request) -> None:

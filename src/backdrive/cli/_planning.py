@@ -14,15 +14,19 @@ MOST_STROKE = {"rad": 2.0 * math.pi, "m": 5.0}  # beyond, somebody has probably 
 MOST_SPEED = {"rad": 30.0, "m": 10.0}
 
 
-def build(request: Request) -> tuple[Any, dict[str, JointLimits]]:
+def build(request: Request, *, check: bool = True) -> tuple[Any, dict[str, JointLimits]]:
     """Return the plan that was asked for, checked against the limits, and those limits by joint.
+
+    Args:
+        request: the options.
+        check: against the limits; its size is checked in any case.
 
     Raises:
         BackdriveError: an option is missing, out of range, without meaning for the kind, or beyond a limit.
     """
     from backdrive._catalog import lookup
     from backdrive.errors import InvalidInput
-    from backdrive.excite import Held, InTurn, check_limits
+    from backdrive.excite import Held, InTurn
 
     lookup(request.kind, KINDS, "kind of plan")
     refuse_idle_options(request)
@@ -40,13 +44,44 @@ def build(request: Request) -> tuple[Any, dict[str, JointLimits]]:
     plan = plans[0] if len(plans) == 1 and not held else InTurn(tuple(plans), held=held)
     for one in plans:
         _refuse_wrong_unit(one, limits[one.joint])
+    if check:
+        checked(plan, limits, request)
+    return plan, {name: limits[name] for name in (*names, *others)}
+
+
+def checked(
+    plan: Any, limits: JointLimits | dict[str, JointLimits], request: Request, *, alternative: bool = False
+) -> None:
+    """Refuse a plan that passes a limit.
+
+    Args:
+        plan: of one joint, or in turn.
+        limits: of its joints.
+        request: the options, for inertia, gravity and friction.
+        alternative: the plan is one of several sweeps; what else would do is said.
+
+    Raises:
+        InvalidInput: names the limits that are passed.
+    """
+    from backdrive.errors import InvalidInput
+    from backdrive.excite import check_limits
+
     torque = {
         "inertia": request.inertia,
         "gravity": request.gravity or 0.0,
         "friction": request.friction or 0.0,
     }
-    check_limits(plan, limits, **torque)
-    return plan, {name: limits[name] for name in (*names, *others)}
+    try:
+        check_limits(plan, limits, **torque)
+    except InvalidInput as error:
+        if not alternative:
+            raise
+        from backdrive.excite.centres import WHAT_ELSE
+
+        raise InvalidInput(
+            f"The sweep about {math.degrees(plan.center):.4g} deg cannot be driven. {error.message}",
+            remedy=f"{error.remedy} {WHAT_ELSE}".strip(),
+        ) from error
 
 
 def single_plans(plan: Any) -> tuple[Any, ...]:

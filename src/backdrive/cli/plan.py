@@ -43,6 +43,12 @@ def command(
         int | None, _option("Cycles, speeds or periods.  [default: 10; multisine 3, torques 5, ramp 2]")
     ] = None,
     center: Annotated[float | None, _option("Middle of the stroke [rad or m].  [default: 0]")] = None,
+    centres: Annotated[
+        str | None,
+        _option(
+            "Several sweeps, to tell unequal directions from gravity: auto, how many, or centers in degrees: -60,0,60."
+        ),
+    ] = None,
     lead_in: Annotated[float | None, _option("Time before the first cycle [s].")] = None,
     literal: Annotated[
         bool, typer.Option("--literal", help="The sweep as printed in the thesis: the acceleration jumps.")
@@ -90,6 +96,8 @@ def command(
     Writes plan.json (keep it beside the log), plan.csv, plan.npz, trajectory.yaml (ROS 2 JointTrajectory) and a picture.
 
     Example: backdrive plan sweep --stroke-deg 20 --top-speed 2 --cycles 10 --joint j1 -o plan/
+
+    Example: backdrive plan sweep --stroke-deg 20 --top-speed 2 --centres auto --lower -1.4 --upper 1.4 -o plan/
     """
     from dataclasses import fields
 
@@ -99,6 +107,9 @@ def command(
 
     options = locals()
     request = Request(**{f.name: options[f.name] for f in fields(Request)})
+    if request.centres is not None:
+        _several(request, output, rate, ros_rate, draw, as_json)
+        return
     plan, limits = build(request)
     contents = _contents(plan, limits, rate, ros_rate, draw)
     figures = [figures_of(one, limits[one.joint], request) for one in single_plans(plan)]
@@ -120,6 +131,42 @@ def command(
         )
     else:
         _print(plan, figures, notes, written)
+
+
+def _several(request: Any, output: Path, rate: float, ros_rate: float, draw: str, as_json: bool) -> None:
+    """Plan one sweep a center, each into a folder of its own."""
+    from backdrive.cli._plan_centres import build_centres, figures_of_centres, sentence_of_centres
+    from backdrive.cli._plan_request import refuse_idle_options
+    from backdrive.cli._plan_words import figures_of, notes_of, table_of
+
+    refuse_idle_options(request)
+    found, limits = build_centres(request)
+    contents = [_contents(plan, limits, rate, ros_rate, draw) for plan in found.plans]
+    figures = [figures_of(plan, limits[plan.joint], request) for plan in found.plans]
+    notes = notes_of(found.plans[0], limits, request)
+    written = [path for i, files in enumerate(contents, 1) for path in _write(output / f"center-{i}", files)]
+    if as_json:
+        from backdrive.cli._output import print_json
+        from backdrive.excite import plan_to_dict
+
+        print_json(
+            {
+                "ok": True,
+                "plans": [plan_to_dict(plan) for plan in found.plans],
+                **figures_of_centres(found),
+                "joints": figures,
+                "notes": notes,
+                "written": [str(p) for p in written],
+            }
+        )
+        return
+    typer.echo(f"sweep of {figures[0]['joint']} about several centers")
+    for line in table_of(figures):
+        typer.echo(f"  {line}")
+    typer.echo(sentence_of_centres(found))
+    for note in notes:
+        typer.secho(note, fg=typer.colors.YELLOW)
+    typer.echo(f"Wrote {len(written)} files into {output}/center-1 to {output}/center-{len(found.plans)}.")
 
 
 def _contents(

@@ -1,0 +1,266 @@
+"""Parameters chosen for a joint: what the limit-cycle bound is worth on 200 random joints, and how good a search's choice is.
+
+First part, 200 joints, no dither but where it says so: a knock of 2 F for 30 ms, time to stop, and then half a second in which the
+motor is watched. Within the conditions (K below the lower end of K_c's interval, R F below the least friction, a delay of at most a
+tick, a transmission damped by 3 % or more; alpha = 20, which was fixed after a first run with alpha up to 500) the amplitude has to
+stay below r_c/(1 - R) + 1 count, r_c = F/K_c of the joint as it is and R the compensating torque by its friction. Then each
+condition is broken by itself.
+
+Second part, 120 of the joints: the proposal of `backdrive tune` (search, then R off the border) against the best point of
+a grid of 160 that passes the same safety test (K_c by 20 %, F by 10 %, and what goes with them in `scenes.corners`), by the hand's
+mean peak force over the stated stroke: 0.15 rad in 0.5 s every 0.75 s, a hand of 15 F/stroke with a damping ratio of 0.7.
+
+Ranges, drawn evenly (L: in the logarithm): F 1 to 30 N.m L; r_c 3e-5 to 5e-4 rad L, which makes K_c = F/r_c; F by inertia 2 to 30
+rad/s^2 L; the motor's share of it 0.05 to 0.4; F/(K_c count) 5 to 400 L; growth 0 to 1 F a rad/s; damping ratio 0.03 to 0.15 L;
+contact by transmission 1 to 8 L; delay 0 to 1 ms; true K_c within 20 %, true F within 10 % of what is believed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from _common import Judge
+
+from backdrive.closed_loop import play
+from backdrive.compensate import Dither
+from backdrive.control import JointLoop
+from backdrive.laws import CoulombViscous
+from backdrive.tune import rules, scenes
+from backdrive.tune.facts import Facts
+from backdrive.tune.goals import compensator, goal_of
+from backdrive.tune.propose import calmed, fixed_rule, thesis_numbers
+from backdrive.tune.reasons import presliding_radius
+from backdrive.tune.scenes import Member
+from backdrive.tune.search import best_safe, search
+
+JOINTS, COMPARED = 200, 120
+Case = tuple[Facts, Member, dict[str, float]]  # as believed, as it is, numbers
+T = 1e-3
+GRID = [
+    {"share": R, "stiffness": k, "decay": a}
+    for R in (0.5, 0.6, 0.7, 0.75, 0.8, 0.83, 0.86, 0.89)
+    for k in (0.15, 0.3, 0.45, 0.6, 0.72)
+    for a in (5.0, 20.0, 100.0, 500.0)
+]
+
+
+def log(rng, low: float, high: float) -> float:
+    return float(low * (high / low) ** rng.random())
+
+
+def joint(seed: int) -> Case:
+    """Return a joint as believed, as it is, and numbers within the conditions."""
+    rng = np.random.default_rng(seed)
+    F = log(rng, 1.0, 30.0)
+    K_c = F / log(rng, 3e-5, 5e-4)
+    inertia = F / log(rng, 2.0, 30.0)
+    growth = F * rng.random()
+    rate = CoulombViscous(
+        coulomb_positive=F, coulomb_negative=F, viscous_positive=growth, viscous_negative=growth
+    )
+    facts = Facts(
+        name=f"joint_{seed}",
+        unit="rad",
+        rate=rate,
+        coulomb=F,
+        friction=(0.9, 1.1),
+        stiffness=K_c,
+        stiffness_interval=(0.8 * K_c, 1.2 * K_c),
+        inertia=inertia,
+        inertia_interval=(0.85 * inertia, 1.15 * inertia),
+        motor_share=float(rng.uniform(0.05, 0.4)),
+        count=F / K_c / log(rng, 5.0, 400.0),
+        delay=T,
+        interval=T,
+        top_speed=1.0,
+    )
+    truth = Member(
+        friction=float(rng.uniform(0.9, 1.1)),
+        stiffness=float(rng.uniform(0.8, 1.2)) * K_c,
+        contact=log(rng, 1.0, 8.0),
+        inertia=inertia,
+        motor_share=facts.motor_share,
+        damping=log(rng, 0.03, 0.15),
+        delay=T * rng.random(),
+        temperature=20.0,
+        seed=seed,
+    )
+    numbers = {
+        "share": float(rng.uniform(0.5, 0.88)),
+        "stiffness": float(0.8 * rng.uniform(0.2, 1.0)),
+        "decay": log(rng, 5.0, 500.0),
+    }
+    return facts, truth, numbers
+
+
+def restless(
+    cases: list[Case], dither: float = 0.0, longest: float = 4e-5
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the half-amplitude at the end of a knock, its bound, and the count of each joint.
+
+    `dither`: R_d by what is left below the least friction, 0.9 - R.
+    """
+    played, bounds = [], []
+    for facts, truth, z in cases:
+        R_d = min(dither * (facts.friction[0] - z["share"]), 1.0)
+        sine = Dither(share=R_d, mode="reset") if R_d > 0.0 else None
+        ratio = z["share"] / truth.friction
+        length = 0.1 + min(1.2 * rules.stopping_time(ratio, scenes.PUSHED), 3.0) + 1.0
+        loop = JointLoop(compensator=compensator(facts, z, sine))
+        played.append(scenes.knock(facts, truth, loop, longest, length))
+        bounds.append(scenes.bound_of(facts, truth, z["share"] + R_d))
+    found = np.array([scenes.amplitude(r) for r in play(played)])
+    return found, np.array(bounds), np.array([f.count for f, _, _ in cases])
+
+
+def told(what: str, cases: list[Case], dither: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Print a line of the table and return what it says."""
+    found, bound, count = restless(cases, dither)
+    over, worst = found > bound, float((found / bound).max())
+    none = int(np.sum(~np.isfinite(bound)))
+    print(
+        f"  {what:<46} over the bound {over.sum():3d} of {found.size - none:3d}, at most {worst:8.3g} times it; "
+        f"up to 2 counts {100 * np.mean(found <= 2 * count):5.1f} %, up to 1 {100 * np.mean(found <= count):5.1f} %, "
+        f"median {np.median(found / count):8.2g}, largest {np.max(found / count):8.2g}"
+    )
+    return found, bound, count
+
+
+def safety(judge: Judge, joints: int) -> None:
+    """Judge the bound within its conditions, and tell what happens outside."""
+    drawn = [joint(s) for s in range(joints)]
+    cases = [(f, m, {**z, "decay": 20.0}) for f, m, z in drawn]
+    print(f"limit cycles, {joints} joints (alpha = 20 1/s, the thesis' at rest, where nothing else is said)")
+    found, bound, count = told("within the conditions", cases)
+    judge.that(
+        f"no amplitude above r_c/(1 - R) + 1 count: {(found > bound).sum()} of {joints}",
+        bool((found <= bound).all()),
+    )
+    judge.that(
+        f"at rest, half-amplitude up to 2 counts: {100 * np.mean(found <= 2 * count):.1f} % (at least 95)",
+        bool(np.mean(found <= 2 * count) >= 0.95),
+    )
+    fine = restless(cases[:40], longest=1e-5)[0]
+    print(
+        f"  steps of 10 us instead of 40 us, 40 joints: at rest {np.sum(fine <= 2 * count[:40])}, was "
+        f"{np.sum(found[:40] <= 2 * count[:40])}; over the bound {np.sum(fine > bound[:40])}"
+    )
+    found, bound, count = told("alpha 5 to 500", drawn)
+    judge.that(
+        f"the same for alpha 5 to 500: {(found > bound).sum()} of {joints} above r_c/(1 - R) + 1 count",
+        bool((found <= bound).all()),
+    )
+    calm = np.array([presliding_radius(*case) < 0.99 for case in drawn])
+    print(
+        f"    of these {calm.sum()} have a linear presliding of spectral radius below 0.99: "
+        f"{100 * np.mean(found[calm] <= 2 * count[calm]):.1f} % of them at rest, of the others "
+        f"{100 * np.mean(found[~calm] <= 2 * count[~calm]):.1f} %"
+    )
+    rng = np.random.default_rng(1)
+    for what, change in broken(rng).items():
+        told(what, [change(*case) for case in cases])
+    found, bound, _ = told("dither of 0.9 (0.9 - R) F", cases, 0.9)
+    judge.that(
+        f"with dither, (R + R_d) F below the least friction: {(found > bound).sum()} of {joints} above r_c/(1 - R - R_d) + 1 count",
+        bool((found <= bound).all()),
+    )
+    told("dither of 3 (0.9 - R) F", cases, 3.0)
+
+
+def broken(rng: np.random.Generator) -> dict[str, Callable[..., Case]]:
+    """Return what breaks one condition each."""
+    return {
+        "K 1 to 2 times the true K_c": lambda f, m, z: (
+            f,
+            m,
+            {**z, "stiffness": rng.uniform(1.0, 2.0) * m.stiffness / f.stiffness},
+        ),
+        "R F 1 to 1.1 times the true friction": lambda f, m, z: (
+            f,
+            m,
+            {**z, "share": rng.uniform(1.0, 1.1) * m.friction},
+        ),
+        "delay of 2 to 3 ticks": lambda f, m, z: (f, replace(m, delay=rng.uniform(2.0, 3.0) * T), z),
+        "delay of 4 to 6 ticks": lambda f, m, z: (f, replace(m, delay=rng.uniform(4.0, 6.0) * T), z),
+        "damping ratio 0 to 0.02": lambda f, m, z: (f, replace(m, damping=rng.uniform(0.0, 0.02)), z),
+    }
+
+
+def choice(judge: Judge, joints: int) -> None:
+    """Judge the search against the grid."""
+    print(f"the search against a grid of {len(GRID)}, {joints} joints")
+    ratios: dict[str, list[float]] = {
+        "proposal": [],
+        "search alone": [],
+        "fixed rule": [],
+        "thesis": [],
+        "thesis, R = 0.9, K = K_c/2": [],
+    }
+    safe: dict[str, list[bool]] = {name: [] for name in ratios}
+    rest, none, seconds = [], 0, []
+    for seed in range(joints):
+        facts, _, _ = joint(seed)
+        goal = goal_of("backdrive", facts, scenes.stated(facts))
+        scores = goal.scores(GRID)
+        at, _ = best_safe(goal, GRID, scores)
+        begun = time.process_time()
+        found = search(goal, seed=seed, starts=[fixed_rule(facts)])
+        if at < 0 or found.numbers is None:
+            none += 1
+            print(f"  joint {seed}: grid safe {at >= 0}, search safe {found.numbers is not None}")
+            if at >= 0:
+                ratios["proposal"].append(np.inf)
+                safe["proposal"].append(False)
+            continue
+        kept = calmed(goal, found.numbers, scenes.drawn(facts, 64, seed))
+        seconds.append(time.process_time() - begun)
+        rows = {
+            "proposal": kept,
+            "search alone": found.numbers,
+            "fixed rule": fixed_rule(facts),
+            "thesis": thesis_numbers(facts),
+            "thesis, R = 0.9, K = K_c/2": {"share": 0.9, "stiffness": 0.5, "decay": 20.0},
+        }
+        for name, s, w in zip(rows, goal.scores(list(rows.values())), goal.worst(list(rows.values()))):
+            ratios[name].append(float(s / scores[at]))
+            safe[name].append(bool(w <= 1.0))
+        unrest = goal.unrests([kept], scenes.drawn(facts, 64, 1000 + seed))[0]
+        rest.append(float(np.mean(unrest <= 1.0)))
+    for name, values in ratios.items():
+        r, ok = np.array(values), np.array(safe[name])
+        print(
+            f"  {name:<28} safe on {ok.sum():3d} of {ok.size}; force by the best of the grid, median {np.median(r):.3f}, worst "
+            f"{r.max():.3f}; safe and within 15 % on {100 * np.mean(ok & (r <= 1.15)):.0f} %"
+        )
+    print(
+        f"  of 64 joints freshly drawn from each one's intervals {100 * np.mean(rest):.1f} % rest with the proposal "
+        f"(worst joint {100 * min(rest):.0f} %); search and check take {np.median(seconds):.1f} s of processor time; "
+        f"{none} joints without a safe point"
+    )
+    good = np.mean(np.array(safe["proposal"]) & (np.array(ratios["proposal"]) <= 1.15))
+    judge.that(
+        f"safe and within 15 % of the grid's best on {100 * good:.1f} % of joints (at least 90)",
+        bool(good >= 0.9),
+    )
+
+
+def main() -> None:
+    """Print the tables and the verdict."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--joints", type=int, default=JOINTS)
+    parser.add_argument("--compared", type=int, default=COMPARED)
+    options = parser.parse_args()
+    judge, begun = Judge(), time.perf_counter()
+    safety(judge, options.joints)
+    print(f"  {time.perf_counter() - begun:.0f} s")
+    choice(judge, options.compared)
+    print(f"  {time.perf_counter() - begun:.0f} s")
+    judge.end()
+
+
+if __name__ == "__main__":
+    main()

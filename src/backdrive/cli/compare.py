@@ -1,0 +1,143 @@
+"""`backdrive compare`: has a joint's friction changed between two models, two postures or two days?"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from backdrive.cli import _logs
+
+if TYPE_CHECKING:
+    from backdrive.drift.change import Change
+    from backdrive.model import FrictionModel
+
+
+def command(
+    first: Annotated[str, typer.Argument(metavar="A.json", help="Earlier model file, or preset:NAME.")],
+    second: Annotated[str, typer.Argument(metavar="B.json", help="Later model file, or preset:NAME.")],
+    joint: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--joint", "-j", metavar="NAME", help="Only this joint; NAME=OTHER where B calls it OTHER."
+        ),
+    ] = None,
+    top_speed: Annotated[
+        float | None,
+        typer.Option(
+            "--top-speed", help="Compare up to this speed [rad/s or m/s].  [default: as far as both hold]"
+        ),
+    ] = None,
+    alarm: Annotated[
+        float, typer.Option("--alarm", help="Probability of calling chance a change, a joint.")
+    ] = 0.01,
+    as_json: _logs.AsJson = False,
+) -> None:
+    """Compare two models joint by joint: distances (2.16) and (2.17) of their curves, and whether chance explains them.
+
+    Exits with 0 where no joint changed, with 1 where one did, with 2 where nothing can be judged.
+
+    Example: backdrive compare monday.json friday.json
+
+    Example: backdrive compare folded.json stretched.json --joint elbow
+    """
+    from backdrive import load_model
+    from backdrive.drift.change import change_of
+    from backdrive.errors import InvalidInput
+
+    models = load_model(first), load_model(second)
+    pairs, left_out = _pairs(*models, joint)
+    changes = [
+        change_of(models[0].joint(a), models[1].joint(b), top_speed=top_speed, alarm=alarm) for a, b in pairs
+    ]
+    if not any(c.judged for c in changes):
+        sizes = "; ".join(f"{c.joint}: {c.verdict}" for c in changes)
+        raise InvalidInput(
+            f"Neither change nor its absence can be told: {sizes}.",
+            remedy=next((r for c in changes for r in c.remarks if "standard errors" in r), ""),
+        )
+    _print_json(changes, left_out) if as_json else _print_table(changes, left_out)
+    if any(c.changed for c in changes):
+        raise typer.Exit(1)
+
+
+def _pairs(
+    first: FrictionModel, second: FrictionModel, joint: list[str] | None
+) -> tuple[list[tuple[str, str]], list[str]]:
+    """Return names of the joints to compare, and a sentence for every joint that only one model has."""
+    from backdrive.errors import InvalidInput
+
+    if joint:
+        pairs = []
+        for word in joint:
+            name, _, other = word.partition("=")
+            pairs.append((first.joint(name).joint.name, second.joint(other or name).joint.name))
+        return pairs, []
+    common = [name for name in first.names if name in second.names]
+    if not common:
+        raise InvalidInput(
+            f"The models have no joint in common: {', '.join(first.names)}, and {', '.join(second.names)}.",
+            remedy=f"Name them, for example --joint {first.names[0]}={second.names[0]}.",
+        )
+    left_out = [f"Joint '{n}' is only in the first model." for n in first.names if n not in common]
+    left_out += [f"Joint '{n}' is only in the second model." for n in second.names if n not in common]
+    return [(name, name) for name in common], left_out
+
+
+def _print_json(changes: list[Change], left_out: list[str]) -> None:
+    from backdrive.cli._output import print_json
+    from backdrive.drift.change import REACH, kind_of
+
+    rows = {
+        c.joint: {
+            "outcome": kind_of(c),
+            "verdict": c.verdict,
+            "top_speed": c.top_speed,
+            "distance": {"positive": c.distance[0], "negative": c.distance[1], "unit": c.unit},
+            "relative": {"positive": c.relative[0], "negative": c.relative[1]},
+            "mean_change": c.mean,
+            "mean_change_interval": [c.mean - REACH * c.mean_error, c.mean + REACH * c.mean_error],
+            "chi_square": c.chi_square,
+            "degrees_of_freedom": c.degrees,
+            "probability": c.probability,
+            "alarm": c.alarm,
+            "remarks": c.remarks,
+        }
+        for c in changes
+    }
+    changed = [c.joint for c in changes if c.changed]
+    print_json({"ok": True, "changed": changed, "joints": rows, "left_out": left_out})
+
+
+def _chance(change: Change) -> str:
+    if not change.judged:
+        return "-"
+    return f"p = {change.probability:.2g}" if change.probability > 1e-12 else "p < 1e-12"
+
+
+def _print_table(changes: list[Change], left_out: list[str]) -> None:
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    for heading in ("joint", "up to", "E +q", "E -q", "E_p +q", "E_p -q", "by chance"):
+        table.add_column(heading, justify="left" if heading == "joint" else "right", no_wrap=True)
+    for c in changes:
+        table.add_row(
+            escape(c.joint),
+            f"{c.top_speed:.3g}",
+            *(f"{d:.3g} {c.unit}" for d in c.distance),
+            *(f"{100.0 * r:.2f} %" for r in c.relative),
+            _chance(c),
+        )
+    console = Console(highlight=False)
+    console.print(table)
+    for c in changes:
+        console.print(
+            f"{escape(c.joint)}: {escape(c.verdict)}", style="bold" if c.changed else None, soft_wrap=True
+        )
+        for remark in c.remarks:
+            console.print(f"  {escape(remark)}", style="yellow", soft_wrap=True)
+    for sentence in left_out:
+        console.print(escape(sentence), style="yellow", soft_wrap=True)

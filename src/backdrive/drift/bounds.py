@@ -1,0 +1,54 @@
+"""How far the level of a compensated friction may go: never beyond what the joint takes away by itself.
+
+A compensator that gives R theta f along the motion puts in R theta |f v|, and the joint's friction takes out |F v|. Where
+R theta |f(v)| <= |F(v)| at every speed and in both directions, the two together never give energy, whatever theta does inside its
+bounds: the loop stays as passive as it was. So the largest level is
+
+    theta_up = min over v of F_least(v) / (R f(v))
+
+with F_least the least friction that the joint can have: the lower end of its interval, or its curve when it is warm.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+from backdrive.laws import Law
+
+SPEEDS = 400
+
+
+def passive_level(
+    law: Law, least: Law, *, gain: float, top_speed: float, margin: np.ndarray | float = 0.0
+) -> float:
+    """Return the largest level of a compensated law that leaves a joint passive [-].
+
+    Args:
+        law: that is compensated, at level 1.
+        least: the least friction that the joint can have.
+        gain: R, share of the law that is compensated [-].
+        top_speed: up to which it holds [rad/s or m/s].
+        margin: taken off the least friction, such as 1.96 standard errors of its curve [N.m or N], one number.
+
+    Raises:
+        InvalidInput: gain or speed are not positive, the law vanishes somewhere, or no level above 0 would do.
+    """
+    if not (0.0 < gain < np.inf and 0.0 < top_speed < np.inf):
+        raise InvalidInput(
+            f"gain = {gain}, top_speed = {top_speed}.", remedy="Both must be positive and finite."
+        )
+    speeds = top_speed * np.concatenate([[1e-9], np.linspace(0.0, 1.0, SPEEDS)[1:] ** 2])
+    both = np.concatenate([speeds, -speeds])
+    f, F = np.abs(law.torque(both)), np.abs(least.torque(both)) - margin
+    if not np.all(f > 0):
+        raise InvalidInput(
+            "The compensated law is zero at a speed.", remedy="Give a law with a Coulomb torque."
+        )
+    level = float(np.min(F / (gain * f)))
+    if not level > 0:
+        raise InvalidInput(
+            "The least friction is not above its margin: no compensation is sure to leave the joint passive.",
+            remedy="Identify the joint better, or where it is warm.",
+        )
+    return level

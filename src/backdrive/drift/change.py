@@ -1,0 +1,291 @@
+"""Has this joint's friction changed? Two identified curves, their distance, and how much of it chance explains.
+
+With d the difference of the two curves at some speeds and C the sum of their covariances there, d' C^-1 d follows a chi-square
+distribution with as many degrees of freedom as there are speeds, if nothing changed. The curves are compared at no more
+speeds than either has parameters. A model file keeps standard errors and not their correlations: then C has what the
+parameters' errors give as if they were independent. That is nearly so for the knots of one sweep; the knots of several
+sweeps share the error of gravity, and there the covariance of `fit_sweeps` should be given.
+
+Standard errors come from inside one log. Noise that is correlated over a good part of a window is not all in them: on simulated
+sweeps the scatter from log to log was 1.0 (slow knots) to 1.7 times (fast ones) what they say, and the test called chance a change
+in 12 to 17 % of the pairs instead of 1 %. So they are taken `REPEAT` times as large here, a number chosen after that was seen.
+With it, chance is called a change less often than the alarm says (`benchmarks/evidence/drift.py`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+from backdrive.laws import Law, Polyline
+from backdrive.metrics import curve_distance, relative_curve_distance
+from backdrive.model import JointFriction
+
+ALARM = 0.01  # probability of calling chance a change [-]
+REPEAT = 1.5  # scatter of an identification repeated, by the standard error that one log gives [-]
+REACH = 1.96  # standard errors of a 95 % interval
+SLOWEST = 0.02  # share of the top speed below which curves are not compared: there they jump [-]
+MEANS = 60  # speeds over which the mean change is taken
+# a combination of speeds with less than this share of the largest variance is not tested [-]
+LEAST_EIGEN = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """What differs between two identifications of one joint.
+
+    Attributes:
+        joint: its name.
+        unit: of torques, N.m or N.
+        top_speed: up to which both hold [rad/s or m/s].
+        distance: E of Iwatani 2017, (2.16), along +q and -q [N.m or N].
+        relative: E_p of (2.17), of the second to the first, along +q and -q [-].
+        mean: mean of the second curve less the first, by the mean of the first [-].
+        mean_error: its standard error, `REPEAT` included [-]; NaN where a model has none.
+        chi_square: of the test; NaN where a model has no standard errors.
+        degrees: of freedom.
+        probability: of a chi-square as large by chance [-].
+        alarm: probability below which it is called a change [-].
+        remarks: what weakens the comparison, in sentences.
+    """
+
+    joint: str
+    unit: str
+    top_speed: float
+    distance: tuple[float, float]
+    relative: tuple[float, float]
+    mean: float
+    mean_error: float
+    chi_square: float
+    degrees: int
+    probability: float
+    alarm: float = ALARM
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def judged(self) -> bool:
+        """Whether both models have the errors that a test needs."""
+        return bool(np.isfinite(self.probability))
+
+    @property
+    def changed(self) -> bool:
+        """Whether the difference is more than chance."""
+        return self.judged and self.probability < self.alarm
+
+    @property
+    def verdict(self) -> str:
+        """The answer in words."""
+        size = 100.0 * max(self.relative)
+        if not self.judged:
+            return f"differs by up to {size:.2g} %; without standard errors nobody can tell whether that is chance"
+        reach = 100.0 * REACH * self.mean_error
+        digits = int(np.clip(-np.floor(np.log10(max(reach, 1e-6))), 0, 6))
+        amount = f"{100.0 * self.mean:+.{digits}f} +- {reach:.{digits}f} %"
+        if not self.changed:
+            return f"not changed beyond chance ({amount})"
+        if abs(self.mean) > REACH * self.mean_error:
+            return f"changed by {amount}, more than chance"
+        return f"its curve changed shape by {size:.2g} % (on average {amount}), more than chance"
+
+
+def change_of(
+    first: JointFriction,
+    second: JointFriction,
+    *,
+    top_speed: float | None = None,
+    alarm: float = ALARM,
+    covariances: tuple[np.ndarray | None, np.ndarray | None] = (None, None),
+) -> Change:
+    """Compare two identifications of one joint.
+
+    Args:
+        first: the earlier one, to which the change is relative.
+        second: the later one.
+        top_speed: up to which they are compared [rad/s or m/s]; None: as far as both hold.
+        alarm: probability of calling chance a change [-].
+        covariances: of the knots of each, positive ones first, for curves of line sections [(N.m)^2 or N^2], (2 m, 2 m); None:
+            from the standard errors.
+
+    Raises:
+        InvalidInput: a rotary and a linear joint, no speed that both hold at, or a covariance of the wrong size.
+    """
+    a, b = first.joint, second.joint
+    if a.unit != b.unit:
+        raise InvalidInput(
+            f"Joint '{a.name}' is in {a.unit} in one model and '{b.name}' in {b.unit} in the other.",
+            remedy="Compare models of the same joint.",
+        )
+    if not 0.0 < alarm < 1.0:
+        raise InvalidInput(f"alarm = {alarm}.", remedy="Give a probability between 0 and 1, such as 0.01.")
+    ends = [min(-f.validity.velocity[0], f.validity.velocity[1]) for f in (first, second)]
+    top = min(ends) if top_speed is None else top_speed
+    if not (np.isfinite(top) and top > 0):
+        raise InvalidInput(
+            f"Joint '{a.name}': there is no speed at which both models hold in both directions.",
+            remedy="Identify both from motion along +q and -q.",
+        )
+    remarks = []
+    needs = sorted({n for f in (first, second) for n in f.law.rate.NEEDS})
+    if needs:
+        remarks.append(
+            f"The curves are those without load and at 20 degC, though the law depends on {' and '.join(needs)}."
+        )
+    if top > min(ends) * (1.0 + 1e-9):
+        remarks.append(f"Beyond {min(ends):.3g} {a.unit}/s one of the models extrapolates.")
+    distance, relative = [], []
+    for way in (1, -1):
+        distance.append(curve_distance(second.law, first.law, top, direction=way))
+        relative.append(relative_curve_distance(second.law, first.law, top, direction=way))
+    parts = [_errors(f, c) for f, c in zip((first, second), covariances)]
+    speeds = np.linspace(SLOWEST, 1.0, MEANS) * top
+    both = np.concatenate([speeds, -speeds])
+    base = float(np.mean(np.abs(first.law.torque(both))))
+    mean = float(np.mean((second.law.torque(both) - first.law.torque(both)) * np.sign(both))) / base
+    error, chi_square, degrees, probability = float("nan"), float("nan"), 0, float("nan")
+    known = [p for p in parts if p is not None]
+    if len(known) == 2:
+        both_ways = list(zip((first, second), known))
+        rows = [np.mean(_slopes(f.law, p, both) * np.sign(both)[:, None], axis=0) for f, p in both_ways]
+        error = float(np.sqrt(sum(r @ p.covariance @ r for r, p in zip(rows, known)))) / base
+        at = _places((first, second), known, top)
+        C = np.zeros((at.size, at.size))
+        for f, p in both_ways:
+            J = _slopes(f.law, p, at)
+            C += J @ p.covariance @ J.T
+        chi_square, degrees = _mahalanobis(second.law.torque(at) - first.law.torque(at), C)
+        probability = chance(chi_square, degrees)
+    else:
+        without = [n for n, p in zip(("first", "second"), parts) if p is None]
+        remarks.append(
+            f"The {' and the '.join(without)} model has no standard errors: identify again (not --literal), and chance can be "
+            "judged."
+        )
+    return Change(
+        joint=b.name,
+        unit=a.torque_unit,
+        top_speed=float(top),
+        distance=(distance[0], distance[1]),
+        relative=(relative[0], relative[1]),
+        mean=mean,
+        mean_error=error,
+        chi_square=chi_square,
+        degrees=degrees,
+        probability=probability,
+        alarm=alarm,
+        remarks=tuple(remarks),
+    )
+
+
+def chance(chi_square: float, degrees: int) -> float:
+    """Return the probability of a chi-square at least as large [-].
+
+    Args:
+        chi_square: the sum of squares [-].
+        degrees: of freedom.
+    """
+    from scipy.special import gammaincc
+
+    return float(gammaincc(0.5 * degrees, 0.5 * chi_square)) if degrees else float("nan")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Errors:
+    """Free numbers of a law, each a list of (parameter, index) that move together, and their covariance."""
+
+    numbers: list[list[tuple[str, int | None]]]
+    covariance: np.ndarray
+    tied: bool
+
+
+def _errors(friction: JointFriction, covariance: np.ndarray | None) -> _Errors | None:
+    rate = friction.law.rate
+    numbers: list[list[tuple[str, int | None]]] = []
+    if isinstance(rate, Polyline):
+        m = len(rate.velocity)
+        tied = rate.positive == rate.negative
+        ways = [("positive", "negative")] if tied else [("positive",), ("negative",)]
+        numbers = [[(name, i) for name in names] for names in ways for i in range(m)]
+        if covariance is not None:
+            if np.shape(covariance) != (2 * m, 2 * m) or not np.isfinite(covariance).all():
+                raise InvalidInput(
+                    f"A covariance of the shape {np.shape(covariance)} for {m} knots a direction.",
+                    remedy=f"Give {(2 * m, 2 * m)}, as `fit_sweeps` does.",
+                )
+            kept = REPEAT**2 * covariance[: len(numbers), : len(numbers)]
+            return _Errors(numbers=numbers, covariance=kept, tied=tied)
+    else:
+        tied = type(rate).SYMMETRIC
+    deviation = []
+    if not isinstance(rate, Polyline):
+        for name in rate.PARAMETERS:
+            given = friction.standard_errors.get(name)
+            many = isinstance(given, (tuple, list))
+            for i, e in enumerate(given if many else [given]):  # type: ignore[arg-type]
+                if e is not None and np.isfinite(e) and e > 0:
+                    numbers.append([(name, i if many else None)])
+                    deviation.append(float(e))
+    else:
+        for group in numbers:
+            given = friction.standard_errors.get(group[0][0])
+            if not isinstance(given, (tuple, list)) or len(given) != len(rate.velocity):
+                return None
+            deviation.append(float(given[group[0][1] or 0]))
+    errors = REPEAT * np.array(deviation)
+    if not errors.size or not np.all(np.isfinite(errors) & (errors > 0)):
+        return None
+    return _Errors(numbers=numbers, covariance=np.diag(errors**2), tied=tied)
+
+
+def _slopes(law: Law, errors: _Errors, velocity: np.ndarray) -> np.ndarray:
+    """Return the derivative of the torque by each free number, (n, P)."""
+    columns = []
+    for group, variance in zip(errors.numbers, np.diag(errors.covariance)):
+        for way in (1.0, -1.0):  # a number at its bound can move one way only
+            step = way * 1e-3 * np.sqrt(variance)
+            try:
+                moved = Law(rate=_moved(law.rate, group, step), element=law.element)
+            except InvalidInput:
+                continue
+            columns.append((moved.torque(velocity) - law.torque(velocity)) / step)
+            break
+        else:
+            columns.append(np.zeros(velocity.size))
+    return np.stack(columns, axis=1)
+
+
+def _moved(rate, group: list[tuple[str, int | None]], step: float):
+    changes = {}
+    for name, i in group:
+        value = getattr(rate, name)
+        changes[name] = value + step if i is None else (*value[:i], value[i] + step, *value[i + 1 :])
+    return replace(rate, **changes)
+
+
+def _places(frictions, parts, top: float) -> np.ndarray:
+    """Return signed speeds to compare at, no more than either law has free numbers."""
+    one_way = all(p.tied for p in parts)
+    most = min(len(p.numbers) if p.tied else len(p.numbers) // 2 for p in parts)
+    knots = [np.array(f.law.rate.velocity) for f in frictions if isinstance(f.law.rate, Polyline)]
+    knots = [k[(k > 0) & (k <= top * 1.02)] for k in knots]
+    few = min(knots, key=len) if knots else np.zeros(0)
+    speeds = few if 0 < few.size <= most else np.linspace(0.05, 1.0, max(most, 1)) * top
+    return speeds if one_way else np.concatenate([speeds, -speeds])
+
+
+def _mahalanobis(d: np.ndarray, C: np.ndarray) -> tuple[float, int]:
+    size, way = np.linalg.eigh(C)
+    kept = size > LEAST_EIGEN * size[-1]
+    return float(np.sum((way[:, kept].T @ d) ** 2 / size[kept])), int(kept.sum())
+
+
+Kind = Literal["changed", "not changed", "not judged"]
+
+
+def kind_of(change: Change) -> Kind:
+    """Return the outcome as a word for programs."""
+    if not change.judged:
+        return "not judged"
+    return "changed" if change.changed else "not changed"

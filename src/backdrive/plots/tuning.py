@@ -1,0 +1,133 @@
+"""The safe region of a compensator: R against K/K_c and decay rate against delay, with the chosen numbers and the thesis'."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from backdrive._files import write_whole
+from backdrive.errors import InvalidInput
+from backdrive.plots.canvas import LIGHT, Theme, axes_of, house_style, name_axes, new_figure, png
+from backdrive.tune.tuning import Tuning
+
+WIDTH, HEIGHT = 640.0, 316.0  # [pt]
+LEVELS = (1.0, 10.0)  # of what is allowed at rest: within it rests, up to the second it hums
+WORDS = ("comes to rest", "hums, up to 10 times what is allowed", "more, or does not stop")
+
+
+def draw(tuning: Tuning, path: str | Path, theme: Theme = LIGHT) -> Path:
+    """Write the picture of a tuning's safe region.
+
+    Args:
+        tuning: with its region.
+        path: PNG or SVG.
+        theme: colours.
+
+    Raises:
+        InvalidInput: the region was not worked out.
+        MissingExtra: matplotlib is not installed.
+    """
+    if not tuning.region:
+        raise InvalidInput(
+            f"The tuning of '{tuning.joint}' for '{tuning.goal}' holds no safe region.",
+            remedy="It is worked out for --goal backdrive and track, with --picture.",
+        )
+    with house_style():
+        figure = safe_region(tuning, theme)
+        if str(path).lower().endswith(".svg"):
+            from backdrive.plots.svg import standalone
+
+            return write_whole(path, standalone(figure))
+        return write_whole(path, png(figure))
+
+
+def safe_region(tuning: Tuning, theme: Theme = LIGHT) -> Any:
+    """Return the figure of a tuning's safe region.
+
+    Args:
+        tuning: with its region.
+        theme: colours.
+    """
+    region = tuning.region
+    figure = new_figure(theme, WIDTH, HEIGHT)
+    left = axes_of(figure, theme, (48, 92, 248, 180))
+    right = axes_of(figure, theme, (376, 92, 248, 180))
+    springs, shares = np.array(region["springs"]), np.array(region["shares"])
+    _tiles(left, theme, springs, shares, np.array(region["by_share"], dtype=float))
+    low, high = region["stiffness_interval"]
+    left.axvspan(low, high, color=theme.band, alpha=0.18, linewidth=0)
+    left.axhline(region["largest_share"], color=theme.ink, linewidth=1.0, linestyle=":")
+    name_axes(left, theme, x="K/K_c (shaded: where K_c may lie)", y="R (dotted: the least friction)")
+    decays, delays = np.array(region["decays"]), 1e3 * np.array(region["delays"])
+    _tiles(right, theme, delays, decays, np.array(region["by_delay"], dtype=float).T, rising=True)
+    right.set_yscale("log")
+    name_axes(right, theme, x="delay [ms]", y="α [1/s], with the chosen R and K")
+    from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
+
+    right.yaxis.set_major_locator(FixedLocator([2, 5, 20, 50, 200, 500]))
+    right.yaxis.set_major_formatter(ScalarFormatter())
+    right.yaxis.set_minor_locator(NullLocator())
+    for name, marker, color in (("thesis", "D", theme.paper), ("chosen", "o", theme.ink)):
+        R, K, alpha, delay = region[name]
+        style = {"marker": marker, "color": color, "mec": theme.ink, "mew": 1.4, "ms": 8, "ls": "none"}
+        left.plot([min(K, springs[-1])], [R], clip_on=False, zorder=5, **style)
+        right.plot([1e3 * delay], [alpha], clip_on=False, zorder=5 if name == "chosen" else 4, **style)
+    _legend(figure, theme, tuning)
+    return figure
+
+
+def _edges(x: np.ndarray, *, rising: bool = False) -> np.ndarray:
+    """Return where tiles around values begin and end, halfway between them (in the logarithm where `rising`)."""
+    y = np.log(x) if rising else x
+    middle = 0.5 * (y[1:] + y[:-1])
+    edges = np.concatenate([[1.5 * y[0] - 0.5 * y[1]], middle, [1.5 * y[-1] - 0.5 * y[-2]]])
+    return np.exp(edges) if rising else edges
+
+
+def _colors(theme: Theme) -> list[str]:
+    return [theme.truth, "#f2c14e", theme.held_out]
+
+
+def _tiles(
+    axes: Any, theme: Theme, x: np.ndarray, y: np.ndarray, z: np.ndarray, rising: bool = False
+) -> None:
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    colors = ListedColormap(_colors(theme))
+    level = np.digitize(np.where(np.isfinite(z), z, np.inf), LEVELS, right=True).astype(float)
+    axes.pcolormesh(
+        _edges(x),
+        _edges(y, rising=rising),
+        level,
+        cmap=colors,
+        norm=BoundaryNorm([-0.5, 0.5, 1.5, 2.5], 3),
+        alpha=0.55,
+        edgecolor=theme.paper,
+        linewidth=0.5,
+    )
+    axes.set_xlim(_edges(x)[[0, -1]])
+    axes.set_ylim(_edges(y, rising=rising)[[0, -1]])
+
+
+def _legend(figure: Any, theme: Theme, tuning: Tuning) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    entries: list[Any] = [Patch(facecolor=c, alpha=0.55, label=w) for c, w in zip(_colors(theme), WORDS)]
+    entries += [
+        Line2D([], [], marker=m, color=c, mec=theme.ink, mew=1.4, ms=7, linestyle="none", label=w)
+        for m, c, w in (("o", theme.ink, "chosen"), ("D", theme.paper, "as printed in the thesis"))
+    ]
+    legend = figure.legend(handles=entries, loc="lower center", ncol=3, frameon=False, fontsize=9.5)
+    for text in legend.get_texts():
+        text.set_color(theme.ink)
+    figure.text(
+        0.012,
+        0.985,
+        f"{tuning.joint}: at rest after a knock, the worst of the ends of all intervals",
+        color=theme.ink,
+        fontsize=11,
+        va="top",
+    )

@@ -1,0 +1,198 @@
+"""What theory says about the numbers of a decaying contact that compensates friction, as formulas.
+
+F: Coulomb torque of the joint [N.m or N]. K_c: stiffness of its transmission [N.m/rad or N/m]. M: inertia on the motor's side, D:
+damping of the transmission, R: share, K: stiffness, alpha: decay rate of the compensator. What each formula assumes and where
+its argument stops is in docs/theory/stability.md.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def presliding(motor: float, damping: float, transmission: float, gain: float, decay: float) -> np.ndarray:
+    """Return the characteristic polynomial of motor, transmission and compensator while the load is stuck, (4,).
+
+        M s^3 + (D + M alpha) s^2 + (K_c + D alpha - R K) s + K_c alpha
+
+    Args:
+        motor: M [kg.m^2 or kg].
+        damping: D [N.m.s/rad or N.s/m].
+        transmission: K_c [N.m/rad or N/m].
+        gain: R K of the compensator [N.m/rad or N/m].
+        decay: alpha [1/s].
+    """
+    return np.array(
+        [motor, damping + motor * decay, transmission + damping * decay - gain, transmission * decay]
+    )
+
+
+def routh(motor: float, damping: float, transmission: float, gain: float, decay: float) -> float:
+    """Return D (K_c - R K + D alpha + M alpha^2) - M alpha R K: positive where `presliding` is stable (Routh, alpha > 0).
+
+    The arguments are those of `presliding`.
+    """
+    return (
+        damping * (transmission - gain + damping * decay + motor * decay**2) - motor * decay * gain
+    )  # (D + M alpha)(K_c + D alpha - R K) - M K_c alpha, multiplied out
+
+
+def delayed_damping(gain: float, decay: float, delay: float, frequency: float) -> float:
+    """Return the damping that a decaying negative spring behind a delay adds at a frequency, negative where it takes some off.
+
+    Its torque is R K s/(s + alpha) exp(-s T_d) by the motor's motion; the damping is minus its imaginary part by the frequency:
+    R K T_d for alpha = 0 and a short delay, -R K alpha/(omega^2 + alpha^2) without delay.
+
+    Args:
+        gain: R K [N.m/rad or N/m].
+        decay: alpha [1/s].
+        delay: T_d, with half a sampling period for the hold [s].
+        frequency: omega [rad/s].
+    """
+    s = 1j * frequency
+    return float(-(gain * s / (s + decay) * np.exp(-s * delay)).imag / frequency)
+
+
+def limit_cycle(coulomb: float, transmission: float, ratio: float) -> float:
+    """Return r_c/(1 - ratio), r_c = F/K_c, which no limit cycle exceeds [rad or m]; infinite for a ratio of 1 or more.
+
+    Over a cycle of half-amplitude a the compensator gives at most 4 ratio F a, and friction takes 4 F (a - r_c).
+
+    Args:
+        coulomb: F of the joint [N.m or N].
+        transmission: K_c [N.m/rad or N/m].
+        ratio: compensating torque by F, R times what is believed by what is there [-].
+    """
+    return coulomb / transmission / (1.0 - ratio) if ratio < 1.0 else np.inf
+
+
+def largest_stiffness(lowest: float, friction_error: float) -> float:
+    """Return the K up to which the compensator does not yield before the joint: F/K >= F_c/K_c [N.m/rad or N/m].
+
+    Args:
+        lowest: lower end of K_c's interval [N.m/rad or N/m].
+        friction_error: how much more friction there may be than is believed [-].
+    """
+    return lowest / (1.0 + friction_error)
+
+
+def largest_share(friction_error: float) -> float:
+    """Return the R below which less is put in than the least friction takes: R F < (1 - error) F [-]."""
+    return 1.0 - friction_error
+
+
+def threshold_speed(coulomb: float, stiffness: float, decay: float) -> float:
+    """Return alpha F/K, below which a decaying contact gives K v/alpha instead of F [rad/s or m/s]."""
+    return decay * coulomb / stiffness
+
+
+def quantum(stiffness: float, count: float, decay: float, period: float) -> float:
+    """Return by how much one encoder count moves the compensator: K delta/(1 + T alpha) [N.m or N]."""
+    return stiffness * count / (1.0 + period * decay)
+
+
+def stuck_dither(share: float, stiffness: float, transmission: float) -> float:
+    """Return the R_d up to which dither leaves the load stuck: 1 - R K/K_c [-].
+
+    Below the resonance the motor yields by R_d F/(K_c - R K), which the transmission passes on as K_c times that; the load
+    stays stuck where this is below F.
+
+    Args:
+        share: R [-].
+        stiffness: K of the compensator [N.m/rad or N/m].
+        transmission: K_c [N.m/rad or N/m].
+    """
+    return max(1.0 - share * stiffness / transmission, 0.0)
+
+
+def dither_sway(
+    torque: float,
+    frequency: float,
+    motor: float,
+    damping: float,
+    transmission: float,
+    gain: float,
+    decay: float,
+    delay: float = 0.0,
+) -> float:
+    """Return the motor's amplitude under a dither while the load is stuck [rad or m].
+
+    Args:
+        torque: R_d F [N.m or N].
+        frequency: of the dither [Hz].
+        motor: M [kg.m^2 or kg].
+        damping: D [N.m.s/rad or N.s/m].
+        transmission: K_c [N.m/rad or N/m].
+        gain: R K [N.m/rad or N/m].
+        decay: alpha [1/s].
+        delay: of the compensator's torque [s].
+    """
+    s = 2j * np.pi * frequency
+    spring = gain * s / (s + decay) * np.exp(-s * delay)
+    return float(torque / abs(transmission + damping * s + motor * s * s - spring))
+
+
+def stopping_time(ratio: float, pushed: float, force: float = 2.0) -> float:
+    """Return how long a joint takes to stop after a push from rest, at most [s].
+
+    A push of `force` F for the time t_p leaves the speed (force - 1 + ratio) F t_p/I, which (1 - ratio) F takes off.
+
+    Args:
+        ratio: compensating torque by friction [-]; below 1.
+        pushed: t_p [s].
+        force: of the push by F [-].
+    """
+    return pushed * (force - 1.0 + ratio) / (1.0 - ratio) if ratio < 1.0 else np.inf
+
+
+def sampled_radius(
+    motor: float,
+    load: float,
+    transmission: tuple[float, float],
+    contact: tuple[float, float],
+    gain: float,
+    decay: float,
+    delay: float,
+    period: float,
+) -> float:
+    """Return the spectral radius of motor, load and compensator in presliding, sampled exactly: below 1 is stable [-].
+
+    The load hangs on the friction's contact, which is stuck; the torque R f_k acts from t_k + delay until the next one does,
+    f_k = (f_{k-1} + K (p_k - p_{k-1}))/(1 + T alpha). There is no quantisation in it.
+
+    Args:
+        motor: M [kg.m^2 or kg].
+        load: L [kg.m^2 or kg].
+        transmission: stiffness [N.m/rad or N/m] and damping [N.m.s/rad or N.s/m].
+        contact: the same of the friction's contact.
+        gain: R K [N.m/rad or N/m].
+        decay: alpha [1/s].
+        delay: T_d, of the command to the torque [s].
+        period: T [s].
+    """
+    from scipy.linalg import expm
+
+    (K_t, D_t), (K_b, D_b) = transmission, contact
+    A = np.zeros((5, 5))  # p, w, q, v and the torque, which is held
+    A[0, 1] = A[2, 3] = 1.0
+    A[1, :5] = np.array([-K_t, -D_t, K_t, D_t, 1.0]) / motor
+    A[3, :4] = np.array([K_t, D_t, -K_t - K_b, -D_t - D_b]) / load
+    whole = int(delay // period)
+    late = delay - whole * period
+    first, second = expm(A * late), expm(A * (period - late))
+    plant = second[:4, :4] @ first[:4, :4]
+    old, new = second[:4, :4] @ first[:4, 4], second[:4, 4]
+    n = 6 + whole + 1  # p, w, q, v, p before, f, torques on their way
+    step = np.zeros((n, n))
+    step[5, 5] = 1.0
+    step[5, 0], step[5, 4] = gain, -gain
+    step[5] /= 1.0 + period * decay  # f_k, times R
+    step[4, 0] = 1.0
+    step[:4, :4] = plant
+    queue = [step[5].copy()]  # R f_k, R f_{k-1}, ... as rows over the state
+    queue += [np.eye(n)[6 + i] for i in range(whole + 1)]
+    step[:4] += np.outer(new, queue[whole]) + np.outer(old, queue[whole + 1])
+    step[6] = queue[0]
+    for i in range(whole):
+        step[7 + i] = np.eye(n)[6 + i]
+    return float(np.abs(np.linalg.eigvals(step)).max())

@@ -1,0 +1,260 @@
+"""Tests for drift/: change, tracking, temperature, and how far a level may go."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from backdrive.drift import change_of, identify_thermal, passive_level, track, virtual_temperature
+from backdrive.drift.change import REPEAT, chance, kind_of
+from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.laws import M1, CoulombViscous, Law, Polyline
+from backdrive.log import Joint, Log
+from backdrive.model import JointFriction, Validity
+
+V = np.linspace(0.2, 2.0, 10)
+
+
+def friction(level=1.0, error=0.01, *, noise=None, unit="rad", direction=1.0, **changes):
+    up = level * (9.0 + 3.0 * V) + (0 if noise is None else noise[:10])
+    down = direction * level * (9.0 + 3.0 * V) + (0 if noise is None else noise[10:])
+    if noise is None and direction == 1.0:
+        down = up
+    errors = {} if error is None else {"positive": (error,) * 10, "negative": (error,) * 10}
+    return JointFriction(
+        joint=Joint(name="a", unit=unit),
+        law=Law(rate=Polyline(velocity=tuple(V), positive=tuple(up), negative=tuple(down))),
+        validity=Validity(velocity=(-2.0, 2.0)),
+        standard_errors=errors,
+        **changes,
+    )
+
+
+# change
+
+
+def test_chance_is_the_chi_square_distribution():
+    draws = np.sum(np.random.default_rng(0).standard_normal((100_000, 7)) ** 2, axis=1)
+    assert chance(9.0, 7) == pytest.approx(np.mean(draws > 9.0), abs=5e-3)
+    assert np.isnan(chance(1.0, 0))
+
+
+def test_the_test_raises_as_many_false_alarms_as_it_says_where_the_errors_are_true():
+    rng, found = np.random.default_rng(1), []
+    for _ in range(150):
+        a, b = (friction(noise=0.01 * REPEAT * rng.standard_normal(20)) for _ in range(2))
+        found.append(change_of(a, b))
+    assert np.mean([c.chi_square for c in found]) == pytest.approx(20.0, abs=1.5)
+    assert found[0].degrees == 20
+    assert np.mean([c.probability < 0.1 for c in found]) == pytest.approx(0.1, abs=0.06)
+    z = [c.mean / c.mean_error for c in found]
+    assert np.std(z) == pytest.approx(1.0, abs=0.15)
+
+
+def test_a_change_is_said_with_its_size():
+    found = change_of(friction(), friction(0.88, 0.2))
+    assert found.changed
+    assert found.mean == pytest.approx(-0.12, abs=1e-6)
+    assert found.distance[0] == pytest.approx(
+        0.12 * np.sqrt(np.mean((9 + 3 * np.linspace(0, 2, 10001)) ** 2)), rel=1e-3
+    )
+    assert found.relative == pytest.approx((0.12, 0.12))
+    assert found.verdict.startswith("changed by -12")
+    assert found.verdict.endswith("more than chance")
+    assert kind_of(found) == "changed"
+    assert "not changed beyond chance" in change_of(friction(), friction()).verdict
+
+
+def test_equal_directions_count_once_and_opposite_changes_are_a_change_of_shape():
+    assert change_of(friction(), friction(0.9)).degrees == 10
+    tilted = friction(direction=1.05)
+    tilted = replace(tilted, law=Law(rate=replace(tilted.law.rate, positive=tuple(0.95 * (9 + 3 * V)))))
+    found = change_of(friction(), tilted)
+    assert found.changed
+    assert "changed shape" in found.verdict
+
+
+def test_a_covariance_takes_the_place_of_the_errors():
+    common = 0.3**2 * np.ones((20, 20)) + 1e-4 * np.eye(20)
+    rng, counts = np.random.default_rng(2), np.zeros(2)
+    root = np.linalg.cholesky(common) * REPEAT
+    for _ in range(60):
+        a, b = (friction(error=0.3, noise=root @ rng.standard_normal(20)) for _ in range(2))
+        counts += [change_of(a, b, covariances=(common, common)).probability < 0.05, False]
+    assert counts[0] <= 9
+    bent = friction(error=0.3, noise=0.2 * np.r_[np.linspace(-1, 1, 10), np.linspace(-1, 1, 10)])
+    flat = friction(error=0.3, noise=np.zeros(20) + 1e-9 * np.r_[np.ones(10), np.zeros(10)])
+    assert not change_of(flat, bent).changed  # as if the knots were independent
+    assert change_of(flat, bent, covariances=(common, common)).changed
+    with pytest.raises(InvalidInput, match="covariance of the shape"):
+        change_of(flat, bent, covariances=(np.eye(3), None))
+
+
+def test_laws_of_any_kind_are_compared_by_their_curves():
+    line = JointFriction(
+        joint=Joint(name="a"),
+        law=Law(rate=M1(coulomb=9.0, viscous=3.0)),
+        validity=Validity(velocity=(-1.5, 1.5)),
+        standard_errors={"coulomb": 0.05, "viscous": 0.05},
+    )
+    found = change_of(line, friction())
+    assert not found.changed
+    assert found.degrees == 2
+    assert found.top_speed == 1.5
+    assert change_of(line, friction(1.1)).changed
+    beyond = change_of(line, friction(), top_speed=1.9)
+    assert "extrapolates" in beyond.remarks[0]
+
+
+def test_what_cannot_be_judged_is_named():
+    found = change_of(friction(error=None), friction())
+    assert not found.judged
+    assert kind_of(found) == "not judged"
+    assert "first model has no standard errors" in found.remarks[0]
+    with pytest.raises(InvalidInput, match="in rad in one model"):
+        change_of(friction(), friction(unit="m"))
+    with pytest.raises(InvalidInput, match="both directions"):
+        change_of(friction(), replace(friction(), validity=Validity(velocity=(0.0, 2.0))))
+    with pytest.raises(InvalidInput, match="alarm = 1"):
+        change_of(friction(), friction(), alarm=1.0)
+
+
+# tracking
+
+
+def test_a_constant_level_and_a_wandering_one():
+    rng = np.random.default_rng(3)
+    t = np.arange(15.0)
+    alarms = [track(t, 10 + rng.standard_normal(15), np.ones(15), alarm=0.05).changed for _ in range(200)]
+    assert np.mean(alarms) <= 0.1
+    inside = []
+    for _ in range(60):
+        true = np.cumsum(rng.standard_normal(15))
+        found = track(t, true + rng.standard_normal(15), np.ones(15))
+        inside.append(np.abs(found.level - true) < 1.96 * found.error)
+    assert 0.85 < np.mean(inside) < 0.99
+    drifting = track(t, 10 - 0.5 * t + 0.5 * rng.standard_normal(15), np.full(15, 0.5))
+    assert drifting.changed
+    assert drifting.slope[0] == pytest.approx(-0.5, abs=0.1)
+    assert "has changed by -" in drifting.verdict
+    assert "constant within chance" in track(t, np.full(15, 3.0), np.ones(15)).verdict
+
+
+def test_the_smoother_is_least_squares():
+    rng = np.random.default_rng(4)
+    t = np.cumsum(0.5 + rng.uniform(size=6))
+    y, s, q = rng.standard_normal(6), 0.5 + rng.uniform(size=6), 0.7
+    from backdrive.drift.tracking import _smoothed
+
+    _, level, variance = _smoothed(t, y, s, q)
+    D = np.diff(np.eye(6), axis=0) / np.sqrt(q * np.diff(t))[:, None]
+    H = np.diag(1 / s**2) + D.T @ D
+    assert level == pytest.approx(np.linalg.solve(H, y / s**2))
+    assert variance == pytest.approx(np.diag(np.linalg.inv(H)))
+
+
+def test_rows_that_cannot_be_tracked_are_named():
+    with pytest.raises(InvalidInput, match="at least three"):
+        track([0, 1], [1, 2], [1, 1])
+    with pytest.raises(InvalidInput, match="standard error"):
+        track([0, 1, 2], [1, 2, 3], [1, 0, 1])
+    with pytest.raises(InvalidInput, match="in order"):
+        track([0, 2, 1], [1, 2, 3], [1, 1, 1])
+
+
+# temperature
+
+
+def test_the_virtual_temperature_is_the_thermal_equation():
+    C, eta, h, dt = 500.0, 1.0, 2.0, 0.1
+    power = np.abs(np.sin(0.01 * np.arange(4000))) * 10
+    theta, x = np.zeros(4000), 0.0
+    for k in range(1, 4000):
+        for _ in range(50):  # Euler in small steps
+            x += dt / 50 * (eta * power[k - 1] - h * x) / C
+        theta[k] = x
+    assert eta / h * virtual_temperature(power, dt, C / h) == pytest.approx(theta, abs=2e-3)
+
+
+def warm(minutes=15.0, fade=0.006, noise=0.1, rate=50.0, settles=200.0):
+    t = np.arange(int(60 * minutes * rate)) / rate
+    top = 1.0 - 0.8 * np.cos(2 * np.pi * t / 20.0)
+    v = top * np.sin(np.cumsum(2.0 * top / 0.8) / rate)
+    rise = np.zeros(t.size)
+    for _ in range(4):
+        tau = np.sign(v) * (7.0 * (1 - fade * rise) + 3.0 * (1 - 2 * fade * rise) * np.abs(v))
+        rise = 3.0 * virtual_temperature(tau * v, 1 / rate, settles)
+    torque = tau + 0.7 * np.gradient(v, t) + noise * np.random.default_rng(0).standard_normal(t.size)
+    return Log(
+        time=t,
+        joints=(Joint(name="a"),),
+        position=(np.cumsum(v) - 0.5 * v) / rate,
+        torque=torque,
+        temperature=20.0 + rise,
+    ), rise
+
+
+@pytest.fixture(scope="module")
+def warm_log():
+    return warm()
+
+
+def test_a_warm_up_gives_the_curve_at_every_temperature(warm_log):
+    log, rise = warm_log
+    found = identify_thermal(log)
+    assert not found.virtual
+    assert found.cold == pytest.approx(7.0 + 3.0 * found.velocity, abs=0.05)
+    assert found.slope == pytest.approx(-0.006 * (7.0 + 6.0 * found.velocity), abs=0.004)
+    assert found.explained > 0.5
+    end = found.law(rise[-1])
+    assert end.torque(1.0) == pytest.approx(7 * (1 - 0.006 * rise[-1]) + 3 * (1 - 0.012 * rise[-1]), abs=0.05)
+    assert np.all(found.error(10.0) < 0.05)
+    with pytest.raises(InvalidInput, match="below zero"):
+        found.law(1000.0)
+
+
+def test_without_a_sensor_the_friction_s_power_takes_its_place(warm_log):
+    log, rise = warm_log
+    found = identify_thermal(log.replace(temperature=None))
+    assert found.virtual
+    assert found.time_constant[0] == pytest.approx(200.0, rel=0.06)
+    assert 3.0 * found.reached[1] == pytest.approx(rise.max(), rel=0.05)
+    assert found.slope / 3.0 == pytest.approx(-0.006 * (7.0 + 6.0 * found.velocity), abs=0.005)
+
+
+def test_logs_that_are_no_warm_up_are_refused(warm_log):
+    log, _ = warm_log
+    with pytest.raises(InvalidInput, match="no temperature"):
+        identify_thermal(log.replace(temperature=None), virtual=False)
+    with pytest.raises(NotIdentifiable, match="changes by"):
+        identify_thermal(log.replace(temperature=np.full(len(log), 20.0)))
+    same, _ = warm(minutes=6.0, fade=0.0)
+    with pytest.raises(NotIdentifiable, match="beyond chance"):
+        identify_thermal(same.replace(temperature=None))
+    with pytest.raises(InvalidInput, match="increasing speeds"):
+        identify_thermal(log, knots=[1.0, 0.5])
+
+
+# the loop
+
+
+def test_the_largest_level_takes_no_more_than_friction_does():
+    law = Law(
+        rate=CoulombViscous(
+            coulomb_positive=7.0, coulomb_negative=6.0, viscous_positive=3.0, viscous_negative=2.0
+        )
+    )
+    warm_one = Law(
+        rate=CoulombViscous(
+            coulomb_positive=5.0, coulomb_negative=4.5, viscous_positive=1.0, viscous_negative=1.9
+        )
+    )
+    level = passive_level(law, warm_one, gain=0.9, top_speed=2.0)
+    v = np.concatenate([np.linspace(1e-6, 2, 999), -np.linspace(1e-6, 2, 999)])
+    share = 0.9 * level * law.torque(v) / warm_one.torque(v)
+    assert share.max() == pytest.approx(1.0, abs=1e-6)
+    assert passive_level(law, warm_one, gain=0.9, top_speed=2.0, margin=0.5) < level
+    with pytest.raises(InvalidInput, match="not above its margin"):
+        passive_level(law, warm_one, gain=0.9, top_speed=2.0, margin=5.0)
+    with pytest.raises(InvalidInput, match="gain = 0"):
+        passive_level(law, warm_one, gain=0.0, top_speed=2.0)
