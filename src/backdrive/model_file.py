@@ -245,7 +245,8 @@ def decode(data: bytes, name: str = "model file") -> m.FrictionModel:
         head = msgspec.json.decode(data)
         if not isinstance(head, dict) or head.get("format") != "backdrive-friction-model":
             raise ModelFileError(
-                f"{name} is JSON, but not a friction model.", remedy="Name a file made by `identify -o` or `fit -o`."
+                f"{name} is JSON, but not a friction model.",
+                remedy="Name a file made by `identify -o` or `fit -o`.",
             )
         if head.get("schema") != SCHEMA:
             raise ModelFileError(
