@@ -22,7 +22,7 @@ from backdrive.experiments._league_methods import METHODS, Method
 from backdrive.experiments.league_estimators import estimator_table
 from backdrive.experiments.outcome import Claim, Outcome
 
-BUDGET = 12  # settings that every method tries
+BUDGET = 8  # settings that every method tries
 LESS = SETTINGS[2]
 
 
