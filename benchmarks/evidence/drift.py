@@ -17,12 +17,16 @@ from dataclasses import replace
 import numpy as np
 from _common import Judge
 
+from backdrive.compensate import alg_fc
+from backdrive.control import JointLoop, Loop
 from backdrive.drift import change_of, identify_thermal, passive_level, track, virtual_temperature
 from backdrive.engine import axis, rollout, servo
-from backdrive.estimate import AdaptiveFriction
+from backdrive.estimate import Adaptation
+from backdrive.estimate.external import ExternalForce
+from backdrive.estimate.friction import alg_fe
 from backdrive.excite import Sweep
 from backdrive.identification.sweep import fit_sweeps, identify_sweep
-from backdrive.laws import CoulombViscous, DeadZone, Law, LoadTemperature, Polyline
+from backdrive.laws import CoulombViscous, Law, LoadTemperature, Polyline
 from backdrive.log import Joint, Log
 from backdrive.model import JointFriction
 from backdrive.plants.thesis import joint_0, joint_1
@@ -272,51 +276,39 @@ def loop(law: Law, R: float, upper: float, push: float):
     plant = plant.replace(
         servo=replace(plant.servo, integral=0.0)
     )  # no hunting at rest; there is no gravity to hold
-    # what the compensator learns from has a dead zone of ten counts a tick: at rest it sees no friction, and learns nothing
-    adaptive = AdaptiveFriction(
-        Law(rate=law.rate, element=DeadZone(threshold=0.01)),
-        interval=DT,
-        time=0.5,
-        floor=3.0,
-        dead_zone=0.3,
-        lower=0.3,
-        upper=upper,
-        start=min(1.0, upper),
+    adaptation = Adaptation(
+        slowest=0.01, time=0.5, floor=3.0, dead_zone=0.3, lower=0.3, upper=upper, start=min(1.0, upper)
     )
+    joint = JointLoop(
+        compensator=alg_fc(law.rate, 5e4, share=R),
+        external=ExternalForce(inertia=plant.inertia, friction=alg_fe(law.rate, 5e4)),
+        adaptation=adaptation,
+    )
+    running = Loop(joint, interval=DT)
     j, s, p, x = plant.row(), plant.at_rest(0.0), law.row(), law.state()
     own = p.copy()
     row, state = plant.servo.row(), np.zeros(servo.STATES)  # type: ignore[union-attr]
-    n, inertia = 40000, plant.inertia
+    n = 40000
     t = DT * np.arange(n)
     run = np.where((t >= 20.0) & (t < 25.0), 0.0, 1.0)
     phase = np.cumsum(run) * DT * 2.0 * np.pi * 0.3
     target = 0.3 * np.sin(phase)
     wanted = np.gradient(target, DT)
     level, ratio, energy = np.zeros(n), 0.0, 0.0
-    u, back, q, measured = 0.0, np.zeros(21), np.zeros(1), np.zeros(1)
-    us = np.zeros(11)
+    u, q = np.zeros(1), np.zeros(1)
     for k in range(n):
-        reading = encoder(s[0], plant.encoder_count)
-        back[:-1], back[-1] = back[1:], reading
-        us[:-1], us[-1] = us[1:], u
-        acceleration = (back[-1] - 2.0 * back[10] + back[0]) / (10 * DT) ** 2 if k > 21 else 0.0
-        q[0], measured[0] = (
-            back[10],
-            np.mean(us[:2]) - inertia * acceleration,
-        )  # of ten ticks ago, where the acceleration is
-        adaptive.tick(q, measured)
-        level[k] = adaptive.level[0]
-        velocity = (back[-1] - back[-3]) / (2 * DT) if k > 3 else 0.0
-        f = R * adaptive.level[0] * float(law.torque(velocity)) if abs(velocity) > 2e-3 else 0.0
-        u = f + servo.tick(row, 0, state, DT, target[k], wanted[k], reading, plant.torque_limit)
+        q[0] = encoder(s[0], plant.encoder_count)
+        running.update(q, u)
+        level[k] = running.level[0]
+        f = running.torque[0]
+        u[0] = f + servo.tick(row, 0, state, DT, target[k], wanted[k], q[0], plant.torque_limit)
         factor = 1.0 - 0.3 * min(t[k] / 20.0, 1.0)
         p[1:] = factor * own[1:]
         j[9] = -push * np.sign(wanted[k]) if 30.0 <= t[k] < 35.0 else 0.0
         for _ in range(2):
-            axis.advance(j, s, law.rate.KIND, law.element.KIND, p, x, u, 0.5 * DT, AMBIENT)
-        F = factor * abs(float(law.torque(s[1])))
+            axis.advance(j, s, law.rate.KIND, law.element.KIND, p, x, u[0], 0.5 * DT, AMBIENT)
         if abs(s[1]) > 2e-3 and f * s[1] > 0.0:
-            at_speed = R * adaptive.level[0] * abs(float(law.torque(s[1])))
+            F, at_speed = factor * abs(float(law.torque(s[1]))), R * level[k] * abs(float(law.torque(s[1])))
             ratio = max(ratio, at_speed / F)
             energy += max(at_speed - F, 0.0) * abs(s[1]) * DT
     return level, ratio, energy, float(np.ptp(level[21000:25000])), level[0], level[29000]

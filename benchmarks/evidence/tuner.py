@@ -6,7 +6,7 @@ tick, a transmission damped by 3 % or more; alpha = 20, which was fixed after a 
 stay below r_c/(1 - R) + 1 count, r_c = F/K_c of the joint as it is and R the compensating torque by its friction. Then each
 condition is broken by itself.
 
-Second part, 120 of the joints: the proposal of `backdrive tune` (search, then R off the border) against the best point of
+Second part, the same joints: the proposal of `backdrive tune` (search, then R off the border) against the best point of
 a grid of 160 that passes the same safety test (K_c by 20 %, F by 10 %, and what goes with them in `scenes.corners`), by the hand's
 mean peak force over the stated stroke: 0.15 rad in 0.5 s every 0.75 s, a hand of 15 F/stroke with a damping ratio of 0.7.
 
@@ -37,7 +37,7 @@ from backdrive.tune.reasons import presliding_radius
 from backdrive.tune.scenes import Member
 from backdrive.tune.search import best_safe, search
 
-JOINTS, COMPARED = 200, 120
+JOINTS, COMPARED = 200, 200
 Case = tuple[Facts, Member, dict[str, float]]  # as believed, as it is, numbers
 T = 1e-3
 GRID = [

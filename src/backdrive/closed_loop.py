@@ -31,7 +31,7 @@ SUBSTEP = 2e-5  # longest integration step [s]
 PUSH = 9  # place of the constant torque in the row of an axis
 COLUMNS = (
     "reading", "command", "compensation", "estimate", "friction", "force", "motor", "load",
-    "motor_velocity", "load_velocity", "wanted", "status",
+    "motor_velocity", "load_velocity", "wanted", "status", "level",
 )  # fmt: skip
 
 
@@ -61,7 +61,7 @@ def run(
     noise,
     out,
 ):
-    """Run one scene and fill `out` (n, 12), its columns as in `COLUMNS`.
+    """Run one scene and fill `out` (n, 13), its columns as in `COLUMNS`.
 
     `law`: rate and element of the joint; C, ...: compensator; E, ...: estimator; `loops`: 1 where they run; `kind`: 0 no
     controller, 1 servo, 2 admittance; `numbers`: period, substeps, late, count, limit, K_h, B_h, ripple, cycles a unit, gravity
@@ -117,7 +117,7 @@ def run(
         out[k, 0], out[k, 1], out[k, 2] = read, command, f
         out[k, 3], out[k, 4], out[k, 5] = g[loop.EXTERNAL, 0], g[loop.FRICTION, 0], force
         out[k, 6], out[k, 7], out[k, 8], out[k, 9] = s[0], s[2], s[1], s[3]
-        out[k, 10], out[k, 11] = wanted, code
+        out[k, 10], out[k, 11], out[k, 12] = wanted, code, g[loop.LEVEL, 0]
         following = k + 1 if k + 1 < n else k
         for i in range(substeps):
             behind = k - (late - i + substeps - 1) // substeps if late > i else k
@@ -216,6 +216,7 @@ class Record:
         load_velocity: true.
         wanted: position that the controller follows.
         status: of the loop.
+        level: of the friction, as the loop has learned it [-].
     """
 
     scene: Scene = field(repr=False)
@@ -233,6 +234,7 @@ class Record:
     load_velocity: np.ndarray
     wanted: np.ndarray
     status: np.ndarray
+    level: np.ndarray
 
     def log(self) -> Log:
         """Return the log that a robot with a force sensor would have kept."""

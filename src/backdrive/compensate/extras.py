@@ -55,7 +55,7 @@ def observed(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):
     """Return the torque of an observer with a share of its friction; `c[i:]`: row, `s[j:]`: state."""
     if c[i] == 2.0:
         return share * bristle(c, i + 0, p, s, j + 0, dp, dt, error, slope, load, temp)
-    missed, friction = external.tick(c, i + 2, p, x, s, j, q, dp, dt, u, 0.0, load, temp)
+    missed, friction = external.tick(c, i + 2, p, x, s, j, q, dp, dt, u, 0.0, load, temp, 1.0)
     limit = c[i + 1]
     return share * friction - min(max(missed, -limit), limit)
 

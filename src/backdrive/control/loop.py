@@ -7,6 +7,9 @@ finite or that jumped further than the joint can move is not believed, and meanw
 tick is run with the time that really passed; an interval that makes no sense is one more reading that is not believed. A jump
 that stays longer than `patience` is taken for the encoder's new zero: everything that is a position moves along, so that neither
 torque nor estimate sees it. Every joint has a `Status`.
+
+The level of the friction that is compensated and taken off may be learned meanwhile (`Adaptation`): what is estimated as external
+force in free motion is what the friction model misses.
 """
 
 from __future__ import annotations
@@ -20,9 +23,11 @@ import numpy as np
 from backdrive._jit import jit, ladder
 from backdrive.compensate import compensator as compensator_
 from backdrive.compensate.compensator import Compensator
+from backdrive.compensate.extras import BristleObserver, DisturbanceObserver
 from backdrive.errors import InvalidInput
 from backdrive.estimate import external as external_
 from backdrive.estimate.external import ExternalForce
+from backdrive.estimate.level import Adaptation, learned
 from backdrive.laws import REFERENCE
 from backdrive.status import Status
 
@@ -34,9 +39,9 @@ SLOWEST, FASTEST = 20.0, 0.05  # intervals by the nominal one that are believed
 #: Rows of the table that a tick reads and writes, one number a joint.
 (
     NOMINAL, BEFORE, SINCE, BEGUN, TIME, TORQUE, EXTERNAL, FRICTION, APPLIED, ERROR, SLOPE, KNOWN, MOTOR, LOAD, TEMPERATURE,
-    TOP, LIMIT, FADE, PATIENCE, STALE, ELSEWHERE, ESTIMATES,
-) = range(22)  # fmt: skip
-TABLE = 22
+    TOP, LIMIT, FADE, PATIENCE, STALE, ELSEWHERE, ESTIMATES, SLID, LEVEL, LEARNS, SLOWEST, SETTLE, FLOOR, DEAD, LOWER, UPPER,
+) = range(31)  # fmt: skip
+TABLE = 31
 
 
 @jit
@@ -108,16 +113,21 @@ def joint(c, i, p, x, s, ce, pe, xe, se, g, j, q, dt):
         return code
     T, dp, u = g[SINCE, j], q - g[BEFORE, j], g[APPLIED, j]
     load, temp = (g[MOTOR, j], g[LOAD, j]), g[TEMPERATURE, j]
-    f = compensator_.tick(
+    level = g[LEVEL, j]
+    f = level * compensator_.tick(
         c, i, p, x, s, 0, q, dp, T, g[TIME, j], g[ERROR, j], g[SLOPE, j], u - g[KNOWN, j], load, temp
     )
     tau_e, tau_f = 0.0, 0.0
     if g[ESTIMATES, j] > 0.0:
-        tau_e, tau_f = external_.tick(ce, 0, pe, xe, se, 0, q, dp, T, u, g[KNOWN, j], load, temp)
+        tau_e, tau_f = external_.tick(ce, 0, pe, xe, se, 0, q, dp, T, u, g[KNOWN, j], load, temp, level)
     if not np.isfinite(f + tau_e + tau_f):  # finite, but beyond what numbers hold
         restart(c, x, s, ce, xe, se, g, j, q)
         g[TORQUE, j] /= 1.0 + g[FADE, j] * g[NOMINAL, j]
         return NOT_FINITE
+    if g[LEARNS, j] > 0.0:
+        slid = g[SLID, j] + T if abs(dp) >= g[SLOWEST, j] * T else 0.0
+        numbers = g[LEARNS, j], g[SETTLE, j], g[FLOOR, j], g[DEAD, j], g[LOWER, j], g[UPPER, j]
+        g[LEVEL, j], g[SLID, j] = learned(level, tau_f / level, tau_e, slid, T, *numbers), slid
     limit = g[LIMIT, j]
     if abs(f) > limit:
         f = limit if f > 0.0 else -limit
@@ -145,6 +155,7 @@ class JointLoop:
     Attributes:
         compensator: of friction.
         external: estimator of the external force; None for none.
+        adaptation: of the level of the friction, compensated and taken off alike; None: it stays 1.
         top_speed: faster than which the joint cannot move [rad/s or m/s].
         limit: of the compensator's output [N.m or N].
         fade: rate at which the output fades while readings are not believed [1/s].
@@ -153,6 +164,7 @@ class JointLoop:
 
     compensator: Compensator = field(default_factory=Compensator)
     external: ExternalForce | None = None
+    adaptation: Adaptation | None = None
     top_speed: float = np.inf
     limit: float = np.inf
     fade: float = 50.0
@@ -164,6 +176,19 @@ class JointLoop:
                 f"top_speed = {self.top_speed}, limit = {self.limit}, fade = {self.fade}, patience = {self.patience}.",
                 remedy="All of them are positive.",
             )
+        if self.adaptation is None:
+            return
+        if self.external is None:
+            raise InvalidInput(
+                "The level of friction is learned from the estimated external force.",
+                remedy="Give the loop an `ExternalForce`.",
+            )
+        if isinstance(self.compensator.extra, (BristleObserver, DisturbanceObserver)):
+            raise InvalidInput(
+                f"{type(self.compensator.extra).__name__} adapts by itself.",
+                remedy="Give the loop one of both.",
+            )
+        self.adaptation.row(self.external.friction.law)
 
 
 def rows(joints: Sequence[JointLoop], positions: np.ndarray, dt: float) -> tuple[np.ndarray, ...]:
@@ -188,6 +213,11 @@ def rows(joints: Sequence[JointLoop], positions: np.ndarray, dt: float) -> tuple
         (ESTIMATES, [float(j.external is not None) for j in joints]),
     ):
         table[row] = values
+    table[LEVEL] = 1.0
+    for k, (joint, estimator) in enumerate(zip(joints, estimators)):
+        if joint.adaptation is not None:
+            table[LEARNS : UPPER + 1, k] = joint.adaptation.row(estimator.friction.law)
+            table[LEVEL, k] = joint.adaptation.start
     found = []
     for own, parts in zip(laws, ([j.compensator for j in joints], estimators)):
         row, state = [law.row() for law in own], [law.state() for law in own]
@@ -207,6 +237,7 @@ class Loop:
         torque: to add to what drives the joints [N.m or N], updated in place (J,).
         external: estimated external force [N.m or N], updated in place (J,).
         friction: estimated friction [N.m or N], updated in place (J,).
+        level: of the friction, learned [-], updated in place (J,).
         codes: `Status` of every joint, updated in place (J,).
         error: how far the reference is ahead, to be written before `update` [rad or m], (J,).
         slope: its rate [rad/s or m/s], (J,).
@@ -240,6 +271,7 @@ class Loop:
         self.codes = np.zeros(J, dtype=np.int64)
         self._position = np.zeros(J)
         self.torque, self.external, self.friction = (self.table[k] for k in (TORQUE, EXTERNAL, FRICTION))
+        self.level = self.table[LEVEL]
         self.error, self.slope, self.known = (self.table[k] for k in (ERROR, SLOPE, KNOWN))
         self.load, self.temperature = self.table[MOTOR : LOAD + 1].T, self.table[TEMPERATURE]
         self._applied = self.table[APPLIED]

@@ -1,24 +1,4 @@
-"""An adaptive level for a friction law: the shape of its curve is known, how much it resists drifts with temperature and wear.
-
-    tau_hat = theta f,   theta <- P(theta + g f e_d / (f_0^2 + f^2))   where |f| >= f_0
-    e = tau - theta f,   e_d = e - clip(e, -d, d),   g = dt/(T + dt)
-
-f: torque of the law at theta = 1, whose state does not depend on theta. f_0: floor, below which nothing is learned. d:
-bound of what the law cannot explain. T: time constant. P: clip to [theta_lo, theta_hi]. This is the projected normalised
-gradient with a dead zone (G. C. Goodwin, K. S. Sin, Adaptive Filtering, Prediction and Control, 1984, Ch. 3; P. A. Ioannou,
-J. Sun, Robust Adaptive Control, 1996, Ch. 4 and 8).
-
-The error of theta never grows. Let tau = theta* f + n with |n| <= d and theta* within the bounds, and h = theta - theta*, so
-that e = n - h f. If |e| <= d nothing moves. Otherwise |h f| >= |e| - d = |e_d| > 0, and e_d has the sign of -h f: were h f of
-the sign of e, |n| = |e| + |h f| would exceed d. So e_d = -k h f with 0 < k <= 1, and before the clip
-
-    h <- (1 - g k f^2/(f_0^2 + f^2)) h,   the factor within (0, 1] since 0 < g < 1.
-
-Clipping to an interval that holds theta* does not take theta further from it. Hence V = h^2 is non-increasing, whatever
-the motion; without noise (d = 0) every tick with |f| >= f_0 takes |h| down by a factor of 1 - g/2 or less, which is a factor
-of e within 2 (T + dt). With noise and a drift theta*', |h+| <= |h| - g/2 max(|h| - 2 d/f_0, 0) + |theta*'| dt while
-|f| >= f_0, which ends at 2 d/f_0 + 2 (T + dt) |theta*'| or below.
-"""
+"""A friction law whose level is adapted to what is measured; see `level` for how, and what is proven of it."""
 
 from __future__ import annotations
 
@@ -26,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from backdrive._jit import jit, leaf
+from backdrive._jit import jit
 from backdrive.engine.tick import DT, TORQUE, Tick, advance
 from backdrive.errors import InvalidInput
+from backdrive.estimate.level import adapted
 from backdrive.laws import Law
 from backdrive.status import Status
 
@@ -36,22 +17,8 @@ OK, NOT_FINITE, SATURATED = int(Status.OK), int(Status.NOT_FINITE), int(Status.S
 BAD_INTERVAL = int(Status.BAD_INTERVAL)
 STATUSES = tuple(Status)  # by code
 #: Rows of the table that a tick reads and writes, one number a joint.
-TIME, FLOOR, DEAD, LOWER, UPPER, BEFORE, SINCE, BEGUN, LEVEL, OUT = range(10)
+TIME, FLOOR, DEAD, LOWER, UPPER, SLOWEST, BEFORE, SINCE, BEGUN, LEVEL, OUT = range(11)
 FAR = 10.0  # an interval beyond this many nominal ones, or below their inverse, is not believed [-]
-
-
-@leaf
-def adapted(theta, f, tau, dt, time, floor, dead_zone, lower, upper):
-    """Return the level after one sample."""
-    if not abs(f) >= floor:
-        return theta
-    e = tau - theta * f
-    if abs(e) <= dead_zone:
-        return theta
-    e -= dead_zone if e > 0.0 else -dead_zone
-    r = floor / f
-    theta += dt / (time + dt) * (e / f) / (1.0 + r * r)
-    return min(max(theta, lower), upper)
 
 
 @jit
@@ -59,7 +26,7 @@ def tick(P, X, S, held, dp, g, codes, q, tau, dt, nominal):
     """One tick of all joints; returns the worst status.
 
     `P`, `X`, `S`, `held`, `dp` are the laws' as in `engine.tick.advance`; a NaN increment lets a joint keep its state.
-    `g`: settings, position before, time since then, whether there is one, level and torque (10, J).
+    `g`: settings, position before, time since then, whether there is one, level and torque (11, J).
     """
     joints = codes.size
     worst = OK
@@ -80,17 +47,11 @@ def tick(P, X, S, held, dp, g, codes, q, tau, dt, nominal):
         code = codes[j]
         if code == OK:
             f = S[TORQUE, j]
-            level = adapted(
-                g[LEVEL, j],
-                f,
-                tau[j],
-                S[DT, j],
-                g[TIME, j],
-                g[FLOOR, j],
-                g[DEAD, j],
-                g[LOWER, j],
-                g[UPPER, j],
-            )
+            level, T = g[LEVEL, j], S[DT, j]
+            if abs(dp[j]) >= g[SLOWEST, j] * T:
+                level = adapted(
+                    level, f, tau[j], T, g[TIME, j], g[FLOOR, j], g[DEAD, j], g[LOWER, j], g[UPPER, j]
+                )
             if held[j] == OK and np.isfinite(level * f):
                 g[BEFORE, j], g[SINCE, j], g[BEGUN, j] = q[j], 0.0, 1.0
                 g[LEVEL, j], g[OUT, j] = level, level * f
@@ -129,6 +90,7 @@ class AdaptiveFriction:
         lower: float = 0.3,
         upper: float = 3.0,
         start: float = 1.0,
+        slowest: float = 0.0,
     ):
         """Check the settings and compile the kernel, so that the first tick takes no longer than the next.
 
@@ -141,6 +103,7 @@ class AdaptiveFriction:
             lower: smallest level [-].
             upper: largest level [-].
             start: level at the start [-].
+            slowest: speed below which nothing is learned, some counts of the encoder a tick [rad/s or m/s].
 
         Raises:
             InvalidInput: a setting is out of range.
@@ -158,6 +121,7 @@ class AdaptiveFriction:
             "lower": bool(0.0 <= lower < upper < np.inf),
             "upper": bool(lower < upper),
             "start": bool(lower <= start <= upper),
+            "slowest": bool(0.0 <= slowest < np.inf),
         }
         for name, holds in rules.items():
             if not holds:
@@ -167,14 +131,15 @@ class AdaptiveFriction:
                     "floor": floor,
                     "dead_zone": dead_zone,
                     "lower": lower,
+                    "slowest": slowest,
                 }
                 raise InvalidInput(
                     f"AdaptiveFriction: '{name}' = {given.get(name, (upper, start))} with {J} joints.",
-                    remedy="interval, time and floor are positive, dead_zone >= 0, and 0 <= lower <= start <= upper.",
+                    remedy="interval, time and floor are positive, dead_zone and slowest >= 0, and 0 <= lower <= start <= upper.",
                 )
         self._laws = Tick(laws, dt=float(interval))
-        self._table = np.zeros((10, J))
-        for row, value in ((TIME, time), (FLOOR, floors), (DEAD, dead), (LOWER, lower), (UPPER, upper)):
+        self._table = np.zeros((11, J))
+        for row, value in enumerate((time, floors, dead, lower, upper, slowest)):
             self._table[row] = value
         self._start, self._interval = float(start), float(interval)
         self.level, self.torque, self.codes = (

@@ -37,13 +37,13 @@ W, O = sliding_mode.STATES, sliding_mode.STATES + 1  # noqa: E741 (the observer'
 
 
 @ladder
-def tick(c, i, p, x, s, j, q, dp, dt, u, known, load, temp):
+def tick(c, i, p, x, s, j, q, dp, dt, u, known, load, temp, level):
     """Return external force and friction of one tick.
 
     `c[i:]`: row, `p`, `x`: friction law and its state, `s[j:]`: state. q: encoder, dp: its increment, u: torque that acted
-    meanwhile, known: torque of gravity and of other joints beyond that of the row.
+    meanwhile, known: torque of gravity and of other joints beyond that of the row, level: factor on the friction.
     """
-    tau_f = friction_.tick(c, i + FRICTION, p, x, s, j + W, dp, dt, load, temp)
+    tau_f = level * friction_.tick(c, i + FRICTION, p, x, s, j + W, dp, dt, load, temp)
     M, L, T = c[i + 1], c[i + 4], dt
     n = u - known - tau_f
     if c[i + 2] != 0.0 or c[i + 3] != 0.0:
@@ -226,4 +226,5 @@ def along(c, p, x, s, q, u, known, dt, out):
             known[k],
             (u[before], 0.0),
             20.0,
+            1.0,
         )

@@ -1,0 +1,108 @@
+"""The level of a friction law, learned: the shape of its curve is known, how much it resists drifts with temperature and wear.
+
+    tau_hat = theta f,   theta <- P(theta + g f e_d / (f_0^2 + f^2))   where |f| >= f_0
+    e = tau - theta f,   e_d = e - clip(e, -d, d),   g = dt/(T + dt)
+
+f: torque of the law at theta = 1, whose state does not depend on theta. f_0: floor, below which nothing is learned. d:
+bound of what the law cannot explain. T: time constant. P: clip to [theta_lo, theta_hi]. This is the projected normalised
+gradient with a dead zone (G. C. Goodwin, K. S. Sin, Adaptive Filtering, Prediction and Control, 1984, Ch. 3; P. A. Ioannou,
+J. Sun, Robust Adaptive Control, 1996, Ch. 4 and 8).
+
+The error of theta never grows. Let tau = theta* f + n with |n| <= d and theta* within the bounds, and h = theta - theta*, so
+that e = n - h f. If |e| <= d nothing moves. Otherwise |h f| >= |e| - d = |e_d| > 0, and e_d has the sign of -h f: were h f of
+the sign of e, |n| = |e| + |h f| would exceed d. So e_d = -k h f with 0 < k <= 1, and before the clip
+
+    h <- (1 - g k f^2/(f_0^2 + f^2)) h,   the factor within (0, 1] since 0 < g < 1.
+
+Clipping to an interval that holds theta* does not take theta further from it. Hence V = h^2 is non-increasing, whatever
+the motion; without noise (d = 0) every tick with |f| >= f_0 takes |h| down by a factor of 1 - g/2 or less, which is a factor
+of e within 2 (T + dt). With noise and a drift theta*', |h+| <= |h| - g/2 max(|h| - 2 d/f_0, 0) + |theta*'| dt while
+|f| >= f_0, which ends at 2 d/f_0 + 2 (T + dt) |theta*'| or below.
+
+What a hand does looks like friction as long as friction might do it. So in the loop nothing is learned at rest, nor before
+the joint has slid for as long as the estimate of the force lags behind, nor from an error that no level within the bounds would
+explain, |e| > (theta_hi - theta_lo) |f| + d: that is someone who pushes. What a light hand teaches is held by the bounds;
+`drift.passive_level` says which upper one leaves the joint passive.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive._jit import leaf
+from backdrive.errors import InvalidInput
+from backdrive.laws import Law
+
+
+@leaf
+def learned(theta, f, force, slid, dt, time, settle, floor, dead_zone, lower, upper):
+    """Return the level after one tick of a loop that has slid for a time, by the external force estimated: e = -force."""
+    if not slid >= settle or not abs(force) <= (upper - lower) * abs(f) + dead_zone:
+        return theta
+    return adapted(theta, f, theta * f - force, dt, time, floor, dead_zone, lower, upper)
+
+
+@leaf
+def adapted(theta, f, tau, dt, time, floor, dead_zone, lower, upper):
+    """Return the level after one sample."""
+    if not abs(f) >= floor:
+        return theta
+    e = tau - theta * f
+    if abs(e) <= dead_zone:
+        return theta
+    e -= dead_zone if e > 0.0 else -dead_zone
+    r = floor / f
+    theta += dt / (time + dt) * (e / f) / (1.0 + r * r)
+    return min(max(theta, lower), upper)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Adaptation:
+    """How the level of a joint's friction is learned in the loop, from the external force that is estimated in free motion.
+
+    Attributes:
+        slowest: speed below which the joint does not slide, some counts of the encoder a tick [rad/s or m/s].
+        settle: for which it has to slide before anything is learned, some lags of the estimate of the force [s].
+        time: T, time constant [s].
+        floor: f_0, smallest friction that is learned from [N.m or N]; None: half the law's Coulomb torque.
+        dead_zone: d, error that is put down to noise [N.m or N]; None: a twentieth of it.
+        lower: smallest level [-].
+        upper: largest level [-]; above 1 the compensation is larger than what was identified.
+        start: level at the start [-].
+    """
+
+    slowest: float
+    settle: float = 0.05
+    time: float = 5.0
+    floor: float | None = None
+    dead_zone: float | None = None
+    lower: float = 0.5
+    upper: float = 1.0
+    start: float = 1.0
+
+    def __post_init__(self):
+        positive = (self.slowest, self.settle, self.time, 1.0 if self.floor is None else self.floor)
+        holds = all(0.0 < x < np.inf for x in positive) and 0.0 <= (self.dead_zone or 0.0) < np.inf
+        if not holds or not 0.0 < self.lower <= self.start <= self.upper < np.inf:
+            raise InvalidInput(
+                f"{self}.",
+                remedy="slowest, settle, time and floor are positive, dead_zone is not negative, and 0 < lower <= start <= upper.",
+            )
+
+    def row(self, law: Law) -> tuple[float, ...]:
+        """Return time, slowest, settle, floor, dead zone, lower and upper level for a law.
+
+        Raises:
+            InvalidInput: the law has no Coulomb torque, and floor or dead zone is not given.
+        """
+        F = 0.0 if law.rate.SMOOTH else float(np.mean(Law(rate=law.rate).coulomb()))
+        if not F > 0.0 and (self.floor is None or self.dead_zone is None):
+            raise InvalidInput(
+                f"The law '{law.name}' has no Coulomb torque to take floor and dead zone from.",
+                remedy="Give `floor` and `dead_zone` [N.m or N].",
+            )
+        floor = 0.5 * F if self.floor is None else self.floor
+        dead_zone = 0.05 * F if self.dead_zone is None else self.dead_zone
+        return self.time, self.slowest, self.settle, floor, dead_zone, self.lower, self.upper
