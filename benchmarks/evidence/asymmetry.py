@@ -79,7 +79,7 @@ def seeds(judge: Judge) -> None:
     error, half, rms, delays, inside = [], [], [], [], []
     begun = time.perf_counter()
     for seed in range(SEEDS):
-        real = plant.replace(delay=float(rng.uniform(*DELAY)))
+        real = plant.replace(delay=round(rng.uniform(*DELAY), 4))  # whole steps of the simulation
         made = logs(real, seed=seed)
         found = fit_sweeps(made, "joint_1")
         v = np.array(found.law.velocity)

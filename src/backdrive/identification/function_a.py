@@ -20,6 +20,7 @@ from backdrive.identification.sweep_windows import Windows
 from backdrive.log import Log
 
 SHARE = 0.8  # c of (2.7): samples faster than this share of a cycle's peak speed are used [-]
+SHARP = 3.0  # standard errors by which two parabolas differ where the curve bends sharply [-]
 LEAST = 5  # a window with fewer samples in a direction is left out
 
 
@@ -139,14 +140,19 @@ def corrected(
         left = z[0] - theta @ z[1:]
         spread += long_run(z[1:] * left)
         mean = terms[:, g].mean(axis=1)
-        error = float(long_run(left[None])[0, 0]) / g.size / max(g.size - 2 - k / len(used), 1.0)
+        kept = max(g.size - _lost(x[1, g]) - k / len(used), 1.0)
+        error = float(long_run(left[None])[0, 0]) / g.size / kept
         rows.append((x[1, g].mean(), x[2, g].mean() - theta @ mean, error, g.size, mean, x[1, g].var()))
     bread = np.linalg.pinv(gram, hermitian=True)
     covariance = bread @ spread @ bread
     V, F, count, variance = (np.array([row[i] for row in rows]).reshape(-1, 2) for i in (0, 1, 3, 5))
     V, F = V * (1, -1), F * (1, -1)
-    F = F - 0.5 * variance * np.stack([_curvature(*pair) for pair in zip(V.T, F.T)], axis=1)
     error = np.sqrt([row[2] + row[4] @ covariance @ row[4] for row in rows]).reshape(-1, 2)
+    for way in range(2):
+        bend = np.eye(len(V)) - 0.5 * variance[:, way, None] * _curvature(V[:, way], F[:, way], error[:, way])
+        known = np.isfinite(F[:, way])
+        F[known, way] = bend[np.ix_(known, known)] @ F[known, way]
+        error[known, way] = np.sqrt(bend[np.ix_(known, known)] ** 2 @ error[known, way] ** 2)
     deviation = np.sqrt(np.diag(covariance))
     return SweepKnots(
         V_pos=V[:, 0],
@@ -175,16 +181,31 @@ def _rows(time: np.ndarray, velocity: np.ndarray, window: np.ndarray, least: flo
     return a + np.flatnonzero(velocity[a:b] >= least)
 
 
-def _curvature(V: np.ndarray, F: np.ndarray) -> np.ndarray:
-    """Return the second derivative at each pair from its neighbours, the first's and last's from the next one, (N,)."""
-    result = np.zeros(V.size)
+def _curvature(V: np.ndarray, F: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """Return the map from pairs to the curve's second derivative at each, (N, N).
+
+    It is that of the parabola through the nearest five pairs, or through three where the curve bends too sharply for five.
+    """
+    result = np.zeros((V.size, V.size))
     order = np.flatnonzero(np.isfinite(F))[np.argsort(V[np.isfinite(F)])]
-    V, F = V[order], F[order]
-    if order.size < 3 or np.any(np.diff(V) < MERGED * V[-1]):
+    n = order.size
+    if n < 3 or np.any(np.diff(V[order]) < MERGED * V[order[-1]]):
         return result
-    bend = 2.0 * np.diff(np.diff(F) / np.diff(V)) / (V[2:] - V[:-2])
-    result[order] = np.concatenate([bend[:1], bend, bend[-1:]])
+    for k in range(n):
+        few, many = (_parabola(V, order, k, width) for width in (3, min(5, n)))
+        apart, noise = (few - many)[order] @ F[order], (few - many)[order] * error[order]
+        result[order[k]] = few if abs(apart) > SHARP * np.sqrt(noise @ noise) else many
     return result
+
+
+def _parabola(V: np.ndarray, order: np.ndarray, k: int, width: int) -> np.ndarray:
+    """Return the map from pairs to the second derivative of the parabola through the nearest to the k-th, (N,)."""
+    first = min(max(k - width // 2, 0), order.size - width)
+    near = order[first : first + width]
+    x = V[near] - V[near].mean()
+    row = np.zeros(V.size)
+    row[near] = 2.0 * np.linalg.pinv(np.vander(x / np.ptp(x), 3))[0] / np.ptp(x) ** 2
+    return row
 
 
 def _within(z: np.ndarray, v: np.ndarray, t: np.ndarray) -> np.ndarray:
@@ -204,6 +225,13 @@ def _within(z: np.ndarray, v: np.ndarray, t: np.ndarray) -> np.ndarray:
     cubic /= max(float(np.sqrt(cubic @ cubic)), 1e-300)
     z[1] = (z[1] @ line) * line + (z[1] @ cubic) * cubic
     return z[:-2]
+
+
+def _lost(v: np.ndarray) -> float:
+    """Return how many samples' worth of slow noise went with mean and slope over v, which `long_run` then does not see."""
+    v = v - v.mean()
+    fitted = np.stack([np.full(v.size, v.size**-0.5), v / max(float(np.sqrt(v @ v)), 1e-300)])
+    return float(np.trace(long_run(fitted)))
 
 
 def long_run(z: np.ndarray) -> np.ndarray:
