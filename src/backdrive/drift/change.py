@@ -7,7 +7,7 @@ parameters' errors give as if they were independent. That is nearly so for the k
 sweeps share the error of gravity, and there the covariance of `fit_sweeps` should be given.
 
 Standard errors come from inside one log, and are themselves estimates, which widens the tail of the test: on 200 pairs of
-simulated sweeps without a change, chance was called one in 2 % instead of 1 % and 7 % instead of 5 %, from three centers more often.
+simulated sweeps without a change, chance was called one in 2 % instead of 1 % and 7 % instead of 5 %.
 So they are taken `REPEAT` times as large here, a number chosen after that was seen (`benchmarks/evidence/drift.py`).
 """
 

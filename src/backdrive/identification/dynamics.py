@@ -3,6 +3,11 @@
     tau = inertia (ddq - time_slip dddq) + offset + gravity_sin sin q + gravity_cos cos q
           + model_torque tau_model + tau_f(dq)
 
+and what friction grows by with the gravity g(q) that the joint carries, where that was found:
+
+    tau_f += sgn(dq) load_dependence (|g| - load_carried)               the law is that under load_carried
+    tau_f += sgn(dq) (load_driving or load_driven) |g|                  where the motor lifts (dq g > 0), or is driven back
+
 `time_slip` is the delay of the measured torque behind the motion as `identify` estimates it: to first order it shows as jerk
 times inertia, which is where an unnoticed slip spoils a friction curve. `delay` is the same as `fit` estimates it: all of the
 motion, in friction, inertia and gravity, is that of a moment before.
@@ -30,6 +35,10 @@ TERMS: dict[str, tuple[str, str]] = {
     "gravity_sin": ("N.m", "N"),
     "gravity_cos": ("N.m", "N"),
     "model_torque": ("1", "1"),
+    "load_dependence": ("1", "1"),
+    "load_carried": ("N.m", "N"),
+    "load_driving": ("1", "1"),
+    "load_driven": ("1", "1"),
 }
 
 
@@ -53,16 +62,33 @@ def _rest(friction: JointFriction, signals: Signals) -> np.ndarray:
     tau = np.full(signals.velocity.shape, value.get("offset", 0.0))
     if value.get("inertia"):
         tau += value["inertia"] * (signals.acceleration - value.get("time_slip", 0.0) * signals.jerk)
-    if "gravity_sin" in value or "gravity_cos" in value:
-        if signals.position is None:
-            raise _cannot(friction, "gravity", "position", "q")
-        tau += value.get("gravity_sin", 0.0) * np.sin(signals.position)
-        tau += value.get("gravity_cos", 0.0) * np.cos(signals.position)
+    tau += _gravity(friction, signals)
     if "model_torque" in value:
         if signals.model_torque is None:
             raise _cannot(friction, "a torque known from elsewhere", "model_torque", "tau_model")
         tau += value["model_torque"] * signals.model_torque
     return tau
+
+
+def _gravity(friction: JointFriction, signals: Signals) -> np.ndarray | float:
+    value = {k: e.value for k, e in friction.dynamics.items() if k in ("gravity_sin", "gravity_cos")}
+    if not value:
+        return 0.0
+    if signals.position is None:
+        raise _cannot(friction, "gravity", "position", "q")
+    q = signals.position
+    return value.get("gravity_sin", 0.0) * np.sin(q) + value.get("gravity_cos", 0.0) * np.cos(q)
+
+
+def _growth(friction: JointFriction, signals: Signals) -> np.ndarray | float:
+    """Return what friction grows by with the gravity that the joint carries [N.m], (n,)."""
+    value = {k: e.value for k, e in friction.dynamics.items() if k.startswith("load_")}
+    if not value:
+        return 0.0
+    g, way = _gravity(friction, signals), np.sign(signals.velocity)
+    mu = np.where(way * g > 0.0, value.get("load_driving", 0.0), value.get("load_driven", 0.0))
+    even = value.get("load_dependence", 0.0) * (np.abs(g) - value.get("load_carried", 0.0))
+    return way * (mu * np.abs(g) + even)
 
 
 def _cannot(friction: JointFriction, term: str, channel: str, short: str) -> InvalidInput:
@@ -79,7 +105,7 @@ def predict(friction: JointFriction, signals: Signals) -> np.ndarray:
         InvalidInput: the model needs a channel that the log does not hold.
     """
     then = _then(friction, signals)
-    rest, law, dt = _rest(friction, then), friction.law, 1.0 / then.rate
+    rest, law, dt = _rest(friction, then) + _growth(friction, then), friction.law, 1.0 / then.rate
     load = temperature = None
     if "load" in law.rate.NEEDS:
         if then.load is None:

@@ -103,8 +103,9 @@ def corrected(
     """Return the pairs with velocity and torque on the same instant, and inertia and gravity regressed out.
 
     Within each window and direction the torque's mean and its part that goes with velocity are taken out; what is left
-    goes with acceleration (inertia) and, on a rotary joint, with position (the slope of gravity). These two numbers are found
-    from all windows together; what they add to a window's mean is subtracted.
+    goes with acceleration (inertia) and, on a rotary joint, with position (the slope of gravity), and with both by direction
+    (friction that grows with the load). These numbers are found from all windows together; what they add to a window's mean
+    is subtracted.
 
     Args:
         stretches: the log's signals, as `signals.prepare` returns them.
@@ -125,8 +126,11 @@ def corrected(
     used = [g for g in groups if g.size >= LEAST]
     center = float(np.mean([x[4, g].mean() for g in used])) if used and with_position else np.nan
     terms = x[3:4] if not (rotary and with_position) else np.stack([x[3], np.sin(x[4] - center)])
-    k = len(terms)
-    inside = {id(g): _within(np.vstack([x[2], terms])[:, g], x[1, g], x[0, g]) for g in used}
+    both, k = np.vstack([terms, np.sign(x[1]) * terms]), 2 * len(terms)
+    inside = {}
+    for g in used:
+        z = _within(np.vstack([x[2], terms])[:, g], x[1, g], x[0, g])
+        inside[id(g)] = np.vstack([z, np.sign(x[1, g]) * z[1:]])
     gram = sum((z[1:] @ z[1:].T for z in inside.values()), np.zeros((k, k)))
     moment = sum((z[1:] @ z[0] for z in inside.values()), np.zeros(k))
     theta = regression.solve(gram, moment)
@@ -139,7 +143,7 @@ def corrected(
         z = inside[id(g)]
         left = z[0] - theta @ z[1:]
         spread += long_run(z[1:] * left)
-        mean = terms[:, g].mean(axis=1)
+        mean = both[:, g].mean(axis=1)
         kept = max(g.size - _lost(x[1, g]) - k / len(used), 1.0)
         error = float(long_run(left[None])[0, 0]) / g.size / kept
         rows.append((x[1, g].mean(), x[2, g].mean() - theta @ mean, error, g.size, mean, x[1, g].var()))
@@ -166,7 +170,7 @@ def corrected(
         center=center,
         level=float(np.mean([np.cos(x[4, g] - center).mean() for g in used])) if with_position else 1.0,
         inertia=(float(theta[0]), float(deviation[0])),
-        slope=(float(theta[1]), float(deviation[1])) if k > 1 else (float("nan"), float("nan")),
+        slope=(float(theta[1]), float(deviation[1])) if k > 2 else (float("nan"), float("nan")),
     )
 
 

@@ -203,6 +203,11 @@ def _friction(
         term: Estimate(value=value, unit=unit_of(term, joint), standard_error=error)
         for term, (value, error) in {"inertia": inertia, "time_slip": slip, **found.terms}.items()
     }
+    if found.load is not None:
+        for term, value, error in zip(
+            ("load_dependence", "load_carried"), (found.load[0], found.load[2]), (found.load[1], 0.0)
+        ):
+            dynamics[term] = Estimate(value=value, unit=unit_of(term, joint), standard_error=error)
     speeds = np.concatenate([s.velocity for s in flat])
     errors = {"positive": tuple(found.error_pos.tolist()), "negative": tuple(found.error_neg.tolist())}
     return JointFriction(
