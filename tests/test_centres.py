@@ -236,6 +236,29 @@ def test_two_centers_half_a_turn_apart_will_do_and_two_near_ones_will_not():
         assert np.isnan(refused.noise_gain)
 
 
+@pytest.mark.parametrize("degrees", [(-90, 87), (-30, 144), (-60, 60)])
+@pytest.mark.parametrize("symmetric", [None, False])
+def test_two_centers_leave_the_constant_alone_and_bend_no_curve(degrees, symmetric):
+    joint = uneven()
+    found = fit_sweeps(made(joint, degrees), "joint_1", symmetric=symmetric)
+    v = np.array(found.law.velocity)
+    mean = 0.5 * (np.array(found.law.positive) + found.law.negative)
+    truth = 0.5 * (joint.law.torque(v) - joint.law.torque(-v))
+    assert mean == pytest.approx(truth, abs=0.05)
+    uneven_part = np.array(found.law.positive) - found.law.negative
+    assert np.ptp(uneven_part) < 0.15  # the true difference does not change with speed
+    assert found.terms["gravity_cos"][0] == pytest.approx(30.0, abs=0.1)
+    assert not found.tells(0.5)
+    assert found.tells(np.deg2rad(degrees[0]))
+    assert any("half a turn from the first" in w for w in found.warnings)
+
+
+def test_centers_half_a_turn_apart_say_that_growth_is_not_seen():
+    found = fit_sweeps(made(uneven(), (0, 180)), "joint_1")
+    assert any("carry the same weight" in note for note in found.notes)
+    assert not any("carry the same weight" in n for n in fit_sweeps(made(uneven(), (-60, 0, 60)), "joint_1").notes)
+
+
 def test_a_vertical_axis_is_attributed_where_the_centers_show_that_there_is_no_gravity():
     joint = uneven(gravity_cos=0.0)
     found = fit_sweeps(made(joint, (-60, 0, 60)), "joint_1")
@@ -252,7 +275,7 @@ def test_growth_with_the_load_shows_by_posture():
     assert carried == pytest.approx(20.0, abs=0.3)
     v = np.array(found.law.velocity)
     assert np.array(found.law.positive) == pytest.approx(joint.law.torque(v) + 0.05 * carried, abs=0.1)
-    assert any(f"friction grows by {value:.3f} +-" in w for w in found.warnings)
+    assert any(f"Friction grows by {value:.3f} +-" in note for note in found.notes)
     assert max(found.error_pos) < 0.03  # what the load adds inside the windows is not taken for noise
     assert fit_sweeps(made(uneven(), (-60, 0, 60)), "joint_1").load is None
 

@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 
 from _synthetic import any_motion
+from backdrive.excite import load_plan
+from backdrive.plants.thesis import joint_1
+from backdrive.simulate import simulate
 
 
 def dry(v):
@@ -98,6 +101,24 @@ def test_every_command_explains_itself_with_an_example(name):
     assert done.returncode == 0
     assert f"Example: backdrive {name}" in " ".join(done.stdout.split())
     assert "--json" in done.stdout
+
+
+def test_plans_are_named_one_a_log_by_file_or_folder(tmp_path):
+    logs = []
+    for name, center in (("one", "-1.047"), ("two", "1.047")):
+        options = ("--center", center, "--stroke-deg", 20, "--top-speed", 2, "--cycles", 3)
+        done = backdrive("plan", "sweep", *options, "-o", tmp_path / name, "--draw", "none")
+        assert done.returncode == 0, done.stdout + done.stderr
+        plan = load_plan(tmp_path / name / "plan.json")
+        log = simulate(joint_1(), plan)
+        np.savez(tmp_path / f"{name}.npz", t=log.time, q=log.position, tau=log.torque)
+        logs.append(tmp_path / f"{name}.npz")
+    plans = ("--plan", tmp_path / "one", "--plan", tmp_path / "two" / "plan.json")
+    done = backdrive("identify", *logs, *plans, "--method", "sweep", "-o", tmp_path / "m.json")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "did not follow" not in done.stdout
+    kept = json.loads((tmp_path / "m.json").read_text())["provenance"]["options"]["plan"]
+    assert [round(p["center"], 3) for p in kept] == [-1.047, 1.047]
 
 
 def test_demo_compares_with_the_truth(tmp_path):

@@ -8,8 +8,10 @@ from backdrive import Joint, Log, identify
 from backdrive.errors import InvalidInput, NotIdentifiable, UnhealthyLog, UnknownName
 from backdrive.excite import InTurn, Sweep
 from backdrive.identification import validate
+from backdrive.identification.request import planned
 from backdrive.log import Source
 from backdrive.plants.thesis import joint_0, joint_1
+from backdrive.readers import read_log
 from backdrive.simulate import simulate
 
 
@@ -125,6 +127,25 @@ def test_a_file_cannot_judge_itself():
     log = any_motion(dry).replace(sources=source)
     with pytest.raises(InvalidInput, match="also fitted"):
         identify(log, held_out=[any_motion(dry, seed=1).replace(sources=source)])
+
+
+def test_a_file_is_fitted_once_and_its_parts_each(tmp_path):
+    log = any_motion(dry, seconds=12.0)
+    np.savez(tmp_path / "a.npz", t=log.time, q=log.position, tau=log.torque)
+    whole = read_log(tmp_path / "a.npz")
+    with pytest.raises(InvalidInput, match="are the same log"):
+        identify([whole, whole])
+    assert identify([whole.between(0.0, 5.9), whole.between(6.0, 12.0)]).model.joints
+
+
+def test_one_plan_for_all_logs_or_one_each():
+    log = any_motion(dry, seconds=2.0)
+    plans = [Sweep(0.3, 1.0, 4, center=c) for c in (0.0, 1.0)]
+    assert [one.plan.center for one in planned([log, log], plans)] == [0.0, 1.0]
+    assert [one.plan.center for one in planned([log, log], plans[1])] == [1.0, 1.0]
+    assert planned([log], None) == [log]
+    with pytest.raises(InvalidInput, match="2 plans for 3 logs"):
+        planned([log] * 3, plans)
 
 
 @pytest.mark.parametrize(

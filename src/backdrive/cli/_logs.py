@@ -51,7 +51,16 @@ Repair = Annotated[
     bool, typer.Option("--repair", help="Mend what can be mended honestly; every repair is listed.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
-PlanFile = Annotated[Path | None, typer.Option("--plan", help="plan.json that the log was recorded with.")]
+PlanFile = Annotated[
+    Path | None, typer.Option("--plan", help="plan.json, or its folder, that the log was recorded with.")
+]
+PlanFiles = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--plan",
+        help="plan.json, or its folder, that the logs were recorded with; may be repeated: one a log, in their order.",
+    ),
+]
 
 
 def words(text: str | None) -> list[str] | None:
@@ -97,12 +106,18 @@ def check_targets(outputs: Sequence[Path | None], inputs: Sequence[Path | None])
 
 
 def plan_from(path: Path | None):
-    """Return the plan of a --plan option, or None."""
+    """Return the plan of a --plan option, a file or the folder that holds its plan.json; or None."""
     if path is None:
         return None
     from backdrive.excite import load_plan
 
-    return load_plan(path)
+    return load_plan(path / "plan.json" if path.is_dir() else path)
+
+
+def plans_from(paths: Sequence[Path] | None):
+    """Return the plan of --plan options: None, one for all logs, or a list of one a log."""
+    plans = [plan_from(path) for path in paths or []]
+    return plans if len(plans) > 1 else next(iter(plans), None)
 
 
 def read(

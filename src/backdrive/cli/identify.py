@@ -25,7 +25,7 @@ def command(
     ] = "auto",
     map: _logs.Map = None,
     joint: _logs.Joints = None,
-    plan: _logs.PlanFile = None,
+    plan: _logs.PlanFiles = None,
     urdf: Annotated[Path | None, typer.Option("--urdf", help="Robot description, for a whole arm.")] = None,
     hold_out: Annotated[
         list[Path] | None, typer.Option("--hold-out", help="Log to judge on, not fitted; may be repeated.")
@@ -81,7 +81,7 @@ def command(
     from backdrive.cli._progress import progress
     from backdrive.identification import identify
 
-    _logs.check_targets([output, report], [*logs, *(hold_out or []), plan, urdf])
+    _logs.check_targets([output, report], [*logs, *(hold_out or []), *(plan or []), urdf])
     if not gate > 0:
         raise typer.BadParameter(f"--gate {gate}: give a positive percentage.")
     options = {
@@ -100,7 +100,7 @@ def command(
         result = identify(
             read,
             method=method,
-            plan=_logs.plan_from(plan),
+            plan=_logs.plans_from(plan),
             joints=joint,
             urdf=str(urdf) if urdf else None,
             held_out=held,

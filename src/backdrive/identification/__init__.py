@@ -10,13 +10,14 @@ from backdrive._catalog import lookup
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.excite import plan_to_dict
 from backdrive.identification.auto import METHODS, choose_method, moving_joints, own_turn
-from backdrive.identification.evidence import verdict
+from backdrive.identification.evidence import explained
 from backdrive.identification.request import (
     apart,
     applicable,
     healthy,
     in_order,
     move_together,
+    planned,
     slow_clock,
     unused_torque,
 )
@@ -54,7 +55,7 @@ def identify(
     Args:
         logs: one log, or several of the same joints.
         method: `auto`, or one of `METHODS`.
-        plan: the motion that was commanded (an object of `backdrive.excite`); gives the sweep its windows.
+        plan: the motion that was commanded (an object of `backdrive.excite`), or one a log; gives the sweep its windows.
         joints: names of the joints wanted; None: every joint that moves.
         urdf: path of the robot description; needed for the method `arm`.
         held_out: logs to judge on, not seen by the fit.
@@ -87,8 +88,7 @@ def identify(
     logs = [in_order(log, logs[0]) for log in logs]
     held_out = [in_order(log, logs[0]) for log in held_out]
     apart(logs, held_out)
-    if plan is not None:
-        logs = [log.replace(plan=plan) for log in logs]
+    logs = planned(logs, plan)
     say("Checking the logs")
     warnings: list[str] = []
     logs = [healthy(log, accept, repair, warnings) for log in logs]
@@ -166,7 +166,9 @@ def identify(
         "repair": repair,
         "joints": list(joints or []),
         "urdf": urdf,
-        "plan": None if plan is None else plan_to_dict(plan),
+        "plan": [plan_to_dict(p) for p in plan]
+        if isinstance(plan, (list, tuple))
+        else plan and plan_to_dict(plan),
         "held_out": [{"path": s.path, "sha256": s.sha256} for log in held_out for s in log.sources],
         "reading": dict(reading or {}),
     }
@@ -200,9 +202,7 @@ def _judged_on(
     qualities = validate(model, held_out)
     joints = tuple(replace(j, held_out=qualities.get(j.joint.name, j.held_out)) for j in model.joints)
     said = [
-        replace(e, verdict=e.verdict.replace(verdict(before), verdict(after)))
-        if verdict(before) in e.verdict
-        else replace(e, verdict=f"{e.verdict} {verdict(after)}")
+        replace(e, verdict=e.verdict.replace(explained(before), explained(after)))
         for e, before, after in zip(evidence, model.joints, joints)
     ]
     return replace(model, joints=joints), said

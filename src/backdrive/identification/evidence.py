@@ -86,7 +86,12 @@ def verdict(friction: JointFriction) -> str:
         )
     else:
         amount = f"Friction is {slow[0]:.3g} {unit} at {slowest:.2g} {speed} and {fast[0]:.3g} {unit} at {top:.3g} {speed}."
+    return f"{amount} {explained(friction)}"
+
+
+def explained(friction: JointFriction) -> str:
+    """Say in a sentence how much of the torque the model explains, and the grade."""
     quality = friction.held_out or friction.fitted
     residual = quality.residual if quality else float("nan")
     seen = "torque it had not seen" if friction.held_out else "the torque it was fitted to"
-    return f"{amount} The model explains all but {residual:.1f} % of {seen}: {grade(friction).word}."
+    return f"The model explains all but {residual:.1f} % of {seen}: {grade(friction).word}."

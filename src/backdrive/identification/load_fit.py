@@ -43,11 +43,11 @@ class Growth:
     gravity: np.ndarray
     carried: float
 
-    def sentence(self, name: str) -> str:
+    def sentence(self) -> str:
         """Return the result in words."""
         value, error = self.slope
         return (
-            f"Joint '{name}': friction grows by {value:.3f} +- {error:.3f} of the gravity that the joint carries; the curve is "
+            f"Friction grows by {value:.3f} +- {error:.3f} of the gravity that the joint carries; the curve is "
             f"that under {self.carried:.3g} N.m. Lifting and being driven back are told apart only by a known payload."
         )
 

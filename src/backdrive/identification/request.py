@@ -31,8 +31,19 @@ def in_order(log: Log, first: Log) -> Log:
 
 
 def apart(logs: Sequence[Log], held_out: Sequence[Log]) -> None:
-    """Refuse to judge on a file that is fitted."""
-    fitted = {source.sha256: source.path for log in logs for source in log.sources}
+    """Refuse to judge on a file that is fitted, and to fit a part of a file twice."""
+    fitted: dict[str, str] = {}
+    spans: dict[str, list[tuple[float, float]]] = {}
+    for log in logs:
+        begin, end = (float(log.time[0]), float(log.time[-1])) if len(log) else (0.0, 0.0)
+        for source in log.sources:
+            if any(begin < e and b < end for b, e in spans.get(source.sha256, [])):
+                raise InvalidInput(
+                    f"{source.path} and {fitted[source.sha256]} are the same log.",
+                    remedy="Name it once; a repetition is no new measurement.",
+                )
+            fitted[source.sha256] = source.path
+            spans.setdefault(source.sha256, []).append((begin, end))
     for log in held_out:
         for source in log.sources:
             if source.sha256 in fitted:
@@ -40,6 +51,23 @@ def apart(logs: Sequence[Log], held_out: Sequence[Log]) -> None:
                     f"{source.path} is held out and also fitted ({fitted[source.sha256]}).",
                     remedy="Hold out a log that is not fitted; without any, blocks of the fitted ones are held out in turn.",
                 )
+
+
+def planned(logs: Sequence[Log], plan: Any) -> list[Log]:
+    """Return the logs with the plan that they were recorded with: one for all, one a log, or None for their own.
+
+    Raises:
+        InvalidInput: there are several plans, and not one a log.
+    """
+    if plan is None:
+        return list(logs)
+    plans = list(plan) if isinstance(plan, (list, tuple)) else [plan] * len(logs)
+    if len(plans) != len(logs):
+        raise InvalidInput(
+            f"{len(plans)} plans for {len(logs)} logs.",
+            remedy="Give one plan for all logs, or one for each in their order.",
+        )
+    return [log.replace(plan=one) for log, one in zip(logs, plans)]
 
 
 SLOW = 50.0  # a sampling rate below this makes a result suspect [Hz]

@@ -15,10 +15,9 @@ import numpy as np
 from backdrive.errors import InvalidInput
 from backdrive.identification.curves import hats
 from backdrive.identification.dynamics import predict, rest_of_dynamics, unit_of
-from backdrive.identification.evidence import evidence
+from backdrive.identification.evidence import evidence, explained
 from backdrive.identification.function_a import SHARE, corrected, function_a
 from backdrive.identification.function_a import literal as literal_pairs
-from backdrive.identification.grade import grade
 from backdrive.identification.quality import judge
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
@@ -101,7 +100,8 @@ def identify_sweep(
 ) -> tuple[JointFriction, JointEvidence]:
     """Identify one joint's friction from sweeps.
 
-    With several sweeps the last one is judged by the fit to the others, before all are fitted together.
+    With several sweeps the last one is judged by the fit to the others, where these tell the gravity at its center, before all
+    are fitted together.
 
     Args:
         logs: one sweep each, of the same joint; about several centers, to tell gravity from unequal directions.
@@ -135,7 +135,9 @@ def identify_sweep(
     seen, unseen, before = stretches, [], friction
     if len(logs) > 1:
         seen, unseen = stretches[:-1], stretches[-1:]
-        before, _ = fitted_to(slice(0, -1))
+        before, others = fitted_to(slice(0, -1))
+        if not others.tells(each[-1].center):
+            seen, unseen = stretches, []
     friction = replace(
         friction, fitted=_judge(friction, stretches), held_out=_judge(before, unseen) if unseen else None
     )
@@ -329,7 +331,4 @@ def _verdict(friction: JointFriction, found: SweepFit) -> str:
     offset = found.terms.get("offset", (0.0, 0.0))[0]
     if found.symmetric and abs(offset) > NAMED * fast[0]:
         said += f" A constant {offset:.3g} {unit} was set apart: gravity, an offset of the torque signal or unequal directions."
-    quality = friction.held_out or friction.fitted
-    assert quality is not None
-    of = "a sweep that the fit had not seen" if friction.held_out else "the sweep itself"
-    return f"{said} The model explains all but {quality.residual:.1f} % of the torque of {of}: {grade(friction).word}."
+    return " ".join([said, *found.notes, explained(friction)])

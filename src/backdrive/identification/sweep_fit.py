@@ -21,7 +21,9 @@ UNEQUAL = 0.03  # share of the friction from which on the directions are taken t
 WORST_CONDITION = (
     500.0  # beyond it, gravity and a constant difference of the directions are not told apart [-]
 )
+NEAR = 0.05  # centers that differ by less are the same [rad or m]
 UNSEEN = 0.02  # a direction of gravity that the centers show by less than this share of the other one is left out [-]
+DETERMINED = 1e-4  # of the largest singular value, above which unknowns are determined [-]
 GRAVITY = ("gravity_sin", "gravity_cos")
 TERMS = (*GRAVITY, "offset")
 LOAD = "load_dependence"
@@ -44,6 +46,8 @@ class SweepFit:
         terms: of `TERMS`, as far as found: value and standard error [N.m or N].
         condition: of telling gravity from a constant difference of the directions [-]; infinite without gravity.
         warnings: in sentences.
+        notes: the same of what is as it should be.
+        centers: of the sweeps [rad or m].
         covariance: of the torques at the law's knots, along +q first [(N.m)^2 or N^2], (2 m, 2 m).
         noise_gain: standard error of the constant difference by that of the half sum about one center [-]; NaN where it was
             not attributed.
@@ -58,9 +62,16 @@ class SweepFit:
     terms: dict[str, tuple[float, float]]
     condition: float
     warnings: tuple[str, ...]
+    notes: tuple[str, ...]
+    centers: tuple[float, ...]
     covariance: np.ndarray
     noise_gain: float = float("nan")
     load: tuple[float, float, float] | None = None
+
+    def tells(self, center: float) -> bool:
+        """Say whether the torque about a center follows from what was found: gravity is told, or the center was swept."""
+        near = any(abs(center - c) < NEAR for c in self.centers)
+        return near or self.condition <= WORST_CONDITION or not set(GRAVITY) & set(self.terms)
 
     def constants(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return the constant of each direction, the intercept of its first section at rest, and its standard error.
@@ -149,6 +160,13 @@ class Equations:
         wide = X.shape[0] < X.shape[1] or singular[-1] <= 1e-12 * singular[0]
         return float("inf") if wide else float(singular[0] / singular[-1])
 
+    def determines(self, curves: str, terms: Sequence[str]) -> bool:
+        """Say whether all equations together, slopes of gravity included, determine the unknowns."""
+        X = (self.X @ self.spread(curves, terms)) * self.weight[:, None]
+        scaled = X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)
+        singular = np.linalg.svd(scaled, compute_uv=False)
+        return X.shape[0] >= X.shape[1] and bool(singular[-1] > DETERMINED * singular[0])
+
     def solve(self, curves: str, terms: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
         """Return all unknowns, (2 K + 4,), and their covariance."""
         spread = self.spread(curves, terms)
@@ -211,7 +229,7 @@ def fit(
     """
     eqs = equations(knots)
     K = eqs.V.size
-    said = [w for k in knots for w in k.warnings]
+    said, notes = [w for k in knots for w in k.warnings], []
     condition, known = float("inf"), False
     terms: tuple[str, ...] = ("offset",)
     if unit == "rad":
@@ -219,9 +237,9 @@ def fit(
         apart = eqs.condition("own", GRAVITY)
         if known or apart <= WORST_CONDITION:
             terms, condition = GRAVITY, apart
-    curves, kept = "balanced", terms
+    curves, kept = "balanced", _with_constant(eqs, "balanced", terms)
     if condition <= WORST_CONDITION:
-        curves = "own"
+        curves, kept = "own", terms
     elif unit == "m" and eqs.solve("own", ())[0][: 2 * K].min() >= 0:
         curves, kept = "own", ()
     theta, covariance = eqs.solve(curves, kept)
@@ -233,13 +251,20 @@ def fit(
         if load is not None:
             eqs, kept = eqs.loaded(load.gravity), (*kept, LOAD)
             theta, covariance = eqs.solve(curves, kept)
-            said.append(load.sentence(name))
+            notes.append(load.sentence())
+    asked = symmetric is not None
     if symmetric is None:
         symmetric = not _differ(theta, covariance, K)
+    told = condition <= WORST_CONDITION
+    if symmetric and not asked and known and not told:
+        said.append(_one_curve(name))
+    if told and known and load is None and _same_weight(eqs, theta):
+        notes.append(
+            "All centers carry the same weight, so that friction which grows with it would be a part of the curve; a third center "
+            "between them would show it."
+        )
     if symmetric:
-        kept = terms
-        if terms == GRAVITY and eqs.condition("equal", TERMS) <= WORST_CONDITION:
-            kept = TERMS
+        kept = _with_constant(eqs, "equal", terms)
         kept = kept if load is None else (*kept, LOAD)
         curves = "equal"
         theta, covariance = eqs.solve(curves, kept)
@@ -248,7 +273,7 @@ def fit(
         covariance = covariance + np.outer(moved, moved)
     gain = _gain(knots, covariance, K) if curves == "own" and terms == GRAVITY else float("nan")
     if not symmetric:
-        said.append(_attribution(name, unit, knots, curves, condition, gain))
+        (notes if told else said).append(_attribution(name, unit, knots, curves, condition, gain))
     if np.isnan(knots[0].error_pos).all():
         covariance = np.full_like(covariance, np.nan)  # the literal procedure knows no errors
     carried = 0.0 if load is None else load.carried
@@ -275,9 +300,38 @@ def fit(
         terms={t: values[t] for t in kept if t != LOAD},
         condition=condition,
         warnings=tuple(dict.fromkeys(said)),
+        notes=tuple(notes),
+        centers=tuple(k.center for k in knots),
         covariance=shown,
         noise_gain=gain,
         load=None if load is None else (*values[LOAD], carried),
+    )
+
+
+def _with_constant(eqs: Equations, curves: str, terms: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the terms with a constant beside gravity, where the equations show one.
+
+    Without it a constant that is there sets the level of gravity at several centers against its slopes inside the strokes,
+    and the curve bends between them.
+    """
+    if terms != GRAVITY or eqs.levels == len(eqs.y):
+        told = terms == GRAVITY and eqs.condition(curves, TERMS) <= WORST_CONDITION
+    else:
+        told = eqs.determines(curves, TERMS)
+    return TERMS if told else terms
+
+
+def _same_weight(eqs: Equations, theta: np.ndarray) -> bool:
+    """Say whether gravity has nearly one size at all centers, and friction could grow with it."""
+    K = eqs.V.size
+    size = np.abs(eqs.X[: eqs.levels, 2 * K : 2 * K + 2] @ theta[2 * K : 2 * K + 2])
+    return bool(np.ptp(size) < 0.05 * size.max() and size.max() > 0.1 * np.mean(theta[: 2 * K]))
+
+
+def _one_curve(name: str) -> str:
+    return (
+        f"Joint '{name}' has one curve for both directions, for its sweeps do not tell a constant difference of the directions "
+        f"from gravity. {REMEDY}"
     )
 
 
@@ -314,7 +368,7 @@ def _attribution(
     torque = "N.m" if unit == "rad" else "N"
     if np.isfinite(condition) and curves == "own":
         return (
-            f"Joint '{name}': its centers tell the constant difference of the directions from gravity (condition "
+            f"Its centers tell the constant difference of the directions from gravity (condition "
             f"{condition:.0f}, noise gain {gain:.2g}); an offset of the torque signal would look the same as such a difference."
         )
     if curves == "own":
