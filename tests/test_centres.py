@@ -27,7 +27,7 @@ from backdrive.identification.load_fit import payload_growth
 from backdrive.identification.signals import prepare
 from backdrive.identification.sweep import fit_sweeps, identify_sweep, sweep_knots
 from backdrive.identification.sweep_delay import sweep_delay
-from backdrive.identification.sweep_fit import GRAVITY, equations
+from backdrive.identification.sweep_equations import GRAVITY, equations
 from backdrive.identification.sweep_windows import windows
 from backdrive.laws import GearLoad, Law, Polyline
 from backdrive.limits import JointLimits

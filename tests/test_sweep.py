@@ -6,7 +6,7 @@ from backdrive.excite import InTurn, Sweep, inertia_bias
 from backdrive.identification.function_a import function_a, long_run
 from backdrive.identification.signals import prepare
 from backdrive.identification.sweep import find_windows, identify_sweep, sweep_knots, to_polyline
-from backdrive.identification.sweep_fit import equations
+from backdrive.identification.sweep_equations import equations
 from backdrive.identification.sweep_knots import SweepKnots, clamped, ordered
 from backdrive.identification.sweep_windows import Windows, turning_points, windows
 from backdrive.laws import CoulombViscous, Law, Polyline

@@ -14,15 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
-
-if TYPE_CHECKING:
-    from backdrive.identification.sweep_fit import Equations
-    from backdrive.identification.sweep_knots import SweepKnots
+from backdrive.identification.sweep_equations import GRAVITY, LOAD, WORST_CONDITION, Equations, equations
+from backdrive.identification.sweep_knots import SweepKnots
 
 SIGNIFICANT = 4.0  # standard errors from which on a growth is taken to be there [-]
 LEAST = 0.01  # and by how much friction must change with it from sweep to sweep [share of the friction]
@@ -84,8 +81,6 @@ def growth(eqs: Equations, curves: str, terms: Sequence[str], theta: np.ndarray)
         terms: gravity, and what else takes part.
         theta: their solution without growth.
     """
-    from backdrive.identification.sweep_fit import LOAD, WORST_CONDITION
-
     K = eqs.V.size
     friction = 0.5 * float(np.mean(theta[: 2 * K]))
     for _ in range(ROUNDS):
@@ -117,8 +112,6 @@ def payload_growth(
         InvalidInput: not one payload a sweep, or none that differs.
         NotIdentifiable: the sweeps do not tell curve, gravity, growth and the payload's part apart.
     """
-    from backdrive.identification.sweep_fit import GRAVITY, LOAD, WORST_CONDITION, equations
-
     weights = np.array(payloads, dtype=np.float64)
     if weights.shape != (len(knots), 2) or not np.isfinite(weights).all():
         raise InvalidInput(
