@@ -13,6 +13,7 @@ from backdrive.cli import main
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.excite import Sweep, load_plan
 from backdrive.excite.centres import (
+    UNSEEN,
     WORST_GAIN,
     choose_centers,
     condition,
@@ -22,12 +23,14 @@ from backdrive.excite.centres import (
     sweeps_about,
     width_for,
 )
+from backdrive.identification import sweep_fit
 from backdrive.identification.dynamics import predict
 from backdrive.identification.load_fit import payload_growth
 from backdrive.identification.signals import prepare
 from backdrive.identification.sweep import fit_sweeps, identify_sweep, sweep_knots
 from backdrive.identification.sweep_delay import sweep_delay
 from backdrive.identification.sweep_equations import GRAVITY, equations
+from backdrive.identification.sweep_payload import identify_payload
 from backdrive.identification.sweep_windows import windows
 from backdrive.laws import GearLoad, Law, Polyline
 from backdrive.limits import JointLimits
@@ -55,6 +58,9 @@ def test_the_noise_gain_is_that_of_least_squares():
     assert math.isinf(noise_gain([0.1]))
     assert math.isinf(noise_gain(np.deg2rad([-15, 15])))
     assert noise_gain([0.3, 0.3 + np.pi]) == pytest.approx(np.sqrt(0.5))
+    assert noise_gain(np.deg2rad([-90, 88])) == pytest.approx(np.sqrt(0.5), abs=1e-3)
+    assert math.isinf(noise_gain(np.deg2rad([-90, 87])))
+    assert UNSEEN == sweep_fit.UNSEEN
 
 
 @pytest.mark.parametrize("half", [25.0, 45.0, 60.0, 75.0])
@@ -83,6 +89,15 @@ def test_as_few_sweeps_as_reach_the_gain():
     assert np.mean(turned.centers) == pytest.approx(1.0)
 
 
+def test_no_stroke_passes_its_limits_by_rounding():
+    for low, high in ((-1.3, 1.0), (-0.777777777777, 1.1111111111), (-math.pi, math.pi)):
+        found = choose_centers(SWEEP, JointLimits(lower=low, upper=high))
+        for plan in found.plans:
+            assert low <= plan.position_range[0] < plan.position_range[1] <= high
+    half_a_turn = choose_centers(SWEEP, within(90))
+    assert len(half_a_turn.plans) == 2
+
+
 def test_the_condition_is_that_of_the_equations_that_will_be_solved():
     for degrees in ((-60, 0, 60), (-30, 0, 30), (-90, 90)):
         logs = [
@@ -97,6 +112,15 @@ def test_the_condition_is_that_of_the_equations_that_will_be_solved():
 def test_centers_that_will_not_do_are_named():
     with pytest.raises(InvalidInput, match="too near: over 20 deg"):
         sweeps_about(SWEEP, np.deg2rad([-10, 0, 10]))
+    for centers in ((-60, 60), (-60, 60, -60), (300, 60)):
+        with pytest.raises(InvalidInput, match="Two centers 120 deg apart never .* third center between"):
+            sweeps_about(SWEEP, np.deg2rad(centers))
+    with pytest.raises(InvalidInput, match="Two centers 20 deg apart never .* are the least"):
+        sweeps_about(SWEEP, np.deg2rad([-10, 10]))
+    with pytest.raises(InvalidInput, match="badly spread: over 120 deg"):
+        sweeps_about(SWEEP, np.deg2rad([-60, -59, 60]))
+    with pytest.raises(InvalidInput, match="half a turn .180 deg. apart: give three"):
+        choose_centers(SWEEP, within(60), sweeps=2)
     with pytest.raises(InvalidInput, match="half a turn"):
         sweeps_about(SWEEP, [0.0])
     with pytest.raises(InvalidInput, match="10 deg apart"):
@@ -130,21 +154,63 @@ def run(tmp_path, monkeypatch, capsys):
 
 
 WORDS = "sweep --stroke-deg 20 --top-speed 2 --cycles 4 --lower -1.4 --upper 1.4"
+NARROW = "sweep --stroke-deg 20 --top-speed 2 --cycles 4 --lower -0.7 --upper 0.7"
 
 
 def test_one_plan_a_center_is_written(run, tmp_path):
-    code, out, _ = run(f"{WORDS} --centres=-60,0,60 -o p")
+    code, out, _ = run(f"{WORDS} --centres=-60,0,60 -o p --joint a/1")
     assert code == 0
     assert "noise gain" not in out
     assert "1.73 times the standard error" in out
-    plans = [load_plan(tmp_path / f"p/center-{i}/plan.json") for i in (1, 2, 3)]
+    plans = [load_plan(tmp_path / f"p/a_1_at_{c}deg/plan.json") for c in (-60, 0, 60)]
+    assert "each of p/a_1_at_-60deg, p/a_1_at_0deg, p/a_1_at_60deg." in out
     assert [math.degrees(p.center) for p in plans] == pytest.approx([-60, 0, 60])
-    code, out, _ = run(f"{WORDS} --centres auto --json -o q")
+    code, out, _ = run(f"{WORDS} --centers AUTO --json -o q")
     found = json.loads(out)
     assert code == 0
     assert found["centers"] == pytest.approx([-1.4 + 0.5 * A, 0.0, 1.4 - 0.5 * A], abs=1e-6)
     assert found["noise_gain"] < 1.3
     assert len(found["written"]) == 12
+    assert len(found["folders"]) == 3
+    assert not any("gain" in note for note in found["notes"])
+
+
+def test_several_sweeps_about_a_center_have_a_folder_each(run):
+    _, out, _ = run(f"{NARROW} --centres auto --json")
+    names = [folder.split("_at_")[1] for folder in json.loads(out)["folders"]]
+    assert names[:5] == ["-30.11deg", "-30.11deg_2", "0deg", "0deg_2", "0deg_3"]
+    assert len(set(names)) == 9
+
+
+def test_what_was_not_reached_or_not_checked_is_said(run):
+    code, out, _ = run(f"{NARROW} --centres auto --inertia 1.6 --velocity-limit 3")
+    assert code == 0
+    assert "9 sweeps reach 4.66" in out
+    assert out.count("bias by inertia, 1 ms slip") == out.count("stroke for less than 0.1 N.m") == 1
+    sweep = "sweep --stroke-deg 20 --top-speed 2 --cycles 4"
+    for limit, side in (("--lower -1", "upper"), ("--upper 1.3", "lower")):
+        for several in (" --centres auto", ""):
+            _, out, _ = run(f"{sweep} {limit}{several}")
+            assert f"The {side} end of the range was not checked" in out
+            assert f"The {'lower' if side == 'upper' else 'upper'} end" not in out
+
+
+def test_the_other_joints_are_held_at_every_center(run, tmp_path):
+    code, _, err = run(f"{WORDS} --centres=-60,0,60 -o p --joint a --hold b=1,c=-0.5")
+    assert code == 0, err
+    for degrees in (-60, 0, 60):
+        plan = load_plan(tmp_path / f"p/a_at_{degrees}deg/plan.json")
+        assert plan.joints == ("a", "b", "c")
+        assert plan.position(0.0) == pytest.approx([math.radians(degrees), 1.0, -0.5])
+
+
+def test_a_limit_that_no_center_changes_gets_no_advice_on_centers(run):
+    for limit in ("--velocity-limit 1", "--inertia 3 --torque-limit 60"):
+        code, _, err = run(f"{WORDS} --centres=-60,0,60 {limit}")
+        assert code == 2
+        assert "above the limit" in err
+        assert "half a turn" not in err
+        assert "vertical" not in err
 
 
 @pytest.mark.parametrize(
@@ -155,7 +221,10 @@ def test_one_plan_a_center_is_written(run, tmp_path):
         (f"{WORDS} --centres=-5,0,5", "too near"),
         (f"{WORDS} --centres=x", "neither `auto`"),
         (f"{WORDS} --centres=1", "1 centers"),
+        (f"{WORDS} --centres=-60,60", "Two centers 120 deg apart"),
         (f"{WORDS} --centres=-60,0,60 --center 1", "both place"),
+        (f"{WORDS} --centres auto --center 0.5", "middle of the centers at 0 rad"),
+        (f"{WORDS} --centres auto --hold joint=0.5", "both place"),
         (f"{WORDS} --centres auto --joint a --joint b", "several sweeps of one joint"),
         ("sweep --stroke 0.1 --top-speed 0.3 --unit m --centres auto", "is linear"),
         ("ramp --amplitude 3 --torque-rate 1 --centres auto", "means nothing"),
@@ -256,7 +325,9 @@ def test_two_centers_leave_the_constant_alone_and_bend_no_curve(degrees, symmetr
 def test_centers_half_a_turn_apart_say_that_growth_is_not_seen():
     found = fit_sweeps(made(uneven(), (0, 180)), "joint_1")
     assert any("carry the same weight" in note for note in found.notes)
-    assert not any("carry the same weight" in n for n in fit_sweeps(made(uneven(), (-60, 0, 60)), "joint_1").notes)
+    assert not any(
+        "carry the same weight" in n for n in fit_sweeps(made(uneven(), (-60, 0, 60)), "joint_1").notes
+    )
 
 
 def test_a_vertical_axis_is_attributed_where_the_centers_show_that_there_is_no_gravity():
@@ -308,6 +379,23 @@ def test_lifting_and_being_driven_back_need_a_known_payload():
     assert found.driving[0] == pytest.approx(0.08, abs=0.005)
     assert found.driven[0] == pytest.approx(0.03, abs=0.005)
     assert found.gravity == pytest.approx([0.0, 30.0], abs=0.1)
+    logs = [
+        log
+        for w in (0.0, 20.0)
+        for log in made(joint.replace(gravity_cos=30.0 + w), (-60, 0, 60), seed=int(w))
+    ]
+    friction, shown = identify_payload(logs, "joint_1", payloads, timing="command")
+    assert friction.dynamics["load_driving"].value == found.driving[0]
+    assert friction.dynamics["inertia"].value == pytest.approx(
+        1.6, abs=0.06
+    )  # what accelerates loads the gear too
+    assert "of the gravity that the motor lifts" in shown.verdict
+    other = prepare(made(joint, (-30,), seed=9)[0], 0)[0]
+    slides = np.abs(other.velocity) > 0.2
+    off = ((other.torque - predict(friction, other)) * np.sign(other.velocity))[slides]
+    assert abs(np.mean(off)) < 0.1
+    with pytest.raises(InvalidInput, match="2 payloads for 6 logs"):
+        identify_payload(logs, "joint_1", payloads[:2])
     with pytest.raises(InvalidInput, match="same payload"):
         payload_growth(knots[:3], payloads[:3])
     with pytest.raises(InvalidInput, match="payloads for 6 sweeps"):

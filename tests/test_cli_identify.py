@@ -81,6 +81,9 @@ def test_below_the_gate_is_exit_code_1_and_files_are_written_all_the_same(folder
         (["identify", "{folder}/garbage.npz"], 3, "garbage.npz"),
         (["validate", "{folder}/r.html", "{a}"], 3, "damaged"),
         (["identify", "{a}", "--gear", "x"], 2, "--gear"),
+        (["identify", "{a}", "--payload", "5"], 2, "neither 0 nor SIN:COS"),
+        (["identify", "{a}", "--payload", "0:nan"], 2, "neither 0 nor SIN:COS"),
+        (["identify", "{a}", "--payload", "0:2"], 2, "payloads"),
     ],
 )
 def test_failures_are_one_sentence_and_an_exit_code(folder, arguments, code, said):

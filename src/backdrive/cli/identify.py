@@ -57,6 +57,15 @@ def command(
             "[default: as the motion tells]",
         ),
     ] = None,
+    payload: Annotated[
+        str | None,
+        typer.Option(
+            "--payload",
+            metavar="SIN:COS,...",
+            help="Gravity of a known payload in each log, SIN sin q + COS cos q [N.m], 0 for none: 0,0,0,0:20,0:20,0:20.  Sweeps "
+            "then tell friction where the motor lifts from friction where it is driven back.",
+        ),
+    ] = None,
     cutoff: Annotated[
         float | None, typer.Option("--cutoff", help="Low pass of the motion before differentiation [Hz].")
     ] = None,
@@ -109,6 +118,7 @@ def command(
             law=law,
             literal=literal,
             timing=_timing(torque_timing),
+            payloads=_payloads(payload),
             cutoff=cutoff,
             accept=accept or [],
             repair=repair,
@@ -142,6 +152,28 @@ def _timing(word: str | None) -> Timing | None:
 
     known: dict[str, Timing] = {"command": "command", "sample": "sample"}
     return lookup(word, known, "timing of the torque")
+
+
+def _payloads(text: str | None) -> list[tuple[float, float]] | None:
+    if text is None:
+        return None
+    from math import isfinite
+
+    from backdrive.errors import InvalidInput
+
+    found = []
+    for word in text.split(","):
+        try:
+            sine, cosine = map(float, (word if ":" in word else f"{word}:{word}").split(":"))
+        except ValueError:
+            sine = cosine = float("nan")
+        if not (isfinite(sine) and isfinite(cosine)) or (":" not in word and sine != 0.0):
+            raise InvalidInput(
+                f"--payload {word!r}: neither 0 nor SIN:COS.",
+                remedy="A payload of 2 kg at 1 m that hangs level at q = 0 is 0:19.6.",
+            )
+        found.append((sine, cosine))
+    return found
 
 
 def failing(result: Identification, gate: float) -> list[str]:

@@ -44,6 +44,7 @@ def identify(
     law: str | None = None,
     literal: bool = False,
     timing: Timing | None = None,
+    payloads: Sequence[tuple[float, float]] | None = None,
     cutoff: float | None = None,
     accept: Sequence[str] = (),
     repair: bool = False,
@@ -65,6 +66,8 @@ def identify(
         literal: the sweep exactly as printed in the thesis, without corrections.
         timing: the sweep's torque is a `command`, held from its sample on, or a `sample`, taken with the position; None: as
             the motion tells.
+        payloads: s and c of the gravity s sin q + c cos q of a known payload in each log, (0, 0) without [N.m]: sweeps then
+            tell friction where the motor lifts from friction where it is driven back.
         cutoff: low pass of the motion before differentiation [Hz].
         accept: names of health findings to accept.
         repair: mend the log where an honest repair exists; each is noted.
@@ -107,6 +110,7 @@ def identify(
         law=law,
         literal=literal,
         timing=timing,
+        payloads=payloads,
         cutoff=cutoff,
     )
     warnings += unused_torque(logs, method)
@@ -144,6 +148,7 @@ def identify(
                         law=law,
                         literal=literal,
                         timing=timing,
+                        payloads=payloads,
                         cutoff=cutoff,
                     )
                 )
@@ -161,6 +166,7 @@ def identify(
         "law": law,
         "literal": literal,
         "timing": timing,
+        "payloads": None if payloads is None else [list(p) for p in payloads],
         "cutoff": cutoff,
         "accept": list(accept),
         "repair": repair,
@@ -210,6 +216,10 @@ def _judged_on(
 
 def _one(method: str, logs, name: str, held_out, **options) -> tuple[JointFriction, JointEvidence]:
     logs = [own_turn(log, name) for log in logs]
+    if method == "sweep" and options["payloads"] is not None:
+        from backdrive.identification.sweep_payload import identify_payload
+
+        return identify_payload(logs, name, options["payloads"], timing=options["timing"])
     if method == "sweep":
         from backdrive.identification.sweep import identify_sweep
 

@@ -57,8 +57,11 @@ class PayloadGrowth:
         driving: mu_d and its standard error [-].
         driven: mu_b and its standard error [-].
         gravity: a and b of the arm without payload, a sin q + b cos q [N.m], (2,).
+        gravity_error: their standard errors [N.m], (2,).
         positive: friction without load at the knots along +q [N.m], (K,).
         negative: the same along -q [N.m], (K,).
+        error_pos: standard errors of `positive` [N.m], (K,).
+        error_neg: standard errors of `negative` [N.m], (K,).
         velocity: the knots [rad/s], (K,).
         condition: of the equations [-].
     """
@@ -66,8 +69,11 @@ class PayloadGrowth:
     driving: tuple[float, float]
     driven: tuple[float, float]
     gravity: np.ndarray
+    gravity_error: np.ndarray
     positive: np.ndarray
     negative: np.ndarray
+    error_pos: np.ndarray
+    error_neg: np.ndarray
     velocity: np.ndarray
     condition: float
 
@@ -152,6 +158,7 @@ def payload_growth(
             remedy="Sweep about three distant centers, each with and without the payload.",
         )
     covariance = inverse @ inverse.T
+    deviation = np.sqrt(np.diag(covariance))
     found = []
     for way in (1.0, -1.0):
         row = np.zeros(theta.size)
@@ -161,8 +168,11 @@ def payload_growth(
         driving=found[0],
         driven=found[1],
         gravity=theta[2 * K : 2 * K + 2] / (1.0 + delta),
+        gravity_error=deviation[2 * K : 2 * K + 2] / (1.0 + delta),
         positive=theta[:K],
         negative=theta[K : 2 * K],
+        error_pos=deviation[:K],
+        error_neg=deviation[K : 2 * K],
         velocity=eqs.V,
         condition=condition,
     )

@@ -78,6 +78,7 @@ APPLIES = {
     "gravity": ("motion",),
     "literal": ("sweep",),
     "timing": ("sweep",),
+    "payloads": ("sweep",),
     "cutoff": ("motion", "arm"),
     "joints": ("sweep", "constant-velocity", "motion", "ramp"),
     "urdf": ("arm",),
@@ -93,6 +94,12 @@ def applicable(method: str, **options: Any) -> None:
             raise InvalidInput(
                 f"'{name}' does not apply to the method '{method}'.",
                 remedy=f"It is for {', '.join(APPLIES[name])}: leave it out, or choose another method.",
+            )
+    for other in ("literal", "symmetric"):
+        if options["payloads"] and options.get(other) not in (None, False):
+            raise InvalidInput(
+                f"'{other}' does not go with a payload.",
+                remedy="Leave it out: both directions have a curve of their own.",
             )
     if options["cutoff"] is not None and not options["cutoff"] > 0:
         raise InvalidInput(f"cutoff = {options['cutoff']} Hz.", remedy="Give a positive frequency.")

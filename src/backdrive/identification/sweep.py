@@ -6,29 +6,28 @@ joint's friction. See `docs/theory/sweep.md`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.identification.curves import hats
-from backdrive.identification.dynamics import predict, rest_of_dynamics, unit_of
-from backdrive.identification.evidence import evidence, explained
+from backdrive.identification.dynamics import unit_of
+from backdrive.identification.evidence import evidence
 from backdrive.identification.function_a import SHARE, corrected, function_a
 from backdrive.identification.function_a import literal as literal_pairs
-from backdrive.identification.quality import judge
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
-from backdrive.identification.sweep_delay import sweep_delay
+from backdrive.identification.sweep_delay import drive_delays
 from backdrive.identification.sweep_fit import SweepFit, fit
 from backdrive.identification.sweep_knots import SweepKnots, ordered, to_polyline
+from backdrive.identification.sweep_shown import error_of_curve, judged, part, verdict
 from backdrive.identification.sweep_windows import find_windows, windows
-from backdrive.identification.timing import Timing, torque_timing
-from backdrive.laws import Law, Polyline
+from backdrive.identification.timing import Timing
+from backdrive.laws import Law
 from backdrive.log import Joint, Log
-from backdrive.model import Estimate, JointFriction, Quality, Validity
+from backdrive.model import Estimate, JointFriction, Validity
 
 __all__ = [
     "SweepKnots",
@@ -39,9 +38,6 @@ __all__ = [
     "sweep_knots",
     "to_polyline",
 ]
-
-NAMED = 0.03  # share of the friction from which on a constant beside it is mentioned [-]
-TOLD = 0.5  # standard error of a drive's delay, up to which it is taken for estimated [sampling interval]
 
 
 def sweep_knots(
@@ -120,7 +116,7 @@ def identify_sweep(
         raise InvalidInput("There is no log to identify from.", remedy="Pass at least one.")
     about = logs[0].select(joint).on_joint_side().joints[0]
     stretches = [prepare(log, joint) for log in logs]
-    delays, errors, said = _delays(logs, joint, stretches, timing, literal)
+    delays, errors, said = drive_delays(logs, joint, stretches, timing, literal)
     each, late = _each(logs, joint, stretches, delays, errors)
     used = [pairs(log, joint, s, literal=True) for log, s in zip(logs, stretches)] if literal else each
 
@@ -139,12 +135,12 @@ def identify_sweep(
         if not others.tells(each[-1].center):
             seen, unseen = stretches, []
     friction = replace(
-        friction, fitted=_judge(friction, stretches), held_out=_judge(before, unseen) if unseen else None
+        friction, fitted=judged(friction, stretches), held_out=judged(before, unseen) if unseen else None
     )
-    parts = [_part(friction, s, True) for log in seen for s in log]
-    parts += [_part(before, s, False) for log in unseen for s in log]
-    shown = evidence(friction, parts, _error_of_curve(friction))
-    return friction, replace(shown, verdict=_verdict(friction, found))
+    parts = [part(friction, s, True) for log in seen for s in log]
+    parts += [part(before, s, False) for log in unseen for s in log]
+    shown = evidence(friction, parts, error_of_curve(friction))
+    return friction, replace(shown, verdict=verdict(friction, found))
 
 
 def fit_sweeps(
@@ -165,7 +161,7 @@ def fit_sweeps(
     if not logs:
         raise InvalidInput("There is no log to identify from.", remedy="Pass at least one.")
     stretches = [prepare(log, joint) for log in logs]
-    delays, errors, said = _delays(logs, joint, stretches, timing, False)
+    delays, errors, said = drive_delays(logs, joint, stretches, timing, False)
     each, late = _each(logs, joint, stretches, delays, errors)
     unit = logs[0].joints[logs[0].column(joint)].unit
     found = fit(each, unit=unit, name=joint, symmetric=symmetric, late=late)
@@ -221,114 +217,3 @@ def _friction(
         method="sweep",
         warnings=found.warnings,
     )
-
-
-def _part(friction: JointFriction, s: Signals, seen: bool) -> tuple[Signals, np.ndarray, np.ndarray, bool]:
-    return s, s.torque - rest_of_dynamics(friction, s), predict(friction, s), seen
-
-
-def _judge(friction: JointFriction, stretches: Sequence[Sequence[Signals]]) -> Quality:
-    return judge((s.torque, predict(friction, s), s.rate, s.moving) for log in stretches for s in log)
-
-
-def _delays(
-    logs: Sequence[Log],
-    joint: str,
-    stretches: Sequence[Sequence[Signals]],
-    timing: Timing | None,
-    literal: bool,
-) -> tuple[list[float], list[float], list[str]]:
-    """Return each log's delay from the middle of a command's interval to the torque's effect [s], its error, and what to say."""
-    told: list[str | None] = [timing or "command"] * len(stretches)
-    if timing is None and not literal:
-        told = [torque_timing(s)[0] for s in stretches]
-    delays = [-0.5 / s[0].rate if t == "sample" else 0.0 for s, t in zip(stretches, told)]
-    errors = [0.0] * len(stretches)
-    open_ = [i for i, t in enumerate(told) if t is None]
-    if not open_:
-        return delays, errors, []
-    period = 1.0 / stretches[open_[0]][0].rate
-    found = [sweep_delay(stretches[i], windows(logs[i], joint, logs[i].plan, stretches[i])) for i in open_]
-    weight = np.array([1.0 / e**2 if np.isfinite(e) and e > 0 else 0.0 for _, e in found])
-    error = float(1.0 / np.sqrt(weight.sum())) if weight.any() else float("inf")
-    if not error < TOLD * period:
-        return (
-            delays,
-            errors,
-            [
-                "The motion does not tell whether the torque was commanded or sampled with the position; it was taken as "
-                "commanded. If that is wrong, the curve is off by up to 1.9 I V^3 T / A^2 (--torque-timing sample)."
-            ],
-        )
-    delay = float(weight @ [d if w > 0 else 0.0 for (d, _), w in zip(found, weight)] / weight.sum())
-    for i in open_:
-        delays[i], errors[i] = delay, error
-    return (
-        delays,
-        errors,
-        [
-            f"The torque acts {1e3 * delay:.2f} +- {1e3 * error:.2f} ms later than a command that is held for one interval; this "
-            "delay was estimated from the motion and taken out."
-        ],
-    )
-
-
-def _error_of_curve(friction: JointFriction) -> Callable[[np.ndarray], np.ndarray]:
-    """Return a function from velocities to the curve's standard error.
-
-    The knots' errors are independent. Between and beyond the knots comes what a straight section misses of a bent curve,
-    f'' (v - V_n) (v - V_n+1) / 2, with the curvature of the neighbouring knots.
-    """
-    rate = friction.law.rate
-    assert isinstance(rate, Polyline)
-    errors, knots = friction.standard_errors, np.array(rate.velocity)
-
-    def standard_error(velocity: np.ndarray) -> np.ndarray:
-        if not errors:
-            return np.full(velocity.shape, np.nan)
-        speed, forwards = np.abs(velocity), velocity[:, None] > 0
-        side = np.where(forwards, errors["positive"], errors["negative"])
-        bend = np.where(forwards, *(_bend(knots, np.array(f)) for f in (rate.positive, rate.negative)))
-        section = np.clip(np.searchsorted(knots, speed, side="right") - 1, 0, max(knots.size - 2, 0))
-        following = np.minimum(section + 1, knots.size - 1)
-        curvature = bend[np.arange(speed.size), section]
-        missed = 0.5 * curvature * (speed - knots[section]) * (speed - knots[following])
-        return np.sqrt(np.sum((hats(speed, knots) * side) ** 2, axis=1) + missed**2)
-
-    return standard_error
-
-
-def _bend(V: np.ndarray, F: np.ndarray) -> np.ndarray:
-    """Return the curvature of each section, the larger of its two knots', (max(N - 1, 1),)."""
-    if V.size < 3:
-        return np.zeros(max(V.size - 1, 1))
-    inner = np.abs(2.0 * np.diff(np.diff(F) / np.diff(V)) / (V[2:] - V[:-2]))
-    return np.maximum(np.r_[inner[:1], inner], np.r_[inner, inner[-1:]])
-
-
-def _verdict(friction: JointFriction, found: SweepFit) -> str:
-    unit, rate = friction.joint.torque_unit, friction.law.rate
-    assert isinstance(rate, Polyline)
-    top = rate.velocity[-1]
-    rest = friction.law.torque(np.array([1e-9, -1e-9]) * top) * (1, -1)
-    fast = friction.law.torque(np.array([top, -top])) * (1, -1)
-    if found.symmetric:
-        said = f"Friction is {rest[0]:.3g} {unit} at low speed and {fast[0]:.3g} {unit} at {top:.3g} {friction.joint.unit}/s."
-    else:
-        said = (
-            f"Friction is {rest[0]:.3g} {unit} along +q and {rest[1]:.3g} {unit} along -q at low speed, {fast[0]:.3g} and "
-            f"{fast[1]:.3g} {unit} at {top:.3g} {friction.joint.unit}/s."
-        )
-    if friction.standard_errors:
-        worst = np.max([found.error_pos, found.error_neg])
-        said += f" Its {len(rate.velocity)} knots have standard errors up to {worst:.2g} {unit}."
-        if np.isfinite(found.noise_gain) and not found.symmetric:
-            (up, a), (down, b) = found.constants()
-            said += (
-                f" The first section meets rest at {up:.3f} +- {1.96 * a:.3f} {unit} along +q and {down:.3f} +- "
-                f"{1.96 * b:.3f} {unit} along -q (95 %)."
-            )
-    offset = found.terms.get("offset", (0.0, 0.0))[0]
-    if found.symmetric and abs(offset) > NAMED * fast[0]:
-        said += f" A constant {offset:.3g} {unit} was set apart: gravity, an offset of the torque signal or unequal directions."
-    return " ".join([said, *found.notes, explained(friction)])

@@ -20,10 +20,13 @@ from backdrive import filters
 from backdrive.identification.curves import basis
 from backdrive.identification.function_a import long_run
 from backdrive.identification.signals import Signals
-from backdrive.identification.sweep_windows import Windows
+from backdrive.identification.sweep_windows import Windows, windows
+from backdrive.identification.timing import Timing, torque_timing
+from backdrive.log import Log
 
 SHARE = 0.3  # samples faster than this share of a cycle's peak speed are used [-]
 CORNER = 6.5  # corner of the low pass, in frequencies of the fastest cycle [-]
+TOLD = 0.5  # standard error of a delay, up to which it is taken for estimated [sampling interval]
 ROUNDS = 4  # the first order in d is repeated with the torque shifted by what was found
 
 
@@ -63,6 +66,48 @@ def sweep_delay(stretches: Sequence[Signals], cycles: Windows) -> tuple[float, f
         for a, b in edges
     )
     return delay, float(np.sqrt((bread @ spread @ bread.T)[1, 1]) / theta[0])
+
+
+def drive_delays(
+    logs: Sequence[Log],
+    joint: str,
+    stretches: Sequence[Sequence[Signals]],
+    timing: Timing | None,
+    literal: bool,
+) -> tuple[list[float], list[float], list[str]]:
+    """Return each log's delay from the middle of a command's interval to the torque's effect [s], its error, and what to say."""
+    told: list[str | None] = [timing or "command"] * len(stretches)
+    if timing is None and not literal:
+        told = [torque_timing(s)[0] for s in stretches]
+    delays = [-0.5 / s[0].rate if t == "sample" else 0.0 for s, t in zip(stretches, told)]
+    errors = [0.0] * len(stretches)
+    open_ = [i for i, t in enumerate(told) if t is None]
+    if not open_:
+        return delays, errors, []
+    period = 1.0 / stretches[open_[0]][0].rate
+    found = [sweep_delay(stretches[i], windows(logs[i], joint, logs[i].plan, stretches[i])) for i in open_]
+    weight = np.array([1.0 / e**2 if np.isfinite(e) and e > 0 else 0.0 for _, e in found])
+    error = float(1.0 / np.sqrt(weight.sum())) if weight.any() else float("inf")
+    if not error < TOLD * period:
+        return (
+            delays,
+            errors,
+            [
+                "The motion does not tell whether the torque was commanded or sampled with the position; it was taken as "
+                "commanded. If that is wrong, the curve is off by up to 1.9 I V^3 T / A^2 (--torque-timing sample)."
+            ],
+        )
+    delay = float(weight @ [d if w > 0 else 0.0 for (d, _), w in zip(found, weight)] / weight.sum())
+    for i in open_:
+        delays[i], errors[i] = delay, error
+    return (
+        delays,
+        errors,
+        [
+            f"The torque acts {1e3 * delay:.2f} +- {1e3 * error:.2f} ms later than a command that is held for one interval; this "
+            "delay was estimated from the motion and taken out."
+        ],
+    )
 
 
 def _part(s: Signals, cycles: Windows, corner: float, knots: np.ndarray):

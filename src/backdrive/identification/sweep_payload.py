@@ -1,0 +1,116 @@
+"""A joint's friction and how it grows with the load in both directions of power, from sweeps with and without a known payload."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+from backdrive.identification.dynamics import unit_of
+from backdrive.identification.evidence import evidence, explained
+from backdrive.identification.load_fit import PayloadGrowth, payload_growth
+from backdrive.identification.result import JointEvidence
+from backdrive.identification.signals import prepare
+from backdrive.identification.sweep import pairs
+from backdrive.identification.sweep_delay import drive_delays
+from backdrive.identification.sweep_knots import clamped
+from backdrive.identification.sweep_shown import error_of_curve, judged, part
+from backdrive.identification.timing import Timing
+from backdrive.laws import Law
+from backdrive.log import Log
+from backdrive.model import Estimate, JointFriction, Validity
+
+REACH = 1.96  # standard errors of a 95 % interval
+
+
+def identify_payload(
+    logs: Sequence[Log],
+    joint: str,
+    payloads: Sequence[tuple[float, float]],
+    *,
+    timing: Timing | None = None,
+) -> tuple[JointFriction, JointEvidence]:
+    """Identify one joint's friction, and its growth where the motor lifts the weight and where the weight drives it back.
+
+    Inertia and quality are those of the sweeps with the least payload.
+
+    Args:
+        logs: one sweep each, about several centers, each with and without the payload.
+        joint: name.
+        payloads: s and c of the payload's gravity s sin q + c cos q in each log; (0, 0) without one [N.m].
+        timing: as in `identify_sweep`.
+
+    Returns:
+        The friction without load, with the terms `load_driving` and `load_driven`, and what is shown of it.
+
+    Raises:
+        InvalidInput: the joint is linear; there is not one payload a log, or none that differs.
+        NotIdentifiable: the sweeps do not tell curve, gravity, growth and the payload's part apart.
+    """
+    if len(payloads) != len(logs):
+        raise InvalidInput(
+            f"{len(payloads)} payloads for {len(logs)} logs.",
+            remedy="Give one for each log in their order, 0 for none: --payload 0,0,0,0:20,0:20,0:20.",
+        )
+    about = logs[0].select(joint).on_joint_side().joints[0]
+    if about.unit != "rad":
+        raise InvalidInput(
+            f"Joint '{joint}' is linear: its weight does not change along it.",
+            remedy="A payload tells growth with the load on rotary joints.",
+        )
+    stretches = [prepare(log, joint) for log in logs]
+    delays, errors, said = drive_delays(logs, joint, stretches, timing, False)
+    knots = [pairs(log, joint, s, delay=d) for log, s, d in zip(logs, stretches, delays)]
+    found = payload_growth(knots, payloads, name=joint)
+    size = np.hypot(*np.array(payloads, dtype=float).T)
+    light = np.flatnonzero(size <= size.min()).tolist()
+    weight = np.array([knots[i].inertia[1] for i in light]) ** -2.0
+    inertia = float(weight @ [knots[i].inertia[0] for i in light] / weight.sum())
+    slip = -0.5 / stretches[light[0]][0].rate - delays[light[0]]
+    values = {
+        "inertia": (inertia, float(weight.sum() ** -0.5)),
+        "time_slip": (slip, errors[light[0]]),
+        "gravity_sin": (float(found.gravity[0]), float(found.gravity_error[0])),
+        "gravity_cos": (float(found.gravity[1]), float(found.gravity_error[1])),
+        "load_driving": found.driving,
+        "load_driven": found.driven,
+    }
+    speeds = np.concatenate([s.velocity for log in stretches for s in log])
+    friction = JointFriction(
+        joint=about,
+        law=Law(rate=clamped(found.velocity, found.positive, found.negative)),
+        standard_errors={
+            "positive": tuple(found.error_pos.tolist()),
+            "negative": tuple(found.error_neg.tolist()),
+        },
+        dynamics={
+            term: Estimate(value=value, unit=unit_of(term, about), standard_error=error)
+            for term, (value, error) in values.items()
+        },
+        validity=Validity(velocity=(float(speeds.min()), float(speeds.max()))),
+        method="sweep",
+        warnings=tuple(dict.fromkeys([w for k in knots for w in k.warnings] + said)),
+    )
+    bare = [[_less(s, payloads[i]) for s in stretches[i]] for i in light]
+    friction = replace(friction, fitted=judged(friction, bare))
+    shown = evidence(
+        friction, [part(friction, s, True) for log in bare for s in log], error_of_curve(friction)
+    )
+    return friction, replace(shown, verdict=_verdict(friction, found))
+
+
+def _less(s, payload: tuple[float, float]):
+    """Return signals without the payload's gravity."""
+    return replace(s, torque=s.torque - payload[0] * np.sin(s.position) - payload[1] * np.cos(s.position))
+
+
+def _verdict(friction: JointFriction, found: PayloadGrowth) -> str:
+    unit = friction.joint.torque_unit
+    (up, a), (down, b) = found.driving, found.driven
+    return (
+        f"Without load, friction is {found.positive[0]:.3g} {unit} along +q and {found.negative[0]:.3g} {unit} along -q at "
+        f"{found.velocity[0]:.3g} rad/s; it grows by {up:.4f} +- {REACH * a:.4f} of the gravity that the motor lifts, and by "
+        f"{down:.4f} +- {REACH * b:.4f} of that which drives it back (95 %, condition {found.condition:.0f}). {explained(friction)}"
+    )

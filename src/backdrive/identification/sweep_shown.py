@@ -1,0 +1,90 @@
+"""What is shown of a joint that was swept: its quality, the error of its curve, the result in words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from backdrive.identification.curves import hats
+from backdrive.identification.dynamics import predict, rest_of_dynamics
+from backdrive.identification.evidence import explained
+from backdrive.identification.quality import judge
+from backdrive.identification.signals import Signals
+from backdrive.identification.sweep_fit import SweepFit
+from backdrive.laws import Polyline
+from backdrive.model import JointFriction, Quality
+
+NAMED = 0.03  # share of the friction from which on a constant beside it is mentioned [-]
+
+
+def part(friction: JointFriction, s: Signals, seen: bool) -> tuple[Signals, np.ndarray, np.ndarray, bool]:
+    """Return a stretch as `evidence` takes it: signals, measured friction, predicted torque, whether the fit saw it."""
+    return s, s.torque - rest_of_dynamics(friction, s), predict(friction, s), seen
+
+
+def judged(friction: JointFriction, stretches: Sequence[Sequence[Signals]]) -> Quality:
+    """Return how well a joint's friction predicts the torque of logs, each given by its stretches."""
+    return judge((s.torque, predict(friction, s), s.rate, s.moving) for log in stretches for s in log)
+
+
+def error_of_curve(friction: JointFriction) -> Callable[[np.ndarray], np.ndarray]:
+    """Return a function from velocities to the curve's standard error.
+
+    The knots' errors are independent. Between and beyond the knots comes what a straight section misses of a bent curve,
+    f'' (v - V_n) (v - V_n+1) / 2, with the curvature of the neighbouring knots.
+    """
+    rate = friction.law.rate
+    assert isinstance(rate, Polyline)
+    errors, knots = friction.standard_errors, np.array(rate.velocity)
+
+    def standard_error(velocity: np.ndarray) -> np.ndarray:
+        if not errors:
+            return np.full(velocity.shape, np.nan)
+        speed, forwards = np.abs(velocity), velocity[:, None] > 0
+        side = np.where(forwards, errors["positive"], errors["negative"])
+        bend = np.where(forwards, *(_bend(knots, np.array(f)) for f in (rate.positive, rate.negative)))
+        section = np.clip(np.searchsorted(knots, speed, side="right") - 1, 0, max(knots.size - 2, 0))
+        following = np.minimum(section + 1, knots.size - 1)
+        curvature = bend[np.arange(speed.size), section]
+        missed = 0.5 * curvature * (speed - knots[section]) * (speed - knots[following])
+        return np.sqrt(np.sum((hats(speed, knots) * side) ** 2, axis=1) + missed**2)
+
+    return standard_error
+
+
+def _bend(V: np.ndarray, F: np.ndarray) -> np.ndarray:
+    """Return the curvature of each section, the larger of its two knots', (max(N - 1, 1),)."""
+    if V.size < 3:
+        return np.zeros(max(V.size - 1, 1))
+    inner = np.abs(2.0 * np.diff(np.diff(F) / np.diff(V)) / (V[2:] - V[:-2]))
+    return np.maximum(np.r_[inner[:1], inner], np.r_[inner, inner[-1:]])
+
+
+def verdict(friction: JointFriction, found: SweepFit) -> str:
+    """Say the result in some sentences."""
+    unit, rate = friction.joint.torque_unit, friction.law.rate
+    assert isinstance(rate, Polyline)
+    top = rate.velocity[-1]
+    rest = friction.law.torque(np.array([1e-9, -1e-9]) * top) * (1, -1)
+    fast = friction.law.torque(np.array([top, -top])) * (1, -1)
+    if found.symmetric:
+        said = f"Friction is {rest[0]:.3g} {unit} at low speed and {fast[0]:.3g} {unit} at {top:.3g} {friction.joint.unit}/s."
+    else:
+        said = (
+            f"Friction is {rest[0]:.3g} {unit} along +q and {rest[1]:.3g} {unit} along -q at low speed, {fast[0]:.3g} and "
+            f"{fast[1]:.3g} {unit} at {top:.3g} {friction.joint.unit}/s."
+        )
+    if friction.standard_errors:
+        worst = np.max([found.error_pos, found.error_neg])
+        said += f" Its {len(rate.velocity)} knots have standard errors up to {worst:.2g} {unit}."
+        if np.isfinite(found.noise_gain) and not found.symmetric:
+            (up, a), (down, b) = found.constants()
+            said += (
+                f" The first section meets rest at {up:.3f} +- {1.96 * a:.3f} {unit} along +q and {down:.3f} +- "
+                f"{1.96 * b:.3f} {unit} along -q (95 %)."
+            )
+    offset = found.terms.get("offset", (0.0, 0.0))[0]
+    if found.symmetric and abs(offset) > NAMED * fast[0]:
+        said += f" A constant {offset:.3g} {unit} was set apart: gravity, an offset of the torque signal or unequal directions."
+    return " ".join([said, *found.notes, explained(friction)])
