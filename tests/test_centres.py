@@ -1,19 +1,15 @@
 """Tests for excite/centres.py, identification/{sweep_fit,load_fit,sweep_delay}.py: unequal directions under gravity."""
 
-import json
 import math
-import sys
 from dataclasses import replace
 from itertools import combinations_with_replacement
 
 import numpy as np
 import pytest
 
-from backdrive.cli import main
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.excite import Sweep, load_plan
+from backdrive.excite import Sweep
 from backdrive.excite.centres import (
-    UNSEEN,
     WORST_GAIN,
     choose_centers,
     condition,
@@ -23,7 +19,6 @@ from backdrive.excite.centres import (
     sweeps_about,
     width_for,
 )
-from backdrive.identification import sweep_fit
 from backdrive.identification.dynamics import predict
 from backdrive.identification.load_fit import payload_growth
 from backdrive.identification.signals import prepare
@@ -60,7 +55,6 @@ def test_the_noise_gain_is_that_of_least_squares():
     assert noise_gain([0.3, 0.3 + np.pi]) == pytest.approx(np.sqrt(0.5))
     assert noise_gain(np.deg2rad([-90, 88])) == pytest.approx(np.sqrt(0.5), abs=1e-3)
     assert math.isinf(noise_gain(np.deg2rad([-90, 87])))
-    assert UNSEEN == sweep_fit.UNSEEN
 
 
 @pytest.mark.parametrize("half", [25.0, 45.0, 60.0, 75.0])
@@ -134,107 +128,6 @@ def test_centers_that_will_not_do_are_named():
     assert noise_gain([-width_for(WORST_GAIN), 0.0, width_for(WORST_GAIN)]) == pytest.approx(
         WORST_GAIN, rel=1e-6
     )
-
-
-# the command
-
-
-@pytest.fixture
-def run(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-
-    def call(words: str):
-        monkeypatch.setattr(sys, "argv", ["backdrive", "plan", *words.split(), "--draw", "none"])
-        with pytest.raises(SystemExit) as caught:
-            main()
-        captured = capsys.readouterr()
-        return int(caught.value.code or 0), captured.out, captured.err
-
-    return call
-
-
-WORDS = "sweep --stroke-deg 20 --top-speed 2 --cycles 4 --lower -1.4 --upper 1.4"
-NARROW = "sweep --stroke-deg 20 --top-speed 2 --cycles 4 --lower -0.7 --upper 0.7"
-
-
-def test_one_plan_a_center_is_written(run, tmp_path):
-    code, out, _ = run(f"{WORDS} --centres=-60,0,60 -o p --joint a/1")
-    assert code == 0
-    assert "noise gain" not in out
-    assert "1.73 times the standard error" in out
-    plans = [load_plan(tmp_path / f"p/a_1_at_{c}deg/plan.json") for c in (-60, 0, 60)]
-    assert "each of p/a_1_at_-60deg, p/a_1_at_0deg, p/a_1_at_60deg." in out
-    assert [math.degrees(p.center) for p in plans] == pytest.approx([-60, 0, 60])
-    code, out, _ = run(f"{WORDS} --centers AUTO --json -o q")
-    found = json.loads(out)
-    assert code == 0
-    assert found["centers"] == pytest.approx([-1.4 + 0.5 * A, 0.0, 1.4 - 0.5 * A], abs=1e-6)
-    assert found["noise_gain"] < 1.3
-    assert len(found["written"]) == 12
-    assert len(found["folders"]) == 3
-    assert not any("gain" in note for note in found["notes"])
-
-
-def test_several_sweeps_about_a_center_have_a_folder_each(run):
-    _, out, _ = run(f"{NARROW} --centres auto --json")
-    names = [folder.split("_at_")[1] for folder in json.loads(out)["folders"]]
-    assert names[:5] == ["-30.11deg", "-30.11deg_2", "0deg", "0deg_2", "0deg_3"]
-    assert len(set(names)) == 9
-
-
-def test_what_was_not_reached_or_not_checked_is_said(run):
-    code, out, _ = run(f"{NARROW} --centres auto --inertia 1.6 --velocity-limit 3")
-    assert code == 0
-    assert "9 sweeps reach 4.66" in out
-    assert out.count("bias by inertia, 1 ms slip") == out.count("stroke for less than 0.1 N.m") == 1
-    sweep = "sweep --stroke-deg 20 --top-speed 2 --cycles 4"
-    for limit, side in (("--lower -1", "upper"), ("--upper 1.3", "lower")):
-        for several in (" --centres auto", ""):
-            _, out, _ = run(f"{sweep} {limit}{several}")
-            assert f"The {side} end of the range was not checked" in out
-            assert f"The {'lower' if side == 'upper' else 'upper'} end" not in out
-
-
-def test_the_other_joints_are_held_at_every_center(run, tmp_path):
-    code, _, err = run(f"{WORDS} --centres=-60,0,60 -o p --joint a --hold b=1,c=-0.5")
-    assert code == 0, err
-    for degrees in (-60, 0, 60):
-        plan = load_plan(tmp_path / f"p/a_at_{degrees}deg/plan.json")
-        assert plan.joints == ("a", "b", "c")
-        assert plan.position(0.0) == pytest.approx([math.radians(degrees), 1.0, -0.5])
-
-
-def test_a_limit_that_no_center_changes_gets_no_advice_on_centers(run):
-    for limit in ("--velocity-limit 1", "--inertia 3 --torque-limit 60"):
-        code, _, err = run(f"{WORDS} --centres=-60,0,60 {limit}")
-        assert code == 2
-        assert "above the limit" in err
-        assert "half a turn" not in err
-        assert "vertical" not in err
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (f"{WORDS} --centres=-60,0,80", "80 deg cannot be driven"),
-        (f"{WORDS} --centres=-60,0,80", "another posture"),
-        (f"{WORDS} --centres=-5,0,5", "too near"),
-        (f"{WORDS} --centres=x", "neither `auto`"),
-        (f"{WORDS} --centres=1", "1 centers"),
-        (f"{WORDS} --centres=-60,60", "Two centers 120 deg apart"),
-        (f"{WORDS} --centres=-60,0,60 --center 1", "both place"),
-        (f"{WORDS} --centres auto --center 0.5", "middle of the centers at 0 rad"),
-        (f"{WORDS} --centres auto --hold joint=0.5", "both place"),
-        (f"{WORDS} --centres auto --joint a --joint b", "several sweeps of one joint"),
-        ("sweep --stroke 0.1 --top-speed 0.3 --unit m --centres auto", "is linear"),
-        ("ramp --amplitude 3 --torque-rate 1 --centres auto", "means nothing"),
-    ],
-)
-def test_what_cannot_be_planned_is_said_and_leaves_nothing(run, tmp_path, words, said):
-    code, _, err = run(words)
-    assert code == 2
-    assert said in err
-    assert not list(tmp_path.iterdir())
 
 
 # the fit

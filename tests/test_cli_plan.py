@@ -1,4 +1,4 @@
-"""Tests for cli/plan.py and plots/plan.py: the command as a stranger would use it."""
+"""Tests for cli/plan.py, cli/_plan_centres.py and plots/plan.py: the command as a stranger would use it."""
 
 import json
 import math
@@ -265,3 +265,95 @@ def test_without_matplotlib_the_extra_is_named_and_files_can_still_be_had(run, t
     assert "--draw none" in err
     assert not (tmp_path / "plan").exists()
     assert run(*SWEEP)[0] == 0
+
+
+# one sweep a center
+
+
+@pytest.fixture
+def several(run):
+    return lambda words: run(*words.split(), "--draw", "none")
+
+
+WORDS = "sweep --stroke-deg 20 --top-speed 2 --cycles 4 --lower -1.4 --upper 1.4"
+NARROW = "sweep --stroke-deg 20 --top-speed 2 --cycles 4 --lower -0.7 --upper 0.7"
+
+
+def test_one_plan_a_center_is_written(several, tmp_path):
+    code, out, _ = several(f"{WORDS} --centres=-60,0,60 -o p --joint a/1")
+    assert code == 0
+    assert "noise gain" not in out
+    assert "1.73 times the standard error" in out
+    plans = [load_plan(tmp_path / f"p/a_1_at_{c}deg/plan.json") for c in (-60, 0, 60)]
+    assert "each of p/a_1_at_-60deg, p/a_1_at_0deg, p/a_1_at_60deg." in out
+    assert [math.degrees(p.center) for p in plans] == pytest.approx([-60, 0, 60])
+    code, out, _ = several(f"{WORDS} --centers AUTO --json -o q")
+    found = json.loads(out)
+    assert code == 0
+    assert found["centers"] == pytest.approx([-1.4 + math.radians(10), 0.0, 1.4 - math.radians(10)], abs=1e-6)
+    assert found["noise_gain"] < 1.3
+    assert len(found["written"]) == 12
+    assert len(found["folders"]) == 3
+    assert not any("gain" in note for note in found["notes"])
+
+
+def test_several_sweeps_about_a_center_have_a_folder_each(several):
+    _, out, _ = several(f"{NARROW} --centres auto --json")
+    names = [folder.split("_at_")[1] for folder in json.loads(out)["folders"]]
+    assert names[:5] == ["-30.11deg", "-30.11deg_2", "0deg", "0deg_2", "0deg_3"]
+    assert len(set(names)) == 9
+
+
+def test_what_was_not_reached_or_not_checked_is_said(several):
+    code, out, _ = several(f"{NARROW} --centres auto --inertia 1.6 --velocity-limit 3")
+    assert code == 0
+    assert "9 sweeps reach 4.66" in out
+    assert out.count("bias by inertia, 1 ms slip") == out.count("stroke for less than 0.1 N.m") == 1
+    sweep = "sweep --stroke-deg 20 --top-speed 2 --cycles 4"
+    for limit, side in (("--lower -1", "upper"), ("--upper 1.3", "lower")):
+        for centres in (" --centres auto", ""):
+            _, out, _ = several(f"{sweep} {limit}{centres}")
+            assert f"The {side} end of the range was not checked" in out
+            assert f"The {'lower' if side == 'upper' else 'upper'} end" not in out
+
+
+def test_the_other_joints_are_held_at_every_center(several, tmp_path):
+    code, _, err = several(f"{WORDS} --centres=-60,0,60 -o p --joint a --hold b=1,c=-0.5")
+    assert code == 0, err
+    for degrees in (-60, 0, 60):
+        plan = load_plan(tmp_path / f"p/a_at_{degrees}deg/plan.json")
+        assert plan.joints == ("a", "b", "c")
+        assert plan.position(0.0) == pytest.approx([math.radians(degrees), 1.0, -0.5])
+
+
+def test_a_limit_that_no_center_changes_gets_no_advice_on_centers(several):
+    for limit in ("--velocity-limit 1", "--inertia 3 --torque-limit 60"):
+        code, _, err = several(f"{WORDS} --centres=-60,0,60 {limit}")
+        assert code == 2
+        assert "above the limit" in err
+        assert "half a turn" not in err
+        assert "vertical" not in err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (f"{WORDS} --centres=-60,0,80", "80 deg cannot be driven"),
+        (f"{WORDS} --centres=-60,0,80", "another posture"),
+        (f"{WORDS} --centres=-5,0,5", "too near"),
+        (f"{WORDS} --centres=x", "neither `auto`"),
+        (f"{WORDS} --centres=1", "1 centers"),
+        (f"{WORDS} --centres=-60,60", "Two centers 120 deg apart"),
+        (f"{WORDS} --centres=-60,0,60 --center 1", "both place"),
+        (f"{WORDS} --centres auto --center 0.5", "middle of the centers at 0 rad"),
+        (f"{WORDS} --centres auto --hold joint=0.5", "both place"),
+        (f"{WORDS} --centres auto --joint a --joint b", "several sweeps of one joint"),
+        ("sweep --stroke 0.1 --top-speed 0.3 --unit m --centres auto", "is linear"),
+        ("ramp --amplitude 3 --torque-rate 1 --centres auto", "means nothing"),
+    ],
+)
+def test_what_cannot_be_planned_is_said_and_leaves_nothing(several, tmp_path, words, said):
+    code, _, err = several(words)
+    assert code == 2
+    assert said in err
+    assert {p.name for p in tmp_path.iterdir()} == {"arm.urdf"}

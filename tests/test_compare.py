@@ -36,10 +36,14 @@ def run(tmp_path, monkeypatch, capsys):
         "half": [joint("elbow", error=None), joint("wrist", 0.88)],
         "slide": [joint(unit="m")],
         "other": [joint("hip")],
+        "huge": [joint(level=1e307)],
     }
     for name, joints in files.items():
         FrictionModel(joints=tuple(joints)).save(tmp_path / f"{name}.json")
     (tmp_path / "broken.json").write_text("{")
+    unit = json.loads((tmp_path / "same.json").read_text())
+    unit["joints"][0]["parameters"]["positive"]["unit"] = "N"
+    (tmp_path / "unit.json").write_text(json.dumps(unit))
 
     def call(*words: str):
         monkeypatch.setattr(sys, "argv", ["backdrive", "compare", *words])
@@ -92,16 +96,39 @@ def test_a_joint_without_intervals_is_named_beside_those_with(run):
     assert "second model has no standard errors" in out
 
 
+def test_without_standard_errors_there_are_distances_and_no_verdict(run):
+    code, out, err = run("b.json", "plain.json")
+    assert code == 2
+    assert "0.00 %" in out
+    assert "nobody can tell" in out
+    assert "Neither change nor its absence can be told" in err
+    code, out, err = run("b.json", "plain.json", "--json")
+    found = json.loads(out)
+    assert (code, found["ok"], found["exit_code"]) == (2, False, 2)
+    assert "nobody can tell" in found["joints"]["elbow"]["verdict"]
+    assert found["joints"]["elbow"]["distance"]["positive"] == 0.0
+    assert "second model has no standard errors" in found["error"]["message"]
+
+
+def test_a_joint_named_twice_is_compared_once(run):
+    code, out, _ = run("a.json", "b.json", "-j", "elbow", "-j", "elbow")
+    assert code == 0
+    assert out.count("elbow: ") == 1
+
+
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [
-        ("a.json plain.json", 2, "Neither change nor its absence can be told"),
-        ("a.json plain.json", 2, "no standard errors"),
-        ("a.json slide.json", 2, "is in rad in one model"),
+        ("a.json slide.json", 2, "a.json and slide.json: Joint 'elbow' is in rad in one model"),
+        ("a.json unit.json", 3, "unit.json: "),
+        ("a.json huge.json", 2, "too large"),
         ("a.json other.json", 2, "no joint in common"),
         ("a.json b.json --joint knee", 2, "knee"),
-        ("a.json b.json --alarm 2", 2, "alarm = 2"),
-        ("a.json b.json --top-speed -1", 2, "no speed"),
+        ("a.json b.json --alarm 2", 2, "--alarm 2 is no probability"),
+        ("a.json b.json --top-speed -1", 2, "--top-speed -1 is no speed"),
+        ("a.json b.json --top-speed 0", 2, "--top-speed 0"),
+        ("a.json b.json --top-speed nan", 2, "--top-speed nan"),
+        ("a.json b.json --top-speed 100", 2, "both models hold up to 2 rad/s"),
         ("a.json broken.json", 3, "broken.json"),
         ("a.json nowhere.json", 3, "nowhere.json"),
     ],

@@ -69,9 +69,31 @@ def test_equal_directions_count_once_and_opposite_changes_are_a_change_of_shape(
     assert change_of(friction(), friction(0.9)).degrees == 10
     tilted = friction(direction=1.05)
     tilted = replace(tilted, law=Law(rate=replace(tilted.law.rate, positive=tuple(0.95 * (9 + 3 * V)))))
-    found = change_of(friction(), tilted)
+    own = friction(noise=1e-9 * np.arange(20))  # a curve for each direction
+    found = change_of(own, tilted)
     assert found.changed
-    assert "changed shape" in found.verdict
+    assert "changed shape by 5" in found.verdict
+
+
+def test_where_one_model_has_one_curve_for_both_directions_their_mean_is_compared():
+    apart = np.r_[np.ones(10), -np.ones(10)]
+    for pair in ((friction(), friction(noise=apart)), (friction(noise=apart), friction())):
+        found = change_of(*pair)
+        assert not found.changed
+        assert found.chi_square == pytest.approx(0.0, abs=1e-12)
+        assert "mean of both directions" in found.remarks[0]
+    less = change_of(friction(), friction(0.9, noise=apart))
+    assert less.changed
+    assert less.mean == pytest.approx(-0.1, abs=1e-6)
+    assert less.shape == pytest.approx(0.1, abs=1e-6)
+    assert not change_of(friction(), friction()).remarks
+    rng, found = np.random.default_rng(5), []
+    for _ in range(100):
+        common, own = (0.01 * REPEAT * rng.standard_normal(n) for n in (10, 20))
+        found.append(change_of(friction(noise=np.r_[common, common]), friction(noise=apart + own)))
+    assert found[0].degrees == 10
+    assert np.mean([c.chi_square for c in found]) == pytest.approx(10.0, abs=1.5)
+    assert np.std([c.mean / c.mean_error for c in found]) == pytest.approx(1.0, abs=0.2)
 
 
 def test_a_covariance_takes_the_place_of_the_errors():
@@ -102,8 +124,9 @@ def test_laws_of_any_kind_are_compared_by_their_curves():
     assert found.degrees == 2
     assert found.top_speed == 1.5
     assert change_of(line, friction(1.1)).changed
-    beyond = change_of(line, friction(), top_speed=1.9)
-    assert "extrapolates" in beyond.remarks[0]
+    assert change_of(line, friction(), top_speed=1.2).top_speed == 1.2
+    with pytest.raises(InvalidInput, match=r"hold up to 1.5 rad/s .* extrapolates"):
+        change_of(line, friction(), top_speed=1.9)
 
 
 def test_what_cannot_be_judged_is_named():
@@ -117,6 +140,22 @@ def test_what_cannot_be_judged_is_named():
         change_of(friction(), replace(friction(), validity=Validity(velocity=(0.0, 2.0))))
     with pytest.raises(InvalidInput, match="alarm = 1"):
         change_of(friction(), friction(), alarm=1.0)
+    for speed in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(InvalidInput, match="no speed to compare up to"):
+            change_of(friction(), friction(), top_speed=speed)
+    assert "Neither model has" in change_of(friction(error=None), friction(error=None)).remarks[0]
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_is_not_finite_is_refused():
+    for pair in (
+        (friction(), friction(1e307)),
+        (friction(1e307), friction(1e307)),
+        (friction(0.0), friction()),
+    ):
+        with pytest.raises(InvalidInput, match="zero, or too large"):
+            change_of(*pair)
+    assert not change_of(friction(), friction(error=1e200)).judged
 
 
 # tracking

@@ -3,46 +3,86 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from backdrive.cli._plan_request import Request
-from backdrive.cli._planning import build, checked
+from backdrive.cli._planning import build, checked, holds_of, single_plans
 
 if TYPE_CHECKING:
     from backdrive.excite.centres import Separation
     from backdrive.limits import JointLimits
 
 
-def build_centres(request: Request) -> tuple[Separation, dict[str, JointLimits]]:
-    """Return the sweeps about the centers that were asked for, checked against the limits, and those limits.
+def build_centres(request: Request) -> tuple[Separation, list[Any], dict[str, JointLimits]]:
+    """Return the sweeps about the centers that were asked for, checked against the limits.
+
+    Returns:
+        The sweeps; the plans to be driven, which hold the joints of --hold; the limits by joint.
 
     Raises:
         BackdriveError: as `build`; or the centers are too near, or the joint is linear, or several joints were named.
     """
     from backdrive.errors import InvalidInput
+    from backdrive.excite import InTurn
     from backdrive.excite.centres import choose_centers, sweeps_about
 
-    word = str(request.centres).strip()
-    if request.center is not None and word != "auto" and not word.isdigit():
+    word = str(request.centres).strip().lower()
+    chosen = word == "auto" or word.isdigit()
+    if request.center is not None and not chosen:
         raise InvalidInput(
             "--center and --centres both place the sweep.", remedy="Give one of them, or --centres auto."
         )
     # limits are checked about every center below, not about one that will not be used
     plan, limits = build(replace(request, centres=None), check=False)
-    if plan.kind != "sweep":
+    sweep, *more = single_plans(plan)
+    if more:
         raise InvalidInput(
             "--centres plans several sweeps of one joint.",
-            remedy="Name one joint with --joint, without others.",
+            remedy="Name one joint with --joint; the others can be held with --hold.",
         )
-    own = limits[plan.joint]
-    if word == "auto" or word.isdigit():
-        found = choose_centers(plan, own, sweeps=None if word == "auto" else int(word))
+    if sweep.joint in holds_of(request):
+        raise InvalidInput(
+            f"--centres and --hold both place joint '{sweep.joint}'.", remedy="Hold the other joints only."
+        )
+    if chosen:
+        found = choose_centers(sweep, limits[sweep.joint], sweeps=None if word == "auto" else int(word))
+        middle = 0.5 * (min(found.centers) + max(found.centers))
+        if request.center is not None and abs(middle - request.center) > 1e-6:
+            raise InvalidInput(
+                f"--center {request.center:g}: the range of joint '{sweep.joint}' puts the middle of the centers at "
+                f"{middle:.4g} rad.",
+                remedy="Leave --center out, or give the centers: --centres -60,0,60.",
+            )
     else:
-        found = sweeps_about(plan, _degrees(word))
-    for one in found.plans:
-        checked(one, own, request, alternative=True)
-    return found, limits
+        found = sweeps_about(sweep, _degrees(word))
+    held = plan.held if isinstance(plan, InTurn) else ()
+    plans = [InTurn((one,), held=held) if held else one for one in found.plans]
+    for one in plans:
+        checked(one, limits, request, alternative=True)
+    return found, plans, limits
+
+
+def folders_of(found: Separation, output: Path) -> list[Path]:
+    """Return a folder for every sweep, named by joint and center: `j1_at_-60deg`, `j1_at_-60deg_2`."""
+    joint = re.sub(r"[^\w.-]", "_", found.plans[0].joint)[:60].lstrip(".") or "joint"
+    names = [f"{joint}_at_{math.degrees(center):.4g}deg" for center in found.centers]
+    before = [names[:i].count(name) for i, name in enumerate(names)]
+    return [output / (f"{name}_{count + 1}" if count else name) for name, count in zip(names, before)]
+
+
+def notes_of_centres(found: Separation, request: Request) -> list[str]:
+    """Return a note where the noise gain that was sought was not reached."""
+    from backdrive.excite.centres import MOST_GAIN, MOST_SWEEPS
+
+    if str(request.centres).strip().lower() != "auto" or found.noise_gain <= MOST_GAIN:
+        return []
+    return [
+        f"The noise gain of {MOST_GAIN:g} that is sought was missed: within this range {MOST_SWEEPS} sweeps reach "
+        f"{found.noise_gain:.3g}. A wider range would help most."
+    ]
 
 
 def _degrees(word: str) -> list[float]:

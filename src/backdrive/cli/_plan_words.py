@@ -67,8 +67,13 @@ def notes_of(plan: Any, limits: dict[str, JointLimits], request: Request) -> lis
         notes.append("The torque was not checked: give --inertia for that.")
     blind = [p.joint for p in single if not {"lower", "upper"} & set(limits[p.joint].known)]
     fast = [p.joint for p in single if not math.isfinite(limits[p.joint].velocity)]
+    half = [p.joint for p in single if p.joint not in blind]
+    below = [joint for joint in half if "lower" not in limits[joint].known]
+    above = [joint for joint in half if "upper" not in limits[joint].known]
     for what, options, joints in (
         ("range", "--lower and --upper", blind),
+        ("lower end of the range", "--lower", below),
+        ("upper end of the range", "--upper", above),
         ("speed", "--velocity-limit", fast),
     ):
         if joints:
@@ -88,18 +93,22 @@ def notes_of(plan: Any, limits: dict[str, JointLimits], request: Request) -> lis
 
 
 def table_of(figures: list[dict[str, Any]]) -> list[str]:
-    """Return the lines of a table: of one joint a line a figure, of several a line a joint."""
+    """Return the lines of a table: of one plan a line a figure; of several a line a plan, and once what they share."""
     if len(figures) == 1:
-        rows = _rows(figures[0])
-        wide = max(len(label) for label, _ in rows)
-        return [f"{label:<{wide}}  {value}" for label, value in rows]
+        return _aligned(_rows(figures[0]))
     columns = _columns(figures)
     wides = [max(map(len, column)) for column in columns]
     lines = []
     for cells in zip(*columns):
         line = [f"{c:<{w}}" if i == 0 else f"{c:>{w}}" for i, (c, w) in enumerate(zip(cells, wides))]
         lines.append("  ".join(line).rstrip())
-    return lines
+    alike = len({f["joint"] for f in figures}) == 1
+    return lines + _aligned(_bias_rows(figures[0]) if alike else [])
+
+
+def _aligned(rows: list[tuple[str, str]]) -> list[str]:
+    wide = max((len(label) for label, _ in rows), default=0)
+    return [f"{label:<{wide}}  {value}" for label, value in rows]
 
 
 def _rows(f: dict[str, Any]) -> list[tuple[str, str]]:
@@ -126,11 +135,20 @@ def _rows(f: dict[str, Any]) -> list[tuple[str, str]]:
         rows.append(("travel in a period without friction", spoken(f["free_travel"], unit)))
     if "smallest_stroke" in f:
         rows.append(("smallest stroke for the torque", spoken(f["smallest_stroke"], unit, 1)))
-    if "stroke_for_bias" in f:
-        slip = f"{1e3 * f['time_slip']:g} ms slip"
-        rows.append((f"bias by inertia, {slip}", f"{f['bias_at_this_stroke']:.3g} {newton} at the top speed"))
-        rows.append((f"stroke for less than {f['bias']:g} {newton}", spoken(f["stroke_for_bias"], unit, 1)))
-    return rows
+    return rows + _bias_rows(f)
+
+
+def _bias_rows(f: dict[str, Any]) -> list[tuple[str, str]]:
+    """Return labels and values of what inertia falsifies, where it is known."""
+    from backdrive.excite.base import spoken, torque_unit
+
+    if "stroke_for_bias" not in f:
+        return []
+    unit, newton, slip = f["unit"], torque_unit(f["unit"]), f"{1e3 * f['time_slip']:g} ms slip"
+    return [
+        (f"bias by inertia, {slip}", f"{f['bias_at_this_stroke']:.3g} {newton} at the top speed"),
+        (f"stroke for less than {f['bias']:g} {newton}", spoken(f["stroke_for_bias"], unit, 1)),
+    ]
 
 
 def _columns(figures: list[dict[str, Any]]) -> list[list[str]]:

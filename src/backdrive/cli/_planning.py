@@ -31,7 +31,7 @@ def build(request: Request, *, check: bool = True) -> tuple[Any, dict[str, Joint
     lookup(request.kind, KINDS, "kind of plan")
     refuse_idle_options(request)
     limits, names = _joints(request)
-    holds = _holds(request)
+    holds = holds_of(request)
     units = {limits[name].unit for name in names}
     if len(units) > 1:
         raise InvalidInput(
@@ -58,13 +58,14 @@ def checked(
         plan: of one joint, or in turn.
         limits: of its joints.
         request: the options, for inertia, gravity and friction.
-        alternative: the plan is one of several sweeps; what else would do is said.
+        alternative: the plan is one of several sweeps; what else would do is said where the range forbids it.
 
     Raises:
         InvalidInput: names the limits that are passed.
     """
     from backdrive.errors import InvalidInput
     from backdrive.excite import check_limits
+    from backdrive.limits import JointLimits
 
     torque = {
         "inertia": request.inertia,
@@ -74,12 +75,14 @@ def checked(
     try:
         check_limits(plan, limits, **torque)
     except InvalidInput as error:
-        if not alternative:
+        one = single_plans(plan)[0]
+        own = limits if isinstance(limits, JointLimits) else limits[one.joint]
+        if not alternative or own.lower <= one.position_range[0] <= one.position_range[1] <= own.upper:
             raise
         from backdrive.excite.centres import WHAT_ELSE
 
         raise InvalidInput(
-            f"The sweep about {math.degrees(plan.center):.4g} deg cannot be driven. {error.message}",
+            f"The sweep about {math.degrees(one.center):.4g} deg cannot be driven. {error.message}",
             remedy=f"{error.remedy} {WHAT_ELSE}".strip(),
         ) from error
 
@@ -125,7 +128,7 @@ def _joints(request: Request) -> tuple[dict[str, JointLimits], list[str]]:
                 remedy="Give --urdf FILE, or name each with --joint.",
             )
         wanted = wanted or ["joint"]
-        names = dict.fromkeys([*wanted, *_holds(request)])
+        names = dict.fromkeys([*wanted, *holds_of(request)])
         known = {name: JointLimits(name=name, unit="m" if request.unit == "m" else "rad") for name in names}
     for name in wanted:
         known[name] = known[name].overridden(
@@ -135,12 +138,13 @@ def _joints(request: Request) -> tuple[dict[str, JointLimits], list[str]]:
             acceleration=request.acceleration_limit,
             effort=request.torque_limit,
         )
-    for name in _holds(request):
+    for name in holds_of(request):
         lookup(name, known, "known joint")
     return known, wanted
 
 
-def _holds(request: Request) -> dict[str, float]:
+def holds_of(request: Request) -> dict[str, float]:
+    """Return where --hold puts joints, by name [rad or m]."""
     from backdrive.errors import InvalidInput
 
     holds: dict[str, float] = {}

@@ -10,6 +10,7 @@ from backdrive.cli import _logs
 
 if TYPE_CHECKING:
     from backdrive.drift.change import Change
+    from backdrive.errors import InvalidInput
     from backdrive.model import FrictionModel
 
 
@@ -25,7 +26,8 @@ def command(
     top_speed: Annotated[
         float | None,
         typer.Option(
-            "--top-speed", help="Compare up to this speed [rad/s or m/s].  [default: as far as both hold]"
+            "--top-speed",
+            help="Compare up to this lower speed [rad/s or m/s].  [default: as far as both hold]",
         ),
     ] = None,
     alarm: Annotated[
@@ -41,24 +43,52 @@ def command(
 
     Example: backdrive compare folded.json stretched.json --joint elbow
     """
-    from backdrive import load_model
     from backdrive.drift.change import change_of
     from backdrive.errors import InvalidInput
 
-    models = load_model(first), load_model(second)
-    pairs, left_out = _pairs(*models, joint)
-    changes = [
-        change_of(models[0].joint(a), models[1].joint(b), top_speed=top_speed, alarm=alarm) for a, b in pairs
-    ]
-    if not any(c.judged for c in changes):
-        sizes = "; ".join(f"{c.joint}: {c.verdict}" for c in changes)
+    if top_speed is not None and not 0.0 < top_speed < float("inf"):
         raise InvalidInput(
-            f"Neither change nor its absence can be told: {sizes}.",
+            f"--top-speed {top_speed:g} is no speed.", remedy="Give a positive, finite number [rad/s or m/s]."
+        )
+    if not 0.0 < alarm < 1.0:
+        raise InvalidInput(
+            f"--alarm {alarm:g} is no probability.", remedy="Give one between 0 and 1, such as 0.01."
+        )
+    models = _load(first), _load(second)
+    pairs, left_out = _pairs(*models, joint)
+    try:
+        changes = [
+            change_of(models[0].joint(a), models[1].joint(b), top_speed=top_speed, alarm=alarm)
+            for a, b in pairs
+        ]
+    except InvalidInput as error:
+        raise InvalidInput(f"{first} and {second}: {error.message}", remedy=error.remedy) from error
+    unjudged = None
+    if not any(c.judged for c in changes):
+        unjudged = InvalidInput(
+            "Neither change nor its absence can be told.",
             remedy=next((r for c in changes for r in c.remarks if "standard errors" in r), ""),
         )
-    _print_json(changes, left_out) if as_json else _print_table(changes, left_out)
+    _print_json(changes, left_out, unjudged) if as_json else _print_table(changes, left_out)
+    if unjudged is not None:
+        if as_json:
+            raise typer.Exit(unjudged.exit_code)
+        raise unjudged
     if any(c.changed for c in changes):
         raise typer.Exit(1)
+
+
+def _load(name: str) -> FrictionModel:
+    """Return a model; what is wrong with it is said with its name."""
+    from backdrive import load_model
+    from backdrive.errors import ModelFileError
+
+    try:
+        return load_model(name)
+    except ModelFileError as error:
+        if name in error.message:
+            raise
+        raise ModelFileError(f"{name}: {error.message}", remedy=error.remedy) from error
 
 
 def _pairs(
@@ -72,7 +102,7 @@ def _pairs(
         for word in joint:
             name, _, other = word.partition("=")
             pairs.append((first.joint(name).joint.name, second.joint(other or name).joint.name))
-        return pairs, []
+        return list(dict.fromkeys(pairs)), []
     common = [name for name in first.names if name in second.names]
     if not common:
         raise InvalidInput(
@@ -84,7 +114,7 @@ def _pairs(
     return [(name, name) for name in common], left_out
 
 
-def _print_json(changes: list[Change], left_out: list[str]) -> None:
+def _print_json(changes: list[Change], left_out: list[str], unjudged: InvalidInput | None) -> None:
     from backdrive.cli._output import print_json
     from backdrive.drift.change import REACH, kind_of
 
@@ -106,7 +136,11 @@ def _print_json(changes: list[Change], left_out: list[str]) -> None:
         for c in changes
     }
     changed = [c.joint for c in changes if c.changed]
-    print_json({"ok": True, "changed": changed, "joints": rows, "left_out": left_out})
+    document = {"ok": unjudged is None, "changed": changed, "joints": rows, "left_out": left_out}
+    if unjudged is not None:
+        error = {"kind": type(unjudged).__name__, "message": str(unjudged)}
+        document |= {"error": error, "exit_code": unjudged.exit_code}
+    print_json(document)
 
 
 def _chance(change: Change) -> str:

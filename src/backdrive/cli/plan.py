@@ -46,7 +46,9 @@ def command(
     centres: Annotated[
         str | None,
         _option(
-            "Several sweeps, to tell unequal directions from gravity: auto, how many, or centers in degrees: -60,0,60."
+            "Several sweeps, to tell unequal directions from gravity: auto, how many, or centers in degrees: -60,0,60.",
+            "--centres",
+            "--centers",
         ),
     ] = None,
     lead_in: Annotated[float | None, _option("Time before the first cycle [s].")] = None,
@@ -135,16 +137,23 @@ def command(
 
 def _several(request: Any, output: Path, rate: float, ros_rate: float, draw: str, as_json: bool) -> None:
     """Plan one sweep a center, each into a folder of its own."""
-    from backdrive.cli._plan_centres import build_centres, figures_of_centres, sentence_of_centres
+    from backdrive.cli._plan_centres import (
+        build_centres,
+        figures_of_centres,
+        folders_of,
+        notes_of_centres,
+        sentence_of_centres,
+    )
     from backdrive.cli._plan_request import refuse_idle_options
     from backdrive.cli._plan_words import figures_of, notes_of, table_of
 
     refuse_idle_options(request)
-    found, limits = build_centres(request)
-    contents = [_contents(plan, limits, rate, ros_rate, draw) for plan in found.plans]
+    found, plans, limits = build_centres(request)
+    contents = [_contents(plan, limits, rate, ros_rate, draw) for plan in plans]
     figures = [figures_of(plan, limits[plan.joint], request) for plan in found.plans]
-    notes = notes_of(found.plans[0], limits, request)
-    written = [path for i, files in enumerate(contents, 1) for path in _write(output / f"center-{i}", files)]
+    notes = notes_of_centres(found, request) + notes_of(plans[0], limits, request)
+    folders = folders_of(found, output)
+    written = [path for folder, files in zip(folders, contents) for path in _write(folder, files)]
     if as_json:
         from backdrive.cli._output import print_json
         from backdrive.excite import plan_to_dict
@@ -152,10 +161,11 @@ def _several(request: Any, output: Path, rate: float, ros_rate: float, draw: str
         print_json(
             {
                 "ok": True,
-                "plans": [plan_to_dict(plan) for plan in found.plans],
+                "plans": [plan_to_dict(plan) for plan in plans],
                 **figures_of_centres(found),
                 "joints": figures,
                 "notes": notes,
+                "folders": [str(p) for p in folders],
                 "written": [str(p) for p in written],
             }
         )
@@ -166,7 +176,7 @@ def _several(request: Any, output: Path, rate: float, ros_rate: float, draw: str
     typer.echo(sentence_of_centres(found))
     for note in notes:
         typer.secho(note, fg=typer.colors.YELLOW)
-    typer.echo(f"Wrote {len(written)} files into {output}/center-1 to {output}/center-{len(found.plans)}.")
+    typer.echo(f"Wrote {len(contents[0])} files into each of {', '.join(str(p) for p in folders)}.")
 
 
 def _contents(

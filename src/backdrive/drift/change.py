@@ -6,19 +6,25 @@ speeds than either has parameters. A model file keeps standard errors and not th
 parameters' errors give as if they were independent. That is nearly so for the knots of one sweep; the knots of several
 sweeps share the error of gravity, and there the covariance of `fit_sweeps` should be given.
 
+Where one model has one curve for both directions and the other one each, d is the difference of (|F(v)| + |F(-v)|) / 2: the former
+does not say what each direction has.
+
 Standard errors come from inside one log, and are themselves estimates, which widens the tail of the test: on 200 pairs of
-simulated sweeps without a change, chance was called one in 2 % instead of 1 % and 7 % instead of 5 %.
+simulated sweeps without a change, chance was called one in 2 % instead of 1 % and 8 % instead of 5 %.
 So they are taken `REPEAT` times as large here, a number chosen after that was seen (`benchmarks/evidence/drift.py`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
 
 from backdrive.errors import InvalidInput
+from backdrive.excite.base import spoken
 from backdrive.laws import Law, Polyline
 from backdrive.metrics import curve_distance, relative_curve_distance
 from backdrive.model import JointFriction
@@ -42,6 +48,7 @@ class Change:
         top_speed: up to which both hold [rad/s or m/s].
         distance: E of Iwatani 2017, (2.16), along +q and -q [N.m or N].
         relative: E_p of (2.17), of the second to the first, along +q and -q [-].
+        shape: what the verdict calls the change of shape: the larger of `relative`, or E_p of the mean of both directions [-].
         mean: mean of the second curve less the first, by the mean of the first [-].
         mean_error: its standard error, `REPEAT` included [-]; NaN where a model has none.
         chi_square: of the test; NaN where a model has no standard errors.
@@ -56,6 +63,7 @@ class Change:
     top_speed: float
     distance: tuple[float, float]
     relative: tuple[float, float]
+    shape: float
     mean: float
     mean_error: float
     chi_square: float
@@ -77,7 +85,7 @@ class Change:
     @property
     def verdict(self) -> str:
         """The answer in words."""
-        size = 100.0 * max(self.relative)
+        size = 100.0 * self.shape
         if not self.judged:
             return f"differs by up to {size:.2g} %; without standard errors nobody can tell whether that is chance"
         reach = 100.0 * REACH * self.mean_error
@@ -103,13 +111,14 @@ def change_of(
     Args:
         first: the earlier one, to which the change is relative.
         second: the later one.
-        top_speed: up to which they are compared [rad/s or m/s]; None: as far as both hold.
+        top_speed: up to which they are compared, not beyond where both hold [rad/s or m/s]; None: as far as both hold.
         alarm: probability of calling chance a change [-].
         covariances: of the knots of each, positive ones first, for curves of line sections [(N.m)^2 or N^2], (2 m, 2 m); None:
             from the standard errors.
 
     Raises:
-        InvalidInput: a rotary and a linear joint, no speed that both hold at, or a covariance of the wrong size.
+        InvalidInput: a rotary and a linear joint, no speed that both hold at, a speed beyond, curves that are zero or beyond
+            all numbers, or a covariance of the wrong size.
     """
     a, b = first.joint, second.joint
     if a.unit != b.unit:
@@ -119,12 +128,22 @@ def change_of(
         )
     if not 0.0 < alarm < 1.0:
         raise InvalidInput(f"alarm = {alarm}.", remedy="Give a probability between 0 and 1, such as 0.01.")
+    if top_speed is not None and not 0.0 < top_speed < np.inf:
+        raise InvalidInput(
+            f"top_speed = {top_speed} is no speed to compare up to.", remedy="Give a positive, finite number."
+        )
     ends = [min(-f.validity.velocity[0], f.validity.velocity[1]) for f in (first, second)]
     top = min(ends) if top_speed is None else top_speed
-    if not (np.isfinite(top) and top > 0):
+    if not (min(ends) > 0 and np.isfinite(top)):
         raise InvalidInput(
             f"Joint '{a.name}': there is no speed at which both models hold in both directions.",
             remedy="Identify both from motion along +q and -q.",
+        )
+    if top > min(ends) * (1.0 + 1e-9):
+        raise InvalidInput(
+            f"Joint '{a.name}': both models hold up to {spoken(min(ends), a.unit + '/s', -1)}, not up to "
+            f"{spoken(top, a.unit + '/s')}; beyond, one of them extrapolates.",
+            remedy="Compare up to a lower speed, or leave it out.",
         )
     remarks = []
     needs = sorted({n for f in (first, second) for n in f.law.rate.NEEDS})
@@ -132,42 +151,54 @@ def change_of(
         remarks.append(
             f"The curves are those without load and at 20 degC, though the law depends on {' and '.join(needs)}."
         )
-    if top > min(ends) * (1.0 + 1e-9):
-        remarks.append(f"Beyond {min(ends):.3g} {a.unit}/s one of the models extrapolates.")
-    distance, relative = [], []
-    for way in (1, -1):
-        distance.append(curve_distance(second.law, first.law, top, direction=way))
-        relative.append(relative_curve_distance(second.law, first.law, top, direction=way))
+    with np.errstate(all="ignore"):
+        distance = [curve_distance(second.law, first.law, top, direction=way) for way in (1, -1)]
+        relative = [relative_curve_distance(second.law, first.law, top, direction=way) for way in (1, -1)]
+        speeds = np.linspace(SLOWEST, 1.0, MEANS) * top
+        before, after = (_middle(f.law.torque, speeds) for f in (first, second))
+        base = float(np.mean(before))
+        mean = float(np.mean(after - before)) / base if base else float("nan")
+    if not np.isfinite([*distance, *relative, mean]).all():
+        raise InvalidInput(
+            f"Joint '{a.name}': its curves are zero, or too large for their distance.",
+            remedy="Look at both models with `backdrive show`.",
+        )
     parts = [_errors(f, c) for f, c in zip((first, second), covariances)]
-    speeds = np.linspace(SLOWEST, 1.0, MEANS) * top
-    both = np.concatenate([speeds, -speeds])
-    base = float(np.mean(np.abs(first.law.torque(both))))
-    mean = float(np.mean((second.law.torque(both) - first.law.torque(both)) * np.sign(both))) / base
     error, chi_square, degrees, probability = float("nan"), float("nan"), 0, float("nan")
+    shape = max(relative)
     known = [p for p in parts if p is not None]
     if len(known) == 2:
         both_ways = list(zip((first, second), known))
-        rows = [np.mean(_slopes(f.law, p, both) * np.sign(both)[:, None], axis=0) for f, p in both_ways]
-        error = float(np.sqrt(sum(r @ p.covariance @ r for r, p in zip(rows, known)))) / base
-        at = _places((first, second), known, top)
-        C = np.zeros((at.size, at.size))
-        for f, p in both_ways:
-            J = _slopes(f.law, p, at)
+        one_way = any(p.tied for p in known)
+        if one_way and not all(p.tied for p in known):
+            shape = float(np.sqrt(np.mean((after - before) ** 2) / np.mean(before**2)))
+            which = "first" if known[0].tied else "second"
+            remarks.append(
+                f"Compared is the mean of both directions, for the {which} model has one curve for both; how the "
+                "directions differ is not judged."
+            )
+        at = _places((first, second), known, top, one_way)
+        d, C, variance = np.zeros(at.size), np.zeros((at.size, at.size)), 0.0
+        for sign, (f, p) in zip((-1.0, 1.0), both_ways):
+            d += sign * (_middle(f.law.torque, at) if one_way else f.law.torque(at))
+            J = _middle(partial(_slopes, f.law, p), at) if one_way else _slopes(f.law, p, at)
             C += J @ p.covariance @ J.T
-        chi_square, degrees = _mahalanobis(second.law.torque(at) - first.law.torque(at), C)
+            row = np.mean(_middle(partial(_slopes, f.law, p), speeds), axis=0)
+            variance += row @ p.covariance @ row
+        error = float(np.sqrt(variance)) / base
+        chi_square, degrees = _mahalanobis(d, C)
         probability = chance(chi_square, degrees)
     else:
         without = [n for n, p in zip(("first", "second"), parts) if p is None]
-        remarks.append(
-            f"The {' and the '.join(without)} model has no standard errors: identify again (not --literal), and chance can be "
-            "judged."
-        )
+        who = "Neither model has" if len(without) == 2 else f"The {without[0]} model has no"
+        remarks.append(f"{who} standard errors: identify again (not --literal), and chance can be judged.")
     return Change(
         joint=b.name,
         unit=a.torque_unit,
         top_speed=float(top),
         distance=(distance[0], distance[1]),
         relative=(relative[0], relative[1]),
+        shape=shape,
         mean=mean,
         mean_error=error,
         chi_square=chi_square,
@@ -232,10 +263,16 @@ def _errors(friction: JointFriction, covariance: np.ndarray | None) -> _Errors |
             if not isinstance(given, (tuple, list)) or len(given) != len(rate.velocity):
                 return None
             deviation.append(float(given[group[0][1] or 0]))
-    errors = REPEAT * np.array(deviation)
-    if not errors.size or not np.all(np.isfinite(errors) & (errors > 0)):
+    with np.errstate(all="ignore"):
+        variance = (REPEAT * np.array(deviation)) ** 2
+    if not variance.size or not np.all(np.isfinite(variance) & (variance > 0)):
         return None
-    return _Errors(numbers=numbers, covariance=np.diag(errors**2), tied=tied)
+    return _Errors(numbers=numbers, covariance=np.diag(variance), tied=tied)
+
+
+def _middle(of: Callable[[np.ndarray], np.ndarray], speeds: np.ndarray) -> np.ndarray:
+    """Return the mean of both directions of what has the sign of the motion."""
+    return 0.5 * (of(speeds) - of(-speeds))
 
 
 def _slopes(law: Law, errors: _Errors, velocity: np.ndarray) -> np.ndarray:
@@ -263,9 +300,8 @@ def _moved(rate, group: list[tuple[str, int | None]], step: float):
     return replace(rate, **changes)
 
 
-def _places(frictions, parts, top: float) -> np.ndarray:
+def _places(frictions, parts, top: float, one_way: bool) -> np.ndarray:
     """Return signed speeds to compare at, no more than either law has free numbers."""
-    one_way = all(p.tied for p in parts)
     most = min(len(p.numbers) if p.tied else len(p.numbers) // 2 for p in parts)
     knots = [np.array(f.law.rate.velocity) for f in frictions if isinstance(f.law.rate, Polyline)]
     knots = [k[(k > 0) & (k <= top * 1.02)] for k in knots]

@@ -32,6 +32,10 @@ SHARE = 0.8  # samples faster than this share of a cycle's peak speed are used [
 MOST_GAIN = 2.0  # noise gain that is sought when the centers are chosen [-]
 WORST_GAIN = 20.0  # and the one from which on centers are called too near [-]
 MOST_SWEEPS = 9
+UNSEEN = (
+    0.02  # a direction of gravity that the centers show by less than this share of the other is left out [-]
+)
+_INWARD = 1e-9  # centers are kept as far from the ends of the range, so that rounding passes no limit [rad]
 WHAT_ELSE = (
     "What would do: more range (another posture of the arm, if other joints limit this one); a second center half a turn "
     "from the first; or a posture in which the axis is vertical and the half sum is the constant itself."
@@ -63,15 +67,19 @@ class Separation:
 def noise_gain(centers: Sequence[float] | np.ndarray) -> float:
     """Return the standard error of half the constant difference by that of one sweep's half sum [-].
 
+    Two centers within 2 degrees of half a turn count as half a turn apart: the little gravity that they share is known from its
+    slope inside the strokes.
+
     Args:
         centers: middles of the strokes, one entry a sweep [rad].
 
     Returns:
         Infinite where the centers do not tell the constant from gravity.
     """
-    X = np.column_stack([np.ones(len(centers)), np.sin(centers), np.cos(centers)])
-    weights = np.linalg.lstsq(X.T, np.array([1.0, 0.0, 0.0]), rcond=1e-9)[0]
-    if np.abs(X.T @ weights - (1.0, 0.0, 0.0)).max() > 1e-6:
+    X = np.column_stack([np.ones(len(centers)), _shown(np.column_stack([np.sin(centers), np.cos(centers)]))])
+    one = np.eye(X.shape[1])[0]
+    weights = np.linalg.lstsq(X.T, one, rcond=1e-9)[0]
+    if np.abs(X.T @ weights - one).max() > 1e-6:
         return math.inf
     return float(np.linalg.norm(weights))
 
@@ -87,7 +95,7 @@ def least_gain(half_width: float) -> float:
     return 1.0 / math.tan(0.5 * half_width) ** 2 if half_width > 0 else math.inf
 
 
-def condition(centers: Sequence[float], cycles: int, stroke: float) -> float:
+def condition(centers: Sequence[float] | np.ndarray, cycles: int, stroke: float) -> float:
     """Return the condition number of the equations of sweeps: friction at each speed by direction, and gravity [-].
 
     Args:
@@ -104,13 +112,15 @@ def condition(centers: Sequence[float], cycles: int, stroke: float) -> float:
             for way in (up, down)
         ]
     )
-    left, size, _ = np.linalg.svd(X[:, -2:], full_matrices=False)
-    if (
-        size[1] < 0.02 * size[0]
-    ):  # as in the identification: what the centers do not show need not be told apart
-        X = np.column_stack([X[:, :-2], left[:, 0] * size[0]])
+    X = np.column_stack([X[:, :-2], _shown(X[:, -2:])])
     singular = np.linalg.svd(X, compute_uv=False)
     return float(singular[0] / singular[-1]) if singular[-1] > 1e-12 * singular[0] else math.inf
+
+
+def _shown(gravity: np.ndarray) -> np.ndarray:
+    """Return the columns of gravity, without the direction that the centers hardly show, if there is one."""
+    left, size, _ = np.linalg.svd(gravity, full_matrices=False)
+    return gravity if size.size > 1 and size[1] >= UNSEEN * size[0] else left[:, :1] * size[0]
 
 
 def mean_cosine(stroke: float) -> float:
@@ -123,7 +133,7 @@ def mean_cosine(stroke: float) -> float:
     return float(np.mean(np.cos(0.5 * stroke * np.cos(phase))))
 
 
-def sweeps_about(sweep: Sweep, centers: Sequence[float]) -> Separation:
+def sweeps_about(sweep: Sweep, centers: Sequence[float] | np.ndarray) -> Separation:
     """Return the sweeps about given centers.
 
     Args:
@@ -142,14 +152,34 @@ def sweeps_about(sweep: Sweep, centers: Sequence[float]) -> Separation:
     gain = noise_gain(centers)
     cond = condition(centers, sweep.cycles, sweep.stroke)
     if not gain <= WORST_GAIN:
-        width = math.degrees(max(centers) - min(centers))
-        raise InvalidInput(
-            f"The centers are too near: over {width:.4g} deg, half the constant difference of the directions would come out "
-            f"{'not at all' if math.isinf(gain) else f'{gain:.3g} times less sure than the half sum of one sweep'}.",
-            remedy=f"Three centers within {math.degrees(2 * width_for(WORST_GAIN)):.0f} deg are the least. {WHAT_ELSE}",
-        )
+        raise _too_little(centers, gain)
     plans = tuple(replace(sweep, center=float(c), start=0.0) for c in centers)
     return Separation(plans=plans, noise_gain=gain, condition=cond, duration=sum(p.duration for p in plans))
+
+
+def _too_little(centers: Sequence[float] | np.ndarray, gain: float) -> InvalidInput:
+    """Return why centers do not do, and which would."""
+    least = (
+        f"Three centers within {math.degrees(2 * width_for(WORST_GAIN)):.0f} deg are the least. {WHAT_ELSE}"
+    )
+    at = np.unique(np.round(np.mod(centers, 2 * math.pi), 6))
+    if at.size <= 2:
+        apart = math.degrees(abs(math.remainder(float(np.ptp(at)), 2 * math.pi)))
+        which = f"Two centers {apart:.4g} deg apart" if at.size == 2 else "Sweeps about one center"
+        return InvalidInput(
+            f"{which} never tell the constant difference of the directions from gravity.",
+            remedy="Add a third center between them, or take two that are half a turn (180 deg) apart."
+            if math.radians(apart) >= 2 * width_for(WORST_GAIN)
+            else least,
+        )
+    width = max(centers) - min(centers)
+    near = width < 2 * width_for(WORST_GAIN)
+    return InvalidInput(
+        f"The centers are {'too near' if near else 'badly spread'}: over {math.degrees(width):.4g} deg, half the constant "
+        "difference of the directions would come out "
+        f"{'not at all' if math.isinf(gain) else f'{gain:.3g} times less sure than the half sum of one sweep'}.",
+        remedy=least if near else "Put one at either end and one in the middle between them.",
+    )
 
 
 def width_for(gain: float) -> float:
@@ -190,9 +220,10 @@ def choose_centers(
             f"A stroke of {spoken(sweep.stroke, 'rad')} does not fit into the range of joint '{limits.name}'.",
             remedy="Give a smaller --stroke-deg.",
         )
+    low, high = low + _INWARD, high - _INWARD
     if sweeps is not None and not 2 <= sweeps <= MOST_SWEEPS:
         raise InvalidInput(f"{sweeps} centers.", remedy=f"Give 2 to {MOST_SWEEPS}, or `auto`.")
-    half = min(0.5 * (high - low), 0.5 * math.pi)
+    half = min(max(0.5 * (high - low), 0.0), 0.5 * math.pi)
     middle = min(max(sweep.center, low + half), high - half)
     found: tuple[float, list[float]] = (math.inf, [])
     for count in [sweeps] if sweeps else range(2, MOST_SWEEPS + 1):
@@ -204,7 +235,9 @@ def choose_centers(
         raise InvalidInput(
             f"{few} within the range of joint '{limits.name}' do not tell unequal directions from gravity: the centers can be "
             f"{math.degrees(2 * half):.4g} deg apart, and the noise gain would be {found[0]:.3g}.",
-            remedy=f"Three centers within {math.degrees(2 * width_for(WORST_GAIN)):.0f} deg are the least. {WHAT_ELSE}",
+            remedy="Two would have to be half a turn (180 deg) apart: give three, or `auto`."
+            if sweeps == 2
+            else f"Three centers within {math.degrees(2 * width_for(WORST_GAIN)):.0f} deg are the least. {WHAT_ELSE}",
         )
     return sweeps_about(sweep, found[1])
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from backdrive.excite.centres import UNSEEN
 from backdrive.identification.curves import hats
 from backdrive.identification.sweep_knots import MERGED, SweepKnots
 
 # condition number beyond which gravity and a constant difference of the directions are not told apart [-]
 WORST_CONDITION = 500.0
-UNSEEN = 0.02  # a direction of gravity that the centers show by less than this share of the other one is left out [-]
 DETERMINED = 1e-4  # of the largest singular value, above which unknowns are determined [-]
 GRAVITY = ("gravity_sin", "gravity_cos")
 TERMS = (*GRAVITY, "offset")
