@@ -2,6 +2,8 @@
 
 import json
 from dataclasses import replace
+from functools import cache
+from unittest import mock
 
 import numba as nb
 import numpy as np
@@ -9,15 +11,19 @@ import pytest
 from typer.testing import CliRunner
 
 from backdrive.cli import app
+from backdrive.cli.tune import _print
 from backdrive.control import Loop
 from backdrive.errors import InvalidInput, ModelFileError, NotIdentifiable
 from backdrive.laws import Coulomb, CoulombViscous, HaywardArmstrong, Law, Polyline, Sigmoid
 from backdrive.log import Joint
 from backdrive.model import Estimate, FrictionModel, JointFriction, Validity
 from backdrive.tune import facts_of, load_tunings, save_tunings, tune
-from backdrive.tune.facts import curve_of
+from backdrive.tune.facts import curve_of, shared
 from backdrive.tune.goals import goal_of
-from backdrive.tune.margins import least_breaking
+from backdrive.tune.margins import least_breaking, with_value
+from backdrive.tune.propose import _rows, fixed_rule
+from backdrive.tune.reasons import origin
+from backdrive.tune.safety import calmed, ends, safe
 from backdrive.tune.scenes import corners, drawn, likely, stated
 from backdrive.tune.search import inverse, place, search
 
@@ -34,6 +40,13 @@ FRICTION = JointFriction(
 
 def knows(**changes):
     return replace(FRICTION, **changes)
+
+
+@cache
+def tuned(goal):
+    """Return a tuning, worked out once, that closes in with one size of step."""
+    with mock.patch("backdrive.tune.search.STEPS", (0.1,)):
+        return tune(facts_of(FRICTION, motor_share=0.2), goal, joints=16)
 
 
 def test_a_model_tells_values_and_intervals():
@@ -80,11 +93,55 @@ def test_a_coarse_encoder_softens_the_contact_and_a_coarser_one_is_refused_with_
 
 
 @pytest.mark.parametrize(
-    "change", [{"motor_share": 1.5}, {"delay": -1.0}, {"stiffness": (2e5, 1e5)}, {"interval": 0.0}]
+    ("change", "says"),
+    [
+        ({"motor_share": 1.5}, "motor_share = 1.5, it has to be above 0 and below 1"),
+        ({"delay": np.nan}, "delay = nan s"),
+        ({"stiffness": (2e5, 1e5)}, "stiffness = 200000:100000, its lower end"),
+        ({"stiffness": (1.0, np.inf)}, "stiffness = 1:inf"),
+        ({"interval": 1e-9}, "interval = 1e-09 s"),
+        ({"noise": np.nan, "counts": 0.0}, "counts = 0, .*; noise = nan"),
+        ({"temperature": (20.0, 10.0)}, "temperature = 20:10 degC"),
+        ({"friction_error": -0.1}, "friction_error = -0.1"),
+    ],
 )
-def test_senseless_facts_are_refused(change):
-    with pytest.raises(InvalidInput):
+def test_senseless_facts_are_refused_by_their_names(change, says):
+    with pytest.raises(InvalidInput, match=says) as caught:
         facts_of(FRICTION, **change)
+    assert len(str(caught.value)) < 300
+
+
+def test_warnings_of_the_model_are_passed_on():
+    notes = facts_of(knows(warnings=("Directions were not told apart.",)), motor_share=0.1).notes
+    assert notes == ("The model warns: Directions were not told apart.",)
+
+
+@pytest.mark.parametrize(
+    ("length", "duration", "says"),
+    [
+        (np.inf, 0.5, "stroke = inf"),
+        (1e6, 0.5, "as fast as"),
+        (1e-5, 0.5, "presliding"),
+        (0.1, np.inf, "duration = inf"),
+        (0.1, 1e-3, "less than 20 intervals"),
+    ],
+)
+def test_senseless_strokes_are_refused(length, duration, says):
+    with pytest.raises(InvalidInput, match=says):
+        stated(facts_of(FRICTION), length, duration)
+
+
+@pytest.mark.parametrize(
+    ("change", "options", "says"),
+    [
+        ({"inertia": 1e-9}, {}, "integration step"),
+        ({}, {"joints": 100_000}, "joints = 100000"),
+        ({}, {"seed": -1}, "seed = -1"),
+    ],
+)
+def test_what_would_never_end_is_refused(change, options, says):
+    with pytest.raises(InvalidInput, match=says):
+        tune(facts_of(FRICTION, **change), **options)
 
 
 def test_a_curve_stands_for_a_law_that_carries_no_contact():
@@ -114,9 +171,48 @@ def test_places_in_the_unit_cube_go_there_and_back():
     assert place(ranges, np.array([0.0, 0.5]))["decay"] == pytest.approx(50.0)
 
 
+def test_friction_that_is_hardly_known_leaves_a_range_of_r():
+    low, high = goal_of("backdrive", f := facts_of(FRICTION, friction_error=0.75), stated(f)).ranges["share"]
+    assert 0.0 < low < high == pytest.approx(0.25)
+
+
 def test_bisection_finds_where_it_breaks():
     assert least_breaking(lambda x: x > 0.7, 0.0, 1.0, 12) == pytest.approx(0.7, abs=1e-3)
     assert least_breaking(lambda x: False, 0.0, 1.0) == np.inf
+    assert least_breaking(lambda x: 0.3 < x < 0.5, 0.0, 1.0, steps=12) == pytest.approx(0.3, abs=1e-3)
+
+
+def test_grids_of_the_picture_hold_the_chosen_value():
+    assert with_value((1.0, 2.0, 4.0), 2.2) == [1.0, 2.2, 4.0]
+    assert with_value((1.0, 2.0, 4.0), 0.0) == [0.0, 2.0, 4.0]
+
+
+@needs_jit
+def test_numbers_are_taken_back_until_they_pass_the_whole_test_or_are_refused():
+    facts = facts_of(FRICTION, motor_share=0.1, delay=3e-3)
+    goal, members = goal_of("backdrive", facts, stated(facts)), drawn(facts, 8, 0)
+    goal = replace(goal, calming=[{"share": 0.6}, {"share": 0.7, "stiffness": 0.4}])  # in large steps
+    begun = {"share": 0.85, "stiffness": 0.7, "decay": 20.0}
+    assert {m.delay for m in ends(goal)} == set(np.linspace(0.0, 3e-3, 7))
+    assert not safe(goal, begun, members)
+    kept = calmed(goal, begun, members)
+    assert safe(goal, kept, members)
+    assert kept["share"] < begun["share"]
+    restless = replace(goal, unrest=lambda r: 2.0, calming=[{"share": 0.5}], test_on=[likely(facts)])
+    with pytest.raises(NotIdentifiable, match="however much is taken back"):
+        calmed(restless, begun, [])
+
+
+@needs_jit
+def test_the_fixed_rule_is_proposed_where_it_is_safe_and_better():
+    facts = facts_of(FRICTION, motor_share=0.1, counts=1e7)
+    goal, members = goal_of("track", facts, stated(facts)), drawn(facts, 8, 0)
+    poor = {"share": 0.35, "stiffness": 0.2, "decay": 100.0}
+    rows = _rows(facts, "track", goal, poor, members)
+    assert rows["fixed rule"]["safe"] and not rows["thesis"]["safe"]
+    assert rows["chosen"]["numbers"] == fixed_rule(facts)
+    assert "rule to begin with" in origin(fixed_rule(facts), None, "share", "")
+    assert "from 0.5 to 0.35" in origin(poor, {**poor, "share": 0.5}, "share", "")
 
 
 @needs_jit
@@ -138,34 +234,56 @@ def quick(monkeypatch):
 
 @needs_jit
 @pytest.mark.parametrize("goal", ["backdrive", "estimate", "admit"])
-def test_a_tuning_runs_is_kept_and_respects_its_bounds(goal, tmp_path, quick):
-    facts = facts_of(FRICTION, motor_share=0.2)
-    tuning = tune(facts, goal, joints=16)
-    path = save_tunings([tuning], tmp_path / "tuning.json")
-    (kept,) = load_tunings(path)
+def test_a_tuning_runs_is_kept_and_respects_its_bounds(goal, tmp_path):
+    facts, tuning = facts_of(FRICTION, motor_share=0.2), tuned(goal)
+    (kept,) = load_tunings(save_tunings([tuning], tmp_path / "tuning.json"))
+    with pytest.raises(ModelFileError, match="there twice"):
+        load_tunings(save_tunings([tuning, tuning], tmp_path / "twice.json"))
     assert kept.compensator() == tuning.compensator()
     assert kept.external() == tuning.external()
-    assert kept.admittance() == tuning.admittance()
     assert all(number.reason for number in kept.numbers.values())
+    assert kept.rate == RATE
     Loop([kept.loop()], interval=kept.interval).update(np.zeros(1), np.zeros(1))
+    assert all(row["safe"] for name, row in tuning.scores["rows"].items() if name in ("chosen", "none"))
     if goal == "backdrive":
+        assert kept.admittance() == tuning.admittance()
         assert tuning["share"] <= 0.9 + 1e-9
         assert tuning["stiffness"] <= facts.stiffest * (1.0 + 1e-9)
         assert tuning.margins["at_rest"] == 1.0
         assert tuning.margins["cycle_by_bound"] <= 1.0
         assert tuning.margins["breakaway"] < tuning.margins["breakaway_bare"]
         assert tuning.margins["share_breaks"] > tuning["share"]
+        assert tuning.margins["delay_breaks"] > facts.delay
+        assert tuning.margins["delay_searched"] == pytest.approx(0.012)
+        assert tuning["dither_share"] == 0.0 or tuning.margins["dither_motor"] > tuning.margins["cycle"]
         assert kept.compensator(switching=True).friction.fast_decay == tuning["fast_decay"]
-    elif goal == "admit":
+        return
+    assert not {"dither_share", "fast_decay", "threshold"} & set(tuning.numbers)
+    if goal == "estimate":
+        with pytest.raises(InvalidInput, match="has no 'admittance_inertia'"):
+            kept.admittance()
+    else:
         assert tuning["admittance_inertia"] >= tuning.numbers["admittance_inertia"].limit
+        assert kept.external().friction.law.rate == shared(RATE, 0.9, 1.0)
+
+
+@needs_jit
+def test_what_is_printed_says_units_and_dither(capsys):
+    _print(tuned("backdrive"))
+    said = " ".join(capsys.readouterr().out.split())
+    assert "without dither: 100 % come to rest" in said
+    assert ("With the dither, at rest" in said) == (tuned("backdrive")["dither_share"] > 0.0)
+    assert "N.m, comes to rest" in said
 
 
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        ("{", "damaged"),
-        ("[]", "not a tuning"),
+        ("{}", "not a tuning"),
         ('{"format": "backdrive-tuning", "schema": 9}', "schema"),
+        ('{"format": "backdrive-tuning", "schema": true}', "schema"),
+        ('{"format": "backdrive-tuning", "schema": 1, "joints": 5}', r"\$.joints"),
+        ('{"format": "backdrive-tuning", "schema": 1, "joints": []}', r"\$.joints"),
         ('{"format": "backdrive-tuning", "schema": 1, "joints": [{}]}', r"joints\[0\]"),
     ],
 )
@@ -174,8 +292,42 @@ def test_a_damaged_tuning_is_refused_with_the_place(tmp_path, content, says):
     path.write_text(content)
     with pytest.raises(ModelFileError, match=says):
         load_tunings(path)
-    with pytest.raises(ModelFileError, match="Cannot read"):
-        load_tunings(tmp_path / "absent.json")
+    for absent in (tmp_path / "absent.json", "/dev/zero"):
+        with pytest.raises(ModelFileError, match="Cannot read"):
+            load_tunings(absent)
+
+
+@needs_jit
+@pytest.mark.parametrize(
+    ("place", "value", "says"),
+    [
+        ("numbers/share/value", 5.0, r"'j0'.*numbers.share.value = 5, it has to be"),
+        ("numbers/stiffness/value", 10**400, "damaged"),
+        ("numbers/fast_decay", None, "numbers.fast_decay is missing"),
+        ("unit", "deg", r"\$.joints\[0\].unit"),
+        ("goal", "bogus", r"\$.joints\[0\].goal"),
+        ("interval", 0.0, "interval = 0 s"),
+        ("interval", float("nan"), "damaged"),
+        ("inertia", -1.0, "inertia = -1"),
+        ("joint", None, "joint"),
+        ("seed", float("inf"), "damaged"),
+        ("rate/name", "bogus", "bogus"),
+    ],
+)
+def test_a_tuning_that_makes_no_sense_is_refused_with_joint_and_key(tmp_path, place, value, says):
+    path = save_tunings([tuned("backdrive")], tmp_path / "tuning.json")
+    document = json.loads(path.read_text())
+    *way, last = place.split("/")
+    at = document["joints"][0]
+    for key in way:
+        at = at[key]
+    if value is None:
+        del at[last]
+    else:
+        at[last] = value
+    path.write_text(json.dumps(document))
+    with pytest.raises(ModelFileError, match=says):
+        load_tunings(path)
 
 
 def command(*words):
@@ -186,12 +338,16 @@ def command(*words):
 
 
 @needs_jit
-def test_command_writes_file_and_picture(tmp_path, quick):
+def test_command_writes_file_and_picture(tmp_path, quick, monkeypatch):
+    monkeypatch.setattr("backdrive.tune.margins.SHARES", (0.6, 0.8, 1.0))
+    monkeypatch.setattr("backdrive.tune.margins.SPRINGS", (0.25, 0.5, 1.0))
+    monkeypatch.setattr("backdrive.tune.margins.DECAYS", (5.0, 20.0, 500.0))
     model, out, picture = (tmp_path / n for n in ("model.json", "tuning.json", "region.png"))
     FrictionModel(joints=(FRICTION,)).save(model)
     code, result = command(str(model), "--joints", "8", "-o", str(out), "--picture", str(picture), "--json")
     assert code == 0, result.output
     answer = json.loads(result.stdout)
+    assert answer["joints"][0]["region"]["delays"][-1] > 1.5e-3
     assert answer["ok"] and answer["joints"][0]["numbers"]["share"]["value"] == load_tunings(out)[0]["share"]
     assert picture.read_bytes()[:4] == b"\x89PNG"
 
@@ -206,6 +362,10 @@ def test_command_writes_file_and_picture(tmp_path, quick):
         (["--picture", "region.pdf"], 2),
         (["--goal", "admit", "--picture", "region.png"], 2),
         (["--joints", "2"], 2),
+        (["--seed", "-1"], 2),
+        (["--motor-share", "0.1:0.2"], 2),
+        (["--inertia", "elbow=0.7"], 2),
+        (["--stiffness", "8e4:1e5", "--stiffness", "1e5:1.2e5"], 2),
         (["--joint", "nobody"], 2),
     ],
 )
@@ -213,3 +373,27 @@ def test_command_refuses_what_makes_no_sense(tmp_path, words, code):
     model = tmp_path / "model.json"
     FrictionModel(joints=(FRICTION,)).save(model)
     assert command(str(model), *words)[0] == code
+
+
+def test_the_model_is_not_overwritten_and_an_example_is_of_its_option(tmp_path):
+    model = tmp_path / "model.json"
+    FrictionModel(joints=(FRICTION,)).save(model)
+    kept = model.read_bytes()
+    code, result = command(str(model), "-o", str(model))
+    assert code == 2 and "Cannot write" in str(result.exception)
+    assert model.read_bytes() == kept
+    assert "--inertia 0.6:0.8" in str(command(str(model), "--inertia", "light")[1].exception)
+
+
+@needs_jit
+def test_several_joints_have_numbers_of_their_own_and_one_does_not_stop_the_others(tmp_path, quick):
+    model, out = tmp_path / "model.json", tmp_path / "tuning.json"
+    joints = [knows(joint=Joint(name=f"j{i}", unit="rad", encoder_counts=1e6)) for i in range(3)]
+    FrictionModel(joints=tuple(joints)).save(model)
+    words = [str(model), "--joint", "j0", "--joint", "j1", "--joint", "j0", "--joints", "8"]
+    for wrong in (["--counts", "1e6"], ["--picture", str(tmp_path / "region.png")]):
+        assert command(*words, *wrong)[0] == 2
+    code, result = command(*words, "--counts", "j1=1e3", "--counts", "j0=2e6", "-o", str(out))
+    assert code == 1
+    assert "'j1': its encoder is too coarse" in result.stderr
+    assert [tuning.joint for tuning in load_tunings(out)] == ["j0"]

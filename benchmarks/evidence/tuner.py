@@ -28,6 +28,7 @@ from _common import Judge
 from backdrive.closed_loop import play
 from backdrive.compensate import Dither
 from backdrive.control import JointLoop
+from backdrive.errors import NotIdentifiable
 from backdrive.laws import CoulombViscous
 from backdrive.tune import rules, scenes
 from backdrive.tune.facts import Facts
@@ -216,7 +217,14 @@ def choice(judge: Judge, joints: int) -> None:
                 ratios["proposal"].append(np.inf)
                 safe["proposal"].append(False)
             continue
-        kept = calmed(goal, found.numbers, scenes.drawn(facts, 64, seed))
+        try:
+            kept = calmed(goal, found.numbers, scenes.drawn(facts, 64, seed))
+        except NotIdentifiable:  # refused: neither safe nor near the grid's best
+            none += 1
+            print(f"  joint {seed}: the search's numbers cannot be made safe")
+            ratios["proposal"].append(np.inf)
+            safe["proposal"].append(False)
+            continue
         seconds.append(time.process_time() - begun)
         rows = {
             "proposal": kept,

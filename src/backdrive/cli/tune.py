@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from backdrive.cli import _logs
 
 if TYPE_CHECKING:
+    from backdrive.errors import BackdriveError
     from backdrive.tune import Tuning
+
+
+RESTS = (("does NOT come to rest", "comes to rest"), ("does NOT fade at rest", "fades at rest"))  # NOT, yes
 
 
 def command(
@@ -25,23 +29,33 @@ def command(
         Path | None, typer.Option("--picture", help="Safe region to draw (PNG or SVG).")
     ] = None,
     stiffness: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(
             "--stiffness",
-            help="K_c that the encoder sees before break-away, LOW:HIGH [N.m/rad or N/m].  [default: of the law's element]",
+            help="K_c that the encoder sees before break-away, LOW:HIGH [N.m/rad or N/m]; with several joints JOINT=LOW:HIGH, "
+            "once for each.  [default: of the law's element]",
         ),
     ] = None,
     inertia: Annotated[
-        str | None,
-        typer.Option("--inertia", help="Motor and load, LOW:HIGH [kg.m^2 or kg].  [default: the model's]"),
+        list[str] | None,
+        typer.Option(
+            "--inertia",
+            help="Motor and load, LOW:HIGH or JOINT=LOW:HIGH [kg.m^2 or kg].  [default: the model's]",
+        ),
     ] = None,
     motor_share: Annotated[
-        float | None,
-        typer.Option("--motor-share", help="Of the inertia, on the motor's side.  [default: 0.15]"),
+        list[str] | None,
+        typer.Option(
+            "--motor-share",
+            help="Of the inertia, on the motor's side, SHARE or JOINT=SHARE.  [default: 0.15]",
+        ),
     ] = None,
     counts: Annotated[
-        float | None,
-        typer.Option("--counts", help="Of the encoder per rad or m at the joint.  [default: the model's]"),
+        list[str] | None,
+        typer.Option(
+            "--counts",
+            help="Of the encoder per rad or m at the joint, COUNTS or JOINT=COUNTS.  [default: the model's]",
+        ),
     ] = None,
     noise: Annotated[
         float, typer.Option("--noise", help="Of a reading, standard deviation in counts.")
@@ -80,47 +94,60 @@ def command(
     """
     from backdrive import load_model
     from backdrive.cli._progress import progress
-    from backdrive.errors import InvalidInput
+    from backdrive.errors import BackdriveError, InvalidInput
     from backdrive.tune import facts_of, save_tunings, tune
+    from backdrive.tune.bounds import check
     from backdrive.tune.scenes import stated
 
-    _logs.check_targets([output, picture], [])
+    warm: Any = None if temperature is None else _ends(temperature, "--temperature", "20:45")
+    warm = (warm, warm) if isinstance(warm, float) else warm
+    shared: dict[str, Any] = {
+        "noise": noise,
+        "delay": delay,
+        "interval": interval,
+        "friction_error": friction_error,
+        "temperature": warm,
+    }
+    check("tune", **shared, stroke=stroke, duration=duration, joints=joints, seed=seed)
+    _logs.check_targets([output, picture], [None if model.startswith("preset:") else Path(model)])
+    loaded = load_model(model)
+    names = list(dict.fromkeys(loaded.joint(name).joint.name for name in joint or loaded.names))
     if picture is not None and (
-        picture.suffix.lower() not in (".png", ".svg") or goal not in ("backdrive", "track")
+        picture.suffix.lower() not in (".png", ".svg") or goal not in ("backdrive", "track") or len(names) > 1
     ):
         raise InvalidInput(
-            f"--picture {picture} --goal {goal}: no picture of that.",
-            remedy="Name a .png or .svg file; the safe region is that of --goal backdrive or track.",
+            f"--picture {picture} --goal {goal} of {len(names)} joints: no picture of that.",
+            remedy="Name a .png or .svg file and one joint (--joint); the safe region is that of --goal backdrive or track.",
         )
-    loaded = load_model(model)
-    names = joint or list(loaded.names)
+    own = {
+        "stiffness": _by_joint(stiffness, "--stiffness", "8e4:1.2e5", names),
+        "inertia": _by_joint(inertia, "--inertia", "0.6:0.8", names),
+        "motor_share": _by_joint(motor_share, "--motor-share", "0.15", names, interval=False),
+        "counts": _by_joint(counts, "--counts", "1043038", names, interval=False),
+    }
     found: list[Tuning] = []
+    refused: dict[str, BackdriveError] = {}
     with progress(quiet=as_json) as say:
         for name in names:
-            facts = facts_of(
-                loaded.joint(name),
-                stiffness=_ends(stiffness, "--stiffness"),
-                inertia=_ends(inertia, "--inertia"),
-                motor_share=motor_share,
-                counts=counts,
-                noise=noise,
-                delay=delay,
-                interval=interval,
-                friction_error=friction_error,
-                temperature=_pair(temperature),
-            )
-            found.append(
-                tune(
-                    facts,
-                    goal,
-                    stroke=stated(facts, stroke, duration),
-                    joints=joints,
-                    seed=seed,
-                    draw=picture is not None,
-                    dither=dither,
-                    say=lambda sentence, name=name: say(f"{name}: {sentence}"),
+            of_joint: dict[str, Any] = {option: values.get(name) for option, values in own.items()}
+            try:
+                facts = facts_of(loaded.joint(name), **shared, **of_joint)
+                found.append(
+                    tune(
+                        facts,
+                        goal,
+                        stroke=stated(facts, stroke, duration),
+                        joints=joints,
+                        seed=seed,
+                        draw=picture is not None,
+                        dither=dither,
+                        say=lambda sentence, name=name: say(f"{name}: {sentence}"),
+                    )
                 )
-            )
+            except BackdriveError as error:
+                refused[name] = error
+        if refused and not found:
+            _refuse(refused, as_json)
         if picture is not None:
             from backdrive.plots.tuning import draw
 
@@ -131,45 +158,74 @@ def command(
     written = [str(p) for p in (output, picture) if p]
     if as_json:
         from backdrive.cli._output import print_json
-        from backdrive.tune.tuning import plain
+        from backdrive.tune.tuning_file import plain
 
-        print_json({"ok": True, "joints": [plain(t) for t in found], "written": written})
+        without = {name: str(error) for name, error in refused.items()}
+        print_json(
+            {"ok": not refused, "joints": [plain(t) for t in found], "refused": without, "written": written}
+        )
     else:
         for tuning in found:
             _print(tuning)
         for path in written:
             typer.echo(f"Wrote {path}")
+        for error in refused.values():
+            typer.echo(f"backdrive: {error}", err=True)
+    if refused:
+        raise typer.Exit(1)
 
 
-def _ends(words: str | None, option: str) -> tuple[float, float] | float | None:
+def _refuse(refused: dict[str, BackdriveError], as_json: bool) -> None:
+    """Raise the error of the only joint, or print those of all but the last, which is raised."""
+    *others, last = refused.values()
+    for error in others:
+        if not as_json and str(error) != str(last):
+            typer.echo(f"backdrive: {error}", err=True)
+    raise last
+
+
+def _by_joint(
+    words: Sequence[str] | None, option: str, example: str, names: Sequence[str], *, interval: bool = True
+) -> dict[str, Any]:
+    """Return what an option says of each joint: one plain value of an only joint, or JOINT=VALUE."""
+    from backdrive.errors import InvalidInput
+
+    found: dict[str, Any] = {}
+    for word in words or ():
+        name, equals, value = word.rpartition("=")
+        name = name if equals or len(names) > 1 else names[0]
+        if name not in names or name in found:
+            wrong = (
+                "is said twice"
+                if name in found
+                else f"no joint '{name}'"
+                if equals
+                else "it does not say of which joint"
+            )
+            raise InvalidInput(
+                f"{option} {word}: {wrong}.",
+                remedy=f"Joints are {', '.join(names)}; say {option} {names[0]}={example}, once for each joint.",
+            )
+        found[name] = _ends(value, option, example, interval=interval)
+    return found
+
+
+def _ends(words: str, option: str, example: str, *, interval: bool = True) -> tuple[float, float] | float:
     """Return LOW:HIGH, or one number."""
     from backdrive.errors import InvalidInput
 
-    if words is None:
-        return None
     try:
         ends = [float(w) for w in words.split(":")]
     except ValueError:
         ends = []
-    if len(ends) not in (1, 2) or ends != sorted(ends) or not ends[0] > 0.0:
+    if len(ends) == 1:
+        return ends[0]
+    if len(ends) != 2 or not interval:
         raise InvalidInput(
-            f"{option} {words}: not LOW:HIGH.",
-            remedy=f"Two positive numbers, the lower first: {option} 8e4:1.2e5.",
+            f"{option} {words}: not {'LOW:HIGH' if interval else 'a number'}.",
+            remedy=f"For example {option} {example}.",
         )
-    return (ends[0], ends[1]) if len(ends) == 2 else ends[0]
-
-
-def _pair(words: str | None) -> tuple[float, float] | None:
-    """Return the ends of --temperature."""
-    from backdrive.errors import InvalidInput
-
-    if words is None:
-        return None
-    try:
-        low, high = (float(w) for w in words.split(":"))
-    except ValueError as error:
-        raise InvalidInput(f"--temperature {words}: not LOW:HIGH.", remedy="For example 20:45.") from error
-    return low, high
+    return ends[0], ends[1]
 
 
 def _print(tuning: Tuning) -> None:
@@ -194,8 +250,9 @@ def _print(tuning: Tuning) -> None:
         )
     console.print(table)
     for row, what in tuning.scores["rows"].items():
-        rests = "comes to rest" if what["safe"] else "does NOT come to rest"
-        console.print(f"  {row:<11} {tuning.scores['words']} {what['score']:.4g}, {rests}")
+        rests = RESTS[tuning.goal == "estimate"][what["safe"]]
+        words, unit = tuning.scores["words"], tuning.scores["unit"]
+        console.print(f"  {row:<11} {words} {what['score']:.4g} {unit}, {rests}")
     for sentence in _margins(tuning):
         console.print(escape(sentence))
     for note in tuning.notes:
@@ -203,22 +260,31 @@ def _print(tuning: Tuning) -> None:
 
 
 def _margins(tuning: Tuning) -> Sequence[str]:
+    """Return the margins in sentences."""
     m, unit = tuning.margins, tuning.unit
     if "cycle" not in m:
         return (
             f"Over {m['joints']} joints of the intervals it shows {m['left_over']:.2g} of what is allowed at rest.",
         )
     force = "N.m" if unit == "rad" else "N"
-    share = f"R = {m['share_breaks']:.2f}" if m["share_breaks"] < 1e3 else "no R up to 1.3"
+    share = (
+        f"R = {m['share_breaks']:.2f}" if m["share_breaks"] < 1e3 else f"no R up to {m['share_searched']:g}"
+    )
     delay = (
         f"a delay of {1e3 * m['delay_breaks']:.1f} ms"
         if m["delay_breaks"] < 1e3
-        else "no delay up to 12 ticks"
+        else f"no delay up to {1e3 * m['delay_searched']:g} ms, where the search ended"
+    )
+    dither = (
+        f"With the dither, at rest, the motor sways by up to {m['dither_motor']:.2g} {unit} ({m['dither_counts']:.2g} counts) "
+        f"and the load by {m['dither_load']:.2g} {unit}.",
     )
     return (
-        f"Over {m['joints']} joints of the intervals: {100 * m['at_rest']:.0f} % come to rest; largest amplitude there "
-        f"{m['cycle']:.2g} {unit} ({m['cycle_counts']:.2g} counts, {100 * m['cycle_by_bound']:.2g} % of the bound); "
+        f"Over {m['joints']} joints of the intervals, without dither: {100 * m['at_rest']:.0f} % come to rest; largest amplitude "
+        f"there {m['cycle']:.2g} {unit} ({m['cycle_counts']:.2g} counts, {100 * m['cycle_by_bound']:.2g} % of the bound); "
         f"energy put in {m['energy']:.2g} J.",
-        f"It breaks at {share}, and at {delay}. Break-away left over: {m['breakaway']:.3g} {force} "
+        *(dither if "dither_motor" in m else ()),
+        f"Without dither it breaks at {share}, and at {delay}. Break-away left over"
+        f"{', with the dither' if 'dither_motor' in m else ''}: {m['breakaway']:.3g} {force} "
         f"(worst {m['breakaway_worst']:.3g}, bare {m['breakaway_bare']:.3g}).",
     )

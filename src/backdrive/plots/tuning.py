@@ -59,21 +59,22 @@ def safe_region(tuning: Tuning, theme: Theme = LIGHT) -> Any:
     low, high = region["stiffness_interval"]
     left.axvspan(low, high, color=theme.band, alpha=0.18, linewidth=0)
     left.axhline(region["largest_share"], color=theme.ink, linewidth=1.0, linestyle=":")
-    name_axes(left, theme, x="K/K_c (shaded: where K_c may lie)", y="R (dotted: the least friction)")
+    words = f"R (dotted: the least friction), α = {region['chosen'][2]:.3g}/s as chosen"
+    name_axes(left, theme, x="K/K_c (shaded: where K_c may lie)", y=words)
     decays, delays = np.array(region["decays"]), 1e3 * np.array(region["delays"])
     _tiles(right, theme, delays, decays, np.array(region["by_delay"], dtype=float).T, rising=True)
     right.set_yscale("log")
-    name_axes(right, theme, x="delay [ms]", y="α [1/s], with the chosen R and K")
+    R, K, alpha, delay = region["chosen"]
+    name_axes(right, theme, x="delay [ms]", y=f"α [1/s], with the chosen R = {R:.2f} and K = {K:.2f} K_c")
     from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 
     right.yaxis.set_major_locator(FixedLocator([2, 5, 20, 50, 200, 500]))
     right.yaxis.set_major_formatter(ScalarFormatter())
     right.yaxis.set_minor_locator(NullLocator())
-    for name, marker, color in (("thesis", "D", theme.paper), ("chosen", "o", theme.ink)):
-        R, K, alpha, delay = region[name]
-        style = {"marker": marker, "color": color, "mec": theme.ink, "mew": 1.4, "ms": 8, "ls": "none"}
-        left.plot([min(K, springs[-1])], [R], clip_on=False, zorder=5, **style)
-        right.plot([1e3 * delay], [alpha], clip_on=False, zorder=5 if name == "chosen" else 4, **style)
+    right.plot([1e3 * delay], [alpha], clip_on=False, zorder=5, **_mark(theme, "chosen"))
+    left.plot([K], [R], clip_on=False, zorder=5, **_mark(theme, "chosen"))
+    R, K = region["thesis"][:2]  # its R and K are not those of the right panel
+    left.plot([min(K, left.get_xlim()[1])], [R], clip_on=False, zorder=4, **_mark(theme, "thesis"))
     _legend(figure, theme, tuning)
     return figure
 
@@ -111,14 +112,23 @@ def _tiles(
     axes.set_ylim(_edges(y, rising=rising)[[0, -1]])
 
 
+def _mark(theme: Theme, name: str) -> dict[str, Any]:
+    """Return the marker of the chosen numbers, or the thesis', hollow and larger, so that neither hides the other."""
+    if name == "chosen":
+        return {"marker": "o", "color": theme.ink, "ms": 6, "ls": "none"}
+    return {"marker": "D", "mfc": "none", "mec": theme.ink, "mew": 1.4, "ms": 11, "ls": "none"}
+
+
 def _legend(figure: Any, theme: Theme, tuning: Tuning) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     entries: list[Any] = [Patch(facecolor=c, alpha=0.55, label=w) for c, w in zip(_colors(theme), WORDS)]
+    K = tuning.region["thesis"][1]
+    beyond = f" (K/K_c = {K:.2g}, beyond)" if tuning.region["springs"][-1] < K else ""
     entries += [
-        Line2D([], [], marker=m, color=c, mec=theme.ink, mew=1.4, ms=7, linestyle="none", label=w)
-        for m, c, w in (("o", theme.ink, "chosen"), ("D", theme.paper, "as printed in the thesis"))
+        Line2D([], [], label=words, **_mark(theme, name))
+        for name, words in (("chosen", "chosen"), ("thesis", f"the thesis' R and K{beyond}"))
     ]
     legend = figure.legend(handles=entries, loc="lower center", ncol=3, frameon=False, fontsize=9.5)
     for text in legend.get_texts():

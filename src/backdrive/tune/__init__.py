@@ -5,5 +5,5 @@ from backdrive.tune.facts import facts_of as facts_of
 from backdrive.tune.goals import GOALS as GOALS
 from backdrive.tune.propose import tune as tune
 from backdrive.tune.tuning import Tuning as Tuning
-from backdrive.tune.tuning import load_tunings as load_tunings
-from backdrive.tune.tuning import save_tunings as save_tunings
+from backdrive.tune.tuning_file import load_tunings as load_tunings
+from backdrive.tune.tuning_file import save_tunings as save_tunings

@@ -16,6 +16,7 @@ from backdrive.laws import REFERENCE, Law, Polyline, kernels
 from backdrive.laws.base import Rate
 from backdrive.model import JointFriction
 from backdrive.tune import rules
+from backdrive.tune.bounds import BOUNDS, check
 
 Interval = tuple[float, float]  # lower and upper end
 
@@ -28,6 +29,9 @@ CONTACT = (1.0, 8.0)  # stiffness of the friction's contact by that of the trans
 COARSE = 2.0  # F/(K count) below which no elastic compensation is possible [-]
 SOFTEST = 0.1  # K by the lower end of K_c's interval, below which nobody looks [-]
 SPEEDS = 14  # knots of a curve that stands for a law
+CHECKED = (
+    "coulomb", "count", "interval", "top_speed", "friction", "damping", "contact", "motor_share", "noise", "delay", "temperature",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,22 +82,11 @@ class Facts:
     notes: tuple[str, ...] = field(default=())
 
     def __post_init__(self):
-        positive = (self.coulomb, self.stiffness, self.inertia, self.count, self.interval, self.top_speed)
-        ends = (self.stiffness_interval, self.inertia_interval, self.friction, self.damping, self.contact)
-        holds = (
-            all(0.0 < x < np.inf for x in positive)
-            and all(0.0 < low <= high < np.inf for low, high in ends)
-            and self.temperature[0] <= self.temperature[1]
-            and 0.0 < self.motor_share < 1.0
-            and 0.0 <= self.delay < 0.1
-            and 0.0 <= self.noise < 1e3
+        check(
+            f"Joint '{self.name}'",
+            **{name: getattr(self, name) for name in CHECKED},
+            **{name: getattr(self, f"{name}_interval") for name in ("stiffness", "inertia")},
         )
-        if not holds:
-            raise InvalidInput(
-                f"Joint '{self.name}': {self}.",
-                remedy="All is positive and finite, the lower end of an interval comes first, the motor's share is below 1, "
-                "the delay below 0.1 s.",
-            )
         if self.stiffest < SOFTEST * self.stiffness_interval[0]:
             force = "N.m" if self.unit == "rad" else "N"
             raise NotIdentifiable(
@@ -144,6 +137,17 @@ def curve_of(law: Law, top: float, *, factor: float = 1.0, temperature: float = 
     return Polyline(velocity=tuple(speeds.tolist()), positive=branches[0], negative=branches[1])
 
 
+def shared(rate: Rate, share: float, top: float) -> Rate:
+    """Return a rate law scaled, itself for a share of 1.
+
+    Args:
+        rate: the law.
+        share: R, the factor [-].
+        top: fastest knot of the curve that stands for it [rad/s or m/s].
+    """
+    return rate if share == 1.0 else curve_of(Law(rate=rate), top, factor=share)
+
+
 def facts_of(
     friction: JointFriction,
     *,
@@ -177,8 +181,21 @@ def facts_of(
         NotIdentifiable: nobody knows stiffness, inertia or encoder count; there is no friction; the encoder is too coarse.
         InvalidInput: a number makes no sense.
     """
-    notes: list[str] = []
     joint, law = friction.joint, friction.law
+    check(
+        f"Joint '{joint.name}'",
+        stiffness=stiffness,
+        inertia=inertia,
+        motor_share=motor_share,
+        counts=counts,
+        noise=noise,
+        delay=delay,
+        interval=interval,
+        friction_error=friction_error,
+        damping=damping,
+        temperature=temperature,
+    )
+    notes = [f"The model warns: {warning}" for warning in friction.warnings]
     top = max(abs(v) for v in friction.validity.velocity)
     if not 0.0 < top < np.inf:
         top = 1.0 if joint.unit == "rad" else 0.2
@@ -200,10 +217,10 @@ def facts_of(
     if known is not None and known > error:
         error = known
         notes.append(f"The model knows its Coulomb torque within {100 * known:.0f} % only (95 %).")
-    if not 0.0 <= error < 0.8:
+    if not BOUNDS["friction_error"].holds(error):  # the model's own
         raise NotIdentifiable(
-            f"Joint '{joint.name}': friction is known within {100 * error:.0f} % only.",
-            remedy="Identify it better: a slower sweep, more cycles; or say --friction-error.",
+            f"Joint '{joint.name}': the model knows its friction within {100 * error:.0f} % only.",
+            remedy="Identify it better: a slower sweep, more cycles.",
         )
     K_c, K_ends = _stiffness(friction, stiffness, notes)
     found = friction.dynamics.get("inertia")
@@ -211,8 +228,8 @@ def facts_of(
     inertia_value, I_ends = _between(inertia, known_inertia, INERTIA_ERROR, "inertia", joint.name, notes)
     if motor_share is None:
         notes.append(f"The motor's share of the inertia is taken as {MOTOR_SHARE:g} (--motor-share).")
-    counts = counts or joint.encoder_counts
-    if not counts:
+    counts = joint.encoder_counts if counts is None else counts
+    if counts is None:
         raise NotIdentifiable(
             f"Joint '{joint.name}': the model does not say how many counts its encoder has.",
             remedy="Give --counts, per rad or m at the joint (65536 a motor turn behind a gear of 100: 1043038).",

@@ -12,18 +12,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backdrive.closed_loop import Record, Scene, play
+from backdrive.closed_loop import Record, Scene
 from backdrive.compensate import Compensator, Dither, alg_fc, nothing
 from backdrive.control import Admittance, JointLoop
 from backdrive.errors import InvalidInput
 from backdrive.estimate.external import ExternalForce
 from backdrive.estimate.friction import alg_fe
 from backdrive.estimate.sliding_mode import MotionFilter
-from backdrive.laws import Law
-from backdrive.laws.base import Rate
 from backdrive.tune import rules, scenes
-from backdrive.tune.facts import SOFTEST, Facts, curve_of
-from backdrive.tune.scenes import Member, Stroke
+from backdrive.tune.facts import SOFTEST, Facts, shared
+from backdrive.tune.judging import judged
+from backdrive.tune.scenes import SUBSTEP, Member, Stroke
 
 Numbers = Mapping[str, float]
 Ranges = Mapping[str, tuple[float, float]]
@@ -35,6 +34,8 @@ LEFT_OVER = 0.1  # of F, that an estimate may show after the hand has let go [-]
 RESTLESS = 0.01  # of the stroke, by which a joint under admittance control may sway [-]
 POSITION = 60.0  # largest bandwidth of the position controller under an admittance [rad/s]
 DERIVATIVE = 0.4  # of its gain by the motor's inertia, times sampling time and delay: the loop around the motor alone [-]
+BACK_OFF = 0.96  # of R, or of what else calms, where a joint does not rest
+SOFTER = 0.85  # of K beside it, where R alone does not help
 GOALS = ("backdrive", "track", "estimate", "admit")
 
 
@@ -53,14 +54,11 @@ def estimator(facts: Facts, z: Numbers, share: float = 1.0) -> ExternalForce:
     """
     return ExternalForce(
         inertia=facts.inertia,
-        friction=alg_fe(shared(facts, share), z["stiffness"] * facts.stiffness, z["decay"]),
+        friction=alg_fe(
+            shared(facts.rate, share, facts.top_speed), z["stiffness"] * facts.stiffness, z["decay"]
+        ),
         filter=MotionFilter(gain=z["gain"], second_gain=z["second_gain"]),
     )
-
-
-def shared(facts: Facts, share: float) -> Rate:
-    """Return the rate law of a joint, scaled."""
-    return facts.rate if share == 1.0 else curve_of(Law(rate=facts.rate), facts.top_speed, factor=share)
 
 
 def admittance(facts: Facts, z: Numbers) -> Admittance:
@@ -98,10 +96,12 @@ class Goal:
         scenes: from numbers and a joint to what is played to judge them.
         score: of what was played, smaller is better.
         score_on: joints on which it is averaged.
-        trial: from numbers and a joint to the scene of the safety test.
+        trial: from numbers, a joint and the longest integration step to the scene of the safety test.
         unrest: of that scene, by what is allowed: above 1 it fails.
         test_on: joints of the safety test.
-        words: what the score is, with its unit.
+        words: what the score is.
+        unit: of the score.
+        calming: factors on numbers that make what does not rest calmer, of one way after the other.
     """
 
     name: str
@@ -111,25 +111,34 @@ class Goal:
     scenes: Callable[[Numbers, Member], Scene]
     score: Callable[[Record], float]
     score_on: Sequence[Member]
-    trial: Callable[[Numbers, Member], Scene]
+    trial: Callable[[Numbers, Member, float], Scene]
     unrest: Callable[[Record], float]
     test_on: Sequence[Member]
     words: str
+    unit: str
+    calming: Sequence[Numbers]
 
     def scores(self, many: Sequence[Numbers]) -> np.ndarray:
         """Return the score of each set of numbers, (n,)."""
-        records = play([self.scenes(z, m) for z in many for m in self.score_on])
-        found = np.array([self.score(r) for r in records]).reshape(len(many), -1)
+        made = (self.scenes(z, m) for z in many for m in self.score_on)
+        found = np.array(judged(made, self.score)).reshape(len(many), -1)
         return np.where(np.isfinite(found), found, np.inf).mean(axis=1)
 
-    def worst(self, many: Sequence[Numbers], members: Sequence[Member] | None = None) -> np.ndarray:
+    def worst(
+        self,
+        many: Sequence[Numbers],
+        members: Sequence[Member] | None = None,
+        longest: float = SUBSTEP,
+    ) -> np.ndarray:
         """Return by how much of what is allowed each set of numbers moves at rest, over joints, (n,); up to 1 is safe."""
-        return self.unrests(many, self.test_on if members is None else members).max(axis=1)
+        return self.unrests(many, self.test_on if members is None else members, longest).max(axis=1)
 
-    def unrests(self, many: Sequence[Numbers], members: Sequence[Member]) -> np.ndarray:
-        """Return the same for each set of numbers and each joint, (n, m)."""
-        records = play([self.trial(z, m) for z in many for m in members])
-        found = np.array([self.unrest(r) for r in records]).reshape(len(many), -1)
+    def unrests(
+        self, many: Sequence[Numbers], members: Sequence[Member], longest: float = SUBSTEP
+    ) -> np.ndarray:
+        """Return the same for each set of numbers and each joint, (n, m); `longest`: integration step [s]."""
+        made = (self.trial(z, m, longest) for z in many for m in members)
+        found = np.array(judged(made, self.unrest)).reshape(len(many), -1)
         return np.where(np.isfinite(found), found, np.inf)
 
 
@@ -150,12 +159,14 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
     K_low, K_c = facts.stiffness_interval[0], facts.stiffness
     spring = {"stiffness": (SOFTEST * K_low / K_c, facts.stiffest / K_c), "decay": (5.0, 500.0)}
     corners, middle = scenes.corners(facts), scenes.likely(facts)
+    force = "N.m" if facts.unit == "rad" else "N"
     if name in ("backdrive", "track"):
 
         def loop(z: Numbers) -> JointLoop:
             return JointLoop(compensator=compensator(facts, z))
 
-        share = (0.3, rules.largest_share(1.0 - facts.friction[0]))
+        most = rules.largest_share(1.0 - facts.friction[0])
+        share = (min(0.3, 0.5 * most), most)
         guides = name == "backdrive"
 
         def played(z: Numbers, member: Member) -> Scene:
@@ -171,10 +182,12 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
             scenes=played,
             score=(lambda r: scenes.peak_force(r, stroke)) if guides else tracking_error,
             score_on=[middle],
-            trial=lambda z, member: scenes.knock(facts, member, loop(z)),
+            trial=lambda z, member, longest: scenes.knock(facts, member, loop(z), longest),
             unrest=lambda r: scenes.amplitude(r) / (AT_REST * facts.count),
             test_on=corners,
             words="mean peak force of the hand" if guides else "error of tracking, root mean square",
+            unit=force if guides else facts.unit,
+            calming=[{"share": BACK_OFF}, {"share": BACK_OFF, "stiffness": SOFTER}],
         )
     if name == "estimate":
         first = filter_gains(stroke)
@@ -192,10 +205,12 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
             scenes=lambda z, member: scenes.guided(facts, member, watch(z), stroke),
             score=lambda r: float(np.sqrt(np.mean((r.estimate - r.force) ** 2))),
             score_on=corners[::2],
-            trial=lambda z, member: scenes.released(facts, member, watch(z), stroke, scenes.SUBSTEP),
+            trial=lambda z, member, longest: scenes.released(facts, member, watch(z), stroke, longest),
             unrest=lambda r: float(np.abs(np.mean(r.estimate[quiet]))) / (LEFT_OVER * facts.coulomb),
             test_on=corners,
             words="error of the external force, root mean square",
+            unit=force,
+            calming=[{"decay": 1.0 / BACK_OFF}],
         )
     base = dict(base or {"stiffness": 0.5, "decay": 20.0} | filter_gains(stroke))
     controller = admittance(facts, {"mass": 1.0, "viscosity": 1.0})
@@ -220,10 +235,12 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
         scenes=lambda z, member: scenes.guided(facts, member, estimating(z), stroke, **led(z)),
         score=lambda r: scenes.peak_force(r, stroke),
         score_on=corners[::2],
-        trial=lambda z, member: scenes.knock(facts, member, estimating(z), **led(z)),
+        trial=lambda z, member, longest: scenes.knock(facts, member, estimating(z), longest, **led(z)),
         unrest=lambda r: scenes.amplitude(r) / (RESTLESS * stroke.length),
         test_on=corners,
         words="mean peak force of the hand",
+        unit=force,
+        calming=[{"mass": 1.0 / BACK_OFF, "viscosity": 1.0 / BACK_OFF}],
     )
 
 

@@ -7,25 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.closed_loop import play
 from backdrive.compensate import Dither
 from backdrive.control import JointLoop
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.tune import rules, scenes
+from backdrive.tune import rules, safety, scenes
+from backdrive.tune.bounds import check
 from backdrive.tune.facts import Facts
-from backdrive.tune.goals import (
-    GOALS,
-    LEFT_OVER,
-    RESTLESS,
-    Goal,
-    Numbers,
-    compensator,
-    filter_gains,
-    goal_of,
-    shared,
-)
-from backdrive.tune.margins import margins, region
+from backdrive.tune.goals import GOALS, Goal, Numbers, compensator, filter_gains, goal_of
+from backdrive.tune.judging import judged
+from backdrive.tune.margins import left_over, margins, region
 from backdrive.tune.reasons import dither_bound, dither_frequency, numbers_of
+from backdrive.tune.safety import calmed
 from backdrive.tune.scenes import Member, Stroke
 from backdrive.tune.search import search
 from backdrive.tune.tuning import Tuning
@@ -35,9 +27,6 @@ THESIS_STIFFNESS = {"rad": 5e4, "m": 1.2e6}
 THESIS_DECAY = 20.0
 DITHER_SHARE = 0.3  # Sec. 3.5.1
 SLACK = 0.8  # of the bound of dither
-BACK_OFF = 0.96  # of R, where a drawn joint does not rest
-NUDGE = 1.03  # on R and K, with which the ends of the intervals have to rest too
-TIMES = 8  # it may be taken back
 
 Say = Callable[[str], None]
 
@@ -85,57 +74,94 @@ def tune(
     """
     if goal not in GOALS:
         raise InvalidInput(f"There is no goal '{goal}'.", remedy=f"Goals are {', '.join(GOALS)}.")
-    if joints < 8:
-        raise InvalidInput(f"{joints} joints are too few for a check.", remedy="Give 8 or more; 200 is good.")
+    check(f"Joint '{facts.name}'", joints=joints, seed=seed)
     stroke = stroke or scenes.stated(facts)
-    notes = list(facts.notes)
-    if facts.stiffest < facts.stiffness_interval[0] / (1.0 + facts.friction_error) * 0.999:
-        notes.append(
-            "The encoder is coarse: K is held so low that one count moves the torque by at most half of F; a compensator of the "
-            "full stiffness would be a relay of one count."
-        )
-    z = (
-        _chosen(facts, "backdrive" if goal == "track" else goal, stroke, seed, say)
-        if goal in GOALS[2:]
-        else {}
-    )
-    if goal in ("backdrive", "track"):
-        z = _chosen(facts, goal, stroke, seed, say)
-    guiding = goal_of(goal if goal == "track" else "backdrive", facts, stroke)
     members = scenes.drawn(facts, joints, seed)
+    scenes.check_step(facts, [*scenes.corners(facts), *members])
+    notes = [*facts.notes, *_noted(facts, stroke)]
+    loops = goal in ("backdrive", "track")
+    searched = _chosen(facts, goal, stroke, seed, say)
+    if goal == "admit":
+        searched = {"share": rules.largest_share(1.0 - facts.friction[0])} | searched
+    judge = goal_of(goal, facts, stroke, searched)
+    members = members if loops else members[: max(8, joints // 4)]
+    say("Checking over joints that the model may stand for")
+    rows = _rows(facts, goal, judge, searched, members)
+    z = rows["chosen"]["numbers"]
     sine: Dither | None = None
-    found: dict[str, Any] = {}
-    if goal in ("backdrive", "track"):
-        say("Checking over joints that the model may stand for")
-        z = calmed(guiding, z, members, notes)
-        sine = _dither(facts, z, members, notes, say) if dither else None
+    if loops:
+        sine, sway = _dither(facts, z, members, notes, say) if dither else (None, {})
         say("Measuring the margins")
-        found = margins(facts, z, members, stroke, guiding, sine)
+        found = margins(facts, z, members, judge) | sway | left_over(facts, z, members, stroke, sine)
     else:
-        z = {"share": rules.largest_share(1.0 - facts.friction[0])} | z
-        sought = goal_of(goal, facts, stroke, z)
-        say("Checking over joints that the model may stand for")
-        few = members[: max(8, joints // 4)]
-        found = {"joints": len(few), "left_over": float(sought.worst([z], few)[0])}
-    scores = _scores(facts, goal, goal_of(goal, facts, stroke, z), z)
+        found = {"joints": len(members), "left_over": float(judge.worst([z], members, scenes.FINE)[0])}
     picture: dict[str, Any] = {}
-    if draw and goal in ("backdrive", "track"):
+    if draw and loops:
         say("Mapping the safe region")
-        picture = region(facts, z, guiding, thesis_numbers(facts))
+        picture = region(facts, z, judge, thesis_numbers(facts))
     return Tuning(
         joint=facts.name,
         unit=facts.unit,
         goal=goal,
-        rate=shared(facts, z["share"]) if goal == "admit" else facts.rate,
+        rate=facts.rate,
+        top_speed=facts.top_speed,
         inertia=facts.inertia,
         interval=facts.interval,
-        numbers=numbers_of(facts, z, sine, stroke, goal),
-        scores=scores,
+        numbers=numbers_of(facts, z, sine, stroke, goal, searched if rows["chosen"]["searched"] else None),
+        scores={"words": judge.words, "unit": judge.unit, "rows": rows},
         margins=found,
         region=picture,
         notes=tuple(notes),
         seed=seed,
     )
+
+
+def _noted(facts: Facts, stroke: Stroke) -> list[str]:
+    """Return what is said beside a proposal."""
+    notes = []
+    if facts.stiffest < facts.stiffness_interval[0] / (1.0 + facts.friction_error) * 0.999:
+        notes.append(
+            "The encoder is coarse: K is held so low that one count moves the torque by at most half of F; a compensator of the "
+            "full stiffness would be a relay of one count."
+        )
+    speed = scenes.PEAK * stroke.length / stroke.duration
+    if speed > facts.top_speed:
+        notes.append(
+            f"The stroke is as fast as {speed:.3g} {facts.unit}/s, beyond the {facts.top_speed:.3g} up to which the model holds: "
+            "friction there is extrapolated (--stroke, --duration)."
+        )
+    return notes
+
+
+def _rows(
+    facts: Facts, name: str, goal: Goal, searched: dict[str, float], members: Sequence[Member]
+) -> dict[str, dict[str, Any]]:
+    """Return the proposal and what it is compared with, each with its score and the verdict of the same safety test.
+
+    The proposal is what the search found, taken back until it is safe, or the fixed rule where that is safe and scores better.
+    """
+    others: dict[str, dict[str, float]] = {}
+    if name in ("backdrive", "track"):
+        others = {
+            "none": {**searched, "share": 0.0},
+            "fixed rule": fixed_rule(facts),
+            "thesis": thesis_numbers(facts),
+        }
+    rows = {
+        row: {"score": float(score), "safe": safety.safe(goal, z, members), "numbers": z}
+        for (row, z), score in zip(others.items(), goal.scores(list(others.values())) if others else ())
+    }
+    rule = rows.get("fixed rule", {"safe": False})
+    chosen: dict[str, Any] = {"score": np.inf}
+    try:
+        z = calmed(goal, searched, members)
+        chosen = {"score": float(goal.scores([z])[0]), "safe": True, "numbers": z, "searched": True}
+    except NotIdentifiable:
+        if not rule["safe"]:
+            raise
+    if rule["safe"] and rule["score"] < chosen["score"]:
+        chosen = {**rule, "searched": False}
+    return {"chosen": chosen, **rows}
 
 
 def _chosen(facts: Facts, name: str, stroke: Stroke, seed: int, say: Say) -> dict[str, float]:
@@ -154,83 +180,29 @@ def _chosen(facts: Facts, name: str, stroke: Stroke, seed: int, say: Say) -> dic
     light = name in ("estimate", "admit")
     found = search(goal, seed=seed, starts=starts, width=16 if light else 32, say=say)
     if found.numbers is None:
-        what = {
-            "estimate": f"an estimate within {LEFT_OVER:g} F of zero after the hand has let go",
-            "admit": f"a joint that rests within {100 * RESTLESS:g} % of the stroke after a knock",
-        }.get(name, "a joint that rests within 2 counts after a knock")
         raise NotIdentifiable(
-            f"Joint '{facts.name}': none of {found.tried} sets of numbers gives {what} at the ends of all intervals.",
-            remedy="Narrow the intervals (--stiffness, --friction-error), shorten the delay, or use a finer encoder.",
+            f"Joint '{facts.name}': none of {found.tried} sets of numbers gives {safety.asked(name)} at the ends of all intervals.",
+            remedy=safety.WAYS_OUT,
         )
     return base | found.numbers
 
 
-def calmed(
-    goal: Goal, z: dict[str, float], members: Sequence[Member], notes: list[str] | None = None
-) -> dict[str, float]:
-    """Take R back until every drawn joint rests, and the ends of the intervals with R and K a little larger too.
-
-    A search ends at the border of what passes its test; this keeps the proposal off it.
-
-    Args:
-        goal: whose safety test.
-        z: share, stiffness by K_c, decay.
-        members: drawn joints.
-        notes: to which it is added what was taken back.
-    """
-    begun, left, off = z["share"], list(members), False
-    for _ in range(TIMES):
-        nudged = {**z, "share": NUDGE * z["share"], "stiffness": NUDGE * z["stiffness"]}
-        off = bool(goal.worst([nudged])[0] <= 1.0)
-        left = [m for m, u in zip(left, goal.unrests([z], left)[0]) if u > 1.0] if left else []
-        if not left and off:
-            break
-        z = {**z, "share": BACK_OFF * z["share"]}
-    said = [] if notes is None else notes
-    if left or not off:
-        said.append(f"Even R = {z['share']:.2f} leaves joints of the intervals in motion: see the margins.")
-    if z["share"] < begun:
-        said.append(
-            f"R was taken back from {begun:.3f} to {z['share']:.3f}, to keep off the border of what comes to rest."
-        )
-    return z
-
-
-def _dither(facts: Facts, z: Numbers, members: list[Member], notes: list[str], say: Say) -> Dither | None:
-    """Return the largest dither that moves no joint beyond its bound."""
+def _dither(
+    facts: Facts, z: Numbers, members: Sequence[Member], notes: list[str], say: Say
+) -> tuple[Dither | None, dict[str, float]]:
+    """Return the largest dither that moves no drawn joint beyond its bound, and by how much motor and load sway with it at rest."""
     say("Trying dither")
     bound = rules.stuck_dither(z["share"], z["stiffness"] * facts.stiffness, facts.stiffness_interval[0])
     share = min(DITHER_SHARE, SLACK * bound * facts.friction[0])
-    few = members[: max(8, len(members) // 4)]
-    for _ in range(3):
+    for _ in range(3 if share > 0.0 else 0):
         sine = Dither(share=share, frequency=dither_frequency(facts, z), mode="reset")
         loop = JointLoop(compensator=compensator(facts, z, sine))
-        records = play([scenes.knock(facts, m, loop) for m in few])
-        if all(
-            scenes.amplitude(r) <= dither_bound(facts, m, z, sine)
-            and np.ptp(r.load[-round(0.5 / facts.interval) :]) <= 2.0 * dither_bound(facts, m, z, sine)
-            for r, m in zip(records, few)
-        ):
-            return sine
+        made = (scenes.knock(facts, m, loop, scenes.FINE) for m in members)
+        sways = np.array(judged(made, lambda r: (scenes.amplitude(r), scenes.amplitude(r, of="load")))).T
+        allowed = np.array([dither_bound(facts, m, z, sine) for m in members])
+        if np.all(sways <= allowed):
+            motor, load = (float(x) for x in sways.max(axis=1))
+            return sine, {"dither_motor": motor, "dither_load": load, "dither_counts": motor / facts.count}
         share *= 0.5
     notes.append("No dither was found that leaves every drawn joint in place: none is proposed.")
-    return None
-
-
-def _scores(facts: Facts, name: str, goal: Goal, z: dict[str, float]) -> dict[str, Any]:
-    """Return the scores of the proposal beside those of no compensation, the fixed rule and the thesis."""
-    rows: dict[str, dict[str, float]] = {"chosen": z}
-    if name in ("backdrive", "track"):
-        rows |= {
-            "none": {**z, "share": 0.0},
-            "fixed rule": fixed_rule(facts),
-            "thesis": thesis_numbers(facts),
-        }
-    values, worst = goal.scores(list(rows.values())), goal.worst(list(rows.values()))
-    return {
-        "words": goal.words,
-        "rows": {
-            row: {"score": float(s), "safe": bool(w <= 1.0), "numbers": numbers}
-            for (row, numbers), s, w in zip(rows.items(), values, worst)
-        },
-    }
+    return None, {}

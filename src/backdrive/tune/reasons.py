@@ -10,7 +10,7 @@ from backdrive.tune import rules, scenes
 from backdrive.tune.facts import Facts
 from backdrive.tune.goals import Numbers, admittance, filter_gains
 from backdrive.tune.scenes import Member, Stroke
-from backdrive.tune.tuning import Number
+from backdrive.tune.tuning import NAMES, Number
 
 FAST_DECAY, SWITCH_RATE = 500.0, 10.0  # Iwatani 2017, (3.28), R_W as a rate [1/s]
 DITHER_FREQUENCY = 15.0  # Sec. 3.5.1 [Hz]
@@ -66,8 +66,29 @@ def presliding_radius(facts: Facts, member: Member, z: Numbers) -> float:
     return rules.sampled_radius(M, L, springs[0], springs[1], gain, z["decay"], member.delay, facts.interval)
 
 
-def numbers_of(facts: Facts, z: Numbers, sine: Dither | None, stroke: Stroke, goal: str) -> dict[str, Number]:
-    """Return every parameter with its reason and its bound.
+def origin(z: Numbers, searched: Numbers | None, name: str, aim: str) -> str:
+    """Return how a number was found, a sentence.
+
+    Args:
+        z: the chosen numbers.
+        searched: what the search found; None where the fixed rule was taken.
+        name: of the number.
+        aim: of the search.
+    """
+    if searched is None:
+        return "Of the rule to begin with (0.8, 0.72 of K_c, 20 1/s): it passes the same test as the search's and scores better."
+    found = f"Found by search for {aim} among what passes the test."
+    if z[name] == searched[name]:
+        return found
+    kind = f"from {searched[name]:.3g} to {z[name]:.3g}" if name in ("share", "decay") else ""
+    kind = kind or f"by a factor of {z[name] / searched[name]:.3g}"
+    return f"{found[:-1]}, then moved {kind} until every drawn joint and the ends of all intervals pass it."
+
+
+def numbers_of(
+    facts: Facts, z: Numbers, sine: Dither | None, stroke: Stroke, goal: str, searched: Numbers | None = None
+) -> dict[str, Number]:
+    """Return every parameter that a goal has, with its reason and its bound.
 
     Args:
         facts: of the joint.
@@ -75,11 +96,13 @@ def numbers_of(facts: Facts, z: Numbers, sine: Dither | None, stroke: Stroke, go
         sine: the dither, or None.
         stroke: of the hand.
         goal: by name.
+        searched: what the search found; None where the fixed rule was taken.
     """
     rad = facts.unit == "rad"
     force, spring = ("N.m", "N.m/rad") if rad else ("N", "N/m")
     mass, viscosity = ("kg.m^2", "N.m.s/rad") if rad else ("kg", "N.s/m")
     T, F, K_low = facts.interval, facts.coulomb, facts.stiffness_interval[0]
+    z = {"share": 1.0, **z}  # an estimate alone has none
     K, alpha, R = z["stiffness"] * facts.stiffness, z["decay"], z["share"]
     motor = facts.motor_share * facts.inertia
     damping = 2.0 * facts.damping[0] * float(np.sqrt(K_low * motor))
@@ -97,12 +120,12 @@ def numbers_of(facts: Facts, z: Numbers, sine: Dither | None, stroke: Stroke, go
     control = admittance(facts, led)
     least = T * control.derivative
     peak = 5.77 * stroke.length / stroke.duration**2
-    searched = {
+    aims = {
         "backdrive": "the least mean peak force of the hand",
         "track": "the least error of a soft position controller",
         "estimate": "the least error of the external force",
         "admit": "the least mean peak force of the hand",
-    }[goal]
+    }
     largest_R = rules.largest_share(1.0 - facts.friction[0])
     cycle = rules.limit_cycle(F * facts.friction[0], K_low, R / facts.friction[0])
     stuck = rules.stuck_dither(R, K, K_low)
@@ -110,16 +133,19 @@ def numbers_of(facts: Facts, z: Numbers, sine: Dither | None, stroke: Stroke, go
     dithering = 0.0 if sine is None else sine.share
     frequency = dither_frequency(facts, z) if sine is None else sine.frequency
     loops = goal in ("backdrive", "track")
-    return {
+
+    def why(name: str) -> str:
+        first = goal == "admit" and name in ("stiffness", "decay")  # the estimator is searched for before
+        return origin(z, searched, name, aims["estimate" if first else goal])
+
+    found = {
         "share": Number(
             symbol="R",
             value=R,
             unit="-",
-            reason=f"Found by search for {searched} among what comes to rest."
+            reason=why("share")
             if loops
-            else "The estimator takes off R of the friction: with more than there is it would drive the joint on."
-            if goal == "admit"
-            else "The largest that stays below the least friction; an estimate alone does not use it.",
+            else "The estimator takes off R of the law: with more than there is it would drive the joint on.",
             bound=f"R F stays below the least friction, R <= {largest_R:.2f}"
             + (f"; no limit cycle above r_c/(1 - R) = {cycle:.3g} {facts.unit}." if loops else "."),
             limit=largest_R,
@@ -128,7 +154,7 @@ def numbers_of(facts: Facts, z: Numbers, sine: Dither | None, stroke: Stroke, go
             symbol="K",
             value=K,
             unit=spring,
-            reason=f"Found by search for {searched}; {K / facts.stiffness:.2f} of K_c.",
+            reason=f"{why('stiffness')} It is {K / facts.stiffness:.2f} of K_c.",
             bound=f"It yields after the joint, F/K >= F_c/K_c, and one count moves the torque by {quantum:.2g} {force} of "
             f"{F:.3g}: K <= {facts.stiffest:.3g}.",
             limit=facts.stiffest,
@@ -137,10 +163,11 @@ def numbers_of(facts: Facts, z: Numbers, sine: Dither | None, stroke: Stroke, go
             symbol="alpha_N",
             value=alpha,
             unit="1/s",
-            reason=f"Found by search; the torque is gone {3000.0 / alpha:.0f} ms after a stop, and all of F is given above "
+            reason=f"{why('decay')} The torque is gone {3000.0 / alpha:.0f} ms after a stop, and all of F is given above "
             f"{rules.threshold_speed(F, K, alpha):.2g} {facts.unit}/s.",
-            bound=f"Presliding is stable at the ends of all intervals, sampled and delayed: spectral radius {radius:.4f} < 1 "
-            f"(Routh's test without sampling and delay says {'stable' if held else 'unstable'})."
+            bound=f"Presliding, linear, sampled and delayed, has a spectral radius of {radius:.4f} at the ends of all intervals, "
+            + ("below 1: stable" if radius < 1.0 else "not below 1: only the simulated check speaks for it")
+            + f" (Routh's test without sampling and delay says {'stable' if held else 'unstable'})."
             if loops
             else "Its torque is not given to the motor, so that it cannot make presliding unstable.",
         ),
@@ -188,15 +215,13 @@ def numbers_of(facts: Facts, z: Numbers, sine: Dither | None, stroke: Stroke, go
             value=frequency,
             unit="Hz",
             reason="15 Hz as in the thesis, above what a hand does, less where a resonance is near.",
-            bound="At most a quarter of the stuck motor's resonance and 20 samples a period.",
+            bound="At most a quarter of the stuck motor's resonance on the lower end of K_c less R K, and 20 samples a period.",
         ),
         "filter_gain": Number(
             symbol="G",
             value=gains["gain"],
             unit=f"{facts.unit}/s^2",
-            reason=f"Found by search for {searched}."
-            if "gain" in z
-            else "35 times the stroke's largest acceleration.",
+            reason=why("gain") if "gain" in z else "35 times the stroke's largest acceleration.",
             bound=f"H G stays above that acceleration, {peak:.3g}: the filter can follow.",
             limit=peak,
         ),
@@ -204,9 +229,7 @@ def numbers_of(facts: Facts, z: Numbers, sine: Dither | None, stroke: Stroke, go
             symbol="G of the velocity",
             value=gains["second_gain"],
             unit=f"{facts.unit}/s^3",
-            reason=f"Found by search for {searched}."
-            if "second_gain" in z
-            else "Twice the stroke's largest jerk.",
+            reason=why("second_gain") if "second_gain" in z else "Twice the stroke's largest jerk.",
             bound="H G stays above that jerk.",
             limit=60.0 * stroke.length / stroke.duration**3,
         ),
@@ -222,9 +245,7 @@ def numbers_of(facts: Facts, z: Numbers, sine: Dither | None, stroke: Stroke, go
             symbol="m",
             value=control.inertia,
             unit=mass,
-            reason=f"Found by search for {searched}."
-            if "mass" in z
-            else "Half the joint's own inertia or what the bound asks for.",
+            reason=why("mass") if "mass" in z else "Half the joint's own inertia or what the bound asks for.",
             bound=f"m >= T K_d = {least:.3g} {mass}, the deadbeat limit of the loop with the torque of the tick before.",
             limit=least,
         ),
@@ -232,7 +253,7 @@ def numbers_of(facts: Facts, z: Numbers, sine: Dither | None, stroke: Stroke, go
             symbol="b",
             value=control.viscosity,
             unit=viscosity,
-            reason="Found by search beside m." if "mass" in z else "15/s of m, the thesis' ratio.",
+            reason=why("viscosity") if "mass" in z else "15/s of m, the thesis' ratio.",
             bound="b > 0: a joint that nobody touches comes to rest.",
             limit=0.0,
         ),
@@ -251,3 +272,4 @@ def numbers_of(facts: Facts, z: Numbers, sine: Dither | None, stroke: Stroke, go
             limit=0.4 * facts.motor_share * facts.inertia_interval[0] / (T + facts.delay),
         ),
     }
+    return {name: found[name] for name in NAMES[goal]}

@@ -16,10 +16,12 @@ import numpy as np
 from backdrive.closed_loop import Record, Scene
 from backdrive.control.loop import JointLoop
 from backdrive.engine.servo import Servo
+from backdrive.errors import InvalidInput
 from backdrive.laws import Law, ViscoElastoplastic
 from backdrive.plants.hand import Hand, HandMotion, pushes, strokes
 from backdrive.plants.joint import SimulatedJoint
 from backdrive.tune import rules
+from backdrive.tune.bounds import check
 from backdrive.tune.facts import Facts, curve_of
 
 SUBSTEP = 1e-4  # longest integration step while searching [s]
@@ -28,6 +30,11 @@ PUSHED = 0.03  # time of the knock, a push of 2 F [s]
 SETTLED = 2.0  # length of the scene of a knock [s]
 WINDOW = 0.5  # at its end, in which the joint has to rest [s]
 PACE = 30.0  # steps a period of the joint's fastest oscillation that an integration needs
+FINEST = 2e-6  # shortest integration step that ends within minutes [s]
+LEAST = 10.0  # stroke by F/K_c, else all of it is presliding [-]
+BEYOND = 10.0  # times the model's top speed up to which a stroke is believed [-]
+USUAL_DURATION = 0.5  # of the stated stroke [s]
+PEAK = 1.875  # peak speed of a minimum-jerk stroke by length/duration [-]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,15 +189,39 @@ class Stroke:
         return whole.replace(**{k: getattr(whole, k)[:n] for k in ("position", "velocity", "grip", "push")})
 
 
-def stated(facts: Facts, length: float | None = None, duration: float = 0.5) -> Stroke:
+def stated(facts: Facts, length: float | None = None, duration: float = USUAL_DURATION) -> Stroke:
     """Return the stroke by which a joint is judged: half its duration of pause, a hand that is nearly a prescribed motion.
 
     Args:
         facts: of the joint.
-        length: of the stroke; None: 0.15 rad or 0.06 m.
+        length: of the stroke [rad or m]; None: 0.15 rad or 0.06 m.
         duration: of it [s].
+
+    Raises:
+        InvalidInput: one of them is out of its bounds, all of the stroke is presliding, or it is faster than 10 times what the
+            model has seen and than 10 times the stated stroke.
     """
-    length = length or (0.15 if facts.unit == "rad" else 0.06)
+    where = f"Joint '{facts.name}'"
+    check(where, stroke=length, duration=duration)
+    usual = 0.15 if facts.unit == "rad" else 0.06
+    length = usual if length is None else length
+    if duration < 20.0 * facts.interval:
+        raise InvalidInput(
+            f"{where}: duration = {duration:g} s is less than 20 intervals.",
+            remedy="Take a longer one (--duration) or sample faster (--interval).",
+        )
+    if length < LEAST * facts.coulomb / facts.stiffness:
+        raise InvalidInput(
+            f"{where}: stroke = {length:g} {facts.unit} is presliding, F/K_c is {facts.coulomb / facts.stiffness:.3g}.",
+            remedy=f"Give --stroke {LEAST:g} times that or more.",
+        )
+    speed, fastest = PEAK * length / duration, BEYOND * max(facts.top_speed, PEAK * usual / USUAL_DURATION)
+    if speed > fastest:
+        raise InvalidInput(
+            f"{where}: a stroke of {length:g} {facts.unit} in {duration:g} s is as fast as {speed:.3g} {facts.unit}/s, the model "
+            f"holds up to {facts.top_speed:.3g} {facts.unit}/s.",
+            remedy=f"Up to {fastest:.3g} {facts.unit}/s is tuned for: give a shorter --stroke or a longer --duration.",
+        )
     stiffness = 15.0 * facts.coulomb / length
     damping = 1.4 * float(np.sqrt(stiffness * facts.inertia))  # a damping ratio of 0.7
     return Stroke(
@@ -208,6 +239,22 @@ def substep(facts: Facts, member: Member, longest: float) -> float:
     L = member.inertia - M
     omega = float(np.sqrt(member.transmission * (1.0 / M + 1.0 / L) + member.bristle / L))
     return min(longest, 2.0 * np.pi / omega / PACE, facts.interval)
+
+
+def check_step(facts: Facts, members: Sequence[Member]) -> None:
+    """Refuse joints whose integration would take hours.
+
+    Raises:
+        InvalidInput: motor and load swing too fast on their springs.
+    """
+    step = min(substep(facts, m, FINE) for m in members)
+    if step < FINEST:
+        raise InvalidInput(
+            f"Joint '{facts.name}': motor and load swing on K_c with up to {1.0 / (PACE * step):.3g} Hz, so that an integration "
+            f"step would have to be {step:.2g} s, shorter than {FINEST:g} s.",
+            remedy="No joint swings that fast: give --inertia in kg.m^2 or kg and --stiffness in N.m/rad or N/m at the joint, and "
+            "look at --motor-share.",
+        )
 
 
 def scene(
@@ -297,9 +344,9 @@ def tracking(facts: Facts, member: Member, loop: JointLoop, stroke: Stroke, long
 # ------------------------------------------------------------------------------------------------------------ scores
 
 
-def amplitude(record: Record, window: float = WINDOW) -> float:
-    """Return the half-amplitude of the motor at the end of a scene [rad or m]."""
-    tail = record.motor[-round(window / record.scene.period) :]
+def amplitude(record: Record, window: float = WINDOW, of: str = "motor") -> float:
+    """Return the half-amplitude of the motor, or `of` the load, at the end of a scene [rad or m]."""
+    tail = getattr(record, of)[-round(window / record.scene.period) :]
     return 0.5 * float(np.ptp(tail)) if np.all(np.isfinite(tail)) else np.inf
 
 

@@ -1,26 +1,34 @@
-"""What was chosen for a joint, why, and how far it is from breaking; and its file, a small JSON that a robot's program can load."""
+"""What was chosen for a joint, why, and how far it is from breaking. `tuning_file` keeps it."""
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
-from backdrive._files import write_whole
 from backdrive.compensate import Compensator, Dither, alg_fc, alg_fc2, nothing
 from backdrive.control import Admittance, JointLoop
-from backdrive.errors import BackdriveError, InvalidInput, ModelFileError
+from backdrive.errors import InvalidInput
 from backdrive.estimate.external import ExternalForce
 from backdrive.estimate.friction import alg_fe
 from backdrive.estimate.sliding_mode import MotionFilter
-from backdrive.laws import rate_law
 from backdrive.laws.base import Rate
+from backdrive.tune.facts import shared
 
-FORMAT, SCHEMA = "backdrive-tuning", 1
-MAX_BYTES = 5_000_000
+CONTACT = ("stiffness", "decay_rate")
+FILTER = ("filter_gain", "second_filter_gain", "filter_ratio")
+SWITCH = ("fast_decay", "switch_rate", "threshold")
+DITHER = ("dither_share", "dither_frequency")
+ADMITTANCE = ("admittance_inertia", "admittance_viscosity", "position_gain", "velocity_gain")
+LOOP = ("share", *CONTACT, *SWITCH, *DITHER, *FILTER, *ADMITTANCE)
+#: Which numbers the tuning for a goal has.
+NAMES = {
+    "backdrive": LOOP,
+    "track": LOOP,
+    "estimate": (*CONTACT, *FILTER),
+    "admit": ("share", *CONTACT, *FILTER, *ADMITTANCE),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,11 +60,12 @@ class Tuning:
         joint: its name.
         unit: `rad` or `m`.
         goal: what they were chosen for.
-        rate: rate law that is run.
+        rate: rate law of the model, all of it: compensator and, for `admit`, estimator take `share` of it.
+        top_speed: fastest that the model has seen [rad/s or m/s].
         inertia: of the joint [kg.m^2 or kg].
         interval: sampling time that they are for [s].
         numbers: by name.
-        scores: what the proposal, no compensation and the thesis' numbers achieve, and whether each is safe.
+        scores: what the proposal, no compensation, the fixed rule and the thesis' numbers achieve, and whether each is safe.
         margins: how far the proposal is from breaking, by name with unit.
         region: the safe region for the figure; empty where it was not asked for.
         notes: what was assumed, in sentences.
@@ -67,6 +76,7 @@ class Tuning:
     unit: str
     goal: str
     rate: Rate
+    top_speed: float
     inertia: float
     interval: float
     numbers: Mapping[str, Number]
@@ -77,6 +87,11 @@ class Tuning:
     seed: int = 0
 
     def __getitem__(self, name: str) -> float:
+        if name not in self.numbers:
+            raise InvalidInput(
+                f"Joint '{self.joint}' was tuned for '{self.goal}', which has no '{name}'.",
+                remedy=f"It has {', '.join(self.numbers)}.",
+            )
         return self.numbers[name].value
 
     def compensator(self, *, dither: bool = True, switching: bool = False) -> Compensator:
@@ -105,10 +120,11 @@ class Tuning:
         )
 
     def external(self) -> ExternalForce:
-        """Return the estimator of the external force."""
+        """Return the estimator of the external force; for `admit` it takes `share` of the friction."""
+        share = self["share"] if self.goal == "admit" else 1.0
         return ExternalForce(
             inertia=self.inertia,
-            friction=alg_fe(self.rate, self["stiffness"], self["decay_rate"]),
+            friction=alg_fe(shared(self.rate, share, self.top_speed), self["stiffness"], self["decay_rate"]),
             filter=MotionFilter(
                 gain=self["filter_gain"],
                 ratio=self["filter_ratio"],
@@ -118,7 +134,7 @@ class Tuning:
         )
 
     def admittance(self) -> Admittance:
-        """Return the admittance controller."""
+        """Return the admittance controller; a tuning for `estimate` has none."""
         return Admittance(
             inertia=self["admittance_inertia"],
             viscosity=self["admittance_viscosity"],
@@ -129,102 +145,3 @@ class Tuning:
     def loop(self) -> JointLoop:
         """Return what runs on the joint in a torque loop."""
         return JointLoop(compensator=self.compensator(), external=self.external())
-
-
-def plain(tuning: Tuning) -> dict[str, Any]:
-    """Return a tuning as numbers and words alone."""
-    found = {name: getattr(tuning, name) for name in ("joint", "unit", "goal", "inertia", "interval", "seed")}
-    found["rate"] = {"name": tuning.rate.NAME, "parameters": tuning.rate.values()}
-    found["numbers"] = {name: asdict(number) for name, number in tuning.numbers.items()}
-    for name in ("scores", "margins", "region"):
-        found[name] = dict(getattr(tuning, name))
-    found["notes"] = list(tuning.notes)
-    return _finite(found)
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(k): _finite(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(v) for v in value]
-    if hasattr(value, "tolist"):
-        return _finite(value.tolist())
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def save_tunings(tunings: Sequence[Tuning], path: str | Path) -> Path:
-    """Write tunings to a JSON file, whole or not at all."""
-    document = {"format": FORMAT, "schema": SCHEMA, "joints": [plain(t) for t in tunings]}
-    return write_whole(path, json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
-
-
-def load_tunings(path: str | Path) -> tuple[Tuning, ...]:
-    """Read tunings from a JSON file.
-
-    Raises:
-        ModelFileError: the file is absent, damaged or of another kind; the message says where.
-    """
-    path = Path(path)
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise ModelFileError(
-                f"{path} is larger than {MAX_BYTES} bytes.", remedy="A tuning is a few kilobytes."
-            )
-        document = json.loads(path.read_bytes())
-    except OSError as error:
-        raise ModelFileError(f"Cannot read {path}: {error.strerror}.", remedy="Check the path.") from error
-    except (ValueError, RecursionError) as error:
-        raise ModelFileError(f"{path} is damaged: {error}.", remedy="Run `backdrive tune` again.") from error
-    if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise ModelFileError(
-            f"{path} is JSON, but not a tuning.", remedy="Name a file made by `backdrive tune -o`."
-        )
-    if document.get("schema") != SCHEMA:
-        raise ModelFileError(
-            f"{path}: $.schema is {document.get('schema')!r}, this version reads {SCHEMA}.",
-            remedy="Upgrade backdrive, or tune again.",
-        )
-    found = []
-    for i, joint in enumerate(document.get("joints") or [None]):
-        try:
-            found.append(_joint(joint))
-        except BackdriveError as error:
-            raise ModelFileError(f"{path}: $.joints[{i}]: {error.message}", remedy=error.remedy) from error
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise ModelFileError(
-                f"{path}: $.joints[{i}] is damaged: {type(error).__name__}: {error}.",
-                remedy="Run `backdrive tune` again.",
-            ) from error
-    return tuple(found)
-
-
-def _joint(joint: Any) -> Tuning:
-    numbers = {}
-    for name, number in joint["numbers"].items():
-        value = number["value"]
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-            raise InvalidInput(f"'{name}' is {value!r}.", remedy="It must be one finite number.")
-        limit = number.get("limit")
-        numbers[name] = Number(
-            **{**number, "value": float(value), "limit": math.nan if limit is None else limit}
-        )
-    rate = joint["rate"]
-    values = {k: tuple(v) if isinstance(v, list) else v for k, v in rate["parameters"].items()}
-    tuning = Tuning(
-        joint=str(joint["joint"]),
-        unit=joint["unit"],
-        goal=joint["goal"],
-        rate=rate_law(rate["name"])(**values),
-        inertia=float(joint["inertia"]),
-        interval=float(joint["interval"]),
-        numbers=numbers,
-        scores=joint.get("scores", {}),
-        margins=joint.get("margins", {}),
-        region=joint.get("region", {}),
-        notes=tuple(joint.get("notes", ())),
-        seed=int(joint.get("seed", 0)),
-    )
-    tuning.compensator()  # each looks at its numbers
-    tuning.external()
-    tuning.admittance()
-    return tuning
