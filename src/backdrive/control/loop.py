@@ -138,11 +138,17 @@ def joint(c, i, p, x, s, ce, pe, xe, se, g, j, q, dt):
 
 
 @jit
-def tick(C, P, X, S, CE, PE, XE, SE, g, codes, q, dt):
-    """Advance every joint by one tick and return the worst status."""
+def tick(A, o, g, codes, q, dt):
+    """Advance every joint by one tick and return the worst status.
+
+    `A[j]`: what `rows` returns of a joint, one after the other, `o`: where each begins (9,), `g`: table.
+    """
     worst = OK
     for j in range(codes.size):
-        codes[j] = joint(C[j], 0, P[j], X[j], S[j], CE[j], PE[j], XE[j], SE[j], g, j, q[j], dt)
+        a = A[j]
+        c, p, x, s = a[: o[1]], a[o[1] : o[2]], a[o[2] : o[3]], a[o[3] : o[4]]
+        ce, pe, xe, se = a[o[4] : o[5]], a[o[5] : o[6]], a[o[6] : o[7]], a[o[7] :]
+        codes[j] = joint(c, 0, p, x, s, ce, pe, xe, se, g, j, q[j], dt)
         if codes[j] != OK and worst in (OK, SATURATED):
             worst = codes[j]
     return worst
@@ -266,9 +272,12 @@ class Loop:
             )
         self.interval = float(interval)
         J = len(self.joints)
-        self._arrays = rows(self.joints, np.zeros(J), self.interval)
-        self.table = self._arrays[-1]
+        *parts, self.table = rows(self.joints, np.zeros(J), self.interval)
         self.codes = np.zeros(J, dtype=np.int64)
+        # in one array, for an argument more costs as much as a friction law
+        begins = np.cumsum([0] + [part.shape[1] for part in parts])
+        self._rows = np.concatenate(parts, axis=1)
+        self._arrays = (self._rows, begins, self.table, self.codes)
         self._position = np.zeros(J)
         self.torque, self.external, self.friction = (self.table[k] for k in (TORQUE, EXTERNAL, FRICTION))
         self.level = self.table[LEVEL]
@@ -281,9 +290,8 @@ class Loop:
 
     def reset(self, positions: np.ndarray) -> None:
         """Return to joints at rest at these positions [rad or m], (J,), relaxed, at time 0."""
-        fresh = rows(self.joints, np.asarray(positions, dtype=np.float64), self.interval)
-        for mine, new in zip(self._arrays, fresh):
-            mine[:] = new
+        *parts, table = rows(self.joints, np.asarray(positions, dtype=np.float64), self.interval)
+        self._rows[:], self.table[:] = np.concatenate(parts, axis=1), table
         self.codes[:] = OK
 
     def update(self, position: np.ndarray, applied: np.ndarray, interval: float | None = None) -> Status:
@@ -307,4 +315,4 @@ class Loop:
                 dt = float(interval)
         except (TypeError, ValueError, OverflowError):  # no numbers at all
             read[:] = np.nan
-        return STATUSES[self._tick(*self._arrays, self.codes, read, dt)]
+        return STATUSES[self._tick(*self._arrays, read, dt)]

@@ -73,8 +73,9 @@ def safe_region(tuning: Tuning, theme: Theme = LIGHT) -> Any:
     right.yaxis.set_minor_locator(NullLocator())
     right.plot([1e3 * delay], [alpha], clip_on=False, zorder=5, **_mark(theme, "chosen"))
     left.plot([K], [R], clip_on=False, zorder=5, **_mark(theme, "chosen"))
-    R, K = region["thesis"][:2]  # its R and K are not those of the right panel
+    R, K, alpha = region["thesis"][:3]
     left.plot([min(K, left.get_xlim()[1])], [R], clip_on=False, zorder=4, **_mark(theme, "thesis"))
+    right.plot([1e3 * delay], [alpha], clip_on=False, zorder=4, **_mark(theme, "thesis alpha"))
     _legend(figure, theme, tuning)
     return figure
 
@@ -113,10 +114,12 @@ def _tiles(
 
 
 def _mark(theme: Theme, name: str) -> dict[str, Any]:
-    """Return the marker of the chosen numbers, or the thesis', hollow and larger, so that neither hides the other."""
+    """Return the marker of the chosen numbers, or of the thesis', hollow and larger, so that neither hides the other."""
     if name == "chosen":
         return {"marker": "o", "color": theme.ink, "ms": 6, "ls": "none"}
-    return {"marker": "D", "mfc": "none", "mec": theme.ink, "mew": 1.4, "ms": 11, "ls": "none"}
+    if name == "thesis":
+        return {"marker": "D", "mfc": "none", "mec": theme.ink, "mew": 1.4, "ms": 11, "ls": "none"}
+    return {"marker": "s", "mfc": "none", "mec": theme.ink, "mew": 1.0, "ms": 8, "ls": "none"}
 
 
 def _legend(figure: Any, theme: Theme, tuning: Tuning) -> None:
@@ -128,7 +131,11 @@ def _legend(figure: Any, theme: Theme, tuning: Tuning) -> None:
     beyond = f" (K/K_c = {K:.2g}, beyond)" if tuning.region["springs"][-1] < K else ""
     entries += [
         Line2D([], [], label=words, **_mark(theme, name))
-        for name, words in (("chosen", "chosen"), ("thesis", f"the thesis' R and K{beyond}"))
+        for name, words in (
+            ("chosen", "chosen"),
+            ("thesis", f"the thesis' R and K{beyond}"),
+            ("thesis alpha", "its α, with the chosen R and K"),
+        )
     ]
     legend = figure.legend(handles=entries, loc="lower center", ncol=3, frameon=False, fontsize=9.5)
     for text in legend.get_texts():
