@@ -169,6 +169,14 @@ def test_settings_are_checked():
     assert Adaptation(slowest=0.1).row(Law(rate=RATE))[3:5] == pytest.approx((3.5, 0.35))
 
 
+def test_words_for_numbers_and_margins_below_zero_are_refused():
+    with pytest.raises(InvalidInput, match="'a'"):
+        Adaptation(slowest="a")
+    with pytest.raises(InvalidInput, match="margin = -5"):
+        passive_level(RATE, RATE, gain=0.9, top_speed=1.0, margin=-5.0)
+    assert passive_level(RATE, Law(rate=RATE), gain=0.9, top_speed=1.0) == pytest.approx(1.0 / 0.9)
+
+
 def test_what_it_cannot_go_with_is_refused():
     with pytest.raises(InvalidInput, match="estimated external force"):
         JointLoop(compensator=alg_fc(RATE, K), adaptation=ADAPTS)

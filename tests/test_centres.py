@@ -239,9 +239,19 @@ def test_growth_with_the_load_shows_by_posture():
     assert carried == pytest.approx(20.0, abs=0.3)
     v = np.array(found.law.velocity)
     assert np.array(found.law.positive) == pytest.approx(joint.law.torque(v) + 0.05 * carried, abs=0.1)
-    assert any(f"Friction grows by {value:.3f} +-" in note for note in found.notes)
+    assert any(f"Friction grows by {value:.4f} +-" in note for note in found.notes)
     assert max(found.error_pos) < 0.03  # what the load adds inside the windows is not taken for noise
     assert fit_sweeps(made(uneven(), (-60, 0, 60)), "joint_1").load is None
+
+
+def test_growth_is_told_from_a_delay_where_inertia_outweighs_gravity():
+    joint = joint_1().replace(load_dependence=0.05, torque_noise=0.2, delay=1.3e-3)
+    friction, _ = identify_sweep(made(joint, (-82, 0, 82)), "joint_1")
+    assert friction.dynamics["time_slip"].value == pytest.approx(-1.8e-3, abs=0.3e-3)
+    assert friction.dynamics["load_dependence"].value == pytest.approx(0.05, abs=0.002)
+    v = np.array(friction.law.rate.velocity)
+    carried = friction.dynamics["load_carried"].value
+    assert friction.law.torque(v) == pytest.approx(joint.law.torque(v) + 0.05 * carried, abs=0.15)
 
 
 def test_a_posture_that_was_not_swept_is_predicted_with_the_growth():
@@ -282,11 +292,13 @@ def test_lifting_and_being_driven_back_need_a_known_payload():
     assert friction.dynamics["inertia"].value == pytest.approx(
         1.6, abs=0.06
     )  # what accelerates loads the gear too
-    assert "of the gravity that the motor lifts" in shown.verdict
+    assert "of the load that the motor lifts" in shown.verdict
     other = prepare(made(joint, (-30,), seed=9)[0], 0)[0]
     slides = np.abs(other.velocity) > 0.2
     off = ((other.torque - predict(friction, other)) * np.sign(other.velocity))[slides]
     assert abs(np.mean(off)) < 0.1
+    with pytest.raises(NotIdentifiable, match="which no gear does"):  # sine and cosine swapped
+        identify_payload(logs, "joint_1", [(c, s) for s, c in payloads], timing="command")
     with pytest.raises(InvalidInput, match="2 payloads for 6 logs"):
         identify_payload(logs, "joint_1", payloads[:2])
     with pytest.raises(InvalidInput, match="same payload"):

@@ -402,7 +402,8 @@ def test_bristle_and_scale_stay_within_their_bounds():
     for k in range(q.size):
         loop.error[0], loop.slope[0] = 10.0 ** rng.uniform(-6, 3) * rng.choice([-1.0, 1.0]), rng.normal()
         loop.update(q[k : k + 1], np.zeros(1))
-        s = loop._arrays[3][0, 6:]
+        rows, begins = loop._arrays[:2]
+        s = rows[0, begins[3] + 6 : begins[4]]
         assert abs(s[0]) <= 7.5 * (1.0 + 1e-12)
         theta.append(s[1])
     assert min(theta) >= 0.7

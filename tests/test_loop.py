@@ -158,6 +158,8 @@ def shared():
         (np.zeros(J), np.zeros(J), np.nan, Status.BAD_INTERVAL),
         (np.zeros(J), np.zeros(J), np.inf, Status.BAD_INTERVAL),
         (np.zeros(J), np.zeros(J), 100.0 * T, Status.BAD_INTERVAL),
+        (np.zeros(J), np.zeros(J), 20.1 * T, Status.BAD_INTERVAL),
+        (np.zeros(J), np.zeros(J), 19.9 * T, Status.OK),
         (np.full(J, 1e3), np.zeros(J), None, Status.JUMP),
     ],
 )

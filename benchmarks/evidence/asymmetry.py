@@ -209,6 +209,21 @@ def load(judge: Judge) -> None:
     )
     judge.that(f"growth by posture seen in {len(x)} of 12", len(x) == 12)
     judge.at_most("growth by posture, worst error", float(np.abs(x[:, 0]).max()), 0.01)
+    far = []
+    for seed in range(6):
+        plant = joint().replace(load_dependence=0.05, delay=1.3e-3)
+        found = fit_sweeps(logs(plant, (-81.67, 0.0, 81.67), seed=300 + seed), "joint_1")
+        assert found.load is not None
+        v, more = np.array(found.law.velocity), 0.05 * found.load[2]
+        up = found.law.positive - plant.law.torque(v) - more
+        down = found.law.negative + plant.law.torque(-v) - more
+        far.append([found.load[0] - 0.05, np.sqrt(np.mean(np.concatenate([up, down]) ** 2))])
+    y = np.abs(far).max(axis=0)
+    print(
+        f"  about -82, 0, 82 deg, where inertia outweighs gravity, delay of 1.3 ms not told: worst {y[0]:.4f}, curve {y[1]:.3f} N.m"
+    )
+    judge.at_most("growth there, worst error", float(y[0]), 0.003)
+    judge.at_most("curve there, rms over the knots, worst", float(y[1]), 0.1, "N.m")
     none = sum(fit_sweeps(logs(joint(), seed=50 + s), "joint_1").load is not None for s in range(20))
     judge.that(f"growth seen where there is none: {none} of 20 (at most 1)", none <= 1)
     rate = GearLoad(coulomb=8.0, load=0.02, driving=0.06, driven=0.01, stribeck_velocity=1e3, viscous=2.0)

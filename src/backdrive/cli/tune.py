@@ -264,7 +264,8 @@ def _margins(tuning: Tuning) -> Sequence[str]:
     m, unit = tuning.margins, tuning.unit
     if "cycle" not in m:
         return (
-            f"Over {m['joints']} joints of the intervals it shows {m['left_over']:.2g} of what is allowed at rest.",
+            f"Over {m['joints']} joints of the intervals (a quarter of --joints, at least 8) it shows "
+            f"{m['left_over']:.2g} of what is allowed at rest.",
         )
     force = "N.m" if unit == "rad" else "N"
     share = (

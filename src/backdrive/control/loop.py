@@ -39,7 +39,7 @@ SLOWEST, FASTEST = 20.0, 0.05  # intervals by the nominal one that are believed
 #: Rows of the table that a tick reads and writes, one number a joint.
 (
     NOMINAL, BEFORE, SINCE, BEGUN, TIME, TORQUE, EXTERNAL, FRICTION, APPLIED, ERROR, SLOPE, KNOWN, MOTOR, LOAD, TEMPERATURE,
-    TOP, LIMIT, FADE, PATIENCE, STALE, ELSEWHERE, ESTIMATES, SLID, LEVEL, LEARNS, SLOWEST, SETTLE, FLOOR, DEAD, LOWER, UPPER,
+    TOP, LIMIT, FADE, PATIENCE, STALE, ELSEWHERE, ESTIMATES, SLID, LEVEL, LEARNS, CREEP, SETTLE, FLOOR, DEAD, LOWER, UPPER,
 ) = range(31)  # fmt: skip
 TABLE = 31
 
@@ -125,7 +125,7 @@ def joint(c, i, p, x, s, ce, pe, xe, se, g, j, q, dt):
         g[TORQUE, j] /= 1.0 + g[FADE, j] * g[NOMINAL, j]
         return NOT_FINITE
     if g[LEARNS, j] > 0.0:
-        slid = g[SLID, j] + T if abs(dp) >= g[SLOWEST, j] * T else 0.0
+        slid = g[SLID, j] + T if abs(dp) >= g[CREEP, j] * T else 0.0
         numbers = g[LEARNS, j], g[SETTLE, j], g[FLOOR, j], g[DEAD, j], g[LOWER, j], g[UPPER, j]
         g[LEVEL, j], g[SLID, j] = learned(level, tau_f / level, tau_e, slid, T, *numbers), slid
     limit = g[LIMIT, j]

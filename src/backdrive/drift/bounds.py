@@ -15,18 +15,19 @@ import numpy as np
 
 from backdrive.errors import InvalidInput
 from backdrive.laws import Law
+from backdrive.laws.base import Rate
 
 SPEEDS = 400
 
 
 def passive_level(
-    law: Law, least: Law, *, gain: float, top_speed: float, margin: np.ndarray | float = 0.0
+    law: Law | Rate, least: Law | Rate, *, gain: float, top_speed: float, margin: float = 0.0
 ) -> float:
     """Return the largest level of a compensated law that leaves a joint passive [-].
 
     Args:
-        law: that is compensated, at level 1.
-        least: the least friction that the joint can have.
+        law: that is compensated, at level 1; a law or its rate.
+        least: the least friction that the joint can have, alike.
         gain: R, share of the law that is compensated [-].
         top_speed: up to which it holds [rad/s or m/s].
         margin: taken off the least friction, such as 1.96 standard errors of its curve [N.m or N], one number.
@@ -34,6 +35,9 @@ def passive_level(
     Raises:
         InvalidInput: gain or speed are not positive, the law vanishes somewhere, or no level above 0 would do.
     """
+    law, least = (x if isinstance(x, Law) else Law(rate=x) for x in (law, least))
+    if not margin >= 0.0:
+        raise InvalidInput(f"margin = {margin}.", remedy="It is taken off the least friction: 0 or more.")
     if not (0.0 < gain < np.inf and 0.0 < top_speed < np.inf):
         raise InvalidInput(
             f"gain = {gain}, top_speed = {top_speed}.", remedy="Both must be positive and finite."

@@ -25,6 +25,7 @@ import numpy as np
 
 from backdrive.errors import InvalidInput
 from backdrive.excite.base import spoken
+from backdrive.identification.dynamics import growth_with_load
 from backdrive.laws import Law, Polyline
 from backdrive.metrics import curve_distance, relative_curve_distance
 from backdrive.model import JointFriction
@@ -145,7 +146,7 @@ def change_of(
             f"{spoken(top, a.unit + '/s')}; beyond, one of them extrapolates.",
             remedy="Compare up to a lower speed, or leave it out.",
         )
-    remarks = []
+    second, remarks = _under_the_same_load(first, second)
     needs = sorted({n for f in (first, second) for n in f.law.rate.NEEDS})
     if needs:
         remarks.append(
@@ -207,6 +208,26 @@ def change_of(
         alarm=alarm,
         remarks=tuple(remarks),
     )
+
+
+def _under_the_same_load(first: JointFriction, second: JointFriction) -> tuple[JointFriction, list[str]]:
+    """Return the second model's friction under the load of the first one's curve, and what is to be said of that."""
+    before, after = growth_with_load(first), growth_with_load(second)
+    if before is None and after is None:
+        return second, []
+    if before is None or after is None:
+        says, other = ("second", "first") if before is None else ("first", "second")
+        return second, [
+            f"Only the {says} model says how friction grows with the load; the {other} does not say under which load its curve "
+            "holds, and the difference may be that."
+        ]
+    moved, rate = after[0] * (before[1] - after[1]), second.law.rate
+    if abs(moved) <= 1e-9 * max(before[1], after[1], 1.0) or not isinstance(rate, Polyline):
+        return second, []
+    up, down = (tuple(max(f + moved, 0.0) for f in side) for side in (rate.positive, rate.negative))
+    said = f"The second curve, which holds under {after[1]:.3g} {first.joint.torque_unit}, was brought to the first one's load, "
+    law = replace(second.law, rate=replace(rate, positive=up, negative=down))
+    return replace(second, law=law), [f"{said}{before[1]:.3g} {first.joint.torque_unit}."]
 
 
 def chance(chi_square: float, degrees: int) -> float:

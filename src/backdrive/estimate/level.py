@@ -83,6 +83,9 @@ class Adaptation:
     start: float = 1.0
 
     def __post_init__(self):
+        numbers = (self.slowest, self.settle, self.time, self.lower, self.upper, self.start)
+        if not all(isinstance(x, (int, float)) for x in (*numbers, self.floor or 0.0, self.dead_zone or 0.0)):
+            raise InvalidInput(f"{self}.", remedy="All of them are numbers.")
         positive = (self.slowest, self.settle, self.time, 1.0 if self.floor is None else self.floor)
         holds = all(0.0 < x < np.inf for x in positive) and 0.0 <= (self.dead_zone or 0.0) < np.inf
         if not holds or not 0.0 < self.lower <= self.start <= self.upper < np.inf:

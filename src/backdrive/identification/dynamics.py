@@ -3,10 +3,10 @@
     tau = inertia (ddq - time_slip dddq) + offset + gravity_sin sin q + gravity_cos cos q
           + model_torque tau_model + tau_f(dq)
 
-and what friction grows by with the gravity g(q) that the joint carries, where that was found:
+and what friction grows by with the load l = g(q) + inertia ddq that the joint carries, where that was found:
 
-    tau_f += sgn(dq) load_dependence (|g| - load_carried)               the law is that under load_carried
-    tau_f += sgn(dq) (load_driving or load_driven) |g|                  where the motor lifts (dq g > 0), or is driven back
+    tau_f += sgn(dq) load_dependence (|l| - load_carried)               the law is that under load_carried
+    tau_f += sgn(dq) (load_driving or load_driven) |l|                  where the motor drives (dq l > 0), or is driven back
 
 `time_slip` is the delay of the measured torque behind the motion as `identify` estimates it: to first order it shows as jerk
 times inertia, which is where an unnoticed slip spoils a friction curve. `delay` is the same as `fit` estimates it: all of the
@@ -81,14 +81,29 @@ def _gravity(friction: JointFriction, signals: Signals) -> np.ndarray | float:
 
 
 def _growth(friction: JointFriction, signals: Signals) -> np.ndarray | float:
-    """Return what friction grows by with the gravity that the joint carries [N.m], (n,)."""
+    """Return what friction grows by with the load that the joint carries [N.m], (n,)."""
     value = {k: e.value for k, e in friction.dynamics.items() if k.startswith("load_")}
     if not value:
         return 0.0
-    g, way = _gravity(friction, signals), np.sign(signals.velocity)
-    mu = np.where(way * g > 0.0, value.get("load_driving", 0.0), value.get("load_driven", 0.0))
-    even = value.get("load_dependence", 0.0) * (np.abs(g) - value.get("load_carried", 0.0))
-    return way * (mu * np.abs(g) + even)
+    inertia = friction.dynamics["inertia"].value if "inertia" in friction.dynamics else 0.0
+    load = _gravity(friction, signals) + inertia * signals.acceleration
+    way = np.sign(signals.velocity)
+    mu = np.where(way * load > 0.0, value.get("load_driving", 0.0), value.get("load_driven", 0.0))
+    even = value.get("load_dependence", 0.0) * (np.abs(load) - value.get("load_carried", 0.0))
+    return way * (mu * np.abs(load) + even)
+
+
+def growth_with_load(friction: JointFriction) -> tuple[float, float] | None:
+    """Return by how much friction grows with the load, lifting and driven back alike [-], and the load of its curve [N.m or N].
+
+    None where the model does not say.
+    """
+    value = {k: e.value for k, e in friction.dynamics.items() if k.startswith("load_")}
+    if "load_dependence" in value:
+        return value["load_dependence"], value.get("load_carried", 0.0)
+    if "load_driving" in value:
+        return 0.5 * (value["load_driving"] + value.get("load_driven", 0.0)), 0.0
+    return None
 
 
 def _cannot(friction: JointFriction, term: str, channel: str, short: str) -> InvalidInput:

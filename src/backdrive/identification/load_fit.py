@@ -13,7 +13,7 @@ posture of the same arm shows it, only a weight that is known (`payload_growth`)
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from backdrive.identification.sweep_knots import SweepKnots
 
 SIGNIFICANT = 4.0  # standard errors from which on a growth is taken to be there [-]
 LEAST = 0.01  # and by how much friction must change with it from sweep to sweep [share of the friction]
+MOST = 0.5  # growth that a gear has at most [-]
 ROUNDS = 4  # the size of gravity is that of the round before
 
 
@@ -44,7 +45,7 @@ class Growth:
         """Return the result in words."""
         value, error = self.slope
         return (
-            f"Friction grows by {value:.3f} +- {error:.3f} of the gravity that the joint carries; the curve is "
+            f"Friction grows by {value:.4f} +- {error:.4f} of the load that the joint carries; the curve is "
             f"that under {self.carried:.3g} N.m. Lifting and being driven back are told apart only by a known payload."
         )
 
@@ -91,13 +92,15 @@ def growth(eqs: Equations, curves: str, terms: Sequence[str], theta: np.ndarray)
     friction = 0.5 * float(np.mean(theta[: 2 * K]))
     for _ in range(ROUNDS):
         gravity = theta[2 * K : 2 * K + 2]
-        size = np.abs(eqs.X[: eqs.levels, 2 * K : 2 * K + 2] @ gravity)
+        size = eqs.load(eqs.X[: eqs.levels, 2 * K : 2 * K + 2] @ gravity)
         if not np.ptp(size) > LEAST * friction:
             return None
-        with_load = eqs.loaded(gravity / max(float(size.max()), 1e-300))  # scaled, for the condition number
-        if not with_load.condition(curves, (*terms, LOAD)) <= WORST_CONDITION:
+        loaded = eqs.loaded(gravity)
+        # scaled, for the condition number
+        scaled = replace(loaded, X=np.column_stack([loaded.X[:, :-1], loaded.X[:, -1] / float(size.max())]))
+        if not scaled.condition(curves, (*terms, LOAD)) <= WORST_CONDITION:
             return None
-        theta, covariance = eqs.loaded(gravity).solve(curves, (*terms, LOAD))
+        theta, covariance = loaded.solve(curves, (*terms, LOAD))
     value, error = float(theta[-1]), float(np.sqrt(max(covariance[-1, -1], 0.0)))
     if not value > SIGNIFICANT * error or not value * np.ptp(size) > LEAST * friction:
         return None
@@ -144,7 +147,7 @@ def payload_growth(
         gravity = (
             theta[2 * K : 2 * K + 2] / (1.0 + delta) if theta.size else _start(base, eqs.y[:n], payload, K)
         )
-        size = np.abs(base[:, 2 * K : 2 * K + 2] @ gravity + payload)
+        size = eqs.load(base[:, 2 * K : 2 * K + 2] @ gravity + payload)
         X = np.column_stack([base[:, :-1], sign * size, payload])
         inverse = np.linalg.pinv(X * weight[:, None], rcond=1e-12)
         theta = inverse @ ((eqs.y[:n] - payload) * weight)
@@ -158,6 +161,12 @@ def payload_growth(
             remedy="Sweep about three distant centers, each with and without the payload.",
         )
     covariance = inverse @ inverse.T
+    if not max(abs(theta[-2]), abs(theta[-1])) < MOST:
+        raise NotIdentifiable(
+            f"Joint '{name}': friction would grow by {theta[-2] + theta[-1]:.3g} of what the motor lifts and by "
+            f"{theta[-2] - theta[-1]:.3g} of what drives it back, which no gear does.",
+            remedy="Look at the payloads: s of s sin q comes first, c of c cos q second [N.m], one entry a log in their order.",
+        )
     deviation = np.sqrt(np.diag(covariance))
     found = []
     for way in (1.0, -1.0):

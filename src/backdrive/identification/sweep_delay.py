@@ -2,7 +2,8 @@
 
 A torque that acts d later than it was commanded leaves -I d dddq in the friction. At one speed the jerk of cycle n is
 -(2 n V / (A N))^2 times the speed, so that cycles which pass the same speed with different jerk tell d from friction. All that
-the windows hold is regressed together: a curve for each direction, inertia, gravity and I d.
+the windows hold is regressed together: a curve for each direction, inertia, gravity, I d and, where it shows, friction in
+proportion to the load.
 
 The noise of the drive moves the joint, and the servo answers it: acceleration and jerk as measured go along with the error of
 the torque, and least squares would take the loop's own lag for a delay (by 1 ms on a simulated joint). The motion that was
@@ -13,6 +14,7 @@ and that is the instrument here.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +27,7 @@ from backdrive.identification.timing import Timing, torque_timing
 from backdrive.log import Log
 
 SHARE = 0.3  # samples faster than this share of a cycle's peak speed are used [-]
+SIGNIFICANT = 4.0  # standard errors from which on friction is taken to grow with the load [-]
 CORNER = 6.5  # corner of the low pass, in frequencies of the fastest cycle [-]
 TOLD = 0.5  # standard error of a delay, up to which it is taken for estimated [sampling interval]
 ROUNDS = 4  # the first order in d is repeated with the torque shifted by what was found
@@ -48,24 +51,44 @@ def sweep_delay(stretches: Sequence[Signals], cycles: Windows) -> tuple[float, f
     slow, fast = float(cycles.peak.min()), float(cycles.peak.max())
     knots = np.concatenate([[SHARE * slow], np.linspace(slow, fast, 2 * cycles.peak.size - 1)])
     length = float(np.min(cycles.time[:, 1] - cycles.time[:, 0]))
-    parts = [_part(s, cycles, CORNER / length, knots) for s in stretches]
+    parts = [_part(s, cycles, CORNER / length) for s in stretches]
+    *loaded, grows = _solved(stretches, parts, knots, True)
+    if grows:
+        return loaded[0], loaded[1]
+    return _solved(stretches, parts, knots, False)[:2]
+
+
+def _solved(
+    stretches: Sequence[Signals], parts: Sequence[Any], knots: np.ndarray, loaded: bool
+) -> tuple[float, float, bool]:
+    """Return delay and standard error [s], and whether friction grows with the load."""
     delay, bread, theta, y = 0.0, np.zeros((1, 1)), np.zeros(2), []
-    for _ in range(ROUNDS):
+    plain = regressors = [
+        (_regressor(real, knots), _regressor(wanted, knots)) for _, real, wanted, _ in parts
+    ]
+    for k in range(ROUNDS):
         y = [filters.shift(s.torque, 0.5 + delay * s.rate)[rows] for s, (rows, *_) in zip(stretches, parts)]
-        moments = [(Z.T @ X, Z.T @ f) for (_, X, Z, _), f in zip(parts, y)]
+        if k > 0 and loaded:  # gravity and inertia are known, and so is the load
+            regressors = [
+                (_with_load(X, real, theta), _with_load(Z, wanted, theta))
+                for (X, Z), (_, real, wanted, _) in zip(plain, parts)
+            ]
+        moments = [(Z.T @ X, Z.T @ f) for (X, Z), f in zip(regressors, y)]
         gram, moment = sum(m[0] for m in moments), sum(m[1] for m in moments)
         scale = np.sqrt(np.maximum(np.abs(np.diag(gram)), 1e-300))
         bread = np.linalg.pinv(gram / np.outer(scale, scale), rcond=1e-10) / np.outer(scale, scale)
         theta = bread @ moment
         if not theta[0] > 0:
-            return nothing
+            return float("nan"), float("nan"), False
         delay -= float(theta[1] / theta[0])
     spread = sum(
         long_run((Z[a:b] * (f - X @ theta)[a:b, None]).T)
-        for (_, X, Z, edges), f in zip(parts, y)
+        for (X, Z), (*_, edges), f in zip(regressors, parts, y)
         for a, b in edges
     )
-    return delay, float(np.sqrt((bread @ spread @ bread.T)[1, 1]) / theta[0])
+    error = np.sqrt(np.diag(bread @ spread @ bread.T))
+    grows = loaded and bool(theta[-2] > SIGNIFICANT * error[-2])
+    return delay, float(error[1] / theta[0]), grows
 
 
 def drive_delays(
@@ -104,14 +127,15 @@ def drive_delays(
         delays,
         errors,
         [
-            f"The torque acts {1e3 * delay:.2f} +- {1e3 * error:.2f} ms later than a command that is held for one interval; this "
-            "delay was estimated from the motion and taken out."
+            f"The torque acts {1e3 * delay:.2f} +- {1e3 * error:.2f} ms later than a command that is held for one interval "
+            "(the logged torque goes before the motion by half an interval more); this delay was estimated from the motion "
+            "and taken out."
         ],
     )
 
 
-def _part(s: Signals, cycles: Windows, corner: float, knots: np.ndarray):
-    """Return the samples used, regressors, instruments, and where runs of samples begin and end."""
+def _part(s: Signals, cycles: Windows, corner: float):
+    """Return the samples used, motion as measured and as wanted, and where runs of samples begin and end."""
     wanted = filters.low_pass(s.position, min(corner, 0.2 * s.rate), s.rate)  # type: ignore[arg-type]
     motion = [wanted]
     for _ in range(3):
@@ -123,11 +147,20 @@ def _part(s: Signals, cycles: Windows, corner: float, knots: np.ndarray):
     rows = np.flatnonzero(used)
     starts = np.concatenate([[0], np.flatnonzero(np.diff(rows) > 1) + 1, [rows.size]])
     edges = [(int(a), int(b)) for a, b in zip(starts, starts[1:]) if b > a]
-    X = _regressor([m[rows] for m in (s.position, s.velocity, s.acceleration, s.jerk)], knots)  # type: ignore[index]
-    Z = _regressor([m[rows] for m in motion], knots)
-    return rows, X, Z, edges
+    real = [m[rows] for m in (s.position, s.velocity, s.acceleration, s.jerk)]  # type: ignore[index]
+    return rows, real, [m[rows] for m in motion], edges
 
 
 def _regressor(motion: Sequence[np.ndarray], knots: np.ndarray) -> np.ndarray:
     q, v, a, j = motion
     return np.column_stack([a, -j, np.sin(q), np.cos(q), basis(v, knots)])
+
+
+def _with_load(X: np.ndarray, motion: Sequence[np.ndarray], theta: np.ndarray) -> np.ndarray:
+    """Return the regressor with friction that grows with the load |g + L a|, by what is known of gravity and inertia.
+
+    The load's inertia L is less than that of the joint: a second column is the derivative by it.
+    """
+    q, v, a, _ = motion
+    load = theta[0] * a + theta[2] * np.sin(q) + theta[3] * np.cos(q)
+    return np.column_stack([X, np.sign(v) * np.abs(load), np.sign(v) * np.sign(load) * a])

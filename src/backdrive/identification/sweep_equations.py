@@ -29,6 +29,7 @@ class Equations:
         X: coefficients, (r, 2 K + 4); those of the load are 0 until gravity is known (`loaded`).
         y: mean torques, then slopes of gravity where known, (r,).
         weight: inverse standard errors, (r,).
+        swing: by how much the inertia's torque swings within each mean torque's samples [N.m or N], (levels,).
         levels: how many of the equations are mean torques.
     """
 
@@ -36,6 +37,7 @@ class Equations:
     X: np.ndarray
     y: np.ndarray
     weight: np.ndarray
+    swing: np.ndarray
     levels: int
 
     def spread(self, curves: str, terms: Sequence[str]) -> np.ndarray:
@@ -61,7 +63,7 @@ class Equations:
         return full
 
     def loaded(self, gravity: np.ndarray) -> Equations:
-        """Return the same with friction that grows with the size of gravity, 1 N.m for every N.m carried.
+        """Return the same with friction that grows with the size of the load, 1 N.m for every N.m carried.
 
         Args:
             gravity: a and b of a sin q + b cos q [N.m], (2,).
@@ -69,8 +71,19 @@ class Equations:
         K = self.V.size
         X = self.X.copy()
         forwards = X[: self.levels, :K].sum(axis=1) + X[: self.levels, K : 2 * K].sum(axis=1)
-        X[: self.levels, -1] = forwards * np.abs(X[: self.levels, 2 * K : 2 * K + 2] @ gravity)
+        X[: self.levels, -1] = forwards * self.load(X[: self.levels, 2 * K : 2 * K + 2] @ gravity)
         return replace(self, X=X)
+
+    def load(self, gravity: np.ndarray) -> np.ndarray:
+        """Return the mean size of the load |g + I a| over the samples of each mean torque, (levels,).
+
+        The acceleration is taken as evenly spread: where gravity is smaller than the swing, the load changes its sign.
+
+        Args:
+            gravity: g of each [N.m], (levels,).
+        """
+        size, swing = np.abs(gravity), np.maximum(self.swing, 1e-300)
+        return np.where(size >= swing, size, 0.5 * (size**2 / swing + swing))
 
     def condition(self, curves: str, terms: Sequence[str]) -> float:
         """Return the condition number of the mean torques' equations [-].
@@ -110,7 +123,7 @@ def equations(knots: Sequence[SweepKnots]) -> Equations:
     part = np.cumsum(np.concatenate([[0], np.diff(speeds) > MERGED * speeds[-1]])).astype(int)
     V = np.bincount(part, speeds) / np.bincount(part)
     K = V.size
-    X, y, error, slopes = [], [], [], []
+    X, y, error, swing, slopes = [], [], [], [], []
     for k in knots:
         center = k.center if np.isfinite(k.center) else 0.0
         sides = (1.0, k.V_pos, k.F_pos, k.error_pos, 0), (-1.0, k.V_neg, k.F_neg, k.error_neg, K)
@@ -121,6 +134,8 @@ def equations(knots: Sequence[SweepKnots]) -> Equations:
             X.append(rows)
             y.append(sign * torque)
             error.append(deviation)
+            inertia = k.inertia[0] if np.isfinite(k.inertia[0]) else 0.0
+            swing.append(np.zeros(speed.size) if k.swing is None else max(inertia, 0.0) * k.swing)
         if k.slope[1] > 0:
             row = np.zeros((1, 2 * K + len(ALL)))
             row[0, 2 * K : 2 * K + 2] = k.level * np.cos(center), -k.level * np.sin(center)
@@ -134,5 +149,6 @@ def equations(knots: Sequence[SweepKnots]) -> Equations:
         X=np.concatenate([*X, *(row for row, _ in slopes)]),
         y=np.concatenate([*y, [s[0] for _, s in slopes]]),
         weight=1.0 / np.where(known, np.maximum(deviation, least), least),
+        swing=np.concatenate(swing),
         levels=levels,
     )

@@ -32,6 +32,7 @@ class SweepKnots:
         count_neg: samples behind each F_neg, (m,).
         center: mean position of the samples [rad or m]; NaN without position.
         level: mean of cos(q - center) over the samples [-].
+        swing: largest acceleration of the samples used, (m,) [rad/s^2 or m/s^2].
         inertia: found inside the windows, and its standard error [kg.m^2 or kg].
         slope: of gravity over position at the center, and its standard error [N.m/rad]; NaN where there is none to find.
         warnings: in sentences.
@@ -47,6 +48,7 @@ class SweepKnots:
     count_neg: np.ndarray
     center: float = float("nan")
     level: float = 1.0
+    swing: np.ndarray | None = None
     inertia: tuple[float, float] = (float("nan"), float("nan"))
     slope: tuple[float, float] = (float("nan"), float("nan"))
     warnings: tuple[str, ...] = ()
@@ -107,6 +109,9 @@ def ordered(knots: SweepKnots, joint: str | int, cycles: Windows, c: float) -> S
         return np.bincount(part, x[order] * weight[order]) / np.bincount(part, weight[order])
 
     up, down = knots.count_pos, knots.count_neg
+    length = cycles.time[:, 1] - cycles.time[:, 0]
+    # of a sine at the edge of what is used
+    swing = cycles.peak * 2.0 * np.pi * np.sqrt(1.0 - c * c) / np.where(length > 0.0, length, np.inf)
     return replace(
         knots,
         V_pos=mean(knots.V_pos, up),
@@ -117,6 +122,7 @@ def ordered(knots: SweepKnots, joint: str | int, cycles: Windows, c: float) -> S
         error_neg=np.sqrt(mean(knots.error_neg**2 * down, down) / np.bincount(part, down[order])),
         count_pos=np.bincount(part, up[order]).astype(int),
         count_neg=np.bincount(part, down[order]).astype(int),
+        swing=mean(swing, up),
         warnings=tuple(said),
     )
 

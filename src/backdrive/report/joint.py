@@ -60,7 +60,7 @@ def joint_section(friction: JointFriction, evidence: JointEvidence, truth: Curve
         truth: a curve to compare with.
         index: from 1; names the section and prefixes its pictures.
     """
-    prefix = f"j{index}"
+    prefix, good = f"j{index}", grade(friction).level == "good"
     left = figures.friction_curve(friction, evidence, truth, f"{prefix}-curve")
     left += figures.enlarged(friction, evidence, truth, f"{prefix}-two")
     right = _quality(friction) + _parameters(friction) + _dynamics(friction) + _validity(friction)
@@ -70,7 +70,7 @@ def joint_section(friction: JointFriction, evidence: JointEvidence, truth: Curve
         f'<section class="joint" id="joint-{index}">'
         f'<div class="head"><h2><bdi>{esc(friction.joint.name)}</bdi></h2>{chip(friction)}</div>'
         f'<p class="lead">{esc(prose(evidence.verdict))}</p>'
-        f"{warnings_box(friction.warnings, 'What makes this joint suspect')}"
+        f"{warnings_box(friction.warnings, 'Remarks' if good else 'What makes this joint suspect')}"
         f'<div class="grid pair"><div class="tables">{left}</div><div class="tables">{right}</div></div>'
         f"{figures.residual_row(friction, evidence, f'{prefix}-r')}</section>"
     )

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.identification.dynamics import growth_with_load
 from backdrive.laws import REFERENCE, Law, Polyline, kernels
 from backdrive.laws.base import Rate
 from backdrive.model import JointFriction
@@ -222,6 +223,11 @@ def facts_of(
             f"Joint '{joint.name}': the model knows its friction within {100 * error:.0f} % only.",
             remedy="Identify it better: a slower sweep, more cycles.",
         )
+    elif known is not None and friction_error is None:
+        notes.append(
+            f"Friction is taken to vary by up to {100 * error:.0f} % from day to day (--friction-error)."
+        )
+    low, high = _load_range(friction, coulomb, error, notes)
     K_c, K_ends = _stiffness(friction, stiffness, notes)
     found = friction.dynamics.get("inertia")
     known_inertia = (found.value, found.standard_error) if found is not None else None
@@ -239,7 +245,7 @@ def facts_of(
         unit=joint.unit,
         rate=law.rate,
         coulomb=coulomb,
-        friction=(1.0 - error, 1.0 + error),
+        friction=(1.0 - error - low, 1.0 + error + high),
         stiffness=K_c,
         stiffness_interval=K_ends,
         inertia=inertia_value,
@@ -254,6 +260,29 @@ def facts_of(
         top_speed=top,
         notes=tuple(notes),
     )
+
+
+def _load_range(
+    friction: JointFriction, coulomb: float, error: float, notes: list[str]
+) -> tuple[float, float]:
+    """Return by how much friction may be less and more than its curve with the load that the joint carries, by F [-]."""
+    found = growth_with_load(friction)
+    if found is None:
+        return 0.0, 0.0
+    mu, carried = found
+    gravity = [friction.dynamics[k].value for k in ("gravity_sin", "gravity_cos") if k in friction.dynamics]
+    most = max(float(np.linalg.norm(gravity)), carried)
+    low, high = max(mu * carried, 0.0) / coulomb, max(mu * (most - carried), 0.0) / coulomb
+    if not 1.0 - error - low > 0.2:
+        raise NotIdentifiable(
+            f"Joint '{friction.joint.name}': its friction grows so much with the load that without any it is less than a fifth.",
+            remedy="Identify it under less load, and compensate a law that sees the load.",
+        )
+    notes.append(
+        f"Friction grows with the load: without any it is {100 * low:.0f} % less than the curve, under {most:.3g} "
+        f"{friction.joint.torque_unit} {100 * high:.0f} % more; the intervals take that in."
+    )
+    return low, high
 
 
 def _coulomb_error(friction: JointFriction, coulomb: float) -> float | None:

@@ -26,6 +26,7 @@ from backdrive.tune.tuning import Tuning
 THESIS_STIFFNESS = {"rad": 5e4, "m": 1.2e6}
 THESIS_DECAY = 20.0
 DITHER_SHARE = 0.3  # Sec. 3.5.1
+HARDLY = 0.9  # of the score without compensation, above which a proposal is hardly worth having [-]
 SLACK = 0.8  # of the bound of dither
 
 Say = Callable[[str], None]
@@ -88,6 +89,11 @@ def tune(
     say("Checking over joints that the model may stand for")
     rows = _rows(facts, goal, judge, searched, members)
     z = rows["chosen"]["numbers"]
+    if "none" in rows and rows["chosen"]["score"] > HARDLY * rows["none"]["score"]:
+        notes.append(
+            "This is hardly worth having: it gains less than a tenth over no compensation. A shorter --delay or narrower intervals "
+            "would allow more."
+        )
     sine: Dither | None = None
     if loops:
         sine, sway = _dither(facts, z, members, notes, say) if dither else (None, {})

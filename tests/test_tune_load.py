@@ -1,0 +1,44 @@
+"""What `tune` makes of friction that grows with the load: an interval wide enough for it, and a sentence."""
+
+from dataclasses import replace
+
+import pytest
+
+from backdrive.errors import NotIdentifiable
+from backdrive.laws import CoulombViscous, HaywardArmstrong, Law
+from backdrive.log import Joint
+from backdrive.model import Estimate, JointFriction, Validity
+from backdrive.tune import facts_of
+
+RATE = CoulombViscous(
+    coulomb_positive=10.0, coulomb_negative=10.0, viscous_positive=3.0, viscous_negative=3.0
+)
+
+
+def known(**terms):
+    units = {"inertia": "kg.m^2", "gravity_sin": "N.m", "gravity_cos": "N.m", "load_carried": "N.m"}
+    return JointFriction(
+        joint=Joint(name="j0", encoder_counts=1e6),
+        law=Law(rate=RATE, element=HaywardArmstrong(stiffness=1e5)),
+        validity=Validity(velocity=(-1.0, 1.0)),
+        dynamics={
+            k: Estimate(value=v, unit=units.get(k, "1"), standard_error=0.0)
+            for k, v in ({"inertia": 0.7} | terms).items()
+        },
+    )
+
+
+def test_the_interval_takes_in_what_the_load_does():
+    facts = facts_of(known(gravity_sin=0.0, gravity_cos=30.0, load_dependence=0.05, load_carried=20.0))
+    assert facts.friction == pytest.approx((0.9 - 0.1, 1.1 + 0.05))
+    assert any("10 % less than the curve, under 30 N.m 5 % more" in note for note in facts.notes)
+    bare = facts_of(known(gravity_sin=0.0, gravity_cos=30.0, load_driving=0.06, load_driven=0.04))
+    assert bare.friction == pytest.approx((0.9, 1.1 + 0.15))
+    assert facts_of(known()).friction == pytest.approx((0.9, 1.1))
+
+
+def test_a_curve_that_is_mostly_load_is_refused():
+    friction = known(gravity_sin=0.0, gravity_cos=30.0, load_dependence=0.4, load_carried=20.0)
+    with pytest.raises(NotIdentifiable, match="less than a fifth"):
+        facts_of(friction)
+    assert facts_of(replace(friction, dynamics=known().dynamics)).friction[0] == pytest.approx(0.9)
