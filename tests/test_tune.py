@@ -27,6 +27,7 @@ from backdrive.tune.safety import calmed, ends, safe
 from backdrive.tune.scenes import corners, drawn, likely, stated
 from backdrive.tune.search import inverse, place, search
 
+TAKEN = "Friction is taken to vary by up to 10 % from day to day (--friction-error)."
 needs_jit = pytest.mark.skipif(nb.config.DISABLE_JIT, reason="simulates minutes of motion")
 RATE = CoulombViscous(coulomb_positive=7.0, coulomb_negative=6.8, viscous_positive=3.0, viscous_negative=3.0)
 FRICTION = JointFriction(
@@ -55,7 +56,7 @@ def test_a_model_tells_values_and_intervals():
     assert facts.stiffness_interval == pytest.approx((1e5 - 1.96e4, 1e5 + 1.96e4))
     assert facts.inertia_interval == pytest.approx((0.7 - 0.0392, 0.7 + 0.0392))
     assert facts.friction == pytest.approx((0.9, 1.1))  # wider than the 1 % of the model
-    assert facts.notes == ()
+    assert facts.notes == (TAKEN,)
 
 
 def test_uncertain_friction_of_the_model_widens_the_interval():
@@ -113,7 +114,7 @@ def test_senseless_facts_are_refused_by_their_names(change, says):
 
 def test_warnings_of_the_model_are_passed_on():
     notes = facts_of(knows(warnings=("Directions were not told apart.",)), motor_share=0.1).notes
-    assert notes == ("The model warns: Directions were not told apart.",)
+    assert notes == ("The model warns: Directions were not told apart.", TAKEN)
 
 
 @pytest.mark.parametrize(
