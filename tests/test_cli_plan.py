@@ -357,3 +357,11 @@ def test_what_cannot_be_planned_is_said_and_leaves_nothing(several, tmp_path, wo
     assert code == 2
     assert said in err
     assert {p.name for p in tmp_path.iterdir()} == {"arm.urdf"}
+
+
+def test_the_center_may_be_in_degrees(run, tmp_path):
+    assert run(*SWEEP, "--center-deg", "35", "-o", "p")[0] == 0
+    assert load_plan(tmp_path / "p" / "plan.json").center == pytest.approx(math.radians(35.0))
+    code, _, said = run(*SWEEP, "--center-deg", "35", "--center", "1")
+    assert code == 2
+    assert "--center and --center-deg are both given" in said

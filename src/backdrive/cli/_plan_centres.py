@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from backdrive.cli._plan_request import Request
-from backdrive.cli._planning import build, checked, holds_of, single_plans
+from backdrive.cli._planning import build, center_of, checked, holds_of, single_plans
 
 if TYPE_CHECKING:
     from backdrive.excite.centres import Separation
@@ -31,7 +31,7 @@ def build_centres(request: Request) -> tuple[Separation, list[Any], dict[str, Jo
 
     word = str(request.centres).strip().lower()
     chosen = word == "auto" or word.isdigit()
-    if request.center is not None and not chosen:
+    if not (request.center is None and request.center_deg is None) and not chosen:
         raise InvalidInput(
             "--center and --centres both place the sweep.", remedy="Give one of them, or --centres auto."
         )
@@ -50,9 +50,10 @@ def build_centres(request: Request) -> tuple[Separation, list[Any], dict[str, Jo
     if chosen:
         found = choose_centers(sweep, limits[sweep.joint], sweeps=None if word == "auto" else int(word))
         middle = 0.5 * (min(found.centers) + max(found.centers))
-        if request.center is not None and abs(middle - request.center) > 1e-6:
+        center = center_of(request, limits[sweep.joint])
+        if center is not None and abs(middle - center) > 1e-6:
             raise InvalidInput(
-                f"--center {request.center:g}: the range of joint '{sweep.joint}' puts the middle of the centers at "
+                f"--center {center:g}: the range of joint '{sweep.joint}' puts the middle of the centers at "
                 f"{middle:.4g} rad.",
                 remedy="Leave --center out, or give the centers: --centres -60,0,60.",
             )

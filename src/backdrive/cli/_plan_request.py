@@ -5,7 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-_MOTION = ("stroke", "stroke_deg", "center", "hold", "lead_in", "lower", "upper", "velocity_limit")
+_MOTION = (
+    "stroke",
+    "stroke_deg",
+    "center",
+    "center_deg",
+    "hold",
+    "lead_in",
+    "lower",
+    "upper",
+    "velocity_limit",
+)
 _MOTION += ("acceleration_limit", "torque_limit", "inertia", "gravity", "friction", "cycles")
 _SPEED = ("top_speed", "top_speed_deg")
 _TORQUE = ("amplitude", "offset", "cycles", "torque_limit")
@@ -36,6 +46,7 @@ class Request:
     top_speed_deg: float | None = None
     cycles: int | None = None
     center: float | None = None
+    center_deg: float | None = None
     lead_in: float | None = None
     literal: bool = False
     speeds: str | None = None

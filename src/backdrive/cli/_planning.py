@@ -190,11 +190,13 @@ def _plan(request: Request, limits: JointLimits, hold: float | None) -> Any:
     if kind == "ramp":
         peak, rate = need("amplitude", "--amplitude"), need("torque_rate", "--torque-rate")
         return excite.TorqueRamp(peak, rate, **cycles, **given("offset", "lead_in"), **common)
-    if request.center is not None and hold is not None:
+    center = center_of(request, limits)
+    if center is not None and hold is not None:
         raise InvalidInput(
             f"--center and --hold both place joint '{limits.name}'.", remedy="Give one of them."
         )
-    common |= given("center", "lead_in") | ({"center": hold} if hold is not None else {})
+    middle = hold if center is None else center
+    common |= given("lead_in") | ({} if middle is None else {"center": middle})
     stroke = _one_of(request, "stroke", limits)
     if kind == "multisine":
         band = numbers(need("band", "--band LOW,HIGH"), "--band") or []
@@ -221,6 +223,13 @@ def _plan(request: Request, limits: JointLimits, hold: float | None) -> Any:
         return excite.ConstantVelocity(stroke, tuple(speeds), **more, **common)
     top = _one_of(request, "top_speed", limits)
     return excite.Sweep(stroke, top, cycles.get("cycles", 10), smooth=not request.literal, **common)
+
+
+def center_of(request: Request, limits: JointLimits) -> float | None:
+    """Return where the stroke is asked to lie [rad or m]; None where it is not said."""
+    if request.center is None and request.center_deg is None:
+        return None
+    return _one_of(request, "center", limits)
 
 
 def _one_of(request: Request, name: str, limits: JointLimits) -> float:

@@ -43,6 +43,7 @@ def command(
         int | None, _option("Cycles, speeds or periods.  [default: 10; multisine 3, torques 5, ramp 2]")
     ] = None,
     center: Annotated[float | None, _option("Middle of the stroke [rad or m].  [default: 0]")] = None,
+    center_deg: Annotated[float | None, _option("The same in degrees.")] = None,
     centres: Annotated[
         str | None,
         _option(
