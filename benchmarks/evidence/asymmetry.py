@@ -20,8 +20,11 @@ from _common import Judge
 from backdrive.excite import Sweep
 from backdrive.excite.centres import noise_gain
 from backdrive.identification.load_fit import payload_growth
+from backdrive.identification.signals import prepare
 from backdrive.identification.sweep import fit_sweeps, sweep_knots, to_polyline
+from backdrive.identification.sweep_delay import sweep_delay
 from backdrive.identification.sweep_fit import SweepFit
+from backdrive.identification.sweep_windows import windows
 from backdrive.laws import GearLoad, Law, Polyline
 from backdrive.log import Log
 from backdrive.plants import SimulatedJoint
@@ -133,6 +136,26 @@ def seeds(judge: Judge) -> None:
     judge.at_most("rms over the knots, mean over seeds, both directions", R.mean(), 0.03, "N.m")
 
 
+def repeated(judge: Judge) -> None:
+    """Repeat one sweep: do knots and delay scatter as much as their standard errors say?"""
+    print("\none sweep, repeated 100 times: scatter by the stated standard error")
+    torque, stated, delays = [], [], []
+    for seed in range(SEEDS):
+        knots = sweep_knots(simulate(joint_1().replace(torque_noise=0.2), Sweep(STROKE, V, N), seed=seed), 0)
+        torque.append(np.concatenate([knots.F_pos, knots.F_neg]))
+        stated.append(np.concatenate([knots.error_pos, knots.error_neg]))
+        log = simulate(joint().replace(delay=1.3e-3), Sweep(STROKE, V, N), seed=seed)
+        parts = prepare(log, 0)
+        delays.append(sweep_delay(parts, windows(log, 0, log.plan, parts)))
+    ratio = np.std(torque, axis=0, ddof=1) / np.sqrt(np.mean(np.square(stated), axis=0))
+    d = 1e3 * np.array(delays)
+    spread = np.std(d[:, 0], ddof=1)
+    print(f"  knots {ratio.min():.2f} to {ratio.max():.2f}, mean {ratio.mean():.2f}")
+    print(f"  delay of 1.3 ms: {d[:, 0].mean():.3f} +- {spread:.3f} ms, stated {d[:, 1].mean():.3f}")
+    judge.that(f"mean over the knots {ratio.mean():.2f} (0.85 to 1.15)", 0.85 <= ratio.mean() <= 1.15)
+    judge.that(f"delay: {spread / d[:, 1].mean():.2f} (0.8 to 1.25)", 0.8 <= spread / d[:, 1].mean() <= 1.25)
+
+
 def refusals(judge: Judge) -> None:
     """Show what is not attributed."""
     print("\nwhat is not attributed")
@@ -147,6 +170,20 @@ def refusals(judge: Judge) -> None:
         print(f"  {name}: condition {found.condition:.3g}")
         judge.that(
             f"{name}: refused, with what would separate it", "half a turn" in words and "vertical" in words
+        )
+    for centers in ((-90.0, 87.0), (-60.0, 60.0)):
+        found = fit_sweeps(logs(plant, centers), "joint_1", symmetric=False)
+        v = np.array(found.law.velocity)
+        mean = 0.5 * (
+            np.array(found.law.positive) + found.law.negative - plant.law.torque(v) + plant.law.torque(-v)
+        )
+        uneven = np.array(found.law.positive) - found.law.negative
+        print(
+            f"  centers {centers[0]:g}, {centers[1]:g}: mean curve off by {np.abs(mean).max():.3f} N.m, the difference "
+            f"varies by {np.ptp(uneven):.3f} N.m with speed (truth: 0); a constant of {found.terms['offset'][0]:.3f} N.m set apart"
+        )
+        judge.at_most(
+            "two centers bend no curve", float(max(np.abs(mean).max(), 0.5 * np.ptp(uneven))), 0.06, "N.m"
         )
     found = fit_sweeps(logs(plant, (-90.0, 90.0)), "joint_1")
     print(
@@ -256,6 +293,7 @@ def main() -> None:
     """Print the tables and the verdict."""
     judge = Judge()
     seeds(judge)
+    repeated(judge)
     refusals(judge)
     harmonic(judge)
     symmetric(judge)
