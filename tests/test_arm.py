@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from _loops import guarded
 from backdrive.arm_loop import guide, polygon
 from backdrive.compensate import alg_fc, nothing
-from backdrive.control import JointLoop
 from backdrive.errors import InvalidInput
 from backdrive.laws import Coulomb, Law
 from backdrive.plants.arm import Arm, hp3j, local_servos
@@ -80,7 +80,8 @@ def test_compensation_lets_a_hand_move_the_grip_with_less_force():
         loops = {}
         for j in range(3):
             rate = arm.joints[j].law.rate
-            loops[j] = JointLoop(compensator=nothing() if name == "none" else alg_fc(rate, 5e4, share=0.9))
+            used = nothing() if name == "none" else alg_fc(rate, 5e4, share=0.9)
+            loops[j] = guarded(used, top_speed=3.0, encoder_count=arm.joints[j].encoder_count)
         held = local_servos(arm.joints)
         record = guide(
             arm,

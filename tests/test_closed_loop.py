@@ -4,9 +4,10 @@ import numba as nb
 import numpy as np
 import pytest
 
+from _loops import Bench
 from backdrive.closed_loop import Scene, play
 from backdrive.compensate import Dither, alg_fc, alg_fc2
-from backdrive.control import Admittance, JointLoop, Loop
+from backdrive.control import Admittance, Unguarded
 from backdrive.engine.servo import Servo
 from backdrive.errors import InvalidInput
 from backdrive.estimate.external import ExternalForce
@@ -32,10 +33,11 @@ def scene(dt=T, seconds=SECONDS, seed=1, **changes):
         dt, stroke=0.06, duration=0.6, count=max(1, round((seconds - 0.1) / 0.75)), start=0.02, seed=seed
     )
     V_W = between_counts(0.01, plant.encoder_count, dt)
-    loop = JointLoop(
+    loop = Unguarded(
         compensator=alg_fc2(plant.law.rate, 1.2e6, V_W, dither=Dither(share=0.5), share=0.9),
         external=ExternalForce(inertia=10.0, friction=alg_fe(plant.law.rate, 1.2e6)),
         top_speed=2.0,
+        patience=0.3,
     )
     return Scene(plant=plant, motion=motion, hand=HAND, loop=loop, period=dt, substep=COARSE).replace(
         **changes
@@ -142,7 +144,7 @@ def test_the_sampling_rate_does_not_change_what_happens():
     for rate in (250.0, 1000.0, 2000.0, 8000.0):
         dt = 1.0 / rate
         motion = sine(dt, amplitude=0.25, frequency=0.5, cycles=1)
-        loop = JointLoop(compensator=alg_fc(plant.law.rate, 5e4, share=0.9))
+        loop = Unguarded(compensator=alg_fc(plant.law.rate, 5e4, share=0.9))
         r = play(Scene(plant=plant, motion=motion, hand=hand, loop=loop, period=dt))
         results[rate] = np.sqrt(np.mean(r.force**2)), np.abs(r.force).max(), np.ptp(r.load)
     bare = play(Scene(plant=plant, motion=sine(T, amplitude=0.25, frequency=0.5, cycles=1), hand=hand))
@@ -161,7 +163,7 @@ def test_what_is_let_go_moves_on_by_no_more_than_the_bound(alpha, R):
     plant = plant.replace(law=Law(rate=rate))
     push = np.zeros(3000)
     push[100:130] = 9.0
-    loop = JointLoop(compensator=alg_fc(rate, 0.5 * plant.stiffness, alpha, share=R))
+    loop = Unguarded(compensator=alg_fc(rate, 0.5 * plant.stiffness, alpha, share=R))
     r = play(Scene(plant=plant, motion=pushes(push), loop=loop, delay=T, substep=COARSE))
     assert np.ptp(r.load) > 1e-3
     rest = slice(-500, None)
@@ -190,7 +192,7 @@ def test_the_same_seed_gives_the_same_numbers_on_any_number_of_threads():
 def test_the_loop_is_the_one_that_a_robot_would_run():
     """`Loop`, fed with what the robot has seen, gives the torque and the estimate of the simulation, bit for bit."""
     r = play(scene())
-    loop = Loop(r.scene.loop, interval=T)
+    loop = Bench(r.scene.loop, interval=T)
     loop.reset(r.reading[:1])
     applied = np.concatenate([[0.0], r.command[:-1]])
     for k in range(r.time.size):
@@ -218,7 +220,7 @@ def test_admittance_follows_its_virtual_mass():
             plant=plant,
             motion=strokes(T, stroke=0.06, duration=0.7, count=2, start=0.02),
             hand=HAND,
-            loop=JointLoop(external=estimator),
+            loop=Unguarded(external=estimator),
             controller=admittance,
             substep=COARSE,
         )
@@ -264,6 +266,7 @@ def test_missing_readings_let_the_torque_fade_and_the_joint_stays_a_joint():
     for name in ("command", "compensation", "estimate", "motor", "load", "force"):
         assert np.isfinite(getattr(r, name)).all()
     held = np.abs(r.compensation[at])
+    # one bad reading is bridged, then it fades
     assert held == pytest.approx(held[0] * 1.05 ** -np.arange(held.size), rel=1e-9)
     assert np.abs(r.compensation).max() <= bound(r)
 
@@ -276,7 +279,7 @@ def test_a_new_zero_leaves_the_joint_at_peace():
     jumped = np.flatnonzero(r.status == Status.JUMP)
     assert jumped[0] == n // 2
     if JIT:
-        assert jumped.size * T == pytest.approx(0.1, abs=3 * T)
+        assert jumped.size * T == pytest.approx(0.15, abs=3 * T)  # half the patience
         assert np.all(r.status[jumped[-1] + 1 :] == Status.OK)
         assert np.abs(r.force).max() < 1.6 * np.abs(whole.force).max()
     assert np.abs(r.compensation).max() <= bound(r)
@@ -289,7 +292,7 @@ def test_a_missed_tick_holds_the_command_and_the_next_runs_with_the_time_that_pa
     r, five, whole = play(s.replace(fault=faulty(n, missed=missed))), play(scene(dt=5 * T)), play(s)
     held = np.flatnonzero(missed[1:]) + 1
     assert np.all(r.command[held] == r.command[held - 1])
-    assert np.all(r.status == Status.OK)
+    assert set(r.status[~missed]) <= {Status.OK, Status.LATE}
     assert np.abs(r.compensation).max() <= bound(r)
     if JIT:
         force = [np.sqrt(np.mean(x.force**2)) for x in (r, five, whole)]
@@ -299,7 +302,7 @@ def test_a_missed_tick_holds_the_command_and_the_next_runs_with_the_time_that_pa
 def test_too_much_compensation_stays_within_its_own_bound():
     s = scene()
     compensator = s.loop.compensator.replace(share=1.3, dither=None)
-    r = play(s.replace(loop=JointLoop(compensator=compensator, top_speed=0.6)))
+    r = play(s.replace(loop=Unguarded(compensator=compensator, top_speed=0.6)))
     assert np.abs(r.compensation).max() <= bound(r) * (1.0 + 1e-9)
     assert np.isfinite(r.motor).all()
 
@@ -318,7 +321,7 @@ def test_a_saturated_drive_is_told_apart_from_a_hand():
             motion=still(len(target)),
             target=target,
             controller=Servo(proportional=5e3, derivative=300.0),
-            loop=JointLoop(external=estimator),
+            loop=Unguarded(external=estimator),
             substep=COARSE,
         )
     )
@@ -373,7 +376,7 @@ def test_bad_scenes_are_refused():
         {"fault": np.zeros((n, 3))},
         {
             "loop": None,
-            "controller": Admittance(inertia=1.0, viscosity=1.0, proportional=1.0, derivative=1.0),
+            "controller": Admittance(inertia=1.0, viscosity=1.0, proportional=1.0, derivative=1.0, limit=1.0),
         },
     ):
         with pytest.raises(InvalidInput):

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from _loops import bench
 from backdrive.closed_loop import Scene, play
 from backdrive.compensate import (
     Compensator,
@@ -23,7 +24,7 @@ from backdrive.compensate import (
     nothing,
 )
 from backdrive.compensate.extras import BristleObserver, DisturbanceObserver, Pulses
-from backdrive.control import JointLoop, Loop
+from backdrive.control import Unguarded
 from backdrive.engine.servo import Servo
 from backdrive.errors import InvalidInput
 from backdrive.estimate import friction as friction_
@@ -72,7 +73,7 @@ def walk(seed, n=LENGTH, size=1e-3):
 
 def along(compensator, q, *, error=None, slope=None, applied=None, dt=T):
     """Return the torque of a compensator along positions, the first of which is where it rests."""
-    loop = Loop(JointLoop(compensator=compensator), interval=dt)
+    loop = bench(dt, compensator=compensator)
     loop.reset(q[:1])
     f = np.empty(len(q))
     for k in range(len(q)):
@@ -157,7 +158,7 @@ def test_alg_fc2_is_as_printed_but_for_max_and_min():
         weights.append(w)
         printed_weights.append(printed)
     alpha = (1.0 - np.array(weights)) * 20.0 + np.array(weights) * 500.0
-    f = along(alg_fc2(CURVE, K, V_W), p)
+    f = along(alg_fc2(CURVE, K, V_W, share=1.0), p)
     assert np.abs(f - alg_fc_printed(p, alpha)).max() < 1e-9
     assert max(weights) > 0.0
     if JIT:
@@ -232,7 +233,7 @@ def test_mahvash_and_okamura_as_printed():
         (bent, 9.2, phi_0),
     )
     for rate, F, viscous in cases:
-        f, e = along(mahvash_okamura(rate, stiffness), p), 0.0
+        f, e = along(mahvash_okamura(rate, stiffness, R), p), 0.0
         for k in range(1, p.size):
             v = (p[k] - p[k - 1]) / T
             a = stiffness / F * (T * v + e)
@@ -269,7 +270,7 @@ def test_the_share_is_not_of_the_dither():
 
 def test_at_rest_the_dither_is_a_sine_about_half_the_difference():
     F_p, F_n, _ = curve(0.0)
-    f = along(alg_fc(CURVE, K, 20.0, Dither(share=0.5, frequency=10.0)), np.zeros(200))
+    f = along(alg_fc(CURVE, K, 20.0, Dither(share=0.5, frequency=10.0), share=1.0), np.zeros(200))
     t = T * np.arange(1, 201)
     assert f == pytest.approx(0.5 * ((F_p + F_n) / 2 * np.sin(20 * np.pi * t) + (F_p - F_n) / 2), abs=1e-9)
     assert -F_n < f.min() < f.max() < F_p
@@ -286,7 +287,8 @@ def test_reset_begins_at_phase_zero_where_fixed_goes_by_the_clock():
     q, F = stop_and_go(), 6.0
     rate = Coulomb(coulomb=F)
     fixed, reset = (
-        along(alg_fc(rate, K, 20.0, Dither(share=0.3, mode=mode)), q) - along(alg_fc(rate, K, 20.0), q)
+        along(alg_fc(rate, K, 20.0, Dither(share=0.3, mode=mode), share=1.0), q)
+        - along(alg_fc(rate, K, 20.0, share=1.0), q)
         for mode in ("fixed", "reset")
     )
     assert np.all(fixed[33:60] == 0.0)
@@ -303,7 +305,7 @@ def test_adaptive_dither_grows_until_it_shows_and_shrinks_when_it_shows_too_much
     rate, n = Coulomb(coulomb=6.0), 1500
 
     def amplitudes(q):
-        f = along(alg_fc(rate, 1e3, 20.0, dither), q)
+        f = along(alg_fc(rate, 1e3, 20.0, dither, share=1.0), q)
         return [np.abs(f[a : a + 70]).max() for a in range(0, n - 70, 70)]
 
     still_ = amplitudes(np.zeros(n))
@@ -371,7 +373,7 @@ def test_a_pulse_moves_a_joint_by_what_mechanics_says():
             motion=still(n),
             target=target,
             controller=Servo(proportional=0.0, derivative=0.0),  # which only says where to
-            loop=JointLoop(compensator=compensator),
+            loop=Unguarded(compensator=compensator),
             substep=1e-5 if JIT else 1e-4,
         )
     )
@@ -398,7 +400,7 @@ def test_bristle_and_scale_stay_within_their_bounds():
     observer = BristleObserver(gain=5.0, corner=50.0, adaptation=1e4, lowest=0.7, highest=1.3)
     compensator = lugre_observer(STRIBECK, LuGre(stiffness=K), observer, share=1.0)
     rng = np.random.default_rng(0)
-    loop, q, theta = Loop(JointLoop(compensator=compensator), interval=T), walk(9), []
+    loop, q, theta = bench(T, compensator=compensator), walk(9), []
     for k in range(q.size):
         loop.error[0], loop.slope[0] = 10.0 ** rng.uniform(-6, 3) * rng.choice([-1.0, 1.0]), rng.normal()
         loop.update(q[k : k + 1], np.zeros(1))
@@ -428,7 +430,7 @@ def tracked(compensator, law, inertia=0.7, seconds=3.0):
             motion=still(t.size),
             target=target,
             controller=joint.servo,
-            loop=JointLoop(compensator=compensator),
+            loop=Unguarded(compensator=compensator),
             substep=1e-4,
         )
     )

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from backdrive.closed_loop import Scene, play
-from backdrive.control import JointLoop
+from backdrive.control import Unguarded
 from backdrive.errors import InvalidInput
 from backdrive.estimate.external import METHODS, ExternalForce
 from backdrive.estimate.friction import alg_fe, alg_fe2, ha
@@ -170,7 +170,7 @@ def test_a_force_along_q_is_positive(method, sign):
         Scene(
             plant=joint,
             motion=pushes(np.full(n, sign * 8.0)),
-            loop=JointLoop(external=estimator),
+            loop=Unguarded(external=estimator),
             substep=1e-4 if JIT else 1e-3,
         )
     )
@@ -192,7 +192,7 @@ def test_a_stuck_joint_hides_up_to_its_friction():
             Scene(
                 plant=joint,
                 motion=pushes(push),
-                loop=JointLoop(external=ExternalForce(inertia=10.0, friction=friction)),
+                loop=Unguarded(external=ExternalForce(inertia=10.0, friction=friction)),
                 substep=2e-5 if JIT else 2e-4,
             )
         )

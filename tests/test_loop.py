@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from _loops import Bench, guarded
 from backdrive.compensate import (
     Dither,
     alg_fc,
@@ -18,9 +19,10 @@ from backdrive.compensate import (
     disturbance_observer,
     impulsive,
     lugre_observer,
+    nothing,
 )
 from backdrive.compensate.extras import BristleObserver, DisturbanceObserver, Pulses
-from backdrive.control import Admittance, JointLoop, Loop
+from backdrive.control import Admittance, JointLoop, Loop, Unguarded, torque_limit
 from backdrive.control.admittance import tick as admit
 from backdrive.errors import InvalidInput
 from backdrive.estimate.external import METHODS, ExternalForce
@@ -47,12 +49,14 @@ def compensators():
     bristle = BristleObserver(gain=1.0, adaptation=1.0)
     damping = 7.0 + 2.0 * 20.0 * TOP  # of a bristle in one tick
     return {
-        "alg_fc": (alg_fc(RATE, K), BOUND),
-        "PD": (alg_fc(RATE, K, dither=Dither(share=0.3)), BOUND + 0.3 * 7.0),
-        "alg_fc2": (alg_fc2(RATE, K, 0.005, dither=Dither(share=0.3, mode="reset")), BOUND + 0.3 * 7.0),
-        "over": (alg_fc(RATE, K, share=1.4), 1.4 * BOUND),
+        "alg_fc": (alg_fc(RATE, K, share=1.0), BOUND),
+        "PD": (alg_fc(RATE, K, dither=Dither(share=0.3), share=1.0), BOUND + 0.3 * 7.0),
+        "alg_fc2": (
+            alg_fc2(RATE, K, 0.005, dither=Dither(share=0.3, mode="reset"), share=1.0),
+            BOUND + 0.3 * 7.0,
+        ),
         "adaptive": (
-            alg_fc(RATE, K, dither=Dither(share=0.5, mode="adaptive", count=1e-6)),
+            alg_fc(RATE, K, dither=Dither(share=0.5, mode="adaptive", count=1e-6), share=1.0),
             BOUND + 0.5 * 7.0,
         ),
         "pulses": (impulsive(RATE, K, pulses, share=1.0), BOUND + 9.0),
@@ -73,7 +77,9 @@ def arm(**changes):
     """Return a loop of one joint a compensator, its estimators in turn."""
     methods = estimators()
     joints = [
-        JointLoop(compensator=c, external=methods[i % len(methods)], top_speed=TOP, **changes)
+        guarded(
+            c, external=methods[i % len(methods)], top_speed=TOP, **({"limit": 60.0, "rate": 1e9} | changes)
+        )
         for i, (c, _) in enumerate(compensators().values())
     ]
     return Loop(joints, interval=T)
@@ -120,7 +126,8 @@ def test_whatever_comes_in_the_torque_is_finite_and_bounded_and_comes_back(ticks
         assert np.isfinite(loop.external).all()
         assert np.isfinite(loop.friction).all()
         assert np.all(np.abs(loop.torque) <= BOUNDS * (1.0 + 1e-9))
-    for _ in range(150):
+    loop.acknowledge()
+    for _ in range(700):
         loop.update(np.zeros(J), np.zeros(J))
     assert np.all(loop.codes == Status.OK)
     assert np.isfinite(loop.torque).all()
@@ -159,7 +166,8 @@ def shared():
         (np.zeros(J), np.zeros(J), np.inf, Status.BAD_INTERVAL),
         (np.zeros(J), np.zeros(J), 100.0 * T, Status.BAD_INTERVAL),
         (np.zeros(J), np.zeros(J), 20.1 * T, Status.BAD_INTERVAL),
-        (np.zeros(J), np.zeros(J), 19.9 * T, Status.OK),
+        (np.zeros(J), np.zeros(J), 1.4 * T, Status.OK),
+        (np.zeros(J), np.zeros(J), 19.9 * T, Status.LATE),
         (np.full(J, 1e3), np.zeros(J), None, Status.JUMP),
     ],
 )
@@ -189,11 +197,11 @@ def test_a_nan_beside_the_readings_is_survived(where):
 @pytest.mark.parametrize("name", sorted(ELEMENT_EXAMPLES))
 def test_every_law_survives_readings_beyond_all_measure(name):
     law = Law(rate=RATE_EXAMPLES["stribeck-gauss"], element=ELEMENT_EXAMPLES[name])
-    joint = JointLoop(compensator=by_law(law), external=ExternalForce(inertia=1.0, method="extended"))
-    loop = Loop(joint, interval=T)
+    joint = Unguarded(compensator=by_law(law), external=ExternalForce(inertia=1.0, method="extended"))
+    loop = Bench(joint, interval=T)
     for q in (0.0, 1e308, -1e308, 1e308, np.inf, 0.0, 1e-3, 0.0):
         loop.update(np.array([q]), np.zeros(1))
-        assert np.isfinite(loop.table[:7]).all()
+        assert np.isfinite([loop.torque, loop.external, loop.friction]).all()
     for _ in range(50):
         loop.update(np.zeros(1), np.zeros(1))
     assert loop.codes[0] == Status.OK
@@ -203,18 +211,23 @@ def test_every_law_survives_readings_beyond_all_measure(name):
 # ------------------------------------------------------------------------------------------------ faults of a sensor
 
 
-def test_while_readings_are_missing_the_torque_fades_and_then_comes_back():
+def test_while_readings_are_missing_the_torque_fades_and_then_comes_back_slowly():
     loop, fade = arm(fade=80.0), 80.0
-    q = motion(200)
-    for k in range(100):
+    slow = loop.joints[0].slow_rate
+    q = motion(600)
+    for k in range(400):
         loop.update(q[k], np.zeros(J))
     before = loop.torque.copy()
-    for k in range(100, 150):
+    for k in range(400, 450):
         assert loop.update(np.full(J, np.nan), np.zeros(J)) == Status.NOT_FINITE
-        assert loop.torque == pytest.approx(before / (1.0 + fade * T) ** (k - 99), rel=1e-9)
+        assert loop.torque == pytest.approx(
+            before / (1.0 + fade * T) ** (k - 400), rel=1e-9
+        )  # one is bridged
     assert np.abs(loop.torque).max() < 0.03 * np.abs(before).max()
-    for k in range(150, 200):
+    faded = np.abs(loop.torque)
+    for k in range(450, 600):
         assert loop.update(q[k], np.zeros(J)) == Status.OK
+        assert np.all(np.abs(loop.torque) <= (faded + slow * T * (k - 449)) * (1.0 + 1e-9))
     assert np.abs(loop.torque).max() > 3.0
     assert np.abs(loop.external).max() < 200.0
 
@@ -235,13 +248,15 @@ def test_the_other_joints_do_not_notice():
         others = np.arange(J) != 2
         for name in ("torque", "external", "friction", "codes"):
             assert np.array_equal(getattr(sick, name)[others], getattr(well, name)[others])
-        assert (status == Status.OK) == (bad[2] == row[2])
+        assert (status == Status.OK) == (bad[2] == row[2] and sick.causes[2] == Status.OK)
 
 
 def single(top=TOP, method="direct", **changes):
     external = ExternalForce(inertia=0.7, method=method, friction=alg_fe2(RATE, K, 0.005))
     return Loop(
-        JointLoop(compensator=alg_fc(RATE, K, share=0.9), external=external, top_speed=top, **changes),
+        guarded(
+            alg_fc(RATE, K, share=0.9), **({"external": external, "top_speed": top, "rate": 1e4} | changes)
+        ),
         interval=T,
     )
 
@@ -250,7 +265,7 @@ def single(top=TOP, method="direct", **changes):
 @pytest.mark.parametrize("method", METHODS)
 def test_a_new_zero_of_the_encoder_is_taken_over_after_a_while(jump, method):
     """Neither torque nor estimate sees the jump, small ones included: no reading after it is taken for a motion."""
-    n = 600
+    n = 1000
     q = 0.2 * np.sin(3.0 * T * np.arange(n))
     runs = []
     for by in (0.0, jump):
@@ -264,10 +279,10 @@ def test_a_new_zero_of_the_encoder_is_taken_over_after_a_while(jump, method):
     jumped = np.flatnonzero(broken[:, 2] == Status.JUMP)
     assert jumped[0] == 200
     assert np.all(np.diff(jumped) == 1)
-    assert jumped.size * T == pytest.approx(0.05, abs=3 * T)
+    assert jumped.size * T == pytest.approx(0.025, abs=3 * T)  # half the patience
     assert np.all(np.abs(broken[200 : jumped[-1], 0]) <= np.abs(whole[200 : jumped[-1], 0]) + 1e-9)
     # what it missed meanwhile is a little motion, by which its own friction model is behind
-    assert broken[-100:, 0] == pytest.approx(whole[-100:, 0], abs=0.1)
+    assert broken[-30:, 0] == pytest.approx(whole[-30:, 0], abs=0.1)
     assert np.abs(broken[:, 1]).max() < 2.0 * np.abs(whole[:, 1]).max() + 3.0
 
 
@@ -280,28 +295,19 @@ def test_a_single_wild_reading_costs_a_tick():
         codes.append(int(loop.codes[0]))
         torque.append(loop.torque[0])
     assert set(np.flatnonzero(codes)) == {100, 150, 151}
-    assert np.abs(np.diff(torque[10:])).max() < 1.5
-
-
-def test_a_joint_faster_than_its_top_speed_gets_less_and_less():
-    """Over-compensation that runs away ends where the reading is no longer believed."""
-    loop, codes = single(top=1.0), []
-    for k in range(400):
-        loop.update(np.array([2.0 * T * k]), np.zeros(1))
-        codes.append(loop.codes[0])
-    assert set(codes[5:]) == {Status.JUMP}
-    assert abs(loop.torque[0]) < 1e-3
+    assert np.abs(np.diff(torque[10:])).max() < 0.35  # of two in a row one fades
 
 
 def test_a_late_tick_is_run_with_the_time_that_passed():
     """One tick of 5 ms and five of 1 ms say the same velocity, viscous friction and, nearly, the same decay."""
     results = []
     for ticks in (1, 5):
-        loop, q = single(), 0.0
+        loop, q = single(ramp=0.15), 0.0
         for _ in range(60):
             for _ in range(ticks):
                 q += 0.5 * 5 * T / ticks
-                assert loop.update(np.array([q]), np.zeros(1), 5 * T / ticks) == Status.OK
+                status = loop.update(np.array([q]), np.zeros(1), 5 * T / ticks)
+                assert status == (Status.OK if ticks == 5 else Status.LATE)
         results.append(loop.torque[0])
     assert results[0] == pytest.approx(results[1], rel=1e-6)
     assert results[0] == pytest.approx(0.9 * (7.0 + 3.0 * 0.5), rel=0.01)
@@ -312,7 +318,7 @@ def test_estimates_stay_calm_over_missing_and_uneven_ticks(method):
     """A free mass under a constant force, read at uneven times, with holes: no estimate runs away."""
     rng = np.random.default_rng(1)
     external = ExternalForce(inertia=2.0, method=method, bandwidth=60.0, encoder_count=1e-6)
-    loop, t, out = Loop(JointLoop(external=external), interval=T), 0.0, []
+    loop, t, out = Bench(Unguarded(external=external), interval=T), 0.0, []
     for k in range(1500 if JIT else 100):
         dt = T * rng.choice([1.0, 1.0, 1.0, 0.6, 2.0, 5.0])
         t += dt
@@ -328,7 +334,7 @@ def test_estimates_stay_calm_over_missing_and_uneven_ticks(method):
 
 def test_the_first_reading_is_where_the_joint_rests():
     """Without `reset` too: a joint that stands at 1.2 rad has not come there in a tick."""
-    loop = single(top=np.inf)
+    loop = single()
     for _ in range(50):
         assert loop.update(np.array([1.2]), np.zeros(1)) == Status.OK
         assert loop.torque[0] == 0.0
@@ -338,7 +344,7 @@ def test_the_first_reading_is_where_the_joint_rests():
 def test_saturation_says_so():
     loop = single(limit=4.0)
     codes = set()
-    for k in range(100):
+    for k in range(800):
         codes.add(loop.update(np.array([1e-3 * k]), np.zeros(1)))
         assert abs(loop.torque[0]) <= 4.0
     assert codes == {Status.OK, Status.SATURATED}
@@ -346,7 +352,7 @@ def test_saturation_says_so():
 
 
 def test_the_worst_status_is_returned():
-    loop = Loop([JointLoop(compensator=alg_fc(RATE, K), limit=1.0, top_speed=TOP)] * 3, interval=T)
+    loop = Loop([guarded(alg_fc(RATE, K), limit=1.0, top_speed=TOP)] * 3, interval=T)
     loop.update(np.zeros(3), np.zeros(3))
     assert loop.update(np.array([2e-3, np.nan, 0.0]), np.zeros(3)) == Status.NOT_FINITE
     assert list(loop.codes) == [Status.SATURATED, Status.NOT_FINITE, Status.OK]
@@ -423,19 +429,11 @@ def test_joints_run_together_as_they_run_alone():
     alone = []
     for j, (compensator, _) in enumerate(compensators().values()):
         one = Loop(
-            JointLoop(compensator=compensator, external=estimators()[j % 5], top_speed=TOP), interval=T
+            guarded(compensator, external=estimators()[j % 5], top_speed=TOP, limit=60.0, rate=1e9),
+            interval=T,
         )
         alone.append(torques(one, q[:, j : j + 1], 0.3)[:, 0])
     assert np.array_equal(torques(loop, q, 0.3), np.array(alone).T)
-
-
-def test_bad_loops_are_refused():
-    for bad in ({"top_speed": 0.0}, {"limit": -1.0}, {"fade": np.nan}, {"patience": 0.0}):
-        with pytest.raises(InvalidInput):
-            JointLoop(**bad)
-    for joints, interval in (([], T), (JointLoop(), 0.0), (JointLoop(), np.nan)):
-        with pytest.raises(InvalidInput):
-            Loop(joints, interval=interval)
 
 
 # ------------------------------------------------------------------------------------------------- admittance control
@@ -443,7 +441,7 @@ def test_bad_loops_are_refused():
 
 def test_admittance_is_equation_4_6():
     """m q_d'' + b q_d' = tau_e, implicit in b: a constant force gives the exact steady velocity tau_e/b."""
-    a = Admittance(inertia=1.0, viscosity=15.0, proportional=0.0, derivative=0.0)
+    a = Admittance(inertia=1.0, viscosity=15.0, proportional=0.0, derivative=0.0, limit=1.0)
     row, s = a.row(), a.start(0.3)
     v = 0.0
     for _ in range(1000):
@@ -459,13 +457,16 @@ def test_admittance_holds_its_limit():
     a = Admittance(inertia=1.0, viscosity=15.0, proportional=1e5, derivative=1e3, limit=50.0)
     row, s = a.row(), a.start(0.0)
     assert admit(row, 0, s, 0, 0.0, 1.0, T) == -50.0
-    for bad in ({"inertia": 0.0}, {"viscosity": -1.0}, {"limit": np.nan}):
+    good = {"inertia": 1.0, "viscosity": 1.0, "proportional": 1.0, "derivative": 1.0, "limit": 1.0}
+    for bad in ({"inertia": 0.0}, {"viscosity": -1.0}, {"limit": np.nan}, {"limit": np.inf}, {"limit": 0.0}):
         with pytest.raises(InvalidInput):
-            Admittance(**({"inertia": 1.0, "viscosity": 1.0, "proportional": 1.0, "derivative": 1.0} | bad))
+            Admittance(**(good | bad))
 
 
 def test_a_friction_free_loop_gives_nothing():
-    loop = Loop(JointLoop(), interval=T)
-    assert loop.update(np.zeros(1), np.zeros(1)) == Status.OK
-    assert loop.torque[0] == 0.0
+    loop = Loop(JointLoop(limit=0.0, top_speed=TOP, encoder_count=1e-6), interval=T)
+    for k in range(20):
+        assert loop.update(np.array([1e-3 * k]), np.zeros(1)) == Status.OK
+        assert loop.torque[0] == 0.0
     assert Coulomb(coulomb=0.0).coulomb == 0.0
+    assert torque_limit(nothing(), TOP) == 0.0

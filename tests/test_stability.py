@@ -8,7 +8,7 @@ import pytest
 
 from backdrive.closed_loop import play
 from backdrive.compensate import Dither
-from backdrive.control import JointLoop
+from backdrive.control import Unguarded
 from backdrive.laws import Coulomb, Decaying, HaywardArmstrong, Law, kernels
 from backdrive.tune import rules, scenes
 from backdrive.tune.facts import Facts
@@ -169,7 +169,7 @@ def test_the_simulated_joint_hums_where_the_sampled_presliding_is_unstable():
         springs = [(k, 2 * 0.01 * np.sqrt(k * m)) for k, m in ((member.transmission, M), (member.bristle, L))]
         gain = 0.7 * 0.7 * facts.stiffness
         radius = rules.sampled_radius(M, L, springs[0], springs[1], gain, decay, 0.0, T)
-        loop = JointLoop(compensator=compensator(facts, {"share": 0.7, "stiffness": 0.7, "decay": decay}))
+        loop = Unguarded(compensator=compensator(facts, {"share": 0.7, "stiffness": 0.7, "decay": decay}))
         swing = scenes.amplitude(play(scenes.knock(facts, member, loop, scenes.FINE)))
         assert (radius > 1.0) == hums
         assert (swing > 1e-6) == hums
@@ -197,7 +197,7 @@ def joint(*, damping=0.05, delay=T, count=1e-6, friction=1.0):
 
 def knocked(z, dither=None, length=2.5, **changes):
     facts, member = joint(**changes)
-    loop = JointLoop(compensator=compensator(facts, z, dither))
+    loop = Unguarded(compensator=compensator(facts, z, dither))
     return facts, member, play(scenes.knock(facts, member, loop, scenes.FINE, length))
 
 

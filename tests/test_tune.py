@@ -244,7 +244,7 @@ def test_a_tuning_runs_is_kept_and_respects_its_bounds(goal, tmp_path):
     assert kept.external() == tuning.external()
     assert all(number.reason for number in kept.numbers.values())
     assert kept.rate == RATE
-    Loop([kept.loop()], interval=kept.interval).update(np.zeros(1), np.zeros(1))
+    Loop([kept.loop(top_speed=3.0)], interval=kept.interval).update(np.zeros(1), np.zeros(1))
     assert all(row["safe"] for name, row in tuning.scores["rows"].items() if name in ("chosen", "none"))
     if goal == "backdrive":
         assert kept.admittance() == tuning.admittance()

@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 
 from backdrive._jit import jit
-from backdrive.control import admittance, loop
+from backdrive.control import JointLoop, Unguarded, admittance, joint_loop, loop, table
 from backdrive.control.admittance import Admittance
-from backdrive.control.loop import JointLoop
 from backdrive.engine import axis as axis_
 from backdrive.engine import servo as servo_
 from backdrive.engine.cores import spread
@@ -95,19 +94,19 @@ def run(
             held = axis_.gravity(j, reading)
         f, code = 0.0, 0
         if loops > 0:
-            g[loop.APPLIED, 0] = last - held
+            g[table.APPLIED, 0] = last - held
             if kind == 1:
-                g[loop.ERROR, 0], g[loop.SLOPE, 0] = target[k, 0] - reading, target[k, 1] - v
+                g[table.ERROR, 0], g[table.SLOPE, 0] = target[k, 0] - reading, target[k, 1] - v
             if noise[k, 3] == 0.0:
                 code = loop.joint(C, 0, cp, cx, cs, E, ep, ex, es, g, 0, read, passed)
-            f = g[loop.TORQUE, 0]
+            f = g[table.TORQUE, 0]
         command, wanted = last, target[k, 0]
         if noise[k, 3] == 0.0:
             u = 0.0
             if kind == 1:
                 u = servo_.tick(k_row, 0, k_state, passed, target[k, 0], target[k, 1], reading, limit)
             elif kind == 2:
-                u = admittance.tick(k_row, 0, k_state, 0, g[loop.EXTERNAL, 0], reading, passed)
+                u = admittance.tick(k_row, 0, k_state, 0, g[table.EXTERNAL, 0], reading, passed)
                 wanted = k_state[0]
             command = min(max(u + f + held, -limit), limit)
             last, reading_before, passed = command, reading, 0.0
@@ -115,9 +114,9 @@ def run(
             wanted = k_state[0]
         force = hand[k, 2] * (K_h * (hand[k, 0] - s[2]) + B_h * (hand[k, 1] - s[3])) + hand[k, 3]
         out[k, 0], out[k, 1], out[k, 2] = read, command, f
-        out[k, 3], out[k, 4], out[k, 5] = g[loop.EXTERNAL, 0], g[loop.FRICTION, 0], force
+        out[k, 3], out[k, 4], out[k, 5] = g[table.EXTERNAL, 0], g[table.FRICTION, 0], force
         out[k, 6], out[k, 7], out[k, 8], out[k, 9] = s[0], s[2], s[1], s[3]
-        out[k, 10], out[k, 11], out[k, 12] = wanted, code, g[loop.LEVEL, 0]
+        out[k, 10], out[k, 11], out[k, 12] = wanted, code, g[table.LEVEL, 0]
         following = k + 1 if k + 1 < n else k
         for i in range(substeps):
             behind = k - (late - i + substeps - 1) // substeps if late > i else k
@@ -306,7 +305,7 @@ def _prepared(scene: Scene) -> tuple[tuple, np.ndarray]:
         k_state[1] = reading
     elif isinstance(controller, Admittance):
         kind, k_row, k_state = 2, controller.row(), controller.start(reading)
-    rows = loop.rows([scene.loop or JointLoop()], np.array([reading]), T)
+    rows = joint_loop.rows([scene.loop or Unguarded()], np.array([reading]), T)
     parts = [array[0] for array in rows[:-1]]
     noise = np.zeros((n, 4))
     noise[:, 0] = plant.torque_noise * rng.standard_normal(n)

@@ -32,6 +32,10 @@ def _rebuild(cls: type[BackdriveError], message: str, remedy: str, data: dict) -
     return cls(message, remedy=remedy, **data)
 
 
+class BackdriveWarning(UserWarning):
+    """Something works, but not as well or as safely as it might; the sentence says what to do."""
+
+
 class InvalidInput(BackdriveError, ValueError):
     """An argument has the wrong shape, sign, range or unit."""
 

@@ -6,22 +6,29 @@ from enum import IntEnum
 
 
 class Status(IntEnum):
-    """What one tick of a torque loop had to say; every code has its sentence."""
+    """What one tick of a torque loop reports; every code has its sentence, and `severity` says which of two counts."""
 
     sentence: str
+    severity: int
 
-    def __new__(cls, code: int, sentence: str):
-        """Attach the sentence to the integer."""
+    def __new__(cls, code: int, severity: int, sentence: str):
+        """Attach severity and sentence to the integer."""
         member = int.__new__(cls, code)
         member._value_ = code
-        member.sentence = sentence
+        member.severity, member.sentence = severity, sentence
         return member
 
-    OK = 0, "The tick ran normally."
-    NOT_FINITE = 1, "An input was NaN or infinite; the last safe output is held."
-    BAD_INTERVAL = 2, "The time step was zero, negative or far from the nominal one; the last output is held."
-    SATURATED = 3, "The output reached its limit."
-    JUMP = (
-        4,
-        "The position jumped further than the joint can move; the reading was not believed and the output fades.",
+    OK = 0, 0, "The tick ran normally."
+    NOT_FINITE = 1, 7, "An input was NaN or infinite and was not believed; the output fades."
+    BAD_INTERVAL = (
+        2,
+        6,
+        "The interval was zero, negative or far from the period and was not believed; the output fades.",
     )
+    SATURATED = 3, 3, "The output reached its limit."
+    JUMP = 4, 5, "The position jumped further than the joint can move and was not believed; the output fades."
+    LATE = 5, 1, "The tick came late; it was run with the time that passed."
+    NO_MOTION = 6, 2, "No motion under torque: the encoder stands still, and the compensating torque fades."
+    STOPPED = 7, 4, "The loop was told to stop; the output ramps down to zero and stays there."
+    OVERSPEED = 8, 8, "The joint was faster than its top speed; the output goes to zero and stays there."
+    LATCHED = 9, 9, "The output stays at zero after a fault, until it is acknowledged."

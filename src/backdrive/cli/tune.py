@@ -57,6 +57,25 @@ def command(
             help="Of the encoder per rad or m at the joint, COUNTS or JOINT=COUNTS.  [default: the model's]",
         ),
     ] = None,
+    top_speed: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--top-speed",
+            help="Above which the loop takes the joint for a runaway and latches, SPEED or JOINT=SPEED [rad/s or m/s].  "
+            "[default: of --urdf; without either the loop asks]",
+        ),
+    ] = None,
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--limit",
+            help="Of the compensating torque, LIMIT or JOINT=LIMIT [N.m or N].  [default: 1.25 R F(top speed), at most the effort "
+            "of --urdf]",
+        ),
+    ] = None,
+    urdf: Annotated[
+        Path | None, typer.Option("--urdf", help="Robot description, for top speed and limit by joint.")
+    ] = None,
     noise: Annotated[
         float, typer.Option("--noise", help="Of a reading, standard deviation in counts.")
     ] = 0.0,
@@ -90,7 +109,7 @@ def command(
 ) -> None:
     """Choose K, R, decay rates, dither, filter and admittance for a joint, and say how far they are from breaking.
 
-    Example: backdrive tune preset:thesis/hp3j --joint joint_0 --stiffness 8e4:1.2e5 --inertia 0.6:0.8 -o tuning.json
+    Example: backdrive tune preset:thesis/hp3j --joint joint_0 --stiffness 8e4:1.2e5 --inertia 0.6:0.8 --top-speed 3 -o tuning.json
     """
     from backdrive import load_model
     from backdrive.cli._progress import progress
@@ -125,6 +144,12 @@ def command(
         "motor_share": _by_joint(motor_share, "--motor-share", "0.15", names, interval=False),
         "counts": _by_joint(counts, "--counts", "1043038", names, interval=False),
     }
+    guards = _guards(
+        _by_joint(top_speed, "--top-speed", "3", names, interval=False),
+        _by_joint(limit, "--limit", "20", names, interval=False),
+        urdf,
+        names,
+    )
     found: list[Tuning] = []
     refused: dict[str, BackdriveError] = {}
     with progress(quiet=as_json) as say:
@@ -141,6 +166,7 @@ def command(
                         seed=seed,
                         draw=picture is not None,
                         dither=dither,
+                        **guards[name],
                         say=lambda sentence, name=name: say(f"{name}: {sentence}"),
                     )
                 )
@@ -173,6 +199,37 @@ def command(
             typer.echo(f"backdrive: {error}", err=True)
     if refused:
         raise typer.Exit(1)
+
+
+def _guards(
+    speeds: dict[str, float], limits: dict[str, float], urdf: Path | None, names: Sequence[str]
+) -> dict[str, dict[str, Any]]:
+    """Return trip speed and limit of torque by joint: as they were given, else of the robot description."""
+    import math
+
+    from backdrive.errors import InvalidInput
+
+    described: dict[str, Any] = {}
+    if urdf is not None:
+        from backdrive.limits import read_limits
+
+        described = read_limits(urdf)
+        absent = [name for name in names if name not in described]
+        if absent:
+            raise InvalidInput(
+                f"{urdf} has no joint '{absent[0]}'.",
+                remedy=f"It has {', '.join(described)}; the model {', '.join(names)}. Say --top-speed instead.",
+            )
+    found: dict[str, dict[str, Any]] = {}
+    for name in names:
+        speed, torque = speeds.get(name), limits.get(name)
+        if name in described:
+            known = described[name]
+            speed = known.velocity if speed is None and math.isfinite(known.velocity) else speed
+            found[name] = {"trip_speed": speed, "limit": torque, "effort": known.effort}
+        else:
+            found[name] = {"trip_speed": speed, "limit": torque}
+    return found
 
 
 def _refuse(refused: dict[str, BackdriveError], as_json: bool) -> None:

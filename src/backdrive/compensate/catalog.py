@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from backdrive.compensate.compensator import Compensator
+from backdrive.compensate.compensator import SHARE, Compensator
 from backdrive.compensate.dither import Dither
 from backdrive.compensate.extras import BristleObserver, DisturbanceObserver, Pulses
 from backdrive.estimate.friction import FrictionEstimator, alg_fe, alg_fe2
@@ -15,7 +15,7 @@ def nothing() -> Compensator:
     return Compensator()
 
 
-def mahvash_okamura(rate: Rate, stiffness: float, share: float = 0.9) -> Compensator:
+def mahvash_okamura(rate: Rate, stiffness: float, share: float = SHARE) -> Compensator:
     """Return Mahvash and Okamura's compensator with a rate law: Iwatani 2017, (2.22).
 
     With Coulomb friction alone it is the thesis' MO, (2.24); with a linear viscosity MOL, (2.25); with an identified curve MOP. The
@@ -35,7 +35,7 @@ def alg_fc(
     stiffness: float,
     decay_rate: float = 20.0,
     dither: Dither | None = None,
-    share: float = 1.0,
+    share: float = SHARE,
 ) -> Compensator:
     """Return algFC, Iwatani 2017, (3.27): with `decay_rate` 0 its C and CD, otherwise P and PD.
 
@@ -57,7 +57,7 @@ def alg_fc2(
     fast_decay: float = 500.0,
     switch_rate: float = 10.0,
     dither: Dither | None = None,
-    share: float = 1.0,
+    share: float = SHARE,
 ) -> Compensator:
     """Return algFC2, Iwatani 2017, (3.28) corrected: the decay rate goes up in motion.
 
@@ -76,7 +76,7 @@ def alg_fc2(
 
 
 def aung(
-    rate: Rate, stiffness: float, damping: float, count: float, share: float = 0.9, frequency: float = 15.0
+    rate: Rate, stiffness: float, damping: float, count: float, share: float = SHARE, frequency: float = 15.0
 ) -> Compensator:
     """Return a compensator of three parts after Aung, Kikuuwe and Yamamoto (ASME JDSMC 137(5), 2015).
 
@@ -96,7 +96,7 @@ def aung(
 
 
 def impulsive(
-    rate: Rate, stiffness: float, pulses: Pulses, decay_rate: float = 20.0, share: float = 0.9
+    rate: Rate, stiffness: float, pulses: Pulses, decay_rate: float = 20.0, share: float = SHARE
 ) -> Compensator:
     """Return algFC with pulses where the joint is stuck off its reference."""
     law = Law(rate=rate, element=Decaying(stiffness=stiffness, decay_rate=decay_rate))
@@ -104,18 +104,18 @@ def impulsive(
 
 
 def lugre_observer(
-    rate: Rate, element: LuGre, observer: BristleObserver | None = None, share: float = 0.9
+    rate: Rate, element: LuGre, observer: BristleObserver | None = None, share: float = SHARE
 ) -> Compensator:
     """Return the LuGre observer of Canudas de Wit and Lischinsky (1997), adaptive where its `adaptation` is not 0."""
     law = Law(rate=rate, element=element)
     return Compensator(friction=FrictionEstimator(law=law), share=share, extra=observer or BristleObserver())
 
 
-def disturbance_observer(law: Law, observer: DisturbanceObserver, share: float = 0.9) -> Compensator:
+def disturbance_observer(law: Law, observer: DisturbanceObserver, share: float = SHARE) -> Compensator:
     """Return a model with a disturbance observer for what it misses."""
     return Compensator(friction=FrictionEstimator(law=law), share=share, extra=observer)
 
 
-def by_law(law: Law, share: float = 0.9, dither: Dither | None = None) -> Compensator:
+def by_law(law: Law, share: float = SHARE, dither: Dither | None = None) -> Compensator:
     """Return a compensator by any law, GMS or LuGre for example."""
     return Compensator(friction=FrictionEstimator(law=law), share=share, dither=dither)

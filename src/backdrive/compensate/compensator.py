@@ -31,6 +31,7 @@ from backdrive.estimate.friction import NOTHING, FrictionEstimator
 
 FRICTION, DITHER, EXTRA = 2, 2 + friction_.ROW, 2 + friction_.ROW + dither_.ROW
 ROW = EXTRA + extras.ROW
+SHARE = 0.8  # R where nothing else is said: friction may well be a fifth less than what is believed
 S_DITHER, S_EXTRA = 1, 1 + dither_.STATES
 STATES = S_EXTRA + extras.STATES
 NEARLY = (
@@ -39,28 +40,47 @@ NEARLY = (
 
 
 @ladder
-def tick(c, i, p, x, s, j, q, dp, dt, t, error, slope, u, load, temp):
-    """Return the torque of one tick.
+def tick(c, i, p, x, s, j, q, dp, dt, t, error, slope, u, load, temp, idle):
+    """Return the torque of one tick in two parts: what pushes, and the dither.
 
     `c[i:]`: row, `p`, `x`: the law and its state, `s[j:]`: state. q: encoder, dp: its increment, t: time, error and slope: how
-    far the reference is ahead and its rate, u: torque that acted meanwhile, less gravity.
+    far the reference is ahead and its rate, u: torque that acted meanwhile, less gravity. `idle`: what is extra rests.
     """
     kind = int(c[i + EXTRA])
+    push, wave = 0.0, 0.0
     if kind >= 2:  # an observer runs the law itself
-        return extras.observed(
-            c, i + EXTRA, c[i], p, x, s, j + S_EXTRA, q, dp, dt, error, slope, u, load, temp
-        )
-    model = friction_.tick(c, i + FRICTION, p, x, s, j + 0, dp, dt, load, temp)
-    f = c[i] * model
-    if c[i + DITHER] >= 0.0:
-        lo, hi, viscous = friction_.bounds(int(c[i + FRICTION]), p, dp / dt, load, temp)
-        slides = c[i + 1] > 0.0
-        held = x[0] if slides else model - viscous
-        near = 1.0 if slides else NEARLY
-        f += dither_.tick(c, i + DITHER, s, j + S_DITHER, near * lo < held < near * hi, lo, hi, q, dt, t)
-    if kind == 1:
-        f += extras.pulse(c, i + EXTRA, s, j + S_EXTRA, dp, dt, error)
-    return f
+        if not idle:
+            push = extras.observed(
+                c, i + EXTRA, c[i], p, x, s, j + S_EXTRA, q, dp, dt, error, slope, u, load, temp
+            )
+    else:
+        model = friction_.tick(c, i + FRICTION, p, x, s, j + 0, dp, dt, load, temp)
+        push = c[i] * model
+        if c[i + DITHER] >= 0.0:
+            lo, hi, viscous = friction_.bounds(int(c[i + FRICTION]), p, dp / dt, load, temp)
+            slides = c[i + 1] > 0.0
+            held = x[0] if slides else model - viscous
+            near = 1.0 if slides else NEARLY
+            wave = dither_.tick(
+                c, i + DITHER, s, j + S_DITHER, near * lo < held < near * hi, lo, hi, q, dt, t
+            )
+        if kind == 1 and not idle:
+            push += extras.pulse(c, i + EXTRA, s, j + S_EXTRA, dp, dt, error)
+    return push, wave
+
+
+@jit
+def relax(c, i, x, s, j, q):
+    """Let go of what the contact holds and of what is integrated beside it: the joint rests at q. The dither goes on."""
+    for k in range(x.size):
+        x[k] = 0.0
+    learned = s[j + S_EXTRA + 1]
+    for k in range(extras.STATES):
+        s[j + S_EXTRA + k] = 0.0
+    if c[i + EXTRA] == 2.0:
+        s[j + S_EXTRA + 1] = learned
+    elif c[i + EXTRA] == 3.0:
+        external_.shift(c, i + EXTRA + 2, s, j + S_EXTRA, q)
 
 
 @jit
@@ -94,13 +114,13 @@ class Compensator:
     """
 
     friction: FrictionEstimator = field(default_factory=lambda: NOTHING)
-    share: float = 1.0
+    share: float = SHARE
     dither: Dither | None = None
     extra: Extra | None = None
 
     def __post_init__(self):
         if not 0.0 <= self.share < np.inf:
-            raise InvalidInput(f"share = {self.share}.", remedy="Give R, 0 or more; 0.9 is a good start.")
+            raise InvalidInput(f"share = {self.share}.", remedy="Give R, 0 or more; 0.8 is a good start.")
         if self.dither is not None and not self.friction.law.element.states():
             raise InvalidInput(
                 f"'{self.friction.law.name}' has no presliding, so that it never is stuck and never dithers.",

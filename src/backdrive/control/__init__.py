@@ -1,5 +1,7 @@
 """What runs in a torque loop: compensation and estimation in one tick, admittance control."""
 
 from backdrive.control.admittance import Admittance as Admittance
-from backdrive.control.loop import JointLoop as JointLoop
+from backdrive.control.joint_loop import JointLoop as JointLoop
+from backdrive.control.joint_loop import Unguarded as Unguarded
+from backdrive.control.joint_loop import torque_limit as torque_limit
 from backdrive.control.loop import Loop as Loop

@@ -51,12 +51,15 @@ class Admittance:
     viscosity: float
     proportional: float
     derivative: float
-    limit: float = np.inf
+    limit: float
 
     def __post_init__(self):
         numbers = (self.inertia, self.viscosity, self.proportional, self.derivative, self.limit)
-        if not (self.inertia > 0.0 and all(x >= 0.0 for x in numbers)):
-            raise InvalidInput(f"{self}.", remedy="The inertia is positive, nothing is negative.")
+        finite = all(0.0 <= x < np.inf for x in numbers)
+        if not (finite and self.inertia > 0.0 and self.limit > 0.0):
+            raise InvalidInput(
+                f"{self}.", remedy="Inertia and limit are positive, nothing is negative, all of it is finite."
+            )
 
     def row(self) -> np.ndarray:
         """Return the row that `tick` reads, (5,)."""

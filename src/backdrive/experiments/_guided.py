@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.closed_loop import JointLoop, Record, Scene, play
+from backdrive.closed_loop import Record, Scene, play
 from backdrive.compensate import Compensator, Dither, alg_fc, nothing
+from backdrive.control import Unguarded
 from backdrive.laws.base import Rate
 from backdrive.plants.hand import Hand, strokes
 from backdrive.plants.joint import SimulatedJoint
@@ -96,7 +97,7 @@ class Guidance:
                 plant=self.plant,
                 motion=motion,
                 hand=self.hand,
-                loop=JointLoop(compensator=compensator),
+                loop=Unguarded(compensator=compensator),
                 period=PERIOD,
                 delay=self.delay,
                 seed=seed,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from backdrive.closed_loop import Record, Scene
-from backdrive.control.loop import JointLoop
+from backdrive.control import JointLoop
 from backdrive.engine.servo import Servo
 from backdrive.laws import CoulombViscous, HaywardArmstrong, Law, Polyline
 from backdrive.laws.base import Rate

@@ -14,7 +14,7 @@ import numpy as np
 
 from backdrive.closed_loop import Record, Scene, play
 from backdrive.compensate.catalog import mahvash_okamura, nothing
-from backdrive.control.loop import JointLoop
+from backdrive.control import Unguarded
 from backdrive.engine.servo import Servo
 from backdrive.experiments._sweeps import identified
 from backdrive.laws import Law
@@ -185,7 +185,7 @@ def moved(
                     plant=joint,
                     motion=motion(amplitude, cycles),
                     hand=grip(stiffness, joint),
-                    loop=JointLoop(compensator=compensator),
+                    loop=Unguarded(compensator=compensator),
                     seed=1000 * seed + i,
                 )
             )

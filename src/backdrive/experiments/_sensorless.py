@@ -11,7 +11,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from backdrive.closed_loop import Admittance, JointLoop, Record, Scene
+from backdrive.closed_loop import Admittance, Record, Scene
+from backdrive.control import Unguarded
 from backdrive.estimate.external import ExternalForce
 from backdrive.estimate.friction import FrictionEstimator, alg_fe, between_counts, ct, ha
 from backdrive.estimate.sliding_mode import MotionFilter
@@ -111,7 +112,7 @@ def admitted(
         plant=plant,
         motion=motion,
         hand=hand,
-        loop=JointLoop(external=external),
+        loop=Unguarded(external=external),
         controller=admittance,
         period=PERIOD,
         delay=delay,

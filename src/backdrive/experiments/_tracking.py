@@ -14,7 +14,7 @@ import numpy as np
 from backdrive.closed_loop import Record, Scene, play
 from backdrive.compensate import Compensator
 from backdrive.compensate.catalog import mahvash_okamura, nothing
-from backdrive.control.loop import JointLoop
+from backdrive.control import Unguarded
 from backdrive.engine.servo import Servo
 from backdrive.errors import InvalidInput
 from backdrive.experiments._manual import CONTACT, PERIOD, SHARE, curves, joints, magnitude
@@ -110,7 +110,7 @@ def tracked(
                     motion=still(len(target)),
                     controller=servo,
                     target=target,
-                    loop=JointLoop(compensator=given[case]),
+                    loop=Unguarded(compensator=given[case]),
                     seed=1000 * seed + i,
                 )
             )

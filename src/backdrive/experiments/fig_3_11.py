@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.closed_loop import JointLoop, Record, Scene, play
+from backdrive.closed_loop import Record, Scene, play
 from backdrive.compensate import Compensator, Dither, alg_fc, alg_fc2
+from backdrive.control import Unguarded
 from backdrive.estimate.friction import between_counts
 from backdrive.experiments.fig_3_4 import intercepts, setups
 from backdrive.experiments.outcome import Claim, Outcome
@@ -88,7 +89,7 @@ class Release:
                 plant=self.plant,
                 motion=motion,
                 hand=self.hand,
-                loop=JointLoop(compensator=compensator),
+                loop=Unguarded(compensator=compensator),
                 period=PERIOD,
                 delay=1e-3,
                 seed=seed,

@@ -8,7 +8,7 @@ import numpy as np
 
 from backdrive.closed_loop import Record, Scene, play
 from backdrive.compensate import Dither, alg_fc, nothing
-from backdrive.control.loop import JointLoop
+from backdrive.control import Unguarded
 from backdrive.estimate.external import ExternalForce
 from backdrive.estimate.friction import alg_fe
 from backdrive.laws import Law
@@ -70,7 +70,7 @@ def guided(name: str, law: Law, inertia: float, seed: int = 0) -> GuidedDemo:
             plant=plant,
             motion=motion,
             hand=hand,
-            loop=JointLoop(compensator=compensator, external=external),
+            loop=Unguarded(compensator=compensator, external=external),
             seed=seed,
         )
         for compensator in (nothing(), alg_fc(law.rate, K, 20.0, Dither(share=0.3), SHARE))

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from backdrive.closed_loop import play
-from backdrive.control.loop import JointLoop
+from backdrive.control import JointLoop, Unguarded
 from backdrive.experiments import _league_joints as joints_
 from backdrive.experiments._league_joints import NOMINAL, SETTINGS, Contender, Setting
 from backdrive.experiments._league_methods import METHODS, Method
@@ -54,7 +54,7 @@ def tuned(who: Contender, method: Method, budget: int, bare: dict[str, float], s
 
 
 def _loop(who: Contender, method: Method, z: dict[str, float]) -> JointLoop:
-    return JointLoop(compensator=method.make(who, z), limit=3.0 * who.coulomb)
+    return Unguarded(compensator=method.make(who, z), limit=3.0 * who.coulomb)
 
 
 def judged(

@@ -50,6 +50,8 @@ BOUNDS = {
     "friction_error": Bound(0.0, 0.8, open_high=True),
     "temperature": Bound(-273.15, 1e3, "degC"),
     "stroke": POSITIVE,
+    "trip_speed": POSITIVE,
+    "limit": Bound(0.0, BIG),
     "duration": Bound(0.0, 30.0, "s", open_low=True),
     "joints": Bound(8, 2000),
     "seed": Bound(0, 2**53),

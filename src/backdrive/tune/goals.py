@@ -14,7 +14,7 @@ import numpy as np
 
 from backdrive.closed_loop import Record, Scene
 from backdrive.compensate import Compensator, Dither, alg_fc, nothing
-from backdrive.control import Admittance, JointLoop
+from backdrive.control import Admittance, JointLoop, Unguarded
 from backdrive.errors import InvalidInput
 from backdrive.estimate.external import ExternalForce
 from backdrive.estimate.friction import alg_fe
@@ -23,6 +23,7 @@ from backdrive.tune import rules, scenes
 from backdrive.tune.facts import SOFTEST, Facts, shared
 from backdrive.tune.judging import judged
 from backdrive.tune.scenes import SUBSTEP, Member, Stroke
+from backdrive.tune.tuning import LEADING
 
 Numbers = Mapping[str, float]
 Ranges = Mapping[str, tuple[float, float]]
@@ -72,6 +73,7 @@ def admittance(facts: Facts, z: Numbers) -> Admittance:
         viscosity=z["viscosity"] * m,
         proportional=facts.inertia * bandwidth**2,
         derivative=1.4 * facts.inertia * bandwidth,
+        limit=LEADING * facts.coulomb,
     )
 
 
@@ -163,7 +165,7 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
     if name in ("backdrive", "track"):
 
         def loop(z: Numbers) -> JointLoop:
-            return JointLoop(compensator=compensator(facts, z))
+            return Unguarded(compensator=compensator(facts, z))
 
         most = rules.largest_share(1.0 - facts.friction[0])
         share = (min(0.3, 0.5 * most), most)
@@ -194,7 +196,7 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
         gains = {k: (0.2 * g, 8.0 * g) for k, g in first.items()}
 
         def watch(z: Numbers) -> JointLoop:
-            return JointLoop(compensator=nothing(), external=estimator(facts, z))
+            return Unguarded(compensator=nothing(), external=estimator(facts, z))
 
         quiet = slice(-round(1.0 / facts.interval), -round(0.6 / facts.interval))
         return Goal(
@@ -222,7 +224,7 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
     share = rules.largest_share(1.0 - facts.friction[0])
 
     def estimating(z: Numbers) -> JointLoop:
-        return JointLoop(compensator=nothing(), external=estimator(facts, {**base, **z}, share))
+        return Unguarded(compensator=nothing(), external=estimator(facts, {**base, **z}, share))
 
     gains = {
         k: (g, 100.0 * g) for k, g in filter_gains(stroke).items()

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from backdrive.compensate import Compensator, Dither, nothing
-from backdrive.control import JointLoop
+from backdrive.control import Unguarded
 from backdrive.tune import rules, scenes
 from backdrive.tune.facts import Facts
 from backdrive.tune.goals import AT_REST, Goal, Numbers, compensator
@@ -64,7 +64,7 @@ def margins(facts: Facts, z: Numbers, members: Sequence[Member], goal: Goal) -> 
         members: joints, some hundred.
         goal: whose safety test says what breaks.
     """
-    loop = JointLoop(compensator=compensator(facts, z))
+    loop = Unguarded(compensator=compensator(facts, z))
     knocked = judged(
         (scenes.knock(facts, m, loop, scenes.FINE) for m in members),
         lambda r: (scenes.amplitude(r), scenes.energy(r)),
@@ -109,7 +109,7 @@ def left_over(
     """
 
     def freed(what: Compensator, some: Sequence[Member]) -> np.ndarray:
-        made = (scenes.released(facts, m, JointLoop(compensator=what), stroke, scenes.SUBSTEP) for m in some)
+        made = (scenes.released(facts, m, Unguarded(compensator=what), stroke, scenes.SUBSTEP) for m in some)
         return np.array(judged(made, lambda r: scenes.breakaway(r, stroke, facts.coulomb)))
 
     left = freed(compensator(facts, z, dither), members[:FEW])

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from backdrive.compensate import Dither
-from backdrive.control import JointLoop
-from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.control import JointLoop, Unguarded, torque_limit
+from backdrive.errors import BackdriveWarning, InvalidInput, NotIdentifiable
 from backdrive.tune import rules, safety, scenes
 from backdrive.tune.bounds import check
 from backdrive.tune.facts import Facts
@@ -43,7 +45,8 @@ def thesis_numbers(facts: Facts) -> dict[str, float]:
 
 def fixed_rule(facts: Facts) -> dict[str, float]:
     """Return R = 0.8, K = 0.72 K_c, alpha = 20, within what is allowed: the rule to begin with."""
-    return {"share": 0.8, "stiffness": min(0.72, facts.stiffest / facts.stiffness), "decay": THESIS_DECAY}
+    share = min(0.8, rules.largest_share(1.0 - facts.friction[0]))
+    return {"share": share, "stiffness": min(0.72, facts.stiffest / facts.stiffness), "decay": THESIS_DECAY}
 
 
 def tune(
@@ -55,6 +58,9 @@ def tune(
     seed: int = 0,
     draw: bool = False,
     dither: bool = True,
+    trip_speed: float | None = None,
+    limit: float | None = None,
+    effort: float = np.inf,
     say: Say = lambda sentence: None,
 ) -> Tuning:
     """Choose the parameters of a joint and check them over joints that the model may stand for.
@@ -67,15 +73,21 @@ def tune(
         seed: of search and check.
         draw: work out the safe region too.
         dither: propose one where it is safe.
+        trip_speed: above which the loop takes the joint for a runaway, from the robot's description or a person, kept in the tuning
+            [rad/s or m/s]; None: `Tuning.loop` asks for it.
+        limit: of the compensating torque [N.m or N]; None: that of `torque_limit`, at most `effort`.
+        effort: greatest torque of the robot's description [N.m or N].
         say: told what is going on.
 
     Raises:
-        InvalidInput: there is no such goal, or too few joints.
+        InvalidInput: there is no such goal, too few joints, or the encoder is too coarse to see the trip speed.
         NotIdentifiable: no numbers are safe over the intervals.
     """
     if goal not in GOALS:
         raise InvalidInput(f"There is no goal '{goal}'.", remedy=f"Goals are {', '.join(GOALS)}.")
-    check(f"Joint '{facts.name}'", joints=joints, seed=seed)
+    check(f"Joint '{facts.name}'", joints=joints, seed=seed, trip_speed=trip_speed, limit=limit)
+    if trip_speed is not None:
+        JointLoop(limit=0.0, top_speed=trip_speed, encoder_count=facts.count)
     stroke = stroke or scenes.stated(facts)
     members = scenes.drawn(facts, joints, seed)
     scenes.check_step(facts, [*scenes.corners(facts), *members])
@@ -105,7 +117,7 @@ def tune(
     if draw and loops:
         say("Mapping the safe region")
         picture = region(facts, z, judge, thesis_numbers(facts))
-    return Tuning(
+    tuning = Tuning(
         joint=facts.name,
         unit=facts.unit,
         goal=goal,
@@ -113,6 +125,7 @@ def tune(
         top_speed=facts.top_speed,
         inertia=facts.inertia,
         interval=facts.interval,
+        encoder_count=facts.count,
         numbers=numbers_of(facts, z, sine, stroke, goal, searched if rows["chosen"]["searched"] else None),
         scores={"words": judge.words, "unit": judge.unit, "rows": rows},
         margins=found,
@@ -120,6 +133,42 @@ def tune(
         notes=tuple(notes),
         seed=seed,
     )
+    return within(tuning, trip_speed, limit, effort, scenes.PEAK * stroke.length / stroke.duration)
+
+
+def within(
+    tuning: Tuning, trip_speed: float | None, limit: float | None, effort: float, fastest: float
+) -> Tuning:
+    """Return a tuning that knows its limits, with a note on each that is absent or odd.
+
+    Args:
+        tuning: with its numbers.
+        trip_speed: above which the joint is a runaway [rad/s or m/s]; None: nobody said.
+        limit: of the compensating torque [N.m or N]; None: that of `torque_limit`, at most `effort`.
+        effort: greatest torque that the joint bears [N.m or N].
+        fastest: speed of the stroke [rad/s or m/s].
+    """
+    notes = list(tuning.notes)
+    if trip_speed is None:
+        notes.append(
+            "Nobody said how fast the joint may be, so that no loop can be made of this file alone: --top-speed or --urdf, or "
+            "`tuning.loop(top_speed=...)`."
+        )
+        return replace(tuning, notes=tuple(notes))
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always", BackdriveWarning)
+        if limit is None:
+            limit = min(torque_limit(tuning.compensator(), trip_speed), effort)
+        loop = tuning.loop(top_speed=trip_speed, limit=limit)
+    notes += [str(each.message) for each in warned]
+    if fastest > 0.9 * trip_speed:
+        notes.append(
+            f"The stroke is as fast as {fastest:.3g} {tuning.unit}/s; from {trip_speed:.3g} on the loop takes it for a runaway."
+        )
+    own = loop.compensator.share * loop.friction[0]
+    if loop.limit < own:
+        notes.append(f"The limit of {loop.limit:.3g} clips the compensation of up to {own:.3g}.")
+    return replace(tuning, trip_speed=trip_speed, limit=loop.limit, notes=tuple(notes))
 
 
 def _noted(facts: Facts, stroke: Stroke) -> list[str]:
@@ -202,7 +251,7 @@ def _dither(
     share = min(DITHER_SHARE, SLACK * bound * facts.friction[0])
     for _ in range(3 if share > 0.0 else 0):
         sine = Dither(share=share, frequency=dither_frequency(facts, z), mode="reset")
-        loop = JointLoop(compensator=compensator(facts, z, sine))
+        loop = Unguarded(compensator=compensator(facts, z, sine))
         made = (scenes.knock(facts, m, loop, scenes.FINE) for m in members)
         sways = np.array(judged(made, lambda r: (scenes.amplitude(r), scenes.amplitude(r, of="load")))).T
         allowed = np.array([dither_bound(facts, m, z, sine) for m in members])

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backdrive.closed_loop import Record, Scene
-from backdrive.control.loop import JointLoop
+from backdrive.control import JointLoop
 from backdrive.engine.servo import Servo
 from backdrive.errors import InvalidInput
 from backdrive.laws import Law, ViscoElastoplastic

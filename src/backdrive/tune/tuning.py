@@ -7,15 +7,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from backdrive.compensate import Compensator, Dither, alg_fc, alg_fc2, nothing
-from backdrive.control import Admittance, JointLoop
+from backdrive.control import Admittance, JointLoop, torque_limit
 from backdrive.errors import InvalidInput
 from backdrive.estimate.external import ExternalForce
 from backdrive.estimate.friction import alg_fe
 from backdrive.estimate.sliding_mode import MotionFilter
+from backdrive.laws import Law
 from backdrive.laws.base import Rate
 from backdrive.tune.facts import shared
 
+LEADING = 20.0  # torque of the position controller under an admittance, by F [-]
 CONTACT = ("stiffness", "decay_rate")
 FILTER = ("filter_gain", "second_filter_gain", "filter_ratio")
 SWITCH = ("fast_decay", "switch_rate", "threshold")
@@ -61,9 +65,13 @@ class Tuning:
         unit: `rad` or `m`.
         goal: what they were chosen for.
         rate: rate law of the model, all of it: compensator and, for `admit`, estimator take `share` of it.
-        top_speed: fastest that the model has seen [rad/s or m/s].
+        top_speed: fastest that the model has seen, no limit of the joint [rad/s or m/s].
         inertia: of the joint [kg.m^2 or kg].
         interval: sampling time that they are for [s].
+        trip_speed: above which the loop takes the joint for a runaway, from the robot's description or a person [rad/s or m/s];
+            None: nobody said, and `loop` asks for it.
+        limit: of the compensating torque [N.m or N]; None where there is no trip speed.
+        encoder_count: step of the encoder [rad or m].
         numbers: by name.
         scores: what the proposal, no compensation, the fixed rule and the thesis' numbers achieve, and whether each is safe.
         margins: how far the proposal is from breaking, by name with unit.
@@ -79,6 +87,9 @@ class Tuning:
     top_speed: float
     inertia: float
     interval: float
+    encoder_count: float | None = None
+    trip_speed: float | None = None
+    limit: float | None = None
     numbers: Mapping[str, Number]
     scores: Mapping[str, Any]
     margins: Mapping[str, Any]
@@ -133,15 +144,59 @@ class Tuning:
             ),
         )
 
-    def admittance(self) -> Admittance:
-        """Return the admittance controller; a tuning for `estimate` has none."""
+    def admittance(self, limit: float | None = None) -> Admittance:
+        """Return the admittance controller; a tuning for `estimate` has none.
+
+        Args:
+            limit: of its torque [N.m or N]; None: 20 times the friction of the joint.
+        """
+        friction = float(np.mean(Law(rate=self.rate).coulomb()))
         return Admittance(
             inertia=self["admittance_inertia"],
             viscosity=self["admittance_viscosity"],
             proportional=self["position_gain"],
             derivative=self["velocity_gain"],
+            limit=LEADING * friction if limit is None else limit,
         )
 
-    def loop(self) -> JointLoop:
-        """Return what runs on the joint in a torque loop."""
-        return JointLoop(compensator=self.compensator(), external=self.external())
+    def loop(
+        self,
+        *,
+        top_speed: float | None = None,
+        limit: float | None = None,
+        encoder_count: float | None = None,
+    ) -> JointLoop:
+        """Return what runs on the joint in a torque loop, within its limits.
+
+        Args:
+            top_speed: above which the joint is a runaway [rad/s or m/s]; None: the tuning's `trip_speed`.
+            limit: of the compensating torque [N.m or N]; None: the tuning's, or that of `torque_limit`.
+            encoder_count: step of the encoder [rad or m]; None: the tuning's.
+
+        Raises:
+            InvalidInput: neither the tuning nor the call has a top speed or an encoder count, or they lie outside the envelope.
+        """
+        top = self.trip_speed if top_speed is None else top_speed
+        count = self.encoder_count if encoder_count is None else encoder_count
+        for name, value, option in (
+            ("top speed", top, "--top-speed or --urdf"),
+            ("encoder count", count, "--counts"),
+        ):
+            if value is None:
+                raise InvalidInput(
+                    f"Joint '{self.joint}': the tuning has no {name}, and the fastest speed of a log is none.",
+                    remedy=f"Say `tuning.loop({name.replace(' ', '_')}=...)`, or run `backdrive tune` with {option}.",
+                )
+        assert top is not None
+        assert count is not None
+        compensator = self.compensator()
+        if limit is None:
+            stored = self.limit if top_speed is None else None
+            limit = torque_limit(compensator, top) if stored is None else stored
+        return JointLoop(
+            compensator=compensator,
+            external=self.external(),
+            top_speed=top,
+            limit=limit,
+            encoder_count=count,
+        )

@@ -17,14 +17,15 @@ from backdrive.laws import rate_law
 from backdrive.tune.bounds import BIG, BOUNDS, POSITIVE, Bound, fault
 from backdrive.tune.tuning import NAMES, Number, Tuning
 
-FORMAT, SCHEMA = "backdrive-tuning", 1
+FORMAT, SCHEMA = "backdrive-tuning", 2
+OLDER = 1  # which has no limits: `Tuning.loop` asks for them
 MAX_BYTES = 5_000_000
 AGAIN = "Run `backdrive tune` again."
 NOT_NEGATIVE = Bound(0.0, BIG)
 #: Where the numbers may lie; those that are not named are positive.
 RANGES = {
-    "share": Bound(0.0, 1.5),
-    "dither_share": Bound(0.0, 1.5),
+    "share": Bound(0.0, 1.0),
+    "dither_share": Bound(0.0, 1.0),
     "filter_ratio": Bound(1.0, 100.0, open_low=True),
     "admittance_viscosity": NOT_NEGATIVE,
     "position_gain": NOT_NEGATIVE,
@@ -55,6 +56,9 @@ class _Joint(msgspec.Struct, forbid_unknown_fields=True):
     inertia: float
     interval: float
     numbers: dict[str, _Number]
+    encoder_count: float | None = None
+    trip_speed: float | None = None
+    limit: float | None = None
     scores: dict[str, Any] = {}
     margins: dict[str, Any] = {}
     region: dict[str, Any] = {}
@@ -77,7 +81,18 @@ def plain(tuning: Tuning) -> dict[str, Any]:
     """Return a tuning as numbers and words alone."""
     found = {
         name: getattr(tuning, name)
-        for name in ("joint", "unit", "goal", "top_speed", "inertia", "interval", "seed")
+        for name in (
+            "joint",
+            "unit",
+            "goal",
+            "top_speed",
+            "inertia",
+            "interval",
+            "encoder_count",
+            "trip_speed",
+            "limit",
+            "seed",
+        )
     }
     found["rate"] = {"name": tuning.rate.NAME, "parameters": tuning.rate.values()}
     found["numbers"] = {name: asdict(number) for name, number in tuning.numbers.items()}
@@ -117,7 +132,7 @@ def load_tunings(path: str | Path) -> tuple[Tuning, ...]:
             raise ModelFileError(
                 f"{path} is JSON, but not a tuning.", remedy="Name a file made by `backdrive tune -o`."
             )
-        if header.schema != SCHEMA:
+        if header.schema not in (OLDER, SCHEMA):
             raise ModelFileError(
                 f"{path}: $.schema is {header.schema}, this version reads {SCHEMA}.",
                 remedy="Upgrade backdrive, or tune again.",
@@ -155,6 +170,12 @@ def _wrong(joint: _Joint) -> list[str]:
         f"numbers.{name} is none of --goal {joint.goal}" for name in joint.numbers if name not in needed
     ]
     said = [fault(name, getattr(joint, name), BOUNDS[name]) for name in ("top_speed", "inertia", "interval")]
+    known = {"encoder_count": POSITIVE, "trip_speed": POSITIVE, "limit": NOT_NEGATIVE}
+    said += [
+        fault(name, getattr(joint, name), bound)
+        for name, bound in known.items()
+        if getattr(joint, name) is not None
+    ]
     said += [
         fault(f"numbers.{name}.value", number.value, RANGES.get(name, POSITIVE))
         for name, number in joint.numbers.items()
@@ -180,6 +201,9 @@ def _tuning(joint: _Joint, where: str) -> Tuning:
             top_speed=joint.top_speed,
             inertia=joint.inertia,
             interval=joint.interval,
+            encoder_count=joint.encoder_count,
+            trip_speed=joint.trip_speed,
+            limit=joint.limit,
             numbers=kept,
             scores=joint.scores,
             margins=joint.margins,
@@ -187,7 +211,9 @@ def _tuning(joint: _Joint, where: str) -> Tuning:
             notes=tuple(joint.notes),
             seed=joint.seed,
         )
-        tuning.loop()  # each looks at its numbers
+        _ = tuning.compensator(), tuning.external()  # each looks at its numbers
+        if tuning.trip_speed is not None:
+            tuning.loop()
     except BackdriveError as error:
         raise ModelFileError(f"{where}: {error.message}", remedy=error.remedy) from error
     except (TypeError, ValueError) as error:

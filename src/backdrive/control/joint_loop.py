@@ -1,0 +1,287 @@
+"""What runs on one joint of a torque loop, and within which limits."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from backdrive.compensate.compensator import Compensator
+from backdrive.compensate.extras import BristleObserver, DisturbanceObserver
+from backdrive.control import envelope
+from backdrive.control.table import (
+    ANCHOR,
+    BEFORE,
+    COUNT,
+    ELSEWHERE,
+    ESTIMATES,
+    FADE,
+    HOLD,
+    LATCHING,
+    LEARNS,
+    LEVEL,
+    LIMIT,
+    NEWER,
+    NOMINAL,
+    OLDER,
+    PATIENCE,
+    RAMP,
+    RATE,
+    TABLE,
+    TEMPERATURE,
+    TOP,
+    UPPER,
+)  # fmt: skip
+from backdrive.errors import BackdriveWarning, InvalidInput
+from backdrive.estimate.external import ExternalForce
+from backdrive.estimate.level import Adaptation
+from backdrive.laws import REFERENCE, Law
+
+LATCH_TIME = 0.15  # from the limit to zero when latched [s]
+BRISK, LEAST_BRISK = 100.0, 50.0  # normal rate by F, and the least that may be asked for [1/s]
+LARGEST = 1.5  # limit by R F(top speed) up to which a runaway is stopped in time [-]
+USUAL = 1.25  # the same, where nothing else is asked for [-]
+
+
+def friction_of(law: Law, top_speed: float) -> tuple[float, float]:
+    """Return the largest friction of a law up to a speed and that at this speed, of both directions [N.m or N].
+
+    Args:
+        law: of friction.
+        top_speed: [rad/s or m/s].
+    """
+    speeds = top_speed * np.geomspace(1e-4, 1.0, 41)
+    torque = np.abs(law.torque(np.concatenate([speeds, -speeds])))
+    peak = max(float(torque.max()), 0.0 if law.rate.SMOOTH else max(law.coulomb()))
+    return peak, float(max(torque[40], torque[81]))
+
+
+def torque_limit(compensator: Compensator, top_speed: float) -> float:
+    """Return the limit to take where nobody knows a better one: 1.25 R F(v_top), with the dither at most 1.5 R F(v_top).
+
+    Args:
+        compensator: whose friction law and share R.
+        top_speed: v_top [rad/s or m/s].
+
+    Returns:
+        Limit [N.m or N]: a joint whose friction is no less than half of what the law says cannot be driven on for long.
+    """
+    peak, fast = friction_of(compensator.friction.law, top_speed)
+    waves = 0.0 if compensator.dither is None else compensator.dither.share * peak
+    usual = USUAL * compensator.share * fast
+    return min(max(usual, compensator.share * peak + waves), LARGEST * compensator.share * fast)
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointLoop:
+    """What runs on one joint, within which limits.
+
+    Attributes:
+        compensator: of friction.
+        external: estimator of the external force; None for none.
+        adaptation: of the level of the friction, compensated and taken off alike; None: it stays 1.
+        limit: of the compensator's output [N.m or N]; `torque_limit` has one where nobody knows better.
+        top_speed: faster than which the joint is a runaway, from the robot's description or a person, never the fastest of a log
+            [rad/s or m/s].
+        encoder_count: step of the encoder [rad or m].
+        rate: of the output, the normal one [N.m/s or N/s]; None: the larger of limit/0.15 s and 100 F/s.
+        ramp: from zero to the limit after the start, a fault or an acknowledgement, and back after `stop` [s].
+        hold: time within which the push on a joint that stands still is below 5 % [s].
+        fade: rate at which the output fades while readings are not believed [1/s].
+        patience: fault time after which the joint is latched; half of it makes a jump the encoder's new zero [s].
+
+    Raises:
+        InvalidInput: a number lies outside the envelope (`control.envelope`), more than the whole friction would be compensated,
+            or the encoder is too coarse to see the top speed.
+    """
+
+    compensator: Compensator = field(default_factory=Compensator)
+    external: ExternalForce | None = None
+    adaptation: Adaptation | None = None
+    limit: float
+    top_speed: float
+    encoder_count: float
+    rate: float | None = None
+    ramp: float = 0.5
+    hold: float = 0.5
+    fade: float = 50.0
+    patience: float = 0.1
+
+    def __post_init__(self):
+        self._check_adaptation()
+        envelope.check(
+            "JointLoop",
+            limit=(self.limit, envelope.LIMIT),
+            top_speed=(self.top_speed, envelope.TOP_SPEED),
+            encoder_count=(self.encoder_count, envelope.COUNT),
+            ramp=(self.ramp, envelope.RAMP),
+            hold=(self.hold, envelope.HOLD),
+            fade=(self.fade, envelope.FADE),
+            patience=(self.patience, envelope.PATIENCE),
+        )
+        share = self.compensator.share * max(1.0, self.adaptation.upper if self.adaptation else 1.0)
+        numbers = {"share": (share, envelope.SHARE), "friction": (self.friction[0], envelope.FRICTION)}
+        if self.external is not None:
+            numbers["inertia"] = (self.external.inertia, envelope.INERTIA)
+        envelope.check("JointLoop", **numbers)
+        if self.compensator.share > 0.0:
+            stiffness = getattr(self.compensator.friction.law.element, "stiffness", 0.0)
+            envelope.check_contact("JointLoop", stiffness, self.encoder_count, self.friction[0])
+        self.check_resolution(0.01, "JointLoop")
+        least = max(self.limit / LATCH_TIME, LEAST_BRISK * self.friction[0])
+        if self.rate is not None and not (envelope._is_number(self.rate) and least <= self.rate < np.inf):
+            raise InvalidInput(
+                f"JointLoop: rate = {self.rate} N.m/s or N/s.",
+                remedy=f"Give a finite rate of at least {least:.4g}, or None: a slower one is felt by the hand and stops too late.",
+            )
+        most = LARGEST * self.compensator.share * self.friction[1]
+        if most > 0.0 and self.limit > most * (1.0 + 1e-9):
+            usual = torque_limit(self.compensator, self.top_speed)
+            warnings.warn(
+                f"JointLoop: limit = {self.limit:g} exceeds 1.5 R F(top speed) = {most:.4g} N.m or N: if the model is much too "
+                f"large, no watch stops the joint in time. `torque_limit` gives {usual:.4g}.",
+                BackdriveWarning,
+                stacklevel=4,
+            )
+
+    def _check_adaptation(self) -> None:
+        if self.adaptation is None:
+            return
+        if self.external is None:
+            raise InvalidInput(
+                "The level of friction is learned from the estimated external force.",
+                remedy="Give the loop an `ExternalForce`.",
+            )
+        if isinstance(self.compensator.extra, (BristleObserver, DisturbanceObserver)):
+            raise InvalidInput(
+                f"{type(self.compensator.extra).__name__} adapts by itself.",
+                remedy="Give the loop one of both.",
+            )
+        self.adaptation.row(self.external.friction.law)
+
+    def check_resolution(self, window: float, where: str) -> None:
+        """Refuse an encoder whose one step in the window of speeds is more than a tenth of the top speed.
+
+        Args:
+            window: of speeds [s].
+            where: what the message begins with.
+
+        Raises:
+            InvalidInput: it is.
+        """
+        if self.encoder_count > envelope.COARSEST * self.top_speed * window * (1.0 + 1e-9):
+            least = self.encoder_count / (envelope.COARSEST * window)
+            raise InvalidInput(
+                f"{where}: one encoder step of {self.encoder_count:g} in {1e3 * window:g} ms is more than a tenth of the top speed "
+                f"of {self.top_speed:g}: a runaway could not be told from a motion.",
+                remedy=f"Give a top speed of {least:.4g} or more, or use a finer encoder.",
+            )
+
+    @cached_property
+    def friction(self) -> tuple[float, float]:
+        """Largest friction of the compensator's law up to the top speed, and that at the top speed [N.m or N]."""
+        return friction_of(self.compensator.friction.law, min(self.top_speed, envelope.TOP_SPEED[1]))
+
+    @property
+    def normal_rate(self) -> float:
+        """Rate that the output never exceeds [N.m/s or N/s]."""
+        return max(self.limit / LATCH_TIME, BRISK * self.friction[0]) if self.rate is None else self.rate
+
+    @property
+    def slow_rate(self) -> float:
+        """Rate at which the output grows after a start or a fault, and falls after a stop [N.m/s or N/s]."""
+        return self.limit / self.ramp
+
+    @property
+    def latch_rate(self) -> float:
+        """Rate at which the output of a latched joint falls [N.m/s or N/s]."""
+        return self.limit / LATCH_TIME
+
+    def guards(self) -> dict[int, float]:
+        """Return the settings by row of the table."""
+        return {
+            TOP: self.top_speed,
+            LIMIT: self.limit,
+            RATE: self.normal_rate,
+            RAMP: self.slow_rate,
+            LATCHING: self.latch_rate,
+            HOLD: self.hold,
+            FADE: self.fade,
+            PATIENCE: self.patience,
+            COUNT: self.encoder_count,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unguarded(JointLoop):
+    """Compensator and estimator alone, for simulation: what they do where nothing holds them. A `Loop` refuses it.
+
+    Attributes:
+        limit: as of a `JointLoop`; here each guard is off where it is not given.
+        top_speed: likewise.
+        encoder_count: likewise.
+        ramp: likewise; 0: the output may be all of the limit at once.
+        hold: likewise.
+        patience: likewise.
+    """
+
+    limit: float = np.inf
+    top_speed: float = np.inf
+    encoder_count: float = 0.0
+    ramp: float = 0.0
+    hold: float = np.inf
+    patience: float = np.inf
+
+    def __post_init__(self):
+        self._check_adaptation()
+        numbers = (self.limit, self.top_speed, self.fade, self.patience, self.hold)
+        if not all(x > 0.0 for x in numbers) or not (self.ramp >= 0.0 and self.encoder_count >= 0.0):
+            raise InvalidInput(f"{self}.", remedy="None is negative; only ramp and encoder_count may be 0.")
+
+    @property
+    def normal_rate(self) -> float:
+        """Rate that the output never exceeds, infinite where none is given [N.m/s or N/s]."""
+        return np.inf if self.rate is None else self.rate
+
+    @property
+    def slow_rate(self) -> float:
+        """Rate at which the output grows after a start or a fault, infinite for no ramp [N.m/s or N/s]."""
+        return self.limit / self.ramp if self.ramp > 0.0 else np.inf
+
+
+def rows(joints: Sequence[JointLoop], positions: np.ndarray, dt: float) -> tuple[np.ndarray, ...]:
+    """Return what `loop.tick` reads and writes for joints at rest: C, P, X, S, CE, PE, XE, SE and the table.
+
+    Args:
+        joints: what runs on each.
+        positions: where they rest [rad or m], (J,).
+        dt: period [s].
+    """
+    J = len(joints)
+    estimators = [j.external or ExternalForce(inertia=1.0) for j in joints]
+    table = np.zeros((TABLE, J))
+    table[NOMINAL], table[TEMPERATURE], table[LEVEL] = dt, REFERENCE, 1.0
+    for row in (BEFORE, ELSEWHERE, OLDER, NEWER, ANCHOR):
+        table[row] = positions
+    for k, (joint, estimator) in enumerate(zip(joints, estimators)):
+        for row, value in joint.guards().items():
+            table[row, k] = value
+        table[ESTIMATES, k] = float(joint.external is not None)
+        if joint.adaptation is not None:
+            table[LEARNS : UPPER + 1, k] = joint.adaptation.row(estimator.friction.law)
+            table[LEVEL, k] = joint.adaptation.start
+    found: list[Any] = []
+    for parts in ([j.compensator for j in joints], estimators):
+        laws = [part.friction.law for part in parts]
+        row, state = [law.row() for law in laws], [law.state() for law in laws]
+        P, X = np.zeros((J, max(r.size for r in row))), np.zeros((J, max(s.size for s in state)))
+        for j in range(J):
+            P[j, : row[j].size], X[j, : state[j].size] = row[j], state[j]
+        C = np.array([part.row(dt) for part in parts])
+        S = np.array([part.start(float(q)) for part, q in zip(parts, positions)])
+        found += [C, P, X, S]
+    return (*found, table)

@@ -1,0 +1,122 @@
+"""Whether a reading can be believed: finite, timely, possible. The first of a loop's defences.
+
+A reading is possible when the joint can have come there from the last one that was believed,
+
+    |q - q_before| <= v_top (t + T) + 2 delta
+
+t: time since then, T: period, delta: encoder step, v_top: top speed. Otherwise it is a jump, and what follows decides: a reading
+near the old place was preceded by a wild one; readings that follow one another at the new place for half the patience mean that the
+encoder counts from another zero, by which everything that is a position is moved, so that neither torque nor estimate sees it;
+a second jump of the same direction and a similar speed is no fault of the encoder but a joint that runs away.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from backdrive._jit import jit
+from backdrive.compensate import compensator as compensator_
+from backdrive.control.table import (
+    ANCHOR,
+    APPLIED,
+    BEFORE,
+    BEGUN,
+    COUNT,
+    ELSEWHERE,
+    ERROR,
+    KNOWN,
+    LEAP,
+    LOAD,
+    MOTOR,
+    NEWER,
+    NOMINAL,
+    OLDER,
+    PASSED,
+    PATIENCE,
+    PENDING,
+    SETTLED,
+    SINCE,
+    SLOPE,
+    TEMPERATURE,
+    TIME,
+    TOP,
+)  # fmt: skip
+from backdrive.estimate import external as external_
+from backdrive.status import Status
+
+OK, NOT_FINITE, BAD_INTERVAL = int(Status.OK), int(Status.NOT_FINITE), int(Status.BAD_INTERVAL)
+JUMP, LATE, OVERSPEED = int(Status.JUMP), int(Status.LATE), int(Status.OVERSPEED)
+SLOWEST, FASTEST = 20.0, 0.05  # intervals by the nominal one that are believed
+BEHIND = 1.5  # the same, above which a tick is late
+ALIKE = 2.0  # ratio of speeds up to which two jumps are one motion
+
+
+@jit
+def shift(c, s, ce, se, g, j, by):
+    """Move everything of a joint that is a position: the encoder counts from another zero."""
+    compensator_.shift(c, 0, s, 0, by)
+    external_.shift(ce, 0, se, 0, by)
+    g[BEFORE, j] += by
+    g[ANCHOR, j] += by
+    g[OLDER, j] += by
+    g[NEWER, j] += by
+    g[ELSEWHERE, j], g[PENDING, j], g[SINCE, j] = g[BEFORE, j], 0.0, 0.0
+
+
+@jit
+def possible(g, j, distance, time):
+    """Return whether a joint can have moved that far in a time."""
+    return abs(distance) <= g[TOP, j] * (time + g[NOMINAL, j]) + 2.0 * g[COUNT, j]
+
+
+@jit
+def followed(c, s, ce, se, g, j, q, passed):
+    """Return the status of a reading that comes after a jump."""
+    onward = q - g[ELSEWHERE, j]
+    if possible(g, j, onward, passed):  # first, for the old place is within reach again after a while
+        g[ELSEWHERE, j] = q
+        g[SETTLED, j] += passed
+        if g[SETTLED, j] > 0.5 * g[PATIENCE, j]:
+            shift(c, s, ce, se, g, j, q - g[BEFORE, j])
+        return JUMP
+    if possible(g, j, q - g[BEFORE, j], g[SINCE, j]):
+        return OK
+    speed = onward / passed
+    ratio = speed / g[LEAP, j]
+    g[ELSEWHERE, j], g[LEAP, j], g[SETTLED, j] = q, speed, 0.0
+    return OVERSPEED if 1.0 / ALIKE <= ratio <= ALIKE else JUMP
+
+
+@jit
+def judge(c, s, ce, se, g, j, q, dt):
+    """Return the status of a joint's input: OK or LATE where it can be believed."""
+    nominal = g[NOMINAL, j]
+    timely = FASTEST * nominal <= dt <= SLOWEST * nominal
+    passed = dt if timely else nominal
+    g[PASSED, j] = passed
+    g[TIME, j] += passed
+    g[SINCE, j] += passed
+    if g[BEGUN, j] == 0.0 and np.isfinite(q):
+        shift(c, s, ce, se, g, j, q - g[BEFORE, j])
+        g[BEGUN, j], g[SINCE, j] = 1.0, passed
+    if not timely:
+        return BAD_INTERVAL
+    inputs = q + g[APPLIED, j] + g[KNOWN, j] + g[ERROR, j] + g[SLOPE, j] + g[MOTOR, j] + g[LOAD, j]
+    if not np.isfinite(inputs + g[TEMPERATURE, j]):
+        return NOT_FINITE
+    code = OK
+    if g[PENDING, j] > 0.0:
+        code = followed(c, s, ce, se, g, j, q, passed)
+    elif not possible(g, j, q - g[BEFORE, j], g[SINCE, j]):
+        g[PENDING, j], g[ELSEWHERE, j], g[SETTLED, j] = 1.0, q, 0.0
+        g[LEAP, j] = (q - g[BEFORE, j]) / g[SINCE, j]
+        return JUMP
+    if code == OK and dt > BEHIND * nominal:
+        return LATE
+    return code
+
+
+@jit
+def believed(code):
+    """Return whether a status is that of a reading that was believed."""
+    return code in (OK, LATE)

@@ -1,0 +1,23 @@
+"""Rows of the table that a tick of the torque loop reads and writes, one number a joint.
+
+Inputs are written before the tick, outputs after it; settings stay; the rest is what the tick remembers.
+"""
+
+from __future__ import annotations
+
+(
+    # time and input of the tick
+    NOMINAL, PASSED, SINCE, TIME, APPLIED, ERROR, SLOPE, KNOWN, MOTOR, LOAD, TEMPERATURE,
+    # output
+    TORQUE, EXTERNAL, FRICTION, LEVEL, CALLS,
+    # settings
+    TOP, LIMIT, RATE, RAMP, LATCHING, HOLD, FADE, PATIENCE, COUNT, ESTIMATES,
+    LEARNS, CREEP, SETTLE, FLOOR, DEAD, LOWER, UPPER,
+    # readings: the last that was believed, and where a jump has led
+    BEGUN, BEFORE, ELSEWHERE, LEAP, SETTLED, PENDING,
+    # watch: fault time, two points of the window of speeds with their ages, cause of the latch, stop
+    FAULTY, OLDER, OLDER_AGE, NEWER, NEWER_AGE, CAUSE, STOP, CAP, BAD,
+    # standing still, learning
+    ANCHOR, STILL, SLID,
+) = range(51)  # fmt: skip
+TABLE = 51
