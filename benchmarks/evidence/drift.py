@@ -18,7 +18,7 @@ import numpy as np
 from _common import Judge
 
 from backdrive.compensate import alg_fc
-from backdrive.control import JointLoop, Loop
+from backdrive.control import Loop, Unguarded
 from backdrive.drift import change_of, identify_thermal, passive_level, track, virtual_temperature
 from backdrive.drift.change import REPEAT, chance
 from backdrive.engine import axis, rollout, servo
@@ -273,6 +273,13 @@ def in_the_loop(judge: Judge) -> None:
             )
 
 
+class Bare(Loop):
+    """A loop without guards: what learning does by itself, also where a `JointLoop` would refuse it."""
+
+    def _admit(self) -> None:
+        pass
+
+
 def loop(law: Law, R: float, upper: float, push: float):
     """Play 40 s; return level (n,), largest share of friction, energy given [J], movement at rest, level at start and at 29 s."""
     plant = joint_0().replace(law=law)
@@ -282,12 +289,12 @@ def loop(law: Law, R: float, upper: float, push: float):
     adaptation = Adaptation(
         slowest=0.01, time=0.5, floor=3.0, dead_zone=0.3, lower=0.3, upper=upper, start=min(1.0, upper)
     )
-    joint = JointLoop(
+    joint = Unguarded(
         compensator=alg_fc(law.rate, 5e4, share=R),
         external=ExternalForce(inertia=plant.inertia, friction=alg_fe(law.rate, 5e4)),
         adaptation=adaptation,
     )
-    running = Loop(joint, interval=DT)
+    running = Bare(joint, interval=DT)
     j, s, p, x = plant.row(), plant.at_rest(0.0), law.row(), law.state()
     own = p.copy()
     row, state = plant.servo.row(), np.zeros(servo.STATES)  # type: ignore[union-attr]

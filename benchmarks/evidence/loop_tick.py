@@ -19,7 +19,7 @@ from _common import Judge
 
 from backdrive.closed_loop import Scene, play
 from backdrive.compensate import Dither, alg_fc2
-from backdrive.control import JointLoop, Loop
+from backdrive.control import JointLoop, Loop, torque_limit
 from backdrive.engine.cores import available
 from backdrive.estimate.external import ExternalForce
 from backdrive.estimate.friction import alg_fe2, between_counts
@@ -40,10 +40,13 @@ def made(name: str) -> tuple:
     K, threshold, _, _ = SETTINGS[name]
     V_W = between_counts(threshold, plant.encoder_count, T)
     rate = plant.law.rate
+    compensator = alg_fc2(rate, K, V_W, dither=Dither(share=0.3), share=0.9)
     loop = JointLoop(
-        compensator=alg_fc2(rate, K, V_W, dither=Dither(share=0.3), share=0.9),
+        compensator=compensator,
         external=ExternalForce(inertia=plant.inertia, friction=alg_fe2(rate, K, V_W)),
         top_speed=5.0,
+        limit=torque_limit(compensator, 5.0),
+        encoder_count=plant.encoder_count,
     )
     return plant, loop
 

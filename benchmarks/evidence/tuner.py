@@ -27,7 +27,8 @@ from _common import Judge
 
 from backdrive.closed_loop import play
 from backdrive.compensate import Dither
-from backdrive.control import JointLoop
+from backdrive.control import Unguarded
+from backdrive.control.joint_loop import BRISK, LATCH_TIME, friction_of, torque_limit
 from backdrive.errors import NotIdentifiable
 from backdrive.laws import CoulombViscous
 from backdrive.tune import rules, scenes
@@ -98,12 +99,18 @@ def joint(seed: int) -> Case:
     return facts, truth, numbers
 
 
+def rate_of(facts: Facts, z: dict[str, float]) -> float:
+    """Return the normal rate of torque that a loop on this joint has [N.m/s], at a trip speed of three times the model's."""
+    used, top = compensator(facts, z), 3.0 * facts.top_speed
+    return max(torque_limit(used, top) / LATCH_TIME, BRISK * friction_of(used.friction.law, top)[0])
+
+
 def restless(
-    cases: list[Case], dither: float = 0.0, longest: float = 4e-5
+    cases: list[Case], dither: float = 0.0, longest: float = 4e-5, rated: bool = False
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the half-amplitude at the end of a knock, its bound, and the count of each joint.
 
-    `dither`: R_d by what is left below the least friction, 0.9 - R.
+    `dither`: R_d by what is left below the least friction, 0.9 - R; `rated`: within the loop's rate of torque.
     """
     played, bounds = [], []
     for facts, truth, z in cases:
@@ -111,7 +118,7 @@ def restless(
         sine = Dither(share=R_d, mode="reset") if R_d > 0.0 else None
         ratio = z["share"] / truth.friction
         length = 0.1 + min(1.2 * rules.stopping_time(ratio, scenes.PUSHED), 3.0) + 1.0
-        loop = JointLoop(compensator=compensator(facts, z, sine))
+        loop = Unguarded(compensator=compensator(facts, z, sine), rate=rate_of(facts, z) if rated else None)
         played.append(scenes.knock(facts, truth, loop, longest, length))
         bounds.append(scenes.bound_of(facts, truth, z["share"] + R_d))
     found = np.array([scenes.amplitude(r) for r in play(played)])
@@ -156,11 +163,17 @@ def safety(judge: Judge, joints: int) -> None:
         bool((found <= bound).all()),
     )
     calm = np.array([presliding_radius(*case) < 0.99 for case in drawn])
+    rests = found <= 2 * count
     print(
-        f"    of these {calm.sum()} have a linear presliding of spectral radius below 0.99: "
-        f"{100 * np.mean(found[calm] <= 2 * count[calm]):.1f} % of them at rest, of the others "
-        f"{100 * np.mean(found[~calm] <= 2 * count[~calm]):.1f} %"
+        f"    {100 * np.mean(rests):.1f} % of all rest; {calm.sum()} have a linear presliding of spectral radius below 0.99; "
+        f"of the others {100 * np.mean(rests[~calm]):.1f} % are"
     )
+    judge.that(
+        f"at rest, alpha 5 to 500, where the spectral radius is below 0.99 ({calm.sum()} of {joints}): "
+        f"{100 * np.mean(rests[calm]):.1f} % (at least 95)",
+        bool(np.mean(rests[calm]) >= 0.95),
+    )
+    limited(judge, cases)
     rng = np.random.default_rng(1)
     for what, change in broken(rng).items():
         told(what, [change(*case) for case in cases])
@@ -170,6 +183,30 @@ def safety(judge: Judge, joints: int) -> None:
         bool((found <= bound).all()),
     )
     told("dither of 3 (0.9 - R) F", cases, 3.0)
+
+
+def limited(judge: Judge, cases: list[Case]) -> None:
+    """Judge what the loop's rate of torque changes: rest after a knock, and the hand's mean peak force."""
+    free, bound, count = restless(cases)
+    held, _, _ = restless(cases, rated=True)
+    changed = int(np.sum((free <= 2 * count) != (held <= 2 * count)))
+    scenes_of, strokes = [], []
+    for facts, truth, z in cases:
+        stroke = scenes.stated(facts)
+        strokes += [stroke] * 2
+        for rate in (None, rate_of(facts, z)):
+            loop = Unguarded(compensator=compensator(facts, z), rate=rate)
+            scenes_of.append(scenes.guided(facts, truth, loop, stroke))
+    force = np.array([scenes.peak_force(r, s) for r, s in zip(play(scenes_of), strokes)]).reshape(-1, 2)
+    ratio = force[:, 1] / force[:, 0]
+    print(
+        f"  the loop's rate of torque: {changed} of {len(cases)} joints rest otherwise, {np.sum(held > bound)} over the bound; the "
+        f"hand feels {100 * (np.median(ratio) - 1):+.2f} % (median), {100 * (ratio.max() - 1):+.2f} % at most"
+    )
+    judge.that(
+        "the rate of torque changes no joint's rest and no hand's force by 1 %",
+        changed == 0 and bool(np.abs(ratio - 1.0).max() <= 0.01),
+    )
 
 
 def broken(rng: np.random.Generator) -> dict[str, Callable[..., Case]]:
@@ -261,11 +298,15 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--joints", type=int, default=JOINTS)
     parser.add_argument("--compared", type=int, default=COMPARED)
+    parser.add_argument("--short", action="store_true", help="16 joints, 2 of them against the grid")
     options = parser.parse_args()
+    if options.short:
+        options.joints, options.compared = 16, 2
     judge, begun = Judge(), time.perf_counter()
     safety(judge, options.joints)
     print(f"  {time.perf_counter() - begun:.0f} s")
-    choice(judge, options.compared)
+    if options.compared:
+        choice(judge, options.compared)
     print(f"  {time.perf_counter() - begun:.0f} s")
     judge.end()
 
