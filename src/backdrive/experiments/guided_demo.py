@@ -8,7 +8,7 @@ import numpy as np
 
 from backdrive.closed_loop import Record, Scene, play
 from backdrive.compensate import Dither, alg_fc, nothing
-from backdrive.control import Unguarded
+from backdrive.control import JointLoop, torque_limit
 from backdrive.estimate.external import ExternalForce
 from backdrive.estimate.friction import alg_fe
 from backdrive.laws import Law
@@ -21,6 +21,9 @@ SHARE, SOFTER = (
     0.5,
 )  # R, and K by the stiffness of the transmission: Iwatani 2017, (2.21), and what keeps it stable
 SHOWN = 4.0  # s, of the pictures
+
+#: Above which the loop takes the joint for a runaway, by its unit [rad/s, m/s].
+TOP_SPEED = {"rad": 3.0, "m": 0.6}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,6 +61,7 @@ def guided(name: str, law: Law, inertia: float, seed: int = 0) -> GuidedDemo:
     plant = plant.replace(friction_side="load")
     K = SOFTER * plant.stiffness
     linear = plant.unit == "m"
+    top = TOP_SPEED[plant.unit]
     hand = (
         Hand(stiffness=800.0, damping=40.0, noise=0.1)
         if linear
@@ -70,7 +74,13 @@ def guided(name: str, law: Law, inertia: float, seed: int = 0) -> GuidedDemo:
             plant=plant,
             motion=motion,
             hand=hand,
-            loop=Unguarded(compensator=compensator, external=external),
+            loop=JointLoop(
+                compensator=compensator,
+                external=external,
+                top_speed=top,
+                limit=torque_limit(compensator, top),
+                encoder_count=plant.encoder_count,
+            ),
             seed=seed,
         )
         for compensator in (nothing(), alg_fc(law.rate, K, 20.0, Dither(share=0.3), SHARE))
