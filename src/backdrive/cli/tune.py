@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from backdrive.cli import _logs
+from backdrive.cli import _joint_options, _logs
 
 if TYPE_CHECKING:
     from backdrive.errors import BackdriveError
@@ -118,7 +118,7 @@ def command(
     from backdrive.tune.bounds import check
     from backdrive.tune.scenes import stated
 
-    warm: Any = None if temperature is None else _ends(temperature, "--temperature", "20:45")
+    warm: Any = None if temperature is None else _joint_options.ends(temperature, "--temperature", "20:45")
     warm = (warm, warm) if isinstance(warm, float) else warm
     shared: dict[str, Any] = {
         "noise": noise,
@@ -139,14 +139,14 @@ def command(
             remedy="Name a .png or .svg file and one joint (--joint); the safe region is that of --goal backdrive or track.",
         )
     own = {
-        "stiffness": _by_joint(stiffness, "--stiffness", "8e4:1.2e5", names),
-        "inertia": _by_joint(inertia, "--inertia", "0.6:0.8", names),
-        "motor_share": _by_joint(motor_share, "--motor-share", "0.15", names, interval=False),
-        "counts": _by_joint(counts, "--counts", "1043038", names, interval=False),
+        "stiffness": _joint_options.by_joint(stiffness, "--stiffness", "8e4:1.2e5", names),
+        "inertia": _joint_options.by_joint(inertia, "--inertia", "0.6:0.8", names),
+        "motor_share": _joint_options.by_joint(motor_share, "--motor-share", "0.15", names, interval=False),
+        "counts": _joint_options.by_joint(counts, "--counts", "1043038", names, interval=False),
     }
-    guards = _guards(
-        _by_joint(top_speed, "--top-speed", "3", names, interval=False),
-        _by_joint(limit, "--limit", "20", names, interval=False),
+    guards = _joint_options.guards(
+        _joint_options.by_joint(top_speed, "--top-speed", "3", names, interval=False),
+        _joint_options.by_joint(limit, "--limit", "20", names, interval=False),
         urdf,
         names,
     )
@@ -201,37 +201,6 @@ def command(
         raise typer.Exit(1)
 
 
-def _guards(
-    speeds: dict[str, float], limits: dict[str, float], urdf: Path | None, names: Sequence[str]
-) -> dict[str, dict[str, Any]]:
-    """Return trip speed and limit of torque by joint: as they were given, else of the robot description."""
-    import math
-
-    from backdrive.errors import InvalidInput
-
-    described: dict[str, Any] = {}
-    if urdf is not None:
-        from backdrive.limits import read_limits
-
-        described = read_limits(urdf)
-        absent = [name for name in names if name not in described]
-        if absent:
-            raise InvalidInput(
-                f"{urdf} has no joint '{absent[0]}'.",
-                remedy=f"It has {', '.join(described)}; the model {', '.join(names)}. Say --top-speed instead.",
-            )
-    found: dict[str, dict[str, Any]] = {}
-    for name in names:
-        speed, torque = speeds.get(name), limits.get(name)
-        if name in described:
-            known = described[name]
-            speed = known.velocity if speed is None and math.isfinite(known.velocity) else speed
-            found[name] = {"trip_speed": speed, "limit": torque, "effort": known.effort}
-        else:
-            found[name] = {"trip_speed": speed, "limit": torque}
-    return found
-
-
 def _refuse(refused: dict[str, BackdriveError], as_json: bool) -> None:
     """Raise the error of the only joint, or print those of all but the last, which is raised."""
     *others, last = refused.values()
@@ -239,50 +208,6 @@ def _refuse(refused: dict[str, BackdriveError], as_json: bool) -> None:
         if not as_json and str(error) != str(last):
             typer.echo(f"backdrive: {error}", err=True)
     raise last
-
-
-def _by_joint(
-    words: Sequence[str] | None, option: str, example: str, names: Sequence[str], *, interval: bool = True
-) -> dict[str, Any]:
-    """Return what an option says of each joint: one plain value of an only joint, or JOINT=VALUE."""
-    from backdrive.errors import InvalidInput
-
-    found: dict[str, Any] = {}
-    for word in words or ():
-        name, equals, value = word.rpartition("=")
-        name = name if equals or len(names) > 1 else names[0]
-        if name not in names or name in found:
-            wrong = (
-                "is said twice"
-                if name in found
-                else f"no joint '{name}'"
-                if equals
-                else "it does not say of which joint"
-            )
-            raise InvalidInput(
-                f"{option} {word}: {wrong}.",
-                remedy=f"Joints are {', '.join(names)}; say {option} {names[0]}={example}, once for each joint.",
-            )
-        found[name] = _ends(value, option, example, interval=interval)
-    return found
-
-
-def _ends(words: str, option: str, example: str, *, interval: bool = True) -> tuple[float, float] | float:
-    """Return LOW:HIGH, or one number."""
-    from backdrive.errors import InvalidInput
-
-    try:
-        ends = [float(w) for w in words.split(":")]
-    except ValueError:
-        ends = []
-    if len(ends) == 1:
-        return ends[0]
-    if len(ends) != 2 or not interval:
-        raise InvalidInput(
-            f"{option} {words}: not {'LOW:HIGH' if interval else 'a number'}.",
-            remedy=f"For example {option} {example}.",
-        )
-    return ends[0], ends[1]
 
 
 def _print(tuning: Tuning) -> None:
@@ -312,6 +237,12 @@ def _print(tuning: Tuning) -> None:
         console.print(f"  {row:<11} {words} {what['score']:.4g} {unit}, {rests}")
     for sentence in _margins(tuning):
         console.print(escape(sentence))
+    if tuning.trip_speed is not None:
+        force = "N.m" if tuning.unit == "rad" else "N"
+        console.print(
+            f"In the loop it gives at most {tuning.limit:.3g} {force}, and nothing any more once the joint is faster than "
+            f"{tuning.trip_speed:.3g} {tuning.unit}/s."
+        )
     for note in tuning.notes:
         console.print(escape(note), style="yellow")
 

@@ -42,22 +42,25 @@ from backdrive.estimate.level import Adaptation
 from backdrive.laws import REFERENCE, Law
 
 LATCH_TIME = 0.15  # from the limit to zero when latched [s]
-BRISK, LEAST_BRISK = 100.0, 50.0  # normal rate by F, and the least that may be asked for [1/s]
+BRISK, LEAST_BRISK = 1000.0, 50.0  # normal rate by F, and the least that may be asked for [1/s]
 LARGEST = 1.5  # limit by R F(top speed) up to which a runaway is stopped in time [-]
 USUAL = 1.25  # the same, where nothing else is asked for [-]
 
 
 def friction_of(law: Law, top_speed: float) -> tuple[float, float]:
-    """Return the largest friction of a law up to a speed and that at this speed, of both directions [N.m or N].
+    """Return F, the friction at rest of a law (its largest where it has none), and that at a speed, of the larger direction.
 
     Args:
         law: of friction.
-        top_speed: [rad/s or m/s].
+        top_speed: the speed [rad/s or m/s].
+
+    Returns:
+        F and the friction at this speed [N.m or N].
     """
     speeds = top_speed * np.geomspace(1e-4, 1.0, 41)
     torque = np.abs(law.torque(np.concatenate([speeds, -speeds])))
-    peak = max(float(torque.max()), 0.0 if law.rate.SMOOTH else max(law.coulomb()))
-    return peak, float(max(torque[40], torque[81]))
+    rest = 0.0 if law.rate.SMOOTH else max(law.coulomb())
+    return rest or float(torque.max()), float(max(torque[40], torque[81]))
 
 
 def torque_limit(compensator: Compensator, top_speed: float) -> float:
@@ -70,10 +73,10 @@ def torque_limit(compensator: Compensator, top_speed: float) -> float:
     Returns:
         Limit [N.m or N]: a joint whose friction is no less than half of what the law says cannot be driven on for long.
     """
-    peak, fast = friction_of(compensator.friction.law, top_speed)
-    waves = 0.0 if compensator.dither is None else compensator.dither.share * peak
+    rest, fast = friction_of(compensator.friction.law, top_speed)
+    waves = 0.0 if compensator.dither is None else compensator.dither.share * rest
     usual = USUAL * compensator.share * fast
-    return min(max(usual, compensator.share * peak + waves), LARGEST * compensator.share * fast)
+    return min(max(usual, compensator.share * rest + waves), LARGEST * compensator.share * fast)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +91,7 @@ class JointLoop:
         top_speed: faster than which the joint is a runaway, from the robot's description or a person, never the fastest of a log
             [rad/s or m/s].
         encoder_count: step of the encoder [rad or m].
-        rate: of the output, the normal one [N.m/s or N/s]; None: the larger of limit/0.15 s and 100 F/s.
+        rate: of the output, the normal one [N.m/s or N/s]; None: the larger of limit/0.15 s and 1000 F/s.
         ramp: from zero to the limit after the start, a fault or an acknowledgement, and back after `stop` [s].
         hold: time within which the push on a joint that stands still is below 5 % [s].
         fade: rate at which the output fades while readings are not believed [1/s].
@@ -183,7 +186,7 @@ class JointLoop:
 
     @cached_property
     def friction(self) -> tuple[float, float]:
-        """Largest friction of the compensator's law up to the top speed, and that at the top speed [N.m or N]."""
+        """F at rest of the compensator's law, and its friction at the top speed [N.m or N]."""
         return friction_of(self.compensator.friction.law, min(self.top_speed, envelope.TOP_SPEED[1]))
 
     @property

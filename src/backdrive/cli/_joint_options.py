@@ -1,0 +1,81 @@
+"""Options that say a number or an interval of each joint: VALUE of an only joint, JOINT=VALUE of several."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+
+def by_joint(
+    words: Sequence[str] | None, option: str, example: str, names: Sequence[str], *, interval: bool = True
+) -> dict[str, Any]:
+    """Return what an option says of each joint: one plain value of an only joint, or JOINT=VALUE."""
+    from backdrive.errors import InvalidInput
+
+    found: dict[str, Any] = {}
+    for word in words or ():
+        name, equals, value = word.rpartition("=")
+        name = name if equals or len(names) > 1 else names[0]
+        if name not in names or name in found:
+            wrong = (
+                "is said twice"
+                if name in found
+                else f"no joint '{name}'"
+                if equals
+                else "it does not say of which joint"
+            )
+            raise InvalidInput(
+                f"{option} {word}: {wrong}.",
+                remedy=f"Joints are {', '.join(names)}; say {option} {names[0]}={example}, once for each joint.",
+            )
+        found[name] = ends(value, option, example, interval=interval)
+    return found
+
+
+def ends(words: str, option: str, example: str, *, interval: bool = True) -> tuple[float, float] | float:
+    """Return LOW:HIGH, or one number."""
+    from backdrive.errors import InvalidInput
+
+    try:
+        ends = [float(w) for w in words.split(":")]
+    except ValueError:
+        ends = []
+    if len(ends) == 1:
+        return ends[0]
+    if len(ends) != 2 or not interval:
+        raise InvalidInput(
+            f"{option} {words}: not {'LOW:HIGH' if interval else 'a number'}.",
+            remedy=f"For example {option} {example}.",
+        )
+    return ends[0], ends[1]
+
+
+def guards(
+    speeds: dict[str, float], limits: dict[str, float], urdf: Path | None, names: Sequence[str]
+) -> dict[str, dict[str, Any]]:
+    """Return trip speed and limit of torque by joint: as they were given, else of the robot description."""
+    from backdrive.errors import InvalidInput
+
+    described: dict[str, Any] = {}
+    if urdf is not None:
+        from backdrive.limits import read_limits
+
+        described = read_limits(urdf)
+        absent = [name for name in names if name not in described]
+        if absent:
+            raise InvalidInput(
+                f"{urdf} has no joint '{absent[0]}'.",
+                remedy=f"It has {', '.join(described)}; the model {', '.join(names)}. Say --top-speed instead.",
+            )
+    found: dict[str, dict[str, Any]] = {}
+    for name in names:
+        speed, torque = speeds.get(name), limits.get(name)
+        if name in described:
+            known = described[name]
+            speed = known.velocity if speed is None and math.isfinite(known.velocity) else speed
+            found[name] = {"trip_speed": speed, "limit": torque, "effort": known.effort}
+        else:
+            found[name] = {"trip_speed": speed, "limit": torque}
+    return found
