@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from backdrive.errors import FileTooLarge, ForbiddenContent, MissingExtra, ReadError
+from backdrive.errors import FileTooLarge, ForbiddenContent, MissingExtra, ReadError, install
 
 MAX_JOINTS = 500
 #: How many numbers an attribute holds.
@@ -33,7 +33,7 @@ def parse(data: bytes, where: str) -> Any:
     except ImportError as error:
         raise MissingExtra(
             "Reading a URDF needs defusedxml, which is not installed.",
-            remedy='Install it: pip install "backdrive[arm]".',
+            remedy=install("arm"),
         ) from error
     try:
         return fromstring(data, forbid_dtd=True)

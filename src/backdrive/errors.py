@@ -42,6 +42,10 @@ class InvalidInput(BackdriveError, ValueError):
     exit_code = 2
 
 
+class WriteError(InvalidInput):
+    """A file cannot be written: its place, its kind, its protection or a full disk forbids it."""
+
+
 class UnknownName(InvalidInput):
     """A name is not in a catalogue; the message lists the known ones."""
 
@@ -54,6 +58,11 @@ class MissingExtra(BackdriveError, ImportError):
     """An optional dependency is not installed; the remedy names the extra."""
 
     exit_code = 2
+
+
+def install(extra: str) -> str:
+    """Return how to install an extra, as a remedy: from where the package is installed, or from a checkout."""
+    return f'Run: pip install "backdrive[{extra}]", or in a checkout of backdrive: pip install ".[{extra}]".'
 
 
 class ReadError(BackdriveError):
@@ -100,3 +109,15 @@ class NotIdentifiable(BackdriveError):
     """The data do not determine what was asked for."""
 
     exit_code = 1
+
+
+class BackdriveWarning(UserWarning):
+    """The root of what this package warns of through Python's `warnings`."""
+
+
+class ExtrapolationWarning(BackdriveWarning):
+    """A model was asked for what its data do not cover."""
+
+
+class NegativeFrictionWarning(BackdriveWarning):
+    """A model's friction drives the motion instead of resisting it."""

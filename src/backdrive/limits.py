@@ -7,13 +7,9 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from backdrive._files import read_whole
 from backdrive._urdf import parse
-from backdrive.errors import (
-    FileTooLarge,
-    InvalidInput,
-    ReadError,
-    UnknownFormat,
-)
+from backdrive.errors import InvalidInput, ReadError, UnknownFormat
 
 MAX_BYTES = 20_000_000
 _KINDS: dict[str, Literal["rad", "m"]] = {"revolute": "rad", "continuous": "rad", "prismatic": "m"}
@@ -79,6 +75,7 @@ def read_limits(path: str | Path) -> dict[str, JointLimits]:
 
     Raises:
         ReadError: there is no such file, it is not well-formed, or a limit is not a number.
+        FileTooLarge: no robot needs that many bytes.
         ForbiddenContent: it has a DOCTYPE, which no robot description needs.
         UnknownFormat: it is XML, but not a URDF.
         MissingExtra: defusedxml is not installed.
@@ -108,16 +105,7 @@ def read_limits(path: str | Path) -> dict[str, JointLimits]:
 
 
 def _parse(path: Path) -> Any:
-    try:
-        with open(path, "rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise ReadError(f"Cannot read {path}: {error.strerror}.", remedy="Check the path.") from error
-    if len(data) > MAX_BYTES:
-        raise FileTooLarge(
-            f"{path} is larger than {MAX_BYTES // 1_000_000} MB.", remedy="A URDF without meshes is small."
-        )
-    return parse(data, str(path))
+    return parse(read_whole(path, MAX_BYTES, remedy="A URDF without meshes is small."), str(path))
 
 
 def _joint(node: Any, name: str, kind: str, path: str | Path) -> JointLimits:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,9 +11,11 @@ from typing import Any
 import numpy as np
 
 from backdrive._catalog import lookup
-from backdrive.errors import InvalidInput
+from backdrive.errors import ExtrapolationWarning, InvalidInput, NegativeFrictionWarning
 from backdrive.laws import Law
 from backdrive.log import Joint, Source
+
+EDGE = 1e-9  # share of its end by which a validity range is wider when a velocity is looked at: rounding [-]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +46,15 @@ class Validity:
     velocity: tuple[float, float]
     load: tuple[float, float] | None = None
     temperature: tuple[float, float] | None = None
+
+    def __post_init__(self):
+        for name in ("velocity", "load", "temperature"):
+            ends = getattr(self, name)
+            if ends is not None and not (-math.inf < ends[0] <= ends[1] < math.inf):
+                raise InvalidInput(
+                    f"validity.{name} goes from {ends[0]:g} to {ends[1]:g}.",
+                    remedy="Give two finite numbers, the smaller one first.",
+                )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,6 +102,30 @@ class JointFriction:
     held_out: Quality | None = None
     method: str = ""
     warnings: tuple[str, ...] = ()
+
+    def driving(self) -> tuple[float, float] | None:
+        """Return where in the validity range friction drives the motion, as negative friction does.
+
+        Friction resists where tau_f v >= 0. Looked at 201 velocities, and at the knots, between which line sections are
+        straight.
+
+        Returns:
+            Lowest and highest such velocity [rad/s or m/s]; None where there is none.
+        """
+        low, high = self.validity.velocity
+        knots = np.asarray(getattr(self.law.rate, "velocity", ()), dtype=np.float64)
+        velocity = np.concatenate([np.linspace(low, high, 201), knots, -knots])
+        velocity = velocity[(velocity >= low) & (velocity <= high)]
+        wrong = velocity[self.law.torque(velocity) * velocity < 0.0]
+        return (float(wrong.min()), float(wrong.max())) if wrong.size else None
+
+    def remarks(self) -> tuple[str, ...]:
+        """Return what the numbers alone say against the model, in sentences."""
+        ends, unit = self.driving(), f"{self.joint.unit}/s"
+        if ends is None:
+            return ()
+        where = f"at {ends[0]:.4g}" if ends[0] == ends[1] else f"between {ends[0]:.4g} and {ends[1]:.4g}"
+        return (f"Friction is negative {where} {unit}: there the model drives the motion.",)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,11 +197,35 @@ class FrictionModel:
         Raises:
             UnknownName: no such joint.
             InvalidInput: a velocity is not finite.
+
+        Warns:
+            ExtrapolationWarning: a velocity is outside the validity range.
+            NegativeFrictionWarning: at a velocity friction drives the motion instead of resisting it.
         """
         velocity = np.asarray(dq, dtype=np.float64)
         if not np.all(np.isfinite(velocity)):
             raise InvalidInput("A velocity is NaN or infinite.", remedy="Give finite velocities.")
-        return self.joint(joint).law.torque(velocity)
+        friction = self.joint(joint)
+        torque = friction.law.torque(velocity)
+        low, high = friction.validity.velocity
+        name, unit = friction.joint.name, f"{friction.joint.unit}/s"
+        outside = (velocity < low * (1.0 + EDGE * (low < 0))) | (velocity > high * (1.0 + EDGE * (high > 0)))
+        if np.any(outside):
+            furthest = float(velocity[outside][np.argmax(np.abs(velocity[outside]))])
+            warnings.warn(
+                f"Joint '{name}': {furthest:.4g} {unit} is outside the validity range, {low:.4g} to {high:.4g} {unit}; "
+                "the torque is extrapolated.",
+                ExtrapolationWarning,
+                stacklevel=2,
+            )
+        if np.any(torque * velocity < 0.0):
+            worst = float(velocity[torque * velocity < 0.0].flat[0])
+            warnings.warn(
+                f"Joint '{name}': friction is negative at {worst:.4g} {unit}; there the model drives the motion.",
+                NegativeFrictionWarning,
+                stacklevel=2,
+            )
+        return torque
 
     def table(self, speeds: int = 21) -> dict[str, dict[str, np.ndarray]]:
         """Return each joint's curve over its validity range.
@@ -195,7 +256,8 @@ def load_model(path) -> FrictionModel:
         path: of the file; or `preset:NAME`, such as `preset:mx106/m6`.
 
     Raises:
-        ModelFileError: the file is damaged, of another kind or of a newer schema; the message says where and why.
+        ModelFileError: the file is absent, no regular file, damaged, of another kind or of a newer schema, or holds numbers that
+            no joint has; the message says where and why.
         UnknownName: there is no such preset; the message lists them.
     """
     from backdrive.model_file import load

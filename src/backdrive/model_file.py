@@ -4,43 +4,51 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
+from msgspec import Meta
 
 from backdrive import model as m
-from backdrive._files import write_whole
+from backdrive._files import read_whole, write_whole
 from backdrive.errors import BackdriveError, ModelFileError
 from backdrive.laws import Law, element, rate_law
 from backdrive.laws.base import Rows
 from backdrive.log import Joint, Source
+from backdrive.model_bounds import check_document, check_errors, check_law, check_twice, placed
 
-SCHEMA = 1
-MAX_BYTES = 50_000_000
+FORMAT, SCHEMA = "backdrive-friction-model", 1
+MAX_BYTES = 10_000_000
+AGAIN = "Restore it, or identify again."
 
 R = TypeVar("R", bound=Rows)
 Number = float | None  # null stands for "unknown" and for an infinite bound
+Word = Annotated[str, Meta(max_length=500)]
+Sentence = Annotated[str, Meta(max_length=5000)]
+Knots = Annotated[list[float], Meta(max_length=1000)]
+Errors = Annotated[list[Number], Meta(max_length=1000)]
+Count = Annotated[int, Meta(ge=0, le=2**53)]
 
 
 class _Value(msgspec.Struct, forbid_unknown_fields=True):
-    value: float | list[float]
-    unit: str
-    standard_error: Number | list[Number] = None
+    value: float | Knots
+    unit: Word
+    standard_error: Number | Errors = None
     lower: Number = None
     upper: Number = None
     at_bound: bool = False
 
 
 class _Law(msgspec.Struct, forbid_unknown_fields=True):
-    rate: str
-    element: str
+    rate: Word
+    element: Word
 
 
 class _Quality(msgspec.Struct, forbid_unknown_fields=True):
     residual_percent: Number
     residual_raw_percent: Number
     rms: Number
-    samples: int
+    samples: Count
 
 
 class _Validity(msgspec.Struct, forbid_unknown_fields=True):
@@ -49,44 +57,52 @@ class _Validity(msgspec.Struct, forbid_unknown_fields=True):
     temperature: tuple[float, float] | None = None
 
 
+_Values = Annotated[dict[Word, _Value], Meta(max_length=100)]
+
+
 class _Joint(msgspec.Struct, forbid_unknown_fields=True):
-    name: str
+    name: Annotated[str, Meta(min_length=1, max_length=500)]
     unit: Literal["rad", "m"]
     torque_side: Literal["joint", "motor"]
     gear_ratio: float
     law: _Law
-    parameters: dict[str, _Value]
+    parameters: _Values
     validity: _Validity
     encoder_counts: Number = None
-    element_parameters: dict[str, _Value] = {}
-    dynamics: dict[str, _Value] = {}
+    element_parameters: _Values = {}
+    dynamics: _Values = {}
     fitted: _Quality | None = None
     held_out: _Quality | None = None
-    method: str = ""
-    warnings: list[str] = []
+    method: Word = ""
+    warnings: Annotated[list[Sentence], Meta(max_length=1000)] = []
 
 
 class _Arm(msgspec.Struct, forbid_unknown_fields=True):
-    urdf_sha256: str
-    parameters: list[float]
+    urdf_sha256: Word
+    parameters: Annotated[list[float], Meta(max_length=5000)]
     condition: Number
 
 
 class _Source(msgspec.Struct, forbid_unknown_fields=True):
-    path: str
-    sha256: str
+    path: Sentence
+    sha256: Word
 
 
 class _Provenance(msgspec.Struct, forbid_unknown_fields=True):
-    backdrive: str
-    sources: list[_Source] = []
+    backdrive: Word
+    sources: Annotated[list[_Source], Meta(max_length=100_000)] = []
     options: dict[str, Any] = {}
+
+
+class _Header(msgspec.Struct):
+    format: Any = None
+    schema: Any = None
 
 
 class _File(msgspec.Struct, forbid_unknown_fields=True):
     format: Literal["backdrive-friction-model"]
     schema: int
-    joints: list[_Joint]
+    joints: Annotated[list[_Joint], Meta(max_length=500)]
     provenance: _Provenance
     arm: _Arm | None = None
 
@@ -147,7 +163,7 @@ def encode(model: m.FrictionModel) -> bytes:
     provenance = _Provenance(
         model.version, [_Source(s.path, s.sha256) for s in model.sources], dict(model.options)
     )
-    document = _File("backdrive-friction-model", SCHEMA, joints, provenance, arm)
+    document = _File(FORMAT, SCHEMA, joints, provenance, arm)
     data = msgspec.json.encode(_encodable(msgspec.to_builtins(document)))
     return msgspec.json.format(data, indent=2) + b"\n"
 
@@ -181,7 +197,9 @@ def _rows(cls: type[R], values: dict[str, _Value], where: str, unit: str) -> R:
             raise ModelFileError(
                 f"{where}.{name}: the unit is '{value.unit}'.", remedy=f"It must be '{expected}'."
             )
-    return cls(**{k: tuple(v.value) if isinstance(v.value, list) else v.value for k, v in values.items()})
+        check_errors(value.value, value.standard_error, f"{where}.{name}")
+    with placed(where):
+        return cls(**{k: tuple(v.value) if isinstance(v.value, list) else v.value for k, v in values.items()})
 
 
 def _errors(values: dict[str, _Value]) -> dict[str, Any]:
@@ -194,45 +212,55 @@ def _errors(values: dict[str, _Value]) -> dict[str, Any]:
     }
 
 
-def _joint(j: _Joint, where: str) -> m.JointFriction:
-    rate = _rows(rate_law(j.law.rate), j.parameters, f"{where}.parameters", j.unit)
-    carrier = _rows(element(j.law.element), j.element_parameters, f"{where}.element_parameters", j.unit)
-    joint = Joint(
-        name=j.name,
-        unit=j.unit,
-        torque_side=j.torque_side,
-        gear_ratio=j.gear_ratio,
-        encoder_counts=j.encoder_counts,
-    )
-    dynamics = {}
-    for name, v in j.dynamics.items():
+def _dynamics(values: dict[str, _Value], where: str) -> dict[str, m.Estimate]:
+    found = {}
+    for name, v in values.items():
         if isinstance(v.value, list) or isinstance(v.standard_error, list):
-            raise ModelFileError(f"{where}.dynamics.{name}: is a list.", remedy="It must be one number.")
-        dynamics[name] = m.Estimate(value=v.value, unit=v.unit, standard_error=_nan(v.standard_error))
-    qualities = [
-        q
-        and m.Quality(
-            residual=_nan(q.residual_percent),
-            residual_raw=_nan(q.residual_raw_percent),
-            rms=_nan(q.rms),
-            samples=q.samples,
-        )
-        for q in (j.fitted, j.held_out)
-    ]
-    return m.JointFriction(
-        joint=joint,
-        law=Law(rate=rate, element=carrier),
-        standard_errors=_errors(j.parameters) | _errors(j.element_parameters),
-        at_bound=tuple(k for k, v in (j.parameters | j.element_parameters).items() if v.at_bound),
-        dynamics=dynamics,
-        validity=m.Validity(
-            velocity=j.validity.velocity, load=j.validity.load, temperature=j.validity.temperature
-        ),
-        fitted=qualities[0],
-        held_out=qualities[1],
-        method=j.method,
-        warnings=tuple(j.warnings),
+            raise ModelFileError(f"{where}.{name}: is a list.", remedy="It must be one number.")
+        check_errors(v.value, v.standard_error, f"{where}.{name}")
+        found[name] = m.Estimate(value=v.value, unit=v.unit, standard_error=_nan(v.standard_error))
+    return found
+
+
+def _judged(q: _Quality | None) -> m.Quality | None:
+    if q is None:
+        return None
+    return m.Quality(
+        residual=_nan(q.residual_percent),
+        residual_raw=_nan(q.residual_raw_percent),
+        rms=_nan(q.rms),
+        samples=q.samples,
     )
+
+
+def _joint(j: _Joint, where: str) -> m.JointFriction:
+    with placed(f"{where}.law"):
+        kinds = rate_law(j.law.rate), element(j.law.element)
+    rate = _rows(kinds[0], j.parameters, f"{where}.parameters", j.unit)
+    carrier = _rows(kinds[1], j.element_parameters, f"{where}.element_parameters", j.unit)
+    with placed(where):
+        friction = m.JointFriction(
+            joint=Joint(
+                name=j.name,
+                unit=j.unit,
+                torque_side=j.torque_side,
+                gear_ratio=j.gear_ratio,
+                encoder_counts=j.encoder_counts,
+            ),
+            law=Law(rate=rate, element=carrier),
+            standard_errors=_errors(j.parameters) | _errors(j.element_parameters),
+            at_bound=tuple(k for k, v in (j.parameters | j.element_parameters).items() if v.at_bound),
+            dynamics=_dynamics(j.dynamics, f"{where}.dynamics"),
+            validity=m.Validity(
+                velocity=j.validity.velocity, load=j.validity.load, temperature=j.validity.temperature
+            ),
+            fitted=_judged(j.fitted),
+            held_out=_judged(j.held_out),
+            method=j.method,
+            warnings=tuple(j.warnings),
+        )
+    check_law(friction, where)
+    return friction
 
 
 def decode(data: bytes, name: str = "model file") -> m.FrictionModel:
@@ -242,50 +270,45 @@ def decode(data: bytes, name: str = "model file") -> m.FrictionModel:
         ModelFileError: says at which place what is wrong.
     """
     try:
-        head = msgspec.json.decode(data)
-        if not isinstance(head, dict) or head.get("format") != "backdrive-friction-model":
+        head = msgspec.json.decode(data, type=_Header)
+        if head.format != FORMAT:
             raise ModelFileError(
-                f"{name} is JSON, but not a friction model.",
+                "it is JSON, but not a friction model.",
                 remedy="Name a file made by `identify -o` or `fit -o`.",
             )
-        if head.get("schema") != SCHEMA:
+        if head.schema != SCHEMA or isinstance(head.schema, bool):
             raise ModelFileError(
-                f"{name}: $.schema is {head.get('schema')!r}, this version reads {SCHEMA}.",
+                f"$.schema is {str(head.schema)[:40]}, this version reads {SCHEMA}.",
                 remedy="Upgrade backdrive, or identify again.",
             )
-        document = msgspec.convert(head, _File)
+        document = msgspec.json.decode(data, type=_File)
+        check_twice(data)
+        check_document(msgspec.to_builtins(document))
         joints = tuple(_joint(j, f"$.joints[{i}]") for i, j in enumerate(document.joints))
         arm = document.arm and m.ArmModel(
             urdf_sha256=document.arm.urdf_sha256,
             parameters=tuple(document.arm.parameters),
             condition=_nan(document.arm.condition),
         )
-        return m.FrictionModel(
-            joints=joints,
-            arm=arm,
-            sources=tuple(Source(path=s.path, sha256=s.sha256) for s in document.provenance.sources),
-            options=document.provenance.options,
-            version=document.provenance.backdrive,
-        )
-    except ModelFileError:
-        raise
+        with placed("$.joints"):
+            return m.FrictionModel(
+                joints=joints,
+                arm=arm,
+                sources=tuple(Source(path=s.path, sha256=s.sha256) for s in document.provenance.sources),
+                options=document.provenance.options,
+                version=document.provenance.backdrive,
+            )
     except BackdriveError as error:
         raise ModelFileError(f"{name}: {error.message}", remedy=error.remedy) from error
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError, OverflowError) as error:
-        raise ModelFileError(
-            f"{name} is damaged: {error}.", remedy="Restore it, or identify again."
-        ) from error
+    except msgspec.ValidationError as error:
+        message, _, place = str(error).rpartition(" - at ")
+        said = f"{place.strip('`')}: {message}" if message else str(error)
+        raise ModelFileError(f"{name}: {said}.", remedy=AGAIN) from error
+    except (ValueError, RecursionError, OverflowError) as error:  # of the parser, UnicodeDecodeError included
+        raise ModelFileError(f"{name} is damaged: {error}.", remedy=AGAIN) from error
 
 
 def load(path: str | Path) -> m.FrictionModel:
     """Read a model file; see `decode`."""
-    path = Path(path)
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise ModelFileError(
-                f"{path} is larger than {MAX_BYTES} bytes.", remedy="A model file is a few kilobytes."
-            )
-        data = path.read_bytes()
-    except OSError as error:
-        raise ModelFileError(f"Cannot read {path}: {error.strerror}.", remedy="Check the path.") from error
+    data = read_whole(path, MAX_BYTES, error=ModelFileError, remedy="A model file is a few kilobytes.")
     return decode(data, str(path))

@@ -22,8 +22,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from backdrive._files import read_whole
 from backdrive._urdf import skeleton
-from backdrive.errors import FileTooLarge, InvalidInput, MissingExtra, ReadError
+from backdrive.errors import InvalidInput, MissingExtra, ReadError, install
 
 PER_LINK = 10
 #: Names of a link's ten parameters.
@@ -143,7 +144,7 @@ class Robot:
             names: of the log's joints. Unless all of them are the robot's, or where a missing joint carries one of
                 them, nothing is held (and `order_in` will complain).
         """
-        pin = _pinocchio()
+        pin = require_pinocchio()
         missing = [i for i, joint in enumerate(self.joints, start=1) if joint not in names]
         known = {i for i, joint in enumerate(self.joints, start=1) if joint in names}
         carries = any(known & set(self.model.subtrees[i]) for i in missing)
@@ -170,7 +171,7 @@ class Robot:
         Returns:
             Regressor, (n, J, 10 J): 560 bytes a joint and sample for seven joints, so mind the chunk.
         """
-        pin = _pinocchio()
+        pin = require_pinocchio()
         model, data = self.model, self.model.createData()
         return self._each(
             lambda *state: pin.computeJointTorqueRegressor(model, data, *state),
@@ -182,27 +183,27 @@ class Robot:
 
     def inverse_dynamics(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
         """Return the torque of the description's own inertias without friction [N.m or N], (n, J)."""
-        pin = _pinocchio()
+        pin = require_pinocchio()
         model, data = self.model, self.model.createData()
         return self._each(lambda *s: pin.rnea(model, data, *s), (len(self.joints),), q, dq, ddq)
 
     def inertia(self, q: np.ndarray) -> np.ndarray:
         """Return M(q) [kg.m^2, kg.m or kg], (n, J, J)."""
-        pin = _pinocchio()
+        pin = require_pinocchio()
         model, data = self.model, self.model.createData()
         upper = np.triu(self._each(lambda c: pin.crba(model, data, c), (len(self.joints),) * 2, q))
         return upper + np.swapaxes(np.triu(upper, 1), 1, 2)
 
     def bias(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         """Return h(q, dq), Coriolis and centrifugal torque without gravity [N.m or N], (n, J)."""
-        pin = _pinocchio()
+        pin = require_pinocchio()
         model, data = self.model, self.model.createData()
         both = self._each(lambda *s: pin.nonLinearEffects(model, data, *s), (len(self.joints),), q, dq)
         return both - self.gravity(q)
 
     def gravity(self, q: np.ndarray) -> np.ndarray:
         """Return g(q) [N.m or N], (n, J)."""
-        pin = _pinocchio()
+        pin = require_pinocchio()
         model, data = self.model, self.model.createData()
         return self._each(lambda c: pin.computeGeneralizedGravity(model, data, c), (len(self.joints),), q)
 
@@ -251,14 +252,8 @@ def load_robot(urdf: str | Path) -> Robot:
         ForbiddenContent: the file has a document type or entities.
         FileTooLarge: no arm needs that many bytes or joints.
     """
-    path = Path(urdf)
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise FileTooLarge(f"{path} has more than {MAX_BYTES} bytes.", remedy="Name the URDF of an arm.")
-        content = path.read_bytes()
-    except OSError as error:
-        raise ReadError(f"Cannot read {path}: {error.strerror}.", remedy="Check the path.") from error
-    return parse_robot(content, str(path))
+    content = read_whole(urdf, MAX_BYTES, remedy="Name the URDF of an arm.")
+    return parse_robot(content, str(urdf))
 
 
 def parse_robot(content: bytes | str, where: str = "the URDF") -> Robot:
@@ -268,7 +263,7 @@ def parse_robot(content: bytes | str, where: str = "the URDF") -> Robot:
         content: the text.
         where: what to call it in messages.
     """
-    pin = _pinocchio()
+    pin = require_pinocchio()
     data = content.encode() if isinstance(content, str) else content
     text = skeleton(data, where)
     try:
@@ -300,12 +295,17 @@ def parse_robot(content: bytes | str, where: str = "the URDF") -> Robot:
     return robot
 
 
-def _pinocchio() -> Any:
+def require_pinocchio() -> Any:
+    """Return pinocchio, or say how to install it.
+
+    Raises:
+        MissingExtra: names the extra.
+    """
     try:
         import pinocchio
     except ImportError as error:
         raise MissingExtra(
             "Rigid bodies need pinocchio, which is not installed.",
-            remedy='Install it: pip install "backdrive[arm]".',
+            remedy=install("arm"),
         ) from error
     return pinocchio

@@ -84,25 +84,71 @@ def numbers(text: str | None, option: str) -> list[float] | None:
         ) from error
 
 
-def check_targets(outputs: Sequence[Path | None], inputs: Sequence[Path | None]) -> None:
+def check_targets(
+    outputs: Sequence[Path | None], inputs: Sequence[Path | None], *, drawn: Sequence[Path | None] = ()
+) -> None:
     """Refuse, before anything long begins, outputs that cannot be written or that would overwrite something.
 
+    Args:
+        outputs: files that a command will write; those that end in .png or .svg are pictures.
+        inputs: files that it reads.
+        drawn: further outputs, with pictures in them.
+
     Raises:
-        InvalidInput: an output is an input or another output, is a folder, or its folder does not exist.
+        InvalidInput: an output is an input or another output.
+        WriteError: an output cannot be written; see `backdrive._files.check_writable`.
+        MissingExtra: an output needs matplotlib, which is not installed.
     """
+    from os.path import realpath
+
+    from backdrive._files import check_writable
     from backdrive.errors import InvalidInput
 
-    taken = {p.resolve(): p for p in inputs if p is not None}
-    for path in (p for p in outputs if p is not None):
-        if path.resolve() in taken:
+    taken = {realpath(p): p for p in inputs if p is not None}
+    wanted = [p for p in (*outputs, *drawn) if p is not None]
+    for path in wanted:
+        if realpath(path) in taken:
             raise InvalidInput(
-                f"Cannot write {path}: it is also {taken[path.resolve()]}.", remedy="Name another file."
+                f"Cannot write {path}: it is also {taken[realpath(path)]}.", remedy="Name another file."
             )
-        if path.is_dir() or not path.resolve().parent.is_dir():
-            raise InvalidInput(
-                f"Cannot write {path}: it is a folder, or its folder does not exist.", remedy="Name a file."
-            )
-        taken[path.resolve()] = path
+        check_writable(path)
+        taken[realpath(path)] = path
+    if any(path in drawn or path.suffix.lower() in (".png", ".svg") for path in wanted):
+        from backdrive.plots.canvas import require_matplotlib
+
+        require_matplotlib()
+
+
+def check_folder(folder: Path, files: Sequence[str]) -> None:
+    """Refuse, before anything long begins, a folder that cannot be made or in which files cannot be written.
+
+    Args:
+        folder: made later where it does not exist.
+        files: names of files that will be written there.
+
+    Raises:
+        WriteError: see `backdrive._files.check_writable`.
+    """
+    from backdrive._files import check_writable
+
+    for name in files:
+        check_writable(folder / name, make=True)
+
+
+def check_urdf(urdf: Path | None) -> None:
+    """Refuse, before logs are read, a robot description that is no file, or that nothing can read here.
+
+    Raises:
+        ReadError: it is no file.
+        MissingExtra: pinocchio is not installed.
+    """
+    if urdf is None:
+        return
+    from backdrive._files import check_regular
+    from backdrive.robot import require_pinocchio
+
+    check_regular(urdf)
+    require_pinocchio()
 
 
 def plan_from(path: Path | None):

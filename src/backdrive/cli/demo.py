@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from backdrive.cli import _logs
 from backdrive.cli._logs import AsJson
 
 SHOWN = (0.1, 0.25, 0.5, 0.75, 1.0)  # shares of the top speed in the table
@@ -30,17 +31,21 @@ def command(
 
     from backdrive.cli._output import print_json
     from backdrive.cli._progress import progress
-    from backdrive.errors import InvalidInput
+    from backdrive.plots.canvas import require_matplotlib
 
+    _logs.check_folder(folder, ("model.json", "report.html"))
+    require_matplotlib()
     start = time.perf_counter()
     with progress(quiet=as_json) as say:
         say("Compiling (the first run takes a while)")
         import numpy as np
 
+        from backdrive._files import make_folder, write_together
         from backdrive.excite import Sweep
         from backdrive.identification import identify
+        from backdrive.model_file import encode
         from backdrive.plants.thesis import machine
-        from backdrive.report import write_report
+        from backdrive.report import render
         from backdrive.simulate import simulate
 
         plant = machine(joint)
@@ -59,20 +64,16 @@ def command(
 
         hand = guided(joint, friction.law, plant.inertia, seed)
         say("Drawing the report")
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InvalidInput(
-                f"Cannot make {folder}: {error.strerror}.", remedy="Name another --folder."
-            ) from error
-        result.model.save(folder / "model.json")
-        report = write_report(
+        page = render(
             result,
-            folder / "report.html",
             command=f"backdrive demo --joint {joint} --seed {seed}",
             title=f"Demo: simulated joint {log.names[0]}",
             compare={log.names[0]: _curve(plant.law, sweep.top_speed)},
             more=[guided_section(hand)],
+        )
+        make_folder(folder, "--folder")
+        model, report = write_together(
+            {folder / "model.json": encode(result.model), folder / "report.html": page}
         )
     wall = time.perf_counter() - start
     rows = [
@@ -84,7 +85,7 @@ def command(
             {
                 "ok": True,
                 "report": str(report),
-                "model": str(folder / "model.json"),
+                "model": str(model),
                 "friction": rows,
                 "hand": {"bare": hand.force[0], "compensated": hand.force[1], "estimate_error": hand.error},
             }

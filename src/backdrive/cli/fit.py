@@ -94,7 +94,7 @@ def command(
     from backdrive.cli.identify import failing
     from backdrive.fitting import fit
 
-    _logs.check_targets([output, report], [*logs, *(hold_out or [])])
+    _logs.check_targets([output], [*logs, *(hold_out or [])], drawn=[report])
     if not gate > 0:
         raise typer.BadParameter(f"--gate {gate}: give a positive percentage.")
     bounds = _bounds(bound)

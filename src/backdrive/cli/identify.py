@@ -90,9 +90,11 @@ def command(
     from backdrive.cli._progress import progress
     from backdrive.identification import identify
 
-    _logs.check_targets([output, report], [*logs, *(hold_out or []), *(plan or []), urdf])
+    _logs.check_targets([output], [*logs, *(hold_out or []), *(plan or []), urdf], drawn=[report])
     if not gate > 0:
         raise typer.BadParameter(f"--gate {gate}: give a positive percentage.")
+    _logs.check_urdf(urdf)
+    plans = _logs.plans_from(plan)
     options = {
         "map": map,
         "names": names,
@@ -109,7 +111,7 @@ def command(
         result = identify(
             read,
             method=method,
-            plan=_logs.plans_from(plan),
+            plan=plans,
             joints=joint,
             urdf=str(urdf) if urdf else None,
             held_out=held,

@@ -42,12 +42,12 @@ def command(
     from backdrive.health import CHECKS, check
 
     accepted = {lookup(n, {c.name: c.name for c in CHECKS}, "health check") for n in accept or []}
+    linked = _logs.plan_from(plan)
     with progress(quiet=as_json) as say:
         say("Reading")
         read = _logs.read(
             logs, map=map, names=names, units=unit, gear=gear, counts=counts, format=format, topic=topic
         )
-        linked = _logs.plan_from(plan)
         read = [(log.select(joint) if joint else log).replace(plan=linked or log.plan) for log in read]
         say("Checking")
         findings = [check(log) for log in read]

@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
+from backdrive.cli import _logs
+
 
 def command(
     name: Annotated[
@@ -41,6 +43,8 @@ def command(
         else:
             _print_catalogue()
         return
+    if plot is not None:
+        _logs.check_targets([], [], drawn=[plot])
     law, kinds = _named(name)
     if plot is not None:
         from backdrive.plots.signatures import save

@@ -113,11 +113,12 @@ def command(
     if request.centres is not None:
         _several(request, output, rate, ros_rate, draw, as_json)
         return
+    _logs.check_folder(output, _names(draw))
     plan, limits = build(request)
     contents = _contents(plan, limits, rate, ros_rate, draw)
     figures = [figures_of(one, limits[one.joint], request) for one in single_plans(plan)]
     notes = notes_of(plan, limits, request)
-    written = _write(output, contents)
+    written = _write({output / name: text for name, text in contents.items()})
     if as_json:
         from backdrive.cli._output import print_json
         from backdrive.excite import plan_to_dict
@@ -149,12 +150,17 @@ def _several(request: Any, output: Path, rate: float, ros_rate: float, draw: str
     from backdrive.cli._plan_words import figures_of, notes_of, table_of
 
     refuse_idle_options(request)
+    _logs.check_folder(output, ("plan.json",))
     found, plans, limits = build_centres(request)
+    folders = folders_of(found, output)
+    for folder in folders:
+        _logs.check_folder(folder, _names(draw))
     contents = [_contents(plan, limits, rate, ros_rate, draw) for plan in plans]
     figures = [figures_of(plan, limits[plan.joint], request) for plan in found.plans]
     notes = notes_of_centres(found, request) + notes_of(plans[0], limits, request)
-    folders = folders_of(found, output)
-    written = [path for folder, files in zip(folders, contents) for path in _write(folder, files)]
+    written = _write(
+        {folder / name: text for folder, files in zip(folders, contents) for name, text in files.items()}
+    )
     if as_json:
         from backdrive.cli._output import print_json
         from backdrive.excite import plan_to_dict
@@ -199,7 +205,7 @@ def _contents(
         try:
             contents[f"plan.{draw}"] = picture(plan, draw, limits)
         except MissingExtra as error:
-            raise MissingExtra(error.message, remedy=f"{error.remedy}, or give --draw none.") from error
+            raise MissingExtra(error.message, remedy=f"{error.remedy} Or give --draw none.") from error
     table = sample(plan, rate)
     text = json.dumps(plan_to_dict(plan), indent=2, ensure_ascii=False) + "\n"
     return {
@@ -211,17 +217,18 @@ def _contents(
     }
 
 
-def _write(folder: Path, contents: dict[str, str | bytes]) -> list[Path]:
-    from backdrive._files import write_whole
-    from backdrive.errors import InvalidInput
+def _names(draw: str) -> tuple[str, ...]:
+    """Return the names of the files that are written."""
+    picture = () if draw == "none" else (f"plan.{draw}",)
+    return ("plan.json", "plan.csv", "plan.npz", "trajectory.yaml", *picture)
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InvalidInput(
-            f"Cannot make the folder {folder}: {error.strerror}.", remedy="Name another one with -o."
-        ) from error
-    return [write_whole(folder / name, content) for name, content in contents.items()]
+
+def _write(contents: dict[Path, str | bytes]) -> list[Path]:
+    from backdrive._files import make_folder, write_together
+
+    for folder in dict.fromkeys(path.parent for path in contents):
+        make_folder(folder, "-o")
+    return write_together(contents)
 
 
 def _print(plan: Any, figures: list[dict[str, Any]], notes: list[str], written: list[Path]) -> None:

@@ -43,7 +43,13 @@ def command(
         else:
             _print_list(entries)
         return
+    from backdrive.cli import _logs
+    from backdrive.plots.canvas import require_matplotlib
+
     entries = choose(names or ())
+    pictures = [f"{entry.name}.{kind}" for entry in entries for kind in ("png", "svg")]
+    _logs.check_folder(folder, [BOOK, *pictures])
+    require_matplotlib()
     results, interrupted = _run(entries, folder, seed, quiet=as_json)
     book = _bind(results, entries, folder, seed, [*(names or ())])
     code = _exit_code(results, interrupted)
@@ -65,18 +71,12 @@ def command(
 
 def _run(entries: list[Entry], folder: Path, seed: int, *, quiet: bool) -> tuple[list[Result], bool]:
     """Run, write each picture as it comes, and return what is done, in the order of the book."""
-    from backdrive._files import write_whole
+    from backdrive._files import make_folder, write_together
     from backdrive.cli._progress import progress
-    from backdrive.errors import InvalidInput
     from backdrive.reproduce.book import verdict
     from backdrive.reproduce.run import run_all
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InvalidInput(
-            f"Cannot make {folder}: {error.strerror}.", remedy="Name another --folder."
-        ) from error
+    make_folder(folder, "--folder")
     done: dict[str, Result] = {}
     interrupted = False
     with progress(quiet=quiet) as say:
@@ -86,8 +86,7 @@ def _run(entries: list[Entry], folder: Path, seed: int, *, quiet: bool) -> tuple
                 name = result.entry.name
                 done[name] = result
                 if result.outcome is not None:
-                    write_whole(folder / f"{name}.png", result.png)
-                    write_whole(folder / f"{name}.svg", result.svg)
+                    write_together({folder / f"{name}.png": result.png, folder / f"{name}.svg": result.svg})
                 if not quiet:
                     typer.echo(f"{name}: {verdict(result)[1]} ({result.seconds:.1f} s)", err=True)
                 if len(done) < len(entries):

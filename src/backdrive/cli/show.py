@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from backdrive.cli import _logs
+
 SPEEDS = 21  # velocities of the table in --json
 
 
@@ -44,6 +46,8 @@ def command(
     if preset_name(model) == "" and plot is None and not joint:
         _print_presets(as_json)
         return
+    if plot is not None:
+        _logs.check_targets([], [None if model.startswith("preset:") else Path(model)], drawn=[plot])
     loaded = load_model(model)
     shown = loaded
     if joint:
@@ -94,6 +98,7 @@ def _print_json(model, plot: Path | None) -> None:
             "torque": curve["torque"],
             "torque_unit": friction.joint.torque_unit,
             "largest_standard_error": largest_error(friction, curve["velocity"]),
+            "remarks": list(friction.remarks()),
         }
     document = {"ok": True, "model": json.loads(encode(model)), "curves": curves}
     if plot is not None:

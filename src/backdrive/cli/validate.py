@@ -49,6 +49,7 @@ def command(
     from backdrive.identification.request import healthy
 
     loaded = load_model(model)
+    _logs.check_urdf(urdf)
     with progress(quiet=as_json) as say:
         say("Reading")
         read = _logs.read(

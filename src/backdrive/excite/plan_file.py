@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from backdrive._catalog import lookup
-from backdrive._files import write_whole
+from backdrive._files import read_whole, write_whole
 from backdrive.errors import BackdriveError, InvalidInput, ReadError, UnknownFormat
 from backdrive.excite.constant_velocity import ConstantVelocity
 from backdrive.excite.in_turn import Held, InTurn
@@ -114,15 +114,10 @@ def load_plan(path: str | Path, *, start: float | None = None) -> Any:
 
     Raises:
         ReadError: there is no such file, or it is damaged.
+        FileTooLarge: no plan needs that many bytes.
         UnknownFormat: it is not a plan.
     """
-    try:
-        with open(path, "rb") as stream:
-            content = stream.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise ReadError(f"Cannot read {path}: {error.strerror}.", remedy="Check the path.") from error
-    if len(content) > MAX_BYTES:
-        raise ReadError(f"{path} is too large for a plan.", remedy="Name a plan.json.")
+    content = read_whole(path, MAX_BYTES, remedy="Name a plan.json.")
     try:
         data = json.loads(content)
     except (ValueError, RecursionError) as error:

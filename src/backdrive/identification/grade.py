@@ -6,8 +6,6 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
 from backdrive.model import JointFriction
 
 GOOD, FAIR = 15.0, 35.0  # residual up to which a result is called good, or usable with care [%]
@@ -28,9 +26,8 @@ class Grade:
 
 def credible(friction: JointFriction) -> bool:
     """Say whether friction opposes motion everywhere in its range, and the inertia is positive."""
-    velocity = np.linspace(*friction.validity.velocity, 201)
     inertia = friction.dynamics.get("inertia")
-    dissipates = bool(np.all(friction.law.torque(velocity) * velocity >= 0.0))
+    dissipates = friction.driving() is None
     if inertia is None:
         return dissipates
     slack = 2 * inertia.standard_error if math.isfinite(inertia.standard_error) else 0.0

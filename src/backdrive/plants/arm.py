@@ -24,7 +24,7 @@ import numpy as np
 from backdrive._jit import jit
 from backdrive.engine.axis import held
 from backdrive.engine.servo import Servo
-from backdrive.errors import InvalidInput, MissingExtra
+from backdrive.errors import InvalidInput, MissingExtra, install
 from backdrive.plants.joint import SimulatedJoint
 from backdrive.plants.thesis import COUNTS, bent_curve, joint_0, joint_1, joint_2
 
@@ -178,7 +178,7 @@ class Arm:
             mujoco: Any = import_module("mujoco")
         except ImportError as error:
             raise MissingExtra(
-                "A simulated arm needs mujoco.", remedy='Run: pip install "backdrive[sim]"'
+                "A simulated arm needs mujoco, which is not installed.", remedy=install("sim")
             ) from error
         self._mujoco = mujoco
         self.joints = tuple(joints or hp3j())

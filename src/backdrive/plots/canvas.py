@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.errors import MissingExtra
+from backdrive.errors import MissingExtra, install
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +94,7 @@ def require_matplotlib() -> None:
     except ImportError as error:
         raise MissingExtra(
             "Pictures and reports need matplotlib, which is not installed.",
-            remedy='Run: pip install "backdrive[report]"',
+            remedy=install("report"),
         ) from error
 
 

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from backdrive._files import check_regular
 from backdrive.errors import FileTooLarge, ReadError, UnknownFormat
 from backdrive.readers._formats import READERS, SUFFIXES, Format, by_name, recognise
 
@@ -68,6 +69,7 @@ def read_log(
     from backdrive.readers.mapping import to_log
 
     files, form = _files(Path(path), format)
+    _size(files, limits)  # before all bytes are hashed
     digests: list[str] = []
 
     def hash_all() -> None:
@@ -140,12 +142,7 @@ def _parse(
 
     resolved = [str(file.resolve()) for file in files]
     options = ReadOptions(topic=topic, joints=joints, parts=tuple(resolved[1:]), limits=limits or Limits())
-    size = sum(file.stat().st_size for file in files)
-    if size > options.limits.max_file_bytes:
-        raise FileTooLarge(
-            f"{files[0]} has {size} bytes, more than the limit of {options.limits.max_file_bytes}.",
-            remedy="Cut it, or pass limits=Limits(max_file_bytes=...).",
-        )
+    size = _size(files, limits)
     try:
         if guarded:
             from backdrive.readers import guard
@@ -158,6 +155,24 @@ def _parse(
         raise type(error)(
             f"{files[0]}: {error.message}", remedy=error.remedy, path=str(files[0])
         ) from error.__cause__
+
+
+def _size(files: list[Path], limits: Limits | None) -> int:
+    """Return how many bytes the files of a log have together, and refuse too many.
+
+    Raises:
+        FileTooLarge: more than the limits allow.
+        ReadError: a file is gone.
+    """
+    from backdrive.readers.limits import Limits
+
+    size, most = sum(check_regular(file).st_size for file in files), (limits or Limits()).max_file_bytes
+    if size > most:
+        raise FileTooLarge(
+            f"{files[0]} has {size} bytes, more than the limit of {most}.",
+            remedy="Cut it, or pass limits=Limits(max_file_bytes=...).",
+        )
+    return size
 
 
 def _listed(names: str | Sequence[str] | None) -> tuple[str, ...]:
@@ -179,9 +194,9 @@ def _files(path: Path, format: str | None) -> tuple[list[Path], Format]:
     else:
         if not path.exists():
             raise ReadError(f"{path} does not exist.", remedy="Check the name.")
-        if not path.is_file():
-            raise ReadError(f"{path} is not a file.", remedy="Name a file or a folder.")
         files = [path]
+    for file in files:
+        check_regular(file)
     return files, by_name(format) if format is not None else recognise(files[0])
 
 

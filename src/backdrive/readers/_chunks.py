@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from backdrive.errors import FileTooLarge, MissingExtra
+from backdrive.errors import FileTooLarge, MissingExtra, install
 from backdrive.readers.limits import Limits
 
 
@@ -50,7 +50,7 @@ def expand(data: bytes, how: str, declared: int, limits: Limits) -> bytes:
     except ImportError as error:
         raise MissingExtra(
             f"The bag is compressed with {how}, and its decompressor is not installed.",
-            remedy='Run: pip install "backdrive[ros]"',
+            remedy=install("ros"),
         ) from error
     except (OSError, ValueError, RuntimeError, EOFError) as error:
         raise Damaged(f"a damaged chunk: {str(error)[:200]}") from error

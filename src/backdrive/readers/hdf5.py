@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from backdrive.errors import ForbiddenContent, MissingExtra, ReadError, TruncatedFile
+from backdrive.errors import ForbiddenContent, MissingExtra, ReadError, TruncatedFile, install
 from backdrive.readers.columns import Columns, ReadOptions, plain
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def prepare() -> None:
     except ImportError as error:
         raise MissingExtra(
             "Reading HDF5 and MATLAB 7.3 files needs h5py, which is not installed.",
-            remedy='Run: pip install "backdrive[hdf5]"',
+            remedy=install("hdf5"),
         ) from error
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from backdrive.errors import MissingExtra, ReadError, TruncatedFile
+from backdrive.errors import MissingExtra, ReadError, TruncatedFile, install
 from backdrive.readers.columns import Columns, ReadOptions
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def prepare() -> None:
     except ImportError as error:
         raise MissingExtra(
             "Reading Parquet needs pyarrow, which is not installed.",
-            remedy='Run: pip install "backdrive[table]"',
+            remedy=install("table"),
         ) from error
 
 

@@ -43,7 +43,7 @@ def joint_tables(friction: JointFriction, *, width: int = 80, unicode: bool = Tr
     )
     yield title
     yield Text(f"  {law}" + (f"; method {plain(friction.method)}" if friction.method else ""), style="dim")
-    for sentence in friction.warnings:
+    for sentence in (*friction.warnings, *friction.remarks()):
         yield Padding(Text(f"! {plain(prose(sentence))}", style="yellow"), (0, 0, 0, 2), expand=False)
     for table in (_parameters(friction), _knots(friction), _quality(friction)):
         if table is not None:

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from backdrive._files import write_whole
+from backdrive._files import read_whole, write_whole
 from backdrive.errors import BackdriveError, ModelFileError
 from backdrive.laws import rate_law
 from backdrive.tune.bounds import BIG, BOUNDS, POSITIVE, Bound, fault
@@ -125,7 +125,7 @@ def load_tunings(path: str | Path) -> tuple[Tuning, ...]:
         ModelFileError: the file is absent, damaged, of another kind or holds a number that makes no sense; the message says where.
     """
     path = Path(path)
-    data = _read(path)
+    data = read_whole(path, MAX_BYTES, error=ModelFileError, remedy="A tuning is a few kilobytes.")
     try:
         header = msgspec.json.decode(data, type=_Header)
         if header.format != FORMAT:
@@ -145,21 +145,6 @@ def load_tunings(path: str | Path) -> tuple[Tuning, ...]:
         if name in names[:i]:
             raise ModelFileError(f"{path}: $.joints[{i}]: joint '{name}' is there twice.", remedy=AGAIN)
     return tuple(_tuning(joint, f"{path}: $.joints[{i}] ('{joint.joint}')") for i, joint in enumerate(joints))
-
-
-def _read(path: Path) -> bytes:
-    try:
-        if path.exists() and not path.is_file():
-            raise ModelFileError(f"Cannot read {path}: it is not a file.", remedy="Name a file.")
-        with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise ModelFileError(f"Cannot read {path}: {error.strerror}.", remedy="Check the path.") from error
-    if len(data) > MAX_BYTES:
-        raise ModelFileError(
-            f"{path} is larger than {MAX_BYTES} bytes.", remedy="A tuning is a few kilobytes."
-        )
-    return data
 
 
 def _wrong(joint: _Joint) -> list[str]:

@@ -1,0 +1,176 @@
+"""What no model file may hold, though every number in it has the right type; each refusal names the place.
+
+A model file may come from anywhere. Its numbers become the torque of a motor, so those that no joint has are refused here:
+beyond any machine, or line sections so short that the curve beyond them is made of rounding.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from backdrive.errors import BackdriveError, ModelFileError
+
+if TYPE_CHECKING:
+    from backdrive.model import JointFriction
+
+BIG = 1e12  # of any number but those below, in SI
+MOST_ERROR = (
+    1e100  # of a standard error or a quality: what the data do not determine may be as good as infinite
+)
+MOST_SPEED = 1e6  # of the validity range [rad/s or m/s]
+MOST_TORQUE = 1e7  # of friction at rest and in the validity range [N.m or N]
+COLDEST = -273.15  # [degC]
+LEAST_SECTION = 1e-6  # length of a line section, as a share of its upper end [-]
+DEEPEST = 20  # levels of what `provenance.options` holds
+_UNSURE = ("standard_error", "residual_percent", "residual_raw_percent", "rms", "condition")
+AGAIN = "Correct it there, or identify again."
+
+
+@contextmanager
+def placed(where: str) -> Iterator[None]:
+    """Give errors that say nothing of the file the place in it."""
+    try:
+        yield
+    except BackdriveError as error:
+        if isinstance(error, ModelFileError):
+            raise
+        raise ModelFileError(f"{where}: {error.message}", remedy=error.remedy) from error
+
+
+def check_twice(data: bytes) -> None:
+    """Refuse an object that says one thing twice: readers differ in which of them they believe.
+
+    Args:
+        data: a model file that has been read already.
+
+    Raises:
+        ModelFileError: names the key.
+    """
+
+    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        found = dict(pairs)
+        if len(found) < len(pairs):
+            keys = [key for key, _ in pairs]
+            twice = next(key for i, key in enumerate(keys) if key in keys[:i])
+            raise ModelFileError(f"'{twice[:100]}' stands there twice in one object.", remedy=AGAIN)
+        return found
+
+    json.loads(data, object_pairs_hook=once)
+
+
+def check_document(document: dict[str, Any]) -> None:
+    """Refuse numbers beyond any machine, by the places that they stand in.
+
+    Args:
+        document: a model file as plain values of the right types.
+
+    Raises:
+        ModelFileError: names the first such place.
+    """
+    for part in ("joints", "arm"):
+        for where, value in _numbers(document[part], f"$.{part}"):
+            unsure = any(where.endswith(word) or f".{word}[" in where for word in _UNSURE)
+            most = MOST_ERROR if unsure else BIG
+            if not abs(value) <= most:
+                raise ModelFileError(f"{where} is {value:g}, beyond {most:g}.", remedy=AGAIN)
+    for i, joint in enumerate(document["joints"]):
+        validity, where = joint["validity"], f"$.joints[{i}].validity"
+        fastest = max(abs(v) for v in validity["velocity"])
+        if fastest > MOST_SPEED:
+            raise ModelFileError(
+                f"{where}.velocity reaches {fastest:g}, beyond {MOST_SPEED:g}.", remedy=AGAIN
+            )
+        if validity["temperature"] is not None and min(validity["temperature"]) < COLDEST:
+            raise ModelFileError(
+                f"{where}.temperature is {min(validity['temperature']):g}, below {COLDEST} degC.",
+                remedy=AGAIN,
+            )
+        for name in ("fitted", "held_out"):
+            for key, number in (joint[name] or {}).items():
+                if number is not None and number < 0:
+                    raise ModelFileError(
+                        f"$.joints[{i}].{name}.{key} is {number:g}, which cannot be negative.", remedy=AGAIN
+                    )
+    if _deeper(document["provenance"]["options"], DEEPEST):
+        raise ModelFileError(
+            f"$.provenance.options has more than {DEEPEST} levels.", remedy="Options are names and numbers."
+        )
+
+
+def _numbers(value: Any, where: str) -> Iterator[tuple[str, float]]:
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _numbers(inner, f"{where}.{key}")
+    elif isinstance(value, (list, tuple)):
+        for i, inner in enumerate(value):
+            yield from _numbers(inner, f"{where}[{i}]")
+    elif isinstance(value, (int, float)) and not isinstance(value, bool):
+        yield where, value
+
+
+def _deeper(value: Any, levels: int) -> bool:
+    """Return whether there are lists or objects below the last level; not by recursion, which has an end of its own."""
+    present = [value]
+    for _ in range(levels):
+        inner = (v for c in present for v in (c.values() if isinstance(c, dict) else c))
+        present = [v for v in inner if isinstance(v, (dict, list, tuple))]
+    return bool(present)
+
+
+def check_errors(value: float | Sequence[float], error: Any, where: str) -> None:
+    """Refuse standard errors that are negative or not of their values.
+
+    Args:
+        value: one number or one a knot.
+        error: its standard error, one or one a knot, or None; None in a list stands for one that is unknown.
+        where: the place in the file.
+
+    Raises:
+        ModelFileError: names the place.
+    """
+    errors = error if isinstance(error, list) else [error]
+    if any(e is not None and e < 0 for e in errors):
+        raise ModelFileError(f"{where}.standard_error is negative.", remedy=AGAIN)
+    if isinstance(error, list) and not (isinstance(value, list) and len(value) == len(error)):
+        raise ModelFileError(
+            f"{where}: {len(error)} standard errors of {len(value) if isinstance(value, list) else 1} values.",
+            remedy="Give one of each value.",
+        )
+
+
+def check_law(friction: JointFriction, where: str) -> None:
+    """Refuse a curve that is made of rounding or beyond any machine.
+
+    Args:
+        friction: of one joint.
+        where: the joint's place in the file.
+
+    Raises:
+        ModelFileError: names the place.
+    """
+    knots = np.asarray(getattr(friction.law.rate, "velocity", ()), dtype=np.float64)
+    if knots.size > 1:
+        short = np.diff(knots) < LEAST_SECTION * knots[1:]
+        if short.any():
+            i = int(np.argmax(short))
+            raise ModelFileError(
+                f"{where}.parameters.velocity: knots {i} and {i + 1} are {knots[i + 1] - knots[i]:.3g} apart at "
+                f"{knots[i + 1]:g}; a section that short says nothing of the curve beyond it.",
+                remedy="Merge them.",
+            )
+    low, high = friction.validity.velocity
+    velocity = np.concatenate([np.linspace(low, high, 201), knots, -knots])
+    with np.errstate(all="ignore"):
+        torque = friction.law.torque(velocity[(velocity >= low) & (velocity <= high)])
+        most = max(*np.abs(friction.law.coulomb()), *np.abs(torque))
+    if not most <= MOST_TORQUE:
+        raise ModelFileError(
+            f"{where}: friction reaches {most:.3g} {friction.joint.torque_unit} at rest or in the validity range, beyond "
+            f"{MOST_TORQUE:g}.",
+            remedy=AGAIN,
+        )
