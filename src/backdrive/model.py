@@ -119,6 +119,25 @@ class JointFriction:
         wrong = velocity[self.law.torque(velocity) * velocity < 0.0]
         return (float(wrong.min()), float(wrong.max())) if wrong.size else None
 
+    def outside(self, velocity: np.ndarray) -> np.ndarray:
+        """Return which velocities [rad/s or m/s] are outside the validity range, of the shape of `velocity`."""
+        low, high = self.validity.velocity
+        return (velocity < low - EDGE * abs(low)) | (velocity > high + EDGE * abs(high))
+
+    def extrapolated(self, velocity: np.ndarray) -> str:
+        """Return in a sentence how far velocities [rad/s or m/s] leave the validity range; empty where they do not."""
+        outside = self.outside(velocity)
+        if not np.any(outside):
+            return ""
+        low, high, unit = *self.validity.velocity, f"{self.joint.unit}/s"
+        beyond = velocity[outside]
+        furthest = float(beyond[np.argmax(np.maximum(low - beyond, beyond - high))])
+        share = f", with {100.0 * np.mean(outside):.2g} % of the velocities" if velocity.size > 1 else ""
+        return (
+            f"Joint '{self.joint.name}': {furthest:.4g} {unit} is outside the validity range, {low:.4g} to {high:.4g} {unit}"
+            f"{share}; there the model extrapolates."
+        )
+
     def remarks(self) -> tuple[str, ...]:
         """Return what the numbers alone say against the model, in sentences."""
         ends, unit = self.driving(), f"{self.joint.unit}/s"
@@ -207,24 +226,11 @@ class FrictionModel:
             raise InvalidInput("A velocity is NaN or infinite.", remedy="Give finite velocities.")
         friction = self.joint(joint)
         torque = friction.law.torque(velocity)
-        low, high = friction.validity.velocity
-        name, unit = friction.joint.name, f"{friction.joint.unit}/s"
-        outside = (velocity < low * (1.0 + EDGE * (low < 0))) | (velocity > high * (1.0 + EDGE * (high > 0)))
-        if np.any(outside):
-            furthest = float(velocity[outside][np.argmax(np.abs(velocity[outside]))])
-            warnings.warn(
-                f"Joint '{name}': {furthest:.4g} {unit} is outside the validity range, {low:.4g} to {high:.4g} {unit}; "
-                "the torque is extrapolated.",
-                ExtrapolationWarning,
-                stacklevel=2,
-            )
-        if np.any(torque * velocity < 0.0):
-            worst = float(velocity[torque * velocity < 0.0].flat[0])
-            warnings.warn(
-                f"Joint '{name}': friction is negative at {worst:.4g} {unit}; there the model drives the motion.",
-                NegativeFrictionWarning,
-                stacklevel=2,
-            )
+        if said := friction.extrapolated(velocity):
+            warnings.warn(said, ExtrapolationWarning, stacklevel=2)
+        if np.any(wrong := torque * velocity < 0.0):
+            said = f"friction is negative at {velocity[wrong][0]:.4g} {friction.joint.unit}/s; there the model drives the motion"
+            warnings.warn(f"Joint '{friction.joint.name}': {said}.", NegativeFrictionWarning, stacklevel=2)
         return torque
 
     def table(self, speeds: int = 21) -> dict[str, dict[str, np.ndarray]]:

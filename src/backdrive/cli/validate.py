@@ -65,7 +65,8 @@ def command(
             by_motion = judge_motion(loaded, read)
             _show_motion(loaded, by_motion, gate, suspect, as_json)
             return
-        qualities = validate(loaded, read, urdf=str(urdf) if urdf else None)
+        qualities = validate(loaded, read, urdf=str(urdf) if urdf else None, remarks=suspect)
+        suspect += [f"Joint '{name}': {said}" for name in qualities for said in loaded.joint(name).remarks()]
     bad = [name for name, q in qualities.items() if not q.residual <= gate]
     if as_json:
         rows = {

@@ -25,6 +25,7 @@ OF_AXIS = (
     "offset",
     "load_dependence",
 )
+LEAST_STEP = 1e-7  # of an integration that a model file may ask for [s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +60,9 @@ def judge_motion(model: FrictionModel, logs: Sequence[Log]) -> dict[str, MotionQ
         if not all(name in log.names for log in logs):
             continue
         axis, step = _axis(model, name)
-        asked = Request(law="", drive=axis.drive, cutoff=model.options.get("cutoff"))
+        cutoff = model.options.get("cutoff")
+        cutoff = float(cutoff) if isinstance(cutoff, (int, float)) and cutoff > 0 else None
+        asked = Request(law="", drive=axis.drive, cutoff=cutoff)
         parts = [part for log in logs for part in driven(log, name, axis.drive, asked)]
         errors, spread = [], []
         for log in whole(parts, axis.drive.controller != "open"):
@@ -99,7 +102,10 @@ def _axis(model: FrictionModel, name: str) -> tuple[Axis, float]:
             remedy="Map the torque (--map tau=COLUMN); only a model of `fit --drive` can be judged by motion.",
         )
     try:
-        return Axis(law=friction.law, drive=DriveModel(**drive), **values), float(own.get("step", 1e-3))
+        step = float(own.get("step", 1e-3))
+        if not LEAST_STEP <= step <= 1.0:
+            raise ValueError(f"its integration step is {step:g} s")
+        return Axis(law=friction.law, drive=DriveModel(**drive), **values), step
     except (TypeError, ValueError, BackdriveError) as error:
         raise InvalidInput(
             f"The drive of joint '{name}' in the model makes no sense: {error}", remedy="Fit it again."

@@ -49,13 +49,16 @@ def predict_arm(model: FrictionModel, log: Log, urdf: str | Path | Robot) -> np.
     return torque[:, [robot.joints.index(name) for name in model.names]]
 
 
-def validate_arm(model: FrictionModel, logs: Sequence[Log], urdf: str | Path | Robot) -> dict[str, Quality]:
+def validate_arm(
+    model: FrictionModel, logs: Sequence[Log], urdf: str | Path | Robot, remarks: list[str] | None = None
+) -> dict[str, Quality]:
     """Return how well the model explains each joint's torque over all logs, rests included.
 
     Args:
         model: of a whole arm.
         logs: with position and torque of all its joints.
         urdf: the description that the model was identified with.
+        remarks: list that sentences are added to: which joints the logs move outside the model's validity range.
 
     Raises:
         InvalidInput: the model is not of an arm, or belongs to another description.
@@ -69,6 +72,10 @@ def validate_arm(model: FrictionModel, logs: Sequence[Log], urdf: str | Path | R
         quality = judged(everything, robot.joints.index(name), lambda s: s.held_out)
         assert quality is not None
         qualities[name] = quality
+    for j, friction in enumerate(frictions):
+        said = friction.extrapolated(np.concatenate([s.velocity[:, j] for s in stretches]))
+        if said and remarks is not None:
+            remarks.append(said)
     return qualities
 
 

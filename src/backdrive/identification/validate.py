@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.dynamics import predict
 from backdrive.identification.quality import judge
@@ -12,13 +14,16 @@ from backdrive.log import Log
 from backdrive.model import FrictionModel, Quality
 
 
-def validate(model: FrictionModel, logs: Sequence[Log], *, urdf: str | None = None) -> dict[str, Quality]:
+def validate(
+    model: FrictionModel, logs: Sequence[Log], *, urdf: str | None = None, remarks: list[str] | None = None
+) -> dict[str, Quality]:
     """Return the relative residual of every joint that model and logs share.
 
     Args:
         model: with the friction of each joint.
         logs: with torque, of the same joints (by name).
         urdf: path of the robot description, for the model of a whole arm.
+        remarks: list that sentences are added to: which joints the logs move outside the model's validity range.
 
     Returns:
         joint name -> quality over all logs.
@@ -39,7 +44,7 @@ def validate(model: FrictionModel, logs: Sequence[Log], *, urdf: str | None = No
             )
         from backdrive.identification.arm import validate_arm
 
-        return validate_arm(model, logs, urdf)
+        return validate_arm(model, logs, urdf, remarks)
     result = {}
     for name in shared:
         friction = model.joint(name)
@@ -49,14 +54,14 @@ def validate(model: FrictionModel, logs: Sequence[Log], *, urdf: str | None = No
                 f"Joint '{name}' is measured in {friction.joint.unit} in the model and in {', '.join(sorted(units))} in the logs.",
                 remedy=f"Read the logs with --unit {friction.joint.unit}.",
             )
-        pairs = []
+        pairs, moved = [], []
         for log in logs:
             if (
                 friction.method == "constant-velocity"
                 and log.position is None
                 and not friction.dynamics.get("inertia")
             ):
-                pairs += _runs(friction, log, name)
+                pairs += _runs(friction, log, name, moved)
                 continue
             if log.torque is None and log.drive_input is not None:
                 raise InvalidInput(
@@ -66,11 +71,15 @@ def validate(model: FrictionModel, logs: Sequence[Log], *, urdf: str | None = No
                 )
             stretches = prepare(log, name, cutoff=_cutoff(model, name))
             pairs += [(s.torque, predict(friction, s), s.rate, s.moving) for s in stretches]
+            moved += [s.velocity for s in stretches]
         if not pairs:
             raise NotIdentifiable(
                 f"Joint '{name}': nothing to judge on.", remedy="Give a log in which it moves."
             )
         result[name] = judge(pairs)
+        said = friction.extrapolated(np.concatenate(moved))
+        if said and remarks is not None:
+            remarks.append(said)
     return result
 
 
@@ -83,16 +92,15 @@ def _cutoff(model: FrictionModel, name: str) -> float | None:
     return float(found) if isinstance(found, (int, float)) and found > 0 else None
 
 
-def _runs(friction, log: Log, name: str) -> list:
+def _runs(friction, log: Log, name: str, moved: list[np.ndarray]) -> list:
     """One pair of mean torques a run: what a constant-velocity model speaks of."""
-    import numpy as np
-
     from backdrive.identification.runs import find_runs
 
     runs = find_runs(log, name)
     if not runs:
         return []
     velocity = np.array([r.velocity for r in runs])
+    moved.append(velocity)
     offset = friction.dynamics["offset"].value if "offset" in friction.dynamics else 0.0
     measured, predicted = np.array([r.torque for r in runs]), friction.law.torque(velocity) + offset
     return [(measured, predicted, 1.0, np.ones(len(runs), dtype=bool))]
