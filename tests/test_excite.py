@@ -804,3 +804,32 @@ def test_a_torque_is_written_as_effort():
 def test_yaml_numbers_are_floats_to_every_reader(x):
     assert FLOAT.match(yaml_number(x))
     assert float(yaml_number(x)) == x
+
+
+@pytest.mark.parametrize("value", [1e308, -1e308, 10**13, 10**400, float("nan"), float("inf"), "x"])
+@pytest.mark.parametrize("key", ["stroke", "top_speed", "center", "lead_in", "start"])
+def test_numbers_that_no_plan_holds_are_refused_with_the_place(tmp_path, key, value):
+    document = plan_to_dict(Sweep(0.3, 1.0, cycles=3)) | {key: value}
+    (tmp_path / "plan.json").write_text(json.dumps(document))
+    with pytest.raises(ReadError, match=key if value != "x" else "damaged"):
+        load_plan(tmp_path / "plan.json")
+
+
+@pytest.mark.parametrize("key", ["stroke", "top_speed"])
+def test_a_stroke_or_speed_of_nothing_is_refused(tmp_path, key):
+    document = plan_to_dict(Sweep(0.3, 1.0, cycles=3)) | {key: 1e-308}
+    (tmp_path / "plan.json").write_text(json.dumps(document))
+    with pytest.raises(ReadError, match=key):
+        load_plan(tmp_path / "plan.json")
+
+
+def test_a_plan_nested_too_deep_is_refused(tmp_path):
+    for levels in (500, 950, 100_000):
+        (tmp_path / "plan.json").write_text(
+            '{"format": "backdrive-plan", "schema": 1, "kind": "sweep", "stroke": '
+            + "[" * levels
+            + "]" * levels
+            + "}"
+        )
+        with pytest.raises(ReadError):
+            load_plan(tmp_path / "plan.json")
