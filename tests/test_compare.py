@@ -121,7 +121,7 @@ def test_a_joint_named_twice_is_compared_once(run):
     [
         ("a.json slide.json", 2, "a.json and slide.json: Joint 'elbow' is in rad in one model"),
         ("a.json unit.json", 3, "unit.json: "),
-        ("a.json huge.json", 2, "too large"),
+        ("a.json huge.json", 3, "huge.json: $.joints[0].parameters"),
         ("a.json other.json", 2, "no joint in common"),
         ("a.json b.json --joint knee", 2, "knee"),
         ("a.json b.json --alarm 2", 2, "--alarm 2 is no probability"),
