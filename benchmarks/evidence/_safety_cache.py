@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -99,19 +98,6 @@ def damaged_caches(
             subprocess.run(["umount", str(package)], check=False)
     package = bench.root / "caches" / "foreign"
     shutil.copytree(bench.package, package)
-    for path in (bench.root, *bench.root.iterdir()):
-        path.chmod(path.stat().st_mode | 0o055)
-    home = bench.root / "home"
-    home.mkdir(exist_ok=True)
-    os.chown(home, NOBODY, NOBODY)
-    probe = subprocess.run(
-        [sys.executable, "-c", "import numba"],
-        user=NOBODY,
-        env=bench.environment(),
-        capture_output=True,
-        check=False,
-    )
-    if probe.returncode == 0:
-        yield "of another owner", package, {"user": NOBODY, "group": NOBODY, "extra_groups": []}, False
-    else:
-        print("        another user cannot run Python here: a cache of another owner was not tried")
+    for folder in package.rglob("__pycache__"):
+        os.chown(folder, NOBODY, NOBODY)
+    yield "of another owner", package, {}, False
