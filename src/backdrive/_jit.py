@@ -2,7 +2,7 @@
 
 Numba's own cache looks at the file of the function it compiled, not at the files of the functions that it calls: after
 an edit in another file it returns the old numbers. Here the cache's stamp is a digest of every file that may hold a
-kernel, so that an edit anywhere in them recompiles. The stamp hooks into numba's internals; where those have moved,
+kernel, so that an edit anywhere in them recompiles. The stamp hooks into numba's internals (`_jit_cache`); where those have moved,
 functions are compiled in every process instead (slower, never stale).
 """
 
@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
-import os
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -23,6 +22,7 @@ F = TypeVar("F", bound=Callable)
 #: Folders and files of the package that may hold kernels.
 KERNEL_HOMES = (
     "_jit.py",
+    "_jit_cache.py",
     "filters.py",
     "laws",
     "engine",
@@ -137,35 +137,8 @@ def _compiled(function: F, **wanted: Any) -> F:
 
 def _stamped_cache(function: Callable):
     try:
-        from numba.core import caching
+        from backdrive._jit_cache import cache_of
 
-        class Stamp:
-            def get_source_stamp(self):
-                return kernel_digest()
-
-            def ensure_cache_path(self):
-                """Keep others out: the cache is trusted code."""
-                path = self.get_cache_path()  # type: ignore[attr-defined]
-                os.makedirs(path, mode=0o700, exist_ok=True)
-                if os.stat(path).st_uid != os.getuid():
-                    raise OSError(f"{path} belongs to another user")
-                super().ensure_cache_path()  # type: ignore[misc]
-
-        class InTree(Stamp, caching.InTreeCacheLocator):
-            pass
-
-        class UserWide(Stamp, caching.UserWideCacheLocator):
-            pass
-
-        class UserProvided(Stamp, caching.UserProvidedCacheLocator):
-            pass
-
-        class Implementation(caching.CompileResultCacheImpl):
-            _locator_classes = [UserProvided, InTree, UserWide]
-
-        class Cache(caching.FunctionCache):
-            _impl_class = Implementation
-
-        return Cache(function)
-    except (ImportError, AttributeError, RuntimeError, OSError, TypeError):
+        return cache_of(function, kernel_digest())
+    except (ImportError, AttributeError, TypeError):
         return None

@@ -40,6 +40,12 @@ def spread(work: Callable[[int, int], None], count: int, workers: int | None = N
         return
     pieces = min(count, 4 * workers)  # a few each: items may differ in length
     edges = [count * i // pieces for i in range(pieces + 1)]
-    with ThreadPoolExecutor(workers) as pool:
+    pool, wait = ThreadPoolExecutor(workers), True
+    try:
         for done in [pool.submit(work, a, b) for a, b in zip(edges, edges[1:])]:
             done.result()
+    except KeyboardInterrupt:  # what is under way ends by itself, into arrays that nobody reads any more
+        wait = False
+        raise
+    finally:
+        pool.shutdown(wait=wait, cancel_futures=True)

@@ -1,0 +1,231 @@
+"""The compile cache on disk: stamped with the sources of all kernels, sealed against damage, never a reason to fail.
+
+Every file ends with a digest of what stands before it, which numba's own reader does not look at: a truncated or altered file is
+found out before its content is unpickled or handed to the compiler. Whatever else is wrong with the cache (emptied, a folder
+where a file should be, owned by somebody else, on a full or read-only disk), it is thrown away and filled again, or functions
+are compiled in memory, with one short note a process. The seal finds damage, not malice: that the folder belongs to the
+user is what keeps others out.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import uuid
+from collections.abc import Callable
+from contextlib import contextmanager, suppress
+from functools import cache
+from typing import Any
+
+from numba.core import caching
+
+SEAL = hashlib.sha256().digest_size  # bytes at the end of a file
+
+_said: list[str] = []
+
+
+class Damaged(Exception):
+    """A file of the cache is not what was written."""
+
+
+def note(what: str, outcome: str) -> None:
+    """Say once a process, on standard error, that the cache could not be used; never a warning that becomes an error."""
+    if not _said:
+        _said.append(what)
+        with suppress(OSError, ValueError, AttributeError):  # nobody listens
+            what = "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in what)
+            print(f"backdrive: the compile cache {what}; {outcome}.", file=sys.stderr)
+
+
+class _Files(caching.IndexDataCacheFile):
+    """Numba's index and data files, each with a seal at its end."""
+
+    _index_path: str
+    _load_index: Callable[[], dict]
+    _data_path: Callable[[str], str]
+
+    def load(self, key):
+        name = self._checked_index().get(key)
+        if name is None:
+            return None
+        try:
+            _check_seal(self._data_path(name))
+        except FileNotFoundError:  # the process that named it has not written it yet, or was killed before
+            return None
+        return self._load_data(name)  # type: ignore[attr-defined]
+
+    def save(self, key, data):
+        self._checked_index()
+        super().save(key, data)
+
+    def _checked_index(self) -> dict:
+        with suppress(FileNotFoundError):
+            _check_seal(self._index_path)
+        return self._load_index()
+
+    @contextmanager
+    def _open_for_write(self, filepath):
+        temporary = f"{filepath}.tmp.{uuid.uuid4().hex[:16]}"
+        try:
+            with open(temporary, "wb") as stream:
+                sealed = _Sealing(stream)
+                yield sealed
+                stream.write(sealed.digest.digest())
+            os.replace(temporary, filepath)
+        except BaseException:  # an interruption leaves nothing behind either
+            with suppress(OSError):
+                os.unlink(temporary)
+            raise
+
+    def discard(self) -> None:
+        """Remove the index, and with it all that it names; an `OSError` where it cannot be removed."""
+        folder, name = os.path.split(self._index_path)
+        stem = name.removesuffix(".nbi") + "."
+        for entry in os.listdir(folder):
+            if entry.startswith(stem) and entry.endswith((".nbi", ".nbc")):
+                path = os.path.join(folder, entry)
+                with suppress(FileNotFoundError):  # another process was quicker
+                    if os.path.isdir(path) and not os.path.islink(path):
+                        os.rmdir(path)
+                    else:
+                        os.unlink(path)
+
+
+class _Sealing:
+    """A stream that is written to, and the digest of what was."""
+
+    def __init__(self, stream):
+        self._stream = stream
+        self.digest = hashlib.sha256()
+
+    def write(self, data) -> int:
+        self.digest.update(data)
+        return self._stream.write(data)
+
+
+def _check_seal(path: str) -> None:
+    with open(path, "rb") as stream:
+        content = stream.read()
+    if len(content) <= SEAL or hashlib.sha256(memoryview(content)[:-SEAL]).digest() != content[-SEAL:]:
+        raise Damaged(f"{path} is damaged")
+
+
+class _Stamp:
+    """What is ours about numba's locators: the stamp, and that nobody else may write the folder."""
+
+    stamp: str
+    get_cache_path: Callable[[], str]
+
+    def get_source_stamp(self):
+        return self.stamp
+
+    def ensure_cache_path(self):
+        path = self.get_cache_path()
+        try:
+            os.makedirs(path, mode=0o700, exist_ok=True)
+            if hasattr(os, "getuid") and os.stat(path).st_uid != os.getuid():
+                raise OSError(f"{path} belongs to another user")
+            super().ensure_cache_path()  # type: ignore[misc]
+        except OSError as error:
+            _unusable.setdefault(path, _said_by(error))
+            raise
+
+
+_unusable: dict[str, str] = {}  # folder that cannot hold a cache -> why
+
+
+@cache
+def _classes(stamp: str) -> type:
+    """Return the class of caches whose files carry a stamp."""
+    ours = {"stamp": stamp}
+    locators: Any = [
+        type(cls.__name__, (_Stamp, cls), ours)
+        for cls in (
+            caching.UserProvidedCacheLocator,
+            caching.InTreeCacheLocator,
+            caching.UserWideCacheLocator,
+        )
+    ]
+
+    class Implementation(caching.CompileResultCacheImpl):
+        _locator_classes = locators
+
+        def get_filename_base(self, fullname, abiflags):
+            return super().get_filename_base(fullname, abiflags) + ".sealed"
+
+    class Cache(caching.FunctionCache):
+        _impl_class = Implementation
+        _impl: Any
+        _cache_file: _Files
+        _cache_path: str
+        disable: Callable[[], None]
+
+        def __init__(self, py_func):
+            super().__init__(py_func)
+            self._cache_file = _Files(
+                cache_path=self._cache_path,
+                filename_base=self._impl.filename_base,
+                source_stamp=self._impl.locator.get_source_stamp(),
+            )
+
+        def load_overload(self, sig, target_context):
+            try:
+                return super().load_overload(sig, target_context)
+            except Exception as error:
+                self._start_anew(error)
+                return None
+
+        def save_overload(self, sig, data):
+            try:
+                super().save_overload(sig, data)
+            except Exception as error:
+                self._start_anew(error, lambda: super(Cache, self).save_overload(sig, data))
+
+        def _start_anew(self, error: Exception, then: Callable[[], None] = lambda: None) -> None:
+            """Throw away what there is of this function; where that is not enough, leave its cache alone from now on."""
+            outcome = "it is filled again"
+            try:
+                self._cache_file.discard()
+                self._impl.locator.ensure_cache_path()
+                then()
+            except Exception:
+                self.disable()
+                outcome = "compiling in memory"
+            note(_reason(error, self._cache_path), outcome)
+
+    return Cache
+
+
+def _reason(error: Exception, path: str) -> str:
+    return f"in {path} " + (
+        "is damaged" if isinstance(error, Damaged) else f"cannot be used ({_said_by(error)})"
+    )
+
+
+def _said_by(error: Exception) -> str:
+    return (isinstance(error, OSError) and error.strerror) or str(error) or type(error).__name__
+
+
+def cache_of(function: Callable, stamp: str) -> Any:
+    """Return a cache for a function, or None where there is no place for one.
+
+    Args:
+        function: plain, to be compiled.
+        stamp: says which sources there are; an entry with another stamp is not used.
+    """
+    try:
+        found = _classes(stamp)(function)
+    except (RuntimeError, OSError):  # no locator found a folder
+        found = None
+    asked = os.environ.get("NUMBA_CACHE_DIR")
+    for path, why in _unusable.items():
+        if found is None or (
+            asked and os.path.dirname(path) == asked
+        ):  # a tree that others own is nothing to speak of
+            note(
+                f"in {path} cannot be used ({why})",
+                f"using {found.cache_path}" if found else "compiling in memory",
+            )
+            break
+    return found
