@@ -216,10 +216,16 @@ def test_an_interruption_is_raised_once_and_where_a_search_can_bear_it():
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         with stopping.gently():
+            with pytest.raises(KeyboardInterrupt):  # nothing was found that could be kept
+                os.kill(os.getpid(), signal.SIGINT)
+            assert not stopping.keeping()
+            stopping.keep()
+            assert stopping.keeping()
             os.kill(os.getpid(), signal.SIGINT)
             with pytest.raises(KeyboardInterrupt):
                 stopping.check()
             stopping.check()
+        assert not stopping.keeping()
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     finally:
         signal.signal(signal.SIGINT, before)

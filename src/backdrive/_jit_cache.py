@@ -179,8 +179,12 @@ def _classes(stamp: str) -> type:
         def save_overload(self, sig, data):
             try:
                 super().save_overload(sig, data)
-            except Exception as error:
+            except (OSError, Damaged) as error:
                 self._start_anew(error, lambda: super(Cache, self).save_overload(sig, data))
+            except (
+                Exception
+            ):  # numba has nothing whole to write, as after an interruption: it stays in memory
+                pass
 
         def _start_anew(self, error: Exception, then: Callable[[], None] = lambda: None) -> None:
             """Throw away what there is of this function; where that is not enough, leave its cache alone from now on."""

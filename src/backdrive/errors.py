@@ -6,6 +6,8 @@ line turns the class into an exit code, so a script can tell a bad result from a
 
 from __future__ import annotations
 
+from backdrive._visible import visible
+
 
 class BackdriveError(Exception):
     """The root of all errors of this package.
@@ -19,6 +21,7 @@ class BackdriveError(Exception):
     exit_code = 4
 
     def __init__(self, message: str, *, remedy: str = "", **data: object):
+        message, remedy = visible(message), visible(remedy)  # names in them may be a hostile file's
         super().__init__(message if not remedy else f"{message} {remedy}")
         self.message = message
         self.remedy = remedy

@@ -1,7 +1,11 @@
-"""What all commands share: JSON or tables on the way out, and failures as one message with an exit code."""
+"""What all commands share: lines, tables or JSON on the way out, and failures as one message with an exit code.
+
+Whatever a file or a person has named may hold escape bytes; on its way to the terminal it is quoted here.
+"""
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import os
@@ -9,7 +13,53 @@ from typing import Any
 
 import typer
 
+from backdrive._visible import visible
 from backdrive.errors import BackdriveError
+
+
+def echo(text: object = "", *, err: bool = False) -> None:
+    """Print lines of text, on standard error if asked."""
+    typer.echo(visible(text, keep="\n\t"), err=err)
+
+
+def console(*, stderr: bool = False, markup: bool = True) -> Any:
+    """Return a console of `rich` that quotes what would steer the terminal, and neither colours numbers nor draws emoji."""
+    from rich.console import Console, RenderHook
+
+    class Quoting(RenderHook):
+        def process_renderables(self, renderables):
+            return [_Quoted(renderable) for renderable in renderables]
+
+    made = Console(stderr=stderr, highlight=False, markup=markup, emoji=False)
+    made.push_render_hook(Quoting())
+    return made
+
+
+class _Quoted:
+    """Something that `rich` prints, with the text in it quoted; its own colours and cursor moves are no text."""
+
+    def __init__(self, renderable: Any):
+        self.renderable = renderable
+
+    def __rich_console__(self, console, options):
+        from rich.segment import Segment
+
+        for segment in console.render(self.renderable, options):
+            shown = segment.text if segment.control else visible(segment.text, keep="\n\t")
+            yield segment if shown == segment.text else Segment(shown, segment.style)
+
+
+def is_usage(error: BaseException) -> bool:
+    """Return whether an error is the command line parser's own, whichever release of it."""
+    return hasattr(error, "format_message") and hasattr(error, "exit_code")
+
+
+def refuse(error: Any) -> int:
+    """Print how the command is used and what is wrong with its options, and return the exit code."""
+    said = io.StringIO()
+    error.show(file=said)
+    echo(said.getvalue().rstrip("\n"), err=True)
+    return error.exit_code
 
 
 def fail(error: Exception, *, as_json: bool) -> int:
@@ -25,20 +75,21 @@ def fail(error: Exception, *, as_json: bool) -> int:
     if as_json:
         print_json({"ok": False, "error": {"kind": kind, "message": message}, "exit_code": code})
     else:
-        typer.echo(f"backdrive: {message}", err=True)
+        echo(f"backdrive: {message}", err=True)
     if code == 4:
         if os.environ.get("BACKDRIVE_TRACEBACK"):
             import traceback
 
-            traceback.print_exception(error)
+            echo("".join(traceback.format_exception(error)), err=True)
         elif not as_json:
-            typer.echo("Set BACKDRIVE_TRACEBACK=1 to see where, and please report it.", err=True)
+            echo("Set BACKDRIVE_TRACEBACK=1 to see where, and please report it.", err=True)
     return code
 
 
 def print_json(value: Any) -> None:
-    """Print one JSON document; numbers that are not finite become null."""
-    typer.echo(json.dumps(_plain(value), indent=2, ensure_ascii=False))
+    """Print one JSON document; numbers that are not finite become null, and what would steer a terminal is escaped."""
+    text = json.dumps(_plain(value), indent=2, ensure_ascii=False)
+    typer.echo(text if visible(text, keep="\n") == text else json.dumps(_plain(value), indent=2))
 
 
 def _plain(value: Any) -> Any:

@@ -18,9 +18,10 @@ def progress(*, quiet: bool = False) -> Iterator[Callable[[str], None]]:
     if quiet or not sys.stderr.isatty():
         yield lambda sentence: None
         return
-    from rich.console import Console
     from rich.markup import escape
 
-    console = Console(stderr=True)
-    with console.status("Starting ...") as status:
-        yield lambda sentence: status.update(escape(sentence) + " ...")
+    from backdrive._visible import visible
+    from backdrive.cli._output import console
+
+    with console(stderr=True).status("Starting ...") as status:
+        yield lambda sentence: status.update(escape(visible(sentence)) + " ...")

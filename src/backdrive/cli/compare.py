@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from backdrive.cli import _logs
+from backdrive.cli._output import console as new_console
 
 if TYPE_CHECKING:
     from backdrive.drift.change import Change
@@ -150,7 +151,6 @@ def _chance(change: Change) -> str:
 
 
 def _print_table(changes: list[Change], left_out: list[str]) -> None:
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
@@ -165,7 +165,7 @@ def _print_table(changes: list[Change], left_out: list[str]) -> None:
             *(f"{100.0 * r:.2f} %" for r in c.relative),
             _chance(c),
         )
-    console = Console(highlight=False)
+    console = new_console()
     console.print(table)
     for c in changes:
         console.print(

@@ -9,6 +9,7 @@ import typer
 
 from backdrive.cli import _logs
 from backdrive.cli._logs import AsJson
+from backdrive.cli._output import console as new_console
 
 SHOWN = (0.1, 0.25, 0.5, 0.75, 1.0)  # shares of the top speed in the table
 
@@ -107,11 +108,10 @@ def _curve(law, top: float):
 
 
 def _print(rows: list[dict], joint, report: Path, wall: float, duration: float, hand) -> None:
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
-    console = Console(highlight=False)
+    console = new_console()
     console.print(f"A simulated joint was swept for {duration:.1f} s and identified ({wall:.1f} s in all).")
     table = Table(box=None, pad_edge=False)
     for heading in (f"speed [{joint.unit}/s]", f"true friction [{joint.torque_unit}]", "identified", "error"):

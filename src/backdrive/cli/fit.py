@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from backdrive.cli import _logs
+from backdrive.cli._output import console as new_console
+from backdrive.cli._output import echo
 
 if TYPE_CHECKING:
     from backdrive.fitting import FitResult
@@ -146,9 +148,7 @@ def command(
         _print_tables(result, written)
     if bad:
         if not as_json:
-            typer.echo(
-                f"Below the quality gate (not credible, or above {gate:g} %): {', '.join(bad)}.", err=True
-            )
+            echo(f"Below the quality gate (not credible, or above {gate:g} %): {', '.join(bad)}.", err=True)
         raise typer.Exit(1)
 
 
@@ -241,11 +241,10 @@ def _print_json(result: FitResult, written: list[str], bad: list[str]) -> None:
 
 
 def _print_tables(result: FitResult, written: list[str]) -> None:
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
-    console = Console(highlight=False)
+    console = new_console()
     for choice, friction in zip(result.choices, result.model.joints):
         unit = choice.unit
         table = Table(box=None, pad_edge=False, title=escape(choice.joint), title_justify="left")

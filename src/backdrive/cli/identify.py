@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from backdrive.cli import _logs
+from backdrive.cli._output import console as new_console
+from backdrive.cli._output import echo
 
 if TYPE_CHECKING:
     from backdrive.identification import Identification
@@ -141,9 +143,7 @@ def command(
         _print_table(result, output, report)
     if bad:
         if not as_json:
-            typer.echo(
-                f"Below the quality gate (not credible, or above {gate:g} %): {', '.join(bad)}.", err=True
-            )
+            echo(f"Below the quality gate (not credible, or above {gate:g} %): {', '.join(bad)}.", err=True)
         raise typer.Exit(1)
 
 
@@ -212,11 +212,10 @@ def _print_json(result: Identification, output: Path | None, report: Path | None
 
 
 def _print_table(result: Identification, output: Path | None, report: Path | None) -> None:
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
-    console = Console(highlight=False)
+    console = new_console()
     console.print(f"Method: {result.method} ({escape(result.reason)}).")
     table = Table(box=None, pad_edge=False)
     for heading in ("joint", "law", "residual fitted", "unseen"):

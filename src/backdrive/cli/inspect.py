@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from backdrive.cli import _logs
+from backdrive.cli._output import console as new_console
+from backdrive.cli._output import echo
 
 if TYPE_CHECKING:
     from backdrive.health import Finding
@@ -66,7 +68,7 @@ def command(
         for log, found in zip(read, findings):
             _print(log, found, accepted, brief=len(read) > MOST)
         if len(read) > MOST:
-            typer.echo(
+            echo(
                 f"{len(read)} logs, {sum(bool(f) for f in findings)} with findings; inspect one to see more of it."
             )
     if spoiled:
@@ -139,11 +141,10 @@ def small_plot(values, bars: str = BARS, width: int = WIDTH) -> str:
 
 
 def _print(log: Log, findings: list[Finding], accepted: set[str], *, brief: bool) -> None:
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
-    console = Console(highlight=False)
+    console = new_console()
     if brief and not findings:
         return
     held = summary(log)

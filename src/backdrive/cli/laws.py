@@ -9,6 +9,8 @@ from typing import Annotated, Any
 import typer
 
 from backdrive.cli import _logs
+from backdrive.cli._output import console as new_console
+from backdrive.cli._output import echo
 
 
 def command(
@@ -61,7 +63,7 @@ def command(
         return
     _print_law(law, kinds)
     if plot is not None:
-        typer.echo(f"Wrote {plot}.")
+        echo(f"Wrote {plot}.")
 
 
 def _named(name: str) -> tuple[Any, list[Any]]:
@@ -136,9 +138,7 @@ def _example(law: Any) -> dict[str, Any]:
 
 
 def _console() -> Any:
-    from rich.console import Console
-
-    return Console(highlight=False, markup=False, emoji=False)
+    return new_console(markup=False)
 
 
 def _table(*columns: str) -> Any:

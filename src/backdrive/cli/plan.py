@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from backdrive.cli import _logs
+from backdrive.cli._output import echo
 
 if TYPE_CHECKING:
     from backdrive.limits import JointLimits
@@ -177,13 +178,13 @@ def _several(request: Any, output: Path, rate: float, ros_rate: float, draw: str
             }
         )
         return
-    typer.echo(f"sweep of {figures[0]['joint']} about several centers")
+    echo(f"sweep of {figures[0]['joint']} about several centers")
     for line in table_of(figures):
-        typer.echo(f"  {line}")
-    typer.echo(sentence_of_centres(found))
+        echo(f"  {line}")
+    echo(sentence_of_centres(found))
     for note in notes:
         typer.secho(note, fg=typer.colors.YELLOW)
-    typer.echo(f"Wrote {len(contents[0])} files into each of {', '.join(str(p) for p in folders)}.")
+    echo(f"Wrote {len(contents[0])} files into each of {', '.join(str(p) for p in folders)}.")
 
 
 def _contents(
@@ -235,9 +236,9 @@ def _print(plan: Any, figures: list[dict[str, Any]], notes: list[str], written: 
     from backdrive.cli._plan_words import table_of
 
     many = f"{len(figures)} joints in turn, {plan.duration:.4g} s with pauses"
-    typer.echo(f"{figures[0]['kind']} of {figures[0]['joint'] if len(figures) == 1 else many}")
+    echo(f"{figures[0]['kind']} of {figures[0]['joint'] if len(figures) == 1 else many}")
     for line in table_of(figures):
-        typer.echo(f"  {line}")
+        echo(f"  {line}")
     for note in notes:
         typer.secho(note, fg=typer.colors.YELLOW)
-    typer.echo(f"Wrote {', '.join(str(p) for p in written)}")
+    echo(f"Wrote {', '.join(str(p) for p in written)}")

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from backdrive.cli._output import console as new_console
+from backdrive.cli._output import echo
 
 if TYPE_CHECKING:
     from backdrive.reproduce.catalog import Entry
@@ -50,8 +54,12 @@ def command(
     pictures = [f"{entry.name}.{kind}" for entry in entries for kind in ("png", "svg")]
     _logs.check_folder(folder, [BOOK, *pictures])
     require_matplotlib()
-    results, interrupted = _run(entries, folder, seed, quiet=as_json)
-    book = _bind(results, entries, folder, seed, [*(names or ())])
+
+    def bind(done: list[Result]) -> Path:
+        return _bind(done, entries, folder, seed, [*(names or ())])
+
+    results, interrupted = _run(entries, folder, seed, bind, quiet=as_json)
+    book = bind(results)
     code = _exit_code(results, interrupted)
     if as_json:
         print_json(
@@ -69,8 +77,10 @@ def command(
         raise typer.Exit(code)
 
 
-def _run(entries: list[Entry], folder: Path, seed: int, *, quiet: bool) -> tuple[list[Result], bool]:
-    """Run, write each picture as it comes, and return what is done, in the order of the book."""
+def _run(
+    entries: list[Entry], folder: Path, seed: int, bind: Callable[[list[Result]], Path], *, quiet: bool
+) -> tuple[list[Result], bool]:
+    """Run, write each picture as it comes and the book with it, and return what is done, in the order of the book."""
     from backdrive._files import make_folder, write_together
     from backdrive.cli._progress import progress
     from backdrive.reproduce.book import verdict
@@ -87,8 +97,9 @@ def _run(entries: list[Entry], folder: Path, seed: int, *, quiet: bool) -> tuple
                 done[name] = result
                 if result.outcome is not None:
                     write_together({folder / f"{name}.png": result.png, folder / f"{name}.svg": result.svg})
+                bind([done[e.name] for e in entries if e.name in done])
                 if not quiet:
-                    typer.echo(f"{name}: {verdict(result)[1]} ({result.seconds:.1f} s)", err=True)
+                    echo(f"{name}: {verdict(result)[1]} ({result.seconds:.1f} s)", err=True)
                 if len(done) < len(entries):
                     say(f"Running {entries[len(done)].name}, {len(done)} of {len(entries)} are done")
         except KeyboardInterrupt:
@@ -152,23 +163,22 @@ def _result(result: Result, folder: Path) -> dict[str, Any]:
 def _print_list(entries: list[Entry]) -> None:
     width = max((len(e.name) for e in entries), default=0)
     for entry in entries:
-        typer.echo(f"{entry.name:<{width}}  {entry.title}{'' if entry.available else ' (no program yet)'}")
+        echo(f"{entry.name:<{width}}  {entry.title}{'' if entry.available else ' (no program yet)'}")
 
 
 def _print(results: list[Result], book: Path, interrupted: bool, asked: int) -> None:
-    from rich.console import Console
     from rich.markup import escape
 
     from backdrive.reproduce.book import headline, overall
 
-    console = Console(highlight=False)
+    console = new_console()
     for result in results:
         title = result.entry.title if result.outcome is None else result.outcome.title
         console.print(f"\n[bold]{escape(headline(result.entry.name))}: {escape(title)}[/bold]")
         if result.outcome is None:
             console.print(f"broke down: {escape(result.error)}", soft_wrap=True)
             if result.where:
-                typer.echo(result.where, err=True)
+                echo(result.where, err=True)
         else:
             console.print(_table(result) if console.width >= WIDE else _blocks(result))
     console.print()

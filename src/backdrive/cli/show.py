@@ -8,6 +8,8 @@ from typing import Annotated
 import typer
 
 from backdrive.cli import _logs
+from backdrive.cli._output import console as new_console
+from backdrive.cli._output import echo
 
 SPEEDS = 21  # velocities of the table in --json
 
@@ -67,7 +69,7 @@ def command(
     else:
         _print_tables(shown)
         if plot is not None:
-            typer.echo(f"Wrote {plot}.")
+            echo(f"Wrote {plot}.")
 
 
 def _print_presets(as_json: bool) -> None:
@@ -80,7 +82,7 @@ def _print_presets(as_json: bool) -> None:
         return
     width = max(len(preset["name"]) for preset in presets)
     for preset in presets:
-        typer.echo(f"{PREFIX}{preset['name']:{width}s}  {preset['title']}")
+        echo(f"{PREFIX}{preset['name']:{width}s}  {preset['title']}")
 
 
 def _print_json(model, plot: Path | None) -> None:
@@ -109,12 +111,10 @@ def _print_json(model, plot: Path | None) -> None:
 def _print_tables(model) -> None:
     import sys
 
-    from rich.console import Console
-
     from backdrive.report.terminal import joint_tables, provenance_lines
 
     _spell_out(sys.stdout)
-    console = Console(highlight=False, markup=False, emoji=False)
+    console = new_console(markup=False)
     unicode = (console.encoding or "").lower().startswith("utf")
     for friction in model.joints:
         for part in joint_tables(friction, width=min(console.width, 110), unicode=unicode):

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from backdrive.cli import _logs
+from backdrive.cli._output import console as new_console
+from backdrive.cli._output import echo
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -75,7 +77,6 @@ def command(
         }
         print_json({"ok": not bad, "joints": rows, "below_gate": bad, "warnings": suspect})
     else:
-        from rich.console import Console
         from rich.markup import escape
         from rich.table import Table
 
@@ -91,11 +92,11 @@ def command(
                 f"{q.rms:.3g} {force}",
                 str(q.samples),
             )
-        Console(highlight=False).print(table)
+        new_console().print(table)
         for sentence in suspect:
-            Console(highlight=False).print(escape(sentence), style="yellow")
+            new_console().print(escape(sentence), style="yellow")
         if bad:
-            typer.echo(f"Above the gate of {gate:g} %: {', '.join(bad)}.", err=True)
+            echo(f"Above the gate of {gate:g} %: {', '.join(bad)}.", err=True)
     if bad:
         raise typer.Exit(1)
 
@@ -120,13 +121,13 @@ def _show_motion(
     else:
         for name, q in found.items():
             unit = model.joint(name).joint.unit
-            typer.echo(
+            echo(
                 f"{name}: its motion from the drive's input is off by {q.residual:.2g} % ({q.rms:.3g} {unit} rms, "
                 f"{q.samples} samples)."
             )
         for sentence in suspect:
-            typer.echo(sentence)
+            echo(sentence)
         if bad:
-            typer.echo(f"Above the gate of {gate:g} %: {', '.join(bad)}.", err=True)
+            echo(f"Above the gate of {gate:g} %: {', '.join(bad)}.", err=True)
     if bad:
         raise typer.Exit(1)

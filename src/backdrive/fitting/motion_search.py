@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from backdrive.fitting import stopping
 from backdrive.fitting.search import CHUNK, Found, Search, screen
 
 WIDE, NARROW = 1.6e-2, 1.5e-3  # forward differences at first and at last, in search coordinates
@@ -184,6 +185,7 @@ def seek(
     """
     inform = (lambda stage: None) if tick is None else (lambda stage: lambda i, c: tick(stage, i, c))
     ways = search.begin(start)
+    stopping.keep()
     try:
         if begin > 1:
             from scipy.stats import qmc

@@ -151,6 +151,7 @@ class Search:
             if self.best is None:
                 raise
             return replace(self.best, interrupted=True)
+        stopping.keep()
         sigma = [self.scale(r) if np.all(np.isfinite(r)) else 1.0 for r in at]
         costs = np.array([self.cost(r, s) for r, s in zip(at, sigma)])
         damping, still = np.full(len(points), 1e-2), np.zeros(len(points), dtype=int)

@@ -1,7 +1,7 @@
 """Ctrl-C during a fit: the first one ends what is under way and keeps what was found, the second one ends everything.
 
-An interruption that arrives anywhere, as Python has it, may be lost in a thread or spoil a result that is half made. So while
-something can be kept it is only noted, and raised where a search stands between two evaluations.
+An interruption that arrives anywhere, as Python has it, may be lost in a thread or spoil a result that is half made. So once
+something can be kept it is only noted, and raised where a search stands between two evaluations; before, it is raised at once.
 """
 
 from __future__ import annotations
@@ -23,13 +23,25 @@ class _State:
     Attributes:
         noted: a first interruption waits to be raised.
         depth: fits under way.
+        keeps: a search has found something.
     """
 
     noted: bool = False
     depth: int = 0
+    keeps: bool = False
 
 
 _state = _State()
+
+
+def keep() -> None:
+    """Say that something has been found which an interruption is to keep."""
+    _state.keeps = True
+
+
+def keeping() -> bool:
+    """Return whether a fit is under way that a first interruption ends with what was found."""
+    return _state.depth > 0 and _state.keeps
 
 
 def check() -> None:
@@ -56,11 +68,11 @@ def gently() -> Iterator[None]:
         return
 
     def note(number, frame):
-        if _state.noted:
+        if _state.noted or not _state.keeps:
             raise KeyboardInterrupt
         _state.noted = True
 
-    _state.noted, _state.depth = False, 1
+    _state.noted, _state.depth, _state.keeps = False, 1, False
     signal.signal(signal.SIGINT, note)
     try:
         yield

@@ -154,6 +154,12 @@ class Guard:
         with self._lock:
             self._end()
 
+    def kill(self) -> None:
+        """Kill the child without waiting for anybody, as this process is about to end."""
+        process = self._process
+        if process is not None:
+            process.kill()
+
     def forget(self) -> None:
         """Drop the child without ending it: after a fork it belongs to the other process."""
         process, self._process, self._lock = self._process, None, threading.RLock()

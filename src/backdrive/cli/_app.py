@@ -1,0 +1,70 @@
+"""The commands, put together: names, help, and what goes past the parser of the command line."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+from collections.abc import Callable
+from typing import Any
+
+import typer
+
+from backdrive.cli._output import echo
+
+#: Command name -> module that defines `command(...)`; a module is one file and one line here.
+COMMANDS = (
+    "demo",
+    "inspect",
+    "plan",
+    "identify",
+    "fit",
+    "show",
+    "validate",
+    "compare",
+    "tune",
+    "laws",
+    "reproduce",
+)
+
+app = typer.Typer(
+    name="backdrive",
+    help="Identify the friction of robot joints from ordinary logs.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="Example: backdrive identify log.csv -o model.json --report report.html",
+)
+
+
+class Held(Exception):
+    """Carries what the parser of the command line would make a message and a code of its own of ("Aborted!" and 1)."""
+
+    def __init__(self, error: BaseException):
+        super().__init__(str(error))
+        self.error = error
+
+
+def _held(command: Callable[..., Any]) -> Callable[..., Any]:
+    @functools.wraps(command)
+    def run(*arguments: Any, **options: Any) -> Any:
+        try:
+            return command(*arguments, **options)
+        except (KeyboardInterrupt, EOFError, OSError) as error:
+            raise Held(error) from error
+
+    return run
+
+
+@app.callback(invoke_without_command=True)
+def _root(version: bool = typer.Option(False, "--version", help="Print the version and exit.")) -> None:
+    if version:
+        from backdrive import __version__
+
+        echo(f"backdrive {__version__}")
+        raise typer.Exit()
+
+
+for _name in COMMANDS:
+    app.command(_name)(_held(importlib.import_module(f"backdrive.cli.{_name}").command))

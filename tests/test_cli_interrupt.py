@@ -1,0 +1,127 @@
+"""Tests for cli/_interrupt.py: Ctrl-C ends a command with 130, even where Python's own interruption is swallowed or has to wait."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from backdrive.cli import main
+
+ROOT = Path(__file__).parent.parent / "src"
+SAID = "Interrupted; nothing half-written was left behind.\n"
+BEGIN = """
+import os, signal, sys, threading, time
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
+def swallow():
+    "Go on whatever is raised, as a callback of compiled code does."
+    while True:
+        try:
+            time.sleep(60)
+        except KeyboardInterrupt:
+            pass
+
+def interrupt(after=0.0):
+    threading.Timer(after, os.kill, (os.getpid(), signal.SIGINT)).start()
+"""
+
+
+def run(program: str) -> subprocess.CompletedProcess:
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    return subprocess.run(
+        [sys.executable, "-c", BEGIN + program],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=50,
+    )
+
+
+def test_a_swallowed_interruption_ends_the_command():
+    done = run(
+        "from backdrive import model\nfrom backdrive.cli import main\n"
+        "def load(name):\n    interrupt()\n    swallow()\n"
+        "model.load_model = load\nsys.argv = ['backdrive', 'show', 'x.json']\nmain()\n"
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", SAID)
+
+
+def test_an_interruption_in_a_command_is_no_abortion():
+    done = run(
+        "from backdrive import model\nfrom backdrive.cli import main\n"
+        "def load(name):\n    raise KeyboardInterrupt\n"
+        "model.load_model = load\nsys.argv = ['backdrive', 'show', 'x.json']\nmain()\n"
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", SAID)
+
+
+def test_threads_at_work_are_not_waited_for():
+    done = run(
+        "from backdrive import model\nfrom backdrive.cli import main\nfrom backdrive.engine.cores import spread\n"
+        "def load(name):\n    interrupt(0.2)\n    spread(lambda a, b: time.sleep(3600), 8, 2)\n"
+        "model.load_model = load\nsys.argv = ['backdrive', 'show', 'x.json']\nmain()\n"
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", SAID)
+
+
+def test_an_interruption_of_spread_work_cancels_what_has_not_begun():
+    done = run(
+        "from backdrive.engine.cores import spread\nbegun = []\n"
+        "def work(a, b):\n    begun.append(a)\n    time.sleep(0.5)\n"
+        "interrupt(0.1)\n"
+        "try:\n    spread(work, 8, 2)\nexcept KeyboardInterrupt:\n    print(len(begun))\n"
+    )
+    assert (done.returncode, done.stdout) == (0, "2\n")
+
+
+def test_no_parsing_process_is_left_behind():
+    done = run(
+        "from backdrive.cli import _interrupt\nfrom backdrive.readers import guard\n"
+        "with _interrupt.watched():\n"
+        "    guard.shared().start()\n    print(guard.shared().pid, flush=True)\n    interrupt()\n    swallow()\n"
+    )
+    assert (done.returncode, done.stderr) == (130, SAID)
+    state = Path(f"/proc/{int(done.stdout)}/stat")
+    assert not state.exists() or state.read_text().split()[2] in "ZX"
+
+
+def test_what_a_fit_keeps_is_given_time_and_a_second_interruption_is_not():
+    done = run(
+        "from backdrive.cli import _interrupt\nfrom backdrive.fitting import stopping\n"
+        "with _interrupt.watched(), stopping.gently():\n"
+        "    stopping.keep()\n    interrupt()\n    time.sleep(1.2)\n"
+        "    try:\n        stopping.check()\n    except KeyboardInterrupt:\n        print('kept', flush=True)\n"
+        "    interrupt()\n    swallow()\n"
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "kept\n", SAID)
+
+
+def test_after_a_command_an_interruption_is_pythons_own_again(monkeypatch, capsys):
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        monkeypatch.setattr(sys, "argv", ["backdrive", "--version"])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert ended.value.code == 0
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_an_end_of_file_in_a_command_is_an_internal_error_and_no_abortion(monkeypatch, capsys):
+    def load(name):
+        raise EOFError("Ran out of input")
+
+    monkeypatch.setattr("backdrive.model.load_model", load)
+    monkeypatch.setattr(sys, "argv", ["backdrive", "show", "x.json"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 4
+    said = capsys.readouterr().err
+    assert "internal error: EOFError: Ran out of input" in said
+    assert "Aborted" not in said
