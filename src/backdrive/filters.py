@@ -32,6 +32,11 @@ def low_pass(x: np.ndarray, cutoff: float, rate: float, order: int = 4) -> np.nd
     x = np.asarray(x, dtype=np.float64)
     if not (cutoff > 0 and rate > 0):
         raise InvalidInput(f"cutoff = {cutoff} Hz at rate = {rate} Hz.", remedy="Both must be positive.")
+    if not cutoff > 1e-12 * rate:
+        raise InvalidInput(
+            f"cutoff = {cutoff:g} Hz at rate = {rate:g} Hz: nothing would be left.",
+            remedy="Give a higher one.",
+        )
     if cutoff >= 0.45 * rate:
         return x.copy()
     if x.shape[0] < 2:

@@ -15,6 +15,9 @@ MAX_BYTES = 20_000_000
 _KINDS: dict[str, Literal["rad", "m"]] = {"revolute": "rad", "continuous": "rad", "prismatic": "m"}
 
 
+SMALLEST = 1e-12  # limit that is no mistake [SI]
+
+
 @dataclass(frozen=True, kw_only=True)
 class JointLimits:
     """Limits of one joint; infinite where nothing is known.
@@ -39,7 +42,7 @@ class JointLimits:
 
     def __post_init__(self):
         for name in ("velocity", "acceleration", "effort"):
-            if not getattr(self, name) > 0:
+            if not getattr(self, name) >= SMALLEST:
                 raise InvalidInput(
                     f"The {name} limit of joint '{self.name}' is {getattr(self, name)}.",
                     remedy="Give a positive number, or leave it out where it is not known.",

@@ -2,7 +2,8 @@
 
 Positive torque, position and velocity all point along +q. Arrays are time first, joint second. A log may hold
 anything that a real file holds (NaN, gaps, unsorted time): `backdrive.health` says what is wrong with it, and
-the identification refuses what would spoil a result. Only shapes are checked here.
+the identification refuses what would spoil a result. Only shapes are checked here, and that no number is so large that its
+square could not be told from infinity.
 """
 
 from __future__ import annotations
@@ -15,6 +16,10 @@ from typing import Any, Literal
 import numpy as np
 
 from backdrive.errors import InvalidInput
+
+#: Beyond, a number is no measurement in any unit, and products of a few of them overflow; an infinity is a hole in a log.
+LARGEST = 1e60
+SHORTEST = 1e-12  # median sampling interval [s]
 
 #: Per-sample, per-joint channels of a `Log`, each with the SI unit for a rotary and for a linear joint.
 CHANNELS: dict[str, tuple[str, str]] = {
@@ -142,6 +147,7 @@ class Log:
         if time.ndim != 1:
             raise InvalidInput(f"Log.time has shape {time.shape}.", remedy="Give one instant a sample, (n,).")
         object.__setattr__(self, "time", time)
+        self._refuse_beyond("time", time)
         if not self.joints:
             raise InvalidInput("A Log needs at least one joint.", remedy="Pass joints=(Joint(name=...),).")
         object.__setattr__(self, "joints", tuple(self.joints))
@@ -161,10 +167,25 @@ class Log:
                     remedy="Give every channel one row an instant and one column a joint.",
                 )
             object.__setattr__(self, name, value)
+            self._refuse_beyond(name, value)
         if self.position is None and self.velocity is None:
             raise InvalidInput(
                 "A Log needs position or velocity, and has neither.",
                 remedy="Name the channel, for example --map q=COLUMN.",
+            )
+
+    def _refuse_beyond(self, channel: str, values: np.ndarray) -> None:
+        if not values.size or (values.max() <= LARGEST and values.min() >= -LARGEST):
+            return
+        beyond = np.argwhere((np.abs(values) > LARGEST) & np.isfinite(values))
+        if len(beyond):
+            place = tuple(beyond[0])
+            where = f"{self.sources[0].path}: " if self.sources else ""
+            of = "" if channel == "time" else f" of joint '{self.joints[place[1]].name}'"
+            raise InvalidInput(
+                f"{where}the {channel}{of} is {values[place]:g} at sample {place[0]}, beyond what can be reckoned with "
+                f"({LARGEST:g}).",
+                remedy="Mark missing samples as NaN, drop them, or correct the factor of --map.",
             )
 
     def __len__(self) -> int:
@@ -183,8 +204,12 @@ class Log:
 
     @property
     def period(self) -> float:
-        """Median sampling interval [s]; NaN with fewer than two samples."""
-        return float(np.median(np.diff(self.time))) if len(self) > 1 else float("nan")
+        """Median sampling interval [s]; NaN with fewer than two samples.
+
+        Raises:
+            InvalidInput: it is above zero and below a picosecond.
+        """
+        return checked_period(float(np.median(np.diff(self.time)))) if len(self) > 1 else float("nan")
 
     @property
     def duration(self) -> float:
@@ -314,6 +339,20 @@ def _frozen(value: Any, name: str) -> np.ndarray:
         ) from error
     array.setflags(write=False)
     return array
+
+
+def checked_period(period: float) -> float:
+    """Return a sampling interval [s], unless nothing samples so fast.
+
+    Raises:
+        InvalidInput: it is above zero and below a picosecond.
+    """
+    if 0.0 < period < SHORTEST:
+        raise InvalidInput(
+            f"The median sampling interval is {period:g} s.",
+            remedy="Bring the time to seconds, for example --map t=0.001*COLUMN.",
+        )
+    return period
 
 
 def digest(path: str | Path) -> str:

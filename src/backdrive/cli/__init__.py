@@ -39,11 +39,13 @@ def _run() -> int:
         sys.stdout.flush()
         return code if isinstance(code, int) else 0
     except Held as held:
+        if not isinstance(held.error, Exception) or isinstance(held.error, OSError):
+            raise held.error from None
         error = held.error
+    except OSError:
+        raise
     except Exception as failure:
         error = failure
-    if isinstance(error, (KeyboardInterrupt, OSError)):
-        raise error
     if is_usage(error):
         return refuse(error)
     return fail(error, as_json="--json" in sys.argv)

@@ -10,6 +10,7 @@ import numpy as np
 from backdrive.errors import InvalidInput
 
 MOST_CYCLES = 10_000
+SMALLEST, LARGEST = 1e-12, 1e12  # any number of a plan that is not zero, in SI: beyond, no robot moves
 DEGREE = math.pi / 180.0
 
 
@@ -77,6 +78,10 @@ def settle(
             raise InvalidInput(f"{where}.", remedy="Give a number above zero.", value=value)
         if name in not_negative and number < 0:
             raise InvalidInput(f"{where}.", remedy="Give zero or more.", value=value)
+        if abs(number) > LARGEST or (name in positive and number < SMALLEST):
+            raise InvalidInput(
+                f"{where}.", remedy=f"Give a number from {SMALLEST:g} to {LARGEST:g}.", value=value
+            )
         object.__setattr__(plan, name, number)
     if plan.unit not in ("rad", "m"):
         raise InvalidInput(f"The unit of a joint is '{plan.unit}'.", remedy="Give rad or m.")

@@ -11,7 +11,7 @@ import numpy as np
 
 from backdrive.errors import InvalidInput
 from backdrive.excite._pieces import Pieces
-from backdrive.excite.base import instants, rounded, settle, spoken
+from backdrive.excite.base import LARGEST, SMALLEST, instants, rounded, settle, spoken
 
 #: Least share of the stroke that a run must have at constant speed.
 STEADY = 0.2
@@ -58,7 +58,7 @@ class ConstantVelocity:
             speeds = tuple(float(v) for v in self.speeds)
         except (TypeError, ValueError):
             speeds = ()
-        if not 1 <= len(speeds) <= MOST_SPEEDS or not all(math.isfinite(v) and v > 0 for v in speeds):
+        if not 1 <= len(speeds) <= MOST_SPEEDS or not all(SMALLEST <= v <= LARGEST for v in speeds):
             raise InvalidInput(
                 f"ConstantVelocity.speeds is {str(self.speeds)[:60]}.",
                 remedy="Give at least one speed above zero; each is driven in both directions.",

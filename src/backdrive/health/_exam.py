@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from backdrive.health._survey import Survey, survey
-from backdrive.log import Log
+from backdrive.log import Log, checked_period
 
 #: An interval this many times longer than usual is a gap.
 GAP = 2.5
@@ -42,7 +42,7 @@ class Exam:
         """Median interval [s]; NaN where there is none that is positive."""
         steps = self.steps[:: max(1, self.steps.size // _SAMPLES)]
         steps = steps[steps > 0]
-        return float(np.median(steps)) if steps.size else float("nan")
+        return checked_period(float(np.median(steps))) if steps.size else float("nan")
 
     @cached_property
     def gaps(self) -> np.ndarray:

@@ -96,7 +96,8 @@ def estimate(exam: Exam, j: int) -> Slip | None:
 
 def _estimate(exam: Exam, j: int) -> Slip | None:
     steps = exam.steps[:: max(1, exam.steps.size // 65536)]
-    if not steps.size or np.std(steps[steps < 2 * exam.period]) > LIMIT * exam.period:
+    usual = steps[steps < 2 * exam.period]
+    if not usual.size or np.std(usual) > LIMIT * exam.period:
         return None  # an uneven clock tells no timing
     torque = exam.sample("torque", j) if exam.usable("torque", j) else np.zeros(1)
     if not white_noise(torque) < _NOISY * np.std(torque):

@@ -8,6 +8,7 @@ from difflib import get_close_matches
 import numpy as np
 
 from backdrive.errors import MappingError
+from backdrive.log import LARGEST
 from backdrive.readers import units
 from backdrive.readers._expression import CHANNEL_OF, CONSTANTS, Term
 from backdrive.readers._names import KINDS
@@ -137,6 +138,11 @@ class Values:
                     remedy="Only numbers, deg, rpm and single-number columns can be factors.",
                 )
             factor *= float(single.reshape(()))
+        if not abs(factor) <= LARGEST:
+            raise MappingError(
+                f"--map {_SHORT[channel]}: the factor of '{term.column}' is {factor:g}.",
+                remedy=f"Give factors between {-LARGEST:g} and {LARGEST:g}.",
+            )
         if term.column == INDEX and INDEX not in self.columns.arrays:
             return factor * np.arange(self.n, dtype=float)[:, None]
         full = self._full(term.column)
@@ -177,14 +183,23 @@ class Values:
             self._settle(channel, stated.kind)
         if word:
             self._settle(channel, "angle")
-        value = value.astype(float) if stated is None else value * stated.factor + stated.offset
+        with np.errstate(over="ignore"):
+            value = value.astype(float) if stated is None else value * stated.factor + stated.offset
+        peak = np.abs(value[np.isfinite(value)]).max(initial=0.0)
+        if peak > LARGEST:
+            raise MappingError(
+                f"--map {_SHORT[channel]}: '{full}' holds {peak:g}, beyond what can be reckoned with ({LARGEST:g}).",
+                remedy="Mark missing samples as NaN, or drop them.",
+            )
         return value * factor if factor != 1.0 else value
 
     def _si(self, name: str, value: np.ndarray) -> tuple[np.ndarray, units.Unit | None]:
         unit = units.parse(self.stated.get(name, ""))
         if unit is None or (unit.factor == 1.0 and unit.offset == 0.0):
             return value, unit
-        return value * unit.factor + unit.offset, unit
+        with np.errstate(over="ignore"):  # a number so large is refused by `Log`
+            scaled = np.asarray(value, dtype=float) * unit.factor + unit.offset
+        return np.where(np.isinf(scaled), value, scaled), unit
 
     def _settle(self, channel: str, kind: str) -> None:
         self.settled.add(channel)

@@ -35,6 +35,8 @@ CHANNEL_OF: dict[str, str] = {
 #: Factors by name [SI/unit].
 CONSTANTS = {"deg": math.pi / 180, "rpm": 2 * math.pi / 60}
 
+LONGEST = 9  # digits of a column index
+
 _TOKEN = re.compile(
     r"""\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?![\w.])
       |(?P<quoted>"[^"]*")
@@ -185,6 +187,6 @@ class _Parser:
 
     def whole(self) -> int:
         kind, value, where = self.take()
-        if kind != "number" or not value.isdigit():
-            self.fail(f"'{value}' is not a column index", where)
+        if kind != "number" or not value.isdigit() or len(value) > LONGEST:
+            self.fail(f"'{value[:40]}' is not a column index", where)
         return int(value)

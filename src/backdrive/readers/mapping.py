@@ -170,7 +170,7 @@ def _kinds(units: str | Sequence[str] | None, width: int) -> list[str] | None:
     each = each * width if len(each) == 1 else each
     if len(each) != width or not set(each) <= {"rad", "m", "deg"}:
         raise InvalidInput(
-            f"units={units!r} does not fit {width} joints.", remedy="Give rad, m or deg, once or for each."
+            f"The units {units!r} do not fit {width} joints.", remedy="Give rad, m or deg, once or for each."
         )
     return each
 
@@ -236,6 +236,11 @@ def _each(value: float | Sequence[float] | None, width: int, what: str) -> list[
     each = np.repeat(each, width) if each.size == 1 else each
     if each.shape != (width,) or not np.isfinite(each).all() or (each == 0).any():
         raise InvalidInput(
-            f"{what}={value!r} does not fit {width} joints.", remedy="Give one number other than 0 a joint."
+            f"{what} {value!r} does not fit {width} joints.", remedy="Give one number other than 0 a joint."
         )
+    for number in each:
+        if not 1e-15 <= abs(number) <= 1e15:
+            raise InvalidInput(
+                f"{what} {number:g} is out of reason.", remedy="Give a number from 1e-15 to 1e15."
+            )
     return [float(number) for number in each]
