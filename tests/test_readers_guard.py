@@ -345,7 +345,7 @@ def test_an_answer_may_not_be_larger_than_the_limits():
 
 def test_names_cannot_steer_a_terminal(tmp_path):
     np.savez(tmp_path / "a.npz", **{"t": np.arange(3.0), "q\x1b[31m": np.arange(3.0)})
-    assert [name for name, _, _ in peek(tmp_path / "a.npz")] == ["t", "q?[31m"]
+    assert [name for name, _, _ in peek(tmp_path / "a.npz")] == ["t", r"q\x1b[31m"]
     with pytest.raises(MappingError) as caught:
         read_log(tmp_path / "a.npz")
     assert "\x1b" not in str(caught.value)

@@ -150,7 +150,7 @@ def fit_motion(
     else:
         if axis is None:
             raise InvalidInput(
-                "There is no axis.", remedy="Give `axis=Axis(...)` with everything known of it."
+                "There is no axis.", remedy="In Python, give axis=Axis(...) with everything known of it."
             )
         shape = LawShape.named(law) if isinstance(law, str) else law
         problem = MotionProblem(shape, logs, axis, free, signal=signal, substeps=substeps, unit=unit)

@@ -73,7 +73,7 @@ def prepare_arm(log: Log, robot: Robot, *, cutoff: float = MOTION_CUTOFF) -> lis
         if joint.unit != unit:
             raise InvalidInput(
                 f"Joint '{joint.name}' is in {joint.unit} in the log and in {unit} in the URDF.",
-                remedy="Correct the unit (--units) or the names (--names).",
+                remedy="Correct the unit (--unit) or the names (--names).",
             )
     assert log.position is not None
     assert log.torque is not None

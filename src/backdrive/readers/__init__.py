@@ -170,7 +170,7 @@ def _size(files: list[Path], limits: Limits | None) -> int:
     if size > most:
         raise FileTooLarge(
             f"{files[0]} has {size} bytes, more than the limit of {most}.",
-            remedy="Cut it, or pass limits=Limits(max_file_bytes=...).",
+            remedy="Cut it, or read it in Python with limits=Limits(max_file_bytes=...).",
         )
     return size
 
@@ -226,7 +226,8 @@ def _expanded(path: Path, format: str | None) -> list[Path]:
     if len(by_suffix) > 1:
         counted = ", ".join(f"{len(files)} {suffix}" for suffix, files in sorted(by_suffix.items()))
         raise ReadError(
-            f"{path} holds logs of several kinds: {counted}.", remedy="Name the files, or say format=."
+            f"{path} holds logs of several kinds: {counted}.",
+            remedy="Name the files, or the kind: --format (in Python format=).",
         )
     if not by_suffix:
         bags = sorted((sub for sub in path.iterdir() if sub.is_dir() and _bag_files(sub)), key=_natural)

@@ -76,7 +76,7 @@ def sniff(raw: bytes, *, whole: bool) -> Dialect:
     if score <= 0:
         raise UnknownFormat(
             "The text holds no table of numbers.",
-            remedy="Name the right file, or say what it is with format=.",
+            remedy="Name the right file, or say what it is: --format NAME (in Python format=).",
         )
 
     def is_row(line: str) -> bool:
@@ -224,7 +224,10 @@ def _decode(raw: bytes) -> tuple[str, str]:
     if raw[1::2].count(0) > 0.4 * (len(raw) // 2) and len(raw) > 3:
         encoding = "utf-16-le"
     elif 0 in raw:
-        raise UnknownFormat("The file is binary, not a table of text.", remedy="Say what it is with format=.")
+        raise UnknownFormat(
+            "The file is binary, not a table of text.",
+            remedy="Say what it is: --format NAME (in Python format=).",
+        )
     else:
         encoding = "utf-8"
     try:
@@ -233,5 +236,8 @@ def _decode(raw: bytes) -> tuple[str, str]:
         encoding, text = "latin-1", raw.decode("latin-1")
     odd = sum(1 for character in text if ord(character) < 32 and character not in "\t\r\n\f")
     if odd > 0.005 * len(text):
-        raise UnknownFormat("The file is binary, not a table of text.", remedy="Say what it is with format=.")
+        raise UnknownFormat(
+            "The file is binary, not a table of text.",
+            remedy="Say what it is: --format NAME (in Python format=).",
+        )
     return encoding, text

@@ -79,5 +79,8 @@ def recognise(path: Path) -> Format:
         raise UnknownFormat(f"{path} is compressed.", remedy="Unpack it first.")
     if form is None:
         known = ", ".join(f"{form.name} ({' '.join(form.suffixes)})" for form in READERS)
-        raise UnknownFormat(f"{path} is of no known kind.", remedy=f"Name it with format=. Known: {known}.")
+        raise UnknownFormat(
+            f"{path} is of no known kind.",
+            remedy=f"Name it: --format NAME (in Python format=). Known: {known}.",
+        )
     return form

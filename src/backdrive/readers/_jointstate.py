@@ -190,7 +190,10 @@ def choose_topic(gathered: dict[str, Gatherer], others: dict[str, str], options:
         return next(iter(filled.values()))
     if filled:
         told = ", ".join(f"{topic} ({gatherer.count})" for topic, gatherer in filled.items())
-        raise MappingError(f"Several topics hold joint states: {told}.", remedy="Choose one with topic=.")
+        raise MappingError(
+            f"Several topics hold joint states: {told}.",
+            remedy="Choose one: --topic NAME (in Python topic=).",
+        )
     told = ", ".join(f"{topic} ({kind})" for topic, kind in list(others.items())[:20]) or "none"
     raise ReadError(
         f"The bag holds no sensor_msgs/JointState message. Topics: {told}.", remedy="Record joint states."

@@ -43,7 +43,7 @@ def parse(path: str, module: str, options: ReadOptions) -> Columns:
     except MemoryError as error:
         raise errors.FileTooLarge(
             "The file needs more memory than the limits allow.",
-            remedy="If it is yours and honest, pass limits=Limits(max_memory=...).",
+            remedy="If it is yours and honest, read it in Python with limits=Limits(max_memory=...).",
         ) from error
     except RecursionError as error:
         raise errors.ForbiddenContent(
@@ -55,7 +55,7 @@ def parse(path: str, module: str, options: ReadOptions) -> Columns:
         kind = module.strip("_")
         raise errors.ReadError(
             f"The file cannot be read as {kind} ({type(error).__name__}: {str(error)[:300]}).",
-            remedy="It is damaged, or of another kind; say which with format=.",
+            remedy="It is damaged, or of another kind; say which: --format NAME (in Python format=).",
         ) from error
 
 

@@ -35,7 +35,8 @@ class _Bag:
         self.expanded += size
         if self.expanded > self.options.limits.max_bytes:
             raise FileTooLarge(
-                "The chunks hold more than the limit.", remedy="Pass limits=Limits(max_bytes=...)."
+                "The chunks hold more than the limit.",
+                remedy="Read it in Python with limits=Limits(max_bytes=...).",
             )
         how = head[b"compression"].decode("latin-1")
         data = expand(stored, how, size, self.options.limits)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from backdrive._visible import visible
 from backdrive.errors import ReaderCrashed
 from backdrive.log import CHANNELS, Drive
 from backdrive.readers.limits import Limits
@@ -153,11 +154,8 @@ def unframe(content: Mapping, receive: Callable[[memoryview], None], limits: Lim
 
 
 def clean(text: object, longest: int = 300) -> str:
-    """Return text from a file without what would steer a terminal, cut to a length."""
-    text = str(text)[:longest]
-    if text.isprintable():
-        return text
-    return "".join(character if character.isprintable() else "?" for character in text)
+    """Return text from a file, cut to a length, with what would steer a terminal quoted."""
+    return visible(str(text)[:longest])
 
 
 def _known(dtype: str) -> str:

@@ -71,7 +71,7 @@ class Guard:
             if not hasattr(select, "poll"):
                 raise errors.ReaderCrashed(
                     "This system cannot wait for a process with a time limit.",
-                    remedy="If you trust the file, read it with guarded=False.",
+                    remedy="If you trust the file, read it in Python with guarded=False.",
                 )
             home = str(Path(errors.__file__).parents[1])
             paths = [path for path in sys.path if path and path != home] + [home]
@@ -93,7 +93,7 @@ class Guard:
             except OSError as error:
                 raise errors.ReaderCrashed(
                     f"The parsing process cannot be started: {error}.",
-                    remedy="If you trust the file, read it with guarded=False.",
+                    remedy="If you trust the file, read it in Python with guarded=False.",
                 ) from error
             self.restarts += 1
             try:  # Linux: fewer turns for large arrays
@@ -135,7 +135,7 @@ class Guard:
                 self._end()
                 raise errors.ReaderTimeout(
                     f"Parsing took longer than {limits.seconds_for(size):.1f} s, the limit for {size} bytes.",
-                    remedy="If the file is yours and honest, pass limits=Limits(max_seconds=...).",
+                    remedy="If the file is yours and honest, read it in Python with limits=Limits(max_seconds=...).",
                 ) from None
             except (EOFError, BrokenPipeError) as error:
                 raise errors.ReaderCrashed(

@@ -45,7 +45,8 @@ def read(path: str, options: ReadOptions) -> Columns:
                 f"The text ends inside a value ({error}).", remedy="Copy or save it again."
             ) from error
         raise ReadError(
-            f"This is not JSON ({error}).", remedy="Save it again, or say what it is with format=."
+            f"This is not JSON ({error}).",
+            remedy="Save it again, or say what it is: --format NAME (in Python format=).",
         ) from error
     notes: list[str] = []
     samples = (

@@ -70,13 +70,13 @@ class Limits:
         if declared > self.max_bytes:
             raise FileTooLarge(
                 f"{what} declares {declared / MIB:.0f} MiB, more than the limit of {self.max_bytes / MIB:.0f} MiB.",
-                remedy="If the file is yours and honest, pass limits=Limits(max_bytes=..., max_memory=...).",
+                remedy="If the file is yours and honest, read it in Python with limits=Limits(max_bytes=..., max_memory=...).",
             )
         if declared > self.ratio_floor and declared > self.max_ratio * max(size, 1):
             raise FileTooLarge(
                 f"{what} declares {declared / MIB:.0f} MiB in a file of {size / MIB:.2f} MiB "
                 f"({declared / max(size, 1):.0f} times its size), as a decompression bomb does.",
-                remedy="If the file is yours and honest, pass limits=Limits(max_ratio=...).",
+                remedy="If the file is yours and honest, read it in Python with limits=Limits(max_ratio=...).",
             )
 
     def check_count(self, count: int, what: str) -> None:
@@ -88,5 +88,5 @@ class Limits:
         if count > self.max_columns:
             raise FileTooLarge(
                 f"The file holds {count} {what}, more than the limit of {self.max_columns}.",
-                remedy="If the file is yours and honest, pass limits=Limits(max_columns=...).",
+                remedy="If the file is yours and honest, read it in Python with limits=Limits(max_columns=...).",
             )

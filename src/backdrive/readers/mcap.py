@@ -82,7 +82,8 @@ class _Bag:
         self.expanded += size
         if self.expanded > self.options.limits.max_bytes:
             raise FileTooLarge(
-                "The chunks hold more than the limit.", remedy="Pass limits=Limits(max_bytes=...)."
+                "The chunks hold more than the limit.",
+                remedy="Read it in Python with limits=Limits(max_bytes=...).",
             )
         data = expand(stored, how, size, self.options.limits)
         if checksum and zlib.crc32(data) != checksum:
@@ -108,7 +109,9 @@ def read(path: str, options: ReadOptions) -> Columns:
         bag = _Bag(options, gathered, others)
         with open(part, "rb") as stream:
             if stream.read(len(MAGIC)) != MAGIC:
-                raise UnknownFormat("This is not an MCAP file.", remedy="Say what it is with format=.")
+                raise UnknownFormat(
+                    "This is not an MCAP file.", remedy="Say what it is: --format NAME (in Python format=)."
+                )
             where, why = _scan(stream, size, bag)
         if where is not None:
             cut = (where, size)

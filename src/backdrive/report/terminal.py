@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
+from backdrive._visible import visible
 from backdrive.identification.grade import grade
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.report.words import (
@@ -15,7 +16,6 @@ from backdrive.report.words import (
     measured,
     number,
     percent,
-    plain,
     prose,
     quantity,
     term,
@@ -36,15 +36,15 @@ def joint_tables(friction: JointFriction, *, width: int = 80, unicode: bool = Tr
     element = friction.law.element.NAME
     law = law_name(friction.law.rate.NAME) + ("" if element == "none" else f", carried by {element}")
     title = Text()
-    title.append(plain(friction.joint.name).replace("\n", " "), style="bold")
+    title.append(visible(friction.joint.name).replace("\n", " "), style="bold")
     title.append(
         f"  {grade(friction).word}",
         style={"good": "green", "poor": "red"}.get(grade(friction).level, "yellow"),
     )
     yield title
-    yield Text(f"  {law}" + (f"; method {plain(friction.method)}" if friction.method else ""), style="dim")
+    yield Text(f"  {law}" + (f"; method {visible(friction.method)}" if friction.method else ""), style="dim")
     for sentence in (*friction.warnings, *friction.remarks()):
-        yield Padding(Text(f"! {plain(prose(sentence))}", style="yellow"), (0, 0, 0, 2), expand=False)
+        yield Padding(Text(f"! {visible(prose(sentence))}", style="yellow"), (0, 0, 0, 2), expand=False)
     for table in (_parameters(friction), _knots(friction), _quality(friction)):
         if table is not None:
             yield Padding(table, (1, 0, 0, 2), expand=False)
@@ -80,7 +80,7 @@ def _parameters(friction: JointFriction) -> Any:
             )
     for name, estimate in dynamics(friction):
         value = measured(estimate.value, estimate.standard_error)
-        table.add_row(plain(term(name)), value, plain(estimate.unit), "dynamics")
+        table.add_row(visible(term(name)), value, visible(estimate.unit), "dynamics")
     return table if table.row_count else None
 
 
@@ -154,14 +154,14 @@ def _plot(friction: JointFriction, width: int, unicode: bool) -> list[str]:
 
 def provenance_lines(model: FrictionModel) -> list[str]:
     """Return where a model comes from, a line a fact."""
-    lines = [f"made by backdrive {plain(model.version) or '(version not recorded)'}"]
-    lines += [f"from {plain(s.path)}  sha256 {plain(s.sha256)}" for s in model.sources]
+    lines = [f"made by backdrive {visible(model.version) or '(version not recorded)'}"]
+    lines += [f"from {visible(s.path)}  sha256 {visible(s.sha256)}" for s in model.sources]
     if model.options:
         lines.append(
-            f"options {plain(json.dumps(dict(sorted(model.options.items())), default=str, ensure_ascii=False))}"
+            f"options {visible(json.dumps(dict(sorted(model.options.items())), default=str, ensure_ascii=False))}"
         )
     if model.arm is not None:
         lines.append(
-            f"rigid bodies of the arm with sha256 {plain(model.arm.urdf_sha256)}, condition {number(model.arm.condition)}"
+            f"rigid bodies of the arm with sha256 {visible(model.arm.urdf_sha256)}, condition {number(model.arm.condition)}"
         )
     return lines
