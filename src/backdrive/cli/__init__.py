@@ -6,13 +6,13 @@ import os
 import sys
 from typing import Any
 
+from backdrive._blas import VARIABLES
 from backdrive.cli import _interrupt
 
 
 def main() -> None:
     """Run the command line; every failure becomes one message and an exit code (0, 1, 2, 3, 4, or 130 after Ctrl-C)."""
-    for threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(threads, "1")  # small matrices: more threads only wait for each other
+    os.environ.update(dict.fromkeys(VARIABLES, "1"))  # nothing is loaded yet
     with _interrupt.watched():
         try:
             code = _run()

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from backdrive._blas import on_one_thread
 from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
 from backdrive.fitting.choice import Candidate as Candidate
 from backdrive.fitting.choice import Choice as Choice
@@ -42,6 +43,7 @@ class FitResult(Identification):
         return next(c for c in self.choices if c.joint == name)
 
 
+@on_one_thread
 def fit(
     logs: Log | Sequence[Log],
     law: str | Sequence[str] = "auto",

@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from backdrive._blas import on_one_thread
 from backdrive.engine import Axis
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.fitting import words
@@ -101,6 +102,7 @@ class MotionFit:
         return found
 
 
+@on_one_thread
 def fit_motion(
     logs: Sequence[MotionLog] | MotionProblem,
     law: str | LawShape = "coulomb-viscous",

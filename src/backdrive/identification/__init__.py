@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from backdrive._blas import on_one_thread
 from backdrive._catalog import lookup
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.excite import plan_to_dict
@@ -31,6 +32,7 @@ from backdrive.log import Log
 from backdrive.model import FrictionModel, JointFriction
 
 
+@on_one_thread
 def identify(
     logs: Log | Sequence[Log],
     *,

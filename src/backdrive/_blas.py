@@ -1,0 +1,135 @@
+"""Linear algebra on one thread, so that a result does not depend on how many there are.
+
+A library that splits a product among threads adds up in another order, and the last digits differ. The matrices here are small:
+more threads would only wait for each other. What can be told at run time is OpenBLAS (numpy's and scipy's wheels each bring
+one), MKL and BLIS; for one that is loaded only later, the environment says it.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import re
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple, ParamSpec, TypeVar
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+VARIABLES = (
+    "OPENBLAS_NUM_THREADS",
+    "OMP_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "BLIS_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+)
+_LIBRARY = re.compile(r"(blas|mkl_rt|blis)[^/\\]*$", re.IGNORECASE)
+#: How a library is asked for its number of threads and told it.
+_CALLS = (
+    *(
+        (f"{prefix}openblas_get_num_threads{suffix}", f"{prefix}openblas_set_num_threads{suffix}")
+        for prefix in ("", "scipy_")
+        for suffix in ("", "64_", "_64_")
+    ),
+    ("MKL_Get_Max_Threads", "MKL_Set_Num_Threads"),
+    ("bli_thread_get_num_threads", "bli_thread_set_num_threads"),
+)
+
+
+class _Library(NamedTuple):
+    """One that is loaded: where it lies, and its two calls."""
+
+    path: str
+    count: Callable[[], int]
+    limit: Callable[[int], object]
+
+
+_lock = threading.Lock()
+_under_way = 0
+_before: dict[str, int] = {}  # library -> threads that it had
+_environment: dict[str, str | None] = {}
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Keep linear algebra on one thread within this block, in the whole process; blocks may overlap."""
+    global _under_way  # noqa: PLW0603  (the setting is the process' own)
+    with _lock:
+        if not _under_way:
+            _before.update({library.path: library.count() for library in _set(1)})
+            _environment.update({name: os.environ.get(name) for name in VARIABLES})
+            os.environ.update(dict.fromkeys(VARIABLES, "1"))
+        _under_way += 1
+    try:
+        yield
+    finally:
+        with _lock:
+            _under_way -= 1
+            if not _under_way:
+                _restore()
+
+
+def on_one_thread(function: Callable[P, R]) -> Callable[P, R]:
+    """Have a function do its linear algebra on one thread."""
+
+    @functools.wraps(function)
+    def run(*arguments: P.args, **options: P.kwargs) -> R:
+        with one_thread():
+            return function(*arguments, **options)
+
+    return run
+
+
+def _set(threads: int) -> Iterator[_Library]:
+    """Yield every library that is loaded, and then limit it."""
+    for library in _loaded():
+        yield library
+        library.limit(threads)
+
+
+def _restore() -> None:
+    for name, value in _environment.items():
+        if value is None:
+            os.environ.pop(name, None)
+        else:
+            os.environ[name] = value
+    usual = max(_before.values(), default=os.cpu_count() or 1)
+    for library in _loaded():  # one that was loaded in between gets what the others had
+        library.limit(_before.get(library.path, usual))
+    _before.clear()
+    _environment.clear()
+
+
+def _loaded() -> list[_Library]:
+    import ctypes  # a command that needs none of this loads none of it
+
+    found = []
+    for path in _paths():
+        try:
+            handle = ctypes.CDLL(path)
+        except OSError:
+            continue
+        for count, limit in _CALLS:
+            if hasattr(handle, count) and hasattr(handle, limit):
+                found.append(_Library(path, getattr(handle, count), getattr(handle, limit)))
+                break
+    return found
+
+
+def _paths() -> list[str]:
+    """Return the libraries of linear algebra that this process has loaded."""
+    try:
+        with open("/proc/self/maps") as maps:
+            named = {line[line.index("/") :].rstrip("\n") for line in maps if "/" in line}
+        return sorted(path for path in named if _LIBRARY.search(path))
+    except OSError:  # elsewhere than on Linux: what the wheels bring
+        import numpy as np
+
+        root = Path(np.__file__).parent.parent
+        folders = ("numpy.libs", "scipy.libs", "numpy/.dylibs", "scipy/.dylibs")
+        return sorted(
+            str(p) for folder in folders for p in root.glob(f"{folder}/*") if _LIBRARY.search(p.name)
+        )
