@@ -307,3 +307,16 @@ def test_lifting_and_being_driven_back_need_a_known_payload():
         payload_growth(knots, payloads[:2])
     with pytest.raises(NotIdentifiable, match="three distant centers"):
         payload_growth([knots[1], knots[4]], [payloads[1], payloads[4]])
+
+
+def test_rounding_does_not_choose_between_arrangements_that_mirror_each_other(monkeypatch):
+    from backdrive.excite import centres
+
+    places = centres._arrangements(0.0, 0.5, 9)
+    truth = {tuple(c): centres.noise_gain(c) for c in places}
+    for seed in range(5):
+        jitter = np.random.default_rng(seed).permutation(len(places)) * 1e-15
+        gains = {c: g * (1.0 + j) for (c, g), j in zip(truth.items(), jitter)}
+        monkeypatch.setattr(centres, "noise_gain", lambda c, gains=gains: gains[tuple(c)])
+        _, best = centres._best(places)
+        assert (best.count(-0.5), best.count(0.0), best.count(0.5)) == (2, 4, 3)

@@ -26,7 +26,9 @@ VARIABLES = (
     "BLIS_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS",
 )
-_LIBRARY = re.compile(r"(blas|mkl_rt|blis)[^/\\]*$", re.IGNORECASE)
+_LIBRARY = re.compile(
+    r"(^|[/\\])lib[^/\\]*(blas|blis|mkl_rt)[^/\\]*$", re.IGNORECASE
+)  # not what links to one
 #: How a library is asked for its number of threads and told it.
 _CALLS = (
     *(
@@ -59,7 +61,8 @@ def one_thread() -> Iterator[None]:
     global _under_way  # noqa: PLW0603  (the setting is the process' own)
     with _lock:
         if not _under_way:
-            _before.update({library.path: library.count() for library in _set(1)})
+            _before.update({library.path: library.count() for library in _loaded()})
+            _limit({}, 1)
             _environment.update({name: os.environ.get(name) for name in VARIABLES})
             os.environ.update(dict.fromkeys(VARIABLES, "1"))
         _under_way += 1
@@ -83,11 +86,9 @@ def on_one_thread(function: Callable[P, R]) -> Callable[P, R]:
     return run
 
 
-def _set(threads: int) -> Iterator[_Library]:
-    """Yield every library that is loaded, and then limit it."""
+def _limit(threads: dict[str, int], otherwise: int) -> None:
     for library in _loaded():
-        yield library
-        library.limit(threads)
+        library.limit(threads.get(library.path, otherwise))
 
 
 def _restore() -> None:
@@ -96,9 +97,9 @@ def _restore() -> None:
             os.environ.pop(name, None)
         else:
             os.environ[name] = value
-    usual = max(_before.values(), default=os.cpu_count() or 1)
-    for library in _loaded():  # one that was loaded in between gets what the others had
-        library.limit(_before.get(library.path, usual))
+    _limit(
+        _before, max(_before.values(), default=os.cpu_count() or 1)
+    )  # one loaded in between: as the others
     _before.clear()
     _environment.clear()
 

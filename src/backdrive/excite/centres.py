@@ -32,6 +32,7 @@ SHARE = 0.8  # samples faster than this share of a cycle's peak speed are used [
 MOST_GAIN = 2.0  # noise gain that is sought when the centers are chosen [-]
 WORST_GAIN = 20.0  # and the one from which on centers are called too near [-]
 MOST_SWEEPS = 9
+TIE = 1e-9  # relative difference of noise gains that is rounding [-]
 UNSEEN = (
     0.02  # a direction of gravity that the centers show by less than this share of the other is left out [-]
 )
@@ -227,7 +228,7 @@ def choose_centers(
     middle = min(max(sweep.center, low + half), high - half)
     found: tuple[float, list[float]] = (math.inf, [])
     for count in [sweeps] if sweeps else range(2, MOST_SWEEPS + 1):
-        found = min((noise_gain(c), c) for c in _arrangements(middle, half, count))
+        found = _best(_arrangements(middle, half, count))
         if found[0] <= gain:
             break
     if not found[0] <= WORST_GAIN:
@@ -240,6 +241,16 @@ def choose_centers(
             else f"Three centers within {math.degrees(2 * width_for(WORST_GAIN)):.0f} deg are the least. {WHAT_ELSE}",
         )
     return sweeps_about(sweep, found[1])
+
+
+def _best(arrangements: list[list[float]]) -> tuple[float, list[float]]:
+    """Return the least noise gain and its centers; of those that only rounding tells apart the most even one,
+    and of two that mirror each other the one with fewer at the lower end.
+    """
+    gains = [noise_gain(c) for c in arrangements]
+    alike = [c for c, g in zip(arrangements, gains) if g <= min(gains) * (1.0 + TIE)]
+    best = min(alike, key=lambda c: (abs(c.count(c[0]) - c.count(c[-1])), c.count(c[0])))
+    return gains[arrangements.index(best)], best
 
 
 def _arrangements(middle: float, half: float, count: int) -> list[list[float]]:

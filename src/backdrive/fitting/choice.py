@@ -200,7 +200,7 @@ def choose(
         what: was measured, for the sentence.
     """
     alive = sorted(
-        (c for c in candidates if np.isfinite(c.held_out)), key=lambda c: (c.parameters, c.held_out)
+        (c for c in candidates if np.isfinite(c.held_out)), key=lambda c: (c.parameters, _left(c), c.name)
     )
     least = min((c.aic for c in candidates if np.isfinite(c.aic)), default=0.0)
     table = tuple(
@@ -208,7 +208,7 @@ def choose(
     )
     if any(c.shown for c in alive):
         alive = [c for c in alive if c.shown]
-    best = min(alive, key=lambda c: c.held_out)
+    best = min(alive, key=_left)
     simple = next(c for c in alive if not _worth(c, best))
     share = 100.0 / size if size > 0 else float("nan")
     reason = (
@@ -217,16 +217,21 @@ def choose(
     )
     richer = [c for c in alive if c.parameters > simple.parameters]
     if richer:
-        c = min(richer, key=lambda c: c.held_out)
+        c = min(richer, key=_left)
         gain = 100.0 * (1.0 - c.held_out / simple.held_out)
         reason += f" '{c.name}' with {c.parameters} would bring {c.held_out:.3g} {unit}" + (
             f", {gain:.1f} % less: not worth it." if gain > 0 else ", no less: it is not worth it."
         )
     poorer = [c for c in alive if c.parameters < simple.parameters]
     if poorer:
-        c = min(poorer, key=lambda c: c.held_out)
+        c = min(poorer, key=_left)
         reason += f" The simpler '{c.name}' leaves {c.held_out:.3g} {unit}."
     return Choice(joint=joint, candidates=table, chosen=simple.name, reason=reason, unit=unit)
+
+
+def _left(candidate: Candidate) -> float:
+    """Return the unseen error to six digits: what differs less is one law in two forms, and rounding is not to choose."""
+    return float(f"{candidate.held_out:.6g}")
 
 
 def _worth(simple: Candidate, best: Candidate) -> bool:
