@@ -1,10 +1,30 @@
-"""What every evidence program shares: where the real logs lie, and how it ends."""
+"""What every evidence program shares: its options, where the real logs lie, fresh seeds, and how it ends."""
 
 from __future__ import annotations
 
+import argparse
 import os
+import secrets
 import sys
+import time
 from pathlib import Path
+
+BEGUN = time.perf_counter()
+FRESH = 10**8  # seeds of tests, and of what thresholds were chosen on, lie below
+
+
+def parser(words: str | None) -> argparse.ArgumentParser:
+    """Return a command line with `--short`: the same with fewer draws, within a minute."""
+    made = argparse.ArgumentParser(description=words, formatter_class=argparse.RawDescriptionHelpFormatter)
+    made.add_argument("--short", action="store_true", help="fewer draws, within a minute")
+    return made
+
+
+def first_seed(asked: int | None) -> int:
+    """Return the first of the seeds that a program draws from, and print it: as asked, or one that nothing can be tuned on."""
+    seed = FRESH + 10**5 * secrets.randbelow(20_000) if asked is None else asked
+    print(f"seeds from {seed} on (`--seed {seed}` repeats this)")
+    return seed
 
 
 def data(*parts: str) -> Path:
@@ -34,7 +54,8 @@ class Judge:
             self.short.append(sentence)
 
     def end(self) -> None:
-        """Print the outcome and exit with 0 or 1."""
+        """Print wall time and outcome, and exit with 0 or 1."""
+        print(f"wall time: {time.perf_counter() - BEGUN:.0f} s")
         if self.short:
             print("falls short:\n" + "\n".join(f"  {s}" for s in self.short))
             sys.exit(1)
