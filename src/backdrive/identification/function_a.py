@@ -14,6 +14,7 @@ import numpy as np
 from backdrive import filters
 from backdrive.errors import InvalidInput
 from backdrive.identification import regression
+from backdrive.identification.noise import noise_of
 from backdrive.identification.signals import Signals
 from backdrive.identification.sweep_knots import MERGED, SweepKnots
 from backdrive.identification.sweep_windows import Windows
@@ -134,19 +135,18 @@ def corrected(
     gram = sum((z[1:] @ z[1:].T for z in inside.values()), np.zeros((k, k)))
     moment = sum((z[1:] @ z[0] for z in inside.values()), np.zeros(k))
     theta = regression.solve(gram, moment)
-    spread = np.zeros((k, k))
+    # by the acceleration as it was: what the servo answers to noise is in torque and acceleration alike
+    noise = noise_of([x[2, g] - theta @ both[:, g] for g in used], [x[1, g] for g in used])
+    spread = sum((noise.covariance(inside[id(g)][1:], i) for i, g in enumerate(used)), np.zeros((k, k)))
+    errors = {id(g): noise.covariance(np.full((1, g.size), 1.0 / g.size), i)[0, 0] for i, g in enumerate(used)}
     rows = []
     for g in groups:
         if g.size < LEAST:
             rows.append((np.nan, np.nan, np.nan, g.size, np.zeros(k), np.nan))
             continue
-        z = inside[id(g)]
-        left = z[0] - theta @ z[1:]
-        spread += long_run(z[1:] * left)
         mean = both[:, g].mean(axis=1)
-        kept = max(g.size - _lost(x[1, g]) - k / len(used), 1.0)
-        error = float(long_run(left[None])[0, 0]) / g.size / kept
-        rows.append((x[1, g].mean(), x[2, g].mean() - theta @ mean, error, g.size, mean, x[1, g].var()))
+        F = x[2, g].mean() - theta @ mean
+        rows.append((x[1, g].mean(), F, errors[id(g)], g.size, mean, x[1, g].var()))
     bread = np.linalg.pinv(gram, hermitian=True)
     covariance = bread @ spread @ bread
     V, F, count, variance = (np.array([row[i] for row in rows]).reshape(-1, 2) for i in (0, 1, 3, 5))
@@ -229,13 +229,6 @@ def _within(z: np.ndarray, v: np.ndarray, t: np.ndarray) -> np.ndarray:
     cubic /= max(float(np.sqrt(cubic @ cubic)), 1e-300)
     z[1] = (z[1] @ line) * line + (z[1] @ cubic) * cubic
     return z[:-2]
-
-
-def _lost(v: np.ndarray) -> float:
-    """Return how many samples' worth of slow noise went with mean and slope over v, which `long_run` then does not see."""
-    v = v - v.mean()
-    fitted = np.stack([np.full(v.size, v.size**-0.5), v / max(float(np.sqrt(v @ v)), 1e-300)])
-    return float(np.trace(long_run(fitted)))
 
 
 def long_run(z: np.ndarray) -> np.ndarray:

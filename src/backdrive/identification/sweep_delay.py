@@ -20,7 +20,7 @@ import numpy as np
 
 from backdrive import filters
 from backdrive.identification.curves import basis
-from backdrive.identification.function_a import long_run
+from backdrive.identification.noise import noise_of
 from backdrive.identification.signals import Signals
 from backdrive.identification.sweep_windows import Windows, windows
 from backdrive.identification.timing import Timing, torque_timing
@@ -81,11 +81,14 @@ def _solved(
         if not theta[0] > 0:
             return float("nan"), float("nan"), False
         delay -= float(theta[1] / theta[0])
-    spread = sum(
-        long_run((Z[a:b] * (f - X @ theta)[a:b, None]).T)
-        for (X, Z), (*_, edges), f in zip(regressors, parts, y)
+    runs = [
+        ((f - X @ theta)[a:b], real[1][a:b], Z[a:b].T)
+        for (X, Z), (_, real, _, edges), f in zip(regressors, parts, y)
         for a, b in edges
-    )
+    ]
+    # a cubic more than was fitted: what straight sections miss of the curve is no noise
+    noise = noise_of([left for left, _, _ in runs], [v for _, v, _ in runs], degree=3)
+    spread = sum(noise.covariance(z, i) for i, (_, _, z) in enumerate(runs))
     error = np.sqrt(np.diag(bread @ spread @ bread.T))
     grows = loaded and bool(theta[-2] > SIGNIFICANT * error[-2])
     return delay, float(error[1] / theta[0]), grows

@@ -1,0 +1,137 @@
+"""How the noise of neighbouring samples hangs together, and what that makes of the errors of sums.
+
+A regression leaves residuals in runs of neighbouring samples. The variance of a sum of them with weights z is z' G z, with the
+autocovariance G of the noise; all runs together tell its shape, each its own size.
+
+The weights of the lags are one up to the last lag at which a correlation is seen, and then fall in a straight line (Politis &
+Romano, J. Time Series Analysis 16, 1995; the lag nearly as in Politis, J. Nonparametric Statistics 15, 2003): weights that fall from
+the first lag on mix what is noisy at a high frequency, such as an acceleration, into the level at zero. The residuals of a run have
+lost what was fitted in it, a line or a polynomial of the velocity: with Q the normalised columns of these and P = 1 - Q Q', their
+autocovariance is that of P G P, and what is missing is put back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive.filters import fft_length
+
+LONGEST = 120  # lag that is looked at, at most [sample]
+SEEN = 2.0  # a correlation counts from so many times sqrt(log10 N / N) on [-]
+QUIET = 10  # so many lags below that end the correlation
+ROUNDS = 4  # what the fit took is that of the round before
+LEAST = 0.1  # variance of a sum by that of white noise of the same size, at least [-]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Noise:
+    """Noise of residuals in runs of samples.
+
+    Attributes:
+        correlation: from sample to sample, by lag, 1 at lag 0 [-], (L,).
+        size: standard deviation of the noise in each run [unit of the residuals], (R,).
+    """
+
+    correlation: np.ndarray
+    size: np.ndarray
+
+    def covariance(self, z: np.ndarray, run: int) -> np.ndarray:
+        """Return the covariance of the sums of z times noise over a run, (k, k).
+
+        Args:
+            z: rows of weights, (k, n).
+            run: index of the run.
+        """
+        full = z @ _toeplitz(z.T, self.correlation)
+        white = z @ z.T
+        known = np.diag(full) < LEAST * np.diag(white)
+        return self.size[run] ** 2 * (LEAST * white if known.any() else 0.5 * (full + full.T))
+
+
+def noise_of(
+    residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], degree: int = 1
+) -> Noise:
+    """Return the noise of residuals in which a polynomial of the velocity was fitted to each run, or is taken out here.
+
+    Args:
+        residuals: of each run, (n,).
+        velocities: of its samples, (n,).
+        degree: of the polynomial.
+    """
+    bases = [_basis(v, degree) for v in velocities]
+    left = [r - Q @ (Q.T @ r) for r, Q in zip(residuals, bases)]
+    power = np.array([float(np.mean(r**2)) for r in left])
+    lags = min(LONGEST, max(r.size for r in left))
+    raw = np.zeros(lags)
+    for r, p in zip(left, power):
+        if p > 0.0:
+            raw += _products(r[:, None], r[:, None], lags)[0, 0] / p
+    correlation, kept = np.ones(1), np.ones(len(left))
+    pairs = [_products(Q, Q, lags) for Q in bases]
+    for _ in range(ROUNDS):
+        taken, count = np.zeros(lags), np.full(lags, 1e-300)
+        for i, (Q, QQ) in enumerate(zip(bases, pairs)):
+            lost = _lost(Q, QQ, correlation)
+            kept[i] = max(1.0 - lost[0] / len(Q), LEAST)
+            taken += lost / kept[i]
+            count += np.maximum(len(Q) - np.arange(lags), 0) / kept[i]
+        whole = (raw + taken) / count
+        correlation = tapered(whole / whole[0], sum(r.size for r in left))
+    return Noise(correlation=correlation, size=np.sqrt(power / kept))
+
+
+def tapered(correlation: np.ndarray, count: int) -> np.ndarray:
+    """Return a correlation by lag, whole up to the last lag at which it is seen, and falling to zero over as many more.
+
+    Args:
+        correlation: as estimated, 1 at lag 0 [-], (L,).
+        count: of samples it was estimated from.
+    """
+    seen = np.abs(correlation[1:]) >= SEEN * np.sqrt(np.log10(max(count, 10)) / count)
+    last = quiet = 0
+    for lag, one in enumerate(seen.tolist(), 1):
+        quiet = 0 if one else quiet + 1
+        last = lag if one else last
+        if quiet >= QUIET:
+            break
+    lags = np.arange(min(max(2 * last, 1), correlation.size))
+    return correlation[: lags.size] * np.minimum(1.0, 2.0 - lags / max(last, 1))
+
+
+def _basis(velocity: np.ndarray, degree: int) -> np.ndarray:
+    """Return orthonormal columns of a polynomial of the velocity, (n, degree + 1)."""
+    v = velocity - velocity.mean()
+    return np.linalg.qr(np.vander(v / max(float(np.abs(v).max()), 1e-300), degree + 1))[0]
+
+
+def _lost(Q: np.ndarray, QQ: np.ndarray, correlation: np.ndarray) -> np.ndarray:
+    """Return by how much a fit of columns Q lowers the sum of products e_k e_(k+h) of unit noise by lag, (lags,).
+
+    With the shift J_h that is tr J_h (G - P G P) = 2 tr Q' J_h G Q - tr (Q' J_h Q) (Q' G Q), J_h and its transpose averaged.
+    """
+    G = _toeplitz(Q, correlation)
+    across = np.einsum("aah->h", _products(Q, G, QQ.shape[2]) + _products(G, Q, QQ.shape[2]))
+    return across - np.einsum("abh,ab->h", QQ, Q.T @ G)
+
+
+def _products(a: np.ndarray, b: np.ndarray, lags: int) -> np.ndarray:
+    """Return sums over k of a_k b_(k+h) by columns of a and b and lag h, (k, m, lags)."""
+    n = fft_length(a.shape[0] + lags)
+    A, B = (np.fft.rfft(x.T, n) for x in (a, b))
+    return np.fft.irfft(np.conj(A)[:, None] * B, n)[..., :lags]
+
+
+def _toeplitz(z: np.ndarray, correlation: np.ndarray) -> np.ndarray:
+    """Return the symmetric Toeplitz matrix of a correlation times columns z, (n, k)."""
+    n, m = z.shape[0], min(correlation.size, z.shape[0])
+    if m == 1:
+        return correlation[0] * z
+    size = fft_length(n + m)
+    circle = np.zeros(size)
+    circle[:m] = correlation[:m]
+    circle[size - m + 1 :] = correlation[m - 1 : 0 : -1]
+    spectrum = np.fft.rfft(circle)[:, None] * np.fft.rfft(z, size, axis=0)
+    return np.fft.irfft(spectrum, size, axis=0)[:n]

@@ -1,0 +1,87 @@
+"""Tests for identification/noise.py: errors of sums of correlated samples, against matrices written out and known processes."""
+
+import numpy as np
+import pytest
+from scipy.linalg import toeplitz
+
+from backdrive.excite import Sweep
+from backdrive.identification import noise
+from backdrive.identification.noise import Noise, noise_of, tapered
+from backdrive.identification.signals import prepare
+from backdrive.identification.sweep import sweep_knots
+from backdrive.identification.sweep_delay import sweep_delay
+from backdrive.identification.sweep_windows import windows
+from backdrive.laws import CoulombViscous, Law
+from backdrive.plants.thesis import joint_1
+from backdrive.simulate import simulate
+
+RHO = np.array([1.0, 0.5, 0.1, -0.2])
+DRY = Law(
+    rate=CoulombViscous(coulomb_positive=8.0, coulomb_negative=8.0, viscous_positive=3.0, viscous_negative=3.0)
+)
+
+
+def matrix(n):
+    return toeplitz(np.r_[RHO, np.zeros(n - RHO.size)])
+
+
+def test_the_covariance_of_sums_is_that_of_the_matrix_written_out():
+    z = np.random.default_rng(0).standard_normal((3, 40))
+    found = Noise(correlation=RHO, size=np.array([7.0, 1.5])).covariance(z, 1)
+    assert found == pytest.approx(1.5**2 * z @ matrix(40) @ z.T, rel=1e-12)
+
+
+@pytest.mark.parametrize("degree", [1, 3])
+def test_what_a_fit_takes_from_the_products_is_that_of_the_projected_matrix(degree):
+    Q = noise._basis(np.sin(np.linspace(1.0, 2.0, 40)), degree)
+    P = np.eye(40) - Q @ Q.T
+    missing = matrix(40) - P @ matrix(40) @ P
+    expected = [np.trace(missing, lag) for lag in range(12)]
+    assert noise._lost(Q, noise._products(Q, Q, 12), RHO) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("weights", [np.ones(1), np.array([1.0, 0.6, 0.2]), np.array([1.0, -0.5])])
+def test_the_error_of_a_mean_is_that_of_a_moving_average_process(weights):
+    rng, lengths = np.random.default_rng(3), (400, 200, 100, 60, 40) * 2
+    speeds = [np.cos(np.linspace(-0.6, 0.6, n)) for n in lengths]
+    found = []
+    for _ in range(60):
+        runs = [np.convolve(rng.standard_normal(n + weights.size - 1), weights, "valid") for n in lengths]
+        left = noise_of(runs, speeds)
+        found.append([left.covariance(np.full((1, n), 1.0 / n), i)[0, 0] for i, n in enumerate(lengths)])
+    autocovariance = np.convolve(weights, weights[::-1])[weights.size - 1 :]
+    for n, value in zip(lengths, np.mean(found, axis=0)):
+        rho = np.r_[autocovariance, np.zeros(n - weights.size)]
+        assert value == pytest.approx(toeplitz(rho).sum() / n**2, rel=0.12)
+
+
+def test_weights_are_one_as_far_as_a_correlation_is_seen_and_fall_from_there():
+    seen = np.array([1.0, 0.5, 0.3, 0.0, 0.4] + [0.001] * 30)
+    wanted = np.array([1.0, 0.5, 0.3, 0.0, 0.4, 0.001 * 0.75, 0.001 * 0.5, 0.001 * 0.25])
+    assert tapered(seen, 10_000) == pytest.approx(wanted)
+    assert tapered(np.array([1.0] + [0.001] * 30), 10_000) == pytest.approx([1.0])
+
+
+def test_noise_without_a_size_and_runs_of_a_few_samples_do_no_harm():
+    silent = noise_of([np.zeros(30), np.zeros(5)], [np.arange(30.0), np.arange(5.0)], degree=3)
+    assert silent.covariance(np.ones((1, 30)), 0)[0, 0] == pytest.approx(0.0, abs=1e-24)
+    short = noise_of([np.array([0.1, -0.2, 0.3])], [np.ones(3)])
+    assert np.isfinite(short.covariance(np.ones((1, 3)), 0)).all()
+
+
+def test_knots_and_delay_scatter_as_much_as_their_errors_say():
+    delay, plan = 2e-3, Sweep(np.deg2rad(20.0), 2.0, 5)
+    plant = joint_1().replace(law=DRY, torque_noise=0.2, delay=delay)
+    torque, stated, delays = [], [], []
+    for seed in range(36):
+        log = simulate(plant, plan, seed=seed)
+        knots = sweep_knots(log, 0, delay=delay)
+        torque.append(np.concatenate([knots.F_pos, knots.F_neg]))
+        stated.append(np.concatenate([knots.error_pos, knots.error_neg]))
+        parts = prepare(log, 0)
+        delays.append(sweep_delay(parts, windows(log, 0, log.plan, parts)))
+    ratio = np.std(torque, axis=0, ddof=1) / np.sqrt(np.mean(np.square(stated), axis=0))
+    assert 0.9 < ratio.mean() < 1.1
+    assert np.mean(delays, axis=0)[0] == pytest.approx(delay, abs=0.04e-3)
+    scatter = np.std(delays, axis=0, ddof=1)[0] / np.mean(delays, axis=0)[1]
+    assert 0.75 < scatter < 1.25  # of 36
