@@ -52,3 +52,35 @@ def test_a_friction_model_lowers_the_error_of_the_estimate(setup_a):
         errors[name] = judged(setup_a, estimator, *logs)
     assert errors["algFE"]["rms"] < 0.6 * errors["none"]["rms"]
     assert errors["algFE"]["false"] < errors["none"]["false"]
+
+
+def test_a_claim_about_every_joint_hangs_on_every_joint():
+    bare = {"peak": 2.0, "rms": 1.0, "breakaway": 3.0, "cycle": 0.0, "fluctuation": 0.0, "tracking": 1.0}
+    half = bare | {"peak": 1.0, "rms": 0.5}
+    rows = [
+        {"friction": f, "method": "kalman", "rms": r, "delay": 0.0} for f, r in (("none", 1.0), ("CT", 0.4))
+    ]
+
+    def verdict(worse):
+        table = {
+            who.name: {
+                m.name: {
+                    "scores": {
+                        s.name: bare | {"peak": 2.2}
+                        if (who.name, m.name) == worse
+                        else bare
+                        if m.name == "NC"
+                        else half
+                        for s in joints_.SETTINGS
+                    },
+                    "bare": bare,
+                }
+                for m in METHODS
+            }
+            for who in joints_.contenders()
+        }
+        claims = league._claims(table, {"rows": rows})
+        return next(c for c in claims if "on every joint" in c.what).holds
+
+    assert verdict(None) is True
+    assert verdict(("joint_1", "PD")) is False  # whose mean over the joints is far below the bare joint's

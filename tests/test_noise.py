@@ -17,7 +17,9 @@ from backdrive.simulate import simulate
 
 RHO = np.array([1.0, 0.5, 0.1, -0.2])
 DRY = Law(
-    rate=CoulombViscous(coulomb_positive=8.0, coulomb_negative=8.0, viscous_positive=3.0, viscous_negative=3.0)
+    rate=CoulombViscous(
+        coulomb_positive=8.0, coulomb_negative=8.0, viscous_positive=3.0, viscous_negative=3.0
+    )
 )
 
 

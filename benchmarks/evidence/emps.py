@@ -8,7 +8,7 @@ differences; the first 49 samples dropped; force and every regressor decimated b
 from __future__ import annotations
 
 import numpy as np
-from _common import Judge, data
+from _common import Judge, data, parser
 from scipy.signal import butter, cheby1, filtfilt, sosfiltfilt
 
 from backdrive.identification import curves, design, identify, regression
@@ -18,6 +18,7 @@ from backdrive.readers import read_log
 PUBLISHED = {"M": 95.1089, "Fv": 203.5034, "Fc": 20.3935, "offset": -3.1648}
 FORCE = 35.15065188  # force constant that the data set gives [N/V]
 DROP, FACTOR, BLOCKS = 49, 10, 10
+UNSEEN = {True: 2.75, False: 3.25}  # with the jerk column, which is a time slip, and without [%]
 
 
 def recipe(position: np.ndarray, force: np.ndarray, period: float) -> Signals:
@@ -55,6 +56,7 @@ def relative(error: np.ndarray, y: np.ndarray) -> float:
 
 def main() -> None:
     """Compute everything from the log and judge it."""
+    parser(__doc__).parse_args()  # it takes seconds, shortened or not
     judge = Judge()
     log = read_log(data("emps", "DATA_EMPS.mat"), map=f"t=t,q=qm,tau={FORCE}*vir", units="m")
     s = recipe(log.position[:, 0], log.torque[:, 0], log.period)
@@ -101,9 +103,7 @@ def main() -> None:
         if slip:
             inertia, jerk = choice.coefficients[:2]
             print(f"    estimated slip of the force behind the motion: {1e3 * jerk / inertia:.2f} ms")
-            judge.at_most(f"curve of {name}, unseen", error, 2.75, "%")
-        else:
-            print(f"    curve of {name}, unseen: {error:.4f} %")
+        judge.at_most(f"curve of {name}, unseen", error, UNSEEN[slip], "%")
 
     print("the whole pipeline, `identify` with its defaults")
     result = identify(log)

@@ -138,7 +138,9 @@ def corrected(
     # by the acceleration as it was: what the servo answers to noise is in torque and acceleration alike
     noise = noise_of([x[2, g] - theta @ both[:, g] for g in used], [x[1, g] for g in used])
     spread = sum((noise.covariance(inside[id(g)][1:], i) for i, g in enumerate(used)), np.zeros((k, k)))
-    errors = {id(g): noise.covariance(np.full((1, g.size), 1.0 / g.size), i)[0, 0] for i, g in enumerate(used)}
+    errors = {
+        id(g): noise.covariance(np.full((1, g.size), 1.0 / g.size), i)[0, 0] for i, g in enumerate(used)
+    }
     rows = []
     for g in groups:
         if g.size < LEAST:

@@ -4,10 +4,10 @@ A regression leaves residuals in runs of neighbouring samples. The variance of a
 autocovariance G of the noise; all runs together tell its shape, each its own size.
 
 The weights of the lags are one up to the last lag at which a correlation is seen, and then fall in a straight line (Politis &
-Romano, J. Time Series Analysis 16, 1995; the lag nearly as in Politis, J. Nonparametric Statistics 15, 2003): weights that fall from
-the first lag on mix what is noisy at a high frequency, such as an acceleration, into the level at zero. The residuals of a run have
-lost what was fitted in it, a line or a polynomial of the velocity: with Q the normalised columns of these and P = 1 - Q Q', their
-autocovariance is that of P G P, and what is missing is put back.
+Romano, J. Time Series Analysis 16, 1995; the lag nearly as in Politis, J. Nonparametric Statistics 15, 2003): weights that fall
+from the first lag on mix what is noisy at a high frequency, such as an acceleration, into the level at zero. The residuals of a
+run have lost what was fitted in it, a line or a polynomial of the velocity: with Q the orthonormal columns of these and
+P = 1 - Q Q', their autocovariance is that of P G P, and what is missing is put back.
 """
 
 from __future__ import annotations
@@ -47,13 +47,11 @@ class Noise:
         """
         full = z @ _toeplitz(z.T, self.correlation)
         white = z @ z.T
-        known = np.diag(full) < LEAST * np.diag(white)
-        return self.size[run] ** 2 * (LEAST * white if known.any() else 0.5 * (full + full.T))
+        small = np.diag(full) < LEAST * np.diag(white)
+        return self.size[run] ** 2 * (LEAST * white if small.any() else 0.5 * (full + full.T))
 
 
-def noise_of(
-    residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], degree: int = 1
-) -> Noise:
+def noise_of(residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], degree: int = 1) -> Noise:
     """Return the noise of residuals in which a polynomial of the velocity was fitted to each run, or is taken out here.
 
     Args:
