@@ -1,6 +1,7 @@
 """Faults of the clock and of single samples, planted in clean logs; and what all plantings need.
 
-Every function takes a clean log and a random generator and returns the log with one fault, or None where it cannot show it.
+Every function takes a clean log and a random generator and returns the log with one fault, or None where it cannot be put. With
+`anywhere` it is put wherever it can be put at all; else only where the conditions hold that the table of faults states.
 """
 
 from __future__ import annotations
@@ -27,6 +28,9 @@ class Planted:
     log: Log
     joint: str | None
     rows: np.ndarray | None = None
+
+
+Plant = Callable[..., Planted | None]
 
 
 def with_column(log: Log, channel: str, j: int, values: np.ndarray) -> Log:
@@ -73,46 +77,46 @@ def moves(clean: Clean, j: int) -> bool:
     return "ramp" not in clean.motion and top_speed(clean, j) > 0.05
 
 
-def swapped(clean: Clean, rng: np.random.Generator) -> Planted:
+def swapped(clean: Clean, rng: np.random.Generator, anywhere: bool = False) -> Planted:
     k = some_row(clean, rng)
     order = np.arange(len(clean.log))
     order[[k, k + 1]] = order[[k + 1, k]]
     return Planted(clean.log.rows(order), None, np.array([k, k + 1]))
 
 
-def set_back(clean: Clean, rng: np.random.Generator) -> Planted:
+def set_back(clean: Clean, rng: np.random.Generator, anywhere: bool = False) -> Planted:
     k = some_row(clean, rng)
     time = np.array(clean.log.time)
     time[k:] -= 50 * clean.log.period
     return Planted(clean.log.replace(time=time), None, np.array([k]))
 
 
-def sent_twice(clean: Clean, rng: np.random.Generator) -> Planted:
+def sent_twice(clean: Clean, rng: np.random.Generator, anywhere: bool = False) -> Planted:
     k = some_row(clean, rng)
     rows = np.insert(np.arange(len(clean.log)), k, k)
     return Planted(clean.log.rows(rows), None, np.array([k, k + 1]))
 
 
-def coarse_clock(clean: Clean, rng: np.random.Generator) -> Planted:
+def coarse_clock(clean: Clean, rng: np.random.Generator, anywhere: bool = False) -> Planted:
     time = clean.log.time - clean.log.time[0]
     tick = clean.log.period * rng.uniform(3, 10)
     return Planted(clean.log.replace(time=np.floor(time / tick) * tick), None)
 
 
-def uneven(clean: Clean, rng: np.random.Generator) -> Planted:
+def uneven(clean: Clean, rng: np.random.Generator, anywhere: bool = False) -> Planted:
     steps = np.diff(clean.log.time).mean() * np.maximum(1 + 0.2 * rng.standard_normal(len(clean.log)), 0.05)
     return Planted(clean.log.replace(time=np.cumsum(steps)), None)
 
 
-def dropped(clean: Clean, rng: np.random.Generator) -> Planted:
+def dropped(clean: Clean, rng: np.random.Generator, anywhere: bool = False) -> Planted:
     k = some_row(clean, rng)
     return Planted(
         clean.log.rows(np.delete(np.arange(len(clean.log)), np.arange(k, k + 5))), None, np.array([k])
     )
 
 
-def single(value: float) -> Callable[[Clean, np.random.Generator], Planted]:
-    def plant(clean: Clean, rng: np.random.Generator) -> Planted:
+def single(value: float) -> Plant:
+    def plant(clean: Clean, rng: np.random.Generator, anywhere: bool = False) -> Planted:
         channel, j, k = (
             str(rng.choice(list(clean.log.channels))),
             some_joint(clean, rng),
@@ -136,13 +140,14 @@ def _counts(clean: Clean, rng: np.random.Generator) -> tuple[str, int, np.ndarra
     return (channel, j, counts, step) if np.unique(counts).size > 10 else None
 
 
-def minus_one(clean: Clean, rng: np.random.Generator) -> Planted | None:
+def minus_one(clean: Clean, rng: np.random.Generator, anywhere: bool = False) -> Planted | None:
     found = _counts(clean, rng)
     if found is None:
         return None
     channel, j, counts, step = found
     bits = rng.choice([16, 32])
-    near = np.flatnonzero(np.abs(counts[1:-1] + 1) <= 3 + 0.01 * np.ptp(counts)) + 1
+    far = np.inf if anywhere else 3 + 0.01 * np.ptp(counts)
+    near = np.flatnonzero(np.abs(counts[1:-1] + 1) <= far) + 1
     if not near.size:
         return None
     k = int(rng.choice(near))
@@ -150,7 +155,7 @@ def minus_one(clean: Clean, rng: np.random.Generator) -> Planted | None:
     return Planted(with_column(clean.log, channel, j, counts * step), clean.log.names[j], np.array([k]))
 
 
-def unsigned(clean: Clean, rng: np.random.Generator) -> Planted | None:
+def unsigned(clean: Clean, rng: np.random.Generator, anywhere: bool = False) -> Planted | None:
     found = _counts(clean, rng)
     if found is None:
         return None
@@ -162,7 +167,7 @@ def unsigned(clean: Clean, rng: np.random.Generator) -> Planted | None:
     return Planted(with_column(clean.log, channel, j, counts * step), clean.log.names[j], rows)
 
 
-def overflow(clean: Clean, rng: np.random.Generator) -> Planted | None:
+def overflow(clean: Clean, rng: np.random.Generator, anywhere: bool = False) -> Planted | None:
     j = some_joint(clean, rng)
     x = clean.log.torque[:, j]
     top = np.abs(x).max()
@@ -174,12 +179,14 @@ def overflow(clean: Clean, rng: np.random.Generator) -> Planted | None:
     inside = np.abs(np.diff(counts)) < 3000
     rows = np.flatnonzero(wrapped != counts)
     crossing = np.flatnonzero(np.diff((wrapped != counts).astype(int)))
-    if not rows.size or not crossing.size or not inside[crossing].all():
+    if not rows.size or not (anywhere or (crossing.size and inside[crossing].all())):
         return None
     return Planted(with_column(clean.log, "torque", j, wrapped * top / 32768), clean.log.names[j], rows)
 
 
-def _folded(clean: Clean, rng: np.random.Generator, period: Callable[[float], float]) -> Planted | None:
+def _folded(
+    clean: Clean, rng: np.random.Generator, period: Callable[[float], float], anywhere: bool
+) -> Planted | None:
     j = some_joint(clean, rng)
     if "position" not in clean.log.channels or not moves(clean, j):
         return None
@@ -188,20 +195,22 @@ def _folded(clean: Clean, rng: np.random.Generator, period: Callable[[float], fl
     over = q > level
     rows = np.flatnonzero(np.diff(over.astype(int))) + 1
     size = period(step_of(q))
-    if not rows.size or size < 12 * np.abs(np.diff(q)).max() or np.ptp(q) > 2 * size:
+    if not rows.size or size == 0:
+        return None
+    if not anywhere and (size < 12 * np.abs(np.diff(q)).max() or np.ptp(q) > 2 * size):
         return None
     return Planted(with_column(clean.log, "position", j, q - size * over), clean.log.names[j], rows)
 
 
-def turn(clean: Clean, rng: np.random.Generator) -> Planted | None:
-    return _folded(clean, rng, lambda step: 2 * np.pi)
+def turn(clean: Clean, rng: np.random.Generator, anywhere: bool = False) -> Planted | None:
+    return _folded(clean, rng, lambda step: 2 * np.pi, anywhere)
 
 
-def counter(clean: Clean, rng: np.random.Generator) -> Planted | None:
-    return _folded(clean, rng, lambda step: step * 2.0 ** rng.choice([12, 16, 20]))
+def counter(clean: Clean, rng: np.random.Generator, anywhere: bool = False) -> Planted | None:
+    return _folded(clean, rng, lambda step: step * 2.0 ** rng.choice([12, 16, 20]), anywhere)
 
 
-def slipped(clean: Clean, rng: np.random.Generator) -> Planted | None:
+def slipped(clean: Clean, rng: np.random.Generator, anywhere: bool = False) -> Planted | None:
     j = some_joint(clean, rng)
     if "position" not in clean.log.channels or not moves(clean, j):
         return None
@@ -211,7 +220,7 @@ def slipped(clean: Clean, rng: np.random.Generator) -> Planted | None:
     return Planted(with_column(clean.log, "position", j, q), clean.log.names[j], np.array([k]))
 
 
-def spike(clean: Clean, rng: np.random.Generator) -> Planted | None:
+def spike(clean: Clean, rng: np.random.Generator, anywhere: bool = False) -> Planted | None:
     channel, j = str(rng.choice(list(clean.log.channels))), some_joint(clean, rng)
     x = np.array(clean.log.channels[channel][:, j])
     if np.ptp(x) == 0 or not moves(clean, j):
@@ -222,7 +231,7 @@ def spike(clean: Clean, rng: np.random.Generator) -> Planted | None:
     return Planted(with_column(clean.log, channel, j, x), clean.log.names[j], np.array([k]))
 
 
-def wild_end(clean: Clean, rng: np.random.Generator) -> Planted | None:
+def wild_end(clean: Clean, rng: np.random.Generator, anywhere: bool = False) -> Planted | None:
     channel, j = str(rng.choice(list(clean.log.channels))), some_joint(clean, rng)
     x = np.array(clean.log.channels[channel][:, j])
     if np.ptp(x) == 0:
