@@ -23,7 +23,7 @@ def parser(words: str | None) -> argparse.ArgumentParser:
 def first_seed(asked: int | None) -> int:
     """Return the first of the seeds that a program draws from, and print it: as asked, or one that nothing can be tuned on."""
     seed = FRESH + 10**5 * secrets.randbelow(20_000) if asked is None else asked
-    print(f"seeds from {seed} on (`--seed {seed}` repeats this)")
+    print(f"seeds from {seed} on (`--seed {seed}` repeats this)", flush=True)
     return seed
 
 

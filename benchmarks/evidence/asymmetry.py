@@ -17,6 +17,7 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import argparse
+import sys
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -86,6 +87,7 @@ def off(found: SweepFit, plant: SimulatedJoint) -> np.ndarray:
 
 def many(work: Callable, seeds: Sequence[int]) -> list:
     """Return what a function gives for seeds, on several cores."""
+    sys.stdout.flush()  # a forked process would print what is waiting again
     with ProcessPoolExecutor(CORES) as pool:
         return list(pool.map(work, seeds, chunksize=8))
 

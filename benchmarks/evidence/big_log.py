@@ -13,16 +13,16 @@ import time
 from pathlib import Path
 
 import numpy as np
-from _common import Judge
+from _common import Judge, parser
 
 HOURS, RATE, JOINTS = 1.0, 1000, 7
 COULOMB = 3.0 + np.arange(JOINTS)
 VISCOUS = 1.0 + 0.2 * np.arange(JOINTS)
 
 
-def write_log(path: Path) -> None:
+def write_log(path: Path, hours: float) -> None:
     """Write the log joint by joint, so that making it needs little memory itself."""
-    n = round(HOURS * 3600 * RATE)
+    n = round(hours * 3600 * RATE)
     folder = path.parent
     t = np.arange(n) / RATE
     q = np.lib.format.open_memmap(folder / "q.npy", mode="w+", dtype=np.float64, shape=(n, JOINTS))
@@ -66,11 +66,12 @@ def tree_memory(pid: int) -> float:
 
 def main() -> None:
     """Make the log, identify it in a process of its own, and watch its memory."""
+    hours = 0.1 if parser(__doc__).parse_args().short else HOURS
     judge = Judge()
     with tempfile.TemporaryDirectory() as scratch:
         log, model = Path(scratch, "hour.npz"), Path(scratch, "m.json")
-        write_log(log)
-        print(f"log: {log.stat().st_size / 1e6:.0f} MB")
+        write_log(log, hours)
+        print(f"log of {60 * hours:.0f} min: {log.stat().st_size / 1e6:.0f} MB")
         start = time.perf_counter()
         with subprocess.Popen(
             [sys.executable, "-m", "backdrive", "identify", str(log), "-o", str(model)],

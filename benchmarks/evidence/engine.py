@@ -8,7 +8,6 @@ measured in the thread's own CPU time, all threads by the wall clock.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import statistics
@@ -21,7 +20,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from _common import Judge
+from _common import Judge, parser
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "engine_c"))
 from c_loops import Loops
@@ -83,7 +82,7 @@ def turns(theirs: Callable, ours: Callable, clock: Callable[[], float], seconds:
     return {"theirs": min(a), "ours": min(b), "ratio": ratio, "of_best": min(b) / min(a), "turns": len(a)}
 
 
-def against_c(loops: Loops, judge: Judge) -> list[dict]:
+def against_c(loops: Loops, judge: Judge, seconds: float) -> list[dict]:
     """Compare the loops of every law, one long series and many sets, on one thread and on all."""
     threads, results, alike = available(), [], True
     print(f"{'law':18s} {'case':12s} thr   C [ns] ours [ns]  ratio  of best  turns")
@@ -107,7 +106,7 @@ def against_c(loops: Loops, judge: Judge) -> list[dict]:
 
                 alike &= np.array_equal(c().view(np.int64), ours().view(np.int64))
                 clock = time.thread_time if workers == 1 else time.perf_counter
-                got = turns(c, ours, clock) | {"law": name, "case": case, "threads": workers}
+                got = turns(c, ours, clock, seconds) | {"law": name, "case": case, "threads": workers}
                 got["theirs"], got["ours"] = (1e9 * got[k] / sets / n for k in ("theirs", "ours"))
                 results.append(got)
                 print(
@@ -344,17 +343,17 @@ def draw(file: Path, found: dict) -> None:
 
 def main() -> None:
     """Measure, write down and judge."""
-    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
-    parser.add_argument("--json", type=Path, help="write the figures there")
-    parser.add_argument("--figure", type=Path, help="draw them there")
-    wanted = parser.parse_args()
-    judge = Judge()
+    made = parser(str(__doc__).splitlines()[0])
+    made.add_argument("--json", type=Path, help="write the figures there")
+    made.add_argument("--figure", type=Path, help="draw them there")
+    wanted = made.parse_args()
+    judge, seconds = Judge(), 0.2 if wanted.short else SECONDS
     with tempfile.TemporaryDirectory() as scratch:
         loops = Loops(Path(scratch))
         load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
         print(f"{loops.compiler}; {available()} cores, load {load:.1f}")
         found = {"compiler": loops.compiler, "cores": available(), "load": load}
-        found["against_c"] = against_c(loops, judge)
+        found["against_c"] = against_c(loops, judge, seconds)
         found["forward"] = driven(loops)
     found["against_python"] = against_python(judge)
     found["growth"] = growth(judge)

@@ -8,7 +8,7 @@ inertia and Coriolis forces along the reference, which take that pull away.
 from __future__ import annotations
 
 import numpy as np
-from _common import Judge, data
+from _common import Judge, data, parser
 
 from backdrive.identification import identify, validate
 from backdrive.identification.dynamics import predict
@@ -23,6 +23,7 @@ PULL = ",tau_model=tau_g_all+tau_a_all+tau_c_all"
 
 def main() -> None:
     """Fit on A, judge on B."""
+    parser(__doc__).parse_args()  # it takes seconds, shortened or not
     judge = Judge()
     cases = [("a6", MAP, 27.0), ("a1", MAP, 35.0), ("a1", MAP + PULL, 20.0)]
     for joint, mapping, limit in cases:

@@ -14,7 +14,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from _common import Judge, data
+from _common import Judge, data, parser
 
 from backdrive import load_model
 from backdrive.laws import REFERENCE, kernels
@@ -176,6 +176,7 @@ def judge_command(judge: Judge) -> None:
 
 def main() -> None:
     """Judge all presets."""
+    parser(__doc__).parse_args()  # it takes seconds, shortened or not
     judge = Judge()
     judge_files(judge)
     judge_bam(judge)

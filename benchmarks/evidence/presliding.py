@@ -11,7 +11,7 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from _common import Judge
+from _common import Judge, parser
 
 from backdrive.fitting.law_fit import fit_law
 from backdrive.fitting.torque import stretch
@@ -78,6 +78,7 @@ def stretches(log: Log) -> list:
 
 def main() -> None:
     """Print the table and the verdict."""
+    parser(__doc__).parse_args()  # it takes seconds, shortened or not
     judge = Judge()
     fit_law(
         "lugre",

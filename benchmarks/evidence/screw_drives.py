@@ -12,7 +12,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from _common import Judge, data
+from _common import Judge, data, parser
 
 from backdrive.identification.constant_velocity import compare_sections
 from backdrive.identification.runs import find_runs
@@ -25,6 +25,7 @@ BENT = {1: True, 2: False, 3: True}
 
 def main() -> None:
     """Run the command on every drive and judge what it says."""
+    parser(__doc__).parse_args()  # it takes seconds, shortened or not
     judge = Judge()
     total = 0
     for drive, bent in BENT.items():

@@ -13,7 +13,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
-from _common import Judge, data
+from _common import Judge, data, parser
 
 from backdrive.errors import BackdriveError
 from backdrive.identification import identify, validate
@@ -55,6 +55,7 @@ def row(label: str, values) -> None:
 
 def main() -> None:
     """Fit on id1, judge on id2."""
+    short = parser(__doc__).parse_args().short
     urdf = description()
     seen, unseen = read("id1.mat"), read("id2.mat")
     judge = Judge()
@@ -81,12 +82,13 @@ def main() -> None:
         "load friction [% of torque]",
         [100 * f.dynamics["load_friction"].value if "load_friction" in f.dynamics else 0 for f in joints],
     )
-    plain = identify_arm(seen, urdf, held_out=[unseen], load_friction=False)[0]
-    row("id2 without load friction", [f.held_out.residual for f in plain])
-    swapped = identify_arm(unseen, urdf, held_out=[seen])[0]
-    row("id2 fitted, id1 judged", [f.held_out.residual for f in swapped])
+    if not short:
+        plain = identify_arm(seen, urdf, held_out=[unseen], load_friction=False)[0]
+        row("id2 without load friction", [f.held_out.residual for f in plain])
+        swapped = identify_arm(unseen, urdf, held_out=[seen])[0]
+        row("id2 fitted, id1 judged", [f.held_out.residual for f in swapped])
     print("\nother days of an arm of the same kind (nothing is required here):")
-    for name in ("arm_1.bag", "arm_2.bag"):
+    for name in () if short else ("arm_1.bag", "arm_2.bag"):
         log = bag(name)
         other = validate(result.model, [log], urdf=str(urdf))
         row(f"{name}, unseen, below 5 Hz", [other[n].residual for n in NAMES])
