@@ -1,7 +1,12 @@
-"""Compensators and estimators against their printed equations, tick by tick in plain Python and numpy."""
+"""Compensators and estimators against their printed equations, tick by tick in plain Python and numpy.
+
+Without the compiler: each kernel would be compiled once more for being called alone. That compiled and plain code give the
+same numbers is told elsewhere (test_loop.py, test_compensate.py).
+"""
 
 from math import copysign, cos, exp, inf, nan, pi, sin, sqrt
 
+import numba as nb
 import numpy as np
 import pytest
 
@@ -29,6 +34,9 @@ from backdrive.estimate.sliding_mode import MotionFilter
 from backdrive.laws import Coulomb, CoulombViscous, Decaying, Law, LuGre, Sigmoid, StribeckGauss
 from backdrive.status import Status
 
+pytestmark = pytest.mark.skipif(
+    not nb.config.DISABLE_JIT, reason="runs with NUMBA_DISABLE_JIT=1, as .ci/run does"
+)
 T = 1e-3
 RATE = CoulombViscous(coulomb_positive=7.0, coulomb_negative=5.0, viscous_positive=3.0, viscous_negative=2.0)
 
@@ -532,8 +540,8 @@ def test_settings_of_compensators():
     for wrong in (
         lambda: Dither(share=1.01), lambda: Dither(share=-0.01), lambda: Dither(growth=0.0), lambda: Dither(growth=1.01),
         lambda: Dither(frequency=0.0), lambda: Dither(count=0.0), lambda: Dither(counts=0.0), lambda: Dither(window=0.0),
-        lambda: Dither(frequency=inf), lambda: Dither(mode="loud"), lambda: Pulses(height=0.0), lambda: Pulses(height=1.0, width=0.0),
-        lambda: Pulses(height=1.0, wait=0.0), lambda: Pulses(height=1.0, tolerance=-1.0), lambda: Pulses(height=inf),
+        lambda: Dither(frequency=inf), lambda: Dither(mode="loud"), lambda: Pulses(height=0.0),
+        lambda: Pulses(height=1.0, width=0.0), lambda: Pulses(height=1.0, wait=0.0), lambda: Pulses(height=1.0, tolerance=-1.0), lambda: Pulses(height=inf),
         lambda: BristleObserver(lowest=1.01), lambda: BristleObserver(lowest=-0.1), lambda: BristleObserver(highest=0.99),
         lambda: BristleObserver(highest=inf), lambda: BristleObserver(corner=-1.0), lambda: BristleObserver(adaptation=-1.0),
         lambda: BristleObserver(gain=inf), lambda: DisturbanceObserver(inertia=1.0, limit=0.0),
