@@ -1,0 +1,505 @@
+"""What health checks measure, by brute force, and their thresholds from both sides.
+
+The thresholds are those that the modules state; a log just below one and a log just above it are judged differently.
+"""
+
+import numpy as np
+import pytest
+
+from _synthetic import any_motion
+from backdrive import Joint, Log, check
+from backdrive.health import gate, outlier, time_slip, torque_sign
+from backdrive.health._exam import Exam, resolution, white_noise
+from backdrive.health._jumps import jumps
+from backdrive.health._motion import _gain, _widths, folded, motion, running
+from backdrive.health._survey import survey
+from backdrive.health._velocity_fit import velocity_fit
+
+RNG = np.random.default_rng(11)
+
+
+def smooth(n=2000, dt=1e-3):
+    t = dt * np.arange(n)
+    return np.sin(2.0 * t) + 0.3 * np.sin(5.1 * t + 1.0)
+
+
+def log_of(n=2000, dt=1e-3, unit="rad", **channels):
+    if not {"position", "velocity"} & channels.keys():
+        channels["position"] = smooth(n, dt)
+    arrays = {name: np.asarray(x, dtype=float).reshape(n, -1) for name, x in channels.items()}
+    width = next(iter(arrays.values())).shape[1]
+    joints = tuple(Joint(name=f"j{k}", unit=unit) for k in range(width))
+    return Log(time=dt * np.arange(n), joints=joints, **arrays)
+
+
+def named(log, name, **options):
+    return [f for f in check(log, **options) if f.name == name]
+
+
+# ------------------------------------------------------------------------------- what checks measure
+
+
+def test_running_means_are_convolutions():
+    x = np.cumsum(RNG.standard_normal((200, 2)), axis=0) + 1e6
+    for width in (1, 3, 7):
+        box = np.ones(width) / width
+        for j in range(2):
+            wanted = x[:, j]
+            for _ in range(3):
+                wanted = np.convolve(wanted, box, mode="valid")
+            assert running(x, width)[:, j] == pytest.approx(wanted, rel=1e-12)
+    assert running(x, 7).shape == (200 - 18, 2)
+
+
+def test_the_gain_of_running_means_is_what_white_noise_keeps_of_its_variance():
+    impulse = np.zeros((400, 1))
+    impulse[200] = 1.0
+    for widths in ((3, 5), (7, 9)):
+        answer = impulse
+        for width in widths:
+            answer = running(answer, width)
+        assert _gain(*widths) == pytest.approx(float(np.sum(answer**2)), rel=1e-12)
+    assert _widths(1e-3) == (11, 31)  # 10 ms and 30 ms, odd
+    assert _widths(0.1) == (3, 3)
+    assert _widths(2e-3) == (5, 15)
+
+
+def test_white_noise_is_told_from_what_is_smooth():
+    noise = 0.03 * RNG.standard_normal(40000)
+    assert white_noise(noise) == pytest.approx(0.03, rel=0.03)
+    assert white_noise(smooth(40000, 1e-4) * 10 + noise) == pytest.approx(0.03, rel=0.03)
+    assert white_noise(np.zeros(2)) == 0.0
+    assert white_noise(np.array([0.0, 1.0, 0.0])) == pytest.approx(2.0 / (0.6745 * np.sqrt(6.0)))
+
+
+@pytest.mark.parametrize("step", [1e-5, 0.5, 3.7])
+def test_the_resolution_is_the_greatest_common_step(step):
+    counts = np.round(50 * np.sin(np.arange(500) / 20.0)).astype(int)
+    assert resolution(step * counts + 0.2) == pytest.approx(step, rel=1e-6)
+    uneven = np.array([0, 3, 5, 8, 11, 13, 21, 24, 29, 55]) * step  # no two neighbours one step apart
+    assert resolution(uneven) == pytest.approx(step, rel=1e-6)
+    assert resolution(RNG.standard_normal(500)) == 0.0
+    assert resolution(np.full(9, 4.0)) == 0.0
+    assert resolution(np.array([1.0, np.nan, 1.0, 1.5])) == pytest.approx(0.5)
+
+
+def test_a_survey_is_what_a_loop_finds():
+    n = 9000  # more than one piece
+    x = np.round(np.cumsum(RNG.standard_normal((n, 3)), axis=0), 1)
+    x[8185:8204, 1] = 7.0  # 19 equal ones across the pieces
+    x[100:120, 2] = 3.0  # 20 equal ones
+    x[5, 0] = np.nan
+    s = survey(x)
+    assert s.finite.tolist() == [False, True, True]
+    for j in range(1, 3):
+        column, change = x[:, j], np.diff(x[:, j])
+        assert (s.low[j], s.high[j], s.step[j]) == (column.min(), column.max(), np.abs(change).max())
+        assert s.equal[j] == np.mean(change == 0)
+        excess = [min(abs(a), abs(b)) for a, b in zip(change, change[1:]) if a * b < 0]
+        assert s.spike[j] == max(excess)
+    assert s.long_run.tolist() == [False, False, True]
+    empty = survey(np.zeros((0, 2)))
+    assert empty.equal.tolist() == [0.0, 0.0] and empty.low.tolist() == [np.inf] * 2
+
+
+def test_periods_gaps_and_pieces():
+    log = log_of(position=smooth())
+    time = log.time.copy()
+    time[1000:] += 1.4e-3  # 2.4 periods: no gap
+    time[1500:] += 1.6e-3  # 2.6 periods
+    exam = Exam(log.replace(time=time))
+    assert exam.period == pytest.approx(1e-3)
+    assert exam.gaps.tolist() == [1500]
+    assert exam.segments == exam.blocks == [slice(0, 1500), slice(1500, 2000)]
+    (found,) = named(log.replace(time=time), "gaps")
+    assert (found.value, found.where.tolist()) == (2, [1500])
+    far = time.copy()
+    far[700:] += 0.0999
+    (found,) = named(log.replace(time=far), "gaps")
+    assert (found.value, found.where.tolist()) == (102, [700, 1500])
+    many = Exam(log_of(n=200_000, position=np.zeros(200_000)))
+    assert sum(b.stop - b.start for b in many.blocks) == 65536
+    assert (len(many.blocks), many.blocks[0].start, many.blocks[-1].stop) == (32, 0, 200_000)
+
+
+def test_jitter_is_the_spread_of_the_interval_over_its_mean():
+    for share, said in ((0.098, False), (0.102, True)):
+        steps = 1e-3 * (1.0 + share * np.tile([1.0, -1.0], 1000))
+        time = np.concatenate([[0.0], np.cumsum(steps)])[:2000]
+        found = named(log_of(position=smooth()).replace(time=time), "jitter")
+        assert bool(found) is said
+        if said:
+            assert found[0].value == pytest.approx(share, rel=1e-3)
+
+
+# ------------------------------------------------------------------------------------ single samples
+
+
+def spiked(base, at, size):
+    x = base.copy()
+    x[at] += size
+    return x
+
+
+def outliers(x, channel="torque", **more):
+    log = log_of(n=x.size, **{channel: x}, **more)
+    return [f.where.tolist() for f in outlier.find(Exam(log)) if f.channel == channel]
+
+
+def flat_and_rough(n=2000, rough=0.2):
+    """A slow ramp with a tremor of one size in its first half: excess `rough` there, none in the second; no resolution."""
+    x = 0.5 * np.linspace(0.0, 1.0, n) ** 1.5
+    k = np.arange(n // 2)
+    x[: n // 2] += 0.5 * rough * (-1.0) ** k
+    return x
+
+
+@pytest.mark.parametrize(("factor", "found"), [(2.45, []), (2.55, [[1500]])])
+def test_an_outlier_is_two_and_a_half_times_the_usual_excess(factor, found):
+    assert outliers(spiked(flat_and_rough(), 1500, factor * 0.2)) == found
+    assert outliers(spiked(flat_and_rough(), 1500, -factor * 0.2)) == found
+
+
+@pytest.mark.parametrize(("factor", "found"), [(2.9, []), (3.1, [[700]])])
+def test_and_three_times_the_steps_around_it(factor, found):
+    """Within the tremor of 0.2: both steps of the spike are so many times as long as those around."""
+    x = flat_and_rough()
+    up = 0.1 if 700 % 2 else -0.1  # half a tremor below: the spike goes the way the sample went
+    way = -np.sign(up)
+    assert outliers(spiked(x, 700, way * (factor - 1.0) * 0.2)) == found
+
+
+@pytest.mark.parametrize(("steps", "found"), [(4, []), (5, [[1200]])])
+def test_and_more_than_four_steps_of_the_channel(steps, found):
+    x = np.round(np.linspace(0.0, 40.0, 2000))
+    assert outliers(0.25 * spiked(x, 1200, steps)) == found
+
+
+@pytest.mark.parametrize(("share", "found"), [(0.0095, []), (0.0105, [[1200]])])
+def test_and_a_hundredth_of_the_range(share, found):
+    x = 10.0 * np.linspace(0.0, 1.0, 20000) ** 1.5
+    assert outliers(spiked(x, 1200, 10.0 * share)) == found
+
+
+@pytest.mark.parametrize(("size", "severity"), [(1.9, "warn"), (2.1, "spoils")])
+def test_an_outlier_of_twice_the_range_of_all_others_spoils(size, severity):
+    x = np.linspace(0.0, 1.0, 2000) ** 1.5
+    (found,) = outlier.find(Exam(log_of(torque=spiked(x, 1200, size))))
+    assert found.severity == severity
+    assert found.value == pytest.approx(size, rel=1e-3)
+
+
+@pytest.mark.parametrize(("factor", "found"), [(7.5, []), (8.6, [[1000]])])
+def test_in_fast_motion_what_a_cubic_leaves_counts_for_a_position(factor, found):
+    """Steps of 0.5 hide nothing: here is 8 times what the fourth difference is around, a step beside leaves two thirds."""
+    k = np.arange(2000)
+    x = 40.0 * np.sin(k / 80.0) + 0.1 * (-1.0) ** k
+    around = 16 * 0.1 / 6  # of the tremor in |fourth difference| / 6
+    here = factor * around - around
+    assert outliers(spiked(x, 1000, here), "position") == found
+
+
+def test_too_many_outliers_are_how_the_channel_is():
+    """Of 2000 samples 12 may be unusual, and as many again may be outliers."""
+    base = np.linspace(0.0, 1.0, 2000) ** 1.5
+    rows = np.arange(100, 100 + 40 * 30, 40)
+    for count, said in ((11, True), (26, False)):
+        x = base.copy()
+        x[rows[:count]] += 5.0
+        assert bool(outliers(x)) is said
+
+
+def test_the_first_and_the_last_sample_have_one_neighbour():
+    """They are outliers beyond the range of all others by more than that range."""
+    base = np.linspace(0.0, 1.0, 2000) ** 1.5
+    for row, beyond in ((0, -1.0), (1999, 1.0)):
+        for size, found in ((0.98, []), (1.02, [[row]])):
+            x = base.copy()
+            x[row] += beyond * size
+            assert outliers(x) == found
+    mended = outlier.repair(Exam(log_of(torque=x)), outlier.find(Exam(log_of(torque=x))))
+    assert len(mended.log) == 1999
+
+
+def test_outliers_are_replaced_by_the_mean_of_their_neighbours():
+    base = np.linspace(0.0, 1.0, 2000) ** 1.5
+    x = spiked(spiked(base, 300, 4.0), 900, -3.0)
+    mended = gate(log_of(torque=x, position=smooth()), repair=True)
+    wanted = base.copy()
+    for row in (300, 900):
+        wanted[row] = 0.5 * (base[row - 1] + base[row + 1])
+    assert mended.torque[:, 0] == pytest.approx(wanted, abs=1e-12)
+
+
+def test_a_velocity_by_whole_counts_of_the_encoder_has_no_outliers():
+    count, dt = 1e-3, 1e-3
+    q = count * np.cumsum(np.isin(np.arange(2000), [400, 900, 1500]))
+    v = np.gradient(q, dt)
+    v[400] += 0.2 * count / dt
+    q_far = q.copy()
+    q_far[900:] += 5 * count  # six counts: that is no single one
+    assert outliers(v, "velocity", position=q) == []
+    assert outliers(np.diff(q_far, prepend=0.0) / dt, "velocity", position=q_far) == [[900]]
+
+
+# -------------------------------------------------------------------------------------- torque's sign
+
+
+def viscous_log(share, n=8000, dt=2e-3):
+    """A sine under inertia and viscous friction without noise: power over mean speed by the torque's scatter is `share`."""
+    w = 2.0 * np.pi * 0.5
+    t = dt * np.arange(n)
+    v = np.cos(w * t)
+    fast = np.abs(v) > 0.05 * np.quantile(np.abs(v), 0.99)
+    a, v_ = -w * np.sin(w * t)[fast], v[fast]
+    mean = np.mean(v_**2) / np.mean(np.abs(v_))  # for a coefficient of 1
+    # mean b = share std(a - b v): of sines, to be solved for b
+    b = share * np.std(a) / np.sqrt(mean**2 - share**2 * np.var(v_))
+    return log_of(n, dt, position=np.sin(w * t) / w, torque=-w * np.sin(w * t) - b * v), b * mean
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.0485, False), (0.0515, True)])
+def test_a_torque_of_inverted_sign_drives_with_a_twentieth_of_its_scatter(share, said):
+    log, drives = viscous_log(share)
+    found = named(log, "torque-sign")
+    assert bool(found) is said
+    mean, error, scatter = torque_sign.friction(Exam(log), 0)
+    assert mean == pytest.approx(-drives, rel=0.02)
+    assert mean / scatter == pytest.approx(-share, rel=0.02)
+    assert error < 0.05 * abs(mean)
+
+
+def test_and_four_standard_errors():
+    assert torque_sign._certain((-0.401, 0.1, 1.0), -1) and not torque_sign._certain((-0.399, 0.1, 1.0), -1)
+    assert torque_sign._certain((0.401, 0.1, 1.0), 1) and not torque_sign._certain((0.401, 0.1, 1.0), -1)
+
+
+def test_the_friction_of_a_log_and_its_error_are_a_regression_without_one_fold_at_a_time():
+    log = any_motion(lambda v: 3.0 * np.sign(v) + v, seconds=12.0, noise=1.5, seed=3)
+    exam = Exam(log)
+    m = motion(exam, 0, time_slip.REACH)
+    assert m.terms.shape[1] == 8 and m.plain == 6  # wide: sine and cosine; and two of the second kind
+    moving = np.abs(m.velocity) > 0.05 * np.quantile(np.abs(m.velocity), 0.99)
+    X, y, fold, v = m.terms[moving, :6], m.torque[moving, time_slip.REACH], m.fold[moving], m.velocity[moving]
+
+    def power(keep):
+        theta = np.linalg.lstsq(X[keep], y[keep], rcond=None)[0]
+        return np.mean((X[:, 1] * theta[1] + X[:, 2] * theta[2]) * v) / np.mean(np.abs(v))
+
+    left = np.array([power(fold != f) for f in np.unique(fold)])
+    mean, error, scatter = torque_sign.friction(exam, 0)
+    assert len(left) == 12
+    assert mean == pytest.approx(power(np.ones(y.size, bool)), rel=1e-6)
+    assert error == pytest.approx(np.sqrt(11.0 / 12.0 * np.sum((left - left.mean()) ** 2)), rel=1e-5)
+    assert scatter == pytest.approx(y.std(), rel=1e-9)
+    gram, cross, power_ = folded(X, y[:, None], fold)
+    assert gram[3] == pytest.approx(X[fold == 3].T @ X[fold == 3])
+    assert cross[5][:, 0] == pytest.approx(X[fold == 5].T @ y[fold == 5])
+    assert power_[7] == pytest.approx(y[fold == 7] @ y[fold == 7])
+
+
+def test_the_terms_of_a_motion_are_its_derivatives_filtered():
+    """Far from reversals and at 0.2 Hz, running means of 40 ms leave sines as they are to 1e-3."""
+    n, dt, w = 10000, 1e-3, 2.0 * np.pi * 0.2
+    t = dt * np.arange(n)
+    log = log_of(n, dt, position=0.2 * np.sin(w * t), torque=3.0 * np.cos(w * t))
+    m = motion(Exam(log), 0, 20)
+    assert m.plain == 5 and m.shifts.tolist() == list(range(-20, 21))
+    inner = np.abs(m.velocity) > 0.05
+    phase = np.arctan2(m.terms[:, 4] * w, m.velocity)  # of the position and the velocity themselves
+    assert m.velocity[inner] == pytest.approx(0.2 * w * np.cos(phase)[inner], abs=2e-4)
+    assert m.terms[inner, 0] == pytest.approx(-0.2 * w * w * np.sin(phase)[inner], abs=2e-4)
+    assert m.terms[inner, 1] == pytest.approx(np.sign(m.velocity)[inner])
+    assert m.terms[:, 3] == pytest.approx(1.0)
+    assert m.terms[inner, 5] == pytest.approx((m.velocity * np.abs(m.velocity))[inner], abs=2e-4)
+    for k in (0, 20, 40):  # a column is the torque so many samples later
+        later = np.arctan2(np.sin(phase + w * dt * (k - 20)), np.cos(phase + w * dt * (k - 20)))
+        assert m.torque[:, k] == pytest.approx(3.0 * np.cos(later), abs=4e-3)
+    top = np.quantile(np.abs(0.2 * w * np.cos(w * t)), 0.99)
+    # no sample below a tenth of the top speed within the 45 that the means reach
+    assert np.abs(m.velocity[m.fast]).min() == pytest.approx(0.1 * top + 0.045 * 0.2 * w * w, abs=0.005)
+    assert (np.bincount(m.fold).size, np.ptp(np.bincount(m.fold))) == (12, pytest.approx(0, abs=1))
+
+
+# -------------------------------------------------------------------------------------- a slip of time
+
+
+@pytest.mark.parametrize("late", [7.0, -5.0, 12.4])
+def test_a_slip_is_found_to_a_twentieth_of_a_sample(late):
+    log = any_motion(lambda v: 2.0 * np.sign(v) + v, inertia=6.0, delay=late / 500.0, noise=0.02)
+    slip = time_slip.estimate(Exam(log), 0)
+    assert slip.samples == pytest.approx(late, abs=0.15)
+    assert slip.error < 0.1
+    (found,) = named(log, "time-slip")
+    assert found.value == slip.samples
+    mended = gate(log, repair=True)
+    again = time_slip.estimate(Exam(mended), 0)
+    assert again is None or abs(again.samples) < 0.6
+
+
+def test_the_minimum_of_a_parabola_is_found_between_the_samples():
+    shifts = np.arange(-5, 6)
+    for at in (-2.3, 0.0, 1.49):
+        assert time_slip._minimum(shifts, 3.0 + 2.0 * (shifts - at) ** 2) == pytest.approx(at)
+    assert time_slip._minimum(shifts, (shifts - 9.0) ** 2) == 5.0
+
+
+# ------------------------------------------------------------------------------ jumps, units, velocities
+
+
+@pytest.mark.parametrize(("size", "found"), [(7.6, None), (8.5, [1000])])
+def test_a_jump_is_eight_times_the_steps_around_it(size, found):
+    step = 0.01
+    x = step * np.arange(2000) * 1.0
+    x[1000:] += size * step
+    got = jumps(Exam(log_of(position=x + 1e-7 * RNG.standard_normal(2000))), "position", 0)
+    assert (None if got is None else got.rows.tolist()) == found
+    if got is not None:
+        assert got.sizes[0] == pytest.approx(size * step, abs=1e-5)
+        assert not got.glitch[0]
+
+
+def test_velocity_and_position_are_compared_by_scale_and_delay():
+    n, dt, late = 6000, 1e-3, 0.012
+    t = dt * np.arange(n)
+    q = np.sin(3.0 * t) + 0.4 * np.sin(7.0 * t)
+    v = 1.3 * (3.0 * np.cos(3.0 * (t - late)) + 2.8 * np.cos(7.0 * (t - late)))
+    fit = velocity_fit(Exam(log_of(n, dt, position=q, velocity=v)), 0)
+    assert fit.scale == pytest.approx(1.0 / 1.3, rel=5e-3)
+    assert fit.delay == pytest.approx(late, rel=2e-2)
+    assert fit.residual < 0.01 < fit.plain
+    assert fit.window == pytest.approx(0.1)
+    moving = q[100:] - q[:-100]
+    integral = np.convolve(v, np.ones(101), mode="valid") * dt - 0.5 * dt * (v[100:] + v[:-100])
+    lone = integral @ moving / (integral @ integral)
+    assert fit.plain == pytest.approx(
+        np.sqrt(np.mean((moving - lone * integral) ** 2) / np.mean(moving**2)), rel=0.02
+    )
+
+
+@pytest.mark.parametrize(
+    ("scale", "names"), [(0.86, []), (0.84, ["velocity-mismatch"]), (1.14, []), (1.16, ["velocity-mismatch"])]
+)
+def test_a_velocity_may_be_off_by_15_percent(scale, names):
+    t = 1e-3 * np.arange(6000)
+    log = log_of(6000, position=np.sin(3.0 * t), velocity=3.0 / scale * np.cos(3.0 * t))
+    assert [f.name for f in check(log) if f.severity != "note"] == names
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(180.0 / np.pi, "rad"), (1000.0, "m")])
+def test_a_position_in_the_larger_unit_is_within_12_percent_of_the_ratio(factor, unit):
+    t = 1e-3 * np.arange(6000)
+    for off, name in (
+        (0.885, "degrees"),
+        (0.875, "velocity-mismatch"),
+        (1.115, "degrees"),
+        (1.125, "velocity-mismatch"),
+    ):
+        log = log_of(6000, unit=unit, position=off * factor * np.sin(3.0 * t), velocity=3.0 * np.cos(3.0 * t))
+        found = [f for f in check(log) if f.severity == "spoils"]
+        assert [f.name for f in found] == [name]
+    ok = log_of(6000, unit=unit, position=factor * np.sin(3.0 * t), velocity=3.0 * np.cos(3.0 * t))
+    assert gate(ok, repair=True).position[:, 0] == pytest.approx(np.sin(3.0 * t))
+    back = log_of(6000, unit=unit, position=np.sin(3.0 * t), velocity=factor * 3.0 * np.cos(3.0 * t))
+    assert gate(back, repair=True).velocity[:, 0] == pytest.approx(3.0 * np.cos(3.0 * t))
+
+
+@pytest.mark.parametrize(("span", "said"), [(24.9, False), (25.1, True)])
+def test_a_joint_that_goes_to_and_fro_over_25_radians_is_suspected(span, said):
+    t = 1e-3 * np.arange(20000)
+    log = log_of(20000, position=0.5 * span * np.sin(0.5 * np.pi * t))
+    assert bool(named(log, "degrees")) is said
+
+
+# ------------------------------------------------------------------------------------------- the others
+
+
+class Plan:
+    stroke, duration = 2.0, 4.0
+
+
+@pytest.mark.parametrize(
+    ("stroke", "seconds", "count"),
+    [(1.61, 3.61, 0), (1.59, 3.61, 1), (2.39, 3.61, 0), (2.41, 3.61, 1), (2.0, 3.59, 1), (1.5, 3.5, 2)],
+)
+def test_a_plan_is_followed_within_a_fifth_of_its_stroke_and_a_tenth_of_its_time(stroke, seconds, count):
+    n = round(seconds * 1000) + 1
+    x = 0.5 * stroke * np.sin(2.0 * np.pi * np.linspace(0.0, 1.0, n))
+    assert len(named(log_of(n, position=x), "plan-mismatch", plan=Plan())) == count
+
+
+def test_few_samples_are_19():
+    for n, said in ((19, True), (20, False)):
+        assert bool(named(log_of(n, position=smooth(n)), "few-samples")) is said
+
+
+def test_a_channel_is_empty_when_more_than_half_of_it_is_missing():
+    for holes, repairable in ((1000, True), (1001, False)):
+        x = smooth()
+        x[:holes] = np.nan
+        found = [f for f in check(log_of(position=smooth(), torque=x)) if f.name == "nan"]
+        assert [f.repairable for f in found] == [repairable]
+        assert found[0].value == holes and found[0].where.tolist() == list(range(holes))
+
+
+def test_repeated_stamps_are_dropped_or_spread():
+    base = log_of(1000, position=smooth(1000))
+    coarse = base.replace(time=np.floor(base.time * 200.0) / 200.0)  # 5 samples a stamp
+    (found,) = named(coarse, "repeated-time")
+    assert found.value == 800
+    spread = gate(coarse, repair=True)
+    assert len(spread) == 1000
+    assert np.diff(spread.time) == pytest.approx(1e-3, rel=1e-3)
+    for twice, kept in ((199, 801), (200, 800), (201, 1000)):
+        time = base.time.copy()
+        time[1 : 2 * twice : 2] = time[: 2 * twice : 2]
+        mended = gate(base.replace(time=time), accept=["jitter"], repair=True)
+        assert len(mended) == kept
+
+
+def test_saturation_is_ten_samples_five_in_a_row_and_four_times_what_is_just_below():
+    n, t = 4000, 1e-3 * np.arange(4000)
+    q = np.sin(3.0 * t)
+
+    def flat(count, below):
+        x = 5.0 * np.sin(7.0 * t) * np.linspace(0.2, 0.9, n) + 1e-3 * np.sin(np.arange(n) * 1.7)
+        x[1000 : 1000 + count] = 6.0
+        x[2000 : 2000 + below] = 6.0 - 0.012 * np.linspace(0.2, 1.0, max(below, 1))[:below]
+        return [f.where.size for f in named(log_of(n, position=q, torque=x), "saturation")]
+
+    assert flat(9, 0) == []
+    assert flat(12, 0) == [12]
+    x = 5.0 * np.sin(7.0 * t)
+    x[::300] = 6.0
+    assert named(log_of(n, position=q, torque=x), "saturation") == []  # never in a row
+
+
+def test_a_silent_torque_and_a_dead_channel_are_named():
+    t = 1e-3 * np.arange(2000)
+    (found,) = [
+        f for f in check(log_of(position=np.sin(5.0 * t), torque=np.zeros(2000))) if f.severity == "spoils"
+    ]
+    assert (found.name, found.value) == ("silent-torque", 0.0)
+    (found,) = [
+        f
+        for f in check(log_of(position=np.sin(5.0 * t), torque=np.full(2000, 2.5)))
+        if f.severity == "spoils"
+    ]
+    assert (found.name, found.value) == ("stuck", 2.5)
+    still = [
+        f
+        for f in check(log_of(position=np.full(2000, 1.0), torque=0.1 * RNG.standard_normal(2000)))
+        if f.name == "no-motion"
+    ]
+    assert [f.severity for f in still] == ["spoils"]
+    ramp = [f for f in check(log_of(position=np.full(2000, 1.0), torque=np.sin(t))) if f.name == "no-motion"]
+    assert [f.severity for f in ramp] == ["note"]
+
+
+def test_a_fault_of_one_joint_names_rows_of_the_log_as_it_was_given():
+    """Rows that an earlier repair dropped do not shift what a later check names."""
+    x, q = np.linspace(0.0, 1.0, 2000) ** 1.5, smooth()
+    q[40] = np.nan
+    x[900] += 9.0
+    found = {f.name: f.where.tolist() for f in check(log_of(position=q, torque=x)) if f.where is not None}
+    assert found["nan"] == [40] and found["outlier"] == [900]
