@@ -89,7 +89,7 @@ def growth(eqs: Equations, curves: str, terms: Sequence[str], theta: np.ndarray)
         theta: their solution without growth.
     """
     K = eqs.V.size
-    friction = 0.5 * float(np.mean(theta[: 2 * K]))
+    friction = float(np.mean(theta[: 2 * K]))
     for _ in range(ROUNDS):
         gravity = theta[2 * K : 2 * K + 2]
         size = eqs.load(eqs.X[: eqs.levels, 2 * K : 2 * K + 2] @ gravity)
