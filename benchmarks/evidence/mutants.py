@@ -103,7 +103,7 @@ NAMED: tuple[tuple[str, str, str, str], ...] = (
     ("loop", "control/loop.py", "        g[TORQUE, j] /= fading", "        pass"),
     # a sweep's delay 5 % off; what is taken for significant
     ("identification", "identification/sweep_delay.py", "return delay, float(error[1]", "return 1.05 * delay, float(error[1]"),
-    ("identification", "identification/sweep_delay.py", "float(error[1] / theta[0]), grows", "float(2.0 * error[1] / theta[0]), grows"),
+    ("identification", "identification/sweep_delay.py", "float(error[1] / theta[0]), grows", "float(error[1]), grows"),
     ("identification", "identification/sweep_delay.py", "SIGNIFICANT = 4.0", "SIGNIFICANT = 8.0"),
     ("identification", "identification/sweep_delay.py", "SIGNIFICANT = 4.0", "SIGNIFICANT = 4.5"),
     ("identification", "identification/load_fit.py", "SIGNIFICANT = 4.0", "SIGNIFICANT = 8.0"),
