@@ -14,10 +14,12 @@ from backdrive.compensate import (
     Dither,
     alg_fc,
     alg_fc2,
+    aung,
     by_law,
     disturbance_observer,
     impulsive,
     lugre_observer,
+    mahvash_okamura,
 )
 from backdrive.compensate import compensator as compensator_
 from backdrive.compensate import dither as dither_
@@ -534,6 +536,118 @@ def test_the_disturbance_observer_cancels_what_the_model_misses_up_to_its_limit(
         seen.add(abs(y) > limit)
         assert got[k] == pytest.approx(R * f - clip(y, -limit, limit), rel=1e-7, abs=1e-9)
     assert seen == {True, False}
+
+
+def every_compensator():
+    rate = StribeckGauss(
+        coulomb=0.4, breakaway=0.6, stribeck_velocity=0.05, viscous=1.5
+    )  # bounds below 1 N.m
+    adaptive = Dither(share=0.5, mode="adaptive", count=1e-4, window=0.01, growth=0.3)
+    return {
+        "contact": alg_fc2(rate, 3e3, 0.05, share=0.9, dither=adaptive),
+        "reset": alg_fc(rate, 3e3, dither=Dither(mode="reset"), share=0.9),
+        "pulses": impulsive(rate, 3e3, Pulses(height=9.0), share=0.9),
+        "lugre": lugre_observer(rate, LuGre(stiffness=3e3), BristleObserver(gain=0.5, adaptation=2.0), 0.9),
+        "observer": disturbance_observer(
+            Law(rate=rate, element=Decaying(stiffness=3e3)),
+            DisturbanceObserver(inertia=1.0, limit=5.0, gravity_sin=1.0),
+            0.9,
+        ),
+    }
+
+
+@pytest.mark.parametrize("name", every_compensator())
+def test_restarted_a_compensator_is_as_at_the_start_and_shifted_it_counts_from_another_zero(name):
+    made = every_compensator()[name]
+    dp, error = wander(160, 9), 2e-3 * np.cos(np.arange(160) / 20.0)
+    c, zero = made.row(T), np.zeros(160)
+
+    def run(s, p, x, q, steps, begin=0):
+        out = []
+        for k, step in enumerate(steps, begin):
+            q += step
+            out.append(
+                compensator_.tick(
+                    c, 0, p, x, s, 0, q, step, T, k * T, error[k], zero[k], 0.3, (0.0, 0.0), 20.0
+                )
+            )
+        return np.array(out), q
+
+    p, x, s = made.friction.law.row(), made.friction.law.state(), made.start(0.25)
+    first, _ = run(s, p, x, 0.25, dp)
+    if name != "observer":  # whose gravity is that of the position
+        other_p, other_x, other = made.friction.law.row(), made.friction.law.state(), made.start(-1.5)
+        moved, _ = run(other, other_p, other_x, -1.5, dp)
+        assert moved == pytest.approx(first, rel=1e-9, abs=1e-12)
+        half_p, half_x, half = made.friction.law.row(), made.friction.law.state(), made.start(0.25)
+        begin, at = run(half, half_p, half_x, 0.25, dp[:77])
+        compensator_.shift(c, 0, half, 0, 3.0)
+        rest, _ = run(half, half_p, half_x, at + 3.0, dp[77:], 77)
+        assert np.r_[begin, rest] == pytest.approx(first, rel=1e-7, abs=1e-9)
+    compensator_.restart(c, 0, s, 0, 0.25)
+    assert s == pytest.approx(made.start(0.25))
+    again, _ = run(s, made.friction.law.row(), made.friction.law.state(), 0.25, dp)
+    assert again == pytest.approx(first, rel=1e-12)
+
+
+def test_dither_and_pulses_add_up_and_leave_one_another_alone():
+    adaptive = Dither(share=0.5, mode="adaptive", count=1e-4, counts=1.0, window=0.008, growth=0.3)
+    pulses = Pulses(height=9.0, width=0.003, wait=0.004)
+    dp = np.where(np.arange(200) % 50 < 25, 0.0, 3e-5)
+    error = np.full(200, 1e-3)
+    plain = alg_fc(RATE, 3e3, share=0.9)
+    parts = [
+        ticks(plain.replace(**more), dp, error=error)[0]
+        for more in ({}, {"dither": adaptive}, {"extra": pulses}, {"dither": adaptive, "extra": pulses})
+    ]
+    assert np.ptp(parts[1] - parts[0]) > 1.0 and np.ptp(parts[2] - parts[0]) == pytest.approx(9.0)
+    assert parts[3] == pytest.approx(parts[1] + parts[2] - parts[0], abs=1e-12)
+
+
+def test_a_bristle_follows_a_bound_of_any_size():
+    rate = StribeckGauss(coulomb=0.4, breakaway=0.6, stribeck_velocity=0.05)
+    made = lugre_observer(rate, LuGre(stiffness=3e3), BristleObserver(), 1.0)
+    dp, f = wander(150, 10), 0.0
+    got, _ = ticks(made, dp)
+    for k, step in enumerate(dp.tolist()):
+        s = 0.4 + 0.2 * exp(-((step / T / 0.05) ** 2))
+        before, f = f, (f + 3e3 * step) / (1.0 + 3e3 * abs(step) / s)
+        f = clip(f, min(-s, before), max(s, before))
+        assert got[k] == pytest.approx(f, rel=1e-9, abs=1e-12)
+
+
+def test_what_is_taken_where_nothing_is_said():
+    """Iwatani 2017, 3.5.1 and 4.6: alpha 20/s, 500/s in motion, R_d = 0.3 at 15 Hz; G = 100, 300, H = 2; L = 100/s."""
+    assert alg_fc(RATE, 1.0, share=0.9).friction.law.element.decay_rate == 20.0
+    two = alg_fc2(RATE, 1.0, 0.1, share=0.9).friction
+    assert (two.law.element.decay_rate, two.fast_decay, two.switch_rate) == (20.0, 500.0, 10.0)
+    assert Dither().row() == pytest.approx([0.0, 0.3, 30.0 * pi, 1e-6, 2.0, 0.07, 0.1])
+    assert Pulses(height=2.0).row(T, alg_fe(RATE, 1.0))[:5] == pytest.approx([1.0, 2.0, 0.003, 0.03, 0.0])
+    assert BristleObserver().row(T, alg_fe(RATE, 1.0))[:7] == pytest.approx(
+        [2.0, 0.0, 20.0, 0.0, 0.5, 1.5, 0.0]
+    )
+    assert DisturbanceObserver(inertia=2.0, limit=3.0).row(T, alg_fe(RATE, 1.0))[:7] == pytest.approx(
+        [3.0, 3.0, 2.0, 2.0, 0.0, 0.0, 30.0]
+    )
+    external = ExternalForce(inertia=2.0)
+    assert (external.bandwidth, external.force_rate, external.encoder_count) == (100.0, 50.0, 1e-6)
+    adaptation = Adaptation(slowest=0.1)
+    assert (adaptation.settle, adaptation.time, adaptation.lower, adaptation.upper, adaptation.start) == (
+        0.05,
+        5.0,
+        0.5,
+        1.0,
+        1.0,
+    )
+    contact = aung(RATE, 1e3, 4.0, 1e-4)
+    assert (contact.dither.share, contact.dither.window, contact.dither.count) == (
+        0.9,
+        pytest.approx(1.05 / 15.0),
+        1e-4,
+    )
+    assert (contact.friction.law.element.stiffness, contact.friction.law.element.damping) == (1e3, 4.0)
+    mo = mahvash_okamura(RATE, 1e3, 0.8)
+    assert (mo.share, mo.friction.law.element.stiffness, mo.friction.law.element.damping) == (0.8, 1e3, 0.0)
 
 
 def test_settings_of_compensators():

@@ -12,6 +12,7 @@ from backdrive.health import gate, outlier, time_slip, torque_sign
 from backdrive.health._exam import Exam, resolution, white_noise
 from backdrive.health._jumps import jumps
 from backdrive.health._motion import _gain, _widths, folded, motion, running
+from backdrive.health._runs import frozen_runs
 from backdrive.health._survey import survey
 from backdrive.health._velocity_fit import velocity_fit
 
@@ -503,3 +504,193 @@ def test_a_fault_of_one_joint_names_rows_of_the_log_as_it_was_given():
     x[900] += 9.0
     found = {f.name: f.where.tolist() for f in check(log_of(position=q, torque=x)) if f.where is not None}
     assert found["nan"] == [40] and found["outlier"] == [900]
+
+
+# ---------------------------------------------------------------------------------- clocks out of order
+
+
+def test_swapped_samples_are_counted_and_sorted():
+    base = log_of(1000, position=smooth(1000))
+    order = np.arange(1000)
+    order[[300, 301]] = order[[301, 300]]
+    order[600:604] = order[600:604][::-1]
+    (found,) = named(base.rows(order), "unsorted-time")
+    assert found.where.tolist() == [301, 601, 602, 603]
+    assert found.value == pytest.approx(1e-3)
+    mended = gate(base.rows(order), repair=True)
+    assert mended.time == pytest.approx(base.time) and np.array_equal(mended.position, base.position)
+    assert any("6 samples out of order" in note for note in mended.notes)
+
+
+def restarted(begin, length=600):
+    """600 samples, then a clock that begins again at `begin` [s] for so many samples, the motion going on or not."""
+    time = np.concatenate([1e-3 * np.arange(600), begin + 1e-3 * np.arange(length)])
+    q = smooth(600 + length)
+    return log_of(600 + length, position=q).replace(time=time)
+
+
+@pytest.mark.parametrize("begin", [0.0, 0.2, 0.58, 0.59])
+def test_a_clock_that_starts_again_begins_another_run(begin):
+    log = restarted(begin)
+    (found,) = named(log, "unsorted-time")
+    assert found.where.tolist() == [600]
+    assert found.value == pytest.approx(0.599 - begin)
+    mended = gate(log, repair=True)  # the motion goes on: only the clock was set back
+    assert np.diff(mended.time) == pytest.approx(1e-3)
+    leaps = log.replace(position=np.r_[log.position[:600], log.position[600:] + 2.0])
+    apart = gate(leaps, accept=["position-jump"], repair=True)
+    assert np.diff(apart.time)[599] == pytest.approx(10e-3)  # four times what counts as a gap
+    assert np.diff(np.delete(apart.time, 600))[:599] == pytest.approx(1e-3)
+
+
+def test_two_samples_sent_late_begin_no_run():
+    time = 1e-3 * np.arange(800)
+    for late, rows in ((2, [400, 401]), (4, [400, 401, 402, 403])):
+        moved = time.copy()
+        moved[400 : 400 + late] -= 20.5e-3
+        (found,) = named(log_of(800, position=smooth(800)).replace(time=moved), "unsorted-time")
+        assert found.where.tolist() == rows
+
+
+# ------------------------------------------------------------------------------- frozen, wrapped, lost
+
+
+def noisy(n=4000, seed=5):
+    t = 1e-3 * np.arange(n)
+    generator = np.random.default_rng(seed)
+    q = np.sin(3.0 * t)
+    return q, 3.0 * np.cos(3.0 * t), 4.0 * np.sign(np.cos(3.0 * t)) + 0.2 * generator.standard_normal(n)
+
+
+@pytest.mark.parametrize(("length", "found"), [(19, []), (20, [(1000, 1020)]), (150, [(1000, 1150)])])
+def test_a_torque_with_noise_never_holds_a_value_for_20_samples(length, found):
+    q, _, tau = noisy()
+    tau[1000 : 1000 + length] = tau[1000]
+    log = log_of(4000, position=q, torque=tau)
+    assert [tuple(r) for r in frozen_runs(Exam(log), "torque", 0)] == found
+    stuck = [f for f in check(log) if f.name == "stuck"]
+    assert [f.where.tolist() for f in stuck] == [list(range(a + 1, b)) for a, b in found]
+    if found:
+        assert stuck[0].severity == ("spoils" if length > 41 else "warn") and stuck[0].value == length
+        assert len(gate(log, accept=[], repair=True)) == 4000 - (length - 1)
+
+
+def test_a_position_that_stood_while_the_velocity_went_on():
+    q, v, _ = noisy()
+    for start, length, said in ((1000, 100, True), (480, 90, False)):  # at the turning point nothing moves
+        x = q.copy()
+        x[start : start + length] = x[start]
+        if not said:
+            x[start : start + length] = q[start : start + length].mean()
+            x = np.round(x, 4)
+        got = frozen_runs(Exam(log_of(4000, position=x, velocity=v)), "position", 0)
+        assert bool(got) is said
+        if said:
+            assert got == [(start, start + length)]
+
+
+def test_a_torque_at_zero_is_silent_and_not_stuck():
+    q, _, tau = noisy()
+    tau[1000:1100] = 0.0
+    found = {f.name: f for f in check(log_of(4000, position=q, torque=tau)) if f.severity != "note"}
+    assert set(found) == {"silent-torque"}
+    assert found["silent-torque"].where.tolist() == list(range(1000, 1100))
+
+
+@pytest.mark.parametrize("bits", [16, 32])
+@pytest.mark.parametrize("scale", [1.0, 0.01])
+def test_an_integer_of_the_wrong_type_is_off_by_a_power_of_two(bits, scale):
+    q, _, tau = noisy()
+    counts = np.rint(tau / 0.01)
+    wrong = np.mod(counts, 2.0**bits) * scale
+    log = log_of(4000, position=q, torque=wrong)
+    (found,) = [f for f in check(log) if f.severity == "spoils"]
+    assert found.name == "integer-wrap"
+    assert found.value == pytest.approx(2.0**bits * scale, rel=1e-9)
+    assert found.where.tolist() == np.flatnonzero(counts < 0).tolist()
+    assert gate(log, repair=True).torque[:, 0] == pytest.approx(
+        counts * scale, abs=1e-5 * scale * 2.0 ** (bits - 16)
+    )
+
+
+@pytest.mark.parametrize(
+    ("period", "unit"), [(2.0 * np.pi, "rad"), (np.pi, "rad"), (4.0 * np.pi, "rad"), (0.512, "m")]
+)
+def test_a_position_that_wraps_comes_back(period, unit):
+    n = 4000
+    t = 1e-3 * np.arange(n)
+    truth = (5.0 if unit == "rad" else 0.6) * np.sin(2.0 * t) + (0.3 * t if unit == "rad" else 0.05 * t)
+    if unit == "m":
+        truth = 0.002 * np.rint(truth / 0.002)  # a counter of 256 steps
+    log = log_of(n, unit=unit, position=np.mod(truth, period), reference=np.mod(truth, period))
+    (found,) = [f for f in check(log) if f.severity == "spoils"]
+    assert found.name == "encoder-wrap"
+    assert found.value == pytest.approx(period, rel=1e-3)
+    assert found.where.tolist() == (np.flatnonzero(np.diff(np.floor(truth / period + 1e-9))) + 1).tolist()
+    mended = gate(log, repair=True)
+    for channel in (mended.position, mended.reference):
+        assert channel[:, 0] - channel[0, 0] == pytest.approx(truth - truth[0], abs=1e-9)
+
+
+def test_a_jump_that_stays_is_named_and_one_that_comes_back_is_not():
+    q, _, _ = noisy()
+    for size, rows in ((0.5, [2000]), (-0.7, [2000])):
+        x = q.copy()
+        x[2000:] += size
+        (found,) = [f for f in check(log_of(4000, position=x)) if f.severity == "spoils"]
+        assert (found.name, found.where.tolist()) == ("position-jump", rows)
+        assert found.value == pytest.approx(abs(size), rel=1e-3)
+    x = q.copy()
+    x[2000] += 0.5
+    assert [f.name for f in check(log_of(4000, position=x)) if f.severity != "note"] == ["outlier"]
+    for edge in (1, 3999):  # one sample alone at an end
+        x = q.copy()
+        x[edge:] += 0.5
+        assert not named(log_of(4000, position=x), "position-jump")
+
+
+def test_holes_in_the_clock_and_in_several_channels():
+    q, v, tau = noisy(1000)
+    time = 1e-3 * np.arange(1000)
+    time[7] = np.nan
+    log = log_of(1000, position=q, velocity=v, torque=tau).replace(time=time)
+    (found,) = named(log, "nan")
+    assert (found.where.tolist(), found.channel, found.value) == ([7], None, 1)
+    assert len(gate(log, repair=True)) == 999
+    v[:600], tau[[3, 9]] = np.inf, -np.inf
+    found = {f.channel: f for f in named(log_of(1000, position=q, velocity=v, torque=tau), "infinite")}
+    assert found["velocity"].value == 600 and found["torque"].where.tolist() == [3, 9]
+    mended = gate(log_of(1000, position=q, velocity=v, torque=tau), repair=True)
+    assert mended.velocity is None and len(mended) == 998
+    tau[:] = np.nan
+    assert not named(log_of(1000, position=q, torque=tau), "nan")[0].repairable
+    holed = [np.where(np.arange(1000) < 600, np.nan, x) for x in (q, np.cos(q))]
+    mended = gate(log_of(1000, position=holed[0], velocity=holed[1]), repair=True)  # one of them has to stay
+    assert mended.velocity is None and mended.position[:, 0] == pytest.approx(q[600:])
+
+
+def test_a_note_of_friction_that_cannot_be_seen():
+    """Below 2 % of the torque's scatter, with three standard errors."""
+    for share, said in ((0.0193, True), (0.0207, False)):
+        log, _ = viscous_log(-share)
+        assert bool(named(log, "no-friction")) is said
+    noise = any_motion(lambda v: 0.0 * v, inertia=0.02, noise=3.0, seed=2)
+    mean, error, scatter = torque_sign.friction(Exam(noise), 0)
+    assert bool(named(noise, "no-friction")) is (abs(mean) + 3.0 * error < 0.02 * scatter)
+
+
+def test_limits_are_flat_ends_and_not_peaks():
+    t = 1e-3 * np.arange(4000)
+    tau = 5.0 * np.sin(9.0 * t) + 0.05 * np.random.default_rng(1).standard_normal(4000)
+    for top, low in ((4.0, -9.0), (9.0, -3.0), (3.5, -3.5)):
+        clipped = np.clip(tau, low, top)
+        found = {
+            f.value: f.where.tolist()
+            for f in named(log_of(4000, position=np.sin(3.0 * t), torque=clipped), "saturation")
+        }
+        wanted = {
+            limit: np.flatnonzero(clipped == limit).tolist()
+            for limit in (top, low)
+            if np.any(clipped == limit)
+        }
+        assert found == wanted
