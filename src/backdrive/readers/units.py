@@ -175,6 +175,10 @@ def split(name: str) -> tuple[str, str]:
     if len(name) > LONGEST:
         return name, ""
     match = _BRACKETS.search(name)
+    if (
+        match and match[0].startswith("[") and match[1].isdigit()
+    ):  # q[1] is the second of several, x [1] is a ratio
+        return name.strip(), ""
     if match and parse(match[1]) and match.start() > 0:
         return name[: match.start()].strip(), match[1].strip()
     if "/" in name:
