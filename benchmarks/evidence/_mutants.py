@@ -5,7 +5,7 @@ a person reads is left alone: docstrings, annotations, strings, what is raised, 
 typical value was published.
 
     number      a number is twice itself or of the other sign; an integer one more or one less
-    few percent a number is 5 % larger, where numbers are those of equations and not rules of thumb
+    few percent a number is 5 % larger
     sign        + for -, - for +, a leading minus dropped
     product     * for /, / for *, // for /
     power       ** for *
@@ -16,6 +16,9 @@ typical value was published.
     bare        abs, sqrt, square, round dropped
     swapped     the first two arguments of a call in the other order
     removed     a statement left out: a call, an assignment to an element or an attribute, +=, return, continue, break
+
+Where numbers are rules of thumb and not those of equations, nobody could say that 99 is wrong where 100 was meant: there a
+number is not changed by 5 %, an integer above 2 only by the factor two or in a subscript, and an edge only beside a size.
 """
 
 from __future__ import annotations
@@ -175,11 +178,12 @@ class _Places:
         if isinstance(value, bool):
             yield self.replaced(node, str(not value), "logic")
         elif isinstance(value, int):
-            yield self.replaced(node, str(value + 1), "number")
-            if value > 0:
-                yield self.replaced(node, str(value - 1), "number")
-                if not index:
-                    yield self.replaced(node, str(2 * value), "number")
+            if self.exact or index or value <= 2:
+                yield self.replaced(node, str(value + 1), "number")
+                if value > 0:
+                    yield self.replaced(node, str(value - 1), "number")
+            if value > 0 and not index:
+                yield self.replaced(node, str(2 * value), "number")
         elif isinstance(value, float):
             if value == 0.0:
                 yield self.replaced(node, "1.0", "number")
@@ -253,7 +257,9 @@ class _Places:
         """Say whether one side is a number or a size, so that a test can meet the edge between them."""
         texts = [self.text(side) for side in sides]
         sizes = any(text.endswith((".size", ".ndim")) or text.startswith("len(") for text in texts)
-        return sizes or any(isinstance(ast.parse(text, mode="eval").body, ast.Constant) for text in texts)
+        return sizes or (
+            self.exact and any(isinstance(ast.parse(text, mode="eval").body, ast.Constant) for text in texts)
+        )
 
     def is_text(self, node: ast.AST) -> bool:
         if isinstance(node, ast.BinOp):

@@ -1,0 +1,512 @@
+"""A whole arm identified on motion whose torque is the textbook's two-link arm, and the pieces of the fit by brute force."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.log import Joint, Log
+
+pytest.importorskip("pinocchio")
+
+from backdrive.identification import arm_signals, arm_solve, arm_terms
+from backdrive.identification.arm import identify_arm
+from backdrive.identification.arm_checks import remarks
+from backdrive.identification.arm_predict import explained, predict_arm, validate_arm
+from backdrive.model import FrictionModel
+from backdrive.robot import parse_robot
+
+G, L1 = 9.81, 0.5
+M = (4.0, 2.5)  # kg
+C = (0.22, 0.18)  # m, from joint to center of mass
+I = (0.08, 0.04)  # kg.m^2 about it  # noqa: E741
+MOTOR = (0.3, 0.15)  # kg.m^2 that the motors add
+OFFSET = (0.6, -0.4)
+LOAD = (0.08, 0.05)
+NAMES = ("lift", "bend")
+
+
+def link(name, mass, com, inertia):
+    return (
+        f'<link name="{name}"><inertial><mass value="{mass}"/><origin xyz="{com} 0 0"/>'
+        f'<inertia ixx="0.01" iyy="{inertia}" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+    )
+
+
+def joint(name, parent, child, x):
+    return (
+        f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/><origin xyz="{x} 0 0"/>'
+        '<axis xyz="0 -1 0"/><limit effort="1" velocity="1" lower="-9" upper="9"/></joint>'
+    )
+
+
+def description(scale=1.0):
+    """A planar arm in the vertical plane, angles from the horizontal; `scale`: by how much its masses are believed."""
+    return (
+        '<robot name="r"><link name="base"/>' + link("one", M[0] * scale, C[0], I[0] * scale)
+        + link("two", M[1] * scale, C[1], I[1] * scale) + joint("lift", "base", "one", 0) + joint("bend", "one", "two", L1)
+        + "</robot>"
+    )  # fmt: skip
+
+
+def bodies(q, dq, ddq):
+    """Torque of the two-link arm, as textbooks print it, (n, 2)."""
+    q1, q2 = q.T
+    d1, d2 = dq.T
+    a1, a2 = ddq.T
+    h = M[1] * L1 * C[1]
+    m22 = I[1] + M[1] * C[1] ** 2
+    m11 = I[0] + M[0] * C[0] ** 2 + m22 + M[1] * L1**2 + 2.0 * h * np.cos(q2)
+    m12 = m22 + h * np.cos(q2)
+    g2 = M[1] * C[1] * G * np.cos(q1 + q2)
+    g1 = (M[0] * C[0] + M[1] * L1) * G * np.cos(q1) + g2
+    one = m11 * a1 + m12 * a2 - h * np.sin(q2) * (2.0 * d1 * d2 + d2**2) + g1
+    two = m12 * a1 + m22 * a2 + h * np.sin(q2) * d1**2 + g2
+    return np.column_stack([one, two])
+
+
+def curve(j, v):
+    """Friction by direction: a falling start, then viscous."""
+    speed = np.abs(v)
+    F = (4.0, 2.0)[j] + (1.5, 0.8)[j] * np.exp(-speed / 0.15) + (2.0, 1.0)[j] * speed
+    return F * np.sign(v)
+
+
+def made(seconds=50.0, rate=100.0, noise=0.05, seed=0, sign=1.0, order=(0, 1), gear=None):
+    t = np.arange(round(seconds * rate)) / rate
+    q, dq, ddq = np.zeros((3, t.size, 2))
+    tones = (
+        ((0.11, 0.7, 0.3), (0.29, 0.35, 1.0), (0.83, 0.08, 2.0)),
+        ((0.17, 0.8, 0.9), (0.41, 0.3, 0.1), (1.1, 0.06, 0.7)),
+    )
+    for j, of in enumerate(tones):
+        for hertz, size, phase in of:
+            w = 2.0 * np.pi * hertz
+            q[:, j] += size * np.sin(w * t + phase)
+            dq[:, j] += size * w * np.cos(w * t + phase)
+            ddq[:, j] -= size * w * w * np.sin(w * t + phase)
+    rigid = bodies(q, dq, ddq)
+    tau = rigid + np.array(MOTOR) * ddq + OFFSET
+    for j in range(2):
+        tau[:, j] += curve(j, dq[:, j]) + LOAD[j] * np.abs(rigid[:, j]) * np.sign(dq[:, j])
+    tau += noise * np.random.default_rng(seed).standard_normal(tau.shape)
+    joints = tuple(
+        Joint(name=NAMES[j], torque_side="motor" if gear else "joint", gear_ratio=gear or 1.0) for j in order
+    )
+    return Log(time=t, joints=joints, position=q[:, order], torque=sign * tau[:, order] / (gear or 1.0))
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return parse_robot(description())
+
+
+@pytest.fixture(scope="module")
+def found(robot):
+    return identify_arm(made(), robot)
+
+
+def test_the_description_is_the_textbooks_arm(robot):
+    q, dq, ddq = np.random.default_rng(1).uniform(-2.0, 2.0, (3, 30, 2))
+    assert robot.inverse_dynamics(q, dq, ddq) == pytest.approx(bodies(q, dq, ddq), abs=1e-9)
+
+
+def test_friction_of_a_whole_arm_comes_back(found):
+    frictions, _, arm = found
+    for j, friction in enumerate(frictions):
+        v = np.array([0.1, 0.3, 0.6, 1.0, -0.1, -0.3, -0.6, -1.0]) * (1.0, 1.1)[j]
+        assert friction.law.torque(v) == pytest.approx(curve(j, v), rel=0.05)
+        value = {name: e.value for name, e in friction.dynamics.items()}
+        error = {name: e.standard_error for name, e in friction.dynamics.items()}
+        for name, truth in (("inertia", MOTOR[j]), ("offset", OFFSET[j]), ("load_friction", LOAD[j])):
+            assert abs(value[name] - truth) < max(5.0 * error[name], 0.02), name
+            if (j, name) != (
+                0,
+                "inertia",
+            ):  # which is that of the first link as well, and no motion tells them apart
+                assert 0.0 < error[name] < 0.2 * max(abs(truth), 0.2), name
+        assert friction.held_out.residual < 3.5 and friction.fitted.residual < 3.5
+        assert 0.2 < friction.held_out.samples / (friction.held_out.samples + friction.fitted.samples) < 0.35
+        assert (friction.joint.name, friction.method, friction.dynamics["inertia"].unit) == (
+            NAMES[j],
+            "arm",
+            "kg.m^2",
+        )
+        assert friction.dynamics["transition"].value == pytest.approx(
+            0.002 * friction.validity.velocity[1], rel=1e-6
+        )
+    assert arm.condition < 100.0 and len(arm.parameters) == 20
+
+
+def test_what_an_arm_predicts_is_the_textbook_again(found, robot):
+    frictions, shown, arm = found
+    model = FrictionModel(joints=frictions, arm=arm)
+    fresh = made(seconds=20.0, seed=9)
+    predicted = predict_arm(model, fresh, robot)
+    inner = slice(100, -100)
+    off = (predicted - fresh.torque)[inner]
+    assert np.all(
+        np.sqrt(np.mean(off**2, axis=0)) < (0.35, 0.3)
+    )  # reversals, of which the filters see little, included
+    assert np.median(np.abs(off), axis=0) == pytest.approx([0.05, 0.05], abs=0.03)
+    judged = validate_arm(model, [fresh], robot)
+    assert all(judged[name].residual < 5.0 and judged[name].samples == 2000 for name in NAMES)
+    (s,) = arm_signals.prepare_arm(fresh, robot)
+    total, rest = explained(s, robot, arm, frictions)
+    rigid = bodies(s.position, s.velocity, s.acceleration)
+    for j in range(2):
+        v, a = s.velocity[:, j], s.acceleration[:, j]
+        wanted = rigid[:, j] + MOTOR[j] * a + OFFSET[j] + LOAD[j] * np.abs(rigid[:, j]) * np.sign(v)
+        assert np.abs(rest[:, j] - wanted)[inner].mean() < 0.2
+        smooth = np.abs(np.tanh(v / frictions[j].dynamics["transition"].value))
+        assert (total - rest)[:, j] == pytest.approx(smooth * frictions[j].law.torque(v))
+    samples = shown[0].samples
+    assert samples.fitted.mean() == pytest.approx(0.7, abs=0.1) and np.abs(samples.friction).max() < 12.0
+    for broken, said in (
+        (replace(model, arm=None), "whole arm"), (replace(model, arm=replace(arm, urdf_sha256="0" * 64)), "another robot"),
+        (replace(model, arm=replace(arm, parameters=arm.parameters[:10])), "10 rigid-body"),
+    ):  # fmt: skip
+        with pytest.raises(InvalidInput, match=said):
+            predict_arm(broken, fresh, robot)
+
+
+def test_the_order_of_joints_the_side_of_the_gear_and_a_wrong_description_do_not_matter(found):
+    other, _, _ = identify_arm(
+        [made(order=(1, 0), gear=50.0)], parse_robot(description(1.3)), held_out=[made(seconds=10.0, seed=4)]
+    )
+    assert [f.joint.name for f in other] == ["bend", "lift"]
+    for friction, j in zip(other, (1, 0)):
+        v = np.array([0.3, 0.8, -0.3, -0.8])
+        assert friction.law.torque(v) == pytest.approx(curve(j, v), rel=0.06)
+        assert friction.held_out.samples == 1000 and friction.held_out.residual < 5.0
+    without, _, _ = identify_arm(made(), parse_robot(description()), load_friction=False)
+    assert all("load_friction" not in f.dynamics for f in without)
+
+
+def test_what_is_no_arm_is_refused(robot):
+    log = made(seconds=10.0)
+    with pytest.raises(NotIdentifiable, match="lift, bend"):
+        identify_arm(made(sign=-1.0), robot)
+    with pytest.raises(InvalidInput, match="needs torque"):
+        identify_arm(log.replace(torque=None), robot)
+    with pytest.raises(InvalidInput, match="no log"):
+        identify_arm([], robot)
+    with pytest.raises(InvalidInput, match="is in m in the log"):
+        identify_arm(log.replace(joints=tuple(replace(j, unit="m") for j in log.joints)), robot)
+    with pytest.raises(InvalidInput, match="NaN"):
+        identify_arm(log.replace(torque=np.where(np.arange(1000)[:, None] == 7, np.nan, log.torque)), robot)
+    with pytest.raises(InvalidInput, match="does not increase"):
+        identify_arm(log.replace(time=np.where(np.arange(1000) == 7, 0.0, log.time)), robot)
+    with pytest.raises(InvalidInput, match=r"\[50, 100\] Hz"):
+        identify_arm([made(), made(rate=50.0)], robot)
+    with pytest.raises(NotIdentifiable, match="too few for"):
+        identify_arm(log.rows(slice(0, 150)), robot)
+    with pytest.raises(NotIdentifiable, match="No stretch"):
+        identify_arm(log.rows(slice(0, 90)), robot)
+
+
+# -------------------------------------------------------------------------------------------- signals
+
+
+def test_signals_of_an_arm_on_a_thinned_clock(robot):
+    (s,) = arm_signals.prepare_arm(made(seconds=10.0, rate=500.0, noise=0.0), robot)
+    t = s.time
+    assert s.rate == pytest.approx(125.0) and t.size == 1250
+    q = (
+        0.7 * np.sin(2 * np.pi * 0.11 * t + 0.3)
+        + 0.35 * np.sin(2 * np.pi * 0.29 * t + 1.0)
+        + 0.08 * np.sin(2 * np.pi * 0.83 * t + 2.0)
+    )
+    inner = slice(60, -60)
+    assert s.position[inner, 0] == pytest.approx(q[inner], abs=2e-5)
+    assert np.gradient(q, t)[inner] == pytest.approx(s.velocity[inner, 0], abs=2e-3)
+    assert np.gradient(s.velocity[:, 0], t)[inner] == pytest.approx(s.acceleration[inner, 0], abs=2e-2)
+    log = made(seconds=10.0, noise=0.0)
+    time = log.time.copy()
+    time[400:] += 0.0245  # 3.45 periods: still one stretch
+    time[700:] += 0.03
+    pieces = arm_signals.prepare_arm(log.replace(time=time), robot)
+    assert [p.time.size for p in pieces] == [702, 300]
+    jittered = time[:400] + 0.001 * np.sin(np.arange(400))
+    exact = lambda x: 0.7 * np.sin(2 * np.pi * 0.11 * x + 0.3) + 0.35 * np.sin(2 * np.pi * 0.29 * x + 1.0)  # noqa: E731
+    position = np.column_stack([exact(jittered), exact(jittered)])
+    (s,) = arm_signals.prepare_arm(log.rows(slice(0, 400)).replace(time=jittered, position=position), robot)
+    assert s.position[50:-50, 0] == pytest.approx(exact(s.time)[50:-50], abs=1e-5)
+    pushed = log.replace(external_torque=np.full((1000, 2), 2.5))
+    assert arm_signals.prepare_arm(pushed, robot)[0].torque == pytest.approx(log.torque + 2.5)
+
+
+def test_a_quarter_is_held_out_with_seams(robot):
+    (s,) = arm_signals.hold_out_blocks(arm_signals.prepare_arm(made(seconds=16.0, noise=0.0), robot))
+    n, seam = 1600, 50  # half a second
+    held = (np.arange(n) * 8 // n) % 4 == 3
+    near = np.array([held[max(i - seam, 0) : i + seam + 1].any() for i in range(n)])
+    assert np.array_equal(s.held_out, held) and np.array_equal(s.fitted, ~near)
+    (all_,) = arm_signals.hold_out_all([s])
+    assert all_.held_out.all() and not all_.fitted.any()
+
+
+def test_rests_are_marked_with_a_margin():
+    rate, v = 100.0, np.ones((1000, 2))
+    v[200:219, 0], v[400:421, 0], v[950:, 1] = 0.009, 0.009, -0.0099  # 0.19 s, 0.21 s, up to the end
+    v[600:700, 1] = 0.011
+    got = arm_signals.resting(v, np.array([1.0, 1.0]), rate)
+    assert np.flatnonzero(got[:, 0]).tolist() == list(range(390, 431))
+    assert np.flatnonzero(got[:, 1]).tolist() == list(range(940, 1000))
+
+
+# ---------------------------------------------------------------------------------------- terms and rows
+
+
+def test_knots_lie_at_quantiles_raised_to_a_power():
+    speed = np.random.default_rng(3).uniform(0.0, 2.0, 20000)
+    t = arm_terms.terms_of(speed)
+    assert t.knots == pytest.approx(np.r_[0.0, np.quantile(speed, 0.99 * (np.arange(1, 8) / 7.0) ** 1.3)])
+    assert (t.top, t.transition, t.size) == (speed.max(), 0.002 * speed.max(), 19)
+    bunched = arm_terms.terms_of(np.r_[np.full(9000, 0.5), np.full(600, 0.504), np.full(400, 1.0)])
+    assert bunched.knots.tolist() == [0.0, 0.5, 1.0] and bunched.top == pytest.approx(1.001)
+    still = arm_terms.terms_of(np.empty(0))
+    assert (still.knots.tolist(), still.top, still.transition) == ([0.0, 1.0], 1.1, 0.002)
+
+
+def test_columns_of_a_joint_written_out():
+    t = arm_terms.Terms(knots=np.array([0.0, 0.5, 1.0]), top=1.2, transition=0.01)
+    v, a, load = (
+        np.array([0.25, -0.75, 1.1, 0.0, 0.005]),
+        np.array([1.0, 2.0, 3.0, 4.0, 5.0]),
+        np.array([-3.0, 2.0, 1.0, 5.0, -4.0]),
+    )
+    got = t.columns(v, a, load)
+    sign = np.tanh(v / 0.01)
+    F = np.array([3.0, 1.0, 2.0])
+    up = np.interp(np.abs(v), t.knots, F)  # constant above the last knot
+    assert got[:, :3] @ F == pytest.approx(up * np.maximum(sign, 0.0))
+    assert got[:, 3:6] @ F == pytest.approx(up * np.minimum(sign, 0.0))
+    assert got[:, 6:] == pytest.approx(np.column_stack([np.ones(5), a, np.abs(load) * sign]))
+    assert not t.columns(v, a, None)[:, -1].any()
+
+
+def test_rows_of_a_fit_are_the_filtered_columns_thinned(robot, monkeypatch):
+    from backdrive.filters import low_pass
+
+    (s,) = arm_signals.prepare_arm(made(seconds=60.0), robot)
+    terms = [arm_terms.terms_of(np.abs(s.velocity[:, j])) for j in range(2)]
+    regressor = arm_terms.Regressor(robot, [s])
+    assert arm_terms.steps_of([s]) == 5  # 100 Hz to 20 Hz
+    rows = arm_terms.build(regressor, terms)
+    beta = robot.base.relation @ robot.parameters
+    assert rows.rate == pytest.approx(20.0) and rows.torque.shape == (1200, 2)
+    rigid = bodies(s.position, s.velocity, s.acceleration)
+    wanted = low_pass(rigid, 5.0, s.rate)[::5]
+    assert rows.bodies @ beta == pytest.approx(wanted, abs=1e-6)
+    assert rows.torque == pytest.approx(low_pass(s.torque, 5.0, s.rate)[::5])
+    assert regressor.bodies(0, beta) == pytest.approx(rigid, abs=1e-8)
+    arm_terms.fill_load(rows, regressor, terms, beta)
+    for j in range(2):
+        own = terms[j].columns(s.velocity[:, j], s.acceleration[:, j], rigid[:, j])
+        assert rows.friction[j] == pytest.approx(low_pass(own, 5.0, s.rate)[::5], abs=1e-6)
+    use = np.ones(6000, bool)
+    use[:25] = use[-25:] = False
+    rest = arm_signals.resting(s.velocity, np.array([t.top for t in terms]), s.rate)
+    assert np.array_equal(rows.weight, (use[:, None] & ~rest)[::5])
+    monkeypatch.setattr(arm_terms, "CHUNK", 1700)  # in pieces with margins: the same
+    pieces = arm_terms.build(arm_terms.Regressor(robot, [s]), terms)
+    for a, b in ((pieces.bodies, rows.bodies), (pieces.friction[1][:, :-1], rows.friction[1][:, :-1])):
+        assert a == pytest.approx(b, abs=1e-3)
+    arm_terms.fill_load(pieces, arm_terms.Regressor(robot, [s]), terms, beta)
+    assert pieces.friction[0][:, -1] == pytest.approx(rows.friction[0][:, -1], abs=1e-2)
+
+
+# ------------------------------------------------------------------------------------------- the solver
+
+
+def quadratic(seed, n=6):
+    generator = np.random.default_rng(seed)
+    root = generator.standard_normal((20, n)) * 10.0 ** generator.uniform(-2, 2, n)
+    return root.T @ root, root.T @ generator.standard_normal(20)
+
+
+def test_a_bounded_minimum_is_the_best_of_all_sets_of_active_bounds():
+    for seed in range(6):
+        gram, moment = quadratic(seed, 4)
+        free = np.linalg.solve(gram, moment)
+        low, high = (
+            np.where([True, False, True, False], 0.0, -np.inf),
+            np.where(np.arange(4) == 3, 0.4 * abs(free[3]), np.inf),
+        )
+        got = arm_solve._bounded(gram, moment, low, high)
+        best, cost = None, np.inf
+        for code in range(3**4):
+            held = [(code // 3**i) % 3 for i in range(4)]
+            at = np.array([np.nan if h == 0 else low[i] if h == 1 else high[i] for i, h in enumerate(held)])
+            if np.isinf(at).any():
+                continue
+            open_ = np.isnan(at)
+            x = np.where(open_, 0.0, at)
+            if open_.any():
+                x[open_] = np.linalg.solve(
+                    gram[np.ix_(open_, open_)], moment[open_] - gram[np.ix_(open_, ~open_)] @ x[~open_]
+                )
+            value = 0.5 * x @ gram @ x - moment @ x
+            if np.all(x >= low - 1e-9) and np.all(x <= high + 1e-9) and value < cost:
+                best, cost = x, value
+        assert got == pytest.approx(best, rel=1e-5, abs=1e-8)
+
+
+def test_errors_of_free_and_of_held_coefficients():
+    gram, _ = quadratic(1)
+    precision, scores = np.diag(np.arange(1.0, 7.0)), 2.5 * gram
+    free = np.array([True, True, False, True, True, False])
+    covariance = arm_solve._covariance(gram, precision, scores, free)
+    inner = np.ix_(free, free)
+    bread = np.linalg.inv((gram + precision)[inner])
+    assert covariance[inner] == pytest.approx(bread @ (scores + precision)[inner] @ bread, rel=1e-8)
+    assert not covariance[~free].any() and not covariance[:, ~free].any()
+    slope = np.random.default_rng(2).standard_normal(6)
+    slope[free] = 0.0
+    total = gram + precision
+    errors, pushed = arm_solve._let_go(total, slope, scores, free)
+    assert not errors[free].any() and not pushed[free].any()
+    for i in (2, 5):  # let go alone: solve with the free ones
+        loose = free.copy()
+        loose[i] = True
+        step = np.linalg.inv(total[np.ix_(loose, loose)])
+        place = int(loose[:i].sum())
+        error = np.sqrt(step[place] @ scores[np.ix_(loose, loose)] @ step[place])
+        assert errors[i] == pytest.approx(error, rel=1e-6)
+        assert pushed[i] == pytest.approx(max(-(step @ slope[loose])[place] / error, 0.0), rel=1e-6)
+
+
+def test_correlated_residuals_count_for_less():
+    generator = np.random.default_rng(4)
+    error = np.convolve(generator.standard_normal(400), np.ones(4) / 4.0, "same")
+    lags = 20  # two seconds at 10 Hz
+    c = [float(error[: 400 - k] @ error[k:]) for k in range(lags + 1)]
+    expected = 1.0 + 2.0 * sum((1.0 - k / (lags + 1.0)) * c[k] / c[0] for k in range(1, lags + 1))
+    assert arm_solve._inflation(error, 10.0) == pytest.approx(expected, rel=1e-9)
+    assert arm_solve._inflation(np.tile([1.0, -1.0], 50), 10.0) == 1.0
+    assert arm_solve._inflation(np.zeros(50), 10.0) == 1.0
+    assert arm_solve._noise(np.array([1.0, -2.0, 3.0, 50.0]), np.array([1.0, 1, 1, 0]), 7.0) == pytest.approx(
+        1.4826 * 2.0
+    )
+    assert arm_solve._noise(np.zeros(4), np.ones(4), 7.0) == pytest.approx(7e-6)
+    assert arm_solve._noise(np.zeros(4), np.zeros(4), 7.0) == 7.0
+    assert arm_solve._rms(np.array([3.0, 4.0, 9.0]), np.array([1.0, 1.0, 0.0])) == pytest.approx(
+        np.sqrt(12.5)
+    )
+    assert arm_solve._rms(np.ones(2), np.zeros(2)) == arm_solve._rms(np.zeros(2), np.ones(2)) == 1.0
+
+
+def rows_for(robot):
+    (s,) = arm_signals.prepare_arm(made(seconds=20.0), robot)
+    terms = [arm_terms.terms_of(np.abs(s.velocity[:, j])) for j in range(2)]
+    return arm_terms.build(arm_terms.Regressor(robot, [s]), terms), terms
+
+
+def test_normal_equations_and_priors_written_out(robot):
+    rows, terms = rows_for(robot)
+    b = rows.bodies.shape[2]
+    sizes = [t.size for t in terms]
+    first = b + np.array([0, sizes[0], sum(sizes)])
+    start, precision = arm_solve._prior(rows, robot, terms, np.array([5.0, 2.0]))
+    weight = np.random.default_rng(5).uniform(0.0, 1.0, rows.weight.shape) * rows.weight
+    gram, moment = np.zeros_like(precision), np.zeros(first[-1])
+    for j in range(2):
+        X = np.zeros((rows.torque.shape[0], first[-1]))
+        X[:, :b], X[:, first[j] : first[j + 1]] = rows.bodies[:, j], rows.friction[j]
+        W = X * weight[:, j, None]
+        own = W.T @ X, W.T @ (rows.torque[:, j] - X @ start)
+        gram, moment = gram + own[0], moment + own[1]
+        alone = arm_solve._normal(rows, first, weight, start, only=j)
+        assert alone[0] == pytest.approx(own[0], rel=1e-9, abs=1e-9) and alone[1] == pytest.approx(
+            own[1], rel=1e-9, abs=1e-9
+        )
+        assert arm_solve._predict(rows, first, start + 0.1)[:, j] == pytest.approx(X @ (start + 0.1))
+    got = arm_solve._normal(rows, first, weight, start)
+    assert got[0] == pytest.approx(gram, rel=1e-9, abs=1e-9) and got[1] == pytest.approx(
+        moment, rel=1e-9, abs=1e-9
+    )
+    relation = robot.base.relation
+    assert start[:b] == pytest.approx(relation @ robot.parameters) and not start[b:].any()
+    mass, length = M[0] + M[1], 0.5 * (0.0 + L1)
+    spread = np.tile(mass * length ** np.array([0.0, 1, 1, 1, 2, 2, 2, 2, 2, 2]), 2)
+    assert arm_solve.spread_of(robot) == pytest.approx(spread)
+    assert np.linalg.inv(precision[:b, :b]) == pytest.approx(
+        (relation * spread**2) @ relation.T, rel=1e-6, abs=1e-12
+    )
+    for j, (t, scale) in enumerate(zip(terms, (5.0, 2.0))):
+        k, own = t.knots.size, precision[first[j] : first[j + 1], first[j] : first[j + 1]]
+        F = np.random.default_rng(6).standard_normal(t.size)
+        cost = 0.0
+        for side in (F[:k], F[k : 2 * k]):
+            slope = np.diff(side) / np.diff(t.knots)
+            bend, width = np.diff(slope), 0.5 * (t.knots[2:] - t.knots[:-2])
+            cost += np.sum(bend**2 * width) * t.knots[-1] / 0.3**2 + np.sum(side**2) / 3.0**2
+        cost += np.sum((F[:k] - F[k : 2 * k]) ** 2) / 0.05**2
+        used = rows.weight[:, j] > 0
+        brisk = np.sqrt(np.mean(rows.friction[j][used, 2 * k + 1] ** 2))
+        cost = (
+            cost / scale**2
+            + F[2 * k] ** 2 / scale**2
+            + (brisk * F[2 * k + 1] / scale) ** 2
+            + (F[2 * k + 2] / 0.3) ** 2
+        )
+        assert F @ own @ F == pytest.approx(cost, rel=1e-8)
+        alike = arm_solve._alike(gram, first, terms)[first[j] : first[j + 1], first[j] : first[j + 1]]
+        strong = 1e4 * np.diag(gram)[first[j] : first[j] + 2 * k].sum()
+        assert F @ alike @ F == pytest.approx(strong * (F[:k].mean() - F[k : 2 * k].mean()) ** 2, rel=1e-8)
+    low, high = arm_solve._bounds(b, terms, np.array([True, False]))
+    assert np.isinf(low[:b]).all() and np.isinf(high[:-1][:b]).all()
+    for j, most in ((0, 1.0), (1, 1e-12)):
+        own_low, own_high = low[first[j] : first[j + 1]], high[first[j] : first[j + 1]]
+        assert own_low[-3] == -np.inf and not np.delete(own_low, -3).any()
+        assert own_high[-1] == most and np.isinf(own_high[:-1]).all()
+
+
+def test_remarks_name_what_is_suspect(robot):
+    rows, terms = rows_for(robot)
+    b = rows.bodies.shape[2]
+    k = terms[0].knots.size
+
+    def said(j=0, weight=None, own=None, pushed=None, told=None, condition=10.0, of=terms):
+        good = [np.r_[np.full(2 * t.knots.size, 4.0), 0.1, 0.2, 0.1] for t in terms]
+        none = [np.zeros(t.size) for t in terms]
+        solution = arm_solve.Solution(
+            beta=np.zeros(b), own=[good[0] if own is None else own, good[1]], errors=none, covariance=[],
+            pushed=[none[0] if pushed is None else pushed, none[1]], told=np.ones(b) if told is None else told, condition=condition,
+        )  # fmt: skip
+        return remarks(robot, of, rows if weight is None else replace(rows, weight=weight), solution)[j]
+
+    assert said() == () and said(1) == ()
+    own = np.r_[np.full(2 * k, 4.0), 0.1, 0.2, 0.1]
+    for offset, count in ((1.19, 0), (1.21, 1), (-1.21, 1)):
+        changed = own.copy()
+        changed[2 * k] = offset
+        assert len(said(own=changed)) == count
+    for place in (0, 2 * k - 1, 2 * k + 1):
+        for size, count in ((2.9, 0), (3.1, 1)):
+            pushed = np.zeros(own.size)
+            pushed[place] = size
+            assert len(said(pushed=pushed)) == count
+    full = own.copy()
+    full[-1] = 1.0
+    assert "100 %" in said(own=full)[0]
+    assert (
+        "excites the bodies poorly" in said(condition=1001.0)[0]
+        and said(condition=999.0) == ()
+        and said(1, condition=1e9) == ()
+    )
+    guess = np.where(np.arange(b) == 0, 0.49, 1.0)
+    column = int(robot.base.columns[0] // 10)
+    assert "1 of" in said(column, told=guess)[0] and said(1 - column, told=guess) == ()
+    still = rows.weight.copy()
+    still[:, 0] = 0.0
+    assert "never moves" in said(weight=still)[0]
+    one_way = rows.weight.copy()
+    one_way[rows.friction[0][:, :k].sum(axis=1) < 0.0, 0] = 0.0
+    one_way[rows.friction[0][:, k : 2 * k].sum(axis=1) < 0.0, 0] = 0.0
+    assert any("one way" in w for w in said(weight=one_way))
+    for share, count in ((0.019, 1), (0.021, 0)):
+        slow = [replace(terms[0], top=share * terms[1].top), terms[1]]
+        assert sum("no more than" in w for w in said(of=slow)) == count
