@@ -60,12 +60,12 @@ ROOMS: dict[str, dict[tuple[str, ...], tuple[str, ...]]] = {
     },
     "identification": {
         ("identification/sweep*.py", "identification/function_a.py", "identification/load_fit.py", "identification/timing.py"): (
-            "test_reference_identification.py", "test_sweep.py", "test_timing.py",
+            "test_reference_fits.py", "test_reference_identification.py", "test_sweep.py", "test_timing.py",
         ),
         ("identification/arm*.py",): ("test_reference_arm.py",),
         ("identification/[!_afslt]*.py", "identification/signals.py", "identification/auto.py", "identification/__init__.py"): (
-            "test_reference_identification.py", "test_regression.py", "test_identify.py", "test_motion.py",
-            "test_constant_velocity.py", "test_presliding.py",
+            "test_reference_fits.py", "test_regression.py", "test_reference_identification.py", "test_identify.py",
+            "test_motion.py", "test_constant_velocity.py", "test_presliding.py",
         ),
     },
     "health": {
