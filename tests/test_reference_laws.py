@@ -163,6 +163,12 @@ def test_a_polyline_of_one_knot_is_a_coulomb_torque_and_its_first_section_starts
     expected = [(-0.5, 0.0, 0.4), (-0.5, 0.0, 1.0), (-0.5, 0.0, 2.0), (-0.5, 0.0, -0.25)]
     for one, wanted in zip(got, expected):
         assert one == pytest.approx(wanted, abs=1e-12)
+    other = Polyline(
+        velocity=(0.1, 0.2), positive=(1.0, 1.5), negative=(2.0, 5.0)
+    )  # -1 at rest along -q: 20 v there
+    row = Law(rate=other).row()
+    for v, wanted in ((-0.05, -1.0), (-0.1, -2.0), (-0.15, -3.5), (0.05, 0.25)):
+        assert kernels.limits(1, row, v, (0.0, 0.0), 20.0)[2] == pytest.approx(wanted)
 
 
 def test_curves_of_a_rate_law_at_many_speeds():
@@ -550,6 +556,21 @@ def test_bounds_of_parameters_belong_to_what_is_admitted(cls):
         for wild in (np.nan, np.inf, [1.0, 2.0], None):
             with pytest.raises((InvalidInput, TypeError)):
                 replace(example, **{name: wild})
+
+
+def test_what_is_not_given_is_not_there():
+    neutral = {
+        "exponent": {"stribeck-tustin": 1.0, "degressive": 0.5, "m2": 1.0, "m4": 1.0, "m5": 1.0, "m6": 1.0, "load-temperature": 1.3},
+        "stribeck_velocity": 1.0, "stribeck_velocity_load": 1.0, "thinning": 20.0, "ratio": 0.5, "overshoot": 0.5, "elastic": 0.7,
+        "decay_rate": 20.0, "margin": 0.95, "reversal": 10.0,
+        "sharpness": {"leuven": 2.0, "smoothed-gms": 100.0}, "damping": {"xiong-kikuuwe": 1.0},
+    }  # fmt: skip
+    for cls in (*RATES.values(), *ELEMENTS.values()):
+        for name in cls.PARAMETERS:
+            if hasattr(cls, name) and not callable(getattr(cls, name)):
+                wanted = neutral.get(name, 0.0)
+                wanted = wanted.get(cls.NAME, 0.0) if isinstance(wanted, dict) else wanted
+                assert getattr(cls, name) == wanted, (cls.NAME, name)
 
 
 def test_units_of_parameters_for_a_rotary_and_a_linear_joint():

@@ -17,8 +17,10 @@ typical value was published.
     swapped     the first two arguments of a call in the other order
     removed     a statement left out: a call, an assignment to an element or an attribute, +=, return, continue, break
 
-Where numbers are rules of thumb and not those of equations, nobody could say that 99 is wrong where 100 was meant: there a
-number is not changed by 5 %, an integer above 2 only by the factor two or in a subscript, and an edge only beside a size.
+What nobody could see is left alone: numbers below 1e-8 or beyond 1e8, which guard against rounding and overflow; how often
+an iteration repeats at most; and a / b for a * b where only its sign is asked for. Where numbers are rules of thumb and not
+those of equations, nobody could say that 99 is wrong where 100 was meant: there a number is not changed by 5 %, an integer
+above 2 only by the factor two or in a subscript, and an edge only beside a size.
 """
 
 from __future__ import annotations
@@ -116,6 +118,7 @@ class _Places:
     def __init__(self, path: str, source: bytes, exact: bool):
         self.path, self.source, self.exact = path, source, exact
         self.tree = ast.parse(source)
+        self.signs_only: set[ast.AST] = set()
         self.begins = [0]
         for row in source.splitlines(keepends=True):
             self.begins.append(self.begins[-1] + len(row))
@@ -146,7 +149,13 @@ class _Places:
         if at >= 0:
             yield Mutation(self.path, at, at + len(sign), text, operator)
 
-    def walk(self, node: ast.AST, index: bool) -> Iterator[Mutation]:
+    def repeats(self, node: ast.AST) -> str:
+        """Return `range` for the range of a loop that does not ask which round it is."""
+        if isinstance(node, ast.Call) and self.text(node.func) == "range" and len(node.args) == 1:
+            return "range" if isinstance(node.args[0], ast.Constant) and node.args[0].value >= 4 else ""
+        return ""
+
+    def walk(self, node: ast.AST, index: bool | str) -> Iterator[Mutation]:
         """Yield the mutations of a node and of what is in it; `index`: it stands in a subscript."""
         if isinstance(node, ast.Import | ast.ImportFrom | ast.JoinedStr | ast.Raise | ast.Assert):
             return
@@ -157,6 +166,10 @@ class _Places:
         for make in (self.numbers, self.signs, self.comparisons, self.logic, self.calls, self.statements):
             yield from make(node, index)
         skipped: list[ast.AST] = []
+        if isinstance(node, ast.Compare) and any(
+            self.text(side) in ("0", "0.0") for side in node.comparators
+        ):
+            self.signs_only.add(node.left)
         if isinstance(node, ast.FunctionDef):
             skipped = [*node.decorator_list, *([node.returns] if node.returns else [])]
         if isinstance(node, ast.arg | ast.AnnAssign) and node.annotation is not None:
@@ -166,46 +179,48 @@ class _Places:
         if isinstance(node, ast.keyword) and node.arg in WORDS:
             return
         for name, value in ast.iter_fields(node):
-            inside = index or (isinstance(node, ast.Subscript) and name == "slice")
+            inside = index or (isinstance(node, ast.Subscript) and name == "slice") or self.repeats(node)
             for child in value if isinstance(value, list) else [value]:
                 if isinstance(child, ast.AST) and child not in skipped:
                     yield from self.walk(child, inside)
 
-    def numbers(self, node: ast.AST, index: bool) -> Iterator[Mutation]:
+    def numbers(self, node: ast.AST, index: bool | str) -> Iterator[Mutation]:
         if not isinstance(node, ast.Constant):
             return
         value = node.value
         if isinstance(value, bool):
             yield self.replaced(node, str(not value), "logic")
         elif isinstance(value, int):
-            if self.exact or index or value <= 2:
+            if index != "range" and (self.exact or index or value <= 2):
                 yield self.replaced(node, str(value + 1), "number")
                 if value > 0:
                     yield self.replaced(node, str(value - 1), "number")
-            if value > 0 and not index:
+            if value > 0 and not index and value < 10**8:
                 yield self.replaced(node, str(2 * value), "number")
         elif isinstance(value, float):
             if value == 0.0:
                 yield self.replaced(node, "1.0", "number")
-            else:
+            elif 1e-8 <= abs(value) <= 1e8:
                 if self.exact:
                     yield self.replaced(node, f"({1.05 * value!r})", "few percent")
                 yield self.replaced(node, f"({2.0 * value!r})", "number")
                 yield self.replaced(node, f"(-{value!r})", "number")
 
-    def signs(self, node: ast.AST, index: bool) -> Iterator[Mutation]:
+    def signs(self, node: ast.AST, index: bool | str) -> Iterator[Mutation]:
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
             yield self.replaced(node, f"({self.text(node.operand)})", "sign")
         operator = ARITHMETIC.get(type(getattr(node, "op", None)))
         if operator is None:
             return
         sign, other, name = operator
+        if name == "product" and node in self.signs_only:
+            return
         if isinstance(node, ast.BinOp) and not self.is_text(node.left) and not self.is_text(node.right):
             yield from self.between(node.left, node.right, sign, other, name)
         if isinstance(node, ast.AugAssign) and not self.is_text(node.value):
             yield from self.between(node.target, node.value, sign, other, name)
 
-    def comparisons(self, node: ast.AST, index: bool) -> Iterator[Mutation]:
+    def comparisons(self, node: ast.AST, index: bool | str) -> Iterator[Mutation]:
         if not isinstance(node, ast.Compare):
             return
         operands = [node.left, *node.comparators]
@@ -214,7 +229,7 @@ class _Places:
                 if type(operator) in table and (name != "edge" or self.has_edge(left, right)):
                     yield from self.between(left, right, SIGNS[type(operator)], table[type(operator)], name)
 
-    def logic(self, node: ast.AST, index: bool) -> Iterator[Mutation]:
+    def logic(self, node: ast.AST, index: bool | str) -> Iterator[Mutation]:
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
             yield self.replaced(node, f"({self.text(node.operand)})", "logic")
         if isinstance(node, ast.BoolOp):
@@ -223,7 +238,7 @@ class _Places:
             joined = f" {other} ".join(f"({self.text(value)})" for value in node.values)
             yield self.replaced(node, f"({joined})", "logic")
 
-    def calls(self, node: ast.AST, index: bool) -> Iterator[Mutation]:
+    def calls(self, node: ast.AST, index: bool | str) -> Iterator[Mutation]:
         if not isinstance(node, ast.Call):
             return
         name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
@@ -244,7 +259,7 @@ class _Places:
                 start, stop = self.span(first)[0], self.span(second)[1]
                 yield Mutation(self.path, start, stop, f"{b}{between}{a}", "swapped")
 
-    def statements(self, node: ast.AST, index: bool) -> Iterator[Mutation]:
+    def statements(self, node: ast.AST, index: bool | str) -> Iterator[Mutation]:
         to_place = isinstance(node, ast.Assign) and all(
             isinstance(target, ast.Subscript | ast.Attribute) for target in node.targets
         )
