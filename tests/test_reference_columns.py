@@ -97,6 +97,7 @@ def test_a_log_of_bam_by_its_definitions(tmp_path):
     assert any("2 samples of load were read as the signed" in n for n in got.notes)
     assert any("2 samples of load lie beyond full duty" in n for n in got.notes)
     assert any("off in 1 samples" in n for n in got.notes)
+    assert any("mass 0.5, length 0.1, motor xl (mass" in n for n in got.notes)
     plain = read_json(tmp_path, {"kq": 3, "entries": entries})
     assert plain.drive is None and plain.arrays["load"].tolist() == loads
 
@@ -354,8 +355,8 @@ def test_what_is_zero_throughout_was_not_measured():
         and log.external_torque is None
     )
     assert sum("exactly zero" in note for note in log.notes) == 4
-    still = to_log(Columns(arrays={"t": T, "q": zero, "dq": zero}))
-    assert still.velocity is not None
+    still = to_log(Columns(arrays={"t": T, "q": zero, "dq": zero, "tau": zero}))
+    assert still.velocity is not None and still.torque is None
     asked = to_log(Columns(arrays={"t": T, "q": Q, "tau": zero}), map="tau=tau")
     assert asked.torque is not None
 

@@ -8,7 +8,8 @@ import pytest
 
 from _synthetic import any_motion
 from backdrive import Joint, Log, check
-from backdrive.health import gate, outlier, time_slip, torque_sign
+from backdrive.errors import UnhealthyLog
+from backdrive.health import gate, outlier, passed, time_slip, torque_sign
 from backdrive.health._exam import Exam, resolution, white_noise
 from backdrive.health._jumps import jumps
 from backdrive.health._motion import _gain, _widths, folded, motion, running
@@ -694,3 +695,130 @@ def test_limits_are_flat_ends_and_not_peaks():
             if np.any(clipped == limit)
         }
         assert found == wanted
+
+
+def test_torque_stands_still_only_where_the_joint_moves():
+    """By the position: in each third of the run; by the velocity: in nine tenths of it."""
+    q, v, tau = noisy()
+    tau[1000:1100] = tau[1000]
+    for rest, by_position, by_velocity in (
+        (0, True, True),
+        (30, True, False),
+        (60, False, False),
+        (100, False, False),
+    ):
+        still, slow = q.copy(), v.copy()
+        still[1000 : 1000 + rest] = still[1000]
+        slow[1000 : 1000 + rest] = 0.0
+        at = frozen_runs(Exam(log_of(4000, position=still, torque=tau)), "torque", 0)
+        assert bool(at) is by_position
+        assert bool(frozen_runs(Exam(log_of(4000, velocity=slow, torque=tau)), "torque", 0)) is by_velocity
+
+
+def test_saturation_is_not_frozen_and_a_dead_channel_neither():
+    q, _, tau = noisy()
+    tau = np.clip(tau, -3.9, 3.9)
+    assert frozen_runs(Exam(log_of(4000, position=q, torque=tau)), "torque", 0) == []
+    assert frozen_runs(Exam(log_of(4000, position=q, torque=np.full(4000, 2.0))), "torque", 0) == []
+
+
+def test_a_second_encoder_that_stands_and_a_dead_velocity():
+    q, v, _ = noisy()
+    stuck_ = q.copy()
+    stuck_[800:1000] = stuck_[800]
+    found = [
+        f for f in check(log_of(4000, position=q, velocity=v, second_encoder=stuck_)) if f.severity != "note"
+    ]
+    assert {f.channel for f in found} == {"second_encoder"}
+    (dead,) = [
+        f for f in check(log_of(4000, position=q, velocity=np.full(4000, 0.2))) if f.severity != "note"
+    ]
+    assert (dead.name, dead.channel, dead.value, dead.repairable) == ("stuck", "velocity", 0.2, True)
+    assert gate(log_of(4000, position=q, velocity=np.full(4000, 0.2)), repair=True).velocity is None
+    (dead,) = [
+        f for f in check(log_of(4000, position=np.full(4000, 0.2), velocity=v)) if f.severity != "note"
+    ]
+    assert (dead.name, dead.channel, dead.severity, dead.repairable) == ("stuck", "position", "spoils", False)
+    trembling = log_of(
+        4000, position=np.full(4000, 0.2), velocity=1e-3 * np.random.default_rng(1).standard_normal(4000)
+    )
+    assert not [f for f in check(trembling) if f.name == "stuck"]
+
+
+def test_the_span_of_a_plan_is_that_of_the_nearest_joint():
+    t = np.linspace(0.0, 2.0 * np.pi, 4000)
+    both = log_of(4000, position=np.column_stack([0.4 * np.sin(t), 0.7 * np.sin(t)]))
+    (found,) = named(both, "plan-mismatch", plan=Plan())
+    assert (found.joint, found.value) == ("j1", pytest.approx(1.4, rel=1e-5))
+
+
+def test_a_coarse_clock_with_a_jump_is_spread_between_its_stamps():
+    stamps = np.repeat(np.r_[np.arange(100) * 5e-3, 0.8 + np.arange(100) * 5e-3], 5)
+    log = log_of(1000, position=smooth(1000)).replace(time=stamps)
+    mended = gate(log, accept=["gaps", "jitter"], repair=True)
+    assert mended.time[:495] == pytest.approx(1e-3 * np.arange(495))
+    assert mended.time[500:995] == pytest.approx(0.8 + 1e-3 * np.arange(495))
+    interval = (stamps[995] - stamps[0]) / 995
+    assert mended.time[995:] == pytest.approx(stamps[995] + interval * np.arange(5))
+
+
+def test_a_reference_that_wraps_is_unwrapped_from_its_first_value():
+    t = 1e-3 * np.arange(4000)
+    truth = 5.0 * np.sin(2.0 * t) + 0.4
+    log = log_of(4000, position=np.mod(truth, 2 * np.pi), reference=np.mod(truth + 0.01, 2 * np.pi))
+    mended = gate(log, repair=True)
+    assert mended.reference[0, 0] == pytest.approx(0.41) and mended.position[0, 0] == pytest.approx(0.4)
+    assert mended.reference[:, 0] == pytest.approx(truth + 0.01, abs=1e-9)
+
+
+def test_jumps_are_three_times_nearly_all_steps_and_six_counts():
+    """Where the encoder moves by single counts, six of them are no jump and seven are."""
+    n, count = 4000, 1e-3
+    q = count * np.floor(0.3 * np.arange(n))
+    for counts, found in ((6, None), (9, [2000])):
+        x = q.copy()
+        x[2000:] += counts * count
+        got = jumps(Exam(log_of(n, position=x)), "position", 0)
+        assert (None if got is None else got.rows.tolist()) == found
+
+
+def test_changes_and_samples_of_a_channel_are_absolute_and_by_piece():
+    x = smooth()
+    time = 1e-3 * np.arange(2000)
+    time[900:] += 1.0
+    exam = Exam(log_of(position=x).replace(time=time))
+    assert exam.changes("position", 0) == pytest.approx(np.abs(np.r_[np.diff(x[:900]), np.diff(x[900:])]))
+    assert exam.sample("position", 0) == pytest.approx(x) and exam.column("position", 0).flags.c_contiguous
+    assert not exam.usable("torque", 0) and exam.usable("position", 0)
+    assert [name for _, name in exam] == ["j0"]
+    assert np.isnan(Exam(log_of(2, position=np.zeros(2)).rows(slice(0, 1))).period)
+
+
+def test_outliers_beside_a_gap_are_none():
+    x = np.linspace(0.0, 1.0, 2000) ** 1.5
+    time = 1e-3 * np.arange(2000)
+    time[1200:] += 0.5
+    for row, said in ((1199, False), (1200, False), (1198, True), (1201, True)):
+        log = log_of(2000, torque=spiked(x, row, 5.0)).replace(time=time)
+        assert bool(outlier.find(Exam(log))) is said
+
+
+def test_the_gate_says_what_it_lets_pass():
+    q, _, tau = noisy()
+    tau[[500, 900]] = np.nan
+    log = log_of(4000, position=q, torque=tau)
+    with pytest.raises(UnhealthyLog) as stopped:
+        gate(log)
+    assert "--repair, or --accept nan" in stopped.value.remedy
+    kept, left = passed(log, accept=["nan"])
+    assert len(kept) == 4000 and any(note.startswith("Accepted [nan]") for note in kept.notes) and left == []
+    mended, left = passed(log, repair=True)
+    assert len(mended) == 3998 and [f.name for f in left] == []
+    assert gate(log_of(4000, position=q), repair=True).notes == ()
+    as_dict = check(log)[0].to_dict()
+    assert (as_dict["count"], as_dict["where"], as_dict["value"], as_dict["repairable"]) == (
+        2,
+        [500, 900],
+        2.0,
+        True,
+    )

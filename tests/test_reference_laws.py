@@ -560,7 +560,8 @@ def test_bounds_of_parameters_belong_to_what_is_admitted(cls):
 
 def test_what_is_not_given_is_not_there():
     neutral = {
-        "exponent": {"stribeck-tustin": 1.0, "degressive": 0.5, "m2": 1.0, "m4": 1.0, "m5": 1.0, "m6": 1.0, "load-temperature": 1.3},
+        "exponent": {"stribeck-tustin": 1.0, "degressive": 0.5, "m2": 1.0, "m4": 1.0, "m5": 1.0, "m6": 1.0,
+                     "load-temperature": 1.3},
         "stribeck_velocity": 1.0, "stribeck_velocity_load": 1.0, "thinning": 20.0, "ratio": 0.5, "overshoot": 0.5, "elastic": 0.7,
         "decay_rate": 20.0, "margin": 0.95, "reversal": 10.0,
         "sharpness": {"leuven": 2.0, "smoothed-gms": 100.0}, "damping": {"xiong-kikuuwe": 1.0},
