@@ -203,7 +203,10 @@ def wanted(table: dict[str, dict[str, tuple[str, ...]]]) -> list[Job]:
     jobs = []
     for room, file, old, new in NAMED:
         path = f"{SOURCE}/{file}"
-        jobs.append(Job(room, table[room][path], named(path, (ROOT / path).read_bytes(), old, new)))
+        try:
+            jobs.append(Job(room, table[room][path], named(path, (ROOT / path).read_bytes(), old, new)))
+        except (KeyError, OSError, ValueError) as error:
+            sys.exit(f"the named mutation of {file} has no place ({error}): bring the table up to date")
     return jobs
 
 
