@@ -188,6 +188,10 @@ def test_what_is_no_arm_is_refused(robot):
     log = made(seconds=10.0)
     with pytest.raises(NotIdentifiable, match="lift, bend"):
         identify_arm(made(sign=-1.0), robot)
+    whole = made()
+    one = whole.replace(torque=whole.torque * [1.0, -1.0])
+    with pytest.raises(NotIdentifiable, match="push instead of brake in bend:"):
+        identify_arm(one, robot)
     with pytest.raises(InvalidInput, match="needs torque"):
         identify_arm(log.replace(torque=None), robot)
     with pytest.raises(InvalidInput, match="no log"):
@@ -387,6 +391,13 @@ def test_correlated_residuals_count_for_less():
     assert arm_solve._inflation(error, 10.0) == pytest.approx(expected, rel=1e-9)
     assert arm_solve._inflation(np.tile([1.0, -1.0], 50), 10.0) == 1.0
     assert arm_solve._inflation(np.zeros(50), 10.0) == 1.0
+    few = np.array([1.0, 2.0, -1.0, 0.5])
+    short = 1.0 + 2.0 * sum((1.0 - k / 4.0) * (few[: 4 - k] @ few[k:]) / (few @ few) for k in range(1, 4))
+    assert arm_solve._inflation(few, 10.0) == pytest.approx(max(1.0, short))
+    slow = np.array([1.0, 1.0, 1.0, 0.5, 0.2])
+    assert arm_solve._inflation(slow, 0.1) == pytest.approx(
+        1.0 + 2.0 * 0.5 * (slow[:-1] @ slow[1:]) / (slow @ slow)
+    )
     assert arm_solve._noise(np.array([1.0, -2.0, 3.0, 50.0]), np.array([1.0, 1, 1, 0]), 7.0) == pytest.approx(
         1.4826 * 2.0
     )

@@ -715,6 +715,22 @@ def test_torque_stands_still_only_where_the_joint_moves():
         assert bool(frozen_runs(Exam(log_of(4000, velocity=slow, torque=tau)), "torque", 0)) is by_velocity
 
 
+def test_a_velocity_that_stood_while_the_position_left_the_straight_line():
+    q, v, _ = noisy()
+    for length, found in (
+        (30, []),
+        (200, [(500, 700)]),
+    ):  # at 9 rad/s^2 the line is left by 5 % of the top speed after 0.03 s
+        held = v.copy()
+        held[500 : 500 + length] = held[500]
+        assert frozen_runs(Exam(log_of(4000, position=q, velocity=held)), "velocity", 0) == found
+    level = np.interp(
+        1e-3 * np.arange(4000), [0.0, 1.0, 2.0, 4.0], [0.0, 1.0, 1.0, 0.0]
+    )  # one speed for a second
+    path = np.cumsum(level) * 1e-3
+    assert frozen_runs(Exam(log_of(4000, position=path, velocity=level)), "velocity", 0) == []
+
+
 def test_saturation_is_not_frozen_and_a_dead_channel_neither():
     q, _, tau = noisy()
     tau = np.clip(tau, -3.9, 3.9)
@@ -822,3 +838,69 @@ def test_the_gate_says_what_it_lets_pass():
         2.0,
         True,
     )
+
+
+@pytest.mark.parametrize(
+    ("late", "severity"),
+    [
+        (2.5e-3, None),
+        (3.5e-3, "note"),
+        (-3.5e-3, "note"),
+        (24e-3, "note"),
+        (26.5e-3, "warn"),
+        (-26.5e-3, "warn"),
+    ],
+)
+def test_a_velocity_that_lags_is_as_a_filter_up_to_25_ms(late, severity):
+    t = 1e-3 * np.arange(8000)
+    move = lambda x: np.sin(3.0 * x) + 0.2 * np.sin(11.0 * x)  # noqa: E731
+    v = 3.0 * np.cos(3.0 * (t - late)) + 2.2 * np.cos(11.0 * (t - late))
+    found = named(log_of(8000, position=move(t), velocity=v), "velocity-mismatch")
+    assert [f.severity for f in found] == ([] if severity is None else [severity])
+    if found:
+        assert found[0].value == pytest.approx(late, rel=0.05)
+        way = "lags" if late > 0 else "leads"
+        by = 1e3 * abs(found[0].value)
+        assert f"{way} its position by {by:.3g} ms ({by:.1f} samples)" in found[0].sentence
+        assert found[0].repairable is (severity == "warn")
+
+
+@pytest.mark.parametrize(("speed", "window"), [(0.04, 0.1), (0.015, 0.3), (0.005, 0.9)])
+def test_windows_of_velocity_grow_until_24_counts_were_moved(speed, window):
+    n, count = 20000, 1e-4
+    t = 1e-3 * np.arange(n)
+    slow = speed * (1.0 + 0.2 * np.sin(1.3 * t))
+    q = count * np.rint(np.cumsum(slow) * 1e-3 / count)
+    fit = velocity_fit(Exam(log_of(n, position=q, velocity=slow)), 0)
+    assert fit.window == pytest.approx(window) and fit.scale == pytest.approx(1.0, abs=0.02)
+
+
+def test_one_driver_has_one_sign():
+    """Where all joints that tell are inverted, and they are several, those that do not tell are turned with them."""
+    dry = any_motion(lambda v: 5.0 * np.sign(v) + v, seconds=16.0)
+    other = any_motion(lambda v: 4.0 * np.sign(v) + v, seconds=16.0, seed=3, phase=2.0)
+    n = len(dry)
+    one_way, hum = (
+        0.3 * dry.time,
+        3.0 + 0.3 * np.random.default_rng(2).standard_normal(n),
+    )  # friction or gravity
+
+    def names(*signs):
+        log = Log(
+            time=dry.time, joints=tuple(Joint(name=name) for name in "abc"),
+            position=np.column_stack([dry.position, other.position, one_way]),
+            torque=np.column_stack([signs[0] * dry.torque, signs[1] * other.torque, hum]),
+        )  # fmt: skip
+        return "".join(f.joint for f in named(log, "torque-sign"))
+
+    assert [names(1, 1), names(-1, 1), names(1, -1), names(-1, -1)] == ["", "a", "b", "abc"]
+
+
+def test_directions_have_a_tenth_of_the_samples_each():
+    n, dt = 12000, 2e-3
+    t = dt * np.arange(n)
+    for share, told in ((0.085, False), (0.115, True)):  # back for so much of the time, at the same speed
+        back = (t % 2.0) < 2.0 * share
+        v = np.convolve(np.where(back, -1.0, 1.0), np.ones(9) / 9.0, "same") * (1.0 + 0.2 * np.sin(7.0 * t))
+        log = log_of(n, dt, position=np.cumsum(v) * dt, torque=3.0 * np.sign(v) + 0.5 * np.gradient(v, dt))
+        assert (torque_sign.friction(Exam(log), 0) is not None) is told

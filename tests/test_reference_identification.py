@@ -10,7 +10,7 @@ from backdrive.identification import curves, regression, sweep_delay
 from backdrive.identification.function_a import _curvature, _lost, _within, corrected, long_run
 from backdrive.identification.load_fit import growth, payload_growth
 from backdrive.identification.signals import default_cutoff, prepare
-from backdrive.identification.sweep import sweep_knots
+from backdrive.identification.sweep import find_windows, sweep_knots
 from backdrive.identification.sweep_equations import ALL, GRAVITY, equations
 from backdrive.identification.sweep_fit import fit
 from backdrive.identification.sweep_knots import SweepKnots, ordered
@@ -514,3 +514,16 @@ def test_long_run_of_one_row():
         max(1.0 - abs(i - j) / (lags + 1.0), 0.0) * z[0, i] * z[0, j] for i in range(90) for j in range(90)
     )
     assert long_run(z)[0, 0] == pytest.approx(expected, rel=1e-12)
+
+
+def test_two_cycles_are_a_sweep_and_one_is_none():
+    for cycles, found in ((2, True), (1, False)):
+        plan = Sweep(A, V, 2)
+        log = made(0.0, plan=plan)
+        begin, end = plan.windows()[0][0], plan.windows()[cycles - 1][1]
+        log = log.between(max(begin - 0.05, 0.0), end + 0.02).replace(plan=None)
+        if found:
+            assert find_windows(log, 0) == pytest.approx(plan.windows(), abs=0.1)
+        else:
+            with pytest.raises(NotIdentifiable, match="equal stroke"):
+                find_windows(log, 0)
