@@ -364,7 +364,7 @@ def main() -> None:
     begun, judge = time.perf_counter(), Judge()
     table = rooms()
     if options.short:
-        options.room, options.each = ["kernels", "model file"], 2
+        options.room, options.each = ["estimators", "model file"], 3
     jobs = [*wanted(table), *drawn(table, options.each, options.seed)]
     jobs = [job for job in jobs if not options.room or job.room in options.room]
     print(
