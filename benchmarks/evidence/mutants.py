@@ -33,7 +33,8 @@ ROOT = Path(__file__).resolve().parents[2]
 SOURCE = "src/backdrive"
 COPIED = ("src", "tests", "docs", "benchmarks", "examples")
 KILLED, ARGUED = 0.95, 0.05
-SLOWEST = 120.0  # at which the tests of a mutation are stopped, or four times what they take without one [s]
+SLOWEST = 300.0  # for the tests without a mutation [s]
+PATIENCE = 30.0, 4.0  # with one they are stopped after this, or after so many times as long as without [s, -]
 
 #: Room -> the files it is made of (below src/backdrive) -> the tests that are to notice, the quickest first.
 ROOMS: dict[str, dict[tuple[str, ...], tuple[str, ...]]] = {
@@ -341,6 +342,8 @@ def judged(outcomes: Sequence[Outcome], judge: Judge) -> None:
         here = [o for o in outcomes if o.job.room == room]
         of = [sum(o in some for o in here) for some in (equal, left)]
         print(f"{room:15s} {len(here):6d} {len(here) - sum(of):7d} {of[0]:11d} {of[1]:9d}")
+    late = sum(o.ended == "late" for o in outcomes)
+    print(f"of the killed, {late} by the time that their tests took")
     counted = len(outcomes) - len(equal)
     judge.that("every run of the tests ended in a verdict", all(o.ended != "broken" for o in outcomes))
     special = [o for o in left if o.job.mutation and o.job.mutation.operator == "named"]
@@ -376,7 +379,7 @@ def main() -> None:
         plain = tried([Job(j.room, j.tests) for j in {j.tests: j for j in jobs}.values()], copies, {})
         judge.that("without a mutation the tests pass", all(o.ended == "passed" for o in plain))
         print("mutations:")
-        limits = {o.job.tests: min(max(20.0, 4.0 * o.seconds), SLOWEST) for o in plain}
+        limits = {o.job.tests: max(PATIENCE[0], PATIENCE[1] * o.seconds) for o in plain}
         judged(tried(jobs, copies, limits), judge)
     print(f"wall time {time.perf_counter() - begun:.0f} s")
     judge.end()
