@@ -24,7 +24,7 @@ from backdrive.compensate import (
 from backdrive.compensate import compensator as compensator_
 from backdrive.compensate import dither as dither_
 from backdrive.compensate.extras import BristleObserver, DisturbanceObserver, Pulses
-from backdrive.control import Admittance
+from backdrive.control import Admittance, JointLoop, Loop
 from backdrive.control.admittance import tick as admit
 from backdrive.errors import InvalidInput
 from backdrive.estimate import Adaptation, AdaptiveFriction, RecursiveLeastSquares
@@ -700,3 +700,24 @@ def test_the_admittance_is_its_equation():
     with pytest.raises(InvalidInput):
         Admittance(inertia=0.0, viscosity=0.0, proportional=0.0, derivative=0.0)
     assert Admittance(inertia=1.0, viscosity=0.0, proportional=0.0, derivative=0.0, limit=0.0).limit == 0.0
+
+
+# ------------------------------------------------------------------------------------------------- the loop
+
+
+def test_torque_and_estimate_fade_while_no_reading_is_believed():
+    """By 1/(1 + fade T) a tick, so that 20 ticks of 1 ms at 50/s leave less than half."""
+    external = ExternalForce(inertia=0.7, method="disturbance", friction=alg_fe(RATE, 5e4))
+    joint = JointLoop(compensator=alg_fc(RATE, 5e4, share=0.9), external=external, top_speed=5.0, limit=20.0)
+    loop = Loop(joint, interval=T)
+    loop.reset(np.zeros(1))
+    for k in range(300):
+        loop.update(np.array([1e-3 * k]), np.array([2.0]))
+    torque, force = [float(loop.torque[0])], [float(loop.external[0])]
+    assert abs(torque[0]) > 3.0 and abs(force[0]) > 3.0
+    for _ in range(20):
+        assert loop.update(np.array([nan]), np.array([2.0])) != Status.OK
+        torque.append(float(loop.torque[0]))
+        force.append(float(loop.external[0]))
+    for series in (torque, force):
+        assert np.all(np.diff(np.abs(series)) < 0.0) and abs(series[-1]) < 0.5 * abs(series[0])
