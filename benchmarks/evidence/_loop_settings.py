@@ -11,7 +11,7 @@ from _loop_joint import D_C, F_N, F_P, GROWTH, K_C, STRIBECK, TOP, V_S, Joints, 
 
 from backdrive.compensate import Compensator, Dither, alg_fc
 from backdrive.compensate.extras import DisturbanceObserver
-from backdrive.control import JointLoop, Loop
+from backdrive.control import JointLoop, Loop, torque_limit
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.estimate.external import ExternalForce
 from backdrive.estimate.friction import alg_fe
@@ -190,7 +190,7 @@ def tuned(seed: int, low: float, high: float) -> tuple[Joints, Tuning, list[str]
         by = one.p[F_P] / one.p[M] / ratio
         one = one.with_(M=one.p[M] * by, D_C=one.p[D_C] * np.sqrt(by))
         try:
-            found = tune(facts(one, 0), joints=DRAWS)
+            found = tune(facts(one, 0), joints=DRAWS, trip_speed=float(one.p[TOP, 0]))
         except NotIdentifiable as error:
             refused.append(str(error).split(". ")[0])
             continue
@@ -201,6 +201,18 @@ def tuned(seed: int, low: float, high: float) -> tuple[Joints, Tuning, list[str]
         for why in refused:
             print(f"    refused before: {why}")
         return one, found, refused
+
+
+def handed_on(one: Joints, tuning: Tuning) -> bool:
+    """Return whether `Tuning.loop` hands on what is played here, and finite guards, with R below the least friction."""
+    loop, top = tuning.loop(), float(one.p[TOP, 0])
+    mine = Tuned([one], [tuning]).settings(np.random.default_rng(0), one)
+    return (
+        loop.compensator == compensator(mine, one, 0, 1.0, 1.0)
+        and (loop.top_speed, loop.encoder_count) == (top, facts(one, 0).count)
+        and 0.0 < loop.limit <= torque_limit(loop.compensator, top)
+        and tuning["share"] <= facts(one, 0).friction[0]
+    )
 
 
 @dataclass(frozen=True, eq=False)

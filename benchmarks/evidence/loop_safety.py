@@ -26,11 +26,11 @@ import _loop_settings as settings
 import numpy as np
 from _common import Judge
 from _loop_cases import LATCHED, LONGER, OVERSPEED, Seen, cases, judged
-from _loop_joint import ABOVE, OUT, Joints
+from _loop_joint import ABOVE, Joints
 from _loop_scenes import Fault, Scene
 from _loop_settings import Settings
-from backdrive.control.joint_loop import torque_limit
 
+from backdrive.control import torque_limit
 from backdrive.status import Status
 
 JOBS: list[Callable[[Judge], Any]] = []  # of the processes
@@ -77,20 +77,24 @@ def faults(
     return table
 
 
-def wrong_limits(rng: np.random.Generator, joints: Joints, make: Make) -> None:
-    """Print what comes of limits that are taken from a wrong model."""
+def unpromised(rng: np.random.Generator, joints: Joints, make: Make) -> None:
+    """Print what is not judged: limits that are taken from a wrong model, and a nudge that goes on whatever the joint does."""
     own, scene = scenes.nudged(rng, joints)
-    s, above, kinds = make(rng, own), reference(own, scene), cases()
-    for name in ("friction 30 % less", "model x 2", "model x 10"):
-        loops = settings.loops(s, own, **kinds[name].model, limit=torque_limit)
-        r = scenes.play(own, loops, scene, Fault())
-        alone, longer = own.p[OUT] == 0.0, r.state[ABOVE] - above
-        print(
-            f"  {s.words}, limit by `torque_limit` of {name}: latched "
-            f"{100 * np.mean((r.codes == LATCHED).any(axis=0)):.0f} %, at most "
-            f"{longer[alone].max():.3f} s longer above 1.2 top speed ({100 * np.mean(longer[alone] > LONGER):.0f} % more than "
-            f"50 ms), up to {(r.speed.max(axis=0) / s.top)[alone].max():.2f} top speed (not judged)"
-        )
+    s, kinds = make(rng, own), cases()
+    hard = own.with_(SHOVE=np.inf)
+    for what, each, limit in (
+        ("limit by `torque_limit` of", own, torque_limit),
+        ("nudged 0.1 s on end,", hard, None),
+    ):
+        above = reference(each, scene)
+        for name in ("friction 30 % less", "model x 2", "model x 10"):
+            r = scenes.play(each, settings.loops(s, each, **kinds[name].model, limit=limit), scene, Fault())
+            longer, latched = r.state[ABOVE] - above, (r.codes == LATCHED).any(axis=0)
+            print(
+                f"  not judged: {s.words}, {what} {name}: latched {100 * np.mean(latched):.0f} %, at most "
+                f"{longer.max():.3f} s longer above 1.2 top speed ({100 * np.mean(longer > LONGER):.0f} % more than 50 ms), up to "
+                f"{(r.speed.max(axis=0) / s.top).max():.2f} top speed"
+            )
 
 
 def healthy(judge: Judge, rng: np.random.Generator, joints: Joints, make: Make, draws: int) -> None:
@@ -155,8 +159,8 @@ def table(judge: Judge, found: list[dict[str, Seen]], refusals: list[tuple[str, 
     for what, why in refusals:
         print(f"| {what:46s} | refused | {'':10s} | {'':7s} | {'':7s} | {why} |")
     print(
-        "  seen in: of the draws in which the fault acts; a bounded fault is named OVERSPEED where, and only where, the joint\n"
-        "  gets faster than its top speed"
+        "  seen in: of the draws in which the fault acts; latched: of all draws. A bounded fault is named OVERSPEED where, and only\n"
+        "  where, the joint gets faster than its top speed; with calls missed and not told, where it seems to"
     )
     judge.that(
         "what is named is named in every draw in which it acts" + "".join(f", not: {x}" for x in short),
@@ -212,6 +216,10 @@ def main() -> None:
     pairs = done(judge, [lambda _, i=i: settings.tuned(i, ends[i], ends[i + 1]) for i in range(distinct)])
     tuned = settings.Tuned([one for one, _, _ in pairs], [tuning for _, tuning, _ in pairs])
     print(f"  {sum(len(why) for _, _, why in pairs)} others were refused")
+    judge.that(
+        "`Tuning.loop` hands on what is played here, limit, trip speed and count, R below the least friction",
+        all(settings.handed_on(one, tuning) for one, tuning, _ in pairs),
+    )
     clock("tuning")
 
     pull, plenty = draws // 4, many + many // 5
@@ -248,7 +256,7 @@ def main() -> None:
         def guide(judge: Judge, i=i, draw=draw, make=make) -> None:
             rng = np.random.default_rng([12, i])
             healthy(judge, rng, draw(rng, plenty), make, many)
-            wrong_limits(rng, draw(rng, draws), make)
+            unpromised(rng, draw(rng, draws), make)
 
         jobs.append(guide)
     done(judge, jobs)
