@@ -222,8 +222,9 @@ def standing(r: Record, fault: Fault, s: Settings) -> tuple[np.ndarray, str]:
         law, size = own.compensator.friction.law, np.abs(r.torque[:, j])
         waves = 0.0 if own.compensator.dither is None else own.compensator.dither.share * max(law.coulomb())
         left = size[begin[j] + hold[j] : min(end[j], n)]
-        late += int(
+        late += int(  # a latched one goes to zero at a rate of its own
             left.size > 0
+            and at[j] > begin[j] + hold[j]
             and left.max() > min(waves + 0.05 * own.compensator.share * max(law.coulomb()), own.limit)
         )
         # a notable torque while it stands still, which the dither alone does not make

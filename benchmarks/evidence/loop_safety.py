@@ -159,8 +159,8 @@ def table(judge: Judge, found: list[dict[str, Seen]], refusals: list[tuple[str, 
     for what, why in refusals:
         print(f"| {what:46s} | refused | {'':10s} | {'':7s} | {'':7s} | {why} |")
     print(
-        "  seen in: of the draws in which the fault acts; latched: of all draws. A bounded fault is named OVERSPEED where, and only\n"
-        "  where, the joint gets faster than its top speed; with calls missed and not told, where it seems to"
+        "  seen in: of the draws in which the fault acts; latched: of all draws. A bounded fault is named OVERSPEED where, and\n"
+        "  only where, the joint gets faster than its top speed; with calls missed and not told, where it seems to"
     )
     judge.that(
         "what is named is named in every draw in which it acts" + "".join(f", not: {x}" for x in short),
