@@ -3,7 +3,7 @@
 import warnings
 
 from backdrive.control import JointLoop, Loop, Unguarded, torque_limit
-from backdrive.errors import BackdriveWarning
+from backdrive.errors import LimitWarning
 
 
 class Bench(Loop):
@@ -21,6 +21,6 @@ def bench(dt, **parts):
 def guarded(compensator, *, top_speed, encoder_count=1e-6, **changes):
     """Return a joint within its limits; a limit above 1.5 R F is meant here."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", BackdriveWarning)
+        warnings.simplefilter("ignore", LimitWarning)
         changes = {"limit": torque_limit(compensator, top_speed)} | changes
         return JointLoop(compensator=compensator, top_speed=top_speed, encoder_count=encoder_count, **changes)

@@ -20,7 +20,7 @@ from backdrive.compensate import (
 from backdrive.compensate.extras import DisturbanceObserver, Pulses
 from backdrive.control import JointLoop, Loop, Unguarded, torque_limit
 from backdrive.control.guard import window
-from backdrive.errors import BackdriveWarning, InvalidInput
+from backdrive.errors import InvalidInput, LimitWarning
 from backdrive.estimate.external import ExternalForce
 from backdrive.estimate.friction import alg_fe
 from backdrive.estimate.level import Adaptation
@@ -135,7 +135,7 @@ def test_a_slow_period_needs_a_finer_encoder_or_less():
 def test_a_limit_that_no_watch_can_make_up_for_is_warned_of():
     """1.5 R F(top speed) = 1.5 * 0.8 * (7 + 3 * 3) = 19.2."""
     JointLoop(**(GOOD | {"limit": 19.2}))
-    with pytest.warns(BackdriveWarning, match=r"1\.5 R F.* = 19\.2"):
+    with pytest.warns(LimitWarning, match=r"1\.5 R F.* = 19\.2"):
         JointLoop(**(GOOD | {"limit": 19.3}))
     assert torque_limit(FC, TOP) == pytest.approx(1.25 * 0.8 * 16.0)
     flat = CoulombViscous(coulomb_positive=7.0, coulomb_negative=6.0)

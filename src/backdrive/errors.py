@@ -114,8 +114,8 @@ class NotIdentifiable(BackdriveError):
     exit_code = 1
 
 
-class BackdriveWarning(UserWarning):
-    """The root of what this package warns of through Python's `warnings`."""
+class LimitWarning(BackdriveWarning):
+    """A limit of torque is so large that no watch stops a runaway in time."""
 
 
 class ExtrapolationWarning(BackdriveWarning):

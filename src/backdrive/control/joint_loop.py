@@ -36,7 +36,7 @@ from backdrive.control.table import (
     TOP,
     UPPER,
 )  # fmt: skip
-from backdrive.errors import BackdriveWarning, InvalidInput
+from backdrive.errors import InvalidInput, LimitWarning
 from backdrive.estimate.external import ExternalForce
 from backdrive.estimate.level import Adaptation
 from backdrive.laws import REFERENCE, Law
@@ -147,7 +147,7 @@ class JointLoop:
             warnings.warn(
                 f"JointLoop: limit = {self.limit:g} exceeds 1.5 R F(top speed) = {most:.4g} N.m or N: if the model is much too "
                 f"large, no watch stops the joint in time. `torque_limit` gives {usual:.4g}.",
-                BackdriveWarning,
+                LimitWarning,
                 stacklevel=4,
             )
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from backdrive.compensate import Dither
 from backdrive.control import JointLoop, Unguarded, torque_limit
-from backdrive.errors import BackdriveWarning, InvalidInput, NotIdentifiable
+from backdrive.errors import InvalidInput, LimitWarning, NotIdentifiable
 from backdrive.tune import rules, safety, scenes
 from backdrive.tune.bounds import check
 from backdrive.tune.facts import Facts
@@ -156,7 +156,7 @@ def within(
         )
         return replace(tuning, notes=tuple(notes))
     with warnings.catch_warnings(record=True) as warned:
-        warnings.simplefilter("always", BackdriveWarning)
+        warnings.simplefilter("always", LimitWarning)
         if limit is None:
             limit = min(torque_limit(tuning.compensator(), trip_speed), effort)
         loop = tuning.loop(top_speed=trip_speed, limit=limit)
