@@ -467,9 +467,9 @@ def test_the_dither_is_held_to_a_few_counts():
             dither_.adapt(c, 0, s, 0, wobble, 0.00100001)
         share += change
         assert s[1] == pytest.approx(share, abs=1e-12)
-    got = dither_.tick(c, 0, s, 0, True, -3.0, 5.0, 0.0, 1e-4, 0.01)
+    got = dither_.tick(c, 0, s, 0, True, -3.0, 5.0, 0.0, 1e-4, 0.01, False)
     assert got == pytest.approx(share * 0.5 * (4.0 * sin(2.0 * pi * 15.0 * 0.01) + 1.0))
-    assert dither_.tick(c, 0, s, 0, False, -3.0, 5.0, 0.0, 1e-4, 0.01) == 0.0
+    assert dither_.tick(c, 0, s, 0, False, -3.0, 5.0, 0.0, 1e-4, 0.01, False) == 0.0
 
 
 def test_pulses_come_after_a_wait_off_the_reference_and_last_their_width():

@@ -62,7 +62,7 @@ def tick(c, i, p, x, s, j, q, dp, dt, t, error, slope, u, load, temp, idle):
             held = x[0] if slides else model - viscous
             near = 1.0 if slides else NEARLY
             wave = dither_.tick(
-                c, i + DITHER, s, j + S_DITHER, near * lo < held < near * hi, lo, hi, q, dt, t
+                c, i + DITHER, s, j + S_DITHER, near * lo < held < near * hi, lo, hi, q, dt, t, idle
             )
         if kind == 1 and not idle:
             push += extras.pulse(c, i + EXTRA, s, j + S_EXTRA, dp, dt, error)

@@ -27,12 +27,14 @@ STATES = 5  # time in the phase, share, time in the window, least and largest po
 
 
 @jit
-def tick(c, i, s, j, stuck, lo, hi, q, dt, t):
-    """Return the dither of one tick; `c[i:]`: row, `s[j:]`: state, lo and hi: bounds of friction, t: time."""
+def tick(c, i, s, j, stuck, lo, hi, q, dt, t, idle):
+    """Return the dither of one tick; `c[i:]`: row, `s[j:]`: state, lo and hi: bounds of friction, t: time,
+    `idle`: the amplitude stays.
+    """
     mode = c[i]
     if mode < 0.0:
         return 0.0
-    if mode == 2.0:
+    if mode == 2.0 and not idle:
         adapt(c, i, s, j, q, dt)
     if not stuck:
         s[j] = 0.0

@@ -10,12 +10,14 @@ joint gives no torque until it is acknowledged. The output f of every call, what
     |f| <= cap <= limit,     |f - f_before| <= rate T
 
 where the cap is the torque that the loop may give at present: it grows from zero at the slow rate when the loop starts and after a
-fault, falls at the slow rate after a stop, and at limit/0.15 s when latched. Towards zero only the normal rate counts. Where
-rules meet, the order is: a latch before a stop, a stop before a fault, a fault before the compensator; then cap and limit, and
-the rate has the last word.
+fault, falls at the slow rate after a stop, and when latched at limit/0.15 s, for a runaway at limit/0.02 s. Towards zero only the
+normal rate counts. Where rules meet, the order is: a latch before a stop, a stop before a fault, a fault before the compensator;
+then cap and limit, and the rate has the last word.
 """
 
 from __future__ import annotations
+
+import numpy as np
 
 from backdrive._jit import jit
 from backdrive.control.readings import OVERSPEED, believed
@@ -26,6 +28,7 @@ from backdrive.control.table import (
     CAUSE,
     EXTERNAL,
     FADE,
+    FAST,
     FAULTY,
     LATCHING,
     LIMIT,
@@ -48,6 +51,7 @@ SATURATED, NO_MOTION = int(Status.SATURATED), int(Status.NO_MOTION)
 STOPPED, LATCHED = int(Status.STOPPED), int(Status.LATCHED)
 LONGEST = 20.0  # periods that one call counts for at most as fault time
 WINDOW = 0.01  # in which a speed is measured [s]
+HASTE = 7.5  # of a latch for a runaway: what is given past the top speed has to be braked by friction
 FORGIVEN = 0.25  # fault time that a good tick takes off, by its own
 ROUNDING = 1e-9  # of the distance in a window, of numbers
 
@@ -68,6 +72,7 @@ def watch(g, j, since):
     if g[OLDER_AGE, j] >= span * (1.0 - ROUNDING):
         reach = g[TOP, j] * g[OLDER_AGE, j]
         fast = abs(q - g[OLDER, j]) > reach + ROUNDING * (reach + abs(q))
+        g[FAST, j] = 1.0 if fast else 0.0
     if g[NEWER_AGE, j] >= 0.5 * span * (1.0 - ROUNDING):
         g[OLDER, j], g[OLDER_AGE, j] = g[NEWER, j], g[NEWER_AGE, j]
         g[NEWER, j], g[NEWER_AGE, j] = q, 0.0
@@ -78,7 +83,18 @@ def watch(g, j, since):
 def forget_speed(g, j):
     """Begin a new window of speeds at the present reading."""
     g[OLDER, j] = g[NEWER, j] = g[BEFORE, j]
-    g[OLDER_AGE, j] = g[NEWER_AGE, j] = 0.0
+    g[OLDER_AGE, j] = g[NEWER_AGE, j] = g[FAST, j] = 0.0
+
+
+def acknowledged(g: np.ndarray, j: int) -> bool:
+    """Take back a joint's latch and stop, unless torque is still left or the joint is still too fast; return whether it was."""
+    if g[CAUSE, j] != 0.0 and (g[TORQUE, j] != 0.0 or g[FAST, j] != 0.0):
+        return False
+    if g[CAUSE, j] != 0.0 or g[STOP, j] != 0.0:
+        g[CAP, j] = min(g[CAP, j], abs(g[TORQUE, j]))
+        g[FAULTY, j] = 0.0
+    g[CAUSE, j] = g[STOP, j] = 0.0
+    return True
 
 
 @jit
@@ -106,7 +122,8 @@ def act(g, j, code, wanted, since, interval):
     if not latched and (code == OVERSPEED or g[FAULTY, j] > g[PATIENCE, j]):
         g[CAUSE, j] = code
     if g[CAUSE, j] != 0.0:
-        cap = max(min(cap, abs(out)) - g[LATCHING, j] * passed, 0.0)
+        haste = HASTE if g[CAUSE, j] == OVERSPEED else 1.0
+        cap = max(min(cap, abs(out)) - haste * g[LATCHING, j] * passed, 0.0)
         wanted = out
         code = LATCHED if latched else code
     elif g[STOP, j] != 0.0:

@@ -48,7 +48,7 @@ USUAL = 1.25  # the same, where nothing else is asked for [-]
 
 
 def friction_of(law: Law, top_speed: float) -> tuple[float, float]:
-    """Return F, the friction at rest of a law (its largest where it has none), and that at a speed, of the larger direction.
+    """Return F, the friction at rest of a law (its largest where it has none), and that at a speed in the easier direction.
 
     Args:
         law: of friction.
@@ -60,7 +60,7 @@ def friction_of(law: Law, top_speed: float) -> tuple[float, float]:
     speeds = top_speed * np.geomspace(1e-4, 1.0, 41)
     torque = np.abs(law.torque(np.concatenate([speeds, -speeds])))
     rest = 0.0 if law.rate.SMOOTH else max(law.coulomb())
-    return rest or float(torque.max()), float(max(torque[40], torque[81]))
+    return rest or float(torque.max()), float(min(torque[40], torque[81]))
 
 
 def torque_limit(compensator: Compensator, top_speed: float) -> float:
@@ -126,7 +126,7 @@ class JointLoop:
             fade=(self.fade, envelope.FADE),
             patience=(self.patience, envelope.PATIENCE),
         )
-        share = self.compensator.share * max(1.0, self.adaptation.upper if self.adaptation else 1.0)
+        share = self.compensator.share * max(1.0, self._highest())
         numbers = {"share": (share, envelope.SHARE), "friction": (self.friction[0], envelope.FRICTION)}
         if self.external is not None:
             numbers["inertia"] = (self.external.inertia, envelope.INERTIA)
@@ -165,6 +165,13 @@ class JointLoop:
                 remedy="Give the loop one of both.",
             )
         self.adaptation.row(self.external.friction.law)
+
+    def _highest(self) -> float:
+        """Return the largest factor on the friction that anything may learn [-]."""
+        extra = self.compensator.extra
+        if isinstance(extra, BristleObserver) and extra.adaptation > 0.0:
+            return extra.highest
+        return self.adaptation.upper if self.adaptation else 1.0
 
     def check_resolution(self, window: float, where: str) -> None:
         """Refuse an encoder whose one step in the window of speeds is more than a tenth of the top speed.

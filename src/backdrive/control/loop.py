@@ -31,7 +31,6 @@ from backdrive.control.table import (
     APPLIED,
     BEFORE,
     CALLS,
-    CAP,
     CAUSE,
     COUNT,
     CREEP,
@@ -40,7 +39,6 @@ from backdrive.control.table import (
     ERROR,
     ESTIMATES,
     EXTERNAL,
-    FAULTY,
     FLOOR,
     FRICTION,
     HOLD,
@@ -72,6 +70,7 @@ OK, NOT_FINITE, NO_MOTION = int(Status.OK), int(Status.NOT_FINITE), int(Status.N
 STATUSES = tuple(Status)
 SEVERITY = tuple(status.severity for status in Status)
 STANDING = 0.1  # share of the hold time after which a joint stands still
+MOVED = 2.5  # encoder steps from where it stood beyond which a joint has moved: noise of one step to either side has not
 NOTABLE = 0.01  # share of the limit from which a torque is one
 
 
@@ -94,7 +93,7 @@ def restart(c, x, s, ce, xe, se, g, j, q):
 def standing(c, x, s, g, j, q, T):
     """Return the share of the push that is left while the encoder stands still; past the hold time the contact is relaxed."""
     hold = g[HOLD, j]
-    if abs(q - g[ANCHOR, j]) > 1.5 * g[COUNT, j]:
+    if abs(q - g[ANCHOR, j]) > MOVED * g[COUNT, j]:
         g[ANCHOR, j], g[STILL, j] = q, 0.0
         return 1.0
     before = g[STILL, j]
@@ -173,18 +172,6 @@ class Loop:
 
     A loop that nobody calls cannot change the torque that the drive was last given: have the drive time out, or an outer
     watchdog look at `count`. Copies (`copy`, `deepcopy`, `pickle`) are loops of their own in the same state.
-
-    Attributes:
-        torque: to add to what drives the joints [N.m or N], changed by `update`, read-only (J,).
-        external: estimated external force [N.m or N], changed by `update`, read-only (J,).
-        friction: estimated friction [N.m or N], changed by `update`, read-only (J,).
-        level: of the friction, learned [-], changed by `update`, read-only (J,).
-        codes: `Status` of every joint, changed by `update`, read-only (J,).
-        error: how far the reference is ahead, to be written before `update` [rad or m], (J,).
-        slope: its rate [rad/s or m/s], (J,).
-        known: gravity and the other joints' pull, to be written before `update` [N.m or N], (J,).
-        load: motor-side and external torque for laws that depend on load [N.m or N], (J, 2).
-        temperature: for laws that depend on it [degC], (J,).
     """
 
     _arrays: tuple[Any, ...]
@@ -214,12 +201,9 @@ class Loop:
         self._rows = np.concatenate(parts, axis=1)
         self._arrays = (self._rows, begins, self._table, self._codes)
         self._position = np.zeros(J)
-        self.torque, self.external, self.friction, self.level = (
-            _view(self._table[k]) for k in (TORQUE, EXTERNAL, FRICTION, LEVEL)
-        )
-        self.codes = _view(self._codes)
-        self.error, self.slope, self.known = (self._table[k] for k in (ERROR, SLOPE, KNOWN))
-        self.load, self.temperature = self._table[MOTOR : LOAD + 1].T, self._table[TEMPERATURE]
+        self._outputs = {k: _view(self._table[k]) for k in (TORQUE, EXTERNAL, FRICTION, LEVEL)}
+        self._seen = _view(self._codes)
+        self._load = self._table[MOTOR : LOAD + 1].T
         self._applied = self._table[APPLIED]
         self._tick: Any = tick
         self.update(np.zeros(J), np.zeros(J))
@@ -234,6 +218,76 @@ class Loop:
                     f"Joint {i} has no limits.", remedy="`Unguarded` is for simulation; give a `JointLoop`."
                 )
             each.check_resolution(guard.window(self.interval), f"Joint {i}")
+
+    @property
+    def torque(self) -> np.ndarray:
+        """Torque to add to what drives the joints [N.m or N], changed by `update`, read-only (J,)."""
+        return self._outputs[TORQUE]
+
+    @property
+    def external(self) -> np.ndarray:
+        """Estimated external force [N.m or N], changed by `update`, read-only (J,)."""
+        return self._outputs[EXTERNAL]
+
+    @property
+    def friction(self) -> np.ndarray:
+        """Estimated friction [N.m or N], changed by `update`, read-only (J,)."""
+        return self._outputs[FRICTION]
+
+    @property
+    def level(self) -> np.ndarray:
+        """Level of the friction, learned [-], changed by `update`, read-only (J,)."""
+        return self._outputs[LEVEL]
+
+    @property
+    def codes(self) -> np.ndarray:
+        """`Status` of every joint, changed by `update`, read-only (J,)."""
+        return self._seen
+
+    @property
+    def error(self) -> np.ndarray:
+        """How far the reference is ahead, to be written before `update` [rad or m], (J,)."""
+        return self._table[ERROR]
+
+    @error.setter
+    def error(self, value: Any) -> None:
+        self._table[ERROR] = value
+
+    @property
+    def slope(self) -> np.ndarray:
+        """Rate of `error`, to be written before `update` [rad/s or m/s], (J,)."""
+        return self._table[SLOPE]
+
+    @slope.setter
+    def slope(self, value: Any) -> None:
+        self._table[SLOPE] = value
+
+    @property
+    def known(self) -> np.ndarray:
+        """Gravity and the other joints' pull, to be written before `update` [N.m or N], (J,)."""
+        return self._table[KNOWN]
+
+    @known.setter
+    def known(self, value: Any) -> None:
+        self._table[KNOWN] = value
+
+    @property
+    def load(self) -> np.ndarray:
+        """Motor-side and external torque for laws that depend on load, to be written before `update` [N.m or N], (J, 2)."""
+        return self._load
+
+    @load.setter
+    def load(self, value: Any) -> None:
+        self._load[:] = value
+
+    @property
+    def temperature(self) -> np.ndarray:
+        """Temperature for laws that depend on it, to be written before `update` [degC], (J,)."""
+        return self._table[TEMPERATURE]
+
+    @temperature.setter
+    def temperature(self, value: Any) -> None:
+        self._table[TEMPERATURE] = value
 
     @property
     def count(self) -> int:
@@ -265,15 +319,15 @@ class Loop:
         self._rows[:], self._table[:] = np.concatenate(parts, axis=1), table
         self._codes[:] = OK
 
-    def acknowledge(self) -> None:
-        """Take back latches and a stop: the torque comes back at the slow rate, unless the fault is still there."""
-        table = self._table
-        for j in range(len(self.joints)):
-            if table[CAUSE, j] != 0.0 or table[STOP, j] != 0.0:
-                table[CAP, j] = min(table[CAP, j], abs(table[TORQUE, j]))
-            if table[CAUSE, j] != 0.0:
-                guard.forget_speed(table, j)
-        table[CAUSE], table[STOP], table[FAULTY] = 0.0, 0.0, 0.0
+    def acknowledge(self) -> bool:
+        """Take back latches and a stop: the torque comes back at the slow rate.
+
+        A latch stays where torque is still left or the joint is still faster than its top speed.
+
+        Returns:
+            Whether no joint is latched any more.
+        """
+        return all([guard.acknowledged(self._table, j) for j in range(len(self.joints))])
 
     def stop(self) -> None:
         """Let the torque ramp down to zero at the slow rate, and stay there until `acknowledge`."""
@@ -292,13 +346,13 @@ class Loop:
         """
         read, dt = self._position, self.interval
         try:
+            if interval is not None:
+                dt = float(interval)
             if len(position) != len(read) or len(applied) != len(read):
                 read[:] = np.nan
             else:
                 read[:], self._applied[:] = position, applied
-            if interval is not None:
-                dt = float(interval)
-        except (TypeError, ValueError, OverflowError):  # no numbers at all
+        except Exception:  # whatever was given, it is no reading
             read[:] = np.nan
         return STATUSES[self._tick(*self._arrays, read, dt)]
 

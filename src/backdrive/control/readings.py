@@ -47,6 +47,7 @@ from backdrive.status import Status
 OK, NOT_FINITE, BAD_INTERVAL = int(Status.OK), int(Status.NOT_FINITE), int(Status.BAD_INTERVAL)
 JUMP, LATE, OVERSPEED = int(Status.JUMP), int(Status.LATE), int(Status.OVERSPEED)
 SLOWEST, FASTEST = 20.0, 0.05  # intervals by the nominal one that are believed
+LONGEST = 1.0  # time that an interval which is not believed counts for at most [s]
 BEHIND = 1.5  # the same, above which a tick is late
 ALIKE = 2.0  # ratio of speeds up to which two jumps are one motion
 
@@ -95,7 +96,8 @@ def judge(c, s, ce, se, g, j, q, dt):
     passed = dt if timely else nominal
     g[PASSED, j] = passed
     g[TIME, j] += passed
-    g[SINCE, j] += passed
+    long = SLOWEST * nominal < dt < np.inf  # not believed, but the joint had that time to move
+    g[SINCE, j] += min(dt, LONGEST) if long else passed
     if g[BEGUN, j] == 0.0 and np.isfinite(q):
         shift(c, s, ce, se, g, j, q - g[BEFORE, j])
         g[BEGUN, j], g[SINCE, j] = 1.0, passed

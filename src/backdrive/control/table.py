@@ -16,8 +16,8 @@ from __future__ import annotations
     # readings: the last that was believed, and where a jump has led
     BEGUN, BEFORE, ELSEWHERE, LEAP, SETTLED, PENDING,
     # watch: fault time, two points of the window of speeds with their ages, cause of the latch, stop
-    FAULTY, OLDER, OLDER_AGE, NEWER, NEWER_AGE, CAUSE, STOP, CAP, BAD,
+    FAULTY, OLDER, OLDER_AGE, NEWER, NEWER_AGE, FAST, CAUSE, STOP, CAP, BAD,
     # standing still, learning
     ANCHOR, STILL, SLID,
-) = range(51)  # fmt: skip
-TABLE = 51
+) = range(52)  # fmt: skip
+TABLE = 52

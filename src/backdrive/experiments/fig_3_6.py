@@ -26,7 +26,7 @@ def wave(plant: SimulatedJoint, time: np.ndarray) -> np.ndarray:
     """Return the dither of a joint that stays stuck [N], (n,): Iwatani 2017, (3.26)."""
     F_p, F_n = intercepts(plant.law.rate)
     row, state = Dither(share=SHARE).row(), np.zeros(dither.STATES)
-    return np.array([dither.tick(row, 0, state, 0, True, -F_n, F_p, 0.0, PERIOD, t) for t in time])
+    return np.array([dither.tick(row, 0, state, 0, True, -F_n, F_p, 0.0, PERIOD, t, False) for t in time])
 
 
 def dithered(plant: SimulatedJoint) -> dict[str, Any]:
