@@ -48,6 +48,9 @@ def main() -> None:
     )
     parser.add_argument("--seed", type=int, default=11, help="of the moments of kills")
     asked = parser.parse_args()
+    signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # a shell's background job ignores it, and hands that on
     judge, begun = Judge(), time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="files-safety-") as scratch:
         bench = Bench(Path(scratch))
