@@ -14,7 +14,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -40,12 +40,13 @@ PLAN_FILES = ("plan.json", "plan.csv", "plan.npz", "trajectory.yaml", "plan.svg"
 
 @dataclass(frozen=True)
 class Done:
-    """How a process ended: exit code (negative: the signal), what it printed, wall time [s]."""
+    """How a process ended: exit code (negative: the signal), what it printed, wall time [s], alive when a signal was sent."""
 
     code: int
     out: str
     err: str
     seconds: float
+    alive: bool = True
 
     @property
     def tidy(self) -> bool:
@@ -146,10 +147,10 @@ class Bench:
         """Run a command and send a signal to its group `after` seconds; `seconds` counts from the signal on."""
         process = self.start(words)
         time.sleep(after)
-        begun = time.perf_counter()
+        begun, alive = time.perf_counter(), process.poll() is None
         with contextlib.suppress(ProcessLookupError):  # it has ended already
             os.killpg(process.pid, number)
-        return finish(process, begun, timeout)
+        return replace(finish(process, begun, timeout), alive=alive)
 
 
 def finish(process: subprocess.Popen, begun: float, timeout: float) -> Done:

@@ -376,6 +376,8 @@ def interrupts(bench: Bench, judge: Judge, known: Known, rng: np.random.Generato
             where = f"{name} after {moment:.2f} of {total:.2f} s"
             if done.code not in (*STOPPED, 0):
                 wrong.append(f"{where}: {done}")
+            elif done.code == 0 and done.alive and moment < 0.9 * total:
+                wrong.append(f"{where}: went on to its end; {done}")
             elif k and not done.tidy:
                 wrong.append(f"{where}: a traceback; {done}")
             if done.seconds > SOON:
@@ -386,6 +388,7 @@ def interrupts(bench: Bench, judge: Judge, known: Known, rng: np.random.Generato
         f"{count} times Ctrl-C in {len(names)} commands: 130 (0 where it had ended), files whole, nothing left",
         wrong,
     )
+    print(f"        load of this machine: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
     tell(judge, f"{count} times Ctrl-C: ended within {SOON:g} s, the longest {longest:.2f} s", slow)
 
 
