@@ -154,7 +154,7 @@ def test_a_child_that_hangs_ends_though_its_parent_was_killed(tmp_path):
 
 def test_a_fifo_is_not_a_file(tmp_path):
     os.mkfifo(tmp_path / "a.csv")
-    with pytest.raises(ReadError, match="is not a file"):
+    with pytest.raises(ReadError, match="it is a FIFO, not a file"):
         read_log(tmp_path / "a.csv")
 
 
