@@ -22,7 +22,6 @@ F = TypeVar("F", bound=Callable)
 #: Folders and files of the package that may hold kernels.
 KERNEL_HOMES = (
     "_jit.py",
-    "_jit_cache.py",
     "filters.py",
     "laws",
     "engine",

@@ -140,12 +140,10 @@ def _classes(stamp: str) -> type:
     """Return the class of caches whose files carry a stamp."""
     ours = {"stamp": stamp}
     locators: Any = [
-        type(cls.__name__, (_Stamp, cls), ours)
-        for cls in (
-            caching.UserProvidedCacheLocator,
-            caching.InTreeCacheLocator,
-            caching.UserWideCacheLocator,
-        )
+        type(
+            name, (_Stamp, getattr(caching, name, None) or getattr(caching, f"_{name}")), ours
+        )  # older: private
+        for name in ("UserProvidedCacheLocator", "InTreeCacheLocator", "UserWideCacheLocator")
     ]
 
     class Implementation(caching.CompileResultCacheImpl):
