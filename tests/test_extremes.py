@@ -145,7 +145,7 @@ def test_in_python_the_same_are_typed_errors():
     with pytest.raises(InvalidInput, match="nothing would be left"):
         low_pass(time, 1e-320, 100.0)
     with pytest.raises(InvalidInput, match="center"):
-        Sweep(stroke=0.5, top_speed=1.0, center=1e305)
+        Sweep(stroke=0.5, top_speed=1.0, cycles=4, center=1e305)
     with pytest.raises(InvalidInput, match="speeds"):
         ConstantVelocity(stroke=0.5, speeds=(1e305,))
 
