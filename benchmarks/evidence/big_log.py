@@ -102,9 +102,11 @@ def main() -> None:
         judge.that(f"{len(joints)} joints in the model", len(joints) == JOINTS)
         for j, joint in enumerate(joints):
             parameters = joint["parameters"]
-            found = parameters.get("coulomb_positive", parameters.get("positive"))["value"]
-            found = found[0] if isinstance(found, list) else found
-            judge.at_most(f"Coulomb torque of joint {j} off by", abs(found - COULOMB[j]), 0.05, "N.m")
+            off = []
+            for way in ("positive", "negative"):
+                found = parameters.get(f"coulomb_{way}", parameters.get(way))["value"]
+                off.append(abs((found[0] if isinstance(found, list) else found) - COULOMB[j]))
+            judge.at_most(f"Coulomb torque of joint {j} off by, worse direction", max(off), 0.05, "N.m")
         judge.at_most(
             "peak memory of the process and its reader together", max(peak[0], largest), 2048.0, "MB"
         )

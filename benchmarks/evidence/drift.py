@@ -269,8 +269,8 @@ def in_the_loop(judge: Judge) -> None:
         print(f"    R theta f / F at most {ratio:.3f}, energy given {energy:.3g} J")
         judge.that(f"{name}: frozen at rest, the level moves by {held:.1e}", held == 0.0)
         if upper == bound:
-            judge.at_most(f"{name}: R theta f / F", ratio, 1.0 + 1e-9)
-            judge.at_most(f"{name}: energy given beyond what friction takes", energy, 0.0, "J")
+            judge.at_most(f"{name}: R theta f / F by the curves, above 2e-3 rad/s", ratio, 1.0 + 1e-9)
+            judge.at_most(f"{name}: energy given there beyond what friction takes", energy, 0.0, "J")
             judge.at_most(f"{name}: level at 29 s off by", abs(last - 0.7), 0.05)
         else:
             judge.that(

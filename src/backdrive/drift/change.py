@@ -10,7 +10,7 @@ Where one model has one curve for both directions and the other one each, d is t
 does not say what each direction has.
 
 Standard errors come from inside one log, and are themselves estimates, which widens the tail of the test: on 200 pairs of
-simulated sweeps without a change, chance was called one in 2 % instead of 1 % and 8 % instead of 5 %.
+simulated sweeps without a change, chance was called one in 2.5 % instead of 1 % and 7.5 % instead of 5 %.
 So they are taken `REPEAT` times as large here, a number chosen after that was seen (`benchmarks/evidence/drift.py`).
 """
 
