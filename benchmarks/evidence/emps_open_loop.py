@@ -159,10 +159,14 @@ def main() -> None:
         f"{len(parts[0].position)} samples; root mean square error of the position [mm]; second half: from the fit to the first"
     )
     print(f"  {'law':30s} drift numbers     whole     first    second  CPU s")
+    rows: dict[bool, tuple[float, float, MotionFit]] = {}
     for name in asked.names or ([CHOSEN] if asked.short else LAWS):
-        if name != CHOSEN:
-            judged(name, drift=True, parts=parts)
-    rows = {drift: judged(CHOSEN, drift=drift, parts=parts) for drift in (True, False)}
+        row = judged(name, drift=True, parts=parts)
+        if name == CHOSEN:
+            rows[True] = row
+    for drift in (True, False):
+        if drift not in rows:
+            rows[drift] = judged(CHOSEN, drift=drift, parts=parts)
     for drift, (whole, unseen, found) in rows.items():
         how = f"{CHOSEN}, {'with' if drift else 'without'} a free drift of the force"
         print(f"\n{how}, all 24.8 s:")
