@@ -163,6 +163,22 @@ def test_adaptive_friction_tick_by_tick():
     assert (model.level[0], model.torque[0], model.codes[0]) == (1.0, 0.0, 0)
 
 
+def test_settings_of_adaptive_friction_joint_by_joint():
+    laws = [alg_fe(RATE, 1e4).law, alg_fe(RATE, 2e4).law]
+    good = {"interval": T, "floor": [1.0, 2.0], "dead_zone": [0.0, 0.1], "lower": 0.5, "upper": 1.5}
+    assert AdaptiveFriction(laws, **good).level.tolist() == [1.0, 1.0]
+    for name, values in {
+        "floor": ([1.0, 0.0], [1.0, inf], [1.0] * 3), "dead_zone": ([0.1, -0.1], [0.1, inf], [0.1] * 3), "interval": (0.0, inf),
+        "time": (0.0, inf), "lower": (-0.1, 1.5), "upper": (inf,), "start": (0.49, 1.51), "slowest": (-1.0, inf),
+    }.items():  # fmt: skip
+        for value in values:
+            with pytest.raises(InvalidInput, match=name):
+                AdaptiveFriction(laws, **(good | {name: value}))
+    with pytest.raises(InvalidInput, match="no law"):
+        AdaptiveFriction([], **good)
+    assert AdaptiveFriction(laws, **(good | {"lower": 0.0, "start": 1.5})).level.tolist() == [1.5, 1.5]
+
+
 # --------------------------------------------------------------------------------------- friction estimators
 
 

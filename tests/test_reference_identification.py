@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from backdrive.errors import NotIdentifiable
+from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.excite import Sweep
 from backdrive.identification import curves, regression, sweep_delay
 from backdrive.identification.function_a import _curvature, _lost, _within, corrected, long_run
@@ -14,6 +14,7 @@ from backdrive.identification.sweep import find_windows, sweep_knots
 from backdrive.identification.sweep_equations import ALL, GRAVITY, equations
 from backdrive.identification.sweep_fit import fit
 from backdrive.identification.sweep_knots import SweepKnots, ordered
+from backdrive.identification.sweep_payload import identify_payload
 from backdrive.identification.sweep_windows import Windows, windows
 from backdrive.identification.timing import torque_timing
 from backdrive.log import Joint, Log
@@ -527,3 +528,54 @@ def test_two_cycles_are_a_sweep_and_one_is_none():
         else:
             with pytest.raises(NotIdentifiable, match="equal stroke"):
                 find_windows(log, 0)
+
+
+def test_the_whole_way_with_a_known_payload():
+    """Three centers, each with a small and a large weight; friction that grows by mu of the load, lifting and driven back alike."""
+    mu = 0.06
+    logs, payloads = [], []
+    for k, center in enumerate((-1.0, 0.2, 1.3)):
+        for extra in ((1.5, 4.0), (3.0, 13.0)):
+            gravity = (3.0 + extra[0], 11.0 + extra[1])
+            plan = Sweep(A, V, 4, center=center)
+            logs.append(made(0.5 / 500.0, plan=plan, gravity=gravity, mu=mu, noise=0.02, seed=k))
+            payloads.append(extra)
+    friction_, shown = identify_payload(logs, "a", payloads, timing="command")
+    value = {name: e.value for name, e in friction_.dynamics.items()}
+    wanted = {"inertia": 1.6, "time_slip": -0.001, "gravity_sin": 3.0, "gravity_cos": 11.0}
+    for name, truth in wanted.items():
+        assert value[name] == pytest.approx(truth, rel=0.02, abs=2e-5), name
+    assert (value["load_driving"], value["load_driven"]) == (
+        pytest.approx(mu, abs=0.004),
+        pytest.approx(mu, abs=0.004),
+    )
+    assert friction_.law.torque([0.6, 1.8, -1.2]) == pytest.approx([10.8, 14.4, -12.6], abs=0.1)
+    assert friction_.fitted.residual < 5.0 and friction_.validity.velocity == pytest.approx(
+        (-2.0, 2.0), abs=0.02
+    )
+    assert f"{value['load_driving']:.4f} +- " in shown.verdict and friction_.fitted.samples == sum(
+        len(log) for log in logs[::2]
+    )
+    for wrong, said in (
+        ((logs, payloads[:5]), "5 payloads for 6"),
+        ((logs, [(0.0, 0.0)] * 6), "same payload"),
+    ):
+        with pytest.raises(InvalidInput, match=said):
+            identify_payload(wrong[0], "a", wrong[1])
+
+
+def test_signals_carry_what_is_known_beside_the_motion():
+    log = made(0.0)
+    n = len(log)
+    known = log.replace(model_torque=np.arange(n), temperature=30.0 + np.arange(n), load=2.0 * np.arange(n))
+    (s,) = prepare(known, 0)
+    assert np.array_equal(s.model_torque, np.arange(n)) and np.array_equal(s.temperature, 30.0 + np.arange(n))
+    assert np.array_equal(s.load, np.column_stack([log.torque[:, 0], -2.0 * np.arange(n)]))
+    pushed = log.replace(external_torque=np.full(n, 1.5))
+    (s,) = prepare(pushed, 0)
+    assert np.array_equal(s.load[:, 1], np.full(n, 1.5)) and s.torque == pytest.approx(log.torque[:, 0] + 1.5)
+    (s,) = prepare(log, 0)
+    assert s.load is None and s.temperature is None and s.model_torque is None
+    holed = np.where(np.arange(n) % 100 == 7, np.nan, np.arange(n))
+    (s,) = prepare(log.replace(model_torque=holed), 0)  # rows left out, and interpolated as the clock asks
+    assert np.isfinite(s.model_torque).all() and s.time.size == n

@@ -347,6 +347,11 @@ UNITS = {
     "Ncm": ("torque", 1e-2), "N": ("force", 1.0), "mN": ("force", 1e-3), "kN": ("force", 1e3), "MN": ("force", 1e6),
     "A": ("raw", 1.0), "%": ("raw", 1.0), "counts": ("raw", 1.0), "degree/s": ("angle rate", DEG),
     "rev/min": ("angle rate", TURN / 60),
+    "sec": ("time", 1.0), "secs": ("time", 1.0), "second": ("time", 1.0), "seconds": ("time", 1.0), "usec": ("time", 1e-6),
+    "nsec": ("time", 1e-9), "millis": ("time", 1e-3), "rads": ("angle", 1.0), "radians": ("angle", 1.0), "degs": ("angle", DEG),
+    "degree": ("angle", DEG), "revs": ("angle", TURN), "turn": ("angle", TURN), "rad/sec": ("angle rate", 1.0),
+    "deg/sec": ("angle rate", DEG), "degrees/s": ("angle rate", DEG), "rev/s": ("angle rate", TURN), "n*m": ("torque", 1.0),
+    "n-m": ("torque", 1.0), "mN*m": ("torque", 1e-3), "N.cm": ("torque", 1e-2),
     "msec": ("time", 1e-3), "turn/s": ("angle rate", TURN), "Newton meter": ("torque", 1.0), "mN.m": ("torque", 1e-3),
 }  # fmt: skip
 
