@@ -161,6 +161,9 @@ def test_what_an_arm_predicts_is_the_textbook_again(found, robot):
         assert np.abs(rest[:, j] - wanted)[inner].mean() < 0.2
         smooth = np.abs(np.tanh(v / frictions[j].dynamics["transition"].value))
         assert (total - rest)[:, j] == pytest.approx(smooth * frictions[j].law.torque(v))
+    still = replace(s, velocity=np.zeros_like(s.velocity))
+    held = explained(still, robot, arm, frictions)
+    assert np.isfinite(held[0]).all() and held[0] == pytest.approx(held[1])  # at rest no friction is expected
     samples = shown[0].samples
     assert samples.fitted.mean() == pytest.approx(0.7, abs=0.1) and np.abs(samples.friction).max() < 12.0
     for broken, said in (

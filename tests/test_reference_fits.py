@@ -582,3 +582,28 @@ def test_a_log_of_another_clock_is_interpolated():
     (s,) = prepare(log, 0)
     assert np.diff(s.time) == pytest.approx(1.0 / s.rate)
     assert s.torque[5:-5] == pytest.approx(np.cos(s.time)[5:-5], abs=1e-4)
+
+
+def test_words_on_a_curve_that_goes_one_way_or_further_one_way():
+    from backdrive.identification.evidence import verdict
+
+    both = verdict(friction(velocity=(-2.0, 1.0)))
+    assert (
+        "Friction is 5.04 N.m forwards and 4.08 N.m backwards at 0.04 rad/s, 7 and 8 N.m at 2 rad/s." in both
+    )
+    back = verdict(friction(velocity=(-2.0, 0.05)))
+    assert "Friction is 4.08 N.m at 0.04 rad/s and 8 N.m at 2 rad/s." in back
+    assert "all but 5.0 % of the torque it was fitted to: good." in back
+    assert curve(friction(velocity=(-2.0, 0.5)), np.abs).velocity.min() == -2.0
+
+
+def test_runs_have_twenty_samples_and_coarse_curves_end_at_the_top():
+    for n, found in ((19, 0), (20, 1), (30, 1)):
+        log = Log(
+            time=np.arange(n) / 100.0, joints=(Joint(name="a"),), velocity=np.full(n, 0.5), torque=np.ones(n)
+        )
+        assert len(runs.find_runs(log, 0)) == found and runs.whole_run(log, 0) is bool(found)
+    for name, keep in curves.COARSE.items():
+        shares = [curves.SHARES[i] for i in keep]
+        assert shares[0] == 0.0 and shares[-1] == 1.0 and shares == sorted(set(shares)), name
+        assert len(keep) == 2 if name == "line" else len(keep) == int(name.split()[0]) + 1

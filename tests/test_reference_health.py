@@ -904,3 +904,88 @@ def test_directions_have_a_tenth_of_the_samples_each():
         v = np.convolve(np.where(back, -1.0, 1.0), np.ones(9) / 9.0, "same") * (1.0 + 0.2 * np.sin(7.0 * t))
         log = log_of(n, dt, position=np.cumsum(v) * dt, torque=3.0 * np.sign(v) + 0.5 * np.gradient(v, dt))
         assert (torque_sign.friction(Exam(log), 0) is not None) is told
+
+
+def outliers_by_loops(x, position):
+    """The definition sample by sample: beyond the usual excess, and beyond what the surroundings do."""
+    n = len(x)
+    change, bend = np.diff(x), np.abs(np.diff(x, 4)) / 6.0
+    excess = [min(abs(a), abs(b)) if a * b < 0 else 0.0 for a, b in zip(change, change[1:])]
+    count = int(10 + 0.001 * len(excess))
+    usual = sorted(excess)[len(excess) - 1 - count]
+    get = lambda y, i: abs(y[i]) if 0 <= i < len(y) else 0.0  # noqa: E731
+    rows = [i + 1 for i, e in enumerate(excess) if e > 2.5 * usual]
+    if len(rows) > 2 * count:
+        return []
+    rest = np.ptp(np.delete(x, rows)) if rows else 0.0
+    found = []
+    for r in rows:
+        size = min(get(change, r - 1), get(change, r))
+        around = sorted(get(change, r - 1 + k) for k in (-3, -2, -1, 2, 3, 4))[-2]
+        far = size > 3.0 * max(abs(x[r + 1] - x[r - 1]), around)
+        if position:
+            smooth_ = sorted(get(bend, r - 2 + k) for k in (-7, -6, -5, -4, -3, 3, 4, 5, 6, 7))[-2]
+            here, beside = get(bend, r - 2), max(get(bend, r - 3), get(bend, r - 1))
+            far = far or (here > 8.0 * smooth_ and here > 1.3 * beside)
+        if far and size > 0.01 * rest and 0 < r < n - 1:
+            found.append(r)
+    return found
+
+
+@pytest.mark.parametrize("channel", ["torque", "position"])
+def test_outliers_are_those_of_the_definition(channel):
+    seen = 0
+    for seed in range(60):
+        generator = np.random.default_rng(seed)
+        k = np.arange(500)
+        x = 20.0 * np.sin(k / generator.uniform(8.0, 60.0)) + 10.0 ** generator.uniform(
+            -2, 0
+        ) * generator.standard_normal(500)
+        rows = generator.choice(np.arange(2, 498), 8, replace=False)
+        x[rows] += 10.0 ** generator.uniform(-0.5, 1.3, 8) * generator.choice([-1.0, 1.0], 8)
+        x[rows[0] + 1 if rows[0] < 490 else rows[0] - 1] += generator.normal(0.0, 3.0)  # another one nearby
+        wanted = outliers_by_loops(x, channel == "position")
+        assert outliers(x, channel) == ([wanted] if wanted else []), seed
+        seen += len(wanted)
+    assert seen > 100
+
+
+@pytest.mark.parametrize(("bits", "name"), [(12, "encoder-wrap"), (16, "encoder-wrap"), (14, "outlier")])
+def test_a_single_reading_off_by_a_counters_range_is_a_wrap(bits, name):
+    count = 1e-3
+    q = count * np.rint(smooth() / count)
+    q[700] += count * 2.0**bits
+    (found,) = [f for f in check(log_of(position=q, unit="m")) if f.severity != "note"]
+    assert found.name == name
+    if name == "encoder-wrap":
+        assert found.value == pytest.approx(count * 2.0**bits) and found.where.tolist() == [700, 701]
+        assert np.abs(gate(log_of(position=q, unit="m"), repair=True).position).max() < 1.4
+
+
+def test_a_rounded_signal_that_stands_and_then_jumps_was_frozen():
+    """Smooth and rounded to 0.05: it comes out of a level stretch as it went in, unless by more than six steps."""
+    t = 1e-3 * np.arange(4000)
+    tau = 0.05 * np.rint(3.0 * np.sin(2.0 * t) / 0.05)
+    for length, found in ((30, []), (300, [(1500, 1800)])):
+        x = tau.copy()
+        x[1500 : 1500 + length] = x[1500]
+        got = [r for r in frozen_runs(Exam(log_of(4000, position=np.sin(3.0 * t), torque=x)), "torque", 0)]
+        assert [(a, b) for a, b in got if a <= 1500 < b and b >= 1790] == (
+            [(got[0][0], got[0][1])] if found else []
+        )
+        assert bool(got) is bool(found)
+
+
+def test_repairs_say_what_they_did():
+    q, v, tau = noisy()
+    wrapped = np.mod(np.rint(tau / 0.01), 65536.0) * 0.01
+    cases = {
+        "taken off again at": log_of(4000, position=q, torque=wrapped),
+        "multiplied by -1": viscous_log(0.5)[0],
+        "was left out: it contradicts": log_of(4000, position=q, velocity=-v),
+        "divided by 57.2958": log_of(4000, position=np.rad2deg(q), velocity=v),
+        "replaced by the mean": log_of(4000, position=q, torque=spiked(tau, 900, 90.0)),
+        "was unwrapped": log_of(4000, position=np.mod(9.0 * q, 2 * np.pi)),
+    }
+    for words, log in cases.items():
+        assert any(words in note for note in gate(log, repair=True).notes), words

@@ -353,6 +353,23 @@ def test_a_known_payload_tells_lifting_from_being_driven_back():
         payload_growth(knots, [(0.0, 0.0)] * 3 + [(-3.0, -9.0)] * 3)
 
 
+def test_what_pairs_hold_where_nothing_is_said():
+    some = np.ones(2)
+    bare = SweepKnots(
+        V_pos=some,
+        F_pos=some,
+        V_neg=some,
+        F_neg=some,
+        error_pos=some,
+        error_neg=some,
+        count_pos=some,
+        count_neg=some,
+    )
+    assert (
+        bare.level == 1.0 and np.isnan([bare.center, *bare.inertia, *bare.slope]).all() and bare.swing is None
+    )
+
+
 def test_pairs_in_order_by_hand():
     """Merged by their counts, errors as of means, the inertia's swing as of a sine at 0.8 of its peak."""
     knots = SweepKnots(

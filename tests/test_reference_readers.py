@@ -102,6 +102,35 @@ def test_what_all_chunks_hold_together_is_limited(tmp_path):
         positions(lies, max_bytes=4 * 10**6 - 1)
 
 
+def test_a_time_of_recording_beyond_all_clocks_is_cut_and_arrays_of_messages_may_change_places(tmp_path):
+    far = record(5, struct.pack("<HIQQ", 1, 0, 2**64 - 1, 0) + joint_state(4.0, 1))
+    assert positions(bag_of(tmp_path / "a.mcap", chunk(DECLARED + far + message(5.0, 2))))[0] == [4.0, 5.0]
+
+    def state(first, second, seconds):  # the same length, with the number in one array or in the other
+        body = (
+            struct.pack("<iI", seconds, 0)
+            + struct.pack("<I", 1)
+            + b"\0" * 4
+            + struct.pack("<I", 1)
+            + struct.pack("<I", 2)
+            + b"a\0\0\0"
+        )
+        for value in (first, second):
+            body += struct.pack("<I", value is not None)
+            if value is not None:
+                body += b"\0" * (-len(body) % 8) + struct.pack("<d", value)
+        return b"\x00\x01\x00\x00" + body + struct.pack("<I", 0)
+
+    both = [state(1.5, None, 1), state(None, 2.5, 2)]
+    raws = b"".join(
+        record(5, struct.pack("<HIQQ", 1, 0, k, k) + raw.ljust(max(map(len, both)), b"\0"))
+        for k, raw in enumerate(both)
+    )
+    read = positions(bag_of(tmp_path / "b.mcap", chunk(DECLARED + raws)))[1]
+    assert np.array_equal(read.arrays["position"][:, 0], [1.5, np.nan], equal_nan=True)
+    assert np.array_equal(read.arrays["velocity"][:, 0], [np.nan, 2.5], equal_nan=True)
+
+
 def test_records_outside_chunks_and_a_file_that_ends_early(tmp_path):
     loose = bag_of(tmp_path / "a.mcap", DECLARED, message(1.0, 1), chunk(message(2.0, 2)), message(3.0, 3))
     assert positions(loose)[0] == [1.0, 2.0, 3.0]
@@ -219,6 +248,16 @@ def test_a_ros_1_bag_byte_by_byte(tmp_path):
     assert read.arrays["time"].size == 2 and any("no index" in note for note in read.notes)
 
 
+@pytest.mark.parametrize("length", [0, 9, 10**6])
+def test_a_header_field_beyond_its_record_ends_a_ros_1_bag(tmp_path, length):
+    good = ros_chunk(CONNECTION, ros_message(1.0, 5))
+    bad = struct.pack("<I", 12) + struct.pack("<I", length) + b"op=\x05abcd" + struct.pack("<I", 0)
+    path = ros_bag(tmp_path / "a.bag", good, bad, ros_chunk(ros_message(2.0, 6)))
+    read = bag.read(path, ReadOptions())
+    assert read.arrays["position"][:, 0].tolist() == [1.0]
+    assert any("beyond its record" in note for note in read.notes)
+
+
 def test_chunks_unpack_to_what_they_declare():
     import bz2
 
@@ -314,6 +353,24 @@ def test_columns_come_through_the_pipe_as_they_went_in():
     )
     assert header({"k": 1}) == b"\x08\x00\x00\x00" + b'{"k": 1}'
     assert columns.clean("a\x1b[31m\u202eb") == "a?[31m?b" and columns.clean("x" * 400) == "x" * 300
+
+
+def test_what_comes_through_the_pipe_is_limited_to_the_byte():
+    told = {
+        "arrays": [["a", "<f8", [3, 4]], ["b", "<i2", [5]]], "units": {}, "joints": [], "channels": {}, "drive": None, "notes": [],
+    }  # fmt: skip
+    for most, fits in ((3 * 4 * 8 + 5 * 2, True), (3 * 4 * 8 + 5 * 2 - 1, False)):
+        if fits:
+            got = unframe(
+                told, lambda view: view.__setitem__(slice(None), bytes(len(view))), Limits(max_bytes=most)
+            )
+            assert got.arrays["a"].shape == (3, 4)
+        else:
+            with pytest.raises(FileTooLarge):
+                unframe(told, lambda view: None, Limits(max_bytes=most))
+    for wrong in ([["a", "|O8", [1]]], [["a", "<f8", [1, 2, 3]]], [["a", "<f8", [-1]]], [["a", "<f8"]]):
+        with pytest.raises(ReadError):
+            unframe({**told, "arrays": wrong}, lambda view: None, Limits())
 
 
 def test_plain_arrays():
@@ -429,6 +486,8 @@ def test_tables_as_people_write_them(tmp_path):
     )
     assert list(above.arrays) == ["t [s]", "q [rad]"] and above.units == {"t [s]": "s", "q [rad]": "rad"}
     assert above.arrays["t [s]"].tolist() == list(range(8))
+    lone = table(tmp_path, "run 7\n3,4\nby hand\nt,q\n" + "".join(f"{k},{k}\n" for k in range(9)))
+    assert list(lone.arrays) == ["t", "q"] and lone.arrays["t"].tolist() == list(range(9))
     twice = table(tmp_path, "# t,q,q\n" + "".join(f"{k},{k},{2 * k}\n" for k in range(5)))
     assert list(twice.arrays) == ["t", "q", "q#2"] and twice.arrays["q#2"].tolist() == [0, 2, 4, 6, 8]
     wide = table(tmp_path, "t,q\n" + "".join(f"{k},{k}\n" for k in range(20)) + "20,2", "utf-16")

@@ -33,7 +33,7 @@ from dataclasses import dataclass
 WORDS = {"typical", "source", "symbol", "unit", "remedy", "sentence", "log", "many", "help", "metavar"}
 #: Functions whose first two arguments may change places, or that only say something.
 EVEN = {
-    "min", "max", "minimum", "maximum", "print", "isinstance", "array_equal", "allclose", "logical_and", "logical_or",
+    "min", "max", "minimum", "maximum", "fmin", "fmax", "print", "isinstance", "array_equal", "allclose", "logical_and", "logical_or",
     "zip", "add", "multiply", "hypot", "union1d", "Parameter", "Check", "getattr", "hasattr", "open",
 }  # fmt: skip
 EXTREMES = {
