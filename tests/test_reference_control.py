@@ -737,3 +737,11 @@ def test_torque_and_estimate_fade_while_no_reading_is_believed():
         force.append(float(loop.external[0]))
     for series in (torque, force):
         assert np.all(np.diff(np.abs(series)) < 0.0) and abs(series[-1]) < 0.5 * abs(series[0])
+
+
+def test_a_loop_without_an_estimator_estimates_nothing():
+    loop = Loop(JointLoop(compensator=alg_fc(RATE, 5e4, share=0.9), top_speed=5.0, limit=20.0), interval=T)
+    loop.reset(np.zeros(1))
+    for k in range(50):
+        assert loop.update(np.array([1e-3 * k]), np.array([2.0])) == Status.OK
+    assert loop.torque[0] > 3.0 and (loop.external[0], loop.friction[0]) == (0.0, 0.0)

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from backdrive import load_model
 from backdrive.errors import FileTooLarge, InvalidInput, ModelFileError, ReadError, UnknownFormat
 from backdrive.laws import CoulombViscous, Decaying, Law, MaxwellSlip, StribeckGauss
 from backdrive.log import Joint, Source
@@ -668,6 +669,16 @@ def test_a_damaged_model_file_is_refused_with_the_place(change, place):
     with pytest.raises(ModelFileError) as refused:
         decode(msgspec.json.encode(document))
     assert place in f"{refused.value} {getattr(refused.value, 'remedy', '')}"
+
+
+def test_a_model_file_has_50_million_bytes_at_most(tmp_path):
+    path = tmp_path / "m.json"
+    for size, said in ((50_000_001, "larger than 50000000 bytes"), (50_000_000, "")):
+        with open(path, "wb") as stream:
+            stream.truncate(size)  # of zeros, which take no room
+        with pytest.raises(ModelFileError) as refused:
+            load_model(path)
+        assert ("larger than" in str(refused.value)) is bool(said) and said in str(refused.value)
 
 
 def test_a_model_answers_by_name_and_by_place():

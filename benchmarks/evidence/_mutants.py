@@ -33,8 +33,8 @@ from dataclasses import dataclass
 WORDS = {"typical", "source", "symbol", "unit", "remedy", "sentence", "log", "many", "help", "metavar"}
 #: Functions whose first two arguments may change places, or that only say something.
 EVEN = {
-    "min", "max", "minimum", "maximum", "fmin", "fmax", "print", "isinstance", "array_equal", "allclose", "logical_and", "logical_or",
-    "zip", "add", "multiply", "hypot", "union1d", "Parameter", "Check", "getattr", "hasattr", "open",
+    "min", "max", "minimum", "maximum", "fmin", "fmax", "print", "isinstance", "array_equal", "allclose", "logical_and",
+    "logical_or", "zip", "add", "multiply", "hypot", "union1d", "Parameter", "Check", "getattr", "hasattr", "open",
 }  # fmt: skip
 EXTREMES = {
     "min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum", "argmin": "argmax", "argmax": "argmin",
@@ -119,6 +119,10 @@ class _Places:
         self.path, self.source, self.exact = path, source, exact
         self.tree = ast.parse(source)
         self.signs_only: set[ast.AST] = set()
+        #: numbers raised to a power, which for an even one have no sign
+        self.bases = {
+            n.left for n in ast.walk(self.tree) if isinstance(n, ast.BinOp) and isinstance(n.op, ast.Pow)
+        }
         self.begins = [0]
         for row in source.splitlines(keepends=True):
             self.begins.append(self.begins[-1] + len(row))
@@ -204,7 +208,8 @@ class _Places:
                 if self.exact:
                     yield self.replaced(node, f"({1.05 * value!r})", "few percent")
                 yield self.replaced(node, f"({2.0 * value!r})", "number")
-                yield self.replaced(node, f"(-{value!r})", "number")
+                if node not in self.bases:
+                    yield self.replaced(node, f"(-{value!r})", "number")
 
     def signs(self, node: ast.AST, index: bool | str) -> Iterator[Mutation]:
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):

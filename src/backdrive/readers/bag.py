@@ -101,7 +101,6 @@ def read(path: str, options: ReadOptions) -> Columns:
 def _scan(stream: BinaryIO, size: int, bag: _Bag) -> tuple[int | None, str]:
     """Read chunks until the index; return where and why they ended early, if they did."""
     at = len(MAGIC)
-    chunks = 0
     while at < size:
         lengths = stream.read(4)
         try:
@@ -116,7 +115,6 @@ def _scan(stream: BinaryIO, size: int, bag: _Bag) -> tuple[int | None, str]:
             kind = fields.get(b"op", b"")[:1]
             if kind == bytes((_CHUNK,)):
                 bag.chunk(fields, stream.read(amount))
-                chunks += 1
             elif kind == bytes((_BAG_HEADER,)):
                 if fields.get(b"encryptor"):
                     raise ForbiddenContent("The bag is encrypted.", remedy="Decrypt it first.")
