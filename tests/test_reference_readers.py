@@ -426,6 +426,10 @@ def test_units_are_their_definitions(word):
 def test_temperatures_have_an_offset():
     for word, zero, hundred in (
         ("K", 273.15, 373.15),
+        ("kelvin", 273.15, 373.15),
+        ("Celsius", 0.0, 100.0),
+        ("C", 0.0, 100.0),
+        ("degC", 0.0, 100.0),
         ("°F", 32.0, 212.0),
         ("°C", 0.0, 100.0),
         ("degF", 32.0, 212.0),

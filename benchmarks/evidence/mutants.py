@@ -157,6 +157,11 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
         'regular=((all(kind == "number" for kind in kinds)) or (not comma)),',
         "the quick way then gives up at the first cell that is no number, and the careful one reads the table",
     ),
+    *(
+        (f"laws/{file}.py", f"side = {sign}1", f"side = {sign}2", "only its sign is asked for")
+        for file in ("kernels", "elements/elastoplastic", "elements/leuven", "elements/smoothed_gms")
+        for sign in ("", "-")
+    ),
 )  # fmt: skip
 
 
