@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from backdrive.cli import _joint_options, _logs
+from backdrive.cli._output import console as new_console
+from backdrive.cli._output import echo
 
 if TYPE_CHECKING:
     from backdrive.errors import BackdriveError
@@ -194,9 +196,9 @@ def command(
         for tuning in found:
             _print(tuning)
         for path in written:
-            typer.echo(f"Wrote {path}")
+            echo(f"Wrote {path}")
         for error in refused.values():
-            typer.echo(f"backdrive: {error}", err=True)
+            echo(f"backdrive: {error}", err=True)
     if refused:
         raise typer.Exit(1)
 
@@ -206,16 +208,15 @@ def _refuse(refused: dict[str, BackdriveError], as_json: bool) -> None:
     *others, last = refused.values()
     for error in others:
         if not as_json and str(error) != str(last):
-            typer.echo(f"backdrive: {error}", err=True)
+            echo(f"backdrive: {error}", err=True)
     raise last
 
 
 def _print(tuning: Tuning) -> None:
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
-    console = Console(highlight=False)
+    console = new_console()
     table = Table(
         box=None, pad_edge=False, title=f"{escape(tuning.joint)}, for {tuning.goal}", title_justify="left"
     )

@@ -32,7 +32,7 @@ class Bound(NamedTuple):
         return f"{low} and {f'below {self.high:g}' if self.open_high else f'at most {self.high:g}'}"
 
 
-POSITIVE = Bound(0.0, BIG, open_low=True)
+POSITIVE = Bound(1.0 / BIG, BIG)
 BOUNDS = {
     "coulomb": POSITIVE,
     "stiffness": POSITIVE,

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from backdrive._blas import on_one_thread
 from backdrive.compensate import Dither
 from backdrive.control import JointLoop, Unguarded, torque_limit
 from backdrive.errors import InvalidInput, LimitWarning, NotIdentifiable
@@ -49,6 +50,7 @@ def fixed_rule(facts: Facts) -> dict[str, float]:
     return {"share": share, "stiffness": min(0.72, facts.stiffest / facts.stiffness), "decay": THESIS_DECAY}
 
 
+@on_one_thread
 def tune(
     facts: Facts,
     goal: str = "backdrive",
