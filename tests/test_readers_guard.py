@@ -197,7 +197,8 @@ def script(text: str, *arguments: str) -> subprocess.Popen:
 
 
 READ = """
-import sys
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # though it may be ignored here
 from backdrive.readers import guard, read_log
 read_log(sys.argv[1])
 print(guard.shared().pid, flush=True)

@@ -7,7 +7,7 @@ from scipy import stats
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.excite import Sweep
 from backdrive.identification import curves, regression, sweep_delay
-from backdrive.identification.function_a import _curvature, _lost, _within, corrected, long_run
+from backdrive.identification.function_a import _curvature, _within, corrected, long_run
 from backdrive.identification.load_fit import growth, payload_growth
 from backdrive.identification.signals import default_cutoff, prepare
 from backdrive.identification.sweep import find_windows, sweep_knots
@@ -132,17 +132,6 @@ def test_growth_with_the_load_is_taken_from_four_standard_errors_on():
 
 
 # ------------------------------------------------------------------------------------------ FunctionA
-
-
-def test_samples_lost_to_mean_and_slope_are_what_long_sums_do_not_see():
-    """Of white noise without its mean and slope, sum_lags w_lag r_k r_(k+lag) is n - lost on average: the trace of w (1 - P)."""
-    for n, seed in ((20, 0), (61, 1), (200, 2)):
-        v = np.cos(np.linspace(-0.6, 0.6, n)) + 0.02 * np.random.default_rng(seed).standard_normal(n)
-        X = np.column_stack([np.ones(n), v])
-        left = np.eye(n) - X @ np.linalg.solve(X.T @ X, X.T)
-        apart = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
-        weight = np.maximum(1.0 - apart / (int(np.sqrt(n)) + 1.0), 0.0)
-        assert n - _lost(v) == pytest.approx(np.sum(weight * left), rel=1e-9)
 
 
 def test_the_error_of_a_pair_is_what_white_noise_does_to_a_short_window():

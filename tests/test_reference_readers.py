@@ -353,7 +353,7 @@ def test_columns_come_through_the_pipe_as_they_went_in():
         ("one",),
     )
     assert header({"k": 1}) == b"\x08\x00\x00\x00" + b'{"k": 1}'
-    assert columns.clean("a\x1b[31m\u202eb") == "a?[31m?b" and columns.clean("x" * 400) == "x" * 300
+    assert columns.clean("a\x1b[31m\u202eb") == "a\\x1b[31m\\u202eb" and columns.clean("x" * 400) == "x" * 300
 
 
 def test_what_comes_through_the_pipe_is_limited_to_the_byte():
@@ -675,9 +675,9 @@ def test_a_damaged_model_file_is_refused_with_the_place(change, place):
     assert place in f"{refused.value} {getattr(refused.value, 'remedy', '')}"
 
 
-def test_a_model_file_has_50_million_bytes_at_most(tmp_path):
+def test_a_model_file_has_10_million_bytes_at_most(tmp_path):
     path = tmp_path / "m.json"
-    for size, said in ((50_000_001, "larger than 50000000 bytes"), (50_000_000, "")):
+    for size, said in ((10_000_001, "larger than 10000000 bytes"), (10_000_000, "")):
         with open(path, "wb") as stream:
             stream.truncate(size)  # of zeros, which take no room
         with pytest.raises(ModelFileError) as refused:
@@ -688,7 +688,7 @@ def test_a_model_file_has_50_million_bytes_at_most(tmp_path):
 def test_a_model_answers_by_name_and_by_place():
     model = full_model()
     assert model.joint("b") is model.joint(1) is model.joints[1]
-    assert model.torque("b", [2.0, -2.0]) == pytest.approx([1.0, -2.0])
+    assert model.torque("b", [0.5, -0.5]) == pytest.approx([1.0, -2.0])
     with pytest.raises(InvalidInput, match="NaN or infinite"):
         model.torque("a", [0.0, np.inf])
     for wrong in (2, -1, "c"):

@@ -109,8 +109,8 @@ NAMED: tuple[tuple[str, str, str, str], ...] = (
     ("identification", "identification/sweep_delay.py", "SIGNIFICANT = 4.0", "SIGNIFICANT = 4.5"),
     ("identification", "identification/load_fit.py", "SIGNIFICANT = 4.0", "SIGNIFICANT = 8.0"),
     # samples lost to mean and slope are not taken off
-    ("identification", "identification/function_a.py", "g.size - _lost(x[1, g]) - k", "g.size - k"),
-    ("identification", "identification/function_a.py", "return float(np.trace(long_run(fitted)))", "return 2.0"),
+    ("identification", "identification/noise.py", "lost = _lost(Q, QQ, correlation)", "lost = 0.0 * _lost(Q, QQ, correlation)"),
+    ("identification", "identification/noise.py", "return across - np.einsum(\"abh,ab->h\", QQ, Q.T @ G)", "return across"),
     # few blocks widen nothing, or half as much
     ("identification", "identification/regression.py", "few = 1.0 + 1.22 / (used - 1)", "few = 1.0"),
     ("identification", "identification/regression.py", "few = 1.0 + 1.22 / (used - 1)", "few = 1.0 + 0.61 / (used - 1)"),
