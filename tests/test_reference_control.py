@@ -421,8 +421,25 @@ def ticks(compensator, dp, *, dt=T, error=None, slope=None, applied=None, positi
     for k, step in enumerate(dp):
         q += step
         out.append(
-            compensator_.tick(
-                c, 0, p, x, s, 0, q, step, dt, k * dt, error[k], slope[k], applied[k], (0.0, 0.0), 20.0
+            sum(
+                compensator_.tick(
+                    c,
+                    0,
+                    p,
+                    x,
+                    s,
+                    0,
+                    q,
+                    step,
+                    dt,
+                    k * dt,
+                    error[k],
+                    slope[k],
+                    applied[k],
+                    (0.0, 0.0),
+                    20.0,
+                    False,
+                )
             )
         )
     return np.array(out), s
@@ -583,8 +600,10 @@ def test_restarted_a_compensator_is_as_at_the_start_and_shifted_it_counts_from_a
         for k, step in enumerate(steps, begin):
             q += step
             out.append(
-                compensator_.tick(
-                    c, 0, p, x, s, 0, q, step, T, k * T, error[k], zero[k], 0.3, (0.0, 0.0), 20.0
+                sum(
+                    compensator_.tick(
+                        c, 0, p, x, s, 0, q, step, T, k * T, error[k], zero[k], 0.3, (0.0, 0.0), 20.0, False
+                    )
                 )
             )
         return np.array(out), q
@@ -711,21 +730,32 @@ def test_the_admittance_is_its_equation():
     for name in ("inertia", "viscosity", "proportional", "derivative", "limit"):
         with pytest.raises(InvalidInput):
             Admittance(
-                **({"inertia": 1.0, "viscosity": 1.0, "proportional": 1.0, "derivative": 1.0} | {name: -0.1})
+                **(
+                    {"inertia": 1.0, "viscosity": 1.0, "proportional": 1.0, "derivative": 1.0, "limit": 1.0}
+                    | {name: -0.1}
+                )
             )
     with pytest.raises(InvalidInput):
-        Admittance(inertia=0.0, viscosity=0.0, proportional=0.0, derivative=0.0)
-    assert Admittance(inertia=1.0, viscosity=0.0, proportional=0.0, derivative=0.0, limit=0.0).limit == 0.0
+        Admittance(inertia=0.0, viscosity=0.0, proportional=0.0, derivative=0.0, limit=1.0)
+    with pytest.raises(InvalidInput):
+        Admittance(inertia=1.0, viscosity=0.0, proportional=0.0, derivative=0.0, limit=0.0)
 
 
 # ------------------------------------------------------------------------------------------------- the loop
 
 
+WITHIN = {
+    "compensator": alg_fc(RATE, 5e4, share=0.9),
+    "top_speed": 5.0,
+    "limit": 18.0,
+    "encoder_count": 1e-6,
+}
+
+
 def test_torque_and_estimate_fade_while_no_reading_is_believed():
     """By 1/(1 + fade T) a tick, so that 20 ticks of 1 ms at 50/s leave less than half."""
     external = ExternalForce(inertia=0.7, method="disturbance", friction=alg_fe(RATE, 5e4))
-    joint = JointLoop(compensator=alg_fc(RATE, 5e4, share=0.9), external=external, top_speed=5.0, limit=20.0)
-    loop = Loop(joint, interval=T)
+    loop = Loop(JointLoop(**WITHIN, external=external), interval=T)
     loop.reset(np.zeros(1))
     for k in range(300):
         loop.update(np.array([1e-3 * k]), np.array([2.0]))
@@ -735,13 +765,14 @@ def test_torque_and_estimate_fade_while_no_reading_is_believed():
         assert loop.update(np.array([nan]), np.array([2.0])) != Status.OK
         torque.append(float(loop.torque[0]))
         force.append(float(loop.external[0]))
-    for series in (torque, force):
-        assert np.all(np.diff(np.abs(series)) < 0.0) and abs(series[-1]) < 0.5 * abs(series[0])
+    for series in (torque, force):  # one bad reading is bridged
+        expected = series[0] * 1.05 ** -np.maximum(np.arange(21) - 1.0, 0.0)
+        assert series == pytest.approx(expected, rel=1e-9)
 
 
 def test_a_loop_without_an_estimator_estimates_nothing():
-    loop = Loop(JointLoop(compensator=alg_fc(RATE, 5e4, share=0.9), top_speed=5.0, limit=20.0), interval=T)
+    loop = Loop(JointLoop(**WITHIN), interval=T)
     loop.reset(np.zeros(1))
-    for k in range(50):
+    for k in range(500):
         assert loop.update(np.array([1e-3 * k]), np.array([2.0])) == Status.OK
     assert loop.torque[0] > 3.0 and (loop.external[0], loop.friction[0]) == (0.0, 0.0)

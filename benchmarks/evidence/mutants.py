@@ -60,11 +60,11 @@ ROOMS: dict[str, dict[tuple[str, ...], tuple[str, ...]]] = {
         ("control/*.py", "status.py"): ("test_reference_control.py", "test_loop*.py", "test_adaptation.py", "test_closed_loop.py"),
     },
     "identification": {
-        ("identification/sweep*.py", "identification/function_a.py", "identification/load_fit.py", "identification/timing.py"): (
-            "test_reference_fits.py", "test_reference_identification.py", "test_sweep.py", "test_timing.py",
+        ("identification/sweep*.py", "identification/function_a.py", "identification/noise.py", "identification/load_fit.py", "identification/timing.py"): (
+            "test_reference_fits.py", "test_reference_identification.py", "test_noise.py", "test_sweep.py", "test_timing.py",
         ),
         ("identification/arm*.py",): ("test_reference_arm.py",),
-        ("identification/[!_afslt]*.py", "identification/signals.py", "identification/auto.py", "identification/__init__.py"): (
+        ("identification/[!_afslnt]*.py", "identification/signals.py", "identification/auto.py", "identification/__init__.py"): (
             "test_reference_fits.py", "test_regression.py", "test_reference_identification.py", "test_identify.py",
             "test_motion.py", "test_constant_velocity.py", "test_presliding.py",
         ),
@@ -100,8 +100,8 @@ NAMED: tuple[tuple[str, str, str, str], ...] = (
     ("estimators", "estimate/level.py", "e -= dead_zone if e > 0.0 else -dead_zone", "e -= 0.0"),
     ("estimators", "estimate/level.py", "if abs(e) <= dead_zone:", "if False:"),
     # the loop's outputs do not fade while readings are not believed
-    ("loop", "control/loop.py", "        g[EXTERNAL, j] /= fading", "        pass"),
-    ("loop", "control/loop.py", "        g[TORQUE, j] /= fading", "        pass"),
+    ("loop", "control/guard.py", "        g[EXTERNAL, j] /= fading", "        pass"),
+    ("loop", "control/guard.py", "        wanted = out / fading", "        wanted = out"),
     # a sweep's delay 5 % off; what is taken for significant
     ("identification", "identification/sweep_delay.py", "return delay, float(error[1]", "return 1.05 * delay, float(error[1]"),
     ("identification", "identification/sweep_delay.py", "float(error[1] / theta[0]), grows", "float(error[1]), grows"),
