@@ -60,7 +60,10 @@ ROOMS: dict[str, dict[tuple[str, ...], tuple[str, ...]]] = {
         ("control/*.py", "status.py"): ("test_reference_control.py", "test_loop*.py", "test_adaptation.py", "test_closed_loop.py"),
     },
     "identification": {
-        ("identification/sweep*.py", "identification/function_a.py", "identification/noise.py", "identification/load_fit.py", "identification/timing.py"): (
+        (
+            "identification/sweep*.py", "identification/function_a.py", "identification/noise.py", "identification/load_fit.py",
+            "identification/timing.py",
+        ): (
             "test_reference_fits.py", "test_reference_identification.py", "test_noise.py", "test_sweep.py", "test_timing.py",
         ),
         ("identification/arm*.py",): ("test_reference_arm.py",),
