@@ -304,7 +304,12 @@ def decode(data: bytes, name: str = "model file") -> m.FrictionModel:
         message, _, place = str(error).rpartition(" - at ")
         said = f"{place.strip('`')}: {message}" if message else str(error)
         raise ModelFileError(f"{name}: {said}.", remedy=AGAIN) from error
-    except (msgspec.MsgspecError, ValueError, RecursionError, OverflowError) as error:  # UnicodeDecodeError included
+    except (
+        msgspec.MsgspecError,
+        ValueError,
+        RecursionError,
+        OverflowError,
+    ) as error:  # UnicodeDecodeError included
         raise ModelFileError(f"{name} is damaged: {error}.", remedy=AGAIN) from error
 
 
