@@ -12,8 +12,11 @@ import time
 import numpy as np
 from _common import Judge, parser
 
+from backdrive.closed_loop import play
+from backdrive.control import Unguarded
+from backdrive.control.joint_loop import BRISK, LATCH_TIME
 from backdrive.experiments import league
-from backdrive.experiments._league_joints import NOMINAL, SETTINGS, contenders
+from backdrive.experiments._league_joints import NOMINAL, SETTINGS, contenders, scenes, scores
 
 COLUMNS = ("breakaway", "peak", "rms", "cycle", "fluctuation", "energy", "tracking")
 
@@ -43,6 +46,24 @@ def show(outcome) -> None:
             f"  {r['friction']:8s} {r['method']:10s} {r['rms']:6.2f} {r['standstill']:6.2f} {1e3 * r['delay']:5.0f} ms "
             f"{100 * r['false']:5.1f} %"
         )
+
+
+def limited(judge: Judge, joints: int) -> None:
+    """Judge what the torque loop's rate limit, F a millisecond, changes: cost, tracking error and peak force of every method."""
+    worst, where = 0.0, "none"
+    for who in contenders()[:joints]:
+        bare = league.judged(who, league.METHODS[0], [{}], NOMINAL, 0)[0]
+        rate = max(3.0 * who.coulomb / LATCH_TIME, BRISK * who.coulomb)
+        for method in league.METHODS:
+            z, found = method.draw(1, 0)[0], []
+            for each in (None, rate):
+                loop = Unguarded(compensator=method.make(who, z), limit=3.0 * who.coulomb, rate=each)
+                s = scores(who, play(scenes(who, loop, NOMINAL, 0)))
+                found.append((league.cost(who, s, bare), s["tracking"], s["peak"]))
+            change = float(np.max(np.abs(np.array(found[1]) / found[0] - 1.0)))
+            if change > worst:
+                worst, where = change, f"{method.name} on {who.name}"
+    judge.at_most(f"largest change by the loop's rate of torque ({where})", 100.0 * worst, 0.1, "%")
 
 
 def main() -> None:
@@ -96,6 +117,7 @@ def main() -> None:
         0.5,
     )
     judge.at_most("the same, worst seed", max(estimated), 0.6)
+    limited(judge, 1 if asked.short else 4)
     judge.end()
 
 
