@@ -19,7 +19,7 @@ from backdrive.compensate import (
     mahvash_okamura,
 )
 from backdrive.compensate.extras import BristleObserver, DisturbanceObserver, Pulses
-from backdrive.control import JointLoop, Loop, Unguarded, torque_limit
+from backdrive.control import JointLoop, Loop, Unguarded, envelope, torque_limit
 from backdrive.control.guard import window
 from backdrive.errors import InvalidInput, LimitWarning
 from backdrive.estimate.external import ExternalForce
@@ -120,6 +120,23 @@ def test_a_level_that_makes_the_share_more_than_one_is_refused():
 def test_a_period_outside_the_envelope_is_refused(interval):
     with pytest.raises(InvalidInput, match="interval"):
         Loop(JointLoop(**GOOD), interval=interval)
+
+
+def test_what_the_envelope_states_is_what_it_takes_ends_included():
+    """The table at the head of `control.envelope`, row by row."""
+    stated = {
+        "PERIOD": (5e-5, 2e-2), "LIMIT": (0.0, 1e5), "TOP_SPEED": (1e-3, 1e3), "COUNT": (1e-9, 0.1), "SHARE": (0.0, 1.0),
+        "STIFFNESS": (0.0, 1e9), "INERTIA": (1e-7, 1e5), "FRICTION": (0.0, 1e5),
+    }  # fmt: skip
+    for name, (low, high) in stated.items():
+        bounds = getattr(envelope, name)
+        for value in (low, high):
+            envelope.check("here", number=(value, bounds))
+        for value in (0.999 * low if low else -1e-9, 1.001 * high):
+            with pytest.raises(InvalidInput, match="number"):
+                envelope.check("here", number=(value, bounds))
+    for period in (5e-5, 2e-2):
+        assert Loop(JointLoop(**GOOD), interval=period).interval == period
 
 
 def test_a_loop_of_nothing_or_without_guards_is_refused():

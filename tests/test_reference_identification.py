@@ -116,7 +116,7 @@ def by_hand(log):
 def test_growth_with_the_load_is_taken_from_four_standard_errors_on():
     """Noise from 1.6 to 2.8 N.m brings the growth from six to three of its standard errors, as counted by hand."""
     plan, seen = Sweep(A, V, 6, center=0.6), {}
-    for noise in (1.6, 1.9, 2.1, 2.3, 2.5, 2.6, 2.65, 2.7):
+    for noise in (1.6, 1.9, 2.05, 2.15, 2.3, 2.45, 2.5, 2.65, 2.7):
         log = made(2e-3, plan=plan, gravity=(12.0, 5.0), mu=0.03, noise=noise, seed=3)
         s = prepare(log, 0)
         cycles = windows(log, 0, plan, s)
