@@ -60,6 +60,18 @@ def test_an_interruption_in_a_command_is_no_abortion():
     assert (done.returncode, done.stdout, done.stderr) == (130, "", SAID)
 
 
+@pytest.mark.parametrize("kind", ["RuntimeError", "OSError"])
+def test_what_fails_because_it_was_torn_out_of_its_work_is_no_internal_error(kind):
+    done = run(
+        "from backdrive import model\nfrom backdrive.cli import main\n"
+        "def load(name):\n"
+        "    try:\n        interrupt()\n        time.sleep(60)\n"
+        f"    except KeyboardInterrupt:\n        raise {kind}('half compiled') from None\n"
+        "model.load_model = load\nsys.argv = ['backdrive', 'show', 'x.json']\nmain()\n"
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", SAID)
+
+
 def test_threads_at_work_are_not_waited_for():
     done = run(
         "from backdrive import model\nfrom backdrive.cli import main\nfrom backdrive.engine.cores import spread\n"
@@ -87,6 +99,18 @@ def test_no_parsing_process_is_left_behind():
     )
     assert (done.returncode, done.stderr) == (130, SAID)
     assert ended(int(done.stdout))
+
+
+def test_a_fit_that_is_interrupted_too_late_to_be_cut_short_says_130_all_the_same():
+    done = run(
+        "import types\nfrom pathlib import Path\nfrom backdrive import fitting\nfrom backdrive.cli import _logs, fit, main\n"
+        "_logs.check_targets = _logs.read = lambda *a, **k: []\n"
+        "fitting.fit = lambda *a, **k: types.SimpleNamespace(stopped=True, model=None)\n"
+        "fit._print_tables = lambda *a: print('tables')\n"
+        "from backdrive.cli import identify\nidentify.failing = lambda *a: ['joint']\n"
+        "sys.argv = ['backdrive', 'fit', 'x.csv']\nmain()\n"
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "tables\n", "")
 
 
 def ended(pid: int) -> bool:

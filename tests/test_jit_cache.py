@@ -50,10 +50,11 @@ def kernels(folder: Path, count: int) -> Path:
     return path
 
 
-def run(program: Path, cache: Path | None) -> tuple[list, list[str]]:
+def run(program: Path, cache: Path | None, home: Path | None = None) -> tuple[list, list[str]]:
     environment = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA_")}
     environment |= {"PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error"}
     environment |= {"NUMBA_CACHE_DIR": str(cache)} if cache is not None else {}
+    environment |= {"HOME": str(home), "XDG_CACHE_HOME": str(home)} if home is not None else {}
     done = subprocess.run(
         [sys.executable, str(program)], env=environment, capture_output=True, text=True, check=False
     )
@@ -110,6 +111,22 @@ def test_a_folder_of_another_user_is_not_believed(tmp_path):
     found, said = run(program, cache)
     assert found[0] == [20.0, 0]
     assert "belongs to another user" in said[0]
+
+
+@pytest.mark.skipif(
+    not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root can give a folder away"
+)
+def test_a_cache_beside_the_sources_that_is_lost_is_spoken_of_until_another_is_filled(tmp_path):
+    program = kernels(tmp_path, 1)
+    assert run(program, None, tmp_path / "home") == ([[20.0, 0]], [])
+    assert run(program, None, tmp_path / "home") == ([[20.0, 1]], [])
+    os.chown(tmp_path / "__pycache__", 12345, 12345)
+    found, said = run(program, None, tmp_path / "home")
+    assert found == [[20.0, 0]]
+    assert len(said) == 1
+    assert "belongs to another user" in said[0]
+    assert str(tmp_path / "home") in said[0]
+    assert run(program, None, tmp_path / "home") == ([[20.0, 1]], [])
 
 
 def test_a_full_disk_leaves_no_piece_behind(tmp_path):

@@ -209,6 +209,15 @@ def _said_by(error: Exception) -> str:
     return (isinstance(error, OSError) and error.strerror) or str(error) or type(error).__name__
 
 
+def _replaced(path: str, by: Any) -> bool:
+    """Return whether an unusable folder holds a cache of ours, for which another folder is now filled the first time."""
+    if os.path.exists(by._cache_file._index_path):
+        return False
+    with suppress(OSError):
+        return any(entry.endswith((".nbi", ".nbc")) and ".sealed" in entry for entry in os.listdir(path))
+    return False
+
+
 def cache_of(function: Callable, stamp: str) -> Any:
     """Return a cache for a function, or None where there is no place for one.
 
@@ -222,9 +231,8 @@ def cache_of(function: Callable, stamp: str) -> Any:
         found = None
     asked = os.environ.get("NUMBA_CACHE_DIR")
     for path, why in _unusable.items():
-        if found is None or (
-            asked and os.path.dirname(path) == asked
-        ):  # a tree that others own is nothing to speak of
+        # a tree that others own is nothing to speak of, but one that held a cache is, once: when another is filled for it
+        if found is None or (asked and os.path.dirname(path) == asked) or _replaced(path, found):
             note(
                 f"in {path} cannot be used ({why})",
                 f"using {found.cache_path}" if found else "compiling in memory",

@@ -24,6 +24,8 @@ def main() -> None:
             _silence()
             code = 0
         except OSError as error:  # standard output is full or gone: nothing more can be said there
+            if _interrupt.interrupted():
+                _interrupt.leave()
             _silence()
             print(f"backdrive: cannot write: {error.strerror or error}.", file=sys.stderr)
             code = 2
@@ -33,6 +35,7 @@ def main() -> None:
 def _run() -> int:
     from backdrive.cli._app import Held, app
     from backdrive.cli._output import fail, is_usage, refuse
+    from backdrive.errors import BackdriveError
 
     try:
         code = app(standalone_mode=False)
@@ -46,6 +49,8 @@ def _run() -> int:
         raise
     except Exception as failure:
         error = failure
+    if not isinstance(error, BackdriveError) and _interrupt.interrupted():
+        raise KeyboardInterrupt from None
     if is_usage(error):
         return refuse(error)
     return fail(error, as_json="--json" in sys.argv)

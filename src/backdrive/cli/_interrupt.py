@@ -19,6 +19,8 @@ from typing import NoReturn
 GRACE = 0.5  # for the usual way out, which removes temporary files [s]
 CODE = 130  # 128 and the number of the signal, as shells count
 
+_interrupted = threading.Event()
+
 
 @contextmanager
 def watched() -> Iterator[None]:
@@ -29,6 +31,7 @@ def watched() -> Iterator[None]:
     ):
         yield
         return
+    _interrupted.clear()
     ears, mouth = os.pipe()
     os.set_blocking(mouth, False)
     before = signal.set_wakeup_fd(mouth, warn_on_full_buffer=False)
@@ -49,10 +52,17 @@ def _watch(ears: int) -> None:
     """Wait for signals; 0 bytes say that the block was left."""
     heard = 0
     while got := os.read(ears, 1):
-        heard += got[0] == signal.SIGINT
+        if got[0] == signal.SIGINT:
+            heard += 1
+            _interrupted.set()
         if heard > 1 or (heard and not _keeping()):
             time.sleep(GRACE)
             leave()
+
+
+def interrupted() -> bool:
+    """Return whether a signal has arrived: what fails then, as a compiler that is torn out of its work, is no fault of ours."""
+    return _interrupted.wait(0.02)  # the watch has to come to it
 
 
 def _keeping() -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from backdrive.cli import _logs
+from backdrive.cli import _interrupt, _logs
 from backdrive.cli._output import console as new_console
 from backdrive.cli._output import echo
 
@@ -146,6 +146,8 @@ def command(
         _print_json(result, written, bad)
     else:
         _print_tables(result, written)
+    if result.stopped:
+        raise typer.Exit(_interrupt.CODE)
     if bad:
         if not as_json:
             echo(f"Below the quality gate (not credible, or above {gate:g} %): {', '.join(bad)}.", err=True)

@@ -186,6 +186,7 @@ def fit(
             stopped = stopped or bool(found and found[-1].stopped)
             if stopped:
                 break
+        stopped = stopped or stopping.noted()
     left = [name for name in names if name not in [f.choice.joint for f in found]]
     if stopped:
         rest = f" Without a result: {', '.join(left)}." if left else ""

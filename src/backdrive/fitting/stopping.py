@@ -44,6 +44,11 @@ def keeping() -> bool:
     return _state.depth > 0 and _state.keeps
 
 
+def noted() -> bool:
+    """Return whether an interruption waits that came too late to cut anything short."""
+    return _state.noted
+
+
 def check() -> None:
     """Raise the interruption that was noted, once.
 
