@@ -8,9 +8,9 @@ import numpy as np
 
 from backdrive.excite import Sweep
 from backdrive.identification import Curve, identify
-from backdrive.plants.thesis import machine
 from backdrive.plots.curve import save_curve_png
-from backdrive.simulate import simulate
+from backdrive.simulation.machines import machine
+from backdrive.simulation.open_loop import simulate
 
 TARGET = Path(__file__).resolve().parent.parent / "docs" / "figures" / "demo.png"
 

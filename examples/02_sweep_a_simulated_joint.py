@@ -3,8 +3,8 @@
 import numpy as np
 
 from backdrive import Sweep, identify
-from backdrive.plants.thesis import machine
-from backdrive.simulate import simulate
+from backdrive.simulation.machines import machine
+from backdrive.simulation.open_loop import simulate
 
 plant = machine("joint_1")
 sweep = Sweep(stroke=np.deg2rad(20.0), top_speed=2.0, cycles=10)

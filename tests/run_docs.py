@@ -33,8 +33,8 @@ def write_log(path: Path) -> None:
     import numpy as np
 
     from backdrive.excite import Sweep
-    from backdrive.plants.thesis import machine
-    from backdrive.simulate import simulate
+    from backdrive.simulation.machines import machine
+    from backdrive.simulation.open_loop import simulate
 
     log = simulate(machine("joint_1"), Sweep(stroke=np.deg2rad(20.0), top_speed=2.0, cycles=10), seed=0)
     table = np.column_stack([log.time, log.need("position")[:, 0], log.need("torque")[:, 0]])

@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from _loops import Bench
-from backdrive.closed_loop import Scene, play
 from backdrive.compensate import alg_fc, disturbance_observer, lugre_observer
 from backdrive.compensate.extras import DisturbanceObserver
 from backdrive.control import Unguarded
@@ -20,8 +19,9 @@ from backdrive.estimate.external import METHODS, ExternalForce
 from backdrive.estimate.friction import alg_fe
 from backdrive.estimate.level import adapted, learned
 from backdrive.laws import CoulombViscous, Law, LuGre, Sigmoid, StribeckGauss
-from backdrive.plants.hand import Hand, strokes
-from backdrive.plants.thesis import joint_0
+from backdrive.simulation.closed_loop import Scene, play
+from backdrive.simulation.hand import Hand, strokes
+from backdrive.simulation.machines import joint_0
 
 JIT = not nb.config.DISABLE_JIT
 T, M, K = 1e-3, 0.7, 5e4

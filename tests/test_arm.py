@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from _loops import guarded
-from backdrive.arm_loop import guide, polygon
 from backdrive.compensate import alg_fc, nothing
 from backdrive.errors import InvalidInput
 from backdrive.laws import Coulomb, Law
-from backdrive.plants.arm import Arm, hp3j, local_servos
-from backdrive.plants.hand import Hand
+from backdrive.simulation.arm import Arm, hp3j, local_servos
+from backdrive.simulation.arm_loop import guide, polygon
+from backdrive.simulation.hand import Hand
 
 pytest.importorskip("mujoco")
 STILL = np.zeros(6)

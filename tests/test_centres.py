@@ -29,8 +29,8 @@ from backdrive.identification.sweep_payload import identify_payload
 from backdrive.identification.sweep_windows import windows
 from backdrive.laws import GearLoad, Law, Polyline
 from backdrive.limits import JointLimits
-from backdrive.plants.thesis import joint_1
-from backdrive.simulate import simulate
+from backdrive.simulation.machines import joint_1
+from backdrive.simulation.open_loop import simulate
 
 A, V = np.deg2rad(20), 2.0
 SWEEP = Sweep(A, V, 6)

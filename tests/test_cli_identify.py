@@ -10,8 +10,8 @@ import pytest
 
 from _synthetic import any_motion
 from backdrive.excite import load_plan
-from backdrive.plants.thesis import joint_1
-from backdrive.simulate import simulate
+from backdrive.simulation.machines import joint_1
+from backdrive.simulation.open_loop import simulate
 
 
 def dry(v):

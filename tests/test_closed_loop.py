@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from _loops import Bench
-from backdrive.closed_loop import Scene, play
 from backdrive.compensate import Dither, alg_fc, alg_fc2
 from backdrive.control import Admittance, Unguarded
 from backdrive.engine.servo import Servo
@@ -13,10 +12,11 @@ from backdrive.errors import InvalidInput
 from backdrive.estimate.external import ExternalForce
 from backdrive.estimate.friction import alg_fe, between_counts
 from backdrive.laws import Coulomb, CoulombViscous, Law
-from backdrive.plants import machine
-from backdrive.plants.hand import Hand, along, minimum_jerk, pushes, sine, still, strokes
-from backdrive.plants.joint import SimulatedJoint
-from backdrive.plants.thesis import joint_0
+from backdrive.simulation import machine
+from backdrive.simulation.closed_loop import Scene, play
+from backdrive.simulation.hand import Hand, along, minimum_jerk, pushes, sine, still, strokes
+from backdrive.simulation.joint import SimulatedJoint
+from backdrive.simulation.machines import joint_0
 from backdrive.status import Status
 
 JIT = not nb.config.DISABLE_JIT

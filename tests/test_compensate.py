@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from _loops import bench
-from backdrive.closed_loop import Scene, play
 from backdrive.compensate import (
     Compensator,
     Dither,
@@ -40,8 +39,9 @@ from backdrive.laws import (
     Polyline,
     StribeckGauss,
 )
-from backdrive.plants.hand import still
-from backdrive.plants.joint import SimulatedJoint
+from backdrive.simulation.closed_loop import Scene, play
+from backdrive.simulation.hand import still
+from backdrive.simulation.joint import SimulatedJoint
 
 JIT = not nb.config.DISABLE_JIT
 T = 1e-3

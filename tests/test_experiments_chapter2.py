@@ -5,15 +5,15 @@ import importlib
 import numpy as np
 import pytest
 
-from backdrive.experiments import _manual, _sweeps, _tracking
-from backdrive.plants.thesis import joint_0, joint_1, joint_2
+from backdrive.simulation.machines import joint_0, joint_1, joint_2
+from backdrive.thesis import _manual, _sweeps, _tracking
 
 SWEEPS = ("fig_2_2", "fig_2_3", "fig_2_8", "table_2_2")
 
 
 @pytest.mark.parametrize("name", SWEEPS)
 def test_a_sweep_experiment_holds_and_repeats(name):
-    module = importlib.import_module(f"backdrive.experiments.{name}")
+    module = importlib.import_module(f"backdrive.thesis.{name}")
     first, again = module.run(seed=3), module.run(seed=3)
     assert first.holds, [c for c in first.claims if c.holds is False]
     assert first.name == name.replace("_", "-", 1).replace("_", ".")
@@ -24,8 +24,8 @@ def test_a_sweep_experiment_holds_and_repeats(name):
 
 @pytest.mark.parametrize("name", ["fig_2_2", "fig_2_3", "fig_2_9", "table_2_2"])
 def test_a_picture_has_named_axes(name):
-    outcome = importlib.import_module(f"backdrive.experiments.{name}").run()
-    figure = importlib.import_module(f"backdrive.plots.thesis.{name}").draw(outcome)
+    outcome = importlib.import_module(f"backdrive.thesis.{name}").run()
+    figure = importlib.import_module(f"backdrive.thesis.{name}").draw(outcome)
     assert figure.axes
     assert any("[" in a.get_ylabel() for a in figure.axes)
 

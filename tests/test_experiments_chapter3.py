@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import ttest_ind
 
-from backdrive.experiments import (
+from backdrive.thesis import (
     _guided,
     fig_3_3,
     fig_3_4,
@@ -42,7 +42,7 @@ def outcome(monkeypatch):
 
 
 def drawn(name, outcome):
-    figure = importlib.import_module(f"backdrive.plots.thesis.{name}").draw(outcome)
+    figure = importlib.import_module(f"backdrive.thesis.{name}").draw(outcome)
     figure.canvas.draw()
     return figure
 

@@ -4,7 +4,8 @@ import importlib
 import numpy as np
 import pytest
 
-from backdrive.experiments import (
+from backdrive.simulation.hand import still
+from backdrive.thesis import (
     _sensorless,
     fig_4_3,
     fig_4_7,
@@ -13,8 +14,7 @@ from backdrive.experiments import (
     fig_4_10,
     fig_4_11,
 )
-from backdrive.experiments._sensorless import CASES, PERIOD, lag, metronome, ranks, rms, then
-from backdrive.plants.hand import still
+from backdrive.thesis._sensorless import CASES, PERIOD, lag, metronome, ranks, rms, then
 
 SHORT = {
     "fig_4_3": lambda seed: fig_4_3.run(seed, cycles=2),
@@ -50,7 +50,7 @@ def test_every_outcome_is_drawn(outcomes, name):
     pytest.importorskip("matplotlib")
     from backdrive.plots import canvas
 
-    figure = importlib.import_module(f"backdrive.plots.thesis.{name}").draw(outcomes[name])
+    figure = importlib.import_module(f"backdrive.thesis.{name}").draw(outcomes[name])
     assert len(figure.axes) >= 2
     assert all(a.get_xlabel() or a.get_ylabel() or a.get_title(loc="left") for a in figure.axes)
     assert canvas.png(figure, 0.5).startswith(b"\x89PNG")

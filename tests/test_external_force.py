@@ -6,16 +6,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from backdrive.closed_loop import Scene, play
 from backdrive.control import Unguarded
 from backdrive.errors import InvalidInput
 from backdrive.estimate.external import METHODS, ExternalForce
 from backdrive.estimate.friction import alg_fe, alg_fe2, ha
 from backdrive.estimate.sliding_mode import MotionFilter
 from backdrive.laws import Coulomb, CoulombViscous, Law
-from backdrive.plants import machine
-from backdrive.plants.hand import pushes
-from backdrive.plants.joint import SimulatedJoint
+from backdrive.simulation import machine
+from backdrive.simulation.closed_loop import Scene, play
+from backdrive.simulation.hand import pushes
+from backdrive.simulation.joint import SimulatedJoint
 
 JIT = not nb.config.DISABLE_JIT
 T = 1e-3

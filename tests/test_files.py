@@ -423,8 +423,8 @@ def test_commands_refuse_a_strange_output_before_they_compute(command, tmp_path,
 
 @pytest.mark.parametrize("words", [("demo",), ("reproduce", "fig-2.2"), ("plan", "sweep")])
 def test_folders_are_looked_at_before_anything_is_computed(command, tmp_path, monkeypatch, words):
-    monkeypatch.setattr("backdrive.simulate.simulate", lambda *_, **__: pytest.fail("began"))
-    monkeypatch.setattr("backdrive.reproduce.run.run_one", lambda *_, **__: pytest.fail("began"))
+    monkeypatch.setattr("backdrive.simulation.open_loop.simulate", lambda *_, **__: pytest.fail("began"))
+    monkeypatch.setattr("backdrive.thesis.run.run_one", lambda *_, **__: pytest.fail("began"))
     option = "-o" if words[0] == "plan" else "--folder"
     for folder in (tmp_path / "log.csv", tmp_path / "log.csv" / "below", "/dev/null"):
         code, _, err = command(*words, option, folder)
@@ -450,8 +450,8 @@ def test_a_missing_extra_is_found_before_anything_is_computed(command, tmp_path,
 
 @pytest.mark.parametrize("words", [("demo",), ("reproduce", "fig-2.2")])
 def test_the_demo_and_the_book_find_a_missing_extra_first(command, tmp_path, monkeypatch, words):
-    monkeypatch.setattr("backdrive.simulate.simulate", lambda *_, **__: pytest.fail("began"))
-    monkeypatch.setattr("backdrive.reproduce.run.run_one", lambda *_, **__: pytest.fail("began"))
+    monkeypatch.setattr("backdrive.simulation.open_loop.simulate", lambda *_, **__: pytest.fail("began"))
+    monkeypatch.setattr("backdrive.thesis.run.run_one", lambda *_, **__: pytest.fail("began"))
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     code, _, err = command(*words, "--folder", tmp_path / "new")
     assert code == 2

@@ -13,8 +13,8 @@ from backdrive.fitting import fit
 from backdrive.fitting.choice import Candidate, choose, shortlist
 from backdrive.laws import CoulombViscous, Law, LuGre, StribeckGauss
 from backdrive.log import Joint, Log
-from backdrive.plants import Servo, SimulatedJoint
-from backdrive.simulate import drive
+from backdrive.simulation import Servo, SimulatedJoint
+from backdrive.simulation.open_loop import drive
 
 RATE = 500.0
 

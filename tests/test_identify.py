@@ -10,9 +10,9 @@ from backdrive.excite import InTurn, Sweep
 from backdrive.identification import validate
 from backdrive.identification.request import planned
 from backdrive.log import Source
-from backdrive.plants.thesis import joint_0, joint_1
 from backdrive.readers import read_log
-from backdrive.simulate import simulate
+from backdrive.simulation.machines import joint_0, joint_1
+from backdrive.simulation.open_loop import simulate
 
 
 def dry(v):

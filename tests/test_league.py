@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from backdrive.estimate.external import ExternalForce
-from backdrive.experiments import _league_joints as joints_
-from backdrive.experiments import league
-from backdrive.experiments._league_methods import METHODS
-from backdrive.experiments.league_estimators import judged, models, recorded
+from backdrive.thesis import _league_joints as joints_
+from backdrive.thesis import league
+from backdrive.thesis._league_methods import METHODS
+from backdrive.thesis.league_estimators import judged, models, recorded
 
 
 @pytest.fixture(scope="module")

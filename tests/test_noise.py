@@ -12,8 +12,8 @@ from backdrive.identification.sweep import sweep_knots
 from backdrive.identification.sweep_delay import sweep_delay
 from backdrive.identification.sweep_windows import windows
 from backdrive.laws import CoulombViscous, Law
-from backdrive.plants.thesis import joint_1
-from backdrive.simulate import simulate
+from backdrive.simulation.machines import joint_1
+from backdrive.simulation.open_loop import simulate
 
 RHO = np.array([1.0, 0.5, 0.1, -0.2])
 DRY = Law(

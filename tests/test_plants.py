@@ -5,9 +5,9 @@ from backdrive.engine import axis as plant
 from backdrive.errors import InvalidInput, UnknownName
 from backdrive.excite import Sweep, TorqueRamp
 from backdrive.laws import CoulombViscous, Law
-from backdrive.plants import MACHINES, Servo, SimulatedJoint, machine
-from backdrive.plants.thesis import bent_curve, joint_1
-from backdrive.simulate import drive, longest_step, run, simulate
+from backdrive.simulation import MACHINES, Servo, SimulatedJoint, machine
+from backdrive.simulation.machines import bent_curve, joint_1
+from backdrive.simulation.open_loop import drive, longest_step, run, simulate
 
 FREE = Law(rate=CoulombViscous(coulomb_positive=0.0, coulomb_negative=0.0))
 DRY = Law(rate=CoulombViscous(coulomb_positive=9.0, coulomb_negative=6.0))

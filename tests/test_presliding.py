@@ -6,8 +6,8 @@ from backdrive.excite import TorqueRamp
 from backdrive.identification.presliding import identify_ramp
 from backdrive.identification.ramp import presliding
 from backdrive.log import Joint, Log
-from backdrive.plants.thesis import joint_0, setup_a
-from backdrive.simulate import simulate
+from backdrive.simulation.machines import joint_0, setup_a
+from backdrive.simulation.open_loop import simulate
 
 JOINT_0 = joint_0(compliant=True).replace(friction_side="load")
 

@@ -7,9 +7,9 @@ from backdrive.excite import Sweep, TorqueRamp
 from backdrive.identification import identify
 from backdrive.identification.sweep import identify_sweep, sweep_knots
 from backdrive.metrics import relative_curve_distance
-from backdrive.plants import MACHINES, machine
-from backdrive.plants.thesis import bent_curve, joint_1
-from backdrive.simulate import simulate
+from backdrive.simulation import MACHINES, machine
+from backdrive.simulation.machines import bent_curve, joint_1
+from backdrive.simulation.open_loop import simulate
 
 SWEEPS = {
     "setup_a": Sweep(0.1, 0.3, 6, unit="m"),

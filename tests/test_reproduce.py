@@ -11,11 +11,11 @@ from typer.testing import CliRunner
 from backdrive.cli import app
 from backdrive.cli import reproduce as command
 from backdrive.errors import InvalidInput, UnknownName
-from backdrive.experiments import Claim, Outcome
-from backdrive.reproduce import ENTRIES, Entry, choose, run_all
-from backdrive.reproduce import run as running
-from backdrive.reproduce.book import headline, overall, render, verdict
-from backdrive.reproduce.catalog import entry
+from backdrive.thesis import Claim, Outcome
+from backdrive.thesis import run as running
+from backdrive.thesis.book import headline, overall, render, verdict
+from backdrive.thesis.catalog import ENTRIES, Entry, choose, entry
+from backdrive.thesis.run import run_all
 
 
 def outcome(*verdicts: bool | None, seed: int = 0) -> Outcome:
@@ -48,11 +48,10 @@ def fake(monkeypatch):
 
     def put(name: str, run) -> Entry:
         item = entry(name)
-        for module, member, value in ((item.program, "run", run), (item.picture, "draw", draw)):
-            made = types.ModuleType(module)
-            setattr(made, member, value)
-            monkeypatch.setitem(sys.modules, module, made)
-            made.__spec__ = importlib.machinery.ModuleSpec(module, None)  # it is there, for who asks
+        made = types.ModuleType(item.module)
+        made.run, made.draw = run, draw  # type: ignore[attr-defined]
+        monkeypatch.setitem(sys.modules, item.module, made)
+        made.__spec__ = importlib.machinery.ModuleSpec(item.module, None)  # it is there, for who asks
         return item
 
     return put
@@ -60,8 +59,8 @@ def fake(monkeypatch):
 
 def test_the_catalogue_names_every_figure_of_the_issue():
     assert len({e.name for e in ENTRIES}) == len(ENTRIES) == 26
-    assert entry("fig-3.8").program == "backdrive.experiments.fig_3_8"
-    assert entry("table-2.2").picture == "backdrive.plots.thesis.table_2_2"
+    assert entry("fig-3.8").module == "backdrive.thesis.fig_3_8"
+    assert entry("table-2.2").module == "backdrive.thesis.table_2_2"
     assert [e.name for e in choose(["chapter-2"])] == [e.name for e in ENTRIES if e.group == "chapter-2"]
     assert [e.name for e in choose(["2"])] == [e.name for e in choose(["chapter-2"])]
     assert [e.name for e in choose(["table-2.2", "fig_2.2", "fig-2.2"])] == ["fig-2.2", "table-2.2"]
@@ -71,7 +70,7 @@ def test_the_catalogue_names_every_figure_of_the_issue():
 def test_unknown_and_absent_experiments_are_named(monkeypatch):
     with pytest.raises(UnknownName, match=r"fig-2\.11"):
         choose(["fig-2.111"])
-    monkeypatch.setattr("backdrive.reproduce.catalog.importlib.util.find_spec", lambda name: None)
+    monkeypatch.setattr("backdrive.thesis.catalog.importlib.util.find_spec", lambda name: None)
     with pytest.raises(InvalidInput, match="no program yet"):
         choose(["fig-2.2"])
     with pytest.raises(InvalidInput, match="Nothing of 'chapter-2'"):

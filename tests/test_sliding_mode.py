@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from backdrive.errors import InvalidInput
 from backdrive.estimate.sliding_mode import MotionFilter, advance, motion
-from backdrive.plants.hand import minimum_jerk
+from backdrive.simulation.hand import minimum_jerk
 
 JIT = not nb.config.DISABLE_JIT
 T = 1e-3

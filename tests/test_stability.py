@@ -6,10 +6,10 @@ import numba as nb
 import numpy as np
 import pytest
 
-from backdrive.closed_loop import play
 from backdrive.compensate import Dither
 from backdrive.control import Unguarded
 from backdrive.laws import Coulomb, Decaying, HaywardArmstrong, Law, kernels
+from backdrive.simulation.closed_loop import play
 from backdrive.tune import rules, scenes
 from backdrive.tune.facts import Facts
 from backdrive.tune.goals import compensator

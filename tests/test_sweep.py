@@ -11,8 +11,8 @@ from backdrive.identification.sweep_knots import SweepKnots, clamped, ordered
 from backdrive.identification.sweep_windows import Windows, turning_points, windows
 from backdrive.laws import CoulombViscous, Law, Polyline
 from backdrive.log import Joint, Log
-from backdrive.plants.thesis import joint_1, setup_a
-from backdrive.simulate import drive, simulate
+from backdrive.simulation.machines import joint_1, setup_a
+from backdrive.simulation.open_loop import drive, simulate
 
 A, V = np.deg2rad(20), 2.0
 PLAN = Sweep(A, V, 6)

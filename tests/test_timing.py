@@ -7,8 +7,8 @@ from backdrive.excite import Sweep
 from backdrive.identification.signals import prepare
 from backdrive.identification.sweep import identify_sweep
 from backdrive.identification.timing import torque_timing
-from backdrive.plants.thesis import joint_1
-from backdrive.simulate import simulate
+from backdrive.simulation.machines import joint_1
+from backdrive.simulation.open_loop import simulate
 
 SWEEP = Sweep(np.deg2rad(10.0), 2.0, 8)
 

@@ -35,9 +35,9 @@ from backdrive.identification.sweep_fit import SweepFit
 from backdrive.identification.sweep_windows import windows
 from backdrive.laws import GearLoad, Law, Polyline
 from backdrive.log import Log
-from backdrive.plants import SimulatedJoint
-from backdrive.plants.thesis import BEND, REACHED, joint_1
-from backdrive.simulate import simulate
+from backdrive.simulation import SimulatedJoint
+from backdrive.simulation.machines import BEND, REACHED, joint_1
+from backdrive.simulation.open_loop import simulate
 
 SEEDS, REPEATS = 300, 900  # of three sweeps; of one sweep
 CORES = min(4, os.cpu_count() or 1)

@@ -31,8 +31,8 @@ from backdrive.identification.sweep import fit_sweeps, identify_sweep
 from backdrive.laws import CoulombViscous, Law, LoadTemperature, Polyline
 from backdrive.log import Joint, Log
 from backdrive.model import JointFriction
-from backdrive.plants.thesis import joint_0, joint_1
-from backdrive.simulate import encoder, simulate
+from backdrive.simulation.machines import joint_0, joint_1
+from backdrive.simulation.open_loop import encoder, simulate
 
 PLAN = Sweep(np.deg2rad(20.0), 2.0, 10)
 SETTLES, RISE, AMBIENT = 600.0, 3.0, 20.0  # C/h [s], eta/h [degC/W], [degC]

@@ -12,11 +12,11 @@ import time
 import numpy as np
 from _common import Judge, parser
 
-from backdrive.closed_loop import play
 from backdrive.control import Unguarded
 from backdrive.control.joint_loop import BRISK, LATCH_TIME
-from backdrive.experiments import league
-from backdrive.experiments._league_joints import NOMINAL, SETTINGS, contenders, scenes, scores
+from backdrive.simulation.closed_loop import play
+from backdrive.thesis import league
+from backdrive.thesis._league_joints import NOMINAL, SETTINGS, contenders, scenes, scores
 
 COLUMNS = ("breakaway", "peak", "rms", "cycle", "fluctuation", "energy", "tracking")
 

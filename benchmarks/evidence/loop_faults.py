@@ -24,16 +24,16 @@ from pathlib import Path
 import numpy as np
 from _common import Judge
 
-from backdrive.closed_loop import Record, Scene, play
 from backdrive.compensate import Compensator, Dither, alg_fc2
 from backdrive.control import JointLoop, Loop, torque_limit
 from backdrive.errors import InvalidInput
 from backdrive.estimate.external import ExternalForce
 from backdrive.estimate.friction import alg_fe2, between_counts
 from backdrive.laws.base import Rate
-from backdrive.plants import machine
-from backdrive.plants.hand import Hand, strokes
-from backdrive.plants.thesis import joint_0
+from backdrive.simulation import machine
+from backdrive.simulation.closed_loop import Record, Scene, play
+from backdrive.simulation.hand import Hand, strokes
+from backdrive.simulation.machines import joint_0
 from backdrive.status import Status
 
 T = 1e-3

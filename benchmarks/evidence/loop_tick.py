@@ -17,15 +17,15 @@ from pathlib import Path
 import numpy as np
 from _common import Judge
 
-from backdrive.closed_loop import Scene, play
 from backdrive.compensate import Dither, alg_fc2
 from backdrive.control import JointLoop, Loop, torque_limit
 from backdrive.engine.cores import available
 from backdrive.estimate.external import ExternalForce
 from backdrive.estimate.friction import alg_fe2, between_counts
-from backdrive.plants import machine
-from backdrive.plants.hand import Hand, strokes
-from backdrive.plants.thesis import joint_0
+from backdrive.simulation import machine
+from backdrive.simulation.closed_loop import Scene, play
+from backdrive.simulation.hand import Hand, strokes
+from backdrive.simulation.machines import joint_0
 
 T = 1e-3
 SETTINGS = {  # joint -> K, V_W, hand, stroke
@@ -109,8 +109,8 @@ def simulating(judge: Judge) -> dict:
 
 def arm() -> dict:
     """Time the six-axis arm: a hand at its grip, three joints compensated, three held."""
-    from backdrive.arm_loop import guide, polygon
-    from backdrive.plants.arm import Arm, local_servos
+    from backdrive.simulation.arm import Arm, local_servos
+    from backdrive.simulation.arm_loop import guide, polygon
 
     square = [(0.0, 0.0, 0.0), (0.0, 0.15, 0.0), (-0.12, 0.15, 0.0), (-0.12, 0.0, 0.0)]
     path, velocity = polygon(square, dt=T, duration=0.7, interval=0.75, rounds=1)

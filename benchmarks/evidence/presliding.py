@@ -1,7 +1,7 @@
 """Presliding of the thesis' joint 0, simulated: LuGre and GMS from one 60 s log, judged on another motion.
 
-The joint (`backdrive.plants`, Iwatani 2017, Setup B) gets a friction of presliding stiffness 5e4 N.m/rad, and is moved by its own
-servo: slow triangles, triangles of shrinking amplitude that end inside presliding, and a sweep. The log holds what a real one
+The joint (`backdrive.simulation`, Iwatani 2017, Setup B) gets a friction of presliding stiffness 5e4 N.m/rad, and is moved by its
+own servo: slow triangles, triangles of shrinking amplitude that end inside presliding, and a sweep. The log holds what a real one
 would: encoder counts and commanded torque with the actuator's noise. The fit is timed; what it found then predicts the
 torque of a motion of another kind (multisine), where it is compared with the best curve without presliding.
 """
@@ -18,8 +18,8 @@ from backdrive.fitting.torque import stretch
 from backdrive.identification.signals import prepare
 from backdrive.laws import GMS, Law, LuGre, StribeckGauss
 from backdrive.log import Log
-from backdrive.plants import machine
-from backdrive.simulate import drive
+from backdrive.simulation import machine
+from backdrive.simulation.open_loop import drive
 
 RATE = 1000.0
 CURVE = StribeckGauss(coulomb=6.85, breakaway=8.2, stribeck_velocity=0.05, viscous=2.5)

@@ -124,8 +124,8 @@ def numerics() -> float:
     """Return the median time of the sweep identification of one 16 s, 1 kHz log [s]."""
     from backdrive.excite import Sweep
     from backdrive.identification.sweep import sweep_knots
-    from backdrive.plants.thesis import joint_1
-    from backdrive.simulate import simulate
+    from backdrive.simulation.machines import joint_1
+    from backdrive.simulation.open_loop import simulate
 
     sweep = Sweep(stroke=np.deg2rad(20.0), top_speed=2.0, cycles=10)
     log = simulate(joint_1(), sweep, seed=0)

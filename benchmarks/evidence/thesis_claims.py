@@ -9,7 +9,8 @@ import time
 
 from _common import Judge, parser
 
-from backdrive.reproduce import ENTRIES, Result, choose, run_all
+from backdrive.thesis.catalog import ENTRIES, choose
+from backdrive.thesis.run import Result, run_all
 
 ALL, ONE = 600.0, 60.0  # limits of time [s]
 

@@ -16,9 +16,9 @@ from backdrive.identification.sweep import SweepKnots, sweep_knots, to_polyline
 from backdrive.laws import Law
 from backdrive.log import Log
 from backdrive.metrics import curve_distance, relative_curve_distance
-from backdrive.plants import SimulatedJoint
-from backdrive.plants.thesis import joint_0, joint_1, joint_2
-from backdrive.simulate import simulate
+from backdrive.simulation import SimulatedJoint
+from backdrive.simulation.machines import joint_0, joint_1, joint_2
+from backdrive.simulation.open_loop import simulate
 
 V, N = 2.0, 10
 STROKES = (5.0, 10.0, 20.0, 50.0)  # [deg]

@@ -25,12 +25,12 @@ from dataclasses import replace
 import numpy as np
 from _common import Judge
 
-from backdrive.closed_loop import play
 from backdrive.compensate import Dither
 from backdrive.control import Unguarded
 from backdrive.control.joint_loop import BRISK, LATCH_TIME, friction_of, torque_limit
 from backdrive.errors import NotIdentifiable
 from backdrive.laws import CoulombViscous
+from backdrive.simulation.closed_loop import play
 from backdrive.tune import rules, scenes
 from backdrive.tune.facts import Facts
 from backdrive.tune.goals import compensator, goal_of

@@ -25,12 +25,10 @@ KERNEL_HOMES = (
     "filters.py",
     "laws",
     "engine",
-    "plants",
     "estimate",
     "compensate",
     "control",
-    "simulate.py",
-    "closed_loop.py",
+    "simulation",
 )
 
 

@@ -45,9 +45,9 @@ def command(
         from backdrive.excite import Sweep
         from backdrive.identification import identify
         from backdrive.model_file import encode
-        from backdrive.plants.thesis import machine
         from backdrive.report import render
-        from backdrive.simulate import simulate
+        from backdrive.simulation.machines import machine
+        from backdrive.simulation.open_loop import simulate
 
         plant = machine(joint)
         stroke, top_speed = (float(np.deg2rad(20.0)), 2.0) if plant.unit == "rad" else (0.1, 0.3)
@@ -60,8 +60,8 @@ def command(
         speeds = sweep.top_speed * np.array(SHOWN)
         truth, found = plant.law.torque(speeds), friction.law.torque(speeds)
         say("A hand moves the joint")
-        from backdrive.experiments.guided_demo import guided
         from backdrive.report.guided import guided_section
+        from backdrive.simulation.hand_demo import guided
 
         hand = guided(joint, friction.law, plant.inertia, seed)
         say("Drawing the report")

@@ -12,8 +12,8 @@ from backdrive.cli._output import console as new_console
 from backdrive.cli._output import echo
 
 if TYPE_CHECKING:
-    from backdrive.reproduce.catalog import Entry
-    from backdrive.reproduce.run import Result
+    from backdrive.thesis.catalog import Entry
+    from backdrive.thesis.run import Result
 
 BOOK = "index.html"
 WIDE = 120  # columns from which claims stand in a table of five columns
@@ -38,7 +38,7 @@ def command(
     Example: backdrive reproduce fig-2.12
     """
     from backdrive.cli._output import print_json
-    from backdrive.reproduce.catalog import ENTRIES, choose
+    from backdrive.thesis.catalog import ENTRIES, choose
 
     if list_only:
         entries = choose(names) if names else list(ENTRIES)
@@ -83,8 +83,8 @@ def _run(
     """Run, write each picture as it comes and the book with it, and return what is done, in the order of the book."""
     from backdrive._files import make_folder, write_together
     from backdrive.cli._progress import progress
-    from backdrive.reproduce.book import verdict
-    from backdrive.reproduce.run import run_all
+    from backdrive.thesis.book import verdict
+    from backdrive.thesis.run import run_all
 
     make_folder(folder, "--folder")
     done: dict[str, Result] = {}
@@ -114,7 +114,7 @@ def _missing(results: list[Result], entries: list[Entry]) -> list[Entry]:
 
 def _bind(results: list[Result], entries: list[Entry], folder: Path, seed: int, words: list[str]) -> Path:
     from backdrive import __version__
-    from backdrive.reproduce.book import write_book
+    from backdrive.thesis.book import write_book
 
     return write_book(
         folder / BOOK,
@@ -169,7 +169,7 @@ def _print_list(entries: list[Entry]) -> None:
 def _print(results: list[Result], book: Path, interrupted: bool, asked: int) -> None:
     from rich.markup import escape
 
-    from backdrive.reproduce.book import headline, overall
+    from backdrive.thesis.book import headline, overall
 
     console = new_console()
     for result in results:
@@ -193,7 +193,7 @@ def _table(result: Result) -> Any:
     from rich.markup import escape
     from rich.table import Table
 
-    from backdrive.reproduce.book import WORDS
+    from backdrive.thesis.book import WORDS
 
     table = Table(box=None, pad_edge=False)
     table.add_column("verdict", no_wrap=True)
@@ -210,7 +210,7 @@ def _blocks(result: Result) -> Any:
     from rich.markup import escape
     from rich.table import Table
 
-    from backdrive.reproduce.book import WORDS
+    from backdrive.thesis.book import WORDS
 
     table = Table(box=None, pad_edge=False, show_header=False)
     table.add_column(no_wrap=True)

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.experiments.guided_demo import SHOWN, GuidedDemo
 from backdrive.plots.canvas import Theme, name_axes, pretty_unit
+from backdrive.simulation.hand_demo import SHOWN, GuidedDemo
 
 EVERY = 4  # ticks of which one is drawn
 

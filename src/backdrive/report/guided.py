@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from backdrive.experiments.guided_demo import GuidedDemo
 from backdrive.plots import canvas, svg
 from backdrive.plots.canvas import pretty_unit
 from backdrive.plots.guided import draw_estimate, draw_forces
 from backdrive.report.words import esc, number
+from backdrive.simulation.hand_demo import GuidedDemo
 
 LINE = '<path d="M1 5h18" stroke="var({})" stroke-width="2"/>'
 

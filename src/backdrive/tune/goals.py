@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backdrive.closed_loop import Record, Scene
 from backdrive.compensate import Compensator, Dither, alg_fc, nothing
 from backdrive.control import Admittance, JointLoop, Unguarded
 from backdrive.errors import InvalidInput
 from backdrive.estimate.external import ExternalForce
 from backdrive.estimate.friction import alg_fe
 from backdrive.estimate.sliding_mode import MotionFilter
+from backdrive.simulation.closed_loop import Record, Scene
 from backdrive.tune import rules, scenes
 from backdrive.tune.facts import SOFTEST, Facts, shared
 from backdrive.tune.judging import judged

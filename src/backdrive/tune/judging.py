@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import TypeVar
 
-from backdrive.closed_loop import Record, Scene, play
+from backdrive.simulation.closed_loop import Record, Scene, play
 
 AT_ONCE = 1_000_000  # ticks of records that are held in memory together
 Said = TypeVar("Said")

@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from backdrive.closed_loop import Record, Scene
 from backdrive.control import JointLoop
 from backdrive.engine.servo import Servo
 from backdrive.errors import InvalidInput
 from backdrive.laws import Law, ViscoElastoplastic
-from backdrive.plants.hand import Hand, HandMotion, pushes, strokes
-from backdrive.plants.joint import SimulatedJoint
+from backdrive.simulation.closed_loop import Record, Scene
+from backdrive.simulation.hand import Hand, HandMotion, pushes, strokes
+from backdrive.simulation.joint import SimulatedJoint
 from backdrive.tune import rules
 from backdrive.tune.bounds import check
 from backdrive.tune.facts import Facts, curve_of

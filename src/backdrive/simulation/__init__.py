@@ -1,0 +1,6 @@
+"""Simulated joints, and those of the thesis ready to use."""
+
+from backdrive.engine.servo import Servo as Servo
+from backdrive.simulation.joint import SimulatedJoint as SimulatedJoint
+from backdrive.simulation.machines import MACHINES as MACHINES
+from backdrive.simulation.machines import machine as machine

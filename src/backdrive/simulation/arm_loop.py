@@ -1,0 +1,124 @@
+"""A simulated arm guided by a hand at its grip: compensated joints move, the others are held by position controllers of their own.
+
+The hand is a spring and a damper between its own path and the grip, in space: F = K_h (x_h - x) + B_h (x_h' - x'), on the joints
+J(q)' F. Every tick of every compensated joint is the kernel of `control.loop`, in one fused call.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from backdrive.control.loop import JointLoop, Loop
+from backdrive.engine.servo import STATES, Servo
+from backdrive.engine.servo import tick as servo_tick
+from backdrive.errors import InvalidInput
+from backdrive.simulation.arm import Arm, ArmRecord
+from backdrive.simulation.hand import Hand, minimum_jerk
+
+
+def polygon(
+    corners: Sequence[Sequence[float]],
+    *,
+    dt: float,
+    duration: float,
+    interval: float,
+    rounds: int,
+    start: float = 0.3,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return a hand's path along a polygon, a minimum-jerk stroke a side: positions [m] and velocities [m/s], (n, 3) each.
+
+    Args:
+        corners: relative to where the grip begins, the first of them the begin itself [m].
+        dt: sampling time [s].
+        duration: of a stroke [s].
+        interval: between the beginnings of strokes [s].
+        rounds: how often the polygon is gone around.
+        start: time before the first stroke [s].
+    """
+    points = np.asarray(corners, dtype=np.float64)
+    count = rounds * len(points)
+    t = dt * np.arange(round((start + count * interval) / dt))
+    x, v = np.zeros((t.size, 3)), np.zeros((t.size, 3))
+    x += points[0]
+    for i in range(count):
+        side = points[(i + 1) % len(points)] - points[i % len(points)]
+        share, rate = minimum_jerk((t - start - i * interval) / duration)
+        x += share[:, None] * side
+        v += rate[:, None] * side / duration
+    return x, v
+
+
+def guide(
+    arm: Arm,
+    path: np.ndarray,
+    velocity: np.ndarray,
+    *,
+    hand: Hand,
+    loops: Mapping[int, JointLoop],
+    servos: Mapping[int, Servo],
+    period: float = 1e-3,
+) -> ArmRecord:
+    """Let a hand move the arm's grip along a path, and return what happened.
+
+    Args:
+        arm: advanced in place.
+        path: of the hand, relative to where the grip begins [m], (n, 3).
+        velocity: of the hand [m/s], (n, 3).
+        hand: stiffness [N/m] and damping [N.s/m].
+        loops: what runs on the joints that are free to move; the arm's weight is held.
+        servos: of the joints that are held where they are.
+        period: of the loop [s].
+
+    Raises:
+        InvalidInput: a joint has neither or both, or the path has another shape.
+    """
+    J, n = len(arm.joints), len(path)
+    if (
+        sorted([*loops, *servos]) != list(range(J))
+        or np.shape(path) != (n, 3)
+        or np.shape(velocity) != (n, 3)
+    ):
+        raise InvalidInput(
+            f"loops for {sorted(loops)}, servos for {sorted(servos)}, path {np.shape(path)}.",
+            remedy=f"Give every joint of 0 to {J - 1} the one or the other, and a path (n, 3).",
+        )
+    free, fixed = sorted(loops), sorted(servos)
+    loop = Loop([loops[j] for j in free], interval=period)
+    reading = arm.reading()
+    loop.reset(reading[free])
+    states = {j: np.zeros(STATES) for j in fixed}
+    rows = {j: servos[j].row() for j in fixed}
+    goal = reading.copy()
+    for j in fixed:
+        states[j][1] = goal[j]
+        if rows[j][2] > 0.0:
+            states[j][0] = arm.weight[j] / rows[j][2]
+    begin = arm.grip()[0]
+    columns = {
+        name: np.zeros((n, J)) for name in ("reading", "command", "compensation", "estimate", "hand", "load")
+    }
+    force = np.zeros((n, 3))
+    applied = arm.weight.copy()
+    for k in range(n):
+        reading = arm.reading()
+        weight = arm.data.qfrc_bias
+        loop.known[:] = 0.0
+        loop.update(reading[free], (applied - weight)[free])
+        x, jacobian = arm.grip()
+        force[k] = hand.stiffness * (begin + path[k] - x) + hand.damping * (
+            velocity[k] - jacobian @ arm.load_velocity
+        )
+        pushed = jacobian.T @ force[k]
+        command = np.zeros(J)
+        command[free] = weight[free] + loop.torque
+        for j in fixed:
+            limit = arm.joints[j].torque_limit
+            command[j] = servo_tick(rows[j], 0, states[j], period, goal[j], 0.0, reading[j], limit)
+        columns["reading"][k], columns["command"][k], columns["load"][k] = reading, command, arm.load
+        columns["compensation"][k, free], columns["estimate"][k, free] = loop.torque, loop.external
+        columns["hand"][k] = pushed
+        applied = command
+        arm.step(command, pushed, period)
+    return ArmRecord(time=period * np.arange(n), force=force, **columns)

@@ -1,0 +1,225 @@
+"""The joints of the league, what is believed of them, and the scenes that every method plays on them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive.control import JointLoop
+from backdrive.engine.servo import Servo
+from backdrive.laws import CoulombViscous, HaywardArmstrong, Law, Polyline
+from backdrive.laws.base import Rate
+from backdrive.simulation.closed_loop import Record, Scene
+from backdrive.simulation.hand import Hand, HandMotion, along, pushes, strokes
+from backdrive.simulation.joint import SimulatedJoint
+from backdrive.simulation.machines import joint_0, joint_1, joint_2, setup_a
+
+DT = 1e-3
+SUBSTEP = 5e-5  # s, of the truth
+LETS_GO, PUSHES = 1.35, 2.35  # s, in the scene of release and break-away
+REST = 1.0  # s, at the end of a scene, in which a limit cycle is looked for
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setting:
+    """What differs from what is believed.
+
+    Attributes:
+        name: in words.
+        friction: factor on the true friction [-].
+        stiffness: factor on the true stiffness of the transmission [-].
+        delay: of the drive beyond one tick [s].
+        noise: of the encoder beside its counts, in counts [1].
+    """
+
+    name: str
+    friction: float = 1.0
+    stiffness: float = 1.0
+    delay: float = 0.0
+    noise: float = 0.0
+
+
+NOMINAL = Setting(name="as believed")
+SETTINGS = (
+    NOMINAL,
+    Setting(name="encoder noise of a count", noise=1.0),
+    Setting(name="friction 20 % less", friction=0.8),
+    Setting(name="friction 20 % more", friction=1.2),
+    Setting(name="stiffness 20 % less", stiffness=0.8),
+    Setting(name="one more tick of delay", delay=DT),
+    Setting(name="two more ticks of delay", delay=2 * DT),
+    Setting(name="friction 15 % down by warmth", friction=0.85),
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Contender:
+    """A joint of the league.
+
+    Attributes:
+        name: of the joint.
+        truth: with its friction on the load's side, a presliding element, torque ripple.
+        rate: what identification gave.
+        coulomb: mean Coulomb torque [N.m or N].
+        stiffness: of the transmission, as believed [N.m/rad or N/m].
+        stroke: of the hand [rad or m].
+        hand: that guides it.
+        ripple: amplitude of the torque's ripple [N.m or N].
+        cycles: of it a unit of motion, times 2 pi [1/rad or 1/m].
+    """
+
+    name: str
+    truth: SimulatedJoint
+    rate: Rate
+    coulomb: float
+    stiffness: float
+    stroke: float
+    hand: Hand
+    ripple: float
+    cycles: float
+
+    @property
+    def count(self) -> float:
+        """Step of the encoder [rad or m]."""
+        return self.truth.encoder_count
+
+    def plant(self, setting: Setting) -> SimulatedJoint:
+        """Return the joint as it is in a setting."""
+        rate = self.truth.law.rate
+        factor = setting.friction
+        if isinstance(rate, Polyline):
+            rate = Polyline(
+                velocity=rate.velocity,
+                positive=tuple(factor * f for f in rate.positive),
+                negative=tuple(factor * f for f in rate.negative),
+            )
+        else:
+            rate = CoulombViscous(**{name: factor * value for name, value in rate.values().items()})
+        return self.truth.replace(
+            law=Law(rate=rate, element=self.truth.law.element),
+            stiffness=setting.stiffness * self.truth.stiffness,
+        )
+
+
+def contenders() -> tuple[Contender, ...]:
+    """Return Setup A and Joints 0 to 2 of the thesis' arm, their truths made less convenient than what is believed."""
+    found = []
+    for joint, stroke, hand in (
+        (setup_a(), 0.06, Hand(stiffness=800.0, damping=40.0)),
+        (joint_0(compliant=True), 0.15, Hand(stiffness=130.0, damping=6.0)),
+        (joint_1(compliant=True), 0.15, Hand(stiffness=130.0, damping=6.0)),
+        (joint_2(compliant=True), 0.15, Hand(stiffness=130.0, damping=6.0)),
+    ):
+        rate = joint.law.rate
+        if isinstance(rate, Polyline):
+            coulomb, believed = rate.positive[0], rate
+            uneven = Polyline(  # more at the slowest motion than a curve identified in motion shows
+                velocity=rate.velocity,
+                positive=(1.08 * rate.positive[0], *rate.positive[1:]),
+                negative=(1.05 * rate.negative[0], *rate.negative[1:]),
+            )
+        else:
+            coulomb = 0.5 * (rate.coulomb_positive + rate.coulomb_negative)  # type: ignore[attr-defined]
+            believed = uneven = rate
+        element = HaywardArmstrong(stiffness=8.0 * joint.stiffness)
+        turns = 2.0 * np.pi / 0.02 if joint.unit == "m" else 100.0
+        found.append(
+            Contender(
+                name=joint.name,
+                truth=joint.replace(
+                    law=Law(rate=uneven, element=element), friction_side="load", torque_noise=0.005 * coulomb
+                ),
+                rate=believed,
+                coulomb=coulomb,
+                stiffness=joint.stiffness,
+                stroke=stroke,
+                hand=hand,
+                ripple=0.02 * coulomb,
+                cycles=2.0 * turns,
+            )
+        )
+    return tuple(found)
+
+
+def scenes(who: Contender, loop: JointLoop, setting: Setting, seed: int) -> list[Scene]:
+    """Return what a compensator plays: release and break-away, rest after a knock, strokes, tracking at low gains."""
+    plant = who.plant(setting)
+    common = {
+        "plant": plant,
+        "loop": loop,
+        "delay": DT + setting.delay,
+        "ripple": who.ripple,
+        "ripple_cycles": who.cycles,
+        "encoder_noise": setting.noise * who.count / np.sqrt(12.0),
+        "substep": SUBSTEP,
+        "seed": seed,
+    }
+    guided = strokes(DT, stroke=who.stroke, duration=0.7, count=6, variation=0.05, seed=seed)
+    tick = DT * np.arange(2200)
+    pace, servo = 0.5, low_gains(plant)
+    saw = who.stroke * (2.0 / np.pi) * np.arcsin(0.98 * np.sin(2 * np.pi * pace * tick))
+    target = np.stack([saw, np.gradient(saw, DT)], axis=1)
+    return [
+        Scene(motion=release(who), hand=who.hand, **common),  # type: ignore[arg-type]
+        Scene(motion=pushes(2.0 * who.coulomb * ((tick > 0.1) & (tick < 0.16))), **common),  # type: ignore[arg-type]
+        Scene(motion=guided, hand=who.hand, **common),  # type: ignore[arg-type]
+        Scene(
+            motion=pushes(np.zeros(len(tick)), position=float(saw[0])),
+            controller=servo,
+            target=target,
+            **common,  # type: ignore[arg-type]
+        ),
+    ]
+
+
+def release(who: Contender) -> HandMotion:
+    """Return a stroke, a hold, letting go, and a force that grows against the direction of the stroke."""
+    one = strokes(DT, stroke=who.stroke, duration=0.6, count=1, start=0.2, variation=0.0)
+    n = round((PUSHES + 1.2) / DT)
+    pad = n - len(one.position)
+    motion = along(
+        np.pad(one.position, (0, max(pad, 0)), "edge")[:n], np.pad(one.velocity, (0, max(pad, 0)))[:n]
+    ).released(LETS_GO, DT)
+    t = DT * np.arange(n)
+    push = np.where(t > PUSHES, -2.2 * who.coulomb * (t - PUSHES) / 1.2, 0.0)
+    return motion.replace(push=push)
+
+
+def low_gains(plant: SimulatedJoint) -> Servo:
+    """Return a soft position controller with a damping ratio of 0.7."""
+    bandwidth = 14.0
+    return Servo(
+        proportional=plant.inertia * bandwidth**2,
+        derivative=1.4 * plant.inertia * bandwidth,
+        filter_time=2e-3,
+    )
+
+
+def shaking(who: Contender, freed: Record, knocked: Record) -> dict[str, float]:
+    """Return what is left of motion where there should be none: limit cycle and fluctuation [rad or m], energy put in [J]."""
+    go, push = round(LETS_GO / DT), round(PUSHES / DT)
+    tail = slice(-round(REST / DT), None)
+    return {
+        "cycle": float(0.5 * np.ptp(knocked.motor[tail])),
+        "fluctuation": float(np.ptp(freed.load[go:push])),
+        "energy": float(np.sum(knocked.compensation[tail][:-1] * np.diff(knocked.motor[tail]))),
+    }
+
+
+def scores(who: Contender, records: Sequence[Record]) -> dict[str, float]:
+    """Return what a compensator achieved in its scenes, SI units."""
+    freed, knocked, guided, tracked = records
+    windows = range(500, len(guided.time) - 1500, 1500)
+    peaks = [np.abs(guided.force[a : a + 1500]).max() for a in windows]
+    push = round(PUSHES / DT)
+    start = freed.load[push - 1]
+    moved = np.flatnonzero(np.abs(freed.load[push:] - start) > 5e-3 * who.stroke)
+    breakaway = float(np.abs(freed.force[push + moved[0]])) if moved.size else 2.2 * who.coulomb
+    return {
+        "breakaway": breakaway,
+        "peak": float(np.mean(peaks)),
+        "rms": float(np.sqrt(np.mean(guided.force**2))),
+        "tracking": float(np.sqrt(np.mean((tracked.wanted - tracked.load) ** 2))),
+    } | shaking(who, freed, knocked)

@@ -1,0 +1,222 @@
+"""Joints moved by hand at 0.5 Hz, without and with the compensation of chapter 2: Iwatani 2017, 2.5.1.
+
+The compensator is (2.22): Mahvash and Okamura's contact with K = 1e4 N.m/rad and the curve that the sweep identified on the same
+simulated joint, R = 0.9. Gravity is held by the command. The joints are rigid, as the analysis of chapter 2, (2.10), takes them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from backdrive.compensate.catalog import mahvash_okamura, nothing
+from backdrive.control import Unguarded
+from backdrive.engine.servo import Servo
+from backdrive.laws import Law
+from backdrive.simulation import SimulatedJoint
+from backdrive.simulation.closed_loop import Record, Scene, play
+from backdrive.simulation.hand import Hand, HandMotion, along
+from backdrive.simulation.machines import COUNTS, bent_curve, joint_0, joint_1, joint_2
+from backdrive.thesis._sweeps import identified
+
+CONTACT, SHARE = 1e4, 0.9  # K [N.m/rad] and R of 2.5
+FREQUENCY, CYCLES = 0.5, 11  # of the motion [Hz]; the first cycle is not judged
+AMPLITUDE = 0.25  # of the motion, half its stroke [rad]
+PERIOD = 1e-3  # of the loop [s]
+FIRM, SOFT = 3000.0, 110.0  # stiffness of a hand that prescribes the motion, and of a person's arm [N.m/rad]
+SENSOR_NOISE = 0.05  # of the force sensor, at the joint [N.m]
+
+
+def joint_4() -> SimulatedJoint:
+    """Return Joint 4 of the arm (wrist); all of it is assumed but the ratio of 100 and the torque of 28.5 N.m (Table 2.1).
+
+    It has the ratio of Joint 0 and 0.3 times its torque, and so 0.3 times its friction; the rotor of a 30 W motor (1.66e-6 kg.m^2)
+    times the ratio squared and half as much for the wave generator; wrist, sensor and grip as 0.05 kg.m^2 and 2 N.m of weight.
+    """
+    motor, load, scale = 0.025, 0.05, 28.5 / 95.1
+    return SimulatedJoint(
+        name="joint_4",
+        law=bent_curve(6.85 * scale, 5.0 * scale),
+        servo=Servo.tuned(motor + load, 120.0),
+        motor_inertia=motor,
+        load_inertia=load,
+        gravity_cos=2.0,
+        encoder_count=2.0 * np.pi / COUNTS / 100.0,
+        torque_limit=28.5,
+    )
+
+
+def joints() -> tuple[SimulatedJoint, ...]:
+    """Return the joints of Figs. 2.11 to 2.14 that can be simulated: 0, 1, 2 and, assumed, 4."""
+    return joint_0(), joint_1(), joint_2(), joint_4()
+
+
+@lru_cache(maxsize=8)
+def curves(seed: int) -> dict[str, Law]:
+    """Return the friction that a sweep identified on each joint."""
+    return {joint.name: identified(joint, seed=seed) for joint in joints()}
+
+
+def motion(amplitude: float = AMPLITUDE, cycles: int = CYCLES) -> HandMotion:
+    """Return x_h = -A cos(2 pi f t).
+
+    Args:
+        amplitude: A [rad].
+        cycles: that it lasts.
+    """
+    t = PERIOD * np.arange(round(cycles / FREQUENCY / PERIOD))
+    w = 2.0 * np.pi * FREQUENCY
+    return along(-amplitude * np.cos(w * t), amplitude * w * np.sin(w * t))
+
+
+def grip(stiffness: float, joint: SimulatedJoint) -> Hand:
+    """Return a hand, damped like a person's arm where it is soft and by a ratio of 0.7 where it is firm.
+
+    Args:
+        stiffness: K_h [N.m/rad].
+        joint: that it holds.
+    """
+    damping = 6.0 if stiffness < 1000.0 else 1.4 * np.sqrt(stiffness * joint.inertia)
+    return Hand(stiffness=stiffness, damping=damping, noise=SENSOR_NOISE)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Moved:
+    """A joint that was moved by hand, without and with compensation.
+
+    Attributes:
+        joint: that was moved.
+        before: without compensation.
+        after: with it.
+    """
+
+    joint: SimulatedJoint
+    before: Record
+    after: Record
+
+    @property
+    def speeds(self) -> tuple[float, float]:
+        """V_s of (2.23), before and after [rad/s]."""
+        return tuple(magnitude(judged(r, r.load_velocity)) for r in (self.before, self.after))  # type: ignore[return-value]
+
+    @property
+    def torques(self) -> tuple[float, float]:
+        """F_s of (2.23), before and after [N.m]."""
+        return tuple(magnitude(judged(r, r.sensed)) for r in (self.before, self.after))  # type: ignore[return-value]
+
+    @property
+    def reduction(self) -> float:
+        """How much smaller the torque of the hand is with compensation [%]."""
+        before, after = self.torques
+        return 100.0 * (1.0 - after / before)
+
+    @property
+    def speed_change(self) -> float:
+        """How much larger the velocity is with compensation [%]."""
+        before, after = self.speeds
+        return 100.0 * (after / before - 1.0)
+
+    @property
+    def forward(self) -> float:
+        """How far the torque's fundamental moves forward against the velocity's [deg]."""
+        a, b = (phase(r.sensed, r) - phase(r.load_velocity, r) for r in (self.before, self.after))
+        return float((np.rad2deg(b - a) + 180.0) % 360.0 - 180.0)
+
+    @property
+    def inertia_torque(self) -> float:
+        """Root mean square of what inertia alone asks of the hand, with compensation [N.m]."""
+        return magnitude(judged(self.after, self._inertia(self.after)))
+
+    @property
+    def reduction_beside_inertia(self) -> float:
+        """The reduction of what is not inertia [%]."""
+        rest = [magnitude(judged(r, r.sensed - self._inertia(r))) for r in (self.before, self.after)]
+        return 100.0 * (1.0 - rest[1] / rest[0])
+
+    def _inertia(self, record: Record) -> np.ndarray:
+        return self.joint.inertia * np.gradient(record.load_velocity, PERIOD)
+
+
+def judged(record: Record, column: np.ndarray) -> np.ndarray:
+    """Return a column from the second cycle on."""
+    return column[record.time >= 1.0 / FREQUENCY - 0.5 * PERIOD]
+
+
+def magnitude(x: np.ndarray) -> float:
+    """Return the root mean square of (2.23) and (2.26)."""
+    return float(np.sqrt(np.mean(x**2)))
+
+
+def phase(x: np.ndarray, record: Record) -> float:
+    """Return the phase of a column's part at 0.5 Hz [rad]."""
+    turn = np.exp(-2j * np.pi * FREQUENCY * judged(record, record.time))
+    return float(np.angle(np.sum(judged(record, x) * turn)))
+
+
+def moved(
+    chosen: Sequence[SimulatedJoint],
+    *,
+    seed: int,
+    stiffness: float = FIRM,
+    amplitudes: Sequence[tuple[float, float]] | None = None,
+    cycles: int = CYCLES,
+) -> list[Moved]:
+    """Move joints by hand, without and with compensation.
+
+    Args:
+        chosen: joints.
+        seed: of sensors, actuators and the identification.
+        stiffness: of the hand [N.m/rad].
+        amplitudes: what the hand intends without and with compensation, a pair a joint [rad]; None: `AMPLITUDE`.
+        cycles: of the motion.
+    """
+    found = curves(seed)
+    scenes = []
+    for i, joint in enumerate(chosen):
+        intended = (AMPLITUDE, AMPLITUDE) if amplitudes is None else amplitudes[i]
+        for amplitude, compensator in zip(
+            intended, (nothing(), mahvash_okamura(found[joint.name].rate, CONTACT, SHARE))
+        ):
+            scenes.append(
+                Scene(
+                    plant=joint,
+                    motion=motion(amplitude, cycles),
+                    hand=grip(stiffness, joint),
+                    loop=Unguarded(compensator=compensator),
+                    seed=1000 * seed + i,
+                )
+            )
+    records = play(scenes)
+    return [Moved(joint=j, before=a, after=b) for j, a, b in zip(chosen, records[::2], records[1::2])]
+
+
+@lru_cache(maxsize=1)
+def by_hand(seed: int) -> tuple[list[Moved], list[Moved]]:
+    """Return Joints 0, 1, 2 and 4 moved by the firm hand and by the soft one at the same speed, for both figures.
+
+    Args:
+        seed: as in `moved`.
+    """
+    return moved(joints(), seed=seed), equally_fast(joints(), seed=seed)
+
+
+def equally_fast(chosen: Sequence[SimulatedJoint], *, seed: int, stiffness: float = SOFT) -> list[Moved]:
+    """Move joints by a soft hand that reaches as far as it takes to keep the velocity of the prescribed motion.
+
+    A person sees the motion and not the force, and so intends more where more resists.
+
+    Args:
+        chosen: joints.
+        seed: as in `moved`.
+        stiffness: of the hand [N.m/rad].
+    """
+    goal = AMPLITUDE * 2.0 * np.pi * FREQUENCY / np.sqrt(2.0)
+    reach = np.full((len(chosen), 2), AMPLITUDE)
+    for _ in range(6):
+        done = moved(chosen, seed=seed, stiffness=stiffness, amplitudes=[tuple(r) for r in reach], cycles=3)
+        speeds = np.array([m.speeds for m in done])
+        reach += 0.9 * (goal - speeds) / (2.0 * np.pi * FREQUENCY / np.sqrt(2.0))
+    return moved(chosen, seed=seed, stiffness=stiffness, amplitudes=[tuple(r) for r in reach])

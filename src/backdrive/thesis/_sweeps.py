@@ -1,0 +1,177 @@
+"""Sweeps of the thesis' joints, and the curves that are identified from them: chapter 2, sections 2.3 and 2.4.
+
+Every sweep is the printed trajectory (2.2) up to 2 rad/s in 10 cycles, at 1 kHz, followed by the joint's own servo. Curves are
+identified twice: `literal`, as (2.7) prints it, and `aligned`, with torque and velocity on the same instant and what inertia and
+gravity leave in a window taken out (`identification.function_a`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive.errors import NotIdentifiable
+from backdrive.excite import Sweep
+from backdrive.identification.sweep import SweepKnots, sweep_knots, to_polyline
+from backdrive.laws import Law
+from backdrive.log import Log
+from backdrive.metrics import curve_distance, relative_curve_distance
+from backdrive.simulation import SimulatedJoint
+from backdrive.simulation.machines import joint_0, joint_1, joint_2
+from backdrive.simulation.open_loop import simulate
+
+TOP_SPEED, CYCLES = 2.0, 10  # V [rad/s], N; 2.4.2
+STROKES = (5.0, 10.0, 20.0, 30.0, 50.0)  # A [deg]
+REFERENCE_STROKE = 50.0  # what the others are compared with [deg]
+RATE = 1000.0  # of controller and log [Hz]
+METHODS = ("literal", "aligned")
+
+#: Posture -> inertia [kg.m^2], M L g [N.m], angle of the center of mass above the horizontal [deg]. Assumed: from folded to
+#: stretched upwards, with inertia smallest in (i) and largest in (v), gravity largest in (ii) and smallest in (v), as the
+#: caption of Fig. 2.9 says.
+POSTURES = {
+    "(i)": (1.0, 30.0, 0.0),
+    "(ii)": (1.2, 34.0, 0.0),
+    "(iii)": (1.4, 36.0, 55.0),
+    "(iv)": (1.6, 38.0, 63.0),
+    "(v)": (1.9, 42.0, 80.0),
+}
+TABLE_2_2 = {"(ii)": 1.28, "(iii)": 2.82, "(iv)": 3.09, "(v)": 3.95}  # printed [%]
+LOADS = (0.0, 0.01, 0.03)  # growth of Coulomb friction with the transmitted torque [-]
+
+SETTING = (
+    "Simulated rigid joints of the arm, the printed trajectory (2.2) with V = 2 rad/s and N = 10, high-gain PID at 1 kHz, "
+    "encoder of 65 536 counts a motor turn; actuator noise of 0.1 N.m on Joint 1."
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Swept:
+    """One sweep of one joint and what was identified from it.
+
+    Attributes:
+        joint: that was swept.
+        stroke: A [deg].
+        log: of the sweep.
+        knots: the pairs by method.
+        curves: the curve by method; a method without all cycles is left out.
+    """
+
+    joint: SimulatedJoint
+    stroke: float
+    log: Log
+    knots: dict[str, SweepKnots]
+    curves: dict[str, Law]
+
+    @property
+    def position(self) -> np.ndarray:
+        """Encoder reading [rad], (n,)."""
+        q = self.log.position
+        return np.zeros(0) if q is None else q[:, 0]
+
+    @property
+    def torque(self) -> np.ndarray:
+        """Commanded torque [N.m], (n,)."""
+        return self.log.driving_torque[:, 0]
+
+    @property
+    def peak_torque(self) -> float:
+        """Largest torque that the servo asked for [N.m]."""
+        return float(np.abs(self.torque).max())
+
+
+def plan(stroke: float, center: float = 0.0, cycles: int = CYCLES) -> Sweep:
+    """Return the printed trajectory.
+
+    Args:
+        stroke: A [deg].
+        center: of the stroke [deg].
+        cycles: N.
+    """
+    return Sweep(np.deg2rad(stroke), TOP_SPEED, cycles, center=np.deg2rad(center), smooth=False)
+
+
+def sweep(joint: SimulatedJoint, stroke: float, *, seed: int, center: float = 0.0) -> Swept:
+    """Sweep a joint and identify its friction, both ways.
+
+    Args:
+        joint: to be swept.
+        stroke: A [deg].
+        seed: of the actuator's noise.
+        center: of the stroke [deg].
+    """
+    log = simulate(joint, plan(stroke, center), seed=seed, rate=RATE)
+    knots: dict[str, SweepKnots] = {}
+    for method in METHODS:
+        try:
+            knots[method] = sweep_knots(log, 0, literal=method == "literal")
+        except NotIdentifiable:
+            continue
+    curves = {m: Law(rate=to_polyline(k)) for m, k in knots.items() if k.V.size == CYCLES}
+    return Swept(joint=joint, stroke=stroke, log=log, knots=knots, curves=curves)
+
+
+def identified(joint: SimulatedJoint, *, seed: int) -> Law:
+    """Return the curve that a user would compensate with: aligned, from a stroke of 20 degrees."""
+    return sweep(joint, 20.0, seed=seed).curves["aligned"]
+
+
+def by_stroke(
+    seed: int, joints: Iterable[SimulatedJoint] | None = None, strokes: Iterable[float] = STROKES
+) -> dict[str, dict[float, Swept]]:
+    """Return sweeps by joint and stroke [deg]; Joints 0 to 2 by default."""
+    chosen = (joint_0(), joint_1(), joint_2()) if joints is None else joints
+    return {
+        joint.name: {stroke: sweep(joint, stroke, seed=1000 * seed + int(stroke)) for stroke in strokes}
+        for joint in chosen
+    }
+
+
+def distances(runs: dict[float, Swept], method: str) -> dict[float, float]:
+    """Return E(A, 50 deg) of (2.16) by stroke [N.m]; NaN where a curve was not obtained."""
+    last = runs[REFERENCE_STROKE].curves.get(method)
+    found = {}
+    for stroke, run in runs.items():
+        law = run.curves.get(method)
+        if law is None or last is None:
+            found[stroke] = float("nan")
+        else:
+            found[stroke] = curve_distance(law, last, TOP_SPEED)
+    return found
+
+
+def in_posture(posture: str, load_dependence: float = 0.0) -> tuple[SimulatedJoint, float]:
+    """Return Joint 1 in a posture, and the center of its stroke [deg]."""
+    inertia, weight, angle = POSTURES[posture]
+    joint = joint_1()
+    return (
+        joint.replace(
+            load_inertia=inertia - joint.motor_inertia, gravity_cos=weight, load_dependence=load_dependence
+        ),
+        angle,
+    )
+
+
+def by_posture(seed: int, load_dependence: float = 0.0) -> dict[str, Swept]:
+    """Return sweeps of Joint 1 over 20 degrees in the five postures."""
+    found = {}
+    for i, name in enumerate(POSTURES):
+        joint, center = in_posture(name, load_dependence)
+        found[name] = sweep(joint, 20.0, seed=1000 * seed + i, center=center)
+    return found
+
+
+def posture_errors(runs: dict[str, Swept], method: str) -> dict[str, float]:
+    """Return E_p(P, (i)) of (2.17) by posture [%]."""
+    first = runs["(i)"].curves[method]
+    return {
+        name: 100.0 * relative_curve_distance(runs[name].curves[method], first, TOP_SPEED)
+        for name in TABLE_2_2
+    }
+
+
+def listed(values: Iterable[float], form: str = ".3g") -> str:
+    """Return numbers as a list in words: `1.2, 0.3, 0.1`."""
+    return ", ".join(format(v, form) for v in values)

@@ -1,0 +1,140 @@
+"""Saw-tooth tracking by a low-gain PD with four compensations: Iwatani 2017, 2.5.2.
+
+NC: none. MO: the contact alone with F_0 of the identified curve, (2.24). MOL: beside it B_c v, (2.25), B_c the slope of a straight
+line fitted to the identified curve. MOP: beside it the identified curve, (2.22).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from backdrive.compensate import Compensator
+from backdrive.compensate.catalog import mahvash_okamura, nothing
+from backdrive.control import Unguarded
+from backdrive.engine.servo import Servo
+from backdrive.errors import InvalidInput
+from backdrive.laws import CoulombViscous, Law, Polyline
+from backdrive.simulation import SimulatedJoint
+from backdrive.simulation.closed_loop import Record, Scene, play
+from backdrive.simulation.hand import still
+from backdrive.thesis._manual import CONTACT, PERIOD, SHARE, curves, joints, magnitude
+
+CASES = ("NC", "MO", "MOL", "MOP")
+GAIN, RATIO = 200.0, 0.5  # K_p [N.m/rad] and damping ratio of the PD
+TOOTH = 0.4  # height of a tooth [rad]
+TEETH = {0.1: 1, 0.3: 2, 0.5: 3, 0.7: 4}  # speed [rad/s] -> teeth
+RATIOS = (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)  # damping ratios at which the order is looked at
+SETTING = (
+    f"Rigid joints, PD of K_p = {GAIN:g} N.m/rad at a damping ratio of {RATIO:g}; saw-teeth of {TOOTH:g} rad at "
+    f"{', '.join(f'{v:g}' for v in TEETH)} rad/s; K = {CONTACT:g} N.m/rad, R = {SHARE:g}, curves identified by a sweep of 20 deg; "
+    "gravity held. Joint 4 is assumed but for ratio and torque limit."
+)
+
+
+def saw_teeth(teeth: dict[float, int] | None = None) -> np.ndarray:
+    """Return position and velocity of saw-teeth that grow faster, (n, 2).
+
+    Args:
+        teeth: speed [rad/s] -> number of teeth; None: `TEETH`.
+    """
+    velocity = []
+    for speed, count in (TEETH if teeth is None else teeth).items():
+        flank = np.full(round(TOOTH / speed / PERIOD), speed)
+        velocity += [flank, -flank] * count
+    v = np.concatenate(velocity)
+    return np.column_stack([np.concatenate([[0.0], np.cumsum(v)[:-1]]) * PERIOD, v])
+
+
+def viscosity(curve: Law) -> float:
+    """Return B_c, the slope of a straight line through the pairs of an identified curve [N.m.s/rad]."""
+    rate = curve.rate
+    if not isinstance(rate, Polyline):
+        raise InvalidInput(f"'{curve.name}' has no pairs.", remedy="Give a curve of line sections.")
+    return float(np.polyfit(rate.velocity, rate.positive, 1)[0])
+
+
+def compensators(curve: Law) -> dict[str, Compensator]:
+    """Return the four cases for an identified curve."""
+    F_0, B_c = float(curve.torque(1e-12)), viscosity(curve)
+
+    def straight(b: float) -> CoulombViscous:
+        return CoulombViscous(
+            coulomb_positive=F_0, coulomb_negative=F_0, viscous_positive=b, viscous_negative=b
+        )
+
+    return {
+        "NC": nothing(),
+        "MO": mahvash_okamura(straight(0.0), CONTACT, SHARE),
+        "MOL": mahvash_okamura(straight(B_c), CONTACT, SHARE),
+        "MOP": mahvash_okamura(curve.rate, CONTACT, SHARE),
+    }
+
+
+def pd(joint: SimulatedJoint, gain: float = GAIN, ratio: float = RATIO) -> Servo:
+    """Return a PD for a joint.
+
+    Args:
+        joint: to be moved.
+        gain: K_p [N.m/rad].
+        ratio: of damping; K_d = 2 ratio sqrt(K_p I).
+    """
+    return Servo(proportional=gain, derivative=2.0 * ratio * np.sqrt(gain * joint.inertia))
+
+
+def tracked(
+    settings: Sequence[tuple[SimulatedJoint, Servo]],
+    *,
+    seed: int,
+    target: np.ndarray,
+    cases: Sequence[str] = CASES,
+) -> list[dict[str, Record]]:
+    """Track a target and return what happened by case.
+
+    Args:
+        settings: joints and their controllers.
+        seed: of sensors, actuators and the identification.
+        target: position and velocity, (n, 2).
+        cases: of `CASES`.
+    """
+    found = curves(seed)
+    scenes = []
+    for i, (joint, servo) in enumerate(settings):
+        given = compensators(found[joint.name])
+        for case in cases:
+            scenes.append(
+                Scene(
+                    plant=joint,
+                    motion=still(len(target)),
+                    controller=servo,
+                    target=target,
+                    loop=Unguarded(compensator=given[case]),
+                    seed=1000 * seed + i,
+                )
+            )
+    records = play(scenes)
+    n = len(cases)
+    return [dict(zip(cases, records[n * i : n * i + n])) for i in range(len(settings))]
+
+
+def error(record: Record) -> float:
+    """Return E_s of (2.26) [rad]."""
+    return magnitude(record.wanted - record.reading)
+
+
+@lru_cache(maxsize=1)
+def by_joint(seed: int) -> dict[str, dict[str, Record]]:
+    """Return the four cases of each joint at the gains that are judged."""
+    chosen = joints()
+    done = tracked([(j, pd(j)) for j in chosen], seed=seed, target=saw_teeth())
+    return {joint.name: cases for joint, cases in zip(chosen, done)}
+
+
+def by_ratio(seed: int) -> dict[str, dict[float, dict[str, float]]]:
+    """Return E_s [rad] by joint, damping ratio and case."""
+    chosen = joints()
+    settings = [(j, pd(j, ratio=r)) for j in chosen for r in RATIOS]
+    done = iter(tracked(settings, seed=seed, target=saw_teeth({0.3: 1, 0.7: 3}), cases=CASES[1:]))
+    return {j.name: {r: {case: error(x) for case, x in next(done).items()} for r in RATIOS} for j in chosen}

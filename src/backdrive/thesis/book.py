@@ -1,0 +1,180 @@
+"""The book of all experiments: one self-contained HTML file, a section each, with the pictures in it.
+
+It names no network address, runs no script and escapes every text. The same results give the same bytes.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from pathlib import Path
+
+from backdrive._files import write_whole
+from backdrive.report import POLICY
+from backdrive.report.joint import table
+from backdrive.report.sheet import CSS
+from backdrive.report.words import counted, esc, number, prose, sentence
+from backdrive.thesis.outcome import Claim
+from backdrive.thesis.run import Result
+
+TITLE = "Friction of robot joints: the experiments of Iwatani 2017, run again in simulation"
+#: Verdict on a claim -> level of the report's colours, word.
+WORDS: dict[bool | None, tuple[str, str]] = {
+    True: ("good", "holds"),
+    False: ("poor", "falls short"),
+    None: ("unknown", "shown"),
+}
+MORE = """
+.summary td,.summary th{padding-right:1rem}
+.picture{margin:1rem 0}
+.picture img{display:block;max-width:100%;height:auto;background:#fff;border-radius:4px}
+.claims td{min-width:4.5rem}
+.claims .why{display:block;margin-top:.15rem}
+@media screen and (max-width:899px){
+.claims thead{display:none}
+.claims tr{display:block;padding:.6rem 0;border-bottom:1px solid var(--grid)}
+.claims th,.claims td{display:block;border:0;padding:.1rem 0}
+.claims td[data-label]:not(:empty)::before{content:attr(data-label) ": ";color:var(--muted);font-size:.86rem}
+.summary th,.summary td{grid-column:1/-1}
+}
+"""
+
+
+def verdict(result: Result) -> tuple[str, str]:
+    """Return a level of the report's colours and what an experiment ends with, in words."""
+    if result.outcome is None:
+        return "poor", "broke down"
+    short, held = len(result.of(False)), len(result.of(True))
+    if short:
+        return "poor", f"{short} of {short + held} fall short" if short + held > 1 else "falls short"
+    return ("good", f"all {held} hold" if held > 1 else "holds") if held else ("unknown", "shown")
+
+
+def overall(results: Sequence[Result]) -> str:
+    """Return the verdict on all in a sentence."""
+    held, short, told = (sum(len(r.of(v)) for r in results) for v in (True, False, None))
+    broken = [r.entry.name for r in results if r.outcome is None]
+    said = f"Of {counted(held + short, 'judged claim')} in {counted(len(results), 'experiment')}, {held} hold"
+    said += f"; {told} more statements inform." if told else "."
+    return said + (f" Broke down: {', '.join(broken)}." if broken else "")
+
+
+def render(
+    results: Sequence[Result], *, command: str, seed: int, version: str, missing: Sequence[str] = ()
+) -> str:
+    """Return the book as HTML.
+
+    Args:
+        results: in the order of the sections.
+        command: that made it, to be copied.
+        seed: of everything random.
+        version: of the package.
+        missing: names of experiments that were asked for and not finished.
+    """
+    facts = {"Experiments": str(len(results)), "Seed": str(seed), "By": f"backdrive {version}"}
+    items = "".join(f"<div><dt>{esc(k)}</dt><dd>{esc(v)}</dd></div>" for k, v in facts.items())
+    left = ""
+    if missing:
+        left = f'<div class="warn" role="note"><b>Not finished</b><ul><li>{esc(", ".join(missing))}</li></ul></div>'
+    return (
+        "<!DOCTYPE html>\n"
+        '<html lang="en"><head><meta charset="utf-8">'
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}; img-src data:">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        '<meta name="color-scheme" content="light dark"><meta name="referrer" content="no-referrer">'
+        f"<title>{esc(TITLE)}</title>\n<style>{CSS}{MORE}</style></head>\n<body><main>\n"
+        f'<header><h1>{esc(TITLE)}</h1><p class="lead">{esc(overall(results))}</p>'
+        f'<dl class="facts">{items}</dl>{left}</header>\n{_summary(results)}\n'
+        + "\n".join(section(result) for result in results)
+        + f'\n<section class="about"><h2>The command that made it</h2><pre class="copy">{esc(command)}</pre>'
+        "<p>The same seed gives the same numbers. Joints, hands and sensors are simulated; what the thesis does not print "
+        "about them is estimated, and each setting says so.</p></section>\n</main></body></html>\n"
+    )
+
+
+def write_book(
+    path: str | Path,
+    results: Sequence[Result],
+    *,
+    command: str,
+    seed: int,
+    version: str,
+    missing: Sequence[str] = (),
+) -> Path:
+    """Write the book, whole or not at all; see `render`.
+
+    Raises:
+        InvalidInput: the folder does not exist.
+    """
+    text = render(results, command=command, seed=seed, version=version, missing=missing)
+    return write_whole(path, text)
+
+
+def headline(name: str) -> str:
+    """Return the name of an experiment as a heading has it: `Fig. 3.8`."""
+    kind, _, label = name.partition("-")
+    return f"{ {'fig': 'Fig.', 'table': 'Table'}.get(kind, kind.capitalize()) } {label}".strip()
+
+
+def _summary(results: Sequence[Result]) -> str:
+    rows = []
+    for result in results:
+        level, word = verdict(result)
+        name = result.entry.name
+        rows.append(
+            f'<tr><th scope="row" class="name"><a href="#{esc(name)}">{esc(headline(name))}</a></th>'
+            f'<td class="verdict"><span class="chip {level}">{esc(word)}</span></td>'
+            f"<td>{esc(_title(result))}</td></tr>"
+        )
+    head = "".join(f'<th scope="col">{h}</th>' for h in ("Experiment", "Verdict", "What it shows"))
+    return f'<table class="summary"><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table>'
+
+
+def _title(result: Result) -> str:
+    return result.entry.title if result.outcome is None else result.outcome.title
+
+
+def section(result: Result) -> str:
+    """Return the section of one experiment: setting, picture, claims, numbers."""
+    level, word = verdict(result)
+    title = f"{headline(result.entry.name)}: {_title(result)}"
+    head = (
+        f'<section class="joint" id="{esc(result.entry.name)}"><div class="head"><h2>{esc(title)}</h2>'
+        f'<span class="chip {level}">{esc(word)}</span></div>'
+    )
+    if result.outcome is None:
+        return (
+            f'{head}<div class="warn" role="note"><b>It broke down.</b> {esc(result.error)}</div></section>'
+        )
+    data = base64.b64encode(result.png).decode()
+    picture = f'<figure class="picture"><img alt="{esc(title)}" src="data:image/png;base64,{data}"></figure>'
+    numbers = ""
+    if result.outcome.numbers:
+        rows = [
+            [esc(name), f'<span class="n">{number(float(x), 5)}</span>']
+            for name, x in result.outcome.numbers.items()
+        ]
+        inside = table("", ["Number", "Value"], rows)
+        numbers = f"<details><summary>{counted(len(rows), 'number')}</summary>{inside}</details>"
+    return (
+        f"{head}<p>{esc(prose(sentence(result.outcome.setting)))}</p>{picture}"
+        f"{_claims(result.outcome.claims)}{numbers}</section>"
+    )
+
+
+def _claims(claims: Sequence[Claim]) -> str:
+    heads = ("Claim", "Thesis", "Here", "Gate", "Verdict")
+    rows = []
+    for claim in claims:
+        level, word = WORDS[claim.holds]
+        why = f'<small class="why">{esc(prose(sentence(claim.why)))}</small>' if claim.why else ""
+        cells = "".join(
+            f'<td data-label="{label}">{esc(prose(text))}</td>'
+            for label, text in zip(heads[1:], (claim.thesis, claim.ours, claim.gate))
+        )
+        rows.append(
+            f'<tr><th scope="row">{esc(prose(claim.what))}{why}</th>{cells}'
+            f'<td><span class="chip {level}">{word}</span></td></tr>'
+        )
+    top = "".join(f'<th scope="col">{h}</th>' for h in heads)
+    return f'<table class="claims"><thead><tr>{top}</tr></thead><tbody>{"".join(rows)}</tbody></table>'

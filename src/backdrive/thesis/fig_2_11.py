@@ -1,0 +1,117 @@
+"""Fig. 2.11: velocity and hand torque over time of joints moved by hand; Iwatani 2017, 2.5.1."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from backdrive.plots.canvas import LIGHT, house_style
+from backdrive.thesis import _sweep_plots as own
+from backdrive.thesis._manual import (
+    AMPLITUDE,
+    CONTACT,
+    FREQUENCY,
+    SHARE,
+    Moved,
+    by_hand,
+)
+from backdrive.thesis.outcome import Claim, Outcome
+
+SHOWN = 4.0, 10.0  # of the motion by hand, in the picture [s]
+LENGTH = 4.0  # of each panel [s]
+SPEEDS, FORWARD = 2.0, 40.0  # gates [%, deg]
+SETTING = (
+    f"Rigid joints as in (2.10); compensator (2.22) with K = {CONTACT:g} N.m/rad, R = {SHARE:g} and the curve that a sweep of "
+    f"20 deg identified on the same joint; gravity held. The hand follows ±{AMPLITUDE:g} rad at {FREQUENCY:g} Hz, ten cycles "
+    "judged. Joint 4 is assumed but for ratio and torque limit."
+)
+
+
+def run(seed: int = 0) -> Outcome:
+    """Move Joints 0, 1, 2 and 4 by hand and return velocity and torque over time."""
+    firm, soft = by_hand(seed)
+    claims = [
+        Claim(
+            what=f"{_name(m)}: the velocity is the same without and with compensation",
+            thesis="no significant difference",
+            ours=f"V_s {m.speeds[0]:.3f} and {m.speeds[1]:.3f} rad/s ({m.speed_change:+.2f} %)",
+            gate=f"within {SPEEDS:g} %",
+            holds=abs(m.speed_change) <= SPEEDS,
+        )
+        for m in firm
+    ]
+    claims += [
+        Claim(
+            what=f"{_name(m)}: the phase of the hand's torque moves forward",
+            thesis="forward-shifted",
+            ours=f"{m.forward:+.0f} deg; soft hand at the same speed {s.forward:+.0f} deg",
+            gate=f"at least {FORWARD:g} deg, firm hand",
+            holds=m.forward >= FORWARD,
+            why="Friction goes with velocity, inertia 90 deg ahead of it: what is left is mostly inertia.",
+        )
+        for m, s in zip(firm, soft)
+    ]
+    claims.append(
+        Claim(
+            what="After a reversal the hand feels more than friction, until the contact has turned round",
+            ours="; ".join(f"{_name(m)} {_peak(m):.1f} times" for m in firm) + " the friction at rest",
+            holds=None,
+            why=f"The contact of {CONTACT:g} N.m/rad pushes along the old direction over 2 F/K of motion: (1 + R) F for "
+            "a moment, and the jump after it costs inertia. "
+            "It is why the torque falls by less than R.",
+        )
+    )
+    return Outcome(
+        name="fig-2.11",
+        title="Joints moved by hand, without and with friction compensation",
+        setting=SETTING,
+        claims=tuple(claims),
+        data={m.joint.name: {"firm": _columns(m), "soft": _columns(s)} for m, s in zip(firm, soft)},
+        numbers={f"{m.joint.name}_forward": m.forward for m in firm}
+        | {f"{m.joint.name}_speed_change": m.speed_change for m in firm}
+        | {f"{s.joint.name}_forward_soft": s.forward for s in soft},
+    )
+
+
+def _name(m: Moved) -> str:
+    return m.joint.name.replace("_", " ").capitalize()
+
+
+def _peak(m: Moved) -> float:
+    """Return the largest torque of the hand with compensation by the Coulomb friction [1]."""
+    return float(np.abs(m.after.force[m.after.time > 1.0]).max() / m.joint.law.torque(1e-6))
+
+
+def _columns(m: Moved) -> dict[str, np.ndarray]:
+    part = (m.after.time >= SHOWN[0]) & (m.after.time < SHOWN[1])
+    columns = {"time": m.after.time[part]}
+    for when, record in (("before", m.before), ("after", m.after)):
+        columns[f"velocity_{when}"] = record.load_velocity[part]
+        columns[f"torque_{when}"] = record.sensed[part]
+    return columns
+
+
+def draw(outcome: Outcome) -> Any:
+    """Return the figure: a row a joint; velocity, torque of the firm hand, torque of the soft hand."""
+    with house_style():
+        figure, axes = own.sheet(4, 3, width=760.0, height=560.0, sharex=True)
+        for row, (joint, hands) in zip(axes, outcome.data.items()):
+            for a, (hand, column) in zip(row, (("firm", "velocity"), ("firm", "torque"), ("soft", "torque"))):
+                d = hands[hand]
+                part = d["time"] < d["time"][0] + LENGTH
+                t = d["time"][part] - d["time"][0]
+                for when, color, label in (
+                    ("before", own.BEFORE, "none"),
+                    ("after", own.AFTER, "compensated"),
+                ):
+                    a.plot(
+                        *own.thin(t, d[f"{column}_{when}"][part], 6), color=color, linewidth=1.1, label=label
+                    )
+            own.name(row[0], own.joint_title(joint), y="velocity [rad/s]")
+            own.name(row[1], "firm hand" if joint == "joint_0" else "", y="torque [N·m]")
+            own.name(row[2], "soft hand, same speed" if joint == "joint_0" else "")
+        for a in axes[-1]:
+            a.set_xlabel("time [s]", color=LIGHT.ink)
+        own.key(axes[0, 0], "lower left", 2, bbox_to_anchor=(0.25, 1.0))
+    return figure

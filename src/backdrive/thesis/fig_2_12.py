@@ -1,0 +1,152 @@
+"""Fig. 2.12: mean magnitudes (2.23) of velocity and hand torque of joints moved by hand; Iwatani 2017, 2.5.1."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from backdrive.plots.canvas import LIGHT, house_style
+from backdrive.simulation import SimulatedJoint
+from backdrive.simulation.machines import joint_0, joint_1, joint_2
+from backdrive.thesis import _sweep_plots as own
+from backdrive.thesis._manual import FIRM, SOFT, Moved, by_hand, joints, moved
+from backdrive.thesis.fig_2_11 import SETTING, SPEEDS
+from backdrive.thesis.outcome import Claim, Outcome
+
+LEAST = {"joint_0": 60.0, "joint_1": 50.0, "joint_2": 60.0, "joint_4": 60.0}  # gates [%]
+AMPLITUDES = (0.2, 0.3)  # besides [rad]
+
+
+def run(seed: int = 0) -> Outcome:
+    """Move Joints 0, 1, 2 and 4 by a firm hand, a soft hand, and with compliant transmissions."""
+    chosen = joints()
+    compliant = [joint(compliant=True) for joint in (joint_0, joint_1, joint_2)]
+    firm, soft = by_hand(seed)
+    rows = {
+        "firm hand": firm,
+        "firm hand, compliant": moved(compliant, seed=seed, stiffness=FIRM),
+        "soft hand, same reach": moved(chosen, seed=seed, stiffness=SOFT),
+        "soft hand, same speed": soft,
+    }
+    claims = [
+        Claim(
+            what=f"{_name(m.joint)}: the hand's torque is smaller with compensation",
+            thesis="by 60 to 80 %",
+            ours=f"{m.torques[0]:.2f} to {m.torques[1]:.2f} N.m: {m.reduction:.1f} % less, velocity {m.speed_change:+.2f} %",
+            gate=f"at least {LEAST[m.joint.name]:g} %, velocity within {SPEEDS:g} %",
+            holds=m.reduction >= LEAST[m.joint.name] and abs(m.speed_change) <= SPEEDS,
+        )
+        for m in firm
+    ]
+    claims.append(
+        Claim(
+            what="What is left is inertia and the reversals",
+            ours="; ".join(
+                f"{_name(m.joint)} {m.inertia_torque:.2f} of {m.torques[1]:.2f} N.m is inertia, the rest fell by "
+                f"{m.reduction_beside_inertia:.0f} %"
+                for m in firm
+            ),
+            gate="without inertia at least 65 % less on every joint",
+            holds=all(m.reduction_beside_inertia >= 65.0 for m in firm),
+            why="No friction compensation takes inertia away; Joint 1 has the most of it.",
+        )
+    )
+    stiff = rows["firm hand, compliant"]
+    claims.append(
+        Claim(
+            what="The same with compliant transmissions (1e5, 1e5 and 8e4 N.m/rad)",
+            ours="; ".join(f"{_name(m.joint)} {m.reduction:.1f} %, {m.forward:+.0f} deg" for m in stiff),
+            gate="the same as rigid",
+            holds=all(m.reduction >= LEAST[m.joint.name] and m.forward >= 40.0 for m in stiff),
+        )
+    )
+    for amplitude in AMPLITUDES:
+        other = moved(chosen, seed=seed, amplitudes=[(amplitude, amplitude)] * len(chosen))
+        claims.append(
+            Claim(
+                what=f"The same for ±{amplitude:g} rad",
+                thesis="by 60 to 80 %",
+                ours=_reductions(other),
+                gate="as above",
+                holds=all(
+                    m.reduction >= LEAST[m.joint.name] and abs(m.speed_change) <= SPEEDS for m in other
+                ),
+            )
+        )
+    claims.append(
+        Claim(
+            what=f"A soft hand of {SOFT:g} N.m/rad that intends the same motion",
+            ours="; ".join(
+                f"{_name(m.joint)} {m.reduction:.0f} %, velocity {m.speed_change:+.0f} %"
+                for m in rows["soft hand, same reach"]
+            ),
+            holds=None,
+            why="Where friction no longer holds the joint back the same intention moves it faster, which costs inertia.",
+        )
+    )
+    claims.append(
+        Claim(
+            what=f"A soft hand of {SOFT:g} N.m/rad that keeps the velocity of the firm one",
+            thesis="by 60 to 80 %",
+            ours=_reductions(rows["soft hand, same speed"]),
+            holds=None,
+            why="A soft hand cannot break a joint away at its own instant: the joint sticks at each reversal and jumps, "
+            "and the jump is inertia. The thesis' 60 to 80 % needs a hand that prescribes the motion.",
+        )
+    )
+    return Outcome(
+        name="fig-2.12",
+        title="Mean magnitudes of velocity and hand torque",
+        setting=SETTING,
+        claims=tuple(claims),
+        data={
+            row: {
+                m.joint.name: {"speeds": m.speeds, "torques": m.torques, "inertia": m.inertia_torque}
+                for m in many
+            }
+            for row, many in rows.items()
+        },
+        numbers={f"{m.joint.name}, {row}": m.reduction for row, many in rows.items() for m in many},
+    )
+
+
+def _name(joint: SimulatedJoint) -> str:
+    return joint.name.replace("_", " ").capitalize()
+
+
+def _reductions(many: list[Moved]) -> str:
+    return "; ".join(f"{_name(m.joint)} {m.reduction:.1f} %" for m in many)
+
+
+ROWS = ("firm hand", "soft hand, same speed")
+
+
+def draw(outcome: Outcome) -> Any:
+    """Return the figure: velocities above, torques below, by kind of hand; the part of inertia in lighter bars."""
+    colors = {"none": own.BEFORE, "compensated": own.AFTER, "of that, inertia": LIGHT.held_out}
+    with house_style():
+        figure, axes = own.sheet(2, 2, height=420.0, sharex="col", sharey="row")
+        for column, row in enumerate(ROWS):
+            found = outcome.data[row]
+            groups = [own.joint_title(joint) for joint in found]
+            speeds = {"none": [d["speeds"][0] for d in found.values()]}
+            speeds["compensated"] = [d["speeds"][1] for d in found.values()]
+            torques = {"none": [d["torques"][0] for d in found.values()]}
+            torques["compensated"] = [d["torques"][1] for d in found.values()]
+            torques["of that, inertia"] = [d["inertia"] for d in found.values()]
+            own.bars(axes[0, column], groups, speeds, colors)
+            own.bars(axes[1, column], groups, torques, colors)
+            own.name(axes[0, column], row.capitalize())
+            for i, (before, after) in enumerate(zip(torques["none"], torques["compensated"])):
+                axes[1, column].annotate(
+                    f"−{100 * (1 - after / before):.0f} %",
+                    (i, max(before, after)),
+                    xytext=(0, 3),
+                    textcoords="offset points",
+                    ha="center",
+                    color=LIGHT.ink,
+                    fontsize=own.SMALL,
+                )
+        axes[0, 0].set_ylabel("V_s [rad/s]", color=LIGHT.ink)
+        axes[1, 0].set_ylabel("F_s [N·m]", color=LIGHT.ink)
+        own.key(axes[1, 0], "upper right")
+    return figure

@@ -1,0 +1,134 @@
+"""Fig. 2.14: tracking errors (2.26) of four compensations, and the gains at which their order breaks; Iwatani 2017, 2.5.2."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from backdrive.plots.canvas import LIGHT, house_style
+from backdrive.thesis import _sweep_plots as own
+from backdrive.thesis._manual import curves, joint_4
+from backdrive.thesis._tracking import (
+    CASES,
+    RATIOS,
+    SETTING,
+    by_joint,
+    by_ratio,
+    error,
+    pd,
+    saw_teeth,
+    tracked,
+    viscosity,
+)
+from backdrive.thesis.fig_2_13 import COLORS
+from backdrive.thesis.outcome import Claim, Outcome
+
+WEAK = 10.0  # a gain with which Joint 4 hardly moves against its friction [N.m/rad]
+
+
+def run(seed: int = 0) -> Outcome:
+    """Return the tracking errors of Joints 0, 1, 2 and 4, and their order by damping ratio."""
+    E = {joint: {case: error(r) for case, r in cases.items()} for joint, cases in by_joint(seed).items()}
+    claims = [
+        Claim(
+            what=f"{_name(joint)}: MOP < MOL < MO < NC",
+            thesis="MOP smaller than MOL, MO and NC",
+            ours=", ".join(f"{case} {1e3 * e[case]:.2f}" for case in reversed(CASES)) + " mrad",
+            gate="in this order",
+            holds=e["MOP"] < e["MOL"] < e["MO"] < e["NC"],
+        )
+        for joint, e in E.items()
+    ]
+    ratios = by_ratio(seed)
+    ordered = {
+        joint: {r: e["MOP"] < e["MOL"] < e["MO"] for r, e in found.items()} for joint, found in ratios.items()
+    }
+    damped = [r for r in RATIOS if r >= 0.5]
+    claims.append(
+        Claim(
+            what="MOP < MOL < MO at every damping ratio from 0.5 on",
+            ours="; ".join(
+                f"{_name(j)}: " + ", ".join(f"{r:g}" for r in RATIOS if ordered[j][r]) for j in ratios
+            ),
+            gate=f"on every joint at {', '.join(f'{r:g}' for r in damped)}",
+            holds=all(ordered[j][r] for j in ratios for r in damped),
+        )
+    )
+    claims.append(
+        Claim(
+            what="Where it fails: a PD that is little damped itself",
+            ours="; ".join(
+                f"{_name(j)} at {RATIOS[0]:g}: "
+                + ", ".join(f"{c} {1e3 * e[RATIOS[0]][c]:.1f}" for c in CASES[1:])
+                + " mrad"
+                for j, e in ratios.items()
+            ),
+            gate="the order breaks on Joints 0, 1 and 2",
+            holds=all(not ordered[j][RATIOS[0]] for j in ("joint_0", "joint_1", "joint_2")),
+            why="The joint's own viscous friction is what damps such a loop, and compensating it takes that damping away: after "
+            "each corner the joint swings the longer, the better its friction is compensated.",
+        )
+    )
+    joint = joint_4()
+    held = float(joint.law.torque(0.5)) / WEAK
+    weak = {
+        case: error(r)
+        for case, r in tracked([(joint, pd(joint, WEAK))], seed=seed, target=saw_teeth())[0].items()
+    }
+    claims.append(
+        Claim(
+            what=f"Where it fails: a gain so low ({WEAK:g} N.m/rad on Joint 4) that friction holds the joint {held:.2f} rad off",
+            ours=", ".join(f"{case} {1e3 * weak[case]:.0f}" for case in CASES) + " mrad",
+            holds=None,
+            why="A loop this slow follows the faster teeth late with or without friction; without friction it also swings.",
+        )
+    )
+    return Outcome(
+        name="fig-2.14",
+        title="Tracking errors of four compensations",
+        setting=SETTING,
+        claims=tuple(claims),
+        data={"errors": E, "ratios": ratios},
+        numbers={f"{j}_{case}": E[j][case] for j in E for case in CASES}
+        | {f"{j}_viscosity": viscosity(law) for j, law in curves(seed).items()},
+    )
+
+
+def _name(joint: str) -> str:
+    return joint.replace("_", " ").capitalize()
+
+
+def draw(outcome: Outcome) -> Any:
+    """Return the figure: bars of E_s by joint, and below E_s by that of MO over the damping ratio of the PD."""
+    errors, ratios = outcome.data["errors"], outcome.data["ratios"]
+    with house_style():
+        figure, axes = own.sheet(2, 4, width=760.0, height=420.0, sharey="row")
+        for a in axes[0]:
+            a.remove()
+        top = figure.add_subplot(axes[0, 0].get_gridspec()[0, :])
+        for side in ("top", "right", "left"):
+            top.spines[side].set_visible(False)
+        top.grid(True, color=LIGHT.grid, linewidth=0.7)
+        top.tick_params(colors=LIGHT.muted, labelsize=own.SMALL)
+        series = {case: [1e3 * e[case] for e in errors.values()] for case in COLORS}
+        own.bars(top, [own.joint_title(joint) for joint in errors], series, COLORS)
+        own.name(top, "(a) at a damping ratio of 0.5", y="E_s [mrad]")
+        own.key(top, "upper right", 4)
+        for i, (a, (joint, by_ratio)) in enumerate(zip(axes[1], ratios.items())):
+            for case in ("MO", "MOL", "MOP"):
+                relative = [e[case] / e["MO"] for e in by_ratio.values()]
+                a.plot(
+                    list(by_ratio),
+                    relative,
+                    "o-",
+                    color=COLORS[case],
+                    markersize=3,
+                    linewidth=1.2,
+                    label=case,
+                )
+            a.axvspan(0.5, 1.0, color=LIGHT.grid, alpha=0.45, zorder=0, linewidth=0)
+            a.set_xlim(0.0, 1.02)
+            own.name(
+                a, f"(b) {own.joint_title(joint)}" if i == 0 else own.joint_title(joint), "damping ratio"
+            )
+        axes[1, 0].set_ylabel("E_s by that of MO", color=LIGHT.ink)
+    return figure

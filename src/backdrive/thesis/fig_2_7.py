@@ -1,0 +1,139 @@
+"""Fig. 2.7: identified curves of each joint for several strokes; Iwatani 2017, 2.4.2."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from backdrive.metrics import relative_curve_distance
+from backdrive.plots.canvas import LIGHT, house_style
+from backdrive.thesis import _sweep_plots as own
+from backdrive.thesis._sweeps import METHODS, SETTING, STROKES, TOP_SPEED, by_stroke, listed, plan
+from backdrive.thesis.outcome import Claim, Outcome
+
+LOW, HIGH = (0.2, 0.6), (1.4, 1.8)  # ranges in which slopes are compared [rad/s]
+OVERLAP = 20.0  # from this stroke on [deg]
+
+
+def run(seed: int = 0) -> Outcome:
+    """Sweep Joints 0 to 2 over 5 to 50 degrees and return their curves."""
+    runs = by_stroke(seed)
+    claims = []
+    for method, gate in zip(METHODS, (2.0, 0.2)):
+        spread = {
+            joint: max(
+                100.0 * relative_curve_distance(r.curves[method], done[50.0].curves[method], TOP_SPEED)
+                for A, r in done.items()
+                if A >= OVERLAP
+            )
+            for joint, done in runs.items()
+        }
+        claims.append(
+            Claim(
+                what=f"The curves of A = 20, 30 and 50 deg lie on each other ({method})",
+                thesis="A > 10 deg almost overlap",
+                ours=f"at most {listed(spread.values())} % apart on Joints 0, 1, 2",
+                gate=f"at most {gate:g} %",
+                holds=max(spread.values()) <= gate,
+            )
+        )
+    slopes = {
+        joint: [_slope(done[20.0].curves["aligned"], r) for r in (LOW, HIGH)] for joint, done in runs.items()
+    }
+    claims.append(
+        Claim(
+            what="The slope at high speed differs from that at low speed, so that high speed must be measured",
+            thesis="different",
+            ours="; ".join(f"{j}: {a:.2f} and {b:.2f} N.m.s/rad" for j, (a, b) in slopes.items()),
+            gate="by a factor of 2",
+            holds=all(a > 2.0 * b for a, b in slopes.values()),
+            why="The bend was put into the simulated joints, as Fig. 2.7 shows it; the sweep finds it again.",
+        )
+    )
+    truth = {joint: _worst(done, "aligned") for joint, done in runs.items()}
+    claims.append(
+        Claim(
+            what="The curves are those that were put in",
+            ours=f"from 0.2 rad/s on at most {listed(truth.values(), '.2g')} N.m off, aligned, all strokes",
+            gate="at most 0.2 N.m",
+            holds=max(truth.values()) <= 0.2,
+            why="What is left is the line sections: they cut the corners of a bent curve.",
+        )
+    )
+    hard = runs["joint_1"][5.0]
+    others = max(
+        r.peak_torque / r.joint.torque_limit for j in ("joint_0", "joint_2") for r in runs[j].values()
+    )
+    heavy = hard.joint.inertia + (hard.joint.torque_limit - hard.peak_torque) / plan(5.0).peak_acceleration
+    claims.append(
+        Claim(
+            what="A = 5 deg asks Joint 1 for nearly all of its torque",
+            thesis="not obtained: limit of the servo controller",
+            ours=f"{hard.peak_torque:.0f} of {hard.joint.torque_limit:.1f} N.m, obtained; the others at most {100 * others:.0f} %",
+            holds=None,
+            why=f"The inertia of the simulated joint, 1.6 kg.m^2, is an estimate; at about {heavy:.2f} kg.m^2 the "
+            "limit is reached. The thesis does not say whether torque or another limit stopped it.",
+        )
+    )
+    return Outcome(
+        name="fig-2.7",
+        title="Identified curves of each joint by stroke",
+        setting=f"{SETTING} Joints 0, 1 and 2: of the others the thesis prints too little to simulate them.",
+        claims=tuple(claims),
+        data={
+            "curves": {joint: {A: r.curves for A, r in done.items()} for joint, done in runs.items()},
+            "truth": {joint: done[50.0].joint.law for joint, done in runs.items()},
+        },
+        numbers={
+            f"{joint}_{A:g}deg_at_{v:g}": float(runs[joint][A].curves["aligned"].torque(v))
+            for joint in runs
+            for A in STROKES
+            for v in (0.5, 1.0, 1.8)
+        },
+    )
+
+
+def _slope(law, band: tuple[float, float]) -> float:
+    """Return the mean slope of a curve in a range of speeds [N.m.s/rad]."""
+    low, high = law.torque(np.array(band))
+    return float((high - low) / (band[1] - band[0]))
+
+
+def _worst(done: dict, method: str) -> float:
+    v = np.linspace(0.2, 1.8, 200)
+    return max(float(np.abs(r.curves[method].torque(v) - r.joint.law.torque(v)).max()) for r in done.values())
+
+
+def draw(outcome: Outcome) -> Any:
+    """Return the figure: as printed above, aligned below, the true curve dashed."""
+    v = np.linspace(1e-6, 2.0, 200)
+    curves, truth = outcome.data["curves"], outcome.data["truth"]
+    with house_style():
+        figure, axes = own.sheet(2, 3, height=400.0, sharex=True, sharey="col")
+        for row, method in enumerate(("literal", "aligned")):
+            for column, (joint, by_stroke) in enumerate(curves.items()):
+                a = axes[row, column]
+                for color, (stroke, found) in zip(own.SERIES, by_stroke.items()):
+                    if method in found:
+                        a.plot(
+                            v,
+                            found[method].torque(v),
+                            color=color,
+                            linewidth=1.3,
+                            label=f"A = {stroke:g} deg",
+                        )
+                a.plot(
+                    v,
+                    truth[joint].torque(v),
+                    color=LIGHT.ink,
+                    linewidth=1.0,
+                    linestyle=own.DASHED,
+                    label="put in",
+                )
+                a.set_ylim(bottom=0.0)
+                word = {"literal": "as printed", "aligned": "aligned"}[method]
+                own.name(a, f"{own.joint_title(joint)}, {word}", "velocity [rad/s]" if row else "")
+            axes[row, 0].set_ylabel("friction [N·m]", color=LIGHT.ink)
+        own.key(axes[0, 0], "lower right")
+    return figure

@@ -1,0 +1,184 @@
+"""Fig. 3.6 of Iwatani 2017: displacement of Setup A by dither alone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from backdrive.compensate import Dither, dither
+from backdrive.laws import CoulombViscous, Law
+from backdrive.plots.canvas import LIGHT, house_style
+from backdrive.simulation.joint import SimulatedJoint
+from backdrive.simulation.open_loop import drive
+from backdrive.thesis import _guided_plots as own
+from backdrive.thesis.fig_3_3 import COMPENSATOR, PHASES, counted
+from backdrive.thesis.fig_3_4 import intercepts, setups
+from backdrive.thesis.outcome import Claim, Outcome
+
+PERIOD = 1e-3  # s
+DURATION = 0.6  # s
+SETTLED = 0.2  # counted from here on [s]
+SHARE = 1.0  # R_d of the thesis on Setup A
+SUBSTEP = 2e-5  # of the integration [s]
+WANTED = 2.0  # counts in each direction
+
+
+def wave(plant: SimulatedJoint, time: np.ndarray) -> np.ndarray:
+    """Return the dither of a joint that stays stuck [N], (n,): Iwatani 2017, (3.26)."""
+    F_p, F_n = intercepts(plant.law.rate)
+    row, state = Dither(share=SHARE).row(), np.zeros(dither.STATES)
+    return np.array([dither.tick(row, 0, state, 0, True, -F_n, F_p, 0.0, PERIOD, t, False) for t in time])
+
+
+def dithered(plant: SimulatedJoint) -> dict[str, Any]:
+    """Let dither alone act on a stuck joint, and show what the encoder sees from many resting places within a count.
+
+    Args:
+        plant: Setup A, or one like it.
+
+    Returns:
+        `time` [s], `dither` [N], `motor` [m] (true displacement), (n,) each; `counts` (places, n) and `reach` (places, 2), the
+        largest displacement shown in each direction, in counts; `moved`, the load's travel [m].
+    """
+    time = PERIOD * np.arange(round(DURATION / PERIOD))
+    force = wave(plant, time)
+    target = np.stack([force, np.zeros_like(force)], axis=1)
+    out, _ = drive(plant.replace(encoder_count=0.0), target, closed=False, period=PERIOD, substep=SUBSTEP)
+    shown = np.array([counted(out[:, 0], plant.encoder_count, phase) for phase in PHASES])
+    after = shown[:, round(SETTLED / PERIOD) :]
+    return {
+        "time": time,
+        "dither": force,
+        "motor": out[:, 0],
+        "moved": float(PERIOD * np.abs(out[:, 3]).sum()),
+        "counts": shown,
+        "reach": np.stack([after.max(axis=1), -after.min(axis=1)], axis=1),
+        "count": plant.encoder_count,
+    }
+
+
+def variants() -> dict[str, SimulatedJoint]:
+    """Return Setup A as it is, with the thesis' K for its transmission, and with that and equal friction."""
+    plant = setups()["setup_a"]
+    soft = plant.replace(stiffness=COMPENSATOR)
+    equal = CoulombViscous(
+        coulomb_positive=12.0, coulomb_negative=12.0, viscous_positive=20.0, viscous_negative=20.0
+    )
+    return {
+        "K_c = 2K": plant,
+        "K_c = K": soft,
+        "K_c = K, F_n = F_p": soft.replace(law=Law(rate=equal)),
+    }
+
+
+def run(seed: int = 0) -> Outcome:
+    """Let dither act on Setup A.
+
+    Args:
+        seed: not used; nothing here is random.
+    """
+    del seed
+    found = {name: dithered(plant) for name, plant in variants().items()}
+    for one in found.values():
+        both = np.all(one["reach"] >= WANTED, axis=1)
+        one["share"] = float(np.mean(both))
+        one["shown"] = int(np.median(np.flatnonzero(both))) if both.any() else PHASES.size // 2
+        one["span"] = one["reach"].sum(axis=1)
+    return Outcome(
+        name="fig-3.6",
+        title="Displacement of Setup A by dither alone",
+        setting=(
+            "Dither (3.26) with R_d = 1 and 15 Hz alone on Setup A at rest, F_p = 12 N, F_n = 8 N, no hand, no compensation, "
+            f"from {PHASES.size} resting places within a count of 5 um. Transmission: 2.4e6 N/m, and 1.2e6 N/m as the thesis' K."
+        ),
+        claims=_claims(found),
+        data=found,
+        numbers={f"{name}.share": one["share"] for name, one in found.items()},
+    )
+
+
+def _claims(found: dict[str, dict[str, Any]]) -> tuple[Claim, ...]:
+    stiff, soft, equal = found.values()
+
+    def travel(one: dict[str, Any]) -> str:
+        high, low = 1e6 * one["motor"].max(), 1e6 * one["motor"].min()
+        return f"{high:+.1f}/{low:+.1f} um"
+
+    def reach(one: dict[str, Any]) -> str:
+        plus, minus = one["reach"].mean(axis=0)
+        return f"{plus:.1f} and {minus:.1f} counts on average"
+
+    return (
+        Claim(
+            what="Dither displaces Setup A by two counts in each direction (K_c = K = 1.2e6 N/m, as the thesis takes it).",
+            thesis="two counts in each direction",
+            ours=(
+                f"{travel(soft)}: {reach(soft)}; two in both directions from {100 * soft['share']:.0f} % of resting places, "
+                f"{soft['span'].min():.0f} to {soft['span'].max():.0f} counts from end to end"
+            ),
+            gate="two counts in each direction from some resting places, three to four from end to end from all",
+            holds=soft["share"] > 0.0 and soft["span"].min() >= 3.0 and soft["span"].max() <= 4.0,
+            why=(
+                "12 and 8 N stretch 1.2e6 N/m by 10 and 6.7 um, 2 and 1.3 counts; which edges lie inside depends on the "
+                "resting place."
+            ),
+        ),
+        Claim(
+            what="The same with the stiffer transmission that the other figures ask for (K_c = 2K).",
+            thesis="two counts in each direction",
+            ours=f"{travel(stiff)}: {reach(stiff)}; two in both directions from {100 * stiff['share']:.0f} % of places",
+            holds=None,
+            why=(
+                "The travel is 8.3 um, 1.7 counts from end to end. The dither may not exceed the friction, and two counts each "
+                "way are four edges, 15 um at least: K_c <= (F_p + F_n)/15 um = 1.33e6 N/m."
+            ),
+        ),
+        Claim(
+            what="With equal friction of 12 N in both directions and K_c = K.",
+            ours=f"{travel(equal)}: {reach(equal)}; two in both directions from {100 * equal['share']:.0f} % of places",
+            gate="two counts in each direction from at least 90 % of resting places",
+            holds=equal["share"] >= 0.9,
+            why="Two counts each way then need no special resting place; the real F_n was then nearer to F_p than 8 N.",
+        ),
+        Claim(
+            what="The end-effector does not move: the dither stays below the friction.",
+            thesis="maintains the system on the verge of the static friction state",
+            ours=f"the load moves by at most {1e6 * max(one['moved'] for one in found.values()):.2f} um",
+            gate="below one count",
+            holds=max(one["moved"] / one["count"] for one in found.values()) < 1.0,
+        ),
+    )
+
+
+def draw(outcome: Outcome) -> Any:
+    """Return the figure: dither above, displacement below; a column a transmission."""
+    with house_style():
+        figure, axes = own.sheet(2, len(outcome.data), width=760.0, height=340.0, sharex=True, sharey="row")
+        for column, (label, found) in zip(axes.T, outcome.data.items()):
+            count, place = found["count"], found["shown"]
+            column[0].plot(found["time"], found["dither"], color=LIGHT.ink, linewidth=1.2)
+            column[1].plot(
+                found["time"],
+                found["motor"] / count,
+                color=LIGHT.muted,
+                linewidth=0.9,
+                linestyle=own.DASHED,
+                label="true",
+            )
+            column[1].step(
+                found["time"],
+                found["counts"][place],
+                where="post",
+                color=LIGHT.fitted,
+                linewidth=1.3,
+                label="encoder",
+            )
+            own.name(column[0], label)
+            own.name(column[1], "", "time [s]")
+            column[1].set_yticks(np.arange(-3, 4))
+        own.name(axes[0, 0], next(iter(outcome.data)), "", "dither [N]")
+        own.name(axes[1, 0], "", "time [s]", "displacement [counts of 5 µm]")
+        axes[0, 0].set_xlim(0.0, 0.5)
+        own.key(axes[1, 0], "upper right", 2)
+    return figure
