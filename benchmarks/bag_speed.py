@@ -46,9 +46,9 @@ def _with_rosbags(path: Path) -> np.ndarray:
 
 def main() -> int:
     """Print the table; return 1 if the two readers disagree."""
-    from backdrive.readers import read_log
-    from backdrive.readers._worker import parse
-    from backdrive.readers.columns import ReadOptions
+    from backdrive.logs.readers import read_log
+    from backdrive.logs.readers._worker import parse
+    from backdrive.logs.readers.columns import ReadOptions
 
     log = motion(SECONDS * RATE, JOINTS)
     with tempfile.TemporaryDirectory() as folder:

@@ -181,7 +181,7 @@ def write(path: Path, content: bytes) -> None:
 
 def main() -> None:
     """Write what has changed."""
-    from backdrive.plots.signatures import picture
+    from backdrive.report.pictures.signatures import picture
 
     names = [find(name).NAME for name in sys.argv[1:] if name != "--text"] or [*RATES, *ELEMENTS]
     for folder in (TEXT, FIGURES):

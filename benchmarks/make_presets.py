@@ -1,4 +1,4 @@
-"""Write the presets, published friction parameters as model files: src/backdrive/presets/*/*.json.
+"""Write the presets, published friction parameters as model files: src/backdrive/model/presets/*/*.json.
 
     python benchmarks/make_presets.py
 
@@ -20,9 +20,9 @@ import numpy as np
 from backdrive import __version__
 from backdrive._files import write_whole
 from backdrive.laws import Coulomb, Decaying, Law, Sigmoid, rate_law
-from backdrive.log import Joint, Source
+from backdrive.logs.log import Joint, Source
 from backdrive.model import Estimate, FrictionModel, JointFriction, Validity
-from backdrive.model_file import decode, encode
+from backdrive.model.file import decode, encode
 
 HOME = Path(__file__).resolve().parent.parent / "src" / "backdrive" / "presets"
 TAU = 2.0 * math.pi

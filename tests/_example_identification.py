@@ -8,7 +8,7 @@ import numpy as np
 
 from backdrive.identification.result import Curve, Identification, JointEvidence, Samples
 from backdrive.laws import CoulombViscous, Law, Polyline
-from backdrive.log import Joint, Source
+from backdrive.logs.log import Joint, Source
 from backdrive.model import Estimate, FrictionModel, JointFriction, Quality, Validity
 
 HOSTILE = (

@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 from backdrive._jit import jit
 from backdrive.laws import ELEMENTS, RATES, Law, Rigid, kernels
 from backdrive.laws.base import Parameter, Rows
-from backdrive.log import Joint
+from backdrive.logs.log import Joint
 from backdrive.model import FrictionModel, JointFriction, Validity
-from backdrive.model_file import decode, encode
+from backdrive.model.file import decode, encode
 
 JIT = hasattr(kernels.step, "py_func")
 MOST = 4  # knots or elements side by side, of a drawn law

@@ -32,7 +32,7 @@ def write_log(path: Path) -> None:
     """Write the log that stands in for the reader's own."""
     import numpy as np
 
-    from backdrive.excite import Sweep
+    from backdrive.plans import Sweep
     from backdrive.simulation.machines import machine
     from backdrive.simulation.open_loop import simulate
 

@@ -6,10 +6,7 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 import pytest
-
-from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.excite import Sweep
-from backdrive.excite.centres import (
+from backdrive.plans.centres import (
     WORST_GAIN,
     choose_centers,
     condition,
@@ -19,6 +16,8 @@ from backdrive.excite.centres import (
     sweeps_about,
     width_for,
 )
+
+from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.dynamics import predict
 from backdrive.identification.load_fit import payload_growth
 from backdrive.identification.signals import prepare
@@ -28,7 +27,8 @@ from backdrive.identification.sweep_equations import GRAVITY, equations
 from backdrive.identification.sweep_payload import identify_payload
 from backdrive.identification.sweep_windows import windows
 from backdrive.laws import GearLoad, Law, Polyline
-from backdrive.limits import JointLimits
+from backdrive.plans import Sweep
+from backdrive.plans.limits import JointLimits
 from backdrive.simulation.machines import joint_1
 from backdrive.simulation.open_loop import simulate
 
@@ -311,7 +311,7 @@ def test_lifting_and_being_driven_back_need_a_known_payload():
 
 
 def test_rounding_does_not_choose_between_arrangements_that_mirror_each_other(monkeypatch):
-    from backdrive.excite import centres
+    from backdrive.plans import centres
 
     places = centres._arrangements(0.0, 0.5, 9)
     truth = {tuple(c): centres.noise_gain(c) for c in places}

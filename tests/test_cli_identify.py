@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from _synthetic import any_motion
-from backdrive.excite import load_plan
+from backdrive.plans import load_plan
 from backdrive.simulation.machines import joint_1
 from backdrive.simulation.open_loop import simulate
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from backdrive.cli import main
-from backdrive.excite import InTurn, Multisine, Sweep, load_plan
+from backdrive.plans import InTurn, Multisine, Sweep, load_plan
 
 URDF = """<robot name="arm">
   <joint name="shoulder" type="revolute"><limit lower="-1" upper="2" velocity="2.2" effort="200"/></joint>
@@ -244,7 +244,7 @@ def test_pictures_are_drawn(run, tmp_path, kind):
 
 
 def test_samples_marked_in_the_picture_are_those_of_the_windows():
-    from backdrive.plots.plan import _sampled
+    from backdrive.report.pictures.plan import _sampled
 
     plan = Sweep(0.35, 2.0, 5, start=3.0)
     t = np.linspace(2.0, 3.5 + plan.duration, 5001)

@@ -13,7 +13,7 @@ import pytest
 from _example_identification import HOSTILE, example
 from backdrive.cli import main
 from backdrive.cli.show import _spell_out
-from backdrive.model_file import decode, encode
+from backdrive.model.file import decode, encode
 
 
 @pytest.fixture(scope="module")

@@ -3,14 +3,14 @@
 import numba as nb
 import numpy as np
 import pytest
+from backdrive.control.compensators import Dither, alg_fc, alg_fc2
+from backdrive.control.estimators.external import ExternalForce
+from backdrive.control.estimators.friction import alg_fe, between_counts
 
 from _loops import Bench
-from backdrive.compensate import Dither, alg_fc, alg_fc2
 from backdrive.control import Admittance, Unguarded
 from backdrive.engine.servo import Servo
 from backdrive.errors import InvalidInput
-from backdrive.estimate.external import ExternalForce
-from backdrive.estimate.friction import alg_fe, between_counts
 from backdrive.laws import Coulomb, CoulombViscous, Law
 from backdrive.simulation import machine
 from backdrive.simulation.closed_loop import Scene, play

@@ -8,7 +8,7 @@ import pytest
 
 from backdrive.cli import main
 from backdrive.laws import Law, Polyline
-from backdrive.log import Joint
+from backdrive.logs.log import Joint
 from backdrive.model import FrictionModel, JointFriction, Validity
 
 V = tuple(np.linspace(0.2, 2.0, 6))

@@ -5,11 +5,7 @@ from functools import cache
 import numba as nb
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
-from _loops import bench
-from backdrive.compensate import (
+from backdrive.control.compensators import (
     Compensator,
     Dither,
     alg_fc,
@@ -22,12 +18,16 @@ from backdrive.compensate import (
     mahvash_okamura,
     nothing,
 )
-from backdrive.compensate.extras import BristleObserver, DisturbanceObserver, Pulses
+from backdrive.control.compensators.extras import BristleObserver, DisturbanceObserver, Pulses
+from backdrive.control.estimators import friction as friction_
+from backdrive.control.estimators.friction import FrictionEstimator, alg_fe, alg_fe2, between_counts, ct, ha
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from _loops import bench
 from backdrive.control import Unguarded
 from backdrive.engine.servo import Servo
 from backdrive.errors import InvalidInput
-from backdrive.estimate import friction as friction_
-from backdrive.estimate.friction import FrictionEstimator, alg_fe, alg_fe2, between_counts, ct, ha
 from backdrive.laws import (
     GMS,
     Coulomb,

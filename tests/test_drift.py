@@ -4,12 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from backdrive.identification.drift import (
+    change_of,
+    identify_thermal,
+    passive_level,
+    track,
+    virtual_temperature,
+)
+from backdrive.identification.drift.change import REPEAT, chance, kind_of
 
-from backdrive.drift import change_of, identify_thermal, passive_level, track, virtual_temperature
-from backdrive.drift.change import REPEAT, chance, kind_of
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.laws import M1, CoulombViscous, Law, Polyline
-from backdrive.log import Joint, Log
+from backdrive.logs.log import Joint, Log
 from backdrive.model import Estimate, JointFriction, Validity
 
 V = np.linspace(0.2, 2.0, 10)
@@ -199,7 +205,7 @@ def test_the_smoother_is_least_squares():
     rng = np.random.default_rng(4)
     t = np.cumsum(0.5 + rng.uniform(size=6))
     y, s, q = rng.standard_normal(6), 0.5 + rng.uniform(size=6), 0.7
-    from backdrive.drift.tracking import _smoothed
+    from backdrive.identification.drift.tracking import _smoothed
 
     _, level, variance = _smoothed(t, y, s, q)
     D = np.diff(np.eye(6), axis=0) / np.sqrt(q * np.diff(t))[:, None]

@@ -8,7 +8,7 @@ from backdrive.engine.cores import spread
 from backdrive.errors import InvalidInput
 from backdrive.laws import Coulomb, CoulombViscous, Law, kernels
 from backdrive.laws.examples import ELEMENT_EXAMPLES, RATE_EXAMPLES, example
-from backdrive.log import Joint
+from backdrive.logs.log import Joint
 from backdrive.model import FrictionModel, JointFriction, Validity
 
 DT = 1e-3

@@ -5,13 +5,13 @@ import sys
 import numba as nb
 import numpy as np
 import pytest
+from backdrive.control.estimators import REGRESSORS, AdaptiveFriction, RecursiveLeastSquares
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from backdrive.engine import rollout
 from backdrive.engine.tick import Tick
 from backdrive.errors import InvalidInput, UnknownName
-from backdrive.estimate import REGRESSORS, AdaptiveFriction, RecursiveLeastSquares
 from backdrive.laws import M3, Coulomb, Dahl, Law, LuGre, StribeckGauss
 from backdrive.laws.examples import ELEMENT_EXAMPLES, example
 from backdrive.status import Status
@@ -85,7 +85,7 @@ def test_joints_do_not_see_each_other():
 
 @pytest.mark.skipif(not JIT, reason="one formula, two ways to run it")
 def test_plain_and_compiled_ticks_agree(monkeypatch):
-    from backdrive.estimate import recursive
+    from backdrive.control.estimators import recursive
 
     logs = motion(300)
     compiled = RecursiveLeastSquares(ALL, spread=3.0, noise=0.1)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from backdrive.plans.tables import csv_text, npz_bytes, sample, trajectory_yaml, yaml_number
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -19,7 +20,7 @@ from backdrive.errors import (
     UnknownFormat,
     UnknownName,
 )
-from backdrive.excite import (
+from backdrive.plans import (
     PLANS,
     ConstantVelocity,
     Held,
@@ -39,8 +40,7 @@ from backdrive.excite import (
     smallest_stroke,
     stroke_for_bias,
 )
-from backdrive.excite.tables import csv_text, npz_bytes, sample, trajectory_yaml, yaml_number
-from backdrive.limits import JointLimits, read_limits
+from backdrive.plans.limits import JointLimits, read_limits
 
 DEG = math.pi / 180
 SWEEP = Sweep(20 * DEG, 2.0, 10, center=0.4, start=1.5, joint="j1")

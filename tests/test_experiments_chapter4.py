@@ -48,7 +48,7 @@ def test_the_same_seed_gives_the_same_numbers(outcomes, name):
 @pytest.mark.parametrize("name", SHORT)
 def test_every_outcome_is_drawn(outcomes, name):
     pytest.importorskip("matplotlib")
-    from backdrive.plots import canvas
+    from backdrive.report.pictures import canvas
 
     figure = importlib.import_module(f"backdrive.thesis.{name}").draw(outcomes[name])
     assert len(figure.axes) >= 2

@@ -7,9 +7,9 @@ import pytest
 
 from backdrive.cli import main
 from backdrive.errors import InvalidInput
-from backdrive.excite import ConstantVelocity, Sweep
-from backdrive.filters import low_pass
-from backdrive.log import Joint, Log
+from backdrive.logs.filters import low_pass
+from backdrive.logs.log import Joint, Log
+from backdrive.plans import ConstantVelocity, Sweep
 
 
 def answer(monkeypatch, capsys, *words) -> tuple[int, str]:

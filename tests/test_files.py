@@ -13,15 +13,15 @@ import threading
 from pathlib import Path
 
 import pytest
+from backdrive.tuning import load_tunings
 
 from backdrive import _files, load_model
 from backdrive._files import check_writable, read_whole, write_together, write_whole
 from backdrive.errors import FileTooLarge, InvalidInput, MissingExtra, ReadError, WriteError, install
-from backdrive.excite import load_plan
-from backdrive.limits import read_limits
-from backdrive.readers import read_log
+from backdrive.logs.readers import read_log
+from backdrive.plans import load_plan
+from backdrive.plans.limits import read_limits
 from backdrive.robot import load_robot
-from backdrive.tune import load_tunings
 
 ROOT = os.geteuid() == 0
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from backdrive import filters
 from backdrive.errors import InvalidInput
+from backdrive.logs import filters
 
 RATE = 1000.0
 T = np.arange(4000) / RATE

@@ -4,15 +4,15 @@ import json
 
 import numpy as np
 import pytest
+from backdrive.identification.dynamic import fit
+from backdrive.identification.dynamic.choice import Candidate, choose, shortlist
 from typer.testing import CliRunner
 
 import backdrive
 from backdrive.cli import app
 from backdrive.errors import InvalidInput, NotIdentifiable, UnknownName
-from backdrive.fitting import fit
-from backdrive.fitting.choice import Candidate, choose, shortlist
 from backdrive.laws import CoulombViscous, Law, LuGre, StribeckGauss
-from backdrive.log import Joint, Log
+from backdrive.logs.log import Joint, Log
 from backdrive.simulation import Servo, SimulatedJoint
 from backdrive.simulation.open_loop import drive
 
@@ -200,8 +200,9 @@ def test_a_law_of_the_load_needs_the_load(lugre_log):
 
 
 def test_a_search_that_does_not_come_to_rest_says_so(lugre_log):
-    from backdrive.fitting import fit_law
-    from backdrive.fitting.torque import stretch
+    from backdrive.identification.dynamic import fit_law
+    from backdrive.identification.dynamic.torque import stretch
+
     from backdrive.identification.signals import prepare
 
     stretches = [stretch(s) for s in prepare(lugre_log, 0)]

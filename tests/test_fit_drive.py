@@ -4,15 +4,15 @@ import json
 
 import numpy as np
 import pytest
+from backdrive.identification.dynamic import fit
+from backdrive.identification.dynamic.drive_of_log import model_of
 from typer.testing import CliRunner
 
 from backdrive.cli import app
 from backdrive.engine import Axis, DriveModel, forward
 from backdrive.errors import InvalidInput, UnknownName
-from backdrive.fitting import fit
-from backdrive.fitting.drive_of_log import model_of
 from backdrive.laws import CoulombViscous, Law, StribeckGauss
-from backdrive.log import Drive, Joint, Log
+from backdrive.logs.log import Drive, Joint, Log
 
 DT = 1e-3
 TIME = DT * np.arange(6000)

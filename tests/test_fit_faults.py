@@ -8,19 +8,19 @@ from functools import cache
 
 import numpy as np
 import pytest
+from backdrive.identification.dynamic import fit, stopping
+from backdrive.identification.dynamic.choice import Candidate, choose
+from backdrive.identification.dynamic.judging import judge_motion
+from backdrive.identification.dynamic.smoothing import grid_step, smoothing
+from backdrive.identification.dynamic.unknowns import LawShape, Scales
 from typer.testing import CliRunner
 
 from backdrive.cli import app
 from backdrive.engine import Axis, forward, rollout
 from backdrive.errors import InvalidInput, UnknownName
-from backdrive.fitting import fit, stopping
-from backdrive.fitting.choice import Candidate, choose
-from backdrive.fitting.judging import judge_motion
-from backdrive.fitting.smoothing import grid_step, smoothing
-from backdrive.fitting.unknowns import LawShape, Scales
 from backdrive.identification import validate
 from backdrive.laws import M3, Law, LuGre, StribeckGauss
-from backdrive.log import Drive, Joint, Log
+from backdrive.logs.log import Drive, Joint, Log
 from backdrive.model import load_model
 
 WAVES = ((0.8, 0.5, 0.0), (0.3, 1.7, 1.0), (0.05, 6.3, 2.0), (0.5, 0.21, 0.3))  # rad, rad/s, rad
@@ -124,7 +124,7 @@ def test_break_away_is_bounded_by_the_friction_that_was_seen():
 
 
 def test_a_refit_that_explains_the_log_worse_is_not_taken(monkeypatch):
-    from backdrive.fitting import given_motion
+    from backdrive.identification.dynamic import given_motion
 
     whole, calls = given_motion.fit_law, []
 
@@ -261,7 +261,7 @@ def driven():
     given = 2.0 * np.sin(3.0 * t) + np.sin(11.0 * t)
     law = Law(rate=StribeckGauss(coulomb=1.0, breakaway=1.5, stribeck_velocity=0.05, viscous=0.4))
     drive = Drive(law="velocity", gains={"proportional": 20.0})
-    from backdrive.fitting.drive_of_log import model_of
+    from backdrive.identification.dynamic.drive_of_log import model_of
 
     axis = Axis(law=law, inertia=0.05, drive=model_of(drive))
     fine = forward(axis, np.interp(np.arange(0, 2400, 0.05), np.arange(2400), given), dt=5e-5)

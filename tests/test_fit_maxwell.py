@@ -3,10 +3,10 @@
 import numba as nb
 import numpy as np
 import pytest
+from backdrive.identification.dynamic.maxwell import fit_maxwell, stretches
 
 from backdrive.engine import rollout
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.fitting.maxwell import fit_maxwell, stretches
 from backdrive.laws import GMS, Coulomb, Dahl, Law, LuGre, MaxwellSlip, StribeckGauss
 
 JIT = not nb.config.DISABLE_JIT

@@ -4,20 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from backdrive.identification.dynamic.law_fit import conclude, fit_law
+from backdrive.identification.dynamic.search import Search, screen
+from backdrive.identification.dynamic.starts import scales, starts
+from backdrive.identification.dynamic.torque import Stretch, TorqueProblem, earlier, stretch
+from backdrive.identification.dynamic.uncertainty import bootstrap, covariance, inverse, profile
+from backdrive.identification.dynamic.unknowns import LawShape, shares
 
 from backdrive.engine import rollout
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.filters import low_pass
-from backdrive.fitting.law_fit import conclude, fit_law
-from backdrive.fitting.search import Search, screen
-from backdrive.fitting.starts import scales, starts
-from backdrive.fitting.torque import Stretch, TorqueProblem, earlier, stretch
-from backdrive.fitting.uncertainty import bootstrap, covariance, inverse, profile
-from backdrive.fitting.unknowns import LawShape, shares
 from backdrive.identification.signals import prepare
 from backdrive.laws import Law, MaxwellSlip, Polyline, StribeckGauss
 from backdrive.laws.examples import example
-from backdrive.log import Joint, Log
+from backdrive.logs.filters import low_pass
+from backdrive.logs.log import Joint, Log
 
 DT = 2e-3
 INERTIA = 0.3

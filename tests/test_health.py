@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from _synthetic import any_motion, constant_runs
 from backdrive import Joint, Log, check
 from backdrive.errors import UnhealthyLog, UnknownName
-from backdrive.health import CHECKS, gate
+from backdrive.logs.health import CHECKS, gate
 
 
 def dry(v):
@@ -282,7 +282,7 @@ real = pytest.mark.skipif("BACKDRIVE_DATA" not in os.environ, reason="real logs 
 
 
 def ur3(name: str) -> Log:
-    from backdrive.readers import read_log
+    from backdrive.logs.readers import read_log
 
     path = Path(os.environ["BACKDRIVE_DATA"]) / "ur3" / name
     return read_log(path, map="t=mt,q=mq,dq=mdq,tau=mtorque")

@@ -13,17 +13,17 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "evidence"))
 from _hostile_models import HOSTILE, honest, number
+from backdrive.identification.dynamic.judging import _axis
 
 from backdrive import load_model
 from backdrive.errors import ExtrapolationWarning, InvalidInput, ModelFileError, NegativeFrictionWarning
-from backdrive.fitting.judging import _axis
 from backdrive.identification import validate
 from backdrive.identification.grade import credible
 from backdrive.laws import ELEMENTS, RATES
 from backdrive.model import Validity
-from backdrive.model_bounds import BIG
-from backdrive.model_file import decode, encode
-from backdrive.presets import names
+from backdrive.model.bounds import BIG
+from backdrive.model.file import decode, encode
+from backdrive.model.presets import names
 
 
 def of(document) -> bytes:

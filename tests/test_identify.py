@@ -6,11 +6,11 @@ import pytest
 from _synthetic import any_motion, constant_runs
 from backdrive import Joint, Log, identify
 from backdrive.errors import InvalidInput, NotIdentifiable, UnhealthyLog, UnknownName
-from backdrive.excite import InTurn, Sweep
 from backdrive.identification import validate
 from backdrive.identification.request import planned
-from backdrive.log import Source
-from backdrive.readers import read_log
+from backdrive.logs.log import Source
+from backdrive.logs.readers import read_log
+from backdrive.plans import InTurn, Sweep
 from backdrive.simulation.machines import joint_0, joint_1
 from backdrive.simulation.open_loop import simulate
 

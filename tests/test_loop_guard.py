@@ -6,9 +6,7 @@ import pickle
 import numba as nb
 import numpy as np
 import pytest
-
-from _loops import guarded
-from backdrive.compensate import (
+from backdrive.control.compensators import (
     Compensator,
     Dither,
     alg_fc,
@@ -18,13 +16,15 @@ from backdrive.compensate import (
     lugre_observer,
     mahvash_okamura,
 )
-from backdrive.compensate.extras import BristleObserver, DisturbanceObserver, Pulses
+from backdrive.control.compensators.extras import BristleObserver, DisturbanceObserver, Pulses
+from backdrive.control.estimators.external import ExternalForce
+from backdrive.control.estimators.friction import alg_fe
+from backdrive.control.estimators.level import Adaptation
+
+from _loops import guarded
 from backdrive.control import JointLoop, Loop, Unguarded, envelope, torque_limit
 from backdrive.control.guard import window
 from backdrive.errors import InvalidInput, LimitWarning
-from backdrive.estimate.external import ExternalForce
-from backdrive.estimate.friction import alg_fe
-from backdrive.estimate.level import Adaptation
 from backdrive.laws import CoulombViscous, HaywardArmstrong, Law, LuGre
 from backdrive.status import Status
 

@@ -5,9 +5,9 @@ import pytest
 
 from backdrive import read_log
 from backdrive.errors import InvalidInput, MappingError
-from backdrive.readers._expression import CHANNEL_OF, parse
-from backdrive.readers.columns import Columns
-from backdrive.readers.mapping import to_log
+from backdrive.logs.readers._expression import CHANNEL_OF, parse
+from backdrive.logs.readers.columns import Columns
+from backdrive.logs.readers.mapping import to_log
 
 T = np.arange(5) * 0.1
 Q = np.arange(10.0).reshape(5, 2)

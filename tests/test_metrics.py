@@ -4,9 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from backdrive.errors import InvalidInput
+from backdrive.identification.metrics import curve_distance, relative_curve_distance
 from backdrive.identification.quality import judge
 from backdrive.laws import CoulombViscous, Law, Polyline
-from backdrive.metrics import curve_distance, relative_curve_distance
 
 
 def line(coulomb, viscous, negative=0.0):

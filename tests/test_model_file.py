@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from backdrive import FrictionModel, Joint, load_model
 from backdrive.errors import InvalidInput, ModelFileError, UnknownName
 from backdrive.laws import CoulombViscous, Law, Polyline
-from backdrive.log import Source
+from backdrive.logs.log import Source
 from backdrive.model import ArmModel, Estimate, JointFriction, Quality, Validity
-from backdrive.model_file import decode, encode
+from backdrive.model.file import decode, encode
 
 
 def model() -> FrictionModel:
@@ -107,7 +107,7 @@ def test_mutated_bytes_give_a_model_or_a_typed_error(cut, byte, at):
 def test_absent_and_oversized_files_are_typed(tmp_path, monkeypatch):
     with pytest.raises(ModelFileError, match="No such file"):
         load_model(tmp_path / "none.json")
-    monkeypatch.setattr("backdrive.model_file.MAX_BYTES", 10)
+    monkeypatch.setattr("backdrive.model.file.MAX_BYTES", 10)
     model().save(tmp_path / "m.json")
     with pytest.raises(ModelFileError, match="larger"):
         load_model(tmp_path / "m.json")

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 
-from backdrive.excite import Sweep
 from backdrive.identification import noise
 from backdrive.identification.noise import Noise, noise_of, tapered
 from backdrive.identification.signals import prepare
@@ -12,6 +11,7 @@ from backdrive.identification.sweep import sweep_knots
 from backdrive.identification.sweep_delay import sweep_delay
 from backdrive.identification.sweep_windows import windows
 from backdrive.laws import CoulombViscous, Law
+from backdrive.plans import Sweep
 from backdrive.simulation.machines import joint_1
 from backdrive.simulation.open_loop import simulate
 

@@ -3,8 +3,8 @@ import pytest
 
 from backdrive.engine import axis as plant
 from backdrive.errors import InvalidInput, UnknownName
-from backdrive.excite import Sweep, TorqueRamp
 from backdrive.laws import CoulombViscous, Law
+from backdrive.plans import Sweep, TorqueRamp
 from backdrive.simulation import MACHINES, Servo, SimulatedJoint, machine
 from backdrive.simulation.machines import bent_curve, joint_1
 from backdrive.simulation.open_loop import drive, longest_step, run, simulate

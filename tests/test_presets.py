@@ -12,11 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backdrive import load_model, presets
+from backdrive import load_model
 from backdrive.cli import main
 from backdrive.errors import UnknownName
 from backdrive.laws import RATES, REFERENCE, kernels
-from backdrive.model_file import decode, encode
+from backdrive.model import presets
+from backdrive.model.file import decode, encode
 
 ROOT = Path(__file__).resolve().parent.parent
 NAMES = presets.names()

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.excite import TorqueRamp
 from backdrive.identification.presliding import identify_ramp
 from backdrive.identification.ramp import presliding
-from backdrive.log import Joint, Log
+from backdrive.logs.log import Joint, Log
+from backdrive.plans import TorqueRamp
 from backdrive.simulation.machines import joint_0, setup_a
 from backdrive.simulation.open_loop import simulate
 

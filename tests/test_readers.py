@@ -23,11 +23,11 @@ from backdrive.errors import (
     UnknownFormat,
     UnknownName,
 )
-from backdrive.log import digest
-from backdrive.readers import READERS, peek, read_columns, read_log, read_logs
-from backdrive.readers._jointstate import Gatherer
-from backdrive.readers.columns import ReadOptions
-from backdrive.readers.limits import Limits
+from backdrive.logs.log import digest
+from backdrive.logs.readers import READERS, peek, read_columns, read_log, read_logs
+from backdrive.logs.readers._jointstate import Gatherer
+from backdrive.logs.readers.columns import ReadOptions
+from backdrive.logs.readers.limits import Limits
 
 DATA = os.environ.get("BACKDRIVE_DATA", "")
 needs_data = pytest.mark.skipif(
@@ -98,7 +98,9 @@ def test_what_is_no_log_gives_a_typed_error(tmp_path, name, content):
 )
 def test_a_missing_extra_is_named(tmp_path, monkeypatch, name, module, extra):
     path = written(tmp_path, name, 1)
-    for loaded in [m for m in sys.modules if m.split(".")[0] == module or m == f"backdrive.readers.{name}"]:
+    for loaded in [
+        m for m in sys.modules if m.split(".")[0] == module or m == f"backdrive.logs.readers.{name}"
+    ]:
         monkeypatch.delitem(sys.modules, loaded)
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(MissingExtra, match=rf'pip install "backdrive\[{extra}\]"'):

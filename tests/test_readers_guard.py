@@ -28,11 +28,11 @@ from backdrive.errors import (
     ReaderTimeout,
     TruncatedFile,
 )
-from backdrive.readers import guard as guard_module
-from backdrive.readers import peek, read_columns, read_log
-from backdrive.readers.columns import Columns, ReadOptions, frames, plain, unframe
-from backdrive.readers.guard import Guard, shared
-from backdrive.readers.limits import MIB, Limits
+from backdrive.logs.readers import guard as guard_module
+from backdrive.logs.readers import peek, read_columns, read_log
+from backdrive.logs.readers.columns import Columns, ReadOptions, frames, plain, unframe
+from backdrive.logs.readers.guard import Guard, shared
+from backdrive.logs.readers.limits import MIB, Limits
 
 SMALL = Limits(max_bytes=MIB)
 
@@ -138,9 +138,9 @@ def test_a_child_that_hangs_ends_though_its_parent_was_killed(tmp_path):
     os.mkfifo(tmp_path / "never.json")
     text = (
         "import sys\n"
-        "from backdrive.readers.guard import shared\n"
-        "from backdrive.readers.columns import ReadOptions\n"
-        "from backdrive.readers.limits import Limits\n"
+        "from backdrive.logs.readers.guard import shared\n"
+        "from backdrive.logs.readers.columns import ReadOptions\n"
+        "from backdrive.logs.readers.limits import Limits\n"
         "shared().start()\n"
         "print(shared().pid, flush=True)\n"
         "shared().read(sys.argv[1], 'json_', ReadOptions(limits=Limits(max_seconds=0.7)), size=0)\n"
@@ -199,7 +199,7 @@ def script(text: str, *arguments: str) -> subprocess.Popen:
 READ = """
 import signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # though it may be ignored here
-from backdrive.readers import guard, read_log
+from backdrive.logs.readers import guard, read_log
 read_log(sys.argv[1])
 print(guard.shared().pid, flush=True)
 """
@@ -254,13 +254,14 @@ def test_a_fork_gets_a_child_of_its_own(log_file):
     ],
 )
 def test_a_parser_may_not_be_led_to_other_deeds(deed):
-    text = f"from backdrive.readers import _worker as w; w._lock(); w._parsing.append('x'); {deed}"
+    text = f"from backdrive.logs.readers import _worker as w; w._lock(); w._parsing.append('x'); {deed}"
     done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=False)
     assert "ForbiddenContent: The file led its parser to" in done.stderr
 
 
 def test_a_parser_may_not_write_files(tmp_path):
-    text = f"from backdrive.readers import _worker as w; w._lock(); f = open({str(tmp_path / 'x')!r}, 'w'); f.write('x'); f.close()"
+    write = f"f = open({str(tmp_path / 'x')!r}, 'w'); f.write('x'); f.close()"
+    text = f"from backdrive.logs.readers import _worker as w; w._lock(); {write}"
     done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=False)
     assert "File too large" in done.stderr
     assert (tmp_path / "x").read_bytes() == b""

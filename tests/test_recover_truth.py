@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from backdrive.excite import Sweep, TorqueRamp
 from backdrive.identification import identify
+from backdrive.identification.metrics import relative_curve_distance
 from backdrive.identification.sweep import identify_sweep, sweep_knots
-from backdrive.metrics import relative_curve_distance
+from backdrive.plans import Sweep, TorqueRamp
 from backdrive.simulation import MACHINES, machine
 from backdrive.simulation.machines import bent_curve, joint_1
 from backdrive.simulation.open_loop import simulate

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.log import Joint, Log
+from backdrive.logs.log import Joint, Log
 
 pytest.importorskip("pinocchio")
 
@@ -295,7 +295,7 @@ def test_columns_of_a_joint_written_out():
 
 
 def test_rows_of_a_fit_are_the_filtered_columns_thinned(robot, monkeypatch):
-    from backdrive.filters import low_pass
+    from backdrive.logs.filters import low_pass
 
     (s,) = arm_signals.prepare_arm(made(seconds=60.0), robot)
     terms = [arm_terms.terms_of(np.abs(s.velocity[:, j])) for j in range(2)]

@@ -8,11 +8,22 @@ import numpy as np
 import pytest
 
 from backdrive.errors import ForbiddenContent, MappingError, ReadError, TruncatedFile, UnknownFormat
-from backdrive.readers import _channels, _formats, _names, hdf5, json_, mat, npz, parquet, read_log, read_logs
-from backdrive.readers._expression import parse
-from backdrive.readers.columns import Columns, ReadOptions
-from backdrive.readers.limits import Limits
-from backdrive.readers.mapping import to_log
+from backdrive.logs.readers import (
+    _channels,
+    _formats,
+    _names,
+    hdf5,
+    json_,
+    mat,
+    npz,
+    parquet,
+    read_log,
+    read_logs,
+)
+from backdrive.logs.readers._expression import parse
+from backdrive.logs.readers.columns import Columns, ReadOptions
+from backdrive.logs.readers.limits import Limits
+from backdrive.logs.readers.mapping import to_log
 
 T = 0.1 * np.arange(6)
 Q = np.arange(12.0).reshape(6, 2)

@@ -9,8 +9,7 @@ from math import copysign, cos, exp, inf, nan, pi, sin, sqrt
 import numba as nb
 import numpy as np
 import pytest
-
-from backdrive.compensate import (
+from backdrive.control.compensators import (
     Dither,
     alg_fc,
     alg_fc2,
@@ -21,18 +20,19 @@ from backdrive.compensate import (
     lugre_observer,
     mahvash_okamura,
 )
-from backdrive.compensate import compensator as compensator_
-from backdrive.compensate import dither as dither_
-from backdrive.compensate.extras import BristleObserver, DisturbanceObserver, Pulses
+from backdrive.control.compensators import compensator as compensator_
+from backdrive.control.compensators import dither as dither_
+from backdrive.control.compensators.extras import BristleObserver, DisturbanceObserver, Pulses
+from backdrive.control.estimators import Adaptation, AdaptiveFriction, RecursiveLeastSquares
+from backdrive.control.estimators.external import ExternalForce
+from backdrive.control.estimators.friction import FrictionEstimator, alg_fe, alg_fe2, between_counts, ct, ha
+from backdrive.control.estimators.friction import tick as friction_tick
+from backdrive.control.estimators.level import adapted, learned
+from backdrive.control.estimators.sliding_mode import MotionFilter
+
 from backdrive.control import Admittance, JointLoop, Loop
 from backdrive.control.admittance import tick as admit
 from backdrive.errors import InvalidInput
-from backdrive.estimate import Adaptation, AdaptiveFriction, RecursiveLeastSquares
-from backdrive.estimate.external import ExternalForce
-from backdrive.estimate.friction import FrictionEstimator, alg_fe, alg_fe2, between_counts, ct, ha
-from backdrive.estimate.friction import tick as friction_tick
-from backdrive.estimate.level import adapted, learned
-from backdrive.estimate.sliding_mode import MotionFilter
 from backdrive.laws import Coulomb, CoulombViscous, Decaying, Law, LuGre, Sigmoid, StribeckGauss
 from backdrive.status import Status
 

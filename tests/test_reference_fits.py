@@ -22,7 +22,7 @@ from backdrive.identification.sweep_knots import clamped
 from backdrive.identification.sweep_shown import _bend, error_of_curve
 from backdrive.identification.sweep_windows import Windows, _grows, turning_points
 from backdrive.laws import CoulombViscous, Decaying, GearLoad, Law, Polyline
-from backdrive.log import Joint, Log
+from backdrive.logs.log import Joint, Log
 from backdrive.model import Estimate, JointFriction, Quality, Validity
 
 RNG = np.random.default_rng(21)

@@ -5,7 +5,6 @@ import pytest
 from scipy import stats
 
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.excite import Sweep
 from backdrive.identification import curves, regression, sweep_delay
 from backdrive.identification.function_a import _curvature, _within, corrected, long_run
 from backdrive.identification.load_fit import growth, payload_growth
@@ -17,7 +16,8 @@ from backdrive.identification.sweep_knots import SweepKnots, ordered
 from backdrive.identification.sweep_payload import identify_payload
 from backdrive.identification.sweep_windows import Windows, windows
 from backdrive.identification.timing import torque_timing
-from backdrive.log import Joint, Log
+from backdrive.logs.log import Joint, Log
+from backdrive.plans import Sweep
 
 A, V = np.deg2rad(20), 2.0
 PLAN = Sweep(A, V, 6)

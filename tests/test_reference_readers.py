@@ -13,13 +13,13 @@ import pytest
 from backdrive import load_model
 from backdrive.errors import FileTooLarge, InvalidInput, ModelFileError, ReadError, UnknownFormat
 from backdrive.laws import CoulombViscous, Decaying, Law, MaxwellSlip, StribeckGauss
-from backdrive.log import Joint, Source
+from backdrive.logs.log import Joint, Source
+from backdrive.logs.readers import _dialect, bag, columns, csv_, mcap, units
+from backdrive.logs.readers._chunks import Damaged, expand
+from backdrive.logs.readers.columns import Columns, ReadOptions, frames, header, plain, unframe
+from backdrive.logs.readers.limits import GIB, MIB, Limits
 from backdrive.model import ArmModel, Estimate, FrictionModel, JointFriction, Quality, Validity
-from backdrive.model_file import decode, encode
-from backdrive.readers import _dialect, bag, columns, csv_, mcap, units
-from backdrive.readers._chunks import Damaged, expand
-from backdrive.readers.columns import Columns, ReadOptions, frames, header, plain, unframe
-from backdrive.readers.limits import GIB, MIB, Limits
+from backdrive.model.file import decode, encode
 
 # ------------------------------------------------------------------------------------------------ MCAP
 

@@ -18,7 +18,7 @@ from backdrive.errors import InvalidInput, MissingExtra
 from backdrive.identification.grade import grade
 from backdrive.identification.result import Curve, Samples
 from backdrive.model import Validity
-from backdrive.model_file import decode, encode
+from backdrive.model.file import decode, encode
 from backdrive.report import render, write_report
 from backdrive.report.figures import distance
 from backdrive.report.sheet import CSS

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.excite import InTurn, Sweep, inertia_bias
 from backdrive.identification.function_a import function_a, long_run
 from backdrive.identification.signals import prepare
 from backdrive.identification.sweep import find_windows, identify_sweep, sweep_knots, to_polyline
@@ -10,7 +9,8 @@ from backdrive.identification.sweep_equations import equations
 from backdrive.identification.sweep_knots import SweepKnots, clamped, ordered
 from backdrive.identification.sweep_windows import Windows, turning_points, windows
 from backdrive.laws import CoulombViscous, Law, Polyline
-from backdrive.log import Joint, Log
+from backdrive.logs.log import Joint, Log
+from backdrive.plans import InTurn, Sweep, inertia_bias
 from backdrive.simulation.machines import joint_1, setup_a
 from backdrive.simulation.open_loop import drive, simulate
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from backdrive.excite import Sweep
 from backdrive.identification.signals import prepare
 from backdrive.identification.sweep import identify_sweep
 from backdrive.identification.timing import torque_timing
+from backdrive.plans import Sweep
 from backdrive.simulation.machines import joint_1
 from backdrive.simulation.open_loop import simulate
 

@@ -8,6 +8,15 @@ from unittest import mock
 import numba as nb
 import numpy as np
 import pytest
+from backdrive.tuning import facts_of, load_tunings, save_tunings, tune
+from backdrive.tuning.facts import curve_of, shared
+from backdrive.tuning.goals import goal_of
+from backdrive.tuning.margins import least_breaking, with_value
+from backdrive.tuning.propose import _rows, fixed_rule
+from backdrive.tuning.reasons import origin
+from backdrive.tuning.safety import calmed, ends, safe
+from backdrive.tuning.scenes import corners, drawn, likely, stated
+from backdrive.tuning.search import inverse, place, search
 from typer.testing import CliRunner
 
 from backdrive.cli import app
@@ -15,17 +24,8 @@ from backdrive.cli.tune import _print
 from backdrive.control import Loop
 from backdrive.errors import InvalidInput, ModelFileError, NotIdentifiable
 from backdrive.laws import Coulomb, CoulombViscous, HaywardArmstrong, Law, Polyline, Sigmoid
-from backdrive.log import Joint
+from backdrive.logs.log import Joint
 from backdrive.model import Estimate, FrictionModel, JointFriction, Validity
-from backdrive.tune import facts_of, load_tunings, save_tunings, tune
-from backdrive.tune.facts import curve_of, shared
-from backdrive.tune.goals import goal_of
-from backdrive.tune.margins import least_breaking, with_value
-from backdrive.tune.propose import _rows, fixed_rule
-from backdrive.tune.reasons import origin
-from backdrive.tune.safety import calmed, ends, safe
-from backdrive.tune.scenes import corners, drawn, likely, stated
-from backdrive.tune.search import inverse, place, search
 
 TAKEN = "Friction is taken to vary by up to 10 % from day to day (--friction-error)."
 needs_jit = pytest.mark.skipif(nb.config.DISABLE_JIT, reason="simulates minutes of motion")
@@ -46,7 +46,7 @@ def knows(**changes):
 @cache
 def tuned(goal):
     """Return a tuning, worked out once, that closes in with one size of step."""
-    with mock.patch("backdrive.tune.search.STEPS", (0.1,)):
+    with mock.patch("backdrive.tuning.search.STEPS", (0.1,)):
         return tune(facts_of(FRICTION, motor_share=0.2), goal, joints=16)
 
 
@@ -230,7 +230,7 @@ def test_a_search_repeats_itself_and_is_safe(quick):
 @pytest.fixture
 def quick(monkeypatch):
     """Close in with one size of step."""
-    monkeypatch.setattr("backdrive.tune.search.STEPS", (0.1,))
+    monkeypatch.setattr("backdrive.tuning.search.STEPS", (0.1,))
 
 
 @needs_jit
@@ -340,9 +340,9 @@ def command(*words):
 
 @needs_jit
 def test_command_writes_file_and_picture(tmp_path, quick, monkeypatch):
-    monkeypatch.setattr("backdrive.tune.margins.SHARES", (0.6, 0.8, 1.0))
-    monkeypatch.setattr("backdrive.tune.margins.SPRINGS", (0.25, 0.5, 1.0))
-    monkeypatch.setattr("backdrive.tune.margins.DECAYS", (5.0, 20.0, 500.0))
+    monkeypatch.setattr("backdrive.tuning.margins.SHARES", (0.6, 0.8, 1.0))
+    monkeypatch.setattr("backdrive.tuning.margins.SPRINGS", (0.25, 0.5, 1.0))
+    monkeypatch.setattr("backdrive.tuning.margins.DECAYS", (5.0, 20.0, 500.0))
     model, out, picture = (tmp_path / n for n in ("model.json", "tuning.json", "region.png"))
     FrictionModel(joints=(FRICTION,)).save(model)
     code, result = command(str(model), "--joints", "8", "-o", str(out), "--picture", str(picture), "--json")

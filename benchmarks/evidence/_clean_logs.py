@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from backdrive.log import Joint, Log
+from backdrive.logs.log import Joint, Log
 
 #: Kinds of motion, with how often each is drawn.
 MOTIONS = {

@@ -11,14 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from backdrive.identification.dynamic.torque import Stretch, stretch
 
 from backdrive.engine import rollout
-from backdrive.filters import low_pass
-from backdrive.fitting.torque import Stretch, stretch
 from backdrive.identification.signals import prepare
 from backdrive.laws import Law, Makkar
 from backdrive.laws.examples import example
-from backdrive.log import Joint, Log
+from backdrive.logs.filters import low_pass
+from backdrive.logs.log import Joint, Log
 
 FINE = 1e-4  # s: grid of the motion
 DT = 1e-3  # s: sampling time of the log

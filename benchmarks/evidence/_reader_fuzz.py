@@ -216,9 +216,9 @@ def fuzz(reader_name: str, n: int = 10_000, seed: int = 1) -> dict:
 
 def fuzz_here(reader_name: str, n: int, seed: int) -> dict:
     """Do what `fuzz` promises in this process."""
-    from backdrive.readers import read_log
-    from backdrive.readers.guard import shared
-    from backdrive.readers.limits import MIB, Limits
+    from backdrive.logs.readers import read_log
+    from backdrive.logs.readers.guard import shared
+    from backdrive.logs.readers.limits import MIB, Limits
 
     suffix, write, variants = WRITERS[reader_name]
     limits = Limits(max_seconds=2.0, max_bytes=256 * MIB, max_memory=512 * MIB)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from _clean_logs import Clean
 
-from backdrive.log import Log
+from backdrive.logs.log import Log
 
 
 @dataclass(frozen=True)

@@ -24,9 +24,8 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 from _common import Judge, first_seed, parser
+from backdrive.plans.centres import noise_gain
 
-from backdrive.excite import Sweep
-from backdrive.excite.centres import noise_gain
 from backdrive.identification.load_fit import payload_growth
 from backdrive.identification.signals import prepare
 from backdrive.identification.sweep import fit_sweeps, sweep_knots, to_polyline
@@ -34,7 +33,8 @@ from backdrive.identification.sweep_delay import sweep_delay
 from backdrive.identification.sweep_fit import SweepFit
 from backdrive.identification.sweep_windows import windows
 from backdrive.laws import GearLoad, Law, Polyline
-from backdrive.log import Log
+from backdrive.logs.log import Log
+from backdrive.plans import Sweep
 from backdrive.simulation import SimulatedJoint
 from backdrive.simulation.machines import BEND, REACHED, joint_1
 from backdrive.simulation.open_loop import simulate

@@ -24,7 +24,7 @@ from _common import Judge, first_seed, parser
 from _log_faults import FAULTS, Fault
 from _sample_faults import Planted
 
-from backdrive.health import CHECKS, Finding, check
+from backdrive.logs.health import CHECKS, Finding, check
 
 FOUND, FALSE, MINUTES = 0.99, 0.005, 10.0
 CHANCE = 3.0  # standard deviations of a count, by which it may lie below its share

@@ -17,20 +17,26 @@ from dataclasses import replace
 
 import numpy as np
 from _common import Judge, parser
+from backdrive.control.compensators import alg_fc
+from backdrive.control.estimators import Adaptation
+from backdrive.control.estimators.external import ExternalForce
+from backdrive.control.estimators.friction import alg_fe
+from backdrive.identification.drift import (
+    change_of,
+    identify_thermal,
+    passive_level,
+    track,
+    virtual_temperature,
+)
+from backdrive.identification.drift.change import REPEAT, chance
 
-from backdrive.compensate import alg_fc
 from backdrive.control import Loop, Unguarded
-from backdrive.drift import change_of, identify_thermal, passive_level, track, virtual_temperature
-from backdrive.drift.change import REPEAT, chance
 from backdrive.engine import axis, rollout, servo
-from backdrive.estimate import Adaptation
-from backdrive.estimate.external import ExternalForce
-from backdrive.estimate.friction import alg_fe
-from backdrive.excite import Sweep
 from backdrive.identification.sweep import fit_sweeps, identify_sweep
 from backdrive.laws import CoulombViscous, Law, LoadTemperature, Polyline
-from backdrive.log import Joint, Log
+from backdrive.logs.log import Joint, Log
 from backdrive.model import JointFriction
+from backdrive.plans import Sweep
 from backdrive.simulation.machines import joint_0, joint_1
 from backdrive.simulation.open_loop import encoder, simulate
 

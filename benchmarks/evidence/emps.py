@@ -13,7 +13,7 @@ from scipy.signal import butter, cheby1, filtfilt, sosfiltfilt
 
 from backdrive.identification import curves, design, identify, regression
 from backdrive.identification.signals import Signals
-from backdrive.readers import read_log
+from backdrive.logs.readers import read_log
 
 PUBLISHED = {"M": 95.1089, "Fv": 203.5034, "Fc": 20.3935, "offset": -3.1648}
 FORCE = 35.15065188  # force constant that the data set gives [N/V]

@@ -18,13 +18,13 @@ from dataclasses import replace
 
 import numpy as np
 from _common import Judge, data, parser
+from backdrive.identification.dynamic.motion import MotionFit, MotionLog, fit_motion
+from backdrive.identification.dynamic.unknowns import LawShape
 from scipy.signal import butter, sosfiltfilt
 
 from backdrive.engine import Axis, DriveModel
-from backdrive.fitting.motion import MotionFit, MotionLog, fit_motion
-from backdrive.fitting.unknowns import LawShape
 from backdrive.laws import M1, Law
-from backdrive.readers import read_log
+from backdrive.logs.readers import read_log
 
 FORCE = 35.15065188  # force constant that the data set gives [N/V]
 HALF = 12.4  # s

@@ -22,19 +22,19 @@ from typing import Any
 
 import numpy as np
 from _common import Judge, data, parser
+from backdrive.control.estimators.external import ExternalForce
+from backdrive.control.estimators.friction import NOTHING, FrictionEstimator
+from backdrive.control.estimators.sliding_mode import MotionFilter
+from backdrive.identification.dynamic import LawFit
 from ur3 import NAMES, description, read
 
 from backdrive import fit, identify
-from backdrive.estimate.external import ExternalForce
-from backdrive.estimate.friction import NOTHING, FrictionEstimator
-from backdrive.estimate.sliding_mode import MotionFilter
-from backdrive.fitting import LawFit
 from backdrive.identification.arm_predict import explained
 from backdrive.identification.arm_signals import ArmSignals, prepare_arm
 from backdrive.identification.arm_terms import Regressor
 from backdrive.laws import CoulombViscous, Law
+from backdrive.logs.readers import read_log
 from backdrive.model import FrictionModel
-from backdrive.readers import read_log
 from backdrive.robot import Robot, load_robot
 
 FORCE = 35.15065188  # force constant of the EMPS [N/V]

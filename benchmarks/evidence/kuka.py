@@ -14,7 +14,7 @@ from backdrive.identification import identify, validate
 from backdrive.identification.dynamics import predict
 from backdrive.identification.quality import judge as quality
 from backdrive.identification.signals import prepare
-from backdrive.readers import read_log
+from backdrive.logs.readers import read_log
 
 GEAR = (256.86, 267.43, 252.33, 221.0, 239.62, 154.32)
 MAP = "t=rec.time_cont,q=deg*rec.act_pos_mot_deg,dq=deg*rec.act_vel_mot_deg_per_s,tau=rec.act_torque_abs_nm"

@@ -16,12 +16,12 @@ from pathlib import Path
 
 import numpy as np
 from _common import Judge
+from backdrive.control.compensators import Dither, alg_fc2
+from backdrive.control.estimators.external import ExternalForce
+from backdrive.control.estimators.friction import alg_fe2, between_counts
 
-from backdrive.compensate import Dither, alg_fc2
 from backdrive.control import JointLoop, Loop, torque_limit
 from backdrive.engine.cores import available
-from backdrive.estimate.external import ExternalForce
-from backdrive.estimate.friction import alg_fe2, between_counts
 from backdrive.simulation import machine
 from backdrive.simulation.closed_loop import Scene, play
 from backdrive.simulation.hand import Hand, strokes

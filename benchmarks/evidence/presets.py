@@ -18,8 +18,8 @@ from _common import Judge, data, parser
 
 from backdrive import load_model
 from backdrive.laws import REFERENCE, kernels
-from backdrive.model_file import encode
-from backdrive.presets import names
+from backdrive.model.file import encode
+from backdrive.model.presets import names
 
 FAMILIES = {
     "erob80-100": "erob80_100",

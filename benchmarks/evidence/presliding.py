@@ -12,12 +12,12 @@ import time
 
 import numpy as np
 from _common import Judge, parser
+from backdrive.identification.dynamic.law_fit import fit_law
+from backdrive.identification.dynamic.torque import stretch
 
-from backdrive.fitting.law_fit import fit_law
-from backdrive.fitting.torque import stretch
 from backdrive.identification.signals import prepare
 from backdrive.laws import GMS, Law, LuGre, StribeckGauss
-from backdrive.log import Log
+from backdrive.logs.log import Log
 from backdrive.simulation import machine
 from backdrive.simulation.open_loop import drive
 

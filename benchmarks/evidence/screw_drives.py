@@ -16,7 +16,7 @@ from _common import Judge, data, parser
 
 from backdrive.identification.constant_velocity import compare_sections
 from backdrive.identification.runs import find_runs
-from backdrive.readers import read_logs
+from backdrive.logs.readers import read_logs
 
 TORQUE = 9.84e-5  # motor torque of one percent [N.m]
 MAP = f't=time,dq=rpm*"Velocity actual value averaged",tau={TORQUE}*"Torque actual value averaged"'

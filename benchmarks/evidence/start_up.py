@@ -122,8 +122,8 @@ def median(command: list[str]) -> Cost:
 
 def numerics() -> float:
     """Return the median time of the sweep identification of one 16 s, 1 kHz log [s]."""
-    from backdrive.excite import Sweep
     from backdrive.identification.sweep import sweep_knots
+    from backdrive.plans import Sweep
     from backdrive.simulation.machines import joint_1
     from backdrive.simulation.open_loop import simulate
 

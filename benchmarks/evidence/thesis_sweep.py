@@ -11,11 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 from _common import Judge, parser
 
-from backdrive.excite import Sweep, inertia_bias
+from backdrive.identification.metrics import curve_distance, relative_curve_distance
 from backdrive.identification.sweep import SweepKnots, sweep_knots, to_polyline
 from backdrive.laws import Law
-from backdrive.log import Log
-from backdrive.metrics import curve_distance, relative_curve_distance
+from backdrive.logs.log import Log
+from backdrive.plans import Sweep, inertia_bias
 from backdrive.simulation import SimulatedJoint
 from backdrive.simulation.machines import joint_0, joint_1, joint_2
 from backdrive.simulation.open_loop import simulate

@@ -18,8 +18,8 @@ from _common import Judge, data, parser
 from backdrive.errors import BackdriveError
 from backdrive.identification import identify, validate
 from backdrive.identification.arm import identify_arm, predict_arm
-from backdrive.log import Joint
-from backdrive.readers import read_log
+from backdrive.logs.log import Joint
+from backdrive.logs.readers import read_log
 
 NAMES = [f"{n}_joint" for n in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")]
 LIMITS = (8.0, 8.0, 8.5, 9.0, 11.5, 11.5)

@@ -8,25 +8,27 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from backdrive import _renamed
+
 __version__ = "0.1.0"
 
 _HOMES = {
     "BackdriveError": "backdrive.errors",
-    "Joint": "backdrive.log",
-    "Log": "backdrive.log",
-    "Drive": "backdrive.log",
-    "read_log": "backdrive.readers",
-    "read_logs": "backdrive.readers",
-    "check": "backdrive.health",
-    "Sweep": "backdrive.excite",
+    "Joint": "backdrive.logs.log",
+    "Log": "backdrive.logs.log",
+    "Drive": "backdrive.logs.log",
+    "read_log": "backdrive.logs.readers",
+    "read_logs": "backdrive.logs.readers",
+    "check": "backdrive.logs.health",
+    "Sweep": "backdrive.plans",
     "identify": "backdrive.identification",
     "FrictionModel": "backdrive.model",
     "load_model": "backdrive.model",
     "Axis": "backdrive.engine",
     "DriveModel": "backdrive.engine",
     "Law": "backdrive.laws",
-    "fit": "backdrive.fitting",
-    "fit_motion": "backdrive.fitting",
+    "fit": "backdrive.identification.dynamic",
+    "fit_motion": "backdrive.identification.dynamic",
     "forward": "backdrive.engine",
     "rollout": "backdrive.engine",
 }
@@ -59,19 +61,22 @@ if TYPE_CHECKING:
     from backdrive.engine import forward as forward
     from backdrive.engine import rollout as rollout
     from backdrive.errors import BackdriveError as BackdriveError
-    from backdrive.excite import Sweep as Sweep
-    from backdrive.fitting import fit as fit
-    from backdrive.fitting import fit_motion as fit_motion
-    from backdrive.health import check as check
     from backdrive.identification import identify as identify
+    from backdrive.identification.dynamic import fit as fit
+    from backdrive.identification.dynamic import fit_motion as fit_motion
     from backdrive.laws import Law as Law
-    from backdrive.log import Drive as Drive
-    from backdrive.log import Joint as Joint
-    from backdrive.log import Log as Log
+    from backdrive.logs.health import check as check
+    from backdrive.logs.log import Drive as Drive
+    from backdrive.logs.log import Joint as Joint
+    from backdrive.logs.log import Log as Log
+    from backdrive.logs.readers import read_log as read_log
+    from backdrive.logs.readers import read_logs as read_logs
     from backdrive.model import FrictionModel as FrictionModel
     from backdrive.model import load_model as load_model
-    from backdrive.readers import read_log as read_log
-    from backdrive.readers import read_logs as read_logs
+    from backdrive.plans import Sweep as Sweep
+
+
+_renamed.install()
 
 
 def __getattr__(name: str) -> Any:

@@ -1,15 +1,17 @@
 """The only numba decorator, with a disk cache that knows when any kernel has changed.
 
-Numba's own cache looks at the file of the function it compiled, not at the files of the functions that it calls: after
-an edit in another file it returns the old numbers. Here the cache's stamp is a digest of every file that may hold a
-kernel, so that an edit anywhere in them recompiles. The stamp hooks into numba's internals (`_jit_cache`); where those have moved,
-functions are compiled in every process instead (slower, never stale).
+Numba's own cache looks at the file of the function it compiled, not at the files of the functions that it calls: after an edit in
+another file it returns the old numbers. Here the cache's stamp is a digest of every file that holds a kernel or is imported by
+one, found in the tree, so that an edit anywhere in them recompiles. The stamp hooks into numba's internals (`_jit_cache`); where
+those have moved, functions are compiled in every process instead (slower, never stale).
 """
 
 from __future__ import annotations
 
 import ctypes
 import hashlib
+import os
+import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -19,31 +21,47 @@ import numba as nb
 
 F = TypeVar("F", bound=Callable)
 
-#: Folders and files of the package that may hold kernels.
-KERNEL_HOMES = (
-    "_jit.py",
-    "filters.py",
-    "laws",
-    "engine",
-    "estimate",
-    "compensate",
-    "control",
-    "simulation",
-)
+KERNEL = b"from backdrive._jit import"
+IMPORT = re.compile(rb"^ *(?:from|import) (backdrive[\w.]*)(?: import \(?([\w, ]+))?", re.MULTILINE)
 
 
 @cache
 def kernel_digest() -> str:
-    """Return the sha256 over all sources that may hold a kernel, names included."""
-    root = Path(__file__).parent
+    """Return the sha256 over all sources that hold a kernel, and all that these import, names included."""
     total = hashlib.sha256(nb.__version__.encode())
-    for home in KERNEL_HOMES:
-        path = root / home
-        files = sorted(path.rglob("*.py")) if path.is_dir() else [path] if path.exists() else []
-        for file in files:
-            total.update(str(file.relative_to(root)).encode())
-            total.update(file.read_bytes())
+    for name, source in kernel_sources(Path(__file__).parent).items():
+        total.update(name.encode())
+        total.update(source)
     return total.hexdigest()
+
+
+def kernel_sources(root: str | Path) -> dict[str, bytes]:
+    """Return path -> content of the files of a package that hold a kernel and of those that these import, in order.
+
+    A kernel keeps the numbers of the modules that it was compiled with, not only the functions: so imports count.
+
+    Args:
+        root: folder of the package.
+    """
+    sources = {}
+    for folder, _, files in os.walk(root):
+        within = os.path.relpath(folder, root).replace(os.sep, "/").removeprefix(".").lstrip("/")
+        for file in files:
+            if file.endswith(".py"):
+                with open(os.path.join(folder, file), "rb") as stream:
+                    sources[f"{within}/{file}".lstrip("/")] = stream.read()
+    waiting = [name for name, source in sources.items() if KERNEL in source]
+    reached = {"_jit.py"}
+    while waiting:
+        name = waiting.pop()
+        if name in reached:
+            continue
+        reached.add(name)
+        for module, members in IMPORT.findall(sources[name]):
+            stem = module.decode().removeprefix("backdrive").removeprefix(".").replace(".", "/")
+            stems = [stem, *(f"{stem}/{m.strip()}".strip("/") for m in members.decode().split(","))]
+            waiting += [f for s in stems for f in (f"{s}.py", f"{s}/__init__.py") if f in sources]
+    return {name: sources[name] for name in sorted(reached)}
 
 
 def _bind_libm() -> None:

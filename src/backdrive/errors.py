@@ -57,6 +57,12 @@ class MappingError(InvalidInput):
     """A `--map` expression or a channel name does not fit the file."""
 
 
+class Renamed(BackdriveError, ImportError):
+    """A module or name has another name now; the message says which."""
+
+    exit_code = 2
+
+
 class MissingExtra(BackdriveError, ImportError):
     """An optional dependency is not installed; the remedy names the extra."""
 

@@ -67,13 +67,13 @@ def interrupted() -> bool:
 
 def _keeping() -> bool:
     """Return whether a fit has something that a first Ctrl-C is to keep."""
-    stopping = sys.modules.get("backdrive.fitting.stopping")
+    stopping = sys.modules.get("backdrive.identification.dynamic.stopping")
     return stopping is not None and stopping.keeping()
 
 
 def leave(*, said: bool = False) -> NoReturn:
     """Say so, unless it was said, and end the process at once, its children included, without waiting for threads."""
-    guard = sys.modules.get("backdrive.readers.guard")
+    guard = sys.modules.get("backdrive.logs.readers.guard")
     if guard is not None:
         guard.shared().kill()
     with suppress(OSError, ValueError):

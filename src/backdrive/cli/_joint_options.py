@@ -60,7 +60,7 @@ def guards(
 
     described: dict[str, Any] = {}
     if urdf is not None:
-        from backdrive.limits import read_limits
+        from backdrive.plans.limits import read_limits
 
         described = read_limits(urdf)
         absent = [name for name in names if name not in described]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from backdrive.log import Log
+    from backdrive.logs.log import Log
 
 Logs = Annotated[
     list[Path],
@@ -114,7 +114,7 @@ def check_targets(
         check_writable(path)
         taken[realpath(path)] = path
     if any(path in drawn or path.suffix.lower() in (".png", ".svg") for path in wanted):
-        from backdrive.plots.canvas import require_matplotlib
+        from backdrive.report.pictures.canvas import require_matplotlib
 
         require_matplotlib()
 
@@ -155,7 +155,7 @@ def plan_from(path: Path | None):
     """Return the plan of a --plan option, a file or the folder that holds its plan.json; or None."""
     if path is None:
         return None
-    from backdrive.excite import load_plan
+    from backdrive.plans import load_plan
 
     return load_plan(path / "plan.json" if path.is_dir() else path)
 
@@ -178,7 +178,7 @@ def read(
     topic: str | None = None,
 ) -> list[Log]:
     """Read the logs a command was given."""
-    from backdrive.readers import read_logs
+    from backdrive.logs.readers import read_logs
 
     unit, count = words(units), numbers(counts, "--counts")
     return read_logs(

@@ -12,8 +12,8 @@ from backdrive.cli._plan_request import Request
 from backdrive.cli._planning import build, center_of, checked, holds_of, single_plans
 
 if TYPE_CHECKING:
-    from backdrive.excite.centres import Separation
-    from backdrive.limits import JointLimits
+    from backdrive.plans.centres import Separation
+    from backdrive.plans.limits import JointLimits
 
 
 def build_centres(request: Request) -> tuple[Separation, list[Any], dict[str, JointLimits]]:
@@ -26,8 +26,8 @@ def build_centres(request: Request) -> tuple[Separation, list[Any], dict[str, Jo
         BackdriveError: as `build`; or the centers are too near, or the joint is linear, or several joints were named.
     """
     from backdrive.errors import InvalidInput
-    from backdrive.excite import InTurn
-    from backdrive.excite.centres import choose_centers, sweeps_about
+    from backdrive.plans import InTurn
+    from backdrive.plans.centres import choose_centers, sweeps_about
 
     word = str(request.centres).strip().lower()
     chosen = word == "auto" or word.isdigit()
@@ -76,7 +76,7 @@ def folders_of(found: Separation, output: Path) -> list[Path]:
 
 def notes_of_centres(found: Separation, request: Request) -> list[str]:
     """Return a note where the noise gain that was sought was not reached."""
-    from backdrive.excite.centres import MOST_GAIN, MOST_SWEEPS
+    from backdrive.plans.centres import MOST_GAIN, MOST_SWEEPS
 
     if str(request.centres).strip().lower() != "auto" or found.noise_gain <= MOST_GAIN:
         return []

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from backdrive.cli._plan_request import Request
-    from backdrive.limits import JointLimits
+    from backdrive.plans.limits import JointLimits
 
 _BIAS, _SLIP = 0.1, 1e-3  # what `--bias` [N.m or N] and `--time-slip` [s] are unless given
 
@@ -15,7 +15,7 @@ def figures_of(plan: Any, limits: JointLimits, request: Request) -> dict[str, An
     """Return what a person wants to know of one joint's plan, SI."""
     import math
 
-    from backdrive.excite import inertia_bias, smallest_stroke, stroke_for_bias
+    from backdrive.plans import inertia_bias, smallest_stroke, stroke_for_bias
 
     figures: dict[str, Any] = {
         "joint": plan.joint,
@@ -115,7 +115,7 @@ def _rows(f: dict[str, Any]) -> list[tuple[str, str]]:
     """Return labels and values of a joint's figures."""
     import math
 
-    from backdrive.excite.base import spoken, torque_unit
+    from backdrive.plans.base import spoken, torque_unit
 
     unit, newton = f["unit"], torque_unit(f["unit"])
     rows = [("joint", f["joint"]), ("duration", f"{f['duration']:.4g} s")]
@@ -140,7 +140,7 @@ def _rows(f: dict[str, Any]) -> list[tuple[str, str]]:
 
 def _bias_rows(f: dict[str, Any]) -> list[tuple[str, str]]:
     """Return labels and values of what inertia falsifies, where it is known."""
-    from backdrive.excite.base import spoken, torque_unit
+    from backdrive.plans.base import spoken, torque_unit
 
     if "stroke_for_bias" not in f:
         return []

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from backdrive.cli._plan_request import KINDS, Request, refuse_idle_options
 
 if TYPE_CHECKING:
-    from backdrive.limits import JointLimits
+    from backdrive.plans.limits import JointLimits
 
 MOST_STROKE = {"rad": 2.0 * math.pi, "m": 5.0}  # beyond, somebody has probably taken a wrong unit
 MOST_SPEED = {"rad": 30.0, "m": 10.0}
@@ -26,7 +26,7 @@ def build(request: Request, *, check: bool = True) -> tuple[Any, dict[str, Joint
     """
     from backdrive._catalog import lookup
     from backdrive.errors import InvalidInput
-    from backdrive.excite import Held, InTurn
+    from backdrive.plans import Held, InTurn
 
     lookup(request.kind, KINDS, "kind of plan")
     refuse_idle_options(request)
@@ -64,8 +64,8 @@ def checked(
         InvalidInput: names the limits that are passed.
     """
     from backdrive.errors import InvalidInput
-    from backdrive.excite import check_limits
-    from backdrive.limits import JointLimits
+    from backdrive.plans import check_limits
+    from backdrive.plans.limits import JointLimits
 
     torque = {
         "inertia": request.inertia,
@@ -79,7 +79,7 @@ def checked(
         own = limits if isinstance(limits, JointLimits) else limits[one.joint]
         if not alternative or own.lower <= one.position_range[0] <= one.position_range[1] <= own.upper:
             raise
-        from backdrive.excite.centres import WHAT_ELSE
+        from backdrive.plans.centres import WHAT_ELSE
 
         raise InvalidInput(
             f"The sweep about {math.degrees(one.center):.4g} deg cannot be driven. {error.message}",
@@ -89,7 +89,7 @@ def checked(
 
 def single_plans(plan: Any) -> tuple[Any, ...]:
     """Return the plans of single joints that a plan is made of."""
-    from backdrive.excite import InTurn
+    from backdrive.plans import InTurn
 
     return plan.plans if isinstance(plan, InTurn) else (plan,)
 
@@ -98,7 +98,7 @@ def _joints(request: Request) -> tuple[dict[str, JointLimits], list[str]]:
     """Return limits by joint, options put over the description, and the joints that are to move."""
     from backdrive._catalog import lookup
     from backdrive.errors import InvalidInput
-    from backdrive.limits import JointLimits, read_limits
+    from backdrive.plans.limits import JointLimits, read_limits
 
     wanted = list(dict.fromkeys(request.joint or []))
     if request.unit not in (None, "rad", "m"):
@@ -163,7 +163,7 @@ def holds_of(request: Request) -> dict[str, float]:
 
 
 def _plan(request: Request, limits: JointLimits, hold: float | None) -> Any:
-    from backdrive import excite
+    from backdrive import plans as excite
     from backdrive.cli._logs import numbers
     from backdrive.errors import InvalidInput
 
@@ -260,7 +260,7 @@ def _one_of(request: Request, name: str, limits: JointLimits) -> float:
 def _refuse_wrong_unit(plan: Any, limits: JointLimits) -> None:
     """Refuse sizes that only a mistaken unit explains, unless limits say that they are meant."""
     from backdrive.errors import InvalidInput
-    from backdrive.excite.base import spoken
+    from backdrive.plans.base import spoken
 
     if plan.commands != "position":
         return

@@ -10,8 +10,8 @@ from backdrive.cli import _logs
 from backdrive.cli._output import console as new_console
 
 if TYPE_CHECKING:
-    from backdrive.drift.change import Change
     from backdrive.errors import InvalidInput
+    from backdrive.identification.drift.change import Change
     from backdrive.model import FrictionModel
 
 
@@ -44,8 +44,8 @@ def command(
 
     Example: backdrive compare folded.json stretched.json --joint elbow
     """
-    from backdrive.drift.change import change_of
     from backdrive.errors import InvalidInput
+    from backdrive.identification.drift.change import change_of
 
     if top_speed is not None and not 0.0 < top_speed < float("inf"):
         raise InvalidInput(
@@ -117,7 +117,7 @@ def _pairs(
 
 def _print_json(changes: list[Change], left_out: list[str], unjudged: InvalidInput | None) -> None:
     from backdrive.cli._output import print_json
-    from backdrive.drift.change import REACH, kind_of
+    from backdrive.identification.drift.change import REACH, kind_of
 
     rows = {
         c.joint: {

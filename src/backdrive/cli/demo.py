@@ -32,7 +32,7 @@ def command(
 
     from backdrive.cli._output import print_json
     from backdrive.cli._progress import progress
-    from backdrive.plots.canvas import require_matplotlib
+    from backdrive.report.pictures.canvas import require_matplotlib
 
     _logs.check_folder(folder, ("model.json", "report.html"))
     require_matplotlib()
@@ -42,9 +42,9 @@ def command(
         import numpy as np
 
         from backdrive._files import make_folder, write_together
-        from backdrive.excite import Sweep
         from backdrive.identification import identify
-        from backdrive.model_file import encode
+        from backdrive.model.file import encode
+        from backdrive.plans import Sweep
         from backdrive.report import render
         from backdrive.simulation.machines import machine
         from backdrive.simulation.open_loop import simulate

@@ -14,7 +14,7 @@ from backdrive.cli._output import console as new_console
 from backdrive.cli._output import echo
 
 if TYPE_CHECKING:
-    from backdrive.fitting import FitResult
+    from backdrive.identification.dynamic import FitResult
 
 
 def command(
@@ -94,7 +94,7 @@ def command(
     """
     from backdrive.cli._progress import progress
     from backdrive.cli.identify import failing
-    from backdrive.fitting import fit
+    from backdrive.identification.dynamic import fit
 
     _logs.check_targets([output], [*logs, *(hold_out or [])], drawn=[report])
     if not gate > 0:
@@ -179,8 +179,8 @@ def _drive(words: str | None, bounds: dict[str, tuple[float, float]]):
     """Return the drive of the engine that a person names, or None."""
     if words is None:
         return None
-    from backdrive.fitting.drive_of_log import model_of, sought_of
-    from backdrive.log import Drive
+    from backdrive.identification.dynamic.drive_of_log import model_of, sought_of
+    from backdrive.logs.log import Drive
 
     law, _, gains = words.partition(",")
     return model_of(Drive(law=law.strip(), gains=_numbers_of(gains, "--drive")), sought_of(bounds))  # type: ignore[arg-type]
@@ -206,7 +206,7 @@ def _print_json(result: FitResult, written: list[str], bad: list[str]) -> None:
     import json
 
     from backdrive.cli._output import print_json
-    from backdrive.model_file import encode
+    from backdrive.model.file import encode
 
     print_json(
         {

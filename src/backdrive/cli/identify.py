@@ -194,7 +194,7 @@ def _print_json(result: Identification, output: Path | None, report: Path | None
     import json
 
     from backdrive.cli._output import print_json
-    from backdrive.model_file import encode
+    from backdrive.model.file import encode
 
     print_json(
         {

@@ -11,8 +11,8 @@ from backdrive.cli._output import console as new_console
 from backdrive.cli._output import echo
 
 if TYPE_CHECKING:
-    from backdrive.health import Finding
-    from backdrive.log import Log
+    from backdrive.logs.health import Finding
+    from backdrive.logs.log import Log
 
 BARS = "▁▂▃▄▅▆▇█"
 PLAIN = "_.-~=+*#"
@@ -41,7 +41,7 @@ def command(
     from backdrive._catalog import lookup
     from backdrive.cli._output import print_json
     from backdrive.cli._progress import progress
-    from backdrive.health import CHECKS, check
+    from backdrive.logs.health import CHECKS, check
 
     accepted = {lookup(n, {c.name: c.name for c in CHECKS}, "health check") for n in accept or []}
     linked = _logs.plan_from(plan)
@@ -79,7 +79,7 @@ def summary(log: Log) -> dict[str, Any]:
     """Return what a log holds, as plain values in SI units."""
     import numpy as np
 
-    from backdrive.log import channel_unit
+    from backdrive.logs.log import channel_unit
 
     steps = np.diff(log.time)
     period = log.period

@@ -49,7 +49,7 @@ def command(
         _logs.check_targets([], [], drawn=[plot])
     law, kinds = _named(name)
     if plot is not None:
-        from backdrive.plots.signatures import save
+        from backdrive.report.pictures.signatures import save
 
         save(plot, law, title=name)
     if as_json:

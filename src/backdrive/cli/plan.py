@@ -11,7 +11,7 @@ from backdrive.cli import _logs
 from backdrive.cli._output import echo
 
 if TYPE_CHECKING:
-    from backdrive.limits import JointLimits
+    from backdrive.plans.limits import JointLimits
 
 
 def _option(help: str, *names: str) -> Any:
@@ -122,7 +122,7 @@ def command(
     written = _write({output / name: text for name, text in contents.items()})
     if as_json:
         from backdrive.cli._output import print_json
-        from backdrive.excite import plan_to_dict
+        from backdrive.plans import plan_to_dict
 
         print_json(
             {
@@ -164,7 +164,7 @@ def _several(request: Any, output: Path, rate: float, ros_rate: float, draw: str
     )
     if as_json:
         from backdrive.cli._output import print_json
-        from backdrive.excite import plan_to_dict
+        from backdrive.plans import plan_to_dict
 
         print_json(
             {
@@ -194,14 +194,14 @@ def _contents(
     import json
 
     from backdrive.errors import InvalidInput, MissingExtra
-    from backdrive.excite import plan_to_dict
-    from backdrive.excite.tables import csv_text, npz_bytes, sample, trajectory_yaml
+    from backdrive.plans import plan_to_dict
+    from backdrive.plans.tables import csv_text, npz_bytes, sample, trajectory_yaml
 
     contents: dict[str, str | bytes] = {}
     if draw not in ("png", "svg", "none"):
         raise InvalidInput(f"--draw {draw} is no kind of picture.", remedy="Give png, svg or none.")
     if draw != "none":
-        from backdrive.plots.plan import picture
+        from backdrive.report.pictures.plan import picture
 
         try:
             contents[f"plan.{draw}"] = picture(plan, draw, limits)

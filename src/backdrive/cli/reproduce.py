@@ -48,7 +48,7 @@ def command(
             _print_list(entries)
         return
     from backdrive.cli import _logs
-    from backdrive.plots.canvas import require_matplotlib
+    from backdrive.report.pictures.canvas import require_matplotlib
 
     entries = choose(names or ())
     pictures = [f"{entry.name}.{kind}" for entry in entries for kind in ("png", "svg")]

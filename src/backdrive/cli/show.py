@@ -43,7 +43,7 @@ def command(
     Example: backdrive show preset:mx106/m6
     """
     from backdrive.model import FrictionModel, load_model
-    from backdrive.presets import preset_name
+    from backdrive.model.presets import preset_name
 
     if preset_name(model) == "" and plot is None and not joint:
         _print_presets(as_json)
@@ -61,7 +61,7 @@ def command(
             version=loaded.version,
         )
     if plot is not None:
-        from backdrive.plots.curve import save_curves
+        from backdrive.report.pictures.curve import save_curves
 
         save_curves(plot, shown)
     if as_json:
@@ -74,7 +74,7 @@ def command(
 
 def _print_presets(as_json: bool) -> None:
     from backdrive.cli._output import print_json
-    from backdrive.presets import PREFIX, overview
+    from backdrive.model.presets import PREFIX, overview
 
     presets = list(overview())
     if as_json:
@@ -89,8 +89,8 @@ def _print_json(model, plot: Path | None) -> None:
     import json
 
     from backdrive.cli._output import print_json
-    from backdrive.model_file import encode
-    from backdrive.plots.model_curve import largest_error
+    from backdrive.model.file import encode
+    from backdrive.report.pictures.model_curve import largest_error
 
     curves = {}
     for friction, (name, curve) in zip(model.joints, model.table(SPEEDS).items()):

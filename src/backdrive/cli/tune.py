@@ -14,7 +14,7 @@ from backdrive.cli._output import echo
 
 if TYPE_CHECKING:
     from backdrive.errors import BackdriveError
-    from backdrive.tune import Tuning
+    from backdrive.tuning import Tuning
 
 
 RESTS = (("does NOT come to rest", "comes to rest"), ("does NOT fade at rest", "fades at rest"))  # NOT, yes
@@ -116,9 +116,9 @@ def command(
     from backdrive import load_model
     from backdrive.cli._progress import progress
     from backdrive.errors import BackdriveError, InvalidInput
-    from backdrive.tune import facts_of, save_tunings, tune
-    from backdrive.tune.bounds import check
-    from backdrive.tune.scenes import stated
+    from backdrive.tuning import facts_of, save_tunings, tune
+    from backdrive.tuning.bounds import check
+    from backdrive.tuning.scenes import stated
 
     warm: Any = None if temperature is None else _joint_options.ends(temperature, "--temperature", "20:45")
     warm = (warm, warm) if isinstance(warm, float) else warm
@@ -177,7 +177,7 @@ def command(
         if refused and not found:
             _refuse(refused, as_json)
         if picture is not None:
-            from backdrive.plots.tuning import draw
+            from backdrive.report.pictures.tuning import draw
 
             say("Drawing")
             draw(found[0], picture)
@@ -186,7 +186,7 @@ def command(
     written = [str(p) for p in (output, picture) if p]
     if as_json:
         from backdrive.cli._output import print_json
-        from backdrive.tune.tuning_file import plain
+        from backdrive.tuning.tuning_file import plain
 
         without = {name: str(error) for name, error in refused.items()}
         print_json(

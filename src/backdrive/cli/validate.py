@@ -14,7 +14,7 @@ from backdrive.cli._output import echo
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from backdrive.fitting.judging import MotionQuality
+    from backdrive.identification.dynamic.judging import MotionQuality
     from backdrive.model import FrictionModel
 
 
@@ -62,7 +62,7 @@ def command(
         read = [healthy(log, accept or [], repair, suspect) for log in read]
         say("Predicting")
         if all(log.torque is None and log.drive_input is not None for log in read):
-            from backdrive.fitting.judging import judge_motion
+            from backdrive.identification.dynamic.judging import judge_motion
 
             by_motion = judge_motion(loaded, read)
             _show_motion(loaded, by_motion, gate, suspect, as_json)

@@ -10,9 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.compensate.compensator import Compensator
-from backdrive.compensate.extras import BristleObserver, DisturbanceObserver
 from backdrive.control import envelope
+from backdrive.control.compensators.compensator import Compensator
+from backdrive.control.compensators.extras import BristleObserver, DisturbanceObserver
+from backdrive.control.estimators.external import ExternalForce
+from backdrive.control.estimators.level import Adaptation
 from backdrive.control.table import (
     ANCHOR,
     BEFORE,
@@ -37,8 +39,6 @@ from backdrive.control.table import (
     UPPER,
 )  # fmt: skip
 from backdrive.errors import InvalidInput, LimitWarning
-from backdrive.estimate.external import ExternalForce
-from backdrive.estimate.level import Adaptation
 from backdrive.laws import REFERENCE, Law
 
 LATCH_TIME = 0.15  # from the limit to zero when latched [s]

@@ -22,9 +22,11 @@ from typing import Any
 import numpy as np
 
 from backdrive._jit import jit, ladder
-from backdrive.compensate import compensator as compensator_
 from backdrive.control import guard, readings
+from backdrive.control.compensators import compensator as compensator_
 from backdrive.control.envelope import PERIOD, check
+from backdrive.control.estimators import external as external_
+from backdrive.control.estimators.level import learned
 from backdrive.control.joint_loop import JointLoop, Unguarded, rows
 from backdrive.control.table import (
     ANCHOR,
@@ -62,8 +64,6 @@ from backdrive.control.table import (
     UPPER,
 )  # fmt: skip
 from backdrive.errors import InvalidInput
-from backdrive.estimate import external as external_
-from backdrive.estimate.level import learned
 from backdrive.status import Status
 
 OK, NOT_FINITE, NO_MOTION = int(Status.OK), int(Status.NOT_FINITE), int(Status.NO_MOTION)

@@ -15,7 +15,8 @@ from __future__ import annotations
 import numpy as np
 
 from backdrive._jit import jit
-from backdrive.compensate import compensator as compensator_
+from backdrive.control.compensators import compensator as compensator_
+from backdrive.control.estimators import external as external_
 from backdrive.control.table import (
     ANCHOR,
     APPLIED,
@@ -41,7 +42,6 @@ from backdrive.control.table import (
     TIME,
     TOP,
 )  # fmt: skip
-from backdrive.estimate import external as external_
 from backdrive.status import Status
 
 OK, NOT_FINITE, BAD_INTERVAL = int(Status.OK), int(Status.NOT_FINITE), int(Status.BAD_INTERVAL)

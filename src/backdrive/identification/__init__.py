@@ -9,7 +9,6 @@ from typing import Any
 from backdrive._blas import on_one_thread
 from backdrive._catalog import lookup
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.excite import plan_to_dict
 from backdrive.identification.auto import METHODS, choose_method, moving_joints, own_turn
 from backdrive.identification.evidence import explained
 from backdrive.identification.request import (
@@ -28,8 +27,9 @@ from backdrive.identification.result import JointEvidence as JointEvidence
 from backdrive.identification.result import Samples as Samples
 from backdrive.identification.timing import Timing
 from backdrive.identification.validate import validate as validate
-from backdrive.log import Log
+from backdrive.logs.log import Log
 from backdrive.model import FrictionModel, JointFriction
+from backdrive.plans import plan_to_dict
 
 
 @on_one_thread
@@ -58,7 +58,7 @@ def identify(
     Args:
         logs: one log, or several of the same joints.
         method: `auto`, or one of `METHODS`.
-        plan: the motion that was commanded (an object of `backdrive.excite`), or one a log; gives the sweep its windows.
+        plan: the motion that was commanded (an object of `backdrive.plans`), or one a log; gives the sweep its windows.
         joints: names of the joints wanted; None: every joint that moves.
         urdf: path of the robot description; needed for the method `arm`.
         held_out: logs to judge on, not seen by the fit.

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.filters import derivative, low_pass
 from backdrive.identification import curves
 from backdrive.identification.arm_checks import refuse_inverted, remarks
 from backdrive.identification.arm_predict import DYNAMICS, explained, judged, predict_arm, validate_arm
@@ -32,7 +31,8 @@ from backdrive.identification.quality import JUDGED_BELOW
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals
 from backdrive.laws import Law, Polyline
-from backdrive.log import Joint, Log
+from backdrive.logs.filters import derivative, low_pass
+from backdrive.logs.log import Joint, Log
 from backdrive.model import ArmModel, Estimate, JointFriction, Validity
 from backdrive.robot import Robot, load_robot
 

@@ -11,7 +11,7 @@ from backdrive.errors import InvalidInput
 from backdrive.identification.arm_signals import ArmSignals, hold_out_all, prepare_arm
 from backdrive.identification.arm_terms import Regressor
 from backdrive.identification.quality import judge
-from backdrive.log import Log
+from backdrive.logs.log import Log
 from backdrive.model import ArmModel, FrictionModel, JointFriction, Quality
 from backdrive.robot import Robot, load_robot
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from backdrive import filters
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.signals import GAP, SHORTEST
-from backdrive.log import Log
+from backdrive.logs import filters
+from backdrive.logs.log import Log
 from backdrive.robot import Robot
 
 MOTION_CUTOFF = 20.0  # low pass of the position before it is differentiated [Hz]

@@ -19,10 +19,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from backdrive.filters import low_pass
 from backdrive.identification import curves
 from backdrive.identification.arm_signals import ArmSignals, resting
 from backdrive.identification.quality import JUDGED_BELOW
+from backdrive.logs.filters import low_pass
 from backdrive.robot import Robot
 
 KNOTS = 8  # of a friction curve in each direction, the one at zero included

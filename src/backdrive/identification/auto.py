@@ -9,7 +9,7 @@ import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.runs import LEAST_RUNS
-from backdrive.log import Log
+from backdrive.logs.log import Log
 
 #: Method -> what it needs, in words.
 METHODS: dict[str, str] = {

@@ -15,7 +15,7 @@ from backdrive.identification import curves, regression
 from backdrive.identification.evidence import curve, verdict
 from backdrive.identification.result import JointEvidence, Samples
 from backdrive.identification.runs import LEAST_RUNS, Run, find_runs, gravity_of, without_gravity
-from backdrive.log import Joint, Log
+from backdrive.logs.log import Joint, Log
 from backdrive.model import Estimate, JointFriction, Quality, Validity
 
 SECTIONS = (1, 2, 3, 4, 5, 6)  # line sections per direction that are tried

@@ -23,7 +23,7 @@ from backdrive.engine import rollout
 from backdrive.errors import InvalidInput
 from backdrive.identification.signals import Signals
 from backdrive.laws import Rigid
-from backdrive.log import Joint
+from backdrive.logs.log import Joint
 from backdrive.model import JointFriction
 
 #: Term -> unit for a rotary and for a linear joint.

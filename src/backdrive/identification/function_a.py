@@ -11,14 +11,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from backdrive import filters
 from backdrive.errors import InvalidInput
 from backdrive.identification import regression
 from backdrive.identification.noise import noise_of
 from backdrive.identification.signals import Signals
 from backdrive.identification.sweep_knots import MERGED, SweepKnots
 from backdrive.identification.sweep_windows import Windows
-from backdrive.log import Log
+from backdrive.logs import filters
+from backdrive.logs.log import Log
 
 SHARE = 0.8  # c of (2.7): samples faster than this share of a cycle's peak speed are used [-]
 SHARP = 3.0  # standard errors by which two parabolas differ where the curve bends sharply [-]

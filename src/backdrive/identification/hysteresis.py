@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from backdrive import filters
 from backdrive.identification.sweep_windows import turning_points
-from backdrive.log import Log
+from backdrive.logs import filters
+from backdrive.logs.log import Log
 
 CUTOFF = 20.0  # corner of the low pass on torque and position of a ramp [Hz]
 BRANCH = 0.2  # a branch of a ramp covers at least this share of the whole torque range [-]

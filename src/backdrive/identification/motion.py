@@ -21,7 +21,7 @@ from backdrive.identification.evidence import evidence
 from backdrive.identification.quality import judge
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
-from backdrive.log import Joint, Log
+from backdrive.logs.log import Joint, Log
 from backdrive.model import Estimate, JointFriction, Validity
 
 BIN_TIME = 0.01  # torque and regressors are averaged over this long [s]

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backdrive.filters import fft_length
+from backdrive.logs.filters import fft_length
 
 LONGEST = 120  # lag that is looked at, at most [sample]
 SEEN = 2.0  # a correlation counts from so many times sqrt(log10 N / N) on [-]

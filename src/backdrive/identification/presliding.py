@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.filters import derivative
 from backdrive.identification.evidence import MOST, curve
 from backdrive.identification.ramp import Presliding, presliding
 from backdrive.identification.result import JointEvidence, Samples
 from backdrive.laws import CoulombViscous, Law
-from backdrive.log import Joint, Log
+from backdrive.logs.filters import derivative
+from backdrive.logs.log import Joint, Log
 from backdrive.model import Estimate, JointFriction, Validity
 
 NAMED = 0.03  # share of the break-away torque from which on the torque at rest is mentioned [-]

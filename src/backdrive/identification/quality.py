@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from backdrive.filters import low_pass
+from backdrive.logs.filters import low_pass
 from backdrive.model import Quality
 
 JUDGED_BELOW = 5.0  # corner of the zero-phase low pass on both torques [Hz]

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backdrive import filters
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.function_a import long_run
 from backdrive.identification.hysteresis import BRANCH, CUTOFF, loop
 from backdrive.identification.sweep_windows import turning_points
-from backdrive.log import Log
+from backdrive.logs import filters
+from backdrive.logs.log import Log
 
 SLIPS = 30.0  # a joint slips when it moves so many times faster than at the start of the ramp [-]
 FLICKER = 10.0  # and faster than so many counts in one period of the low pass [-]

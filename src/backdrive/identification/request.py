@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from backdrive.errors import InvalidInput, UnhealthyLog
-from backdrive.log import Log
+from backdrive.logs.log import Log
 
 
 def in_order(log: Log, first: Log) -> Log:
@@ -143,7 +143,7 @@ def move_together(logs: Sequence[Log], names: Sequence[str]) -> bool:
 
 def healthy(log: Log, accept: Sequence[str], repair: bool, warnings: list[str]) -> Log:
     """Pass a log through the health gate; what is suspect joins the warnings, and the error names its file."""
-    from backdrive import health
+    from backdrive.logs import health
 
     try:
         mended, suspect = health.passed(log, accept=accept, repair=repair)

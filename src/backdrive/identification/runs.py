@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from backdrive.identification import regression
-from backdrive.log import Log
+from backdrive.logs.log import Log
 
 LEAST_RUNS = 4  # fewer runs do not make a curve
 LEAST_TIME = 0.3  # a plateau inside a longer log lasts at least so long [s]
@@ -93,7 +93,7 @@ def whole_run(log: Log, joint: str | int) -> bool:
 
 
 def _velocity(log: Log) -> np.ndarray:
-    from backdrive.filters import derivative
+    from backdrive.logs.filters import derivative
 
     velocity = log.velocity if log.velocity is not None else derivative(log.need("position"), log.period)
     return velocity[:, 0]

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backdrive import filters
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.log import Log
+from backdrive.logs import filters
+from backdrive.logs.log import Log
 
 GAP = 3.5  # an interval of so many periods is a gap; nothing is interpolated across it [period]
 SHORTEST = 50  # a segment between gaps with fewer samples is left out [sample]

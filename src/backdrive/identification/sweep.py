@@ -26,7 +26,7 @@ from backdrive.identification.sweep_shown import error_of_curve, judged, part, v
 from backdrive.identification.sweep_windows import find_windows, windows
 from backdrive.identification.timing import Timing
 from backdrive.laws import Law
-from backdrive.log import Joint, Log
+from backdrive.logs.log import Joint, Log
 from backdrive.model import Estimate, JointFriction, Validity
 
 __all__ = [

@@ -18,13 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from backdrive import filters
 from backdrive.identification.curves import basis
 from backdrive.identification.noise import noise_of
 from backdrive.identification.signals import Signals
 from backdrive.identification.sweep_windows import Windows, windows
 from backdrive.identification.timing import Timing, torque_timing
-from backdrive.log import Log
+from backdrive.logs import filters
+from backdrive.logs.log import Log
 
 SHARE = 0.3  # samples faster than this share of a cycle's peak speed are used [-]
 SIGNIFICANT = 4.0  # standard errors from which on friction is taken to grow with the load [-]

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from backdrive.excite.centres import UNSEEN
 from backdrive.identification.curves import hats
 from backdrive.identification.sweep_knots import MERGED, SweepKnots
+from backdrive.plans.centres import UNSEEN
 
 # condition number beyond which gravity and a constant difference of the directions are not told apart [-]
 WORST_CONDITION = 500.0

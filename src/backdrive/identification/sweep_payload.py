@@ -19,7 +19,7 @@ from backdrive.identification.sweep_knots import clamped
 from backdrive.identification.sweep_shown import error_of_curve, judged, part
 from backdrive.identification.timing import Timing
 from backdrive.laws import Law
-from backdrive.log import Log
+from backdrive.logs.log import Log
 from backdrive.model import Estimate, JointFriction, Validity
 
 REACH = 1.96  # standard errors of a 95 % interval

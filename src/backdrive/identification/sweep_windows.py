@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from backdrive import filters
 from backdrive.errors import NotIdentifiable
 from backdrive.identification.signals import Signals, prepare
-from backdrive.log import Log
+from backdrive.logs import filters
+from backdrive.logs.log import Log
 
 TRIED = (0.5, 0.25, 0.12, 0.06, 0.03)  # least stroke, as a share of the whole travel [-]
 EQUAL = 0.1  # strokes of one sweep differ by less than this [-]

@@ -10,7 +10,7 @@ from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.dynamics import predict
 from backdrive.identification.quality import judge
 from backdrive.identification.signals import prepare
-from backdrive.log import Log
+from backdrive.logs.log import Log
 from backdrive.model import FrictionModel, Quality
 
 
@@ -67,7 +67,7 @@ def validate(
                 raise InvalidInput(
                     f"The log holds no torque of joint '{name}', and here a model is judged by torque.",
                     remedy="Map the torque (--map tau=COLUMN). A model of `fit --drive` is judged by motion: `backdrive validate`, "
-                    "or `backdrive.fitting.judging.judge_motion`.",
+                    "or `backdrive.identification.dynamic.judging.judge_motion`.",
                 )
             stretches = prepare(log, name, cutoff=_cutoff(model, name))
             pairs += [(s.torque, predict(friction, s), s.rate, s.moving) for s in stretches]

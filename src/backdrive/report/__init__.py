@@ -36,9 +36,9 @@ def render(
         InvalidInput: the evidence does not belong to the model's joints, or `compare` names another joint.
         MissingExtra: matplotlib is not installed.
     """
-    from backdrive.plots.canvas import house_style
     from backdrive.report import page
     from backdrive.report.joint import joint_section
+    from backdrive.report.pictures.canvas import house_style
     from backdrive.report.sheet import CSS
     from backdrive.report.words import esc
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from backdrive.identification.result import Curve, JointEvidence, Samples
 from backdrive.model import JointFriction
-from backdrive.plots import canvas, curve, directions, model_curve, residuals, svg
+from backdrive.report.pictures import canvas, curve, directions, model_curve, residuals, svg
 from backdrive.report.words import counted, esc, plain, quantity
 
 _KEYS = {

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from backdrive.plots import canvas, svg
-from backdrive.plots.canvas import pretty_unit
-from backdrive.plots.guided import draw_estimate, draw_forces
+from backdrive.report.pictures import canvas, svg
+from backdrive.report.pictures.canvas import pretty_unit
+from backdrive.report.pictures.guided import draw_estimate, draw_forces
 from backdrive.report.words import esc, number
 from backdrive.simulation.hand_demo import GuidedDemo
 

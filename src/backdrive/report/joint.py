@@ -7,8 +7,8 @@ from typing import Any
 from backdrive.identification.grade import grade
 from backdrive.identification.result import Curve, JointEvidence
 from backdrive.model import JointFriction, Quality
-from backdrive.plots.canvas import pretty_unit
 from backdrive.report import figures
+from backdrive.report.pictures.canvas import pretty_unit
 from backdrive.report.words import (
     NOTHING,
     bounds,

@@ -12,9 +12,9 @@ import numpy as np
 from backdrive.identification.grade import FAIR, GOOD, grade
 from backdrive.identification.result import Curve, Identification
 from backdrive.model import FrictionModel, JointFriction
-from backdrive.plots.canvas import pretty_unit
-from backdrive.plots.sizes import scaled
 from backdrive.report.joint import chip, table, warnings_box
+from backdrive.report.pictures.canvas import pretty_unit
+from backdrive.report.pictures.sizes import scaled
 from backdrive.report.words import (
     NOTHING,
     counted,
@@ -185,7 +185,7 @@ def _arm(model: FrictionModel) -> str:
 
 
 def _model_file(model: FrictionModel) -> str:
-    from backdrive.model_file import encode
+    from backdrive.model.file import encode
 
     try:
         text = encode(model).decode()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields
 
-from backdrive.plots.canvas import DARK, LIGHT, Theme
+from backdrive.report.pictures.canvas import DARK, LIGHT, Theme
 
 
 def _colours(theme: Theme) -> str:

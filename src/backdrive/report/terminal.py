@@ -138,8 +138,8 @@ def _validity(friction: JointFriction) -> str:
 
 
 def _plot(friction: JointFriction, width: int, unicode: bool) -> list[str]:
-    from backdrive.plots.model_curve import model_curve
-    from backdrive.plots.terminal import plot_lines
+    from backdrive.report.pictures.model_curve import model_curve
+    from backdrive.report.pictures.terminal import plot_lines
 
     curve = model_curve(friction)
     branches = [(curve.velocity[s], curve.torque[s]) for s in (curve.velocity < 0, curve.velocity > 0)]

@@ -7,8 +7,8 @@ import math
 import re
 
 from backdrive.model import Estimate, JointFriction
-from backdrive.plots.canvas import pretty_unit
-from backdrive.plots.sizes import scaled
+from backdrive.report.pictures.canvas import pretty_unit
+from backdrive.report.pictures.sizes import scaled
 
 NOTHING = "—"
 MINUS = "\u2212"

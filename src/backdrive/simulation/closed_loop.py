@@ -21,7 +21,7 @@ from backdrive.engine import servo as servo_
 from backdrive.engine.cores import spread
 from backdrive.engine.servo import Servo
 from backdrive.errors import InvalidInput
-from backdrive.log import Drive, Log
+from backdrive.logs.log import Drive, Log
 from backdrive.simulation.hand import Hand, HandMotion
 from backdrive.simulation.joint import SimulatedJoint
 from backdrive.simulation.open_loop import TEMPERATURE, encoder

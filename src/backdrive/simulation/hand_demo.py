@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from backdrive.compensate import Dither, alg_fc, nothing
 from backdrive.control import JointLoop, torque_limit
-from backdrive.estimate.external import ExternalForce
-from backdrive.estimate.friction import alg_fe
+from backdrive.control.compensators import Dither, alg_fc, nothing
+from backdrive.control.estimators.external import ExternalForce
+from backdrive.control.estimators.friction import alg_fe
 from backdrive.laws import Law
 from backdrive.simulation.closed_loop import Record, Scene, play
 from backdrive.simulation.hand import Hand, strokes

@@ -10,7 +10,7 @@ import numpy as np
 from backdrive.engine.servo import Servo
 from backdrive.errors import InvalidInput
 from backdrive.laws import Law
-from backdrive.log import Joint
+from backdrive.logs.log import Joint
 
 
 @dataclass(frozen=True, kw_only=True)

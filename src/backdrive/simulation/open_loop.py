@@ -14,7 +14,7 @@ from backdrive._jit import jit
 from backdrive.engine import axis as axis_
 from backdrive.engine import servo as servo_
 from backdrive.errors import InvalidInput
-from backdrive.log import Drive, Log
+from backdrive.logs.log import Drive, Log
 from backdrive.simulation.joint import SimulatedJoint
 
 SUBSTEP = 5e-4  # longest integration step [s]
@@ -67,7 +67,7 @@ def simulate(
 
     Args:
         plant: the joint; its servo follows a motion plan, a torque plan goes straight to the actuator.
-        plan: an object of `backdrive.excite`.
+        plan: an object of `backdrive.plans`.
         seed: of the actuator's noise.
         rate: of controller and log [Hz].
         substep: longest step of the integration [s]; None: `longest_step(plant)`.

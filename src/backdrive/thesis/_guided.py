@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.compensate import Compensator, Dither, alg_fc, nothing
 from backdrive.control import Unguarded
+from backdrive.control.compensators import Compensator, Dither, alg_fc, nothing
 from backdrive.laws.base import Rate
 from backdrive.simulation.closed_loop import Record, Scene, play
 from backdrive.simulation.hand import Hand, strokes

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.plots.canvas import LIGHT, pretty_unit
+from backdrive.report.pictures.canvas import LIGHT, pretty_unit
 from backdrive.thesis._guided import mark
 from backdrive.thesis._sweep_plots import DASHED, SMALL, joint_title, key, name, sheet
 

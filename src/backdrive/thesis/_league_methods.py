@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backdrive.compensate import (
+from backdrive.control.compensators import (
     Compensator,
     Dither,
     alg_fc,
@@ -20,8 +20,8 @@ from backdrive.compensate import (
     mahvash_okamura,
     nothing,
 )
-from backdrive.compensate.extras import BristleObserver, DisturbanceObserver, Pulses
-from backdrive.estimate.friction import between_counts
+from backdrive.control.compensators.extras import BristleObserver, DisturbanceObserver, Pulses
+from backdrive.control.estimators.friction import between_counts
 from backdrive.laws import GMS, CoulombViscous, Decaying, Law, LuGre
 from backdrive.thesis._league_joints import DT, Contender
 

@@ -12,8 +12,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from backdrive.compensate.catalog import mahvash_okamura, nothing
 from backdrive.control import Unguarded
+from backdrive.control.compensators.catalog import mahvash_okamura, nothing
 from backdrive.engine.servo import Servo
 from backdrive.laws import Law
 from backdrive.simulation import SimulatedJoint

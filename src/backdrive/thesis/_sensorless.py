@@ -12,9 +12,9 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from backdrive.control import Unguarded
-from backdrive.estimate.external import ExternalForce
-from backdrive.estimate.friction import FrictionEstimator, alg_fe, between_counts, ct, ha
-from backdrive.estimate.sliding_mode import MotionFilter
+from backdrive.control.estimators.external import ExternalForce
+from backdrive.control.estimators.friction import FrictionEstimator, alg_fe, between_counts, ct, ha
+from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.laws.base import Rate
 from backdrive.simulation.closed_loop import Admittance, Record, Scene
 from backdrive.simulation.hand import Hand, HandMotion, strokes

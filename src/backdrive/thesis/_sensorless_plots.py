@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.plots.canvas import LIGHT
+from backdrive.report.pictures.canvas import LIGHT
 from backdrive.thesis._sweep_plots import DASHED, SMALL, key, name, sheet
 
 __all__ = ["COLORS", "DASHED", "SENSOR", "SMALL", "key", "level", "name", "release", "shade", "sheet"]

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.plots import canvas
-from backdrive.plots.canvas import LIGHT
+from backdrive.report.pictures import canvas
+from backdrive.report.pictures.canvas import LIGHT
 
 SMALL = canvas.FONT_SIZE - 1.5  # type of legends [pt]
 SERIES = ("#b3261e", "#d9730d", "#00845a", "#2a78b8", "#5b3fa0")  # five of one kind, in order

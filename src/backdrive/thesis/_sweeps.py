@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from backdrive.errors import NotIdentifiable
-from backdrive.excite import Sweep
+from backdrive.identification.metrics import curve_distance, relative_curve_distance
 from backdrive.identification.sweep import SweepKnots, sweep_knots, to_polyline
 from backdrive.laws import Law
-from backdrive.log import Log
-from backdrive.metrics import curve_distance, relative_curve_distance
+from backdrive.logs.log import Log
+from backdrive.plans import Sweep
 from backdrive.simulation import SimulatedJoint
 from backdrive.simulation.machines import joint_0, joint_1, joint_2
 from backdrive.simulation.open_loop import simulate

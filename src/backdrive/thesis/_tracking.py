@@ -11,9 +11,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from backdrive.compensate import Compensator
-from backdrive.compensate.catalog import mahvash_okamura, nothing
 from backdrive.control import Unguarded
+from backdrive.control.compensators import Compensator
+from backdrive.control.compensators.catalog import mahvash_okamura, nothing
 from backdrive.engine.servo import Servo
 from backdrive.errors import InvalidInput
 from backdrive.laws import CoulombViscous, Law, Polyline

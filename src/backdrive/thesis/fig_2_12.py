@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from backdrive.plots.canvas import LIGHT, house_style
+from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.simulation import SimulatedJoint
 from backdrive.simulation.machines import joint_0, joint_1, joint_2
 from backdrive.thesis import _sweep_plots as own

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from backdrive.identification.function_a import SHARE
-from backdrive.plots.canvas import LIGHT, house_style
+from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.simulation.machines import joint_1
 from backdrive.thesis import _sweep_plots as own
 from backdrive.thesis._sweeps import CYCLES, SETTING, TOP_SPEED, plan, sweep

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.excite import inertia_bias
-from backdrive.plots.canvas import LIGHT, house_style
+from backdrive.plans import inertia_bias
+from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.simulation.machines import joint_1
 from backdrive.thesis import _sweep_plots as own
 from backdrive.thesis._sweeps import (

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.metrics import relative_curve_distance
-from backdrive.plots.canvas import LIGHT, house_style
+from backdrive.identification.metrics import relative_curve_distance
+from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.thesis import _sweep_plots as own
 from backdrive.thesis._sweeps import METHODS, SETTING, STROKES, TOP_SPEED, by_stroke, listed, plan
 from backdrive.thesis.outcome import Claim, Outcome

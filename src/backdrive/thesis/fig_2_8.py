@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.plots.canvas import house_style
+from backdrive.report.pictures.canvas import house_style
 from backdrive.thesis import _sweep_plots as own
 from backdrive.thesis._sweeps import METHODS, SETTING, STROKES, by_stroke, distances, listed
 from backdrive.thesis.outcome import Claim, Outcome

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.plots.canvas import LIGHT, house_style
+from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.thesis import _sweep_plots as own
 from backdrive.thesis._sweeps import (
     LOADS,

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.compensate import Compensator, Dither, alg_fc, alg_fc2
 from backdrive.control import Unguarded
-from backdrive.estimate.friction import between_counts
-from backdrive.plots.canvas import house_style
+from backdrive.control.compensators import Compensator, Dither, alg_fc, alg_fc2
+from backdrive.control.estimators.friction import between_counts
+from backdrive.report.pictures.canvas import house_style
 from backdrive.simulation.closed_loop import Record, Scene, play
 from backdrive.simulation.hand import Hand, HandMotion, strokes
 from backdrive.simulation.joint import SimulatedJoint

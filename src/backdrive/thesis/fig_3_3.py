@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.plots.canvas import LIGHT, house_style, pretty_unit
+from backdrive.report.pictures.canvas import LIGHT, house_style, pretty_unit
 from backdrive.simulation.joint import SimulatedJoint
 from backdrive.simulation.open_loop import drive
 from backdrive.thesis import _guided_plots as own

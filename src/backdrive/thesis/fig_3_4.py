@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from backdrive.engine.servo import Servo
-from backdrive.excite import Sweep
 from backdrive.identification import Identification, identify
 from backdrive.laws import Law
 from backdrive.laws.base import Rate
-from backdrive.plots.canvas import LIGHT, house_style
+from backdrive.plans import Sweep
+from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.simulation import machines as thesis
 from backdrive.simulation.joint import SimulatedJoint
 from backdrive.simulation.open_loop import simulate

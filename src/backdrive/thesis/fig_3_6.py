@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.compensate import Dither, dither
+from backdrive.control.compensators import Dither, dither
 from backdrive.laws import CoulombViscous, Law
-from backdrive.plots.canvas import LIGHT, house_style
+from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.simulation.joint import SimulatedJoint
 from backdrive.simulation.open_loop import drive
 from backdrive.thesis import _guided_plots as own

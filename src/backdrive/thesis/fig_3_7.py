@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.plots.canvas import LIGHT, house_style
+from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.simulation.closed_loop import Record
 from backdrive.thesis import _guided
 from backdrive.thesis import _guided_plots as own

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.plots.canvas import house_style
+from backdrive.report.pictures.canvas import house_style
 from backdrive.thesis import _sensorless_plots as own
 from backdrive.thesis._guided import compare
 from backdrive.thesis._sensorless import CASES, LITERAL, PERIOD, in_words, lag, ranks, rms, virtual_force

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from backdrive.control.admittance import Admittance
-from backdrive.estimate.friction import FrictionEstimator, alg_fe, alg_fe2, between_counts
-from backdrive.estimate.sliding_mode import MotionFilter
+from backdrive.control.estimators.friction import FrictionEstimator, alg_fe, alg_fe2, between_counts
+from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.laws import Law, Polyline
 from backdrive.laws.base import Rate
-from backdrive.plots.canvas import LIGHT, house_style
+from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.simulation.closed_loop import Record, play
 from backdrive.simulation.hand import Hand, HandMotion, strokes
 from backdrive.simulation.joint import SimulatedJoint

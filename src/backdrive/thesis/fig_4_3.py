@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.estimate.external import ExternalForce
-from backdrive.estimate.friction import alg_fe
+from backdrive.control.estimators.external import ExternalForce
+from backdrive.control.estimators.friction import alg_fe
 from backdrive.laws.base import Rate
-from backdrive.plots.canvas import LIGHT, dots, house_style
+from backdrive.report.pictures.canvas import LIGHT, dots, house_style
 from backdrive.simulation.closed_loop import Scene, play
 from backdrive.simulation.hand import Hand, along
 from backdrive.thesis import _sensorless_plots as own

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.estimate.external import ExternalForce
-from backdrive.estimate.friction import FrictionEstimator
-from backdrive.estimate.sliding_mode import MotionFilter
-from backdrive.plots.canvas import LIGHT, house_style
+from backdrive.control.estimators.external import ExternalForce
+from backdrive.control.estimators.friction import FrictionEstimator
+from backdrive.control.estimators.sliding_mode import MotionFilter
+from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.simulation.closed_loop import Record, Scene, play
 from backdrive.simulation.machines import setup_a
 from backdrive.thesis import _sensorless_plots as own

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from backdrive.control.admittance import Admittance
+from backdrive.control.estimators.friction import NOTHING
+from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.engine.servo import Servo
-from backdrive.estimate.friction import NOTHING
-from backdrive.estimate.sliding_mode import MotionFilter
-from backdrive.plots.canvas import LIGHT, house_style
+from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.simulation.closed_loop import Record, Scene, play
 from backdrive.simulation.hand import still
 from backdrive.simulation.machines import setup_a

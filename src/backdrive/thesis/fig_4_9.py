@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.plots.canvas import LIGHT, house_style
+from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.simulation.closed_loop import Record, play
 from backdrive.simulation.machines import setup_a
 from backdrive.thesis import _sensorless_plots as own

@@ -10,9 +10,17 @@ from typing import Any, Literal
 
 import numpy as np
 
-from backdrive.estimate.external import ExternalForce
-from backdrive.estimate.friction import NOTHING, FrictionEstimator, alg_fe, alg_fe2, between_counts, ct, ha
-from backdrive.estimate.sliding_mode import MotionFilter
+from backdrive.control.estimators.external import ExternalForce
+from backdrive.control.estimators.friction import (
+    NOTHING,
+    FrictionEstimator,
+    alg_fe,
+    alg_fe2,
+    between_counts,
+    ct,
+    ha,
+)
+from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.laws import GMS, Law, LuGre
 from backdrive.simulation.closed_loop import Record, Scene, play
 from backdrive.simulation.hand import Hand, pushes, strokes

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from backdrive.errors import BackdriveError
-from backdrive.plots import canvas, svg
+from backdrive.report.pictures import canvas, svg
 from backdrive.thesis.catalog import Entry
 from backdrive.thesis.outcome import Claim, Outcome
 

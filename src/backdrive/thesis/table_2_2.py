@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from backdrive.plots.canvas import LIGHT, house_style
+from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.thesis import _sweep_plots as own
 from backdrive.thesis._sweeps import LOADS, METHODS, SETTING, TABLE_2_2, by_posture, posture_errors
 from backdrive.thesis.outcome import Claim, Outcome

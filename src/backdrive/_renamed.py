@@ -1,0 +1,65 @@
+"""Modules and names that have moved: whoever asks for an old one is told the new one."""
+
+from __future__ import annotations
+
+import sys
+
+#: Module below `backdrive` as it was -> as it is; what lies below moved with it unless it is named too.
+MODULES = {
+    "arm_loop": "simulation.arm_loop",
+    "closed_loop": "simulation.closed_loop",
+    "compensate": "control.compensators",
+    "drift": "identification.drift",
+    "estimate": "control.estimators",
+    "excite": "plans",
+    "experiments": "thesis",
+    "filters": "logs.filters",
+    "fitting": "identification.dynamic",
+    "health": "logs.health",
+    "limits": "plans.limits",
+    "log": "logs",
+    "metrics": "identification.metrics",
+    "model_bounds": "model.bounds",
+    "model_file": "model.file",
+    "plants": "simulation",
+    "plants.thesis": "simulation.machines",
+    "plots": "report.pictures",
+    "plots.thesis": "thesis",
+    "presets": "model.presets",
+    "readers": "logs.readers",
+    "reproduce": "thesis",
+    "simulate": "simulation.open_loop",
+    "tune": "tuning",
+}
+
+
+def new_name(module: str) -> str | None:
+    """Return where a module is now, or None where it has not moved.
+
+    Args:
+        module: dotted name, `backdrive.compensate.dither`.
+    """
+    package, _, path = module.partition(".")
+    parts = path.split(".")
+    for count in range(len(parts), 0, -1):
+        new = MODULES.get(".".join(parts[:count]))
+        if new is not None:
+            return ".".join([package, new, *parts[count:]])
+    return None
+
+
+class _Finder:
+    """Asked last, for what no other finder knows."""
+
+    def find_spec(self, fullname, path=None, target=None):
+        new = new_name(fullname) if fullname.startswith("backdrive.") else None
+        if new is not None:
+            from backdrive.errors import Renamed
+
+            raise Renamed(f"The module {fullname} has moved.", remedy=f"Import {new}.")
+
+
+def install() -> None:
+    """Have imports of old modules say where these are now."""
+    if not any(isinstance(finder, _Finder) for finder in sys.meta_path):
+        sys.meta_path.append(_Finder())

@@ -1,0 +1,224 @@
+"""What a compensator does beyond a friction model: pulses, an observer of LuGre's bristle, a disturbance observer.
+
+Pulses (impulsive control) move a joint that is stuck off its reference: while nothing has moved for `wait` and the reference is
+further away than `tolerance`, a torque beyond break-away is given for `width`; it moves the joint by about
+(f - F_c) f w^2/(2 M F_c).
+
+The LuGre observer runs the bristle with the tracking error e = r - q, e_f = e' + lambda e, as its correction,
+
+    z' = v - sigma_0 |v| z/s(v) + k e_f,   f = theta b + viscous(v),   b = sigma_0 z + sigma_1 z',   theta' = gamma e_f b
+
+(C. Canudas de Wit, P. Lischinsky, Int. J. Adapt. Control Signal Process. 11, 1997); theta stays within its bounds, |z| below
+s/sigma_0, and gamma = 0 leaves it at 1. The disturbance observer takes whatever moves the joint otherwise than the model says for
+friction that the model has missed, and cancels it up to a limit. It cancels a hand as well: it is for tracking, not for guiding.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from backdrive._jit import jit, ladder
+from backdrive.control.estimators import external
+from backdrive.control.estimators import friction as friction_
+from backdrive.control.estimators.external import ExternalForce
+from backdrive.control.estimators.friction import NOTHING, FrictionEstimator
+from backdrive.errors import InvalidInput
+from backdrive.laws import Law, LuGre
+from backdrive.laws.elements import lugre
+
+ROW = (
+    2 + external.ROW
+)  # kind, a number, and either the numbers of pulse and observer or an external-force estimator
+STATES = external.STATES
+
+
+@jit
+def pulse(c, i, s, j, dp, dt, error):
+    """Return the pulse of one tick; `c[i:]`: kind, height, width, wait, tolerance; `s[j:]`: time stuck, time left, sign."""
+    if s[j + 1] > 0.5 * dt:
+        s[j + 1] -= dt
+        s[j] = 0.0
+        return s[j + 2] * c[i + 1]
+    s[j] = s[j] + dt if dp == 0.0 else 0.0
+    if s[j] >= c[i + 3] and abs(error) > c[i + 4]:
+        s[j + 1], s[j + 2] = c[i + 2] - dt, 1.0 if error > 0.0 else -1.0
+        s[j] = 0.0
+        return s[j + 2] * c[i + 1]
+    return 0.0
+
+
+@ladder
+def observed(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):
+    """Return the torque of an observer with a share of its friction; `c[i:]`: row, `s[j:]`: state."""
+    if c[i] == 2.0:
+        return share * bristle(c, i + 0, p, s, j + 0, dp, dt, error, slope, load, temp)
+    missed, friction = external.tick(c, i + 2, p, x, s, j, q, dp, dt, u, 0.0, load, temp, 1.0)
+    limit = c[i + 1]
+    return share * friction - min(max(missed, -limit), limit)
+
+
+@jit
+def bristle(c, i, p, s, j, dp, dt, error, slope, load, temp):
+    """Return the torque of the LuGre observer; `s[j]`: sigma_0 z, `s[j + 1]`: theta."""
+    v = dp / dt
+    lo, hi, viscous = friction_.bounds(int(c[i + 6]), p, v, load, temp)
+    e = 1 + int(p[0])
+    sigma_0 = p[e]
+    wrong = slope + c[i + 2] * error
+    s_v = hi if dp > 0.0 else -lo
+    before = s[j]
+    after = before + sigma_0 * (dp + dt * c[i + 1] * wrong)
+    if s_v > 0.0:
+        after /= 1.0 + sigma_0 * abs(dp) / s_v
+    after = min(
+        max(after, min(lo, before)), max(hi, before)
+    )  # a bound that has fallen is approached as LuGre does
+    s[j] = after
+    bent = after + lugre.damping(p[e + 1], p[e + 2], v) * (after - before) / (sigma_0 * dt)
+    s[j + 1] = min(max(s[j + 1] + dt * c[i + 3] * wrong * bent, c[i + 4]), c[i + 5])
+    return s[j + 1] * bent + viscous
+
+
+@dataclass(frozen=True, kw_only=True)
+class Extra:
+    """Base of what goes beyond a friction model."""
+
+    KIND: ClassVar[int] = 0
+
+    def check(self, law: Law) -> None:
+        """Say whether it goes with a law."""
+
+    def row(self, dt: float, friction: FrictionEstimator) -> np.ndarray:
+        """Return the row that the kernels read, (ROW,)."""
+        raise NotImplementedError
+
+    def _row(self, *numbers: float) -> np.ndarray:
+        c = np.zeros(ROW)
+        c[0] = self.KIND
+        c[1 : 1 + len(numbers)] = numbers
+        return c
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pulses(Extra):
+    """Impulsive control of a joint that is stuck off its reference.
+
+    Attributes:
+        height: beyond break-away [N.m or N].
+        width: of a pulse [s].
+        wait: without a count before one [s].
+        tolerance: of the reference [rad or m].
+    """
+
+    KIND: ClassVar[int] = 1
+
+    height: float
+    width: float = 0.003
+    wait: float = 0.03
+    tolerance: float = 0.0
+
+    def __post_init__(self):
+        if not all(0.0 < x < np.inf for x in (self.height, self.width, self.wait)) or self.tolerance < 0.0:
+            raise InvalidInput(f"{self}.", remedy="Give positive numbers.")
+
+    def row(self, dt: float, friction: FrictionEstimator) -> np.ndarray:
+        """Return the row that `pulse` reads."""
+        return self._row(self.height, self.width, self.wait, self.tolerance)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BristleObserver(Extra):
+    """The observer of LuGre's bristle, whose friction is scaled on-line where `adaptation` is not 0.
+
+    Attributes:
+        gain: k, by which the tracking error bends the bristle [-].
+        corner: lambda of the error's filter [1/s].
+        adaptation: gamma [1/(N.m.rad) or 1/(N.m)].
+        lowest: of theta [-].
+        highest: of theta [-].
+    """
+
+    KIND: ClassVar[int] = 2
+
+    gain: float = 0.0
+    corner: float = 20.0
+    adaptation: float = 0.0
+    lowest: float = 0.5
+    highest: float = 1.5
+
+    def __post_init__(self):
+        positive = all(0.0 <= x < np.inf for x in (self.corner, self.adaptation))
+        if (
+            not 0.0 <= self.lowest <= 1.0 <= self.highest < np.inf
+            or not positive
+            or not np.isfinite(self.gain)
+        ):
+            raise InvalidInput(f"{self}.", remedy="0 <= lowest <= 1 <= highest; corner and adaptation >= 0.")
+
+    def check(self, law: Law) -> None:
+        """Refuse a law whose bristle is not LuGre's.
+
+        Raises:
+            InvalidInput: it has another element.
+        """
+        if not isinstance(law.element, LuGre):
+            raise InvalidInput(f"'{law.name}' has no LuGre bristle.", remedy="Use the element `LuGre`.")
+
+    def row(self, dt: float, friction: FrictionEstimator) -> np.ndarray:
+        """Return the row that `bristle` reads."""
+        kind = friction.law.rate.KIND
+        return self._row(self.gain, self.corner, self.adaptation, self.lowest, self.highest, kind)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DisturbanceObserver(Extra):
+    """A model, and an observer of what it misses.
+
+    Attributes:
+        inertia: of motor and load together [kg.m^2 or kg].
+        bandwidth: of the observer [1/s].
+        limit: of what it adds [N.m or N].
+        gravity_sin: of gravity A sin q + B cos q [N.m or N].
+        gravity_cos: of the same [N.m or N].
+    """
+
+    KIND: ClassVar[int] = 3
+
+    inertia: float
+    bandwidth: float = 30.0
+    limit: float
+    gravity_sin: float = 0.0
+    gravity_cos: float = 0.0
+
+    def __post_init__(self):
+        if not 0.0 < self.limit < np.inf:
+            raise InvalidInput(f"{self}.", remedy="The limit is positive and finite.")
+        self.estimator()  # which looks at the rest
+
+    def row(self, dt: float, friction: FrictionEstimator) -> np.ndarray:
+        """Return the limit and the row of the observer."""
+        return self._row(self.limit, *self.estimator(friction).row(dt))
+
+    def estimator(self, friction: FrictionEstimator = NOTHING) -> ExternalForce:
+        """Return the estimator of what the model misses."""
+        return ExternalForce(
+            inertia=self.inertia,
+            friction=friction,
+            method="disturbance",
+            bandwidth=self.bandwidth,
+            gravity_sin=self.gravity_sin,
+            gravity_cos=self.gravity_cos,
+        )
+
+
+def start(extra: Extra | None, position: float) -> np.ndarray:
+    """Return the state at rest at a position, (STATES,)."""
+    s = np.zeros(STATES)
+    if isinstance(extra, BristleObserver):
+        s[1] = 1.0
+    elif isinstance(extra, DisturbanceObserver):
+        s[:] = extra.estimator().start(position)
+    return s

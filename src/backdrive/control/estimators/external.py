@@ -1,0 +1,230 @@
+"""External force from encoder and motor torque alone: what accelerates the joint beyond motor, gravity and friction.
+
+    tau_e = M a + g(q) + tau_f - u,        g(q) = A sin q + B cos q + what else is known
+
+u: torque that acted on the interval that ends at this encoder reading, that is, the command of the tick before: with any
+later one the estimate would feed on itself. tau_f: of a `FrictionEstimator`. With n = u - g - tau_f the methods are
+
+    direct        M a - n, a of a `MotionFilter`; Iwatani 2017, (4.4), (4.5)
+    momentum      r <- L (M v - S - T n)/(1 + L T),   S <- S + T (n + r);  A. De Luca, R. Mattone, IEEE ICRA 2005
+    disturbance   y <- (y + L T (M a - n))/(1 + L T), a differenced twice; the same numbers for a constant inertia
+    extended      a Luenberger observer of q, v, d = tau_e/M with all poles at exp(-L T)
+    kalman        the same observer, its gains from the encoder's count and the rate at which forces vary
+
+v is differenced. The last two take the position as measured and difference nothing: one encoder count moves `disturbance` by
+L M count/T and a raw second difference by M count/T^2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from backdrive._jit import jit, ladder
+from backdrive.control.estimators import friction as friction_
+from backdrive.control.estimators import sliding_mode
+from backdrive.control.estimators.friction import NOTHING, FrictionEstimator
+from backdrive.control.estimators.sliding_mode import MotionFilter
+from backdrive.errors import InvalidInput
+
+METHODS = ("direct", "momentum", "disturbance", "extended", "kalman")
+FILTER, FRICTION = 9, 14  # places of the rows of filter and friction in the row
+ROW = FRICTION + friction_.ROW
+STATES = sliding_mode.STATES + 1 + 4  # filter, w, and four of the observer
+W, O = sliding_mode.STATES, sliding_mode.STATES + 1  # noqa: E741 (the observer's place)
+
+
+@ladder
+def tick(c, i, p, x, s, j, q, dp, dt, u, known, load, temp, level):
+    """Return external force and friction of one tick.
+
+    `c[i:]`: row, `p`, `x`: friction law and its state, `s[j:]`: state. q: encoder, dp: its increment, u: torque that acted
+    meanwhile, known: torque of gravity and of other joints beyond that of the row, level: factor on the friction.
+    """
+    tau_f = level * friction_.tick(c, i + FRICTION, p, x, s, j + W, dp, dt, load, temp)
+    M, L, T = c[i + 1], c[i + 4], dt
+    n = u - known - tau_f
+    if c[i + 2] != 0.0 or c[i + 3] != 0.0:
+        n -= c[i + 2] * np.sin(q) + c[i + 3] * np.cos(q)
+    kind = int(c[i])
+    if kind == 0:
+        a = sliding_mode.motion(c, i + FILTER, s, j + 0, q, dp, T)[1]
+        return M * a - n, tau_f
+    if kind == 1:
+        r = L * (M * (dp / T) - s[j + 6] - T * n) / (1.0 + L * T)
+        s[j + 6] += T * (n + r)
+        return r, tau_f
+    if kind == 2:
+        v = dp / T
+        s[j + 7] = (s[j + 7] + L * T * (M * (v - s[j + 6]) / T - n)) / (1.0 + L * T)
+        s[j + 6] = v
+        return s[j + 7], tau_f
+    # predict with what acted, correct with what was measured; gains in ticks, those of a tick of another length from L
+    g_1, g_2, g_3 = c[i + 5], c[i + 6], c[i + 7]
+    if abs(T - c[i + 8]) > 0.1 * c[i + 8]:
+        b = np.exp(-L * T)
+        g_1, g_2, g_3 = (
+            1.0 - b * b * b,
+            1.5 * (1.0 - b) * (1.0 - b) * (1.0 + b),
+            (1.0 - b) * (1.0 - b) * (1.0 - b),
+        )
+    d = s[j + 8]
+    acceleration = n / M + d
+    e = q - (s[j + 6] + T * s[j + 7] + 0.5 * T * T * acceleration)
+    s[j + 6] = q - (1.0 - g_1) * e
+    s[j + 7] += T * acceleration + g_2 * e / T
+    s[j + 8] = d + g_3 * e / (T * T)
+    return M * s[j + 8], tau_f
+
+
+@jit
+def shift(c, i, s, j, by):
+    """Move everything that is a position: the encoder counts from another zero."""
+    s[j] += by
+    if c[i] >= 3.0:
+        s[j + 6] += by
+
+
+@jit
+def restart(c, i, s, j, q):
+    """Forget everything: the joint rests at q."""
+    for k in range(STATES):
+        s[j + k] = 0.0
+    shift(c, i, s, j, q)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExternalForce:
+    """An estimator of the external force on one joint.
+
+    Attributes:
+        inertia: M, of motor and load together [kg.m^2 or kg].
+        friction: what is taken as friction.
+        method: `direct`, `momentum`, `disturbance`, `extended` or `kalman`.
+        filter: of the encoder, for `direct`.
+        bandwidth: L of the observers [1/s].
+        gravity_sin: A [N.m or N].
+        gravity_cos: B [N.m or N].
+        force_rate: for `kalman`, standard deviation of the force's change in one second [N.m or N].
+        encoder_count: for `kalman`, step of the encoder [rad or m].
+    """
+
+    inertia: float
+    friction: FrictionEstimator = field(default_factory=lambda: NOTHING)
+    method: Literal["direct", "momentum", "disturbance", "extended", "kalman"] = "direct"
+    filter: MotionFilter = field(default_factory=MotionFilter)
+    bandwidth: float = 100.0
+    gravity_sin: float = 0.0
+    gravity_cos: float = 0.0
+    force_rate: float = 50.0
+    encoder_count: float = 1e-6
+
+    def __post_init__(self):
+        positive = ("inertia", "bandwidth", "force_rate", "encoder_count")
+        holds = all(0.0 < getattr(self, name) < np.inf for name in positive)
+        if self.method not in METHODS or not holds or not np.isfinite(self.gravity_sin + self.gravity_cos):
+            raise InvalidInput(
+                f"{self}.",
+                remedy=f"method is one of {', '.join(METHODS)}; {', '.join(positive)} are positive.",
+            )
+
+    def row(self, dt: float) -> np.ndarray:
+        """Return the row that `tick` reads, (21,)."""
+        c = np.zeros(ROW)
+        gains, bandwidth = (0.0, 0.0, 0.0), self.bandwidth
+        if self.method == "extended":
+            b = np.exp(-self.bandwidth * dt)
+            gains = (1.0 - b**3, 1.5 * (1.0 - b) ** 2 * (1.0 + b), (1.0 - b) ** 3)
+        elif self.method == "kalman":
+            gains = self._stationary(dt)
+            bandwidth = -np.log(1.0 - gains[0]) / (3.0 * dt)  # of a threefold pole that corrects q by as much
+        c[:FILTER] = (
+            METHODS.index(self.method),
+            self.inertia,
+            self.gravity_sin,
+            self.gravity_cos,
+            bandwidth,
+            *gains,
+            dt,
+        )
+        c[FILTER:FRICTION], c[FRICTION:] = self.filter.row(), self.friction.row()
+        return c
+
+    def _stationary(self, dt: float) -> tuple[float, float, float]:
+        """Return the gains of the stationary Kalman filter for d = tau_e/M that walks at random."""
+        from scipy.linalg import solve_discrete_are
+
+        # lengths in counts and times in ticks, so that the equation is well scaled
+        A = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
+        C = np.array([[1.0, 0.0, 0.0]])
+        walk = self.force_rate / self.inertia * np.sqrt(dt) * dt**2 / self.encoder_count
+        Q, R = np.diag([0.0, 0.0, walk**2]), np.array([[1.0 / 12.0]])
+        P = solve_discrete_are(A.T, C.T, Q, R)
+        K = (P @ C.T / (C @ P @ C.T + R)).ravel()
+        return float(K[0]), float(K[1]), float(K[2])
+
+    def start(self, position: float) -> np.ndarray:
+        """Return the state of a joint at rest at a position, (10,)."""
+        s = np.zeros(STATES)
+        s[0] = position
+        if self.method in ("extended", "kalman"):
+            s[O] = position
+        return s
+
+    def run(
+        self,
+        position: np.ndarray,
+        torque: np.ndarray,
+        dt: float,
+        known: np.ndarray | None = None,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return external force and friction along a log.
+
+        Args:
+            position: encoder readings [rad or m], (n,).
+            torque: commands of the ticks; command k acts after reading k [N.m or N], (n,).
+            dt: sampling time [s].
+            known: torque of gravity and other joints [N.m or N], (n,); None: that of `gravity_sin`, `gravity_cos` alone.
+
+        Returns:
+            External force and friction [N.m or N], (n,) each.
+
+        Raises:
+            InvalidInput: the series have different lengths.
+        """
+        q = np.ascontiguousarray(position, dtype=np.float64)
+        u = np.ascontiguousarray(torque, dtype=np.float64)
+        g = np.zeros(q.size) if known is None else np.ascontiguousarray(known, dtype=np.float64)
+        if q.ndim != 1 or q.shape != u.shape or q.shape != g.shape or q.size == 0:
+            raise InvalidInput(
+                f"position {q.shape}, torque {u.shape}, known {g.shape}.", remedy="Give series of one length."
+            )
+        out = np.empty((q.size, 2))
+        law = self.friction.law
+        along(self.row(dt), law.row(), law.state(), self.start(float(q[0])), q, u, g, dt, out)
+        return out[:, 0], out[:, 1]
+
+
+@jit
+def along(c, p, x, s, q, u, known, dt, out):
+    """Fill `out` with external force and friction along a log."""
+    for k in range(q.size):
+        before = k - 1 if k > 0 else 0
+        out[k, 0], out[k, 1] = tick(
+            c,
+            0,
+            p,
+            x,
+            s,
+            0,
+            q[k],
+            q[k] - q[before],
+            dt,
+            u[before] if k > 0 else known[0],
+            known[k],
+            (u[before], 0.0),
+            20.0,
+            1.0,
+        )

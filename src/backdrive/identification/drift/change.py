@@ -1,0 +1,347 @@
+"""Has this joint's friction changed? Two identified curves, their distance, and how much of it chance explains.
+
+With d the difference of the two curves at some speeds and C the sum of their covariances there, d' C^-1 d follows a chi-square
+distribution with as many degrees of freedom as there are speeds, if nothing changed. The curves are compared at no more
+speeds than either has parameters. A model file keeps standard errors and not their correlations: then C has what the
+parameters' errors give as if they were independent. That is nearly so for the knots of one sweep; the knots of several
+sweeps share the error of gravity, and there the covariance of `fit_sweeps` should be given.
+
+Where one model has one curve for both directions and the other one each, d is the difference of (|F(v)| + |F(-v)|) / 2: the former
+does not say what each direction has.
+
+Standard errors come from inside one log, and are themselves estimates, which widens the tail of the test: on 200 pairs of
+simulated sweeps without a change, chance was called one in 2.5 % instead of 1 % and 7.5 % instead of 5 %.
+So they are taken `REPEAT` times as large here, a number chosen after that was seen (`benchmarks/evidence/drift.py`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Literal
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+from backdrive.identification.dynamics import growth_with_load
+from backdrive.identification.metrics import curve_distance, relative_curve_distance
+from backdrive.laws import Law, Polyline
+from backdrive.model import JointFriction
+from backdrive.plans.base import spoken
+
+ALARM = 0.01  # probability of calling chance a change [-]
+REPEAT = 1.1  # scatter of an identification repeated, by the standard error that one log gives [-]
+REACH = 1.96  # standard errors of a 95 % interval
+SLOWEST = 0.02  # share of the top speed below which curves are not compared: there they jump [-]
+MEANS = 60  # speeds over which the mean change is taken
+# a combination of speeds with less than this share of the largest variance is not tested [-]
+LEAST_EIGEN = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """What differs between two identifications of one joint.
+
+    Attributes:
+        joint: its name.
+        unit: of torques, N.m or N.
+        top_speed: up to which both hold [rad/s or m/s].
+        distance: E of Iwatani 2017, (2.16), along +q and -q [N.m or N].
+        relative: E_p of (2.17), of the second to the first, along +q and -q [-].
+        shape: what the verdict calls the change of shape: the larger of `relative`, or E_p of the mean of both directions [-].
+        mean: mean of the second curve less the first, by the mean of the first [-].
+        mean_error: its standard error, `REPEAT` included [-]; NaN where a model has none.
+        chi_square: of the test; NaN where a model has no standard errors.
+        degrees: of freedom.
+        probability: of a chi-square as large by chance [-].
+        alarm: probability below which it is called a change [-].
+        remarks: what weakens the comparison, in sentences.
+    """
+
+    joint: str
+    unit: str
+    top_speed: float
+    distance: tuple[float, float]
+    relative: tuple[float, float]
+    shape: float
+    mean: float
+    mean_error: float
+    chi_square: float
+    degrees: int
+    probability: float
+    alarm: float = ALARM
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def judged(self) -> bool:
+        """Whether both models have the errors that a test needs."""
+        return bool(np.isfinite(self.probability))
+
+    @property
+    def changed(self) -> bool:
+        """Whether the difference is more than chance."""
+        return self.judged and self.probability < self.alarm
+
+    @property
+    def verdict(self) -> str:
+        """The answer in words."""
+        size = 100.0 * self.shape
+        if not self.judged:
+            return f"differs by up to {size:.2g} %; without standard errors nobody can tell whether that is chance"
+        reach = 100.0 * REACH * self.mean_error
+        digits = int(np.clip(-np.floor(np.log10(max(reach, 1e-6))), 0, 6))
+        amount = f"{100.0 * self.mean:+.{digits}f} +- {reach:.{digits}f} %"
+        if not self.changed:
+            return f"not changed beyond chance ({amount})"
+        if abs(self.mean) > REACH * self.mean_error:
+            return f"changed by {amount}, more than chance"
+        return f"its curve changed shape by {size:.2g} % (on average {amount}), more than chance"
+
+
+def change_of(
+    first: JointFriction,
+    second: JointFriction,
+    *,
+    top_speed: float | None = None,
+    alarm: float = ALARM,
+    covariances: tuple[np.ndarray | None, np.ndarray | None] = (None, None),
+) -> Change:
+    """Compare two identifications of one joint.
+
+    Args:
+        first: the earlier one, to which the change is relative.
+        second: the later one.
+        top_speed: up to which they are compared, not beyond where both hold [rad/s or m/s]; None: as far as both hold.
+        alarm: probability of calling chance a change [-].
+        covariances: of the knots of each, positive ones first, for curves of line sections [(N.m)^2 or N^2], (2 m, 2 m); None:
+            from the standard errors.
+
+    Raises:
+        InvalidInput: a rotary and a linear joint, no speed that both hold at, a speed beyond, curves that are zero or beyond
+            all numbers, or a covariance of the wrong size.
+    """
+    a, b = first.joint, second.joint
+    if a.unit != b.unit:
+        raise InvalidInput(
+            f"Joint '{a.name}' is in {a.unit} in one model and '{b.name}' in {b.unit} in the other.",
+            remedy="Compare models of the same joint.",
+        )
+    if not 0.0 < alarm < 1.0:
+        raise InvalidInput(f"alarm = {alarm}.", remedy="Give a probability between 0 and 1, such as 0.01.")
+    if top_speed is not None and not 0.0 < top_speed < np.inf:
+        raise InvalidInput(
+            f"top_speed = {top_speed} is no speed to compare up to.", remedy="Give a positive, finite number."
+        )
+    ends = [min(-f.validity.velocity[0], f.validity.velocity[1]) for f in (first, second)]
+    top = min(ends) if top_speed is None else top_speed
+    if not (min(ends) > 0 and np.isfinite(top)):
+        raise InvalidInput(
+            f"Joint '{a.name}': there is no speed at which both models hold in both directions.",
+            remedy="Identify both from motion along +q and -q.",
+        )
+    if top > min(ends) * (1.0 + 1e-9):
+        raise InvalidInput(
+            f"Joint '{a.name}': both models hold up to {spoken(min(ends), a.unit + '/s', -1)}, not up to "
+            f"{spoken(top, a.unit + '/s')}; beyond, one of them extrapolates.",
+            remedy="Compare up to a lower speed, or leave it out.",
+        )
+    second, remarks = _under_the_same_load(first, second)
+    needs = sorted({n for f in (first, second) for n in f.law.rate.NEEDS})
+    if needs:
+        remarks.append(
+            f"The curves are those without load and at 20 degC, though the law depends on {' and '.join(needs)}."
+        )
+    with np.errstate(all="ignore"):
+        distance = [curve_distance(second.law, first.law, top, direction=way) for way in (1, -1)]
+        relative = [relative_curve_distance(second.law, first.law, top, direction=way) for way in (1, -1)]
+        speeds = np.linspace(SLOWEST, 1.0, MEANS) * top
+        before, after = (_middle(f.law.torque, speeds) for f in (first, second))
+        base = float(np.mean(before))
+        mean = float(np.mean(after - before)) / base if base else float("nan")
+    if not np.isfinite([*distance, *relative, mean]).all():
+        raise InvalidInput(
+            f"Joint '{a.name}': its curves are zero, or too large for their distance.",
+            remedy="Look at both models with `backdrive show`.",
+        )
+    parts = [_errors(f, c) for f, c in zip((first, second), covariances)]
+    error, chi_square, degrees, probability = float("nan"), float("nan"), 0, float("nan")
+    shape = max(relative)
+    known = [p for p in parts if p is not None]
+    if len(known) == 2:
+        both_ways = list(zip((first, second), known))
+        one_way = any(p.tied for p in known)
+        if one_way and not all(p.tied for p in known):
+            shape = float(np.sqrt(np.mean((after - before) ** 2) / np.mean(before**2)))
+            which = "first" if known[0].tied else "second"
+            remarks.append(
+                f"Compared is the mean of both directions, for the {which} model has one curve for both; how the "
+                "directions differ is not judged."
+            )
+        at = _places((first, second), known, top, one_way)
+        d, C, variance = np.zeros(at.size), np.zeros((at.size, at.size)), 0.0
+        for sign, (f, p) in zip((-1.0, 1.0), both_ways):
+            d += sign * (_middle(f.law.torque, at) if one_way else f.law.torque(at))
+            J = _middle(partial(_slopes, f.law, p), at) if one_way else _slopes(f.law, p, at)
+            C += J @ p.covariance @ J.T
+            row = np.mean(_middle(partial(_slopes, f.law, p), speeds), axis=0)
+            variance += row @ p.covariance @ row
+        error = float(np.sqrt(variance)) / base
+        chi_square, degrees = _mahalanobis(d, C)
+        probability = chance(chi_square, degrees)
+    else:
+        without = [n for n, p in zip(("first", "second"), parts) if p is None]
+        who = "Neither model has" if len(without) == 2 else f"The {without[0]} model has no"
+        remarks.append(f"{who} standard errors: identify again (not --literal), and chance can be judged.")
+    return Change(
+        joint=b.name,
+        unit=a.torque_unit,
+        top_speed=float(top),
+        distance=(distance[0], distance[1]),
+        relative=(relative[0], relative[1]),
+        shape=shape,
+        mean=mean,
+        mean_error=error,
+        chi_square=chi_square,
+        degrees=degrees,
+        probability=probability,
+        alarm=alarm,
+        remarks=tuple(remarks),
+    )
+
+
+def _under_the_same_load(first: JointFriction, second: JointFriction) -> tuple[JointFriction, list[str]]:
+    """Return the second model's friction under the load of the first one's curve, and what is to be said of that."""
+    before, after = growth_with_load(first), growth_with_load(second)
+    if before is None and after is None:
+        return second, []
+    if before is None or after is None:
+        says, other = ("second", "first") if before is None else ("first", "second")
+        return second, [
+            f"Only the {says} model says how friction grows with the load; the {other} does not say under which load its curve "
+            "holds, and the difference may be that."
+        ]
+    moved, rate = after[0] * (before[1] - after[1]), second.law.rate
+    if abs(moved) <= 1e-9 * max(before[1], after[1], 1.0) or not isinstance(rate, Polyline):
+        return second, []
+    up, down = (tuple(max(f + moved, 0.0) for f in side) for side in (rate.positive, rate.negative))
+    said = f"The second curve, which holds under {after[1]:.3g} {first.joint.torque_unit}, was brought to the first one's load, "
+    law = replace(second.law, rate=replace(rate, positive=up, negative=down))
+    return replace(second, law=law), [f"{said}{before[1]:.3g} {first.joint.torque_unit}."]
+
+
+def chance(chi_square: float, degrees: int) -> float:
+    """Return the probability of a chi-square at least as large [-].
+
+    Args:
+        chi_square: the sum of squares [-].
+        degrees: of freedom.
+    """
+    from scipy.special import gammaincc
+
+    return float(gammaincc(0.5 * degrees, 0.5 * chi_square)) if degrees else float("nan")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Errors:
+    """Free numbers of a law, each a list of (parameter, index) that move together, and their covariance."""
+
+    numbers: list[list[tuple[str, int | None]]]
+    covariance: np.ndarray
+    tied: bool
+
+
+def _errors(friction: JointFriction, covariance: np.ndarray | None) -> _Errors | None:
+    rate = friction.law.rate
+    numbers: list[list[tuple[str, int | None]]] = []
+    if isinstance(rate, Polyline):
+        m = len(rate.velocity)
+        tied = rate.positive == rate.negative
+        ways = [("positive", "negative")] if tied else [("positive",), ("negative",)]
+        numbers = [[(name, i) for name in names] for names in ways for i in range(m)]
+        if covariance is not None:
+            if np.shape(covariance) != (2 * m, 2 * m) or not np.isfinite(covariance).all():
+                raise InvalidInput(
+                    f"A covariance of the shape {np.shape(covariance)} for {m} knots a direction.",
+                    remedy=f"Give {(2 * m, 2 * m)}, as `fit_sweeps` does.",
+                )
+            kept = REPEAT**2 * covariance[: len(numbers), : len(numbers)]
+            return _Errors(numbers=numbers, covariance=kept, tied=tied)
+    else:
+        tied = type(rate).SYMMETRIC
+    deviation = []
+    if not isinstance(rate, Polyline):
+        for name in rate.PARAMETERS:
+            given = friction.standard_errors.get(name)
+            many = isinstance(given, (tuple, list))
+            for i, e in enumerate(given if many else [given]):  # type: ignore[arg-type]
+                if e is not None and np.isfinite(e) and e > 0:
+                    numbers.append([(name, i if many else None)])
+                    deviation.append(float(e))
+    else:
+        for group in numbers:
+            given = friction.standard_errors.get(group[0][0])
+            if not isinstance(given, (tuple, list)) or len(given) != len(rate.velocity):
+                return None
+            deviation.append(float(given[group[0][1] or 0]))
+    with np.errstate(all="ignore"):
+        variance = (REPEAT * np.array(deviation)) ** 2
+    if not variance.size or not np.all(np.isfinite(variance) & (variance > 0)):
+        return None
+    return _Errors(numbers=numbers, covariance=np.diag(variance), tied=tied)
+
+
+def _middle(of: Callable[[np.ndarray], np.ndarray], speeds: np.ndarray) -> np.ndarray:
+    """Return the mean of both directions of what has the sign of the motion."""
+    return 0.5 * (of(speeds) - of(-speeds))
+
+
+def _slopes(law: Law, errors: _Errors, velocity: np.ndarray) -> np.ndarray:
+    """Return the derivative of the torque by each free number, (n, P)."""
+    columns = []
+    for group, variance in zip(errors.numbers, np.diag(errors.covariance)):
+        for way in (1.0, -1.0):  # a number at its bound can move one way only
+            step = way * 1e-3 * np.sqrt(variance)
+            try:
+                moved = Law(rate=_moved(law.rate, group, step), element=law.element)
+            except InvalidInput:
+                continue
+            columns.append((moved.torque(velocity) - law.torque(velocity)) / step)
+            break
+        else:
+            columns.append(np.zeros(velocity.size))
+    return np.stack(columns, axis=1)
+
+
+def _moved(rate, group: list[tuple[str, int | None]], step: float):
+    changes = {}
+    for name, i in group:
+        value = getattr(rate, name)
+        changes[name] = value + step if i is None else (*value[:i], value[i] + step, *value[i + 1 :])
+    return replace(rate, **changes)
+
+
+def _places(frictions, parts, top: float, one_way: bool) -> np.ndarray:
+    """Return signed speeds to compare at, no more than either law has free numbers."""
+    most = min(len(p.numbers) if p.tied else len(p.numbers) // 2 for p in parts)
+    knots = [np.array(f.law.rate.velocity) for f in frictions if isinstance(f.law.rate, Polyline)]
+    knots = [k[(k > 0) & (k <= top * 1.02)] for k in knots]
+    few = min(knots, key=len) if knots else np.zeros(0)
+    speeds = few if 0 < few.size <= most else np.linspace(0.05, 1.0, max(most, 1)) * top
+    return speeds if one_way else np.concatenate([speeds, -speeds])
+
+
+def _mahalanobis(d: np.ndarray, C: np.ndarray) -> tuple[float, int]:
+    size, way = np.linalg.eigh(C)
+    kept = size > LEAST_EIGEN * size[-1]
+    return float(np.sum((way[:, kept].T @ d) ** 2 / size[kept])), int(kept.sum())
+
+
+Kind = Literal["changed", "not changed", "not judged"]
+
+
+def kind_of(change: Change) -> Kind:
+    """Return the outcome as a word for programs."""
+    if not change.judged:
+        return "not judged"
+    return "changed" if change.changed else "not changed"

@@ -1,0 +1,269 @@
+"""Friction as a function of temperature, measured or virtual, from the log of a warm-up.
+
+    tau_f(v, theta) = F(v) + theta G(v),    theta' = (P - theta) / T_th,    P = tau_f v
+
+A joint warms by what its friction turns into heat: C dTheta/dt = eta P - h (Theta - ambient). Divided by h, the rise of temperature
+is eta/h times the friction's power P, low-passed with the time constant T_th = C/h. Without a sensor eta/h cannot be told from
+the friction's sensitivity: a joint that warms twice as much and minds it half shows the same torques. So the virtual
+temperature theta is that low-passed power [W], and only T_th and the product G are found. With a sensor theta is its reading
+less a reference [degC]. To first order in theta, every knot of the curve moves along a straight line.
+
+For a given T_th all is linear: T_th is sought, the rest is regressed (variable projection: Golub & Pereyra, SIAM J. Numer. Anal.
+10, 1973). Virtual temperature in place of a sensor: Simoni, Beschi, Legnani, Visioli (Robotica, 2018).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.identification import regression
+from backdrive.identification.curves import basis
+from backdrive.identification.drift.change import chance
+from backdrive.identification.signals import Signals, prepare
+from backdrive.laws import Law, Polyline
+from backdrive.logs.log import Log
+
+BIN = 0.05  # over which samples are averaged [s]
+SLOW = 0.03  # share of the top speed that every sample of a bin must exceed [-]
+BLOCKS = 40  # of time, whose scores are taken as independent
+LEAST_RISE = 2.0  # a sensor must rise by so much [degC]
+SURE = 0.01  # probability by chance of a growth with temperature, above which there is none [-]
+GRID = 24  # time constants tried
+ROUNDS = 2  # the power is that of the curve of the round before
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Thermal:
+    """A friction curve that moves with temperature.
+
+    Attributes:
+        velocity: knots [rad/s or m/s], (K,).
+        cold: friction at the knots at theta = 0 [N.m or N], (K,).
+        slope: G, its growth with theta [N.m/degC or N/degC; virtual: N.m/W or N/W], (K,).
+        covariance: of cold and slope together, (2 K, 2 K).
+        time_constant: T_th of a virtual temperature and its standard error [s]; NaN with a sensor.
+        reference: temperature at theta = 0 [degC]; NaN for a virtual one, which begins at 0.
+        reached: range of theta in the log [degC or W].
+        explained: share of the torque's change with time that the temperature explains [-].
+        rms: of what is left [N.m or N].
+    """
+
+    velocity: np.ndarray
+    cold: np.ndarray
+    slope: np.ndarray
+    covariance: np.ndarray
+    time_constant: tuple[float, float]
+    reference: float
+    reached: tuple[float, float]
+    explained: float
+    rms: float
+
+    @property
+    def virtual(self) -> bool:
+        """Whether theta is low-passed friction power [W] instead of a sensor's reading."""
+        return bool(np.isnan(self.reference))
+
+    def law(self, theta: float = 0.0) -> Law:
+        """Return the curve at a temperature.
+
+        Args:
+            theta: reading less `reference` [degC]; virtual: low-passed power [W].
+
+        Raises:
+            InvalidInput: friction would be negative there.
+        """
+        F = self.cold + theta * self.slope
+        if not np.all(F > 0):
+            raise InvalidInput(
+                f"At theta = {theta:g} the curve's straight lines reach below zero.",
+                remedy=f"The log covered {self.reached[0]:.3g} to {self.reached[1]:.3g}.",
+            )
+        return Law(rate=Polyline(velocity=tuple(self.velocity), positive=tuple(F), negative=tuple(F)))
+
+    def error(self, theta: float = 0.0) -> np.ndarray:
+        """Return standard errors of the knots at a temperature [N.m or N], (K,).
+
+        Args:
+            theta: as in `law`.
+        """
+        K = self.velocity.size
+        one = np.hstack([np.eye(K), theta * np.eye(K)])
+        return np.sqrt(np.maximum(np.diag(one @ self.covariance @ one.T), 0.0))
+
+
+def virtual_temperature(power: np.ndarray, interval: float, time_constant: float) -> np.ndarray:
+    """Return the virtual temperature of a joint that begins at ambient temperature [W], (n,).
+
+    Exact for a power that is constant within each interval.
+
+    Args:
+        power: of the friction, tau_f v [W], (n,).
+        interval: between its samples [s].
+        time_constant: T_th [s].
+    """
+    from scipy.signal import lfilter
+
+    a = float(np.exp(-interval / time_constant))
+    return np.asarray(lfilter([0.0, 1.0 - a], [1.0, -a], power))
+
+
+def identify_thermal(
+    log: Log, joint: str | int = 0, *, knots: Sequence[float] | None = None, virtual: bool | None = None
+) -> Thermal:
+    """Identify how a joint's friction moves with temperature, from the log of a warm-up that begins cold.
+
+    Args:
+        log: with torque and motion at several speeds, repeated while the joint warms.
+        joint: name or column.
+        knots: speeds of the curve [rad/s or m/s]; None: five shares of the top speed.
+        virtual: take the friction's power for the temperature; None: where the log has no reading.
+
+    Raises:
+        NotIdentifiable: the temperature, or the virtual one, hardly changes.
+        InvalidInput: a temperature is wanted that the log does not hold, or knots that are not increasing.
+    """
+    stretches = prepare(log, joint)
+    measured = all(s.temperature is not None for s in stretches)
+    if virtual is None:
+        virtual = not measured
+    if not virtual and not measured:
+        raise InvalidInput("The log holds no temperature.", remedy="Map it, or ask for a virtual one.")
+    if len(stretches) > 1 and virtual:
+        raise NotIdentifiable(
+            f"The log has {len(stretches) - 1} gaps, in which nobody knows how the joint cooled.",
+            remedy="Record the warm-up without gaps, or with a temperature.",
+        )
+    parts = [_binned(s) for s in stretches]
+    v, a, q, tau, temperature = (np.concatenate([p[i] for p in parts]) for i in range(5))
+    top = float(np.percentile(np.abs(v), 99.5))
+    V = np.array(knots, dtype=float) if knots is not None else top * np.array([0.05, 0.2, 0.4, 0.7, 1.0])
+    if V.ndim != 1 or V.size < 1 or not np.all(np.isfinite(V)) or np.any(np.diff(V) <= 0) or V[0] <= 0:
+        raise InvalidInput(f"knots = {V.tolist()}.", remedy="Give increasing speeds above zero.")
+    shape = basis(v, V)
+    shape = shape[:, : V.size] + shape[:, V.size :]
+    fast = np.concatenate([p[5] for p in parts]) > SLOW * top  # bins in which the joint turns are left out
+    rest = np.column_stack([a, np.ones_like(v), np.sin(q), np.cos(q)])
+    weight = fast.astype(float)
+    if not virtual:
+        reference = float(temperature[0])
+        theta = temperature - reference
+        return _solved(shape, rest, theta, tau, weight, V, (float("nan"), float("nan")), reference)
+    interval = _width(stretches[0]) / stretches[0].rate
+    plain = regression.solve(*_normal(np.hstack([shape, rest]), tau, weight))
+    power = (shape @ plain[: V.size]) * v
+    length = interval * v.size
+    best, error = float("nan"), float("nan")
+    for _ in range(ROUNDS):
+        grid = np.geomspace(length / 100.0, 3.0 * length, GRID)
+        cost = [_cost(shape, rest, virtual_temperature(power, interval, T), tau, weight) for T in grid]
+        i = int(np.clip(np.argmin(cost), 1, GRID - 2))
+        tried = partial(_cost_at, shape, rest, power, interval, tau, weight)
+        best = _golden(tried, float(np.log(grid[i - 1])), float(np.log(grid[i + 1])))
+        theta = virtual_temperature(power, interval, best)
+        found = regression.solve(*_normal(np.hstack([shape, theta[:, None] * shape, rest]), tau, weight))
+        power = (shape @ found[: V.size] + theta * (shape @ found[V.size : 2 * V.size])) * v
+    theta = virtual_temperature(power, interval, best)
+    error = _time_error(shape, rest, power, interval, best, tau, weight)
+    return _solved(shape, rest, theta, tau, weight, V, (best, error), float("nan"))
+
+
+def _width(s: Signals) -> int:
+    """Return samples a bin."""
+    return max(1, round(BIN * s.rate))
+
+
+def _binned(s: Signals) -> list[np.ndarray]:
+    width = _width(s)
+    count = s.time.size // width
+    position = np.zeros_like(s.time) if s.position is None else s.position
+    temperature = np.zeros_like(s.time) if s.temperature is None else s.temperature
+    columns = (s.velocity, s.acceleration, position, s.torque, temperature)
+    bins = [c[: width * count].reshape(count, width) for c in columns]
+    least = np.where(np.ptp(np.sign(bins[0]), axis=1) > 0, 0.0, np.abs(bins[0]).min(axis=1))
+    return [*(b.mean(axis=1) for b in bins), least]
+
+
+def _normal(X: np.ndarray, y: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return X.T @ (w[:, None] * X), X.T @ (w * y)
+
+
+def _cost(shape, rest, theta, tau, weight) -> float:
+    X = np.hstack([shape, theta[:, None] * shape, rest])
+    left = tau - X @ regression.solve(*_normal(X, tau, weight))
+    return float(weight @ left**2)
+
+
+def _cost_at(shape, rest, power, interval, tau, weight, logarithm: float) -> float:
+    theta = virtual_temperature(power, interval, float(np.exp(logarithm)))
+    return _cost(shape, rest, theta, tau, weight)
+
+
+def _golden(cost, low: float, high: float) -> float:
+    """Return exp of the place of the least cost between two ends."""
+    share = 0.5 * (np.sqrt(5.0) - 1.0)
+    a, b = high - share * (high - low), low + share * (high - low)
+    at_a, at_b = cost(a), cost(b)
+    for _ in range(28):
+        if at_a < at_b:
+            high, b, at_b = b, a, at_a
+            a = high - share * (high - low)
+            at_a = cost(a)
+        else:
+            low, a, at_a = a, b, at_b
+            b = low + share * (high - low)
+            at_b = cost(b)
+    return float(np.exp(0.5 * (low + high)))
+
+
+def _sandwich(X: np.ndarray, tau: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    blocks = regression.accumulate(X, tau, weight, regression.block_index(tau.size, BLOCKS), BLOCKS)
+    theta = regression.solve(blocks.gram.sum(axis=0), blocks.moment.sum(axis=0))
+    return theta, regression.sandwich(blocks, theta)
+
+
+def _time_error(shape, rest, power, interval, T, tau, weight) -> float:
+    """Return the standard error of the time constant, all else being fitted with it [s]."""
+    K, step = shape.shape[1], 1e-3 * T
+    theta = virtual_temperature(power, interval, T)
+    X = np.hstack([shape, theta[:, None] * shape, rest])
+    found = regression.solve(*_normal(X, tau, weight))
+    moved = virtual_temperature(power, interval, T + step) - virtual_temperature(power, interval, T - step)
+    X = np.column_stack([X, (shape @ found[K : 2 * K]) * moved / (2.0 * step)])
+    return float(np.sqrt(max(_sandwich(X, tau, weight)[1][-1, -1], 0.0)))
+
+
+def _solved(shape, rest, theta, tau, weight, V, time_constant, reference) -> Thermal:
+    K = V.size
+    span = float(theta.min()), float(theta.max())
+    if np.isfinite(reference) and not np.ptp(theta) > LEAST_RISE:
+        raise NotIdentifiable(
+            f"The temperature changes by {np.ptp(theta):.2g} degC in this log.",
+            remedy="Begin with a cold joint, and record until it is warm.",
+        )
+    X = np.hstack([shape, theta[:, None] * shape, rest])
+    found, covariance = _sandwich(X, tau, weight)
+    slope, spread = found[K : 2 * K], covariance[K : 2 * K, K : 2 * K]
+    if not chance(float(slope @ np.linalg.pinv(spread, rcond=1e-10) @ slope), K) < SURE:
+        raise NotIdentifiable(
+            "Friction does not change with the temperature along this log beyond chance.",
+            remedy="Begin with a cold joint, and record until it is warm.",
+        )
+    left = weight * (tau - X @ found)
+    plain = np.hstack([shape, rest])
+    before = weight * (tau - plain @ regression.solve(*_normal(plain, tau, weight)))
+    return Thermal(
+        velocity=V,
+        cold=found[:K],
+        slope=slope,
+        covariance=covariance[: 2 * K, : 2 * K],
+        time_constant=time_constant,
+        reference=reference,
+        reached=span,
+        explained=float(1.0 - (left @ left) / max(before @ before, 1e-300)),
+        rms=float(np.sqrt(left @ left / max(weight.sum(), 1.0))),
+    )

@@ -1,0 +1,251 @@
+"""Which of several fitted laws to use: judged on windows or logs that no fit has seen, and said in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from backdrive._catalog import lookup
+from backdrive.errors import BackdriveError, InvalidInput
+from backdrive.identification.dynamic.law_fit import LawFit
+from backdrive.identification.dynamic.torque import Stretch
+from backdrive.identification.dynamic.unknowns import LawShape
+from backdrive.laws import ELEMENTS, RATES
+
+WINDOWS = 15  # of time; every third is held out
+WORTH = 0.02  # a richer law must lower the held-out error by this share [-]
+
+#: Laws that `auto` considers by what the data can support.
+CURVES = ("coulomb-viscous", "stribeck-gauss", "stribeck-tustin", "degressive")
+PRESLIDING = ("stribeck-gauss+hayward-armstrong", "stribeck-gauss+lugre", "stribeck-gauss+elastoplastic")
+LOADED = ("m3", "m4", "m5")
+WARM = ("load-temperature",)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Candidate:
+    """One law of a choice.
+
+    Attributes:
+        name: of the law.
+        parameters: numbers that were sought.
+        error: RMS on what was fitted [N.m or N; rad or m where motion was fitted]; NaN where the fit failed.
+        held_out: RMS on what was not [the same unit].
+        aic: Akaike's information criterion, less the smallest of the choice.
+        seconds: that the fit took.
+        remark: why it failed, or what it could not see.
+        fit: the fit of torque; None where it failed, or where motion was fitted.
+        windows: mean squared error of each held-out window, for paired comparison.
+        shown: the data show its presliding, where it has any; where they do not, it is not chosen over a law without.
+    """
+
+    name: str
+    parameters: int
+    error: float
+    held_out: float
+    aic: float
+    seconds: float
+    remark: str = ""
+    fit: LawFit | None = None
+    windows: np.ndarray | None = None
+    shown: bool = True
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Choice:
+    """The laws that were tried on one joint, and the one to use.
+
+    Attributes:
+        joint: its name.
+        candidates: in the order of their number of parameters.
+        chosen: name of the law to use.
+        reason: why, and why a richer one is not worth it.
+        unit: of the errors.
+    """
+
+    joint: str
+    candidates: tuple[Candidate, ...]
+    chosen: str
+    reason: str
+    unit: str = "N.m"
+
+    def candidate(self, name: str | None = None) -> Candidate:
+        """Return a candidate by name; None: the chosen one.
+
+        Raises:
+            UnknownName: no such law was tried.
+        """
+        return lookup(name or self.chosen, {c.name: c for c in self.candidates}, "law that was tried")
+
+
+def shortlist(words: str | Sequence[str], *, presliding: bool, load: bool, warm: bool) -> list[str]:
+    """Return the names of the laws to try.
+
+    Args:
+        words: `auto`, a name, names with commas between, or a sequence of names.
+        presliding: the motion shows presliding, resolved by the encoder.
+        load: the log holds the load, and it varies.
+        warm: the log holds the temperature, and it varies.
+    """
+    if words != "auto":
+        parts: Any = words.split(",") if isinstance(words, str) else words
+        found: list[Any] = list(parts) if isinstance(parts, (list, tuple)) else [parts]
+        if strange := [w for w in found if not isinstance(w, str)]:
+            raise InvalidInput(
+                f"A law to fit is a {type(strange[0]).__name__}.",
+                remedy="Name it: 'stribeck-gauss', or 'stribeck-gauss+lugre'; its numbers are what a fit finds.",
+            )
+        found = [w.strip() for w in found if w.strip()]
+        if not found:
+            raise InvalidInput(
+                f"No law is named: {words!r}.", remedy="Name one, or 'auto'; `backdrive laws` lists them."
+            )
+        return found
+    return [
+        *CURVES,
+        *(PRESLIDING if presliding else ()),
+        *(LOADED if load else ()),
+        *(WARM if warm and load else ()),
+    ]
+
+
+def windows(lengths: Sequence[int]) -> list[np.ndarray]:
+    """Return for stretches of so many samples a mask each of those that are held out: every third of the windows of time."""
+    total = sum(lengths)
+    masks = []
+    for n in lengths:
+        count = max(3, round(WINDOWS * n / total))
+        masks.append((np.arange(n) * count // n) % 3 == 1)
+    return masks
+
+
+def without(stretches: Sequence[Stretch], masks: Sequence[np.ndarray]) -> list[Stretch]:
+    """Return stretches in which masked samples do not count; the motion stays whole, so that states are right."""
+    return [replace(s, judged=s.judged & ~mask) for s, mask in zip(stretches, masks)]
+
+
+def judged(fit: LawFit, stretches: Sequence[Stretch], masks: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the mean squared error of each held-out window [N.m or N, squared], (W,)."""
+    found = []
+    for s, miss, mask in zip(stretches, fit.misses(stretches), masks):
+        found += squares(miss**2, mask, s.judged)
+    return np.array(found)
+
+
+def squares(squared: np.ndarray, mask: np.ndarray, counts: np.ndarray) -> list[float]:
+    """Return the mean of squared errors over each run of a mask, of the samples that count."""
+    edges = np.flatnonzero(np.diff(np.r_[0, mask.astype(np.int8), 0]))
+    runs = [squared[a:b][counts[a:b]] for a, b in edges.reshape(-1, 2)]
+    return [float(run.mean()) for run in runs if run.size]
+
+
+def seen(fit: LawFit, stretches: Sequence[Stretch]) -> tuple[float, int]:
+    """Return the mean squared error on what was fitted [N.m or N, squared], rests included, and the number of samples."""
+    squared = [(miss**2)[s.judged] for s, miss in zip(stretches, fit.misses(stretches))]
+    joined = np.concatenate(squared)
+    return float(joined.mean()), joined.size
+
+
+def failed(name: str, error: BackdriveError, seconds: float) -> Candidate:
+    """Return the candidate of a law that could not be fitted."""
+    return Candidate(
+        name=name,
+        parameters=0,
+        error=np.nan,
+        held_out=np.nan,
+        aic=np.nan,
+        seconds=seconds,
+        remark=error.message,
+    )
+
+
+def shape_of(name: str) -> LawShape:
+    """Return the shape of a law by name."""
+    return LawShape.named(name)
+
+
+def is_shown(shape: LawShape, unseen: Iterable[str], at_bound: Iterable[str]) -> bool:
+    """Say whether a fit saw something of a law's presliding.
+
+    Args:
+        shape: of the law.
+        unseen: numbers that the motion does not show.
+        at_bound: numbers that ended at a bound.
+    """
+    hidden = {n.partition("[")[0] for n in (*unseen, *at_bound)}
+    main = [n for n in shape.element.PARAMETERS if n != "share"]
+    first = "stiffness" if "stiffness" in main else (main or [""])[0]
+    return first not in hidden
+
+
+def remark(unseen: Iterable[str]) -> str:
+    """Return in a few words what a fit could not see."""
+    plain = list(dict.fromkeys(n.partition("[")[0] for n in unseen))
+    return f"not seen: {', '.join(plain)}" if plain else ""
+
+
+def choose(
+    joint: str, candidates: Sequence[Candidate], unit: str, size: float, what: str = "torque"
+) -> Choice:
+    """Return the choice: the simplest law that no richer one beats by more than it is worth.
+
+    Args:
+        joint: its name.
+        candidates: fitted and judged.
+        unit: of the errors.
+        size: root mean square of what was measured, for percentages.
+        what: was measured, for the sentence.
+    """
+    alive = sorted(
+        (c for c in candidates if np.isfinite(c.held_out)), key=lambda c: (c.parameters, _left(c), c.name)
+    )
+    least = min((c.aic for c in candidates if np.isfinite(c.aic)), default=0.0)
+    table = tuple(
+        replace(c, aic=c.aic - least) for c in sorted(candidates, key=lambda c: (c.parameters, c.name))
+    )
+    if any(c.shown for c in alive):
+        alive = [c for c in alive if c.shown]
+    best = min(alive, key=_left)
+    simple = next(c for c in alive if not _worth(c, best))
+    share = 100.0 / size if size > 0 else float("nan")
+    reason = (
+        f"'{simple.name}' leaves {simple.held_out:.3g} {unit} ({share * simple.held_out:.1f} %) of {what} that it had not "
+        f"seen, with {simple.parameters} numbers."
+    )
+    richer = [c for c in alive if c.parameters > simple.parameters]
+    if richer:
+        c = min(richer, key=_left)
+        gain = 100.0 * (1.0 - c.held_out / simple.held_out)
+        reason += f" '{c.name}' with {c.parameters} would bring {c.held_out:.3g} {unit}" + (
+            f", {gain:.1f} % less: not worth it." if gain > 0 else ", no less: it is not worth it."
+        )
+    poorer = [c for c in alive if c.parameters < simple.parameters]
+    if poorer:
+        c = min(poorer, key=_left)
+        reason += f" The simpler '{c.name}' leaves {c.held_out:.3g} {unit}."
+    return Choice(joint=joint, candidates=table, chosen=simple.name, reason=reason, unit=unit)
+
+
+def _left(candidate: Candidate) -> float:
+    """Return the unseen error to six digits: what differs less is one law in two forms, and rounding is not to choose."""
+    return float(f"{candidate.held_out:.6g}")
+
+
+def _worth(simple: Candidate, best: Candidate) -> bool:
+    """Say whether the best law beats a simpler one by more than the windows' scatter, and by enough to matter."""
+    if best.held_out >= (1.0 - WORTH) * simple.held_out:
+        return False
+    if simple.windows is None or best.windows is None or len(simple.windows) != len(best.windows):
+        return True
+    gain = simple.windows - best.windows
+    error = float(gain.std(ddof=1) / np.sqrt(len(gain))) if len(gain) > 1 else 0.0
+    return float(gain.mean()) > error
+
+
+def known(name: str) -> bool:
+    """Say whether this is the name of a law."""
+    rate, _, element = name.partition("+")
+    return (rate in RATES or rate in ELEMENTS) and (not element or element in ELEMENTS)

@@ -1,0 +1,298 @@
+"""Motion given the drive's input: the residuals of a law, an axis and its drive through forward dynamics.
+
+A joint with its drive is let go from the measured start of every log under the recorded input; what it does is compared with
+what was measured. A batch of candidates on all logs is one call of the engine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+
+from backdrive.engine import Axis, drives
+from backdrive.engine import axis as axis_
+from backdrive.engine.cores import spread
+from backdrive.engine.forward import lanes
+from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.identification.dynamic.motion_log import MotionLog
+from backdrive.identification.dynamic.motion_terms import Range, assemble, column
+from backdrive.identification.dynamic.unknowns import LawShape, Scales, Unknown
+from backdrive.laws import REFERENCE
+
+
+class MotionProblem:
+    """Residuals of measured motion by forward dynamics, for batches of candidates.
+
+    Args:
+        shape: the law that is sought.
+        logs: of one axis.
+        axis: everything that is not sought; its law is not used.
+        free: ranges of what is sought, by name (`motion_terms`); what of the law is not named is sought in ranges that
+            follow from the data.
+        signal: what is compared.
+        substeps: integration steps a sample.
+        scales: sizes that ranges follow from; None: read off the data.
+        unit: of the axis, `rad` or `m`.
+        workers: threads; None: one a core.
+
+    Raises:
+        InvalidInput: no logs, velocity asked for and not recorded, or ranges that are none.
+        NotIdentifiable: the axis never moves.
+    """
+
+    def __init__(
+        self,
+        shape: LawShape,
+        logs: Sequence[MotionLog],
+        axis: Axis,
+        free: Mapping[str, Range] | None = None,
+        *,
+        signal: Literal["position", "velocity"] = "position",
+        substeps: int = 1,
+        scales: Scales | None = None,
+        unit: str = "rad",
+        workers: int | None = None,
+    ):
+        if not logs or signal not in ("position", "velocity") or substeps < 1:
+            raise InvalidInput(
+                f"{len(logs)} logs, signal = {signal!r}, substeps = {substeps}.",
+                remedy="Give at least one log; compare `position` or `velocity`; substeps >= 1.",
+            )
+        lacking = [log.name for log in logs if signal == "velocity" and log.velocity is None]
+        if lacking:
+            raise InvalidInput(
+                f"No velocity was recorded in {', '.join(lacking)}.", remedy="Compare the position instead."
+            )
+        if max(float(np.ptp(log.position)) for log in logs) == 0.0:
+            raise NotIdentifiable(
+                "The axis never moves, so that its friction cannot be seen.",
+                remedy="Record a motion with reversals.",
+            )
+        self.shape, self.axis, self.free, self.unit = shape, axis, dict(free or {}), unit
+        self.signal: Literal["position", "velocity"] = signal
+        self.substeps, self.workers = substeps, workers
+        self.scales = scales_of(logs, axis, unit) if scales is None else scales
+        courses = sorted({name for log in logs for name in log.shapes})
+        self.terms = assemble(shape, self.scales, self.free, len(logs), courses)
+        self.unknowns = self.terms.unknowns
+        self.names = tuple(u.name for u in self.unknowns)
+        self.lower = np.array([float(u.inward(u.lower)) for u in self.unknowns])
+        self.upper = np.array([float(u.inward(u.upper)) for u in self.unknowns])
+        self.setters = [self._setter(u) for u in self.unknowns[self.terms.of_law :]]
+        self.logs = list(logs)
+        self.size = sum(len(log.position) if log.judged is None else int(log.judged.sum()) for log in logs)
+        self._groups = self._grouped()
+
+    def on(self, logs: Sequence[MotionLog]) -> MotionProblem:
+        """Return the same problem on other logs."""
+        return MotionProblem(
+            self.shape,
+            logs,
+            self.axis,
+            self.free,
+            signal=self.signal,
+            substeps=self.substeps,
+            scales=self.scales,
+            unit=self.unit,
+            workers=self.workers,
+        )
+
+    def _setter(self, u: Unknown) -> tuple[str, int, int, str]:
+        """Where a number goes: kind, column, log and name."""
+        plain, _, place = u.name.partition("[")
+        if plain.startswith("start."):
+            return "start", 0 if plain == "start.position" else 1, int(place[:-1]), ""
+        if plain == "drive.proportional_factor":
+            return "factor", 0, 0, ""
+        if plain.startswith("shape."):
+            return "shape", 0, 0, plain[6:]
+        if plain.startswith("drive."):
+            return "drive", column(self.axis.drive, plain[6:], u.lower, u.upper), 0, ""
+        return "axis", column(self.axis, plain, u.lower, u.upper), 0, ""
+
+    def _grouped(self):
+        """Logs of one sampling time side by side, shorter ones held at their ends."""
+        groups = []
+        for dt in sorted({log.dt for log in self.logs}):
+            which = [k for k, log in enumerate(self.logs) if log.dt == dt]
+            logs = [self.logs[k] for k in which]
+            n = max(len(log.position) for log in logs)
+
+            def channel(name, default, logs=logs, n=n):
+                if all(getattr(log, name) is None for log in logs):
+                    return np.full((len(logs), 1), default)
+                given = [getattr(log, name) for log in logs]
+                return np.array(
+                    [np.full(n, default) if g is None else np.pad(g, (0, n - len(g)), "edge") for g in given]
+                )
+
+            groups.append(
+                {
+                    "dt": dt,
+                    "which": which,
+                    "n": n,
+                    "input": channel("drive_input", 0.0),
+                    "supply": channel("supply", np.nan),
+                    "enabled": channel("enabled", 1.0),
+                    "temperature": channel("temperature", REFERENCE),
+                    "start": np.array([[log.position[0], log.launch] for log in logs]),
+                    "proportional": [log.proportional for log in logs],
+                }
+            )
+        return groups
+
+    def values(self, point: np.ndarray) -> dict[str, float]:
+        """Return the numbers of a search point by name."""
+        return {u.name: float(u.outward(x)) for u, x in zip(self.unknowns, point)}
+
+    def point(self, values: Mapping[str, float]) -> np.ndarray:
+        """Return the search point of numbers by name; what is missing starts where it is drawn from."""
+        return np.array(
+            [
+                float(u.inward(values[u.name])) if u.name in values else s
+                for u, s in zip(self.unknowns, self.terms.start)
+            ]
+        )
+
+    def axis_of(self, values: Mapping[str, float]) -> Axis:
+        """Return the axis with its law and drive of these values."""
+        names = self.names[self.terms.of_law :]
+        own = {n: values[n] for n in names if not n.startswith(("drive.", "start.", "shape."))}
+        of_drive = {n[6:]: values[n] for n in names if n.startswith("drive.")}
+        factor = of_drive.pop("proportional_factor", 1.0)
+        drive = self.axis.drive.replace(**of_drive)
+        return self.axis.replace(
+            **own,
+            law=self.shape.law(values),
+            drive=drive.replace(proportional=drive.proportional * factor),
+        )
+
+    def predict(self, values: Sequence[Mapping[str, float]]) -> list[np.ndarray]:
+        """Return what candidates predict for every log [rad, m, rad/s or m/s], each (B, n)."""
+        B = len(values)
+        J, D = np.tile(self.axis.row(), (B, 1)), np.tile(self.axis.drive.row(), (B, 1))
+        factor, start = np.ones(B), np.zeros((B, len(self.logs), 2))
+        sizes: dict[str, np.ndarray] = {}
+        table = np.array([[v[n] for n in self.names[self.terms.of_law :]] for v in values]).reshape(B, -1)
+        for (kind, at, log, name), numbers in zip(self.setters, table.T):
+            if kind == "axis":
+                J[:, at] = numbers
+            elif kind == "drive":
+                D[:, at] = numbers
+            elif kind == "factor":
+                factor = numbers
+            elif kind == "shape":
+                sizes[name] = numbers
+            else:
+                start[:, log, at] = numbers
+        rows, nonsense, states = [], np.zeros(B, dtype=bool), 2
+        law = None
+        for i, v in enumerate(values):
+            try:
+                law = self.shape.law(v)
+                rows.append(law.row())
+                states = max(states, law.state().size)
+            except InvalidInput:
+                nonsense[i] = True
+                rows.append(rows[-1] if rows else np.zeros(1))
+        if law is None:
+            return [np.full((B, len(log.position)), np.nan) for log in self.logs]
+        P = np.zeros((B, max(r.size for r in rows)))
+        for i, row in enumerate(rows):
+            P[i, : row.size] = row
+        out: list[np.ndarray] = [np.empty(0)] * len(self.logs)
+        for group in self._groups:
+            motion = self._run(group, law, P, states, J, D, factor, start, sizes)
+            for m, k in enumerate(group["which"]):
+                out[k] = motion[:, m, : len(self.logs[k].position), 0 if self.signal == "position" else 1]
+                out[k][nonsense] = np.nan
+        return out
+
+    def _run(self, group, law, P, states, J, D, factor, start, sizes):
+        B, M, n = len(P), len(group["which"]), group["n"]
+        gain = (
+            np.array([[D[i, 2] if k is None else k for k in group["proportional"]] for i in range(B)])
+            * factor[:, None]
+        )
+        D, J = np.repeat(D, M, axis=0), np.repeat(J, M, axis=0)
+        D[:, 2] = gain.ravel()
+        at = (group["start"] + start[:, group["which"]]).reshape(-1, 2)
+        S = np.empty((B * M, axis_.STATES))
+        S[:, 0] = S[:, 2] = at[:, 0]
+        S[:, 1] = S[:, 3] = at[:, 1]
+        S[:, 4] = J[:, 4] * np.sin(at[:, 0]) + J[:, 5] * np.cos(at[:, 0]) + J[:, 9]
+        yields = J[:, 6] == 0.0
+        S[yields, 2] -= S[yields, 4] / J[yields, 2]  # the transmission bears gravity
+        rates, elements = np.full(B * M, law.rate.KIND), np.full(B * M, law.element.KIND)
+        P, X = np.repeat(P, M, axis=0), np.zeros((B * M, states))
+        C, out = np.zeros((B * M, drives.STATES)), np.empty((B * M, n, 3))
+        which, r = np.tile(np.arange(M), B), group["input"]
+        supply, enabled, temp = group["supply"], group["enabled"], group["temperature"]
+        if sizes:  # every lane has an input of its own
+            r = np.tile(r, (B, 1))
+            for name, size in sizes.items():
+                r += (size[:, None, None] * self._course(name, group)).reshape(B * M, n)
+            supply, enabled, temp = (np.tile(c, (B, 1)) for c in (supply, enabled, temp))
+            which = np.arange(B * M)
+
+        def work(first: int, last: int) -> None:
+            lanes(
+                first,
+                last,
+                J,
+                D,
+                rates,
+                elements,
+                P,
+                X,
+                S,
+                C,
+                which,
+                r,
+                supply,
+                enabled,
+                temp,
+                group["dt"],
+                self.substeps,
+                out,
+            )
+
+        spread(work, B * M, self.workers)
+        return out.reshape(B, M, n, 3)
+
+    def _course(self, name: str, group) -> np.ndarray:
+        courses = [
+            np.asarray(self.logs[k].shapes.get(name, np.zeros(1)), dtype=float) for k in group["which"]
+        ]
+        return np.array([np.pad(c, (0, group["n"] - len(c)), "edge") for c in courses])
+
+    def residuals(self, points: np.ndarray) -> np.ndarray:
+        """Return predicted less measured motion of a batch of search points [rad, m, rad/s or m/s], (B, m)."""
+        predicted = self.predict([self.values(p) for p in points])
+        parts = []
+        for log, motion in zip(self.logs, predicted):
+            measured = log.position if self.signal == "position" else log.velocity
+            error = motion - measured
+            parts.append(error if log.judged is None else error[:, log.judged])
+        return np.concatenate(parts, axis=1)
+
+
+def scales_of(logs: Sequence[MotionLog], axis: Axis, unit: str) -> Scales:
+    """Return sizes from the motion and from what the drive can do; friction is taken as a tenth of that.
+
+    Args:
+        logs: of one axis.
+        axis: with its drive.
+        unit: of the axis, `rad` or `m`.
+    """
+    speed = max(float(np.abs(np.diff(log.position)).max()) / log.dt for log in logs)
+    travel = max(float(np.ptp(log.position)) for log in logs)
+    d = axis.drive
+    most = float(max(np.abs(log.drive_input).max() for log in logs)) * abs(d.gain)
+    output = min(d.limit, most) if d.controller == "open" else d.limit
+    torque = output if d.actuator == "torque" else output * d.supply * d.torque_constant / d.resistance
+    if not 0.0 < torque < np.inf:
+        torque = max(abs(axis.gravity_sin) + abs(axis.gravity_cos), axis.inertia * speed / 0.1)
+    return Scales(force=0.1 * torque, speed=max(speed, 1e-9), length=1e-3 * travel, unit=unit)

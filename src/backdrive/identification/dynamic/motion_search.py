@@ -1,0 +1,237 @@
+"""The search of a fit through forward dynamics: its cost has steps and folds, where a joint sticks in one trial and passes in
+the next.
+
+So the forward differences are wide and narrow down, every damped step is tried at several sizes and judged by the loss
+itself, and many starts are screened before a few descend. All trials of all starts are one batch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive.identification.dynamic import stopping
+from backdrive.identification.dynamic.search import CHUNK, Found, Search, screen
+
+WIDE, NARROW = 1.6e-2, 1.5e-3  # forward differences at first and at last, in search coordinates
+FINE = 1e-5  # of the last steps, where the cost is smooth
+FACTORS = np.array([0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0])  # on the damping of the step before
+LENGTHS = (1.0, 0.4)  # of a damped step that are tried
+FARTHEST = 2.0  # that one step goes, in search coordinates
+GAIN = 2e-4  # relative fall of the loss below which the differences narrow
+
+
+@dataclass
+class Descent:
+    """One start on its way.
+
+    Attributes:
+        point: (P,).
+        residual: (m,).
+        cost: loss at the point.
+        damping: of the last good step.
+        wide: of the forward differences.
+        done: it has come to rest.
+    """
+
+    point: np.ndarray
+    residual: np.ndarray
+    cost: float
+    damping: float = 1e-2
+    wide: float = WIDE
+    done: bool = False
+
+
+class MotionSearch(Search):
+    """Least squares or least absolute deviations through forward dynamics."""
+
+    def evaluate(self, points: np.ndarray) -> np.ndarray:
+        """Return the residuals of a batch, (B, m), in pieces that fit the memory."""
+        first = super().evaluate(points[:1])
+        piece = max(1, CHUNK // max(first.shape[1], 1))
+        rest = [
+            super(MotionSearch, self).evaluate(points[i : i + piece]) for i in range(1, len(points), piece)
+        ]
+        return np.concatenate([first, *rest])
+
+    def begin(self, points: np.ndarray) -> list[Descent]:
+        """Return starts ready to descend."""
+        points = np.clip(np.atleast_2d(points), self.lower, self.upper)
+        residuals = self.evaluate(points)
+        return [Descent(p, r, self.cost(r, self.scale(r))) for p, r in zip(points, residuals)]
+
+    def descend(
+        self, ways: list[Descent], iterations: int, tick: Callable[[int, float], None] | None = None
+    ) -> list[Descent]:
+        """Advance every start side by side; an interruption leaves each where it had come to.
+
+        Args:
+            ways: starts, advanced in place.
+            iterations: at most.
+            tick: called with the iteration and the least loss.
+        """
+        for i in range(1, iterations + 1):
+            under_way = [w for w in ways if not w.done and np.isfinite(w.cost)]
+            if not under_way:
+                break
+            slopes = self.slopes(under_way)
+            trials = [self.trials(w, J) for w, J in zip(under_way, slopes)]
+            ends = self.evaluate(np.concatenate([points for points, _ in trials]))
+            place = 0
+            for w, (points, dampings) in zip(under_way, trials):
+                self._take(w, points, ends[place : place + len(points)], dampings)
+                place += len(points)
+            if tick is not None:
+                tick(i, min(w.cost for w in ways))
+        return ways
+
+    def _take(self, way: Descent, points, ends, dampings):
+        costs = [self.cost(r, self.scale(way.residual)) for r in ends]
+        best = int(np.argmin(costs))
+        gain = way.cost - costs[best]
+        if gain > 0.0:
+            way.point, way.residual, way.cost = points[best], ends[best], costs[best]
+            way.damping = max(dampings[best], 1e-8)
+        else:
+            way.damping = min(way.damping * 10.0, 1e6)
+        if gain <= GAIN * way.cost:
+            way.done = way.wide <= NARROW
+            way.wide = min(way.wide, max(0.5 * way.wide, NARROW))
+
+    def slopes(self, ways: list[Descent]) -> list[np.ndarray]:
+        """Return the Jacobians of the residuals, (m, P) each, in one batch."""
+        steps = [np.where(w.point + w.wide > self.upper, -w.wide, w.wide) for w in ways]
+        moved = self.evaluate(np.concatenate([w.point + np.diag(s) for w, s in zip(ways, steps)]))
+        P = len(self.lower)
+        return [
+            ((moved[k * P : (k + 1) * P] - w.residual) / s[:, None]).T
+            for k, (w, s) in enumerate(zip(ways, steps))
+        ]
+
+    def trials(self, way: Descent, J: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the ends of damped steps and their dampings, (T, P) and (T,); bounds are held where a step would leave."""
+        w = self.weights(way.residual, self.scale(way.residual))
+        usable = np.isfinite(J).all(axis=0)
+        J = np.where(usable, J, 0.0)
+        gradient = J.T @ (w * way.residual)
+        normal = J.T @ (w[:, None] * J)
+        free = usable & ~(
+            ((way.point <= self.lower) & (gradient > 0)) | ((way.point >= self.upper) & (gradient < 0))
+        )
+        size = np.sqrt(np.maximum(np.diag(normal), 1e-30))
+        points, dampings = [], []
+        for damping in FACTORS * way.damping:
+            move = np.zeros_like(way.point)
+            if free.any():
+                A = normal[np.ix_(free, free)] / np.outer(size[free], size[free])
+                A[np.diag_indices_from(A)] += damping
+                move[free] = -np.linalg.lstsq(A, gradient[free] / size[free], rcond=None)[0] / size[free]
+            move = np.clip(move, -FARTHEST, FARTHEST)
+            for length in LENGTHS:
+                points.append(np.clip(way.point + length * move, self.lower, self.upper))
+                dampings.append(damping)
+        return np.array(points), np.array(dampings)
+
+    def found(self, ways: list[Descent], interrupted: bool) -> Found:
+        """Return the best of the ends."""
+        costs = [w.cost for w in ways]
+        k = int(np.argmin(costs))
+        best = Descent(ways[k].point, ways[k].residual, costs[k], wide=NARROW)
+        return Found(
+            point=best.point,
+            cost=best.cost,
+            residual=best.residual,
+            jacobian=self.slopes([best])[0],
+            weight=self.weights(best.residual, self.scale(best.residual)),
+            converged=ways[k].done,
+            evaluations=self.evaluations,
+            interrupted=interrupted,
+            others=tuple(c for i, c in enumerate(costs) if i != k),
+        )
+
+
+def seek(
+    search: MotionSearch,
+    start: np.ndarray,
+    boxes: tuple[np.ndarray, np.ndarray],
+    *,
+    begin: int = 256,
+    descend: int = 6,
+    finish: int = 2,
+    short: int = 8,
+    iterations: int = 20,
+    polish: int = 0,
+    refine: int = 0,
+    seed: int = 0,
+    tick: Callable[[str, int, float], None] | None = None,
+) -> Found:
+    """Screen starts, let a few descend a little, the best of them to the end, and return the best end.
+
+    Args:
+        search: what is minimised.
+        start: a point to begin with, (P,).
+        boxes: lower and upper ends of where starts are drawn, (P,) each.
+        begin: starts that are screened; fewer than two: `start` alone descends.
+        descend: of them that descend a little.
+        finish: of those that descend to the end.
+        short: iterations of the little.
+        iterations: of the rest, at most.
+        polish: generations of differential evolution around the best, followed by a last descent.
+        refine: iterations at the very end with differences so narrow that a smooth cost is followed to its bottom.
+        seed: of the starts and of the evolution.
+        tick: called with the stage, the iteration and the least loss.
+    """
+    inform = (lambda stage: None) if tick is None else (lambda stage: lambda i, c: tick(stage, i, c))
+    ways = search.begin(start)
+    stopping.keep()
+    try:
+        if begin > 1:
+            from scipy.stats import qmc
+
+            count = max(1, round(np.log2(begin)))
+            drawn = qmc.Sobol(len(start), rng=np.random.default_rng(seed)).random_base2(count)
+            points = np.vstack([start, boxes[0] + (boxes[1] - boxes[0]) * drawn])
+            ways += search.begin(screen(search, points, descend))
+            search.descend(ways[1:], short, inform("short"))
+            ways.sort(key=lambda w: w.cost)
+            ways = ways[: max(1, finish)]
+        search.descend(ways, iterations, inform("descent"))
+        if polish:
+            best = min(ways, key=lambda w: w.cost)
+            ways.insert(0, evolved(search, best, boxes, polish, seed, inform("polish")))
+            search.descend(ways[:1], max(1, iterations // 2), inform("last"))
+        if refine:
+            k = int(np.argmin([w.cost for w in ways]))
+            ways[k].wide, ways[k].done = FINE, False
+            search.descend([ways[k]], refine, inform("refined"))
+        return search.found(ways, False)
+    except KeyboardInterrupt:
+        return search.found(ways, True)
+
+
+def evolved(search, best, boxes, generations, seed, tick, *, population=24, spread=0.05) -> Descent:
+    """Return what differential evolution (current to p-best, 1 difference) finds around a point."""
+    rng = np.random.default_rng(seed)
+    N, P = population, len(best.point)
+    reach = spread * (boxes[1] - boxes[0])
+    X = np.clip(best.point + reach * rng.standard_normal((N, P)), search.lower, search.upper)
+    X[0] = best.point
+    R = search.evaluate(X)
+    sigma = search.scale(best.residual)
+    F = np.array([search.cost(r, sigma) for r in R])
+    for g in range(1, generations + 1):
+        leaders = np.argsort(F, kind="stable")[rng.integers(0, max(2, N // 6), N)]
+        a, b = rng.integers(0, N, N), rng.integers(0, N, N)
+        f, crossed = rng.uniform(0.4, 0.9, (N, 1)), rng.random((N, P)) < rng.uniform(0.5, 1.0, (N, 1))
+        tried = np.clip(X + f * (X[leaders] - X) + f * (X[a] - X[b]), search.lower, search.upper)
+        tried = np.where(crossed, tried, X)
+        residuals = search.evaluate(tried)
+        costs = np.array([search.cost(r, sigma) for r in residuals])
+        better = costs < F
+        X[better], R[better], F[better] = tried[better], residuals[better], costs[better]
+        if tick is not None:
+            tick(g, float(F.min()))
+    k = int(np.argmin(F))
+    return Descent(X[k], R[k], float(F[k]), wide=0.5 * WIDE)

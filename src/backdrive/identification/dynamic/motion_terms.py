@@ -1,0 +1,192 @@
+"""What a fit through forward dynamics seeks: the law's numbers, and those of the axis and its drive, by name.
+
+`inertia`, `gravity_sin`, ... are fields of `engine.Axis`, `drive.resistance`, ... those of `engine.DriveModel`;
+`drive.proportional_factor` multiplies the own gain of every log, `start.position[k]` and `start.velocity[k]` are added to where
+log k starts, `shape.<name>` is the size of a course of time that is added to the drive's input. A range is (lower, upper),
+(lower, upper, start), or (lower, upper, (from, to)) where starts are drawn between the last two. What lies above zero and spans
+a factor of ten or more is sought in its logarithm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from backdrive._catalog import lookup
+from backdrive.engine import Axis, DriveModel
+from backdrive.errors import InvalidInput
+from backdrive.identification.dynamic.unknowns import LawShape, Scales, Unknown
+
+Range = Sequence[Any]
+FACTOR = 3.0  # about a start, within which starts are drawn, of what is sought in its logarithm
+SHARE = 0.25  # of the range, for the rest
+STEPS = 10.0  # search coordinates of the range, for the rest
+
+UNITS = {
+    "inertia": ("kg.m^2", "kg"),
+    "load_inertia": ("kg.m^2", "kg"),
+    "stiffness": ("N.m/rad", "N/m"),
+    "damping": ("N.m.s/rad", "N.s/m"),
+    "gravity_sin": ("N.m", "N"),
+    "gravity_cos": ("N.m", "N"),
+    "offset": ("N.m", "N"),
+    "load_dependence": ("1", "1"),
+    "drive.delay": ("s", "s"),
+    "drive.filter_time": ("s", "s"),
+    "drive.supply": ("V", "V"),
+    "drive.torque_constant": ("N.m/A", "N/A"),
+    "drive.resistance": ("ohm", "ohm"),
+    "drive.supply_resistance": ("ohm", "ohm"),
+    "drive.saturation": ("1/A", "1/A"),
+    "drive.proportional_factor": ("1", "1"),
+    "start.position": ("rad", "m"),
+    "start.velocity": ("rad/s", "m/s"),
+}
+OF_AXIS = [f.name for f in fields(Axis) if f.name not in ("law", "drive", "friction_side")]
+OF_DRIVE = [f"drive.{f.name}" for f in fields(DriveModel) if f.name not in ("controller", "actuator", "hold")]
+NAMES = (*OF_AXIS, *OF_DRIVE, "drive.proportional_factor", "start.position", "start.velocity")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Terms:
+    """Everything that is sought, in the order of the search coordinates.
+
+    Attributes:
+        unknowns: their ranges.
+        of_law: those of the law come first, so many.
+        start: search coordinates of the starts, (P,).
+        lower: of where starts are drawn, in search coordinates, (P,).
+        upper: of the same, (P,).
+    """
+
+    unknowns: tuple[Unknown, ...]
+    of_law: int
+    start: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+
+def range_of(name: str, given: Range, unit: str) -> tuple[Unknown, tuple[float, float, float]]:
+    """Return an unknown and its start with the ends of where starts are drawn.
+
+    Args:
+        name: of the number.
+        given: the range, as the module says.
+        unit: of the number.
+
+    Raises:
+        InvalidInput: it is no range.
+    """
+    remedy = "Give (lower, upper), (lower, upper, start) or (lower, upper, (from, to)), in SI units."
+    try:
+        low, high = float(given[0]), float(given[1])
+        drawn = given[2] if len(given) == 3 else None
+        inside = np.atleast_1d(np.asarray([low, high] if drawn is None else drawn, dtype=float))
+    except (TypeError, ValueError, IndexError):
+        raise InvalidInput(f"'{name}': {given!r} is not a range.", remedy=remedy) from None
+    if len(given) > 3 or inside.size > 2 or not np.all(np.isfinite([low, high, *inside])):
+        raise InvalidInput(f"'{name}': {given!r} is not a range.", remedy=remedy)
+    if not low < high or inside.min() < low or inside.max() > high or inside[0] > inside[-1]:
+        raise InvalidInput(
+            f"'{name}' is to lie between {low:g} and {high:g} [{unit}] and to start from {inside.tolist()}.",
+            remedy="Give a lower bound below the upper one and a start between them.",
+        )
+    log = low > 0.0 and high >= 10.0 * low
+    u = Unknown(
+        name=name, unit=unit, lower=low, upper=high, log=log, scale=1.0 if log else (high - low) / STEPS
+    )
+    if inside.size == 2:
+        a, b = float(inside[0]), float(inside[1])
+        start = float(np.sqrt(a * b)) if log else 0.5 * (a + b)
+    else:
+        start = float(inside[0])
+        a, b = (
+            (start / FACTOR, start * FACTOR)
+            if log
+            else (start - SHARE * (high - low), start + SHARE * (high - low))
+        )
+    return u, (float(u.inward(start)), float(u.inward(a)), float(u.inward(b)))
+
+
+def assemble(
+    shape: LawShape, scales: Scales, free: Mapping[str, Range], logs: int, courses: Sequence[str] = ()
+) -> Terms:
+    """Return what is sought.
+
+    Args:
+        shape: the law.
+        scales: from which ranges of the law's numbers follow that are not given.
+        free: ranges by name: of the law's numbers, and of what else is sought.
+        logs: number of logs.
+        courses: names of what may be added to the drive's input.
+
+    Raises:
+        UnknownName: `free` names something that neither law nor axis has.
+        InvalidInput: a range is none.
+    """
+    unknowns, boxes, used = [], [], set()
+    for u in shape.unknowns(scales):
+        plain = u.name.partition("[")[0]
+        given = next((key for key in (u.name, plain) if key in free), None)
+        if given is not None:
+            used.add(given)
+            u, box = range_of(u.name, free[given], u.unit)
+        else:
+            start = 0.0 if u.ratio else np.clip(_size(shape, u, scales), u.lower, u.upper)
+            at = float(u.inward(start))
+            reach = 1.0 if u.ratio else np.log(10.0) if u.log else SHARE * min(u.upper / u.scale, 4.0)
+            low, high = float(u.inward(u.lower)), float(u.inward(u.upper))
+            box = (at, max(at - reach, low), min(at + reach, high))
+        unknowns.append(u)
+        boxes.append(box)
+    of_law = len(unknowns)
+    side = 0 if scales.unit == "rad" else 1
+    for name, given in free.items():
+        if name in used:
+            continue
+        if name in shape.fixed:
+            raise InvalidInput(f"'{name}' is held fixed and sought at once.", remedy="Drop one of the two.")
+        plain, bracket, place = name.partition("[")
+        known = {n: n for n in (*shape.rate.PARAMETERS, *shape.element.PARAMETERS, *NAMES)}
+        known |= {f"shape.{n}": n for n in courses}
+        lookup(plain, known, "number of the law, the axis or the drive")
+        unit = UNITS.get(plain, ("SI", "SI"))[side]
+        if plain.startswith("start."):
+            places = [int(place[:-1])] if bracket and place[:-1].isdigit() else range(logs)
+            each = [f"{plain}[{k}]" for k in places if k < logs]
+        else:
+            each = [plain]
+        for n in each:
+            u, box = range_of(n, given, unit)
+            unknowns.append(u)
+            boxes.append(box)
+    at = np.array(boxes).reshape(-1, 3)
+    return Terms(unknowns=tuple(unknowns), of_law=of_law, start=at[:, 0], lower=at[:, 1], upper=at[:, 2])
+
+
+def _size(shape: LawShape, u: Unknown, scales: Scales) -> float:
+    """Return a start for a law's number without a range: its typical size in these data."""
+    parameter = {**shape.rate.PARAMETERS, **shape.element.PARAMETERS}[u.name.partition("[")[0]]
+    typical = {"exponent": 1.0, "stribeck_velocity": 0.05 * scales.speed, "shift": 0.0}
+    typical |= {"breakaway": 1.3 * scales.force, "stribeck": 0.3 * scales.force}
+    if u.name in typical:
+        return typical[u.name]
+    if parameter.unit == "1":
+        return 0.1 if parameter.upper > 1.0 else 0.5
+    return (0.3 if parameter.unit == "force.s/length" else 1.0) * scales.of(parameter.unit)
+
+
+def column(template: Axis | DriveModel, name: str, low: float, high: float) -> int:
+    """Return where a field stands in the row that the kernels read.
+
+    Args:
+        template: axis or drive.
+        name: of the field.
+        low: a value of it.
+        high: another one.
+    """
+    rows = [template.replace(**{name: value}).row() for value in (low, high)]
+    return int(np.flatnonzero(rows[0] != rows[1])[0])

@@ -1,0 +1,157 @@
+"""From a fitted law to a joint of a model, with the evidence that a report shows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from backdrive.identification.dynamic.choice import Choice
+from backdrive.identification.dynamic.law_fit import LawFit
+from backdrive.identification.dynamic.torque import Stretch
+from backdrive.identification.dynamic.unknowns import shares
+from backdrive.identification.dynamics import unit_of
+from backdrive.identification.evidence import evidence
+from backdrive.identification.quality import judge
+from backdrive.identification.result import JointEvidence
+from backdrive.identification.signals import Signals
+from backdrive.logs.log import Joint
+from backdrive.model import Estimate, JointFriction, Validity
+
+#: Term of a fit -> term of a model's dynamics.
+DYNAMICS = {
+    "inertia": "inertia",
+    "offset": "offset",
+    "gravity_sin": "gravity_sin",
+    "gravity_cos": "gravity_cos",
+    "delay": "delay",
+}
+
+
+def finish(
+    joint: Joint,
+    final: LawFit,
+    judged: LawFit,
+    choice: Choice,
+    pairs: Sequence[tuple[Signals, Stretch]],
+    unseen: Sequence[tuple[Signals, Stretch]],
+    masks: Sequence[np.ndarray],
+) -> tuple[JointFriction, JointEvidence]:
+    """Return a joint's friction and its evidence.
+
+    Args:
+        joint: whose friction it is.
+        final: fitted to everything.
+        judged: fitted without what it is judged on.
+        choice: of the law.
+        pairs: signals and stretches that were fitted.
+        unseen: the same of held-out logs.
+        masks: samples of the fitted stretches that `judged` had not seen.
+    """
+    stretches = [s for _, s in pairs]
+    v = np.concatenate([s.velocity for s in stretches])
+    low, high = np.percentile(v, [0.2, 99.8])
+    load = [s.load[:, 1] for s in stretches if s.load.shape[0] > 1]
+    warmth = [s.temperature for s in stretches if s.temperature.size > 1]
+    predicted = final.predict(stretches)
+    friction = JointFriction(
+        joint=joint,
+        law=final.law,
+        standard_errors=errors(final),
+        at_bound=tuple(sorted({n.partition("[")[0] for n in final.at_bound if n not in DYNAMICS})),
+        dynamics={
+            term: Estimate(
+                value=final.values[name],
+                unit=unit_of(term, joint),
+                standard_error=final.standard_errors[name],
+            )
+            for name, term in DYNAMICS.items()
+            if name in final.values
+        },
+        validity=Validity(
+            velocity=(float(min(low, 0.0)), float(max(high, 0.0))),
+            load=_span(load),
+            temperature=_span(warmth),
+        ),
+        fitted=judge((s.torque, tau, 1.0 / s.dt, s.judged) for s, tau in zip(stretches, predicted)),
+        held_out=judge(_held_out(judged, stretches, unseen, masks)),
+        method=f"fit of {final.name}: torque given motion",
+        warnings=final.warnings,
+    )
+    parts: list[tuple[Signals, np.ndarray, np.ndarray, bool]] = []
+    tests = [s for _, s in unseen]
+    series = zip(
+        [*pairs, *unseen], [*predicted, *final.predict(tests)], [True] * len(pairs) + [False] * len(tests)
+    )
+    for (signals, s), tau, seen in series:
+        known = 0.0 if signals.model_torque is None else signals.model_torque
+        rest = tau - final.predict([s], friction=True)[0] + known
+        parts.append((signals, s.torque + known - rest, tau + known, seen))
+    return friction, evidence(friction, parts, lambda velocity: band(final, velocity))
+
+
+def _held_out(judged, stretches, unseen, masks):
+    if unseen:
+        tests = [s for _, s in unseen]
+        return [(s.torque, tau, 1.0 / s.dt, s.judged) for s, tau in zip(tests, judged.predict(tests))]
+    return [
+        (s.torque, tau, 1.0 / s.dt, s.judged & mask)
+        for s, tau, mask in zip(stretches, judged.predict(stretches), masks)
+    ]
+
+
+def errors(final: LawFit) -> dict[str, Any]:
+    """Return the standard errors by parameter of the law, one number or one an element."""
+    found: dict[str, Any] = {}
+    for rows in (final.law.rate, final.law.element):
+        for name, parameter in rows.PARAMETERS.items():
+            if name in final.standard_errors:
+                found[name] = final.standard_errors[name]
+            elif parameter.many and name == "share":
+                found[name] = _share_errors(final, len(getattr(rows, name)))
+            elif parameter.many:
+                found[name] = tuple(
+                    final.standard_errors.get(f"{name}[{i}]", float("nan"))
+                    for i in range(len(getattr(rows, name)))
+                )
+    return found
+
+
+def _share_errors(final: LawFit, count: int) -> tuple[float, ...]:
+    """Return the errors of shares from those of their logarithmic ratios, taken as independent."""
+    ratios = np.array([final.values[f"share[{i}]"] for i in range(count - 1)])
+    sigma = np.array([final.standard_errors[f"share[{i}]"] for i in range(count - 1)])
+    centre = np.array(shares(ratios.tolist()))
+    total = np.zeros(count)
+    for i in range(count - 1):
+        moved = ratios.copy()
+        moved[i] += 1e-6
+        total += ((np.array(shares(moved.tolist())) - centre) / 1e-6 * sigma[i]) ** 2
+    return tuple(np.sqrt(total).tolist())
+
+
+def band(final: LawFit, velocity: np.ndarray) -> np.ndarray:
+    """Return the standard error of the steady curve at velocities [N.m or N]."""
+    from backdrive.identification.dynamic.uncertainty import covariance
+
+    at = np.isfinite([final.standard_errors[n] for n in final.problem.names])
+    edges = np.cumsum([int(s.judged.sum()) for s in final.problem.stretches]).tolist()
+    cov = covariance(final.found.jacobian, final.found.residual, final.found.weight, at, edges)
+    centre, columns = final.law.torque(velocity), []
+    for i in np.flatnonzero(at):
+        moved = final.found.point.copy()
+        step = -1e-5 if moved[i] + 1e-5 > final.problem.upper[i] else 1e-5
+        moved[i] += step
+        law = final.problem.shape.law(final.problem.values(moved))
+        columns.append((law.torque(velocity) - centre) / step)
+    J = np.array(columns).T
+    inner = cov.matrix[np.ix_(at, at)]
+    return np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", J, inner, J), 0.0))
+
+
+def _span(series: list[np.ndarray]) -> tuple[float, float] | None:
+    if not series:
+        return None
+    joined = np.concatenate(series)
+    return float(joined.min()), float(joined.max())

@@ -1,0 +1,147 @@
+"""The low pass of the motion before a fit: low enough that an encoder's steps do not drown the acceleration.
+
+A step of the encoder is an error of the position, white over the band. Twice differentiated it grows with the fifth power of the
+cutoff, and acceleration with errors in it draws the inertia, and all that trades against it, to zero: by the share of the error in
+its mean square. So the cutoff is lowered until that share is small. Where the motion itself is lost before, the best of the two
+is taken and said to be suspect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive.identification.signals import GAP, default_cutoff
+from backdrive.logs.filters import derivative, low_pass
+from backdrive.logs.log import Log
+
+SHARE = 0.1  # of the encoder's error in acceleration that is borne: one hundredth of the inertia [-]
+SUSPECT = 0.3  # share of what is wrong with it, error and what is lost, from which on a person is warned [-]
+CLEAR = 0.1  # share of the power that an error may be where the motion is told from it [-]
+LOWEST = 3.0  # cutoff [Hz]
+FACTOR = 0.8  # from one cutoff to the next lower one
+LONGEST = 100_000  # samples that are looked at
+GRID = 4096  # frequencies
+
+
+@dataclass(frozen=True, kw_only=True)
+class Smoothing:
+    """The low pass of one joint's motion.
+
+    Attributes:
+        cutoff: corner frequency [Hz]; None: the usual one.
+        note: why it is lower than that, in a sentence; empty where it is not.
+        warning: what no cutoff mends, in a sentence; empty where there is nothing.
+    """
+
+    cutoff: float | None = None
+    note: str = ""
+    warning: str = ""
+
+
+def smoothing(logs: Sequence[Log], joint: str) -> Smoothing:
+    """Return the low pass for a fit of one joint.
+
+    Args:
+        logs: that hold it.
+        joint: its name.
+    """
+    found = [_of_log(log.select(joint)) for log in logs]
+    lowered = [one for one in found if one.cutoff is not None]
+    if not lowered:
+        return Smoothing()
+    return min(lowered, key=lambda one: one.cutoff or np.inf)
+
+
+def _of_log(log: Log) -> Smoothing:
+    position = _longest(log)
+    period = log.period
+    counts = log.joints[0].encoder_counts
+    if position is None or not period > 0:
+        return Smoothing()
+    step = 1.0 / counts if counts else grid_step(position)
+    if step == 0.0:
+        return Smoothing()
+    rate = 1.0 / period
+    cutoffs = [default_cutoff(rate)]
+    while cutoffs[-1] * FACTOR >= LOWEST:
+        cutoffs.append(cutoffs[-1] * FACTOR)
+    error = np.array([noise(step, f, rate) for f in cutoffs])
+    power = np.array([_acceleration(position, f, rate) for f in cutoffs])
+    signal = np.maximum(power - error, 0.0)
+    if error[0] <= SHARE**2 * signal[0]:
+        return Smoothing()
+    whole = float(np.max(signal[error <= CLEAR * power], initial=0.0))
+    wrong = error + np.maximum(whole - signal, 0.0)
+    enough = np.flatnonzero((error <= SHARE**2 * signal) & (wrong <= 4.0 * SHARE**2 * max(whole, 1e-300)))
+    k = int(enough[0]) if enough.size else int(np.argmin(wrong))
+    share = float(np.sqrt(wrong[k] / whole)) if whole > 0.0 else np.inf
+    unit = log.joints[0].unit
+    usual = f"{cutoffs[0]:.3g} Hz"
+    note = (
+        f"{log.joints[0].name}: encoder steps of {step:.2g} {unit} would be {_percent(error[0], signal[0])} of the acceleration at "
+        f"the usual low pass of {usual}, so that the motion was low-passed at {cutoffs[k]:.3g} Hz (--cutoff)."
+    )
+    warning = ""
+    if share > SUSPECT:
+        warning = (
+            f"The encoder is too coarse for this motion: its steps of {step:.2g} {unit} and what a low pass of {cutoffs[k]:.3g} Hz "
+            f"takes away are {_percent(wrong[k], whole)} of the acceleration. A higher --cutoff makes the inertia too small, "
+            "a lower one blurs reversals: give the inertia (--known inertia=...), or record faster motion or a finer encoder."
+        )
+    return Smoothing(cutoff=float(cutoffs[k]) if k else None, note=note if k else "", warning=warning)
+
+
+def _percent(wrong: float, right: float) -> str:
+    share = np.sqrt(wrong / right) if right > 0.0 else np.inf
+    return f"{100.0 * share:.2g} %" if share < 10.0 else "many times the size"
+
+
+def noise(step: float, cutoff: float, rate: float) -> float:
+    """Return the mean square of the acceleration that an encoder's steps make [rad^2/s^4 or m^2/s^4].
+
+    Args:
+        step: of the encoder [rad or m].
+        cutoff: of the low pass [Hz].
+        rate: of sampling [Hz].
+    """
+    f = (np.arange(GRID) + 0.5) / (2 * GRID)
+    gain = 1.0 / (1.0 + (np.tan(np.pi * f) / np.tan(np.pi * min(cutoff / rate, 0.49))) ** 8)
+    twice = (rate * np.sin(2.0 * np.pi * f)) ** 4
+    return float(step**2 / 12.0 * np.mean(gain**2 * twice))
+
+
+def grid_step(position: np.ndarray) -> float:
+    """Return the step of an encoder whose positions lie on a grid [rad or m]; 0 where they do not.
+
+    Args:
+        position: as recorded, (n,).
+    """
+    moves = np.abs(np.diff(position))
+    moves = moves[moves > 0.0]
+    if moves.size < 50:
+        return 0.0
+    step = float(moves.min())
+    ratio = moves[moves < 20.0 * step] / step
+    on_grid = ratio.size >= 20 and np.mean(np.abs(ratio - np.round(ratio)) < 0.05) > 0.95
+    return step if on_grid else 0.0
+
+
+def _longest(log: Log) -> np.ndarray | None:
+    """Return the longest stretch of positions without a gap, not more of it than tells enough."""
+    if log.position is None or len(log) < 50:
+        return None
+    good = np.flatnonzero(np.isfinite(log.position[:, 0]) & np.isfinite(log.time))
+    if good.size < 50:
+        return None
+    cuts = np.flatnonzero(np.diff(log.time[good]) > GAP * log.period) + 1
+    part = max(np.split(good, cuts), key=len)
+    middle = max(0, (len(part) - LONGEST) // 2)
+    return log.position[part[middle : middle + LONGEST], 0]
+
+
+def _acceleration(position: np.ndarray, cutoff: float, rate: float) -> float:
+    smooth = low_pass(position, cutoff, rate)
+    return float(np.mean(derivative(derivative(smooth, 1.0 / rate), 1.0 / rate) ** 2))

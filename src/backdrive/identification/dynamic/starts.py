@@ -1,0 +1,320 @@
+"""Starting values read off the data: Coulomb torque from reversals, viscous from slope, stiffness from presliding."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from backdrive.engine import Lanes
+from backdrive.errors import NotIdentifiable
+from backdrive.identification.dynamic.torque import SLOW, SMOOTHED, Stretch, TorqueProblem, column, earlier
+from backdrive.identification.dynamic.unknowns import Scales
+from backdrive.laws import Coulomb, HaywardArmstrong, Law, Leuven
+from backdrive.logs.filters import low_pass
+
+GRID = 24  # break-away distances that elements side by side are first sought at
+MOST = 2.0  # times the largest friction seen: more than that no break-away can be
+LONGEST = 15_000  # samples in which a delay is looked for
+STILL = 1e-9  # rad or m: a joint whose position spans less has not moved
+
+
+def rest_of(
+    stretches: Sequence[Stretch], terms: Sequence[str], known: Mapping[str, float] | None = None
+) -> tuple[dict[str, float], list[np.ndarray]]:
+    """Return rough values of friction and dynamics by linear least squares, and what is left for friction.
+
+    Args:
+        stretches: of one joint.
+        terms: of the rest of the dynamics.
+        known: terms that are not sought, by name [SI].
+
+    Returns:
+        Values by name: `coulomb`, `viscous` and the terms; and the measured torque less the terms, a series a stretch.
+    """
+    rows, targets = [], []
+    stretches = without_known(stretches, known or {})
+    for s in stretches:
+        v = s.velocity
+        moving = s.judged & (np.abs(v) > SLOW * np.abs(v).max())
+        columns = [np.sign(v), v] + [column(s, t) for t in terms]
+        rows.append(np.array(columns)[:, moving].T)
+        targets.append(s.torque[moving])
+    A, y = np.concatenate(rows), np.concatenate(targets)
+    norm = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    theta = np.linalg.lstsq(A / norm, y, rcond=1e-8)[0] / norm
+    found = {"coulomb": abs(theta[0]), "viscous": max(theta[1], 0.0)} | dict(zip(terms, theta[2:]))
+    left = [
+        s.torque - sum((found[t] * column(s, t) for t in terms), np.zeros_like(s.torque)) for s in stretches
+    ]
+    return {k: float(v) for k, v in found.items()}, left
+
+
+def without_known(stretches: Sequence[Stretch], known: Mapping[str, float]) -> list[Stretch]:
+    """Return stretches whose torque is without what known terms take of it."""
+    return [
+        replace(s, torque=s.torque - sum(value * column(s, term) for term, value in known.items()))
+        for s in stretches
+    ]
+
+
+def delay_of(stretches: Sequence[Stretch], terms: Sequence[str], reach: float) -> float:
+    """Return the delay of the torque at which Coulomb and viscous friction explain it best [s]; coarse.
+
+    Args:
+        stretches: of one joint.
+        terms: of the rest of the dynamics.
+        reach: longest delay, either way [s].
+    """
+    s = max(stretches, key=lambda s: len(s.torque))
+    n, dt = len(s.torque), s.dt
+    a = max(0, (n - LONGEST) // 2)
+    at = slice(a, a + LONGEST)
+    v = s.velocity
+    columns = np.array([np.sign(v), v, *(column(s, t) for t in terms)])[:, at]
+    torque, use = s.torque[at], (s.judged & (np.abs(v) > SLOW * np.abs(v).max()))[at]
+    farthest = round(reach / dt)
+    step = max(1, farthest // 12)
+
+    def left(late: int) -> float:
+        A = earlier(columns, float(late))[:, use].T
+        norm = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+        theta = np.linalg.lstsq(A / norm, torque[use], rcond=1e-8)[0]
+        return float(np.sum((torque[use] - A / norm @ theta) ** 2))
+
+    best = min(range(-(farthest // step) * step, farthest + 1, step), key=left)
+    return dt * min(range(best - step + 1, best + step), key=left)
+
+
+def scales(
+    stretches: Sequence[Stretch],
+    terms: Sequence[str],
+    unit: str,
+    count: float | None,
+    known: Mapping[str, float] | None = None,
+) -> Scales:
+    """Return the sizes that the data show.
+
+    Args:
+        stretches: of one joint.
+        terms: of the rest of the dynamics.
+        unit: of the joint.
+        count: encoder steps per rad or m, if known.
+        known: terms that are not sought, by name [SI].
+
+    Raises:
+        NotIdentifiable: the joint never moves, or its torque never changes.
+    """
+    speed = max(float(np.abs(s.velocity).max()) for s in stretches)
+    travel = max(float(np.ptp(np.cumsum(s.dp))) for s in stretches)
+    if speed == 0.0 or travel < max(STILL, 3.0 / count if count else 0.0):
+        raise NotIdentifiable(
+            f"The joint never moves (its travel is {travel:.3g} {unit}), so that its friction cannot be seen.",
+            remedy="Record a motion with reversals, for example of `backdrive plan`.",
+        )
+    if max(float(np.ptp(s.torque)) for s in stretches) == 0.0:
+        raise NotIdentifiable(
+            "The torque is the same number throughout.",
+            remedy="Name the channel that holds the measured torque or current.",
+        )
+    found, left = rest_of(stretches, terms, known)
+    force = max(found["coulomb"], 0.3 * float(np.median([np.abs(f).mean() for f in left])), 1e-9)
+    length = presliding_length(stretches, left, force)
+    length = float(np.clip(length, 1e-7 * travel, 0.2 * travel))
+    if count:
+        length = max(length, 1.0 / count)
+    slowest = 1.0 / (count * max(s.dt for s in stretches)) if count else 0.0
+    most = MOST * max(float(np.quantile(np.abs(f), 0.999)) for f in left)
+    return Scales(force=force, speed=speed, length=length, unit=unit, slowest=slowest, most=max(most, force))
+
+
+def presliding_length(stretches: Sequence[Stretch], left: Sequence[np.ndarray], force: float) -> float:
+    """Return over which distance after a reversal friction turns round: the median over slow reversals [rad or m]."""
+    found = []
+    for s, f in zip(stretches, left):
+        v = s.velocity
+        turns = np.nonzero(np.diff(np.sign(v)) != 0)[0]
+        path = np.cumsum(np.abs(s.dp))
+        for a, b in zip(turns, np.append(turns[1:], len(v) - 1)):
+            way = np.sign(v[min(a + 2, len(v) - 1)])
+            if b - a < 5 or way == 0:
+                continue
+            along = way * f[a : b + 1]
+            beyond = np.nonzero(along >= 0.5 * force)[0]
+            if along[0] < 0 and len(beyond) and beyond[0] > 0:
+                found.append(path[a + beyond[0]] - path[a])
+    moved = [x for x in found if x > 0]
+    return float(np.median(moved)) / 2.0 if moved else max(np.ptp(np.cumsum(s.dp)) for s in stretches) * 1e-3
+
+
+def guess(problem: TorqueProblem, scales: Scales) -> dict[str, float]:
+    """Return starting values by name."""
+    found, left = rest_of(problem.stretches, problem.terms, problem.known)
+    F, V = max(found["coulomb"], 0.05 * scales.force), scales.speed
+    b = min(found["viscous"], 2.0 * F / V)
+    near = np.concatenate(
+        [np.abs(f[s.judged & _slow(s)]) for s, f in zip(problem.stretches, left)] or [np.array([F])]
+    )
+    F_s = float(np.quantile(near, 0.9)) if near.size > 20 else 1.2 * F
+    F_s = float(np.clip(F_s, F, 3.0 * F))
+    v_s = 0.05 * V
+    K = scales.force / scales.length
+    known = {
+        "coulomb": F,
+        "coulomb_positive": F,
+        "coulomb_negative": F,
+        "positive": F,
+        "negative": F,
+        "viscous": b,
+        "viscous_positive": b,
+        "viscous_negative": b,
+        "breakaway": F_s,
+        "stribeck": max(F_s - F, 0.05 * F),
+        "stribeck_velocity": v_s,
+        "stribeck_velocity_load": v_s,
+        "stribeck_velocity_temperature": 0.0,
+        "stribeck_temperature": 0.0,
+        "viscous_temperature": b,
+        "thinning": 25.0,
+        "exponent": 1.0,
+        "growth": b * V**0.5,
+        "rise": 10.0 / v_s,
+        "fall": 0.7 / v_s,
+        "steepness": 3.0 / v_s,
+        "span": 2.0 * F,
+        "offset": found.get("offset", 0.0),
+        "shift": 0.0,
+        "stiffness": K,
+        "damping": 0.2 * K * scales.lag,
+        "damping_time": 0.002,
+        "fading": V,
+        "elastic": 0.6,
+        "decay_rate": 2.0,
+        "distance": 3.0 * scales.length,
+        "ratio": 0.4,
+        "overshoot": 0.3,
+        "excess": 0.1,
+        "attraction": 20.0 * F,
+        "sharpness": 2.0 if "leuven" in problem.shape.name else 100.0,
+        "margin": 0.9,
+        "reversal": 10.0,
+        "lag": 0.003,
+        "threshold": 0.01 * V,
+        "load": 0.05,
+        "driving": 0.05,
+        "driven": 0.05,
+        "load_stribeck": 0.05,
+        "load_motor": 0.05,
+        "load_external": 0.05,
+        "load_stribeck_motor": 0.03,
+        "load_stribeck_external": 0.03,
+        "quadratic_external": 0.01 / F,
+        "quadratic_motor": 0.01 / F,
+        "coulomb_load": 0.05,
+        "stribeck_load": 0.05,
+        "delay": problem.about,
+    }
+    parallel = side_by_side(problem, left, scales) if problem.side_by_side else {}
+    if "threshold" in problem.names:
+        known["threshold"] = threshold(problem, left)
+    values = {}
+    for u in problem.unknowns:
+        plain = u.name.partition("[")[0]
+        if u.name in parallel:
+            values[u.name] = parallel[u.name]
+        else:
+            values[u.name] = known.get(plain, found.get(plain, 0.0))
+        values[u.name] = float(np.clip(values[u.name], u.lower, u.upper))
+    return values
+
+
+def side_by_side(problem: TorqueProblem, left: Sequence[np.ndarray], scales: Scales) -> dict[str, float]:
+    """Return stiffnesses and share ratios of elements side by side, by name.
+
+    Along a given path, the torque is linear in the strengths of sliders whose break-away distances lie on a grid; those
+    that come out positive are merged with their neighbours until as many are left as are sought.
+    """
+    from scipy.optimize import nnls
+
+    distance = scales.length * np.geomspace(0.1, 12.0, GRID)
+    lanes = Lanes(
+        [Law(rate=Coulomb(coulomb=1.0), element=HaywardArmstrong(stiffness=1.0 / d)) for d in distance]
+    )
+    rows, targets = [], []
+    for s, f in zip(problem.stretches, left):
+        chosen = np.flatnonzero(s.judged & (np.abs(s.velocity) < 2 * SLOW * np.abs(s.velocity).max()))
+        chosen = chosen[:: max(1, chosen.size // 2000)]
+        dp = bristle(s, f, scales.force) if problem.shape.element is Leuven else s.dp
+        play = lanes.torque(np.zeros(GRID, dtype=np.int64), dp[None], s.dt)
+        rows.append(play[:, chosen].T)
+        targets.append(f[chosen])
+    strength = nnls(np.concatenate(rows), np.concatenate(targets))[0]
+    count, F = problem.shape.count, scales.force
+    active = np.flatnonzero(strength > 0.01 * F)
+    if not active.size:
+        active, strength = np.array([GRID // 2]), np.full(GRID, F)
+    sliders = [(float(strength[i]), float(strength[i] / distance[i])) for i in active]  # torque, stiffness
+    while len(sliders) > count:
+        gaps = [
+            min(a[0], b[0]) * abs(np.log(a[0] * b[1] / (a[1] * b[0]))) for a, b in zip(sliders, sliders[1:])
+        ]
+        i = int(np.argmin(gaps))
+        a, b = sliders[i : i + 2]
+        sliders[i : i + 2] = [(a[0] + b[0], a[1] + b[1])]
+    while len(sliders) < count:
+        i = int(np.argmax([w for w, _ in sliders]))
+        w, k = sliders[i]
+        sliders[i : i + 1] = [(0.5 * w, 0.65 * k), (0.5 * w, 0.35 * k)]
+    sliders.sort(key=lambda one: -one[1])
+    values = {f"stiffness[{i}]": k for i, (_, k) in enumerate(sliders)}
+    return values | {
+        f"share[{i}]": float(np.log(w / sliders[-1][0])) for i, (w, _) in enumerate(sliders[:-1])
+    }
+
+
+def bristle(s: Stretch, friction: np.ndarray, force: float) -> np.ndarray:
+    """Return how far the bristle of the Leuven model moves in each sample, as the measured friction tells it [rad or m].
+
+    Args:
+        s: the stretch.
+        friction: torque less the rest of the dynamics [N.m or N], (n,).
+        force: of friction [N.m or N].
+    """
+    smooth = low_pass(friction, min(SMOOTHED, 0.1 / s.dt) / 3.0, 1.0 / s.dt)
+    slow = _slow(s)
+    bound = max(float(np.quantile(np.abs(smooth[slow]), 0.95)) if slow.sum() > 20 else force, 1e-9)
+    load = np.sign(s.dp) * smooth / bound
+    return np.ascontiguousarray(s.dp * (1.0 - np.clip(np.sign(load) * load**2, -1.0, 1.0)))
+
+
+def threshold(problem: TorqueProblem, left: Sequence[np.ndarray]) -> float:
+    """Return the speed that best parts samples without torque from those with it [rad/s or m/s]."""
+    speed = np.concatenate([np.abs(s.velocity[s.judged]) for s in problem.stretches])
+    torque = np.concatenate([np.abs(f[s.judged]) for s, f in zip(problem.stretches, left)])
+    order = np.argsort(speed)
+    speed, torque = speed[order], torque[order]
+    half = 0.5 * float(np.median(torque[speed > SLOW * speed[-1]]))
+    gain = np.cumsum(
+        np.where(torque < half, 1.0, -1.0)
+    )  # samples on the right side, less those on the wrong one
+    return float(speed[int(np.argmax(gain))])
+
+
+def _slow(s: Stretch) -> np.ndarray:
+    speed = np.abs(s.velocity)
+    return (speed > 0) & (speed < 2 * SLOW * speed.max())
+
+
+def starts(problem: TorqueProblem, scales: Scales, count: int, seed: int) -> np.ndarray:
+    """Return the guess and others scattered around it, within the bounds, (count, P)."""
+    values = guess(problem, scales)
+    centre = problem.point(values)
+    rng = np.random.default_rng(seed)
+    width = np.array([1.5 if u.log else 1.5 if u.ratio else 0.0 for u in problem.unknowns])
+    scattered = centre + width * rng.standard_normal((count - 1, len(centre)))
+    for i, u in enumerate(problem.unknowns):
+        if not u.log and not u.ratio and u.name not in problem.terms and u.name != "delay":
+            reach = np.array([0.3 * abs(float(centre[i])) + 0.05])
+            scattered[:, i] += reach * rng.standard_normal(count - 1)
+    return np.clip(np.vstack([centre, scattered]), problem.lower, problem.upper)

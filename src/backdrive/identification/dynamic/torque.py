@@ -1,0 +1,349 @@
+"""Torque given motion: the residuals of a law, with the rest of the joint's dynamics and a common delay.
+
+A delay is sought by moving the motion, which is smooth, and not the torque, which may jump: the law is run along positions
+interpolated at the instants that the torque belongs to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from backdrive.engine import Lanes
+from backdrive.errors import NotIdentifiable
+from backdrive.identification.dynamic.unknowns import LawShape, Scales, Unknown
+from backdrive.identification.dynamics import earlier, increments
+from backdrive.identification.signals import Signals
+from backdrive.laws import REFERENCE, DeadZone, Law
+
+if TYPE_CHECKING:
+    from backdrive.identification.dynamic.search import Found
+
+FEWEST = 50  # samples
+LONGEST_DELAY = 0.05  # s
+SMOOTHED = 100.0  # Hz: up to here an encoder's steps show as velocity
+RESTS = 1e-3  # of the top speed: a joint that is slower rests
+BESIDE = 6  # samples next to a rest or a reversal do not count where friction jumps there
+DRAWS = 8  # of the encoder's steps, by which its share in an error is estimated
+BLUR = 1.5  # pi sqrt(2)/3: speed error of a low-passed encoder, in steps a sample by (bandwidth dt)^(3/2)
+SLOW = 0.03  # of the top speed: below it a motion shows presliding and break-away
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stretch:
+    """Gap-free motion and torque of one joint, ready for the kernels.
+
+    Attributes:
+        dp: position increments [rad or m], (n,).
+        position: [rad or m], (n,); None for a velocity-only log.
+        acceleration: [rad/s^2 or m/s^2], (n,).
+        torque: measured [N.m or N], (n,).
+        dt: sampling time [s].
+        load: motor-side and external torque [N.m or N], (n, 2) or (1, 2).
+        temperature: [degC], (n,) or (1,).
+        judged: samples that count, (n,).
+        bandwidth: up to here an encoder's steps show as velocity [Hz].
+    """
+
+    dp: np.ndarray
+    position: np.ndarray | None
+    acceleration: np.ndarray
+    torque: np.ndarray
+    dt: float
+    load: np.ndarray = field(default_factory=lambda: np.zeros((1, 2)))
+    temperature: np.ndarray = field(default_factory=lambda: np.array([REFERENCE]))
+    judged: np.ndarray
+    bandwidth: float = SMOOTHED
+
+    @property
+    def velocity(self) -> np.ndarray:
+        """Velocity of the interval that ends at each sample [rad/s or m/s], (n,)."""
+        return self.dp / self.dt
+
+
+def stretch(
+    signals: Signals,
+    *,
+    load: np.ndarray | None = None,
+    temperature: np.ndarray | None = None,
+    bandwidth: float = SMOOTHED,
+) -> Stretch:
+    """Return prepared signals as a stretch.
+
+    Args:
+        signals: of `identification.signals.prepare`.
+        load: motor-side and external torque [N.m or N], (n, 2).
+        temperature: [degC], (n,).
+        bandwidth: of the low pass that the motion went through [Hz].
+    """
+    dt = 1.0 / signals.rate
+    dp = increments(signals.position, signals.velocity, dt)
+    judged = np.isfinite(signals.torque)
+    judged[: min(5, len(judged))] = False
+    return Stretch(
+        dp=np.ascontiguousarray(dp),
+        position=signals.position,
+        acceleration=signals.acceleration,
+        torque=signals.torque,
+        dt=dt,
+        load=np.zeros((1, 2)) if load is None else np.ascontiguousarray(load),
+        temperature=np.array([REFERENCE]) if temperature is None else np.ascontiguousarray(temperature),
+        judged=judged,
+        bandwidth=bandwidth,
+    )
+
+
+class TorqueProblem:
+    """Residuals of measured torque by a law, rigid-body terms and a delay, for batches of candidates.
+
+    Args:
+        shape: the law that is sought.
+        stretches: of one joint, any number.
+        scales: sizes that ranges follow from.
+        terms: of the rest of the dynamics: `inertia`, `offset`, `gravity_sin`, `gravity_cos`.
+        delay: seek how much later the torque was recorded than the motion.
+        bounds: of the law's parameters, beyond their own, and of terms and delay.
+        known: terms that are not sought, by name [SI].
+        about: delay near which the torque is expected: where a reversal may be does not count where friction jumps there [s].
+    """
+
+    def __init__(
+        self,
+        shape: LawShape,
+        stretches: Sequence[Stretch],
+        scales: Scales,
+        *,
+        terms: Sequence[str] = (),
+        delay: bool = False,
+        bounds: Mapping[str, tuple[float, float]] | None = None,
+        known: Mapping[str, float] | None = None,
+        about: float = 0.0,
+    ):
+        self.shape, self.stretches, self.terms = shape, list(stretches), tuple(terms)
+        self.known, self.about, bounds = dict(known or {}), about, dict(bounds or {})
+        self.unknowns: list[Unknown] = shape.unknowns(scales, bounds)
+        top = max(float(np.abs(s.acceleration).max()) for s in self.stretches)
+        for term in self.terms:
+            size = scales.force / max(top, 1e-12) if term == "inertia" else scales.force
+            unit = {"inertia": "kg.m^2" if scales.unit == "rad" else "kg"}.get(
+                term, "N.m" if scales.unit == "rad" else "N"
+            )
+            low, high = bounds.get(term, (0.0 if term == "inertia" else -1e3 * size, 1e3 * size))
+            self.unknowns.append(Unknown(name=term, unit=unit, lower=low, upper=high, scale=size))
+        if delay:
+            dt = max(s.dt for s in self.stretches)
+            reach = max(LONGEST_DELAY, 2.0 * dt)
+            low, high = bounds.get("delay", (-reach, reach))
+            self.unknowns.append(Unknown(name="delay", unit="s", lower=low, upper=high, scale=dt))
+        if shape.element.SET_VALUED:  # at rest its torque is whatever holds the joint
+            self.stretches = [
+                moving(s, max(2.0 * scales.slowest * s.dt * s.bandwidth, RESTS * scales.speed), about / s.dt)
+                for s in self.stretches
+            ]
+        dt, band = max((s.dt, s.bandwidth) for s in self.stretches)
+        self.count = scales.slowest * dt
+        self.blur = max(BLUR * scales.slowest * band * dt * np.sqrt(band * dt), 1e-5 * scales.speed)
+        self.regressors = [self._regressors(s) for s in self.stretches]
+        self.names = tuple(u.name for u in self.unknowns)
+        self.lower = np.array([float(u.inward(u.lower)) for u in self.unknowns])
+        self.upper = np.array([float(u.inward(u.upper)) for u in self.unknowns])
+        self.size = sum(int(s.judged.sum()) for s in self.stretches)
+        if self.size < FEWEST:
+            whole = sum(len(s.torque) for s in stretches)
+            raise NotIdentifiable(
+                f"Of {whole} samples {self.size} are left to fit {len(self.unknowns)} numbers to: rests, reversals and what is "
+                "held out do not count.",
+                remedy=f"At least {FEWEST} have to be left: record longer, better a minute of motion.",
+            )
+
+    def _regressors(self, s: Stretch) -> np.ndarray:
+        names = (*self.terms, *self.known)
+        return np.array([column(s, t) for t in names]).reshape(len(names), len(s.torque))
+
+    @property
+    def side_by_side(self) -> bool:
+        """Whether elements side by side are sought."""
+        return any(name.startswith("stiffness[") for name in self.names)
+
+    def values(self, point: np.ndarray) -> dict[str, float]:
+        """Return the numbers of a search point by name."""
+        return {u.name: float(u.outward(x)) for u, x in zip(self.unknowns, point)}
+
+    def point(self, values: Mapping[str, float]) -> np.ndarray:
+        """Return the search point of numbers by name; what is missing is put in the middle of its range."""
+        return np.array(
+            [
+                float(u.inward(values[u.name])) if u.name in values else 0.5 * (lo + hi)
+                for u, lo, hi in zip(self.unknowns, self.lower, self.upper)
+            ]
+        )
+
+    def predict(
+        self,
+        values: Sequence[Mapping[str, float]],
+        stretches: Sequence[Stretch] | None = None,
+        *,
+        friction: bool = False,
+    ) -> list[np.ndarray]:
+        """Return the torque that candidates predict for every stretch [N.m or N], each (B, n).
+
+        Args:
+            values: numbers by name, a candidate each.
+            stretches: motions to predict for; None: those of the problem.
+            friction: alone, without the terms of the dynamics.
+        """
+        if stretches is None:
+            pairs = list(zip(self.stretches, self.regressors))
+        else:
+            pairs = [(s, self._regressors(s)) for s in stretches]
+        laws = [self.shape.law(v) for v in values]
+        zones = None
+        if self.shape.element is DeadZone:
+            zones = np.array([v.get("threshold", self.shape.fixed.get("threshold", 0.0)) for v in values])
+            laws = [Law(rate=law.rate) for law in laws]
+        lanes = Lanes(laws)
+        beta = np.array([[*(v[t] for t in self.terms), *self.known.values()] for v in values])
+        rigid = self.shape.element.SET_VALUED
+        delays, which = np.unique([v.get("delay", 0.0) for v in values], return_inverse=True)
+        predicted = []
+        for s, X in pairs:
+            moved = [_late(s, X, d / s.dt, rigid) for d in delays]
+            dp, load = np.array([m[0] for m in moved]), np.array([m[1] for m in moved])
+            warmth = np.broadcast_to(s.temperature, (len(delays), s.temperature.size))
+            tau = lanes.torque(which, dp, s.dt, load, np.ascontiguousarray(warmth))
+            if zones is not None:
+                tau *= _outside(dp[which] / s.dt, zones, self.blur)
+            for j in range(len(delays) if len(X) and not friction else 0):
+                mine = which == j
+                tau[mine] += beta[mine] @ moved[j][2]
+            predicted.append(tau)
+        return predicted
+
+    def ordered(self, found: Found) -> Found:
+        """Return where a search ended with elements side by side sorted, the stiffest first.
+
+        Which of them is called the first changes nothing in the torque.
+        """
+        names = list(self.names)
+        springs = [names.index(n) for n in names if n.startswith("stiffness[")]
+        ratios = [names.index(n) for n in names if n.startswith("share[")]
+        if len(springs) < 2 or len(ratios) != len(springs) - 1:
+            return found
+        order = np.argsort(-found.point[springs], kind="stable")
+        T = np.eye(len(names))
+        T[springs] = T[springs][order]
+        if ratios:
+            padded = np.vstack([np.eye(len(names))[ratios], np.zeros(len(names))])[order]
+            T[ratios] = padded[:-1] - padded[-1]
+        if np.array_equal(T, np.eye(len(names))):
+            return found
+        return replace(found, point=T @ found.point, jacobian=found.jacobian @ np.linalg.inv(T))
+
+    def residuals(self, points: np.ndarray) -> np.ndarray:
+        """Return predicted less measured torque of a batch of search points [N.m or N], (B, m)."""
+        predicted = self.predict([self.values(p) for p in points])
+        return np.concatenate(
+            [(tau - s.torque)[:, s.judged] for tau, s in zip(predicted, self.stretches)], axis=1
+        )
+
+    def encoder(self, point: np.ndarray, draws: int = DRAWS, seed: int = 0) -> np.ndarray:
+        """Return how the residuals change when the encoder's steps fall otherwise [N.m or N], (draws, m).
+
+        An encoder's steps are an error of the motion, which the law turns into torque. Here they are drawn anew, uniform within
+        a step and low-passed, as the motion is.
+
+        Args:
+            point: search coordinates, (P,).
+            draws: how often.
+            seed: of the draws.
+        """
+        if self.count == 0.0:
+            return np.zeros((0, self.size))
+        rng = np.random.default_rng(seed)
+        at = [self.values(point)]
+        before, changes = self.predict(at), []
+        for _ in range(draws):
+            after = self.predict(at, [self._redrawn(s, rng) for s in self.stretches])
+            changes.append(
+                np.concatenate([(x - y)[0, s.judged] for x, y, s in zip(after, before, self.stretches)])
+            )
+        return np.array(changes)
+
+    def _redrawn(self, s: Stretch, rng: np.random.Generator) -> Stretch:
+        """Return a stretch whose encoder steps fell otherwise."""
+        from backdrive.logs.filters import derivative, low_pass
+
+        e = self.count * (rng.uniform(size=len(s.dp)) - 0.5)
+        e = low_pass(e, min(s.bandwidth, 0.1 / s.dt), 1.0 / s.dt)
+        return replace(
+            s,
+            dp=s.dp + np.diff(e, prepend=e[:1]),
+            position=None if s.position is None else s.position + e,
+            acceleration=s.acceleration + derivative(derivative(e, s.dt), s.dt),
+        )
+
+
+def column(s: Stretch, term: str) -> np.ndarray:
+    """Return what a term of the dynamics is multiplied with, (n,).
+
+    Args:
+        s: the stretch.
+        term: `inertia`, `offset`, `gravity_sin` or `gravity_cos`.
+
+    Raises:
+        NotIdentifiable: gravity is sought without positions.
+    """
+    if term == "inertia":
+        return s.acceleration
+    if term == "offset":
+        return np.ones_like(s.torque)
+    if s.position is None:
+        raise NotIdentifiable(
+            "Gravity is sought, but the log holds no position.",
+            remedy="Record the position, or leave gravity out.",
+        )
+    return np.sin(s.position) if term == "gravity_sin" else np.cos(s.position)
+
+
+def moving(s: Stretch, slowest: float, late: float = 0.0) -> Stretch:
+    """Return a stretch in which samples slower than that, and their neighbours, do not count.
+
+    Args:
+        s: the stretch.
+        slowest: speed [rad/s or m/s].
+        late: samples by which the torque is later than the motion.
+    """
+    velocity = earlier(s.velocity, float(round(late)))
+    resting = (np.abs(velocity) < slowest) | (np.diff(np.sign(velocity), prepend=0.0) != 0)
+    near = np.convolve(resting, np.ones(2 * BESIDE + 1), mode="same") > 0
+    return replace(s, judged=s.judged & ~near)
+
+
+def _late(
+    s: Stretch, X: np.ndarray, samples: float, rigid: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return increments, load and regressors of a motion that the torque lags behind by so many samples.
+
+    A law without a state knows nothing but the velocity at the instant of the torque: the increments of a `rigid` one are those
+    around a sample. What builds up over the path takes those of the interval that ends at it.
+    """
+    if samples == 0.0 and not rigid:
+        return s.dp, s.load, X
+    path = s.position if s.position is not None else np.cumsum(s.dp)
+    path = earlier(path, samples)
+    load = s.load if s.load.shape[0] == 1 else np.ascontiguousarray(earlier(s.load.T, samples).T)
+    dp = np.gradient(path) if rigid else np.diff(path, prepend=path[:1])
+    return dp, load, earlier(X, samples)
+
+
+def _outside(velocity: np.ndarray, threshold: np.ndarray, blur: float) -> np.ndarray:
+    """Return the share of the torque of a dead zone, (B, n): 0 within it, 1 outside.
+
+    A measured speed has an error and is known once a sample, so that the edge is soft, and its place has a derivative.
+    """
+    width = np.hypot(1.5 * blur, 0.5 * np.gradient(velocity, axis=1))
+    depth = 0.5 + 0.5 * np.clip((np.abs(velocity) - threshold[:, None]) / width, -1.0, 1.0)
+    return depth * depth * (3.0 - 2.0 * depth)

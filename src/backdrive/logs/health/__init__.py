@@ -1,0 +1,163 @@
+"""What can be wrong with a log: one check a file, with a name, a sentence with numbers, and a remedy.
+
+Checks run in the order of `CHECKS`, and each sees the log as the repairs before it would leave it. So one fault is one
+finding: a wrapped integer is not also an outlier, and a velocity in degrees not also a wrong scale.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from backdrive._catalog import lookup
+from backdrive.errors import UnhealthyLog
+from backdrive.logs.health import (
+    degrees,
+    encoder_wrap,
+    few_samples,
+    gaps,
+    infinite,
+    integer_wrap,
+    jitter,
+    nan,
+    no_friction,
+    no_motion,
+    outlier,
+    plan_mismatch,
+    position_jump,
+    repeated_time,
+    saturation,
+    silent_torque,
+    stuck,
+    time_slip,
+    torque_sign,
+    unsorted_time,
+    velocity_mismatch,
+)
+from backdrive.logs.health._exam import Exam
+from backdrive.logs.health._finding import Check, Finding, Repair, Severity
+from backdrive.logs.log import Log
+
+__all__ = ["CHECKS", "Check", "Finding", "Repair", "Severity", "check", "gate"]
+
+#: The clock first, then single samples, then channels, then what channels say of one another.
+CHECKS: tuple[Check, ...] = tuple(
+    module.CHECK
+    for module in (
+        few_samples,
+        nan,
+        infinite,
+        unsorted_time,
+        repeated_time,
+        jitter,
+        gaps,
+        integer_wrap,
+        stuck,
+        encoder_wrap,
+        silent_torque,
+        position_jump,
+        outlier,
+        saturation,
+        no_motion,
+        degrees,
+        velocity_mismatch,
+        torque_sign,
+        no_friction,
+        time_slip,
+        plan_mismatch,
+    )
+)
+
+
+def check(log: Log, *, plan: Any = None) -> list[Finding]:
+    """Return everything that is the matter with a log, in the order of `CHECKS`; an empty list is a clean bill.
+
+    Args:
+        log: any log; it is not changed.
+        plan: the motion plan it was recorded with; the log's own, if None.
+    """
+    return _examine(log, plan, frozenset())[0]
+
+
+def gate(log: Log, accept: Iterable[str] = (), repair: bool = False, *, plan: Any = None) -> Log:
+    """Let a log pass that would not spoil a result, or stop it; see `passed`, whose first return value this is."""
+    return passed(log, accept, repair, plan=plan)[0]
+
+
+def passed(
+    log: Log, accept: Iterable[str] = (), repair: bool = False, *, plan: Any = None
+) -> tuple[Log, list[Finding]]:
+    """Let a log pass that would not spoil a result, with what is still suspect in it, or stop it.
+
+    Args:
+        log: any log.
+        accept: names of checks whose findings the person takes as they are; they are neither repaired nor stopped.
+        repair: mend what can be mended honestly; every repair is among the notes of the log returned.
+        plan: the motion plan it was recorded with; the log's own, if None.
+
+    Returns:
+        The log itself, with a note for every accepted fault, or the repaired log; and the findings that warn and were neither
+        accepted nor repaired.
+
+    Raises:
+        UnknownName: a name in `accept` is not a check.
+        UnhealthyLog: a finding that spoils is neither accepted nor repaired; the message holds its sentence and remedy.
+    """
+    known = {c.name: c for c in CHECKS}
+    accepted = frozenset(lookup(name, known, "health check").name for name in accept)
+    findings, mended = _examine(log, plan, accepted)
+    spoiling = [f for f in findings if f.severity == "spoils" and f.name not in accepted]
+    if repair:
+        spoiling = [f for f in spoiling if not f.repairable]
+    if spoiling:
+        names = sorted({f.name for f in spoiling})
+        said = " ".join(f"[{f.name}] {f.sentence} {f.remedy}" for f in spoiling[:4])
+        more = f" And {len(spoiling) - 4} more." if len(spoiling) > 4 else ""
+        mend = "" if repair or not all(f.repairable for f in spoiling) else "--repair, or "
+        raise UnhealthyLog(
+            f"The log would spoil the result: {said}{more}",
+            remedy=f"Use {mend}{' '.join(f'--accept {name}' for name in names)} to go on regardless.",
+            findings=[f.to_dict() for f in spoiling],
+        )
+    result = mended if repair else log
+    notes = [
+        f"Accepted [{f.name}]: {f.sentence}"
+        for f in findings
+        if f.severity == "spoils" and f.name in accepted
+    ]
+    left = [
+        f
+        for f in findings
+        if f.severity == "warn" and f.name not in accepted and not (repair and f.repairable)
+    ]
+    return (result.replace(notes=(*result.notes, *notes)) if notes else result), left
+
+
+def _examine(log: Log, plan: Any, accepted: frozenset[str]) -> tuple[list[Finding], Log]:
+    """Return the findings, with rows of the log as it was given, and the log after all repairs but the accepted ones."""
+    findings: list[Finding] = []
+    rows: np.ndarray | None = None
+    exam = Exam(log, plan)
+    with np.errstate(all="ignore"):  # a log may hold 1e308 and worse
+        for item in CHECKS:
+            if len(exam.log) < few_samples.FEWEST and item.name != few_samples.NAME:
+                break
+            found = item.find(exam)
+            findings += [_placed(f, rows) for f in found]
+            mendable = [f for f in found if f.repairable and f.severity != "note"]
+            if item.repair is None or not mendable or item.name in accepted:
+                continue
+            fixed = item.repair(exam, mendable)
+            if fixed.rows is not None:
+                rows = fixed.rows if rows is None else rows[fixed.rows]
+            exam = Exam(fixed.log, plan)
+    return findings, exam.log
+
+
+def _placed(finding: Finding, rows: np.ndarray | None) -> Finding:
+    if rows is None or finding.where is None:
+        return finding
+    return replace(finding, where=np.sort(rows[finding.where]))

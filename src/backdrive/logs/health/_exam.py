@@ -1,0 +1,160 @@
+"""`Exam`: a log on the table, with what several checks want to know of it computed once."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from backdrive.logs.health._survey import Survey, survey
+from backdrive.logs.log import Log, checked_period
+
+#: An interval this many times longer than usual is a gap.
+GAP = 2.5
+#: Statistics look at no more samples than this, in blocks spread over the log.
+_SAMPLES = 1 << 16
+_BLOCKS = 32
+
+
+class Exam:
+    """A log under examination.
+
+    Args:
+        log: any log.
+        plan: the motion plan it was recorded with, if known.
+    """
+
+    def __init__(self, log: Log, plan: Any = None):
+        self.log = log
+        self.plan = log.plan if plan is None else plan
+        self._surveys: dict[str, Survey] = {}
+        self._columns: dict[tuple[str, int], np.ndarray] = {}
+        self.shared: dict[Any, Any] = {}
+
+    @cached_property
+    def steps(self) -> np.ndarray:
+        """Intervals between neighbouring samples [s], (n - 1,)."""
+        return np.diff(self.log.time)
+
+    @cached_property
+    def period(self) -> float:
+        """Median interval [s]; NaN where there is none that is positive."""
+        steps = self.steps[:: max(1, self.steps.size // _SAMPLES)]
+        steps = steps[steps > 0]
+        return checked_period(float(np.median(steps))) if steps.size else float("nan")
+
+    @cached_property
+    def gaps(self) -> np.ndarray:
+        """Rows after a gap, ascending, (m,)."""
+        steps = self.steps
+        if not steps.size or not self.period > 0:
+            return np.empty(0, np.intp)
+        usual = np.quantile(steps[:: max(1, steps.size // _SAMPLES)], 0.9)
+        return np.flatnonzero(steps > GAP * max(self.period, usual)) + 1
+
+    @cached_property
+    def segments(self) -> list[slice]:
+        """Stretches without a gap, in order."""
+        edges = [0, *self.gaps.tolist(), len(self.log)]
+        return [slice(a, b) for a, b in zip(edges[:-1], edges[1:]) if b > a]
+
+    @cached_property
+    def blocks(self) -> list[slice]:
+        """Contiguous pieces without a gap, at most 65 536 rows in all, spread over the log."""
+        n = len(self.log)
+        if n <= _SAMPLES:
+            wanted = [slice(0, n)]
+        else:
+            length = _SAMPLES // _BLOCKS
+            starts = np.linspace(0, n - length, _BLOCKS).astype(int)
+            wanted = [slice(s, s + length) for s in starts.tolist()]
+        if len(self.segments) <= 1:
+            return wanted
+        pieces = []
+        edges = self.gaps
+        for block in wanted:
+            inside = edges[(edges > block.start) & (edges < block.stop)].tolist()
+            cuts = [block.start, *inside, block.stop]
+            pieces += [slice(a, b) for a, b in zip(cuts[:-1], cuts[1:])]
+        return pieces
+
+    def survey(self, channel: str) -> Survey:
+        """Return the figures of a channel."""
+        if channel not in self._surveys:
+            self._surveys[channel] = survey(self.log.channels[channel])
+        return self._surveys[channel]
+
+    def usable(self, channel: str, joint: int) -> bool:
+        """Return whether a joint's channel is there and finite throughout."""
+        return channel in self.log.channels and len(self.log) > 1 and bool(self.survey(channel).finite[joint])
+
+    def column(self, channel: str, joint: int) -> np.ndarray:
+        """Return a joint's channel, contiguous, (n,)."""
+        key = (channel, joint)
+        if key not in self._columns:
+            if len(self.log) > _SAMPLES:
+                self._columns.clear()  # of a long log, one column at a time
+            self._columns[key] = np.ascontiguousarray(self.log.channels[channel][:, joint])
+        return self._columns[key]
+
+    def sample(self, channel: str, joint: int) -> np.ndarray:
+        """Return a joint's channel on the rows of `blocks`, (m,)."""
+        key = ("sample", channel, joint)
+        if key not in self.shared:
+            array = self.log.channels[channel]
+            self.shared[key] = np.concatenate([array[b, joint] for b in self.blocks])
+        return self.shared[key]
+
+    def changes(self, channel: str, joint: int) -> np.ndarray:
+        """Return absolute differences of neighbours on the rows of `blocks`, (m,)."""
+        key = ("changes", channel, joint)
+        if key not in self.shared:
+            array = self.log.channels[channel]
+            self.shared[key] = np.concatenate([np.abs(np.diff(array[b, joint])) for b in self.blocks])
+        return self.shared[key]
+
+    def resolution(self, channel: str, joint: int) -> float:
+        """Return the smallest step of a quantised channel, 0 if it is not quantised."""
+        key = ("resolution", channel, joint)
+        if key not in self.shared:
+            self.shared[key] = resolution(self.sample(channel, joint))
+        return self.shared[key]
+
+    def __iter__(self):
+        """Yield column and name of every joint."""
+        return iter(enumerate(self.log.names))
+
+
+def white_noise(x: np.ndarray) -> float:
+    """Return the standard deviation of the sample-to-sample noise of a signal (m,)."""
+    return float(np.median(np.abs(np.diff(x, 2)))) / (0.6745 * np.sqrt(6)) if x.size > 2 else 0.0
+
+
+def resolution(values: np.ndarray) -> float:
+    """Return the step g such that all values (m,) are whole multiples of g apart, 0 if there is none.
+
+    It is the greatest common divisor of the differences between levels, by Euclid's method with a tolerance.
+    """
+    values = values[:: max(1, values.size // 4096)]
+    levels = np.unique(values[np.isfinite(values)])
+    if levels.size < 2:
+        return 0.0
+    apart = np.diff(levels)
+    # what rounding leaves between equal values is no step
+    apart = apart[apart > 2e-11 * np.abs(levels[[0, -1]]).max()]
+    if not apart.size:
+        return 0.0
+    step = least = float(apart.min())
+    apart = apart[apart < 1e5 * least]  # of longer ones the rounding of the step would decide
+    for _ in range(8):
+        multiples = apart / step
+        left = np.abs(multiples - np.round(multiples))
+        broken = left > 0.02 * np.minimum(multiples, 5)
+        # differences of a continuous signal are whole multiples of anything only by chance
+        if np.mean(broken) < 0.02:
+            return step
+        step *= float(left[broken].min())
+        if step < least / 64:
+            return 0.0
+    return 0.0

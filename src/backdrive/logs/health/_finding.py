@@ -1,0 +1,109 @@
+"""What a health check says: `Finding`; and what a health check is: `Check`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from backdrive.logs.log import Log
+
+if TYPE_CHECKING:
+    from backdrive.logs.health._exam import Exam
+
+#: `note`: true and harmless. `warn`: the result is worse for it. `spoils`: the result would be wrong.
+Severity = Literal["note", "warn", "spoils"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Finding:
+    """One thing that is the matter with a log.
+
+    Attributes:
+        name: of the check, as `--accept NAME` takes it.
+        joint: name of the joint; None when the whole log is meant.
+        channel: name of the channel, such as `torque`; None when the clock or the whole log is meant.
+        severity: `note`, `warn` or `spoils`.
+        sentence: what was found, with its numbers.
+        remedy: what to do about it.
+        value: the size of the fault, in the unit that the sentence names [any].
+        where: rows of the log that was checked, ascending, (m,); None when all rows are meant.
+        repairable: an honest repair exists, and `gate(..., repair=True)` would make it.
+    """
+
+    name: str
+    severity: Severity
+    sentence: str
+    remedy: str
+    value: float
+    joint: str | None = None
+    channel: str | None = None
+    where: np.ndarray | None = None
+    repairable: bool = False
+
+    def to_dict(self) -> dict[str, object]:
+        """Return plain values for JSON; at most a thousand rows are listed, all are counted."""
+        return {
+            "name": self.name,
+            "joint": self.joint,
+            "channel": self.channel,
+            "severity": self.severity,
+            "sentence": self.sentence,
+            "remedy": self.remedy,
+            "value": float(self.value),
+            "count": None if self.where is None else int(self.where.size),
+            "where": None if self.where is None else [int(k) for k in self.where[:1000]],
+            "repairable": self.repairable,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Repair:
+    """A log after a repair.
+
+    Attributes:
+        log: the repaired log, with a note of what was done.
+        rows: for each of its rows the row that it was before, (m,); None when no row moved.
+    """
+
+    log: Log
+    rows: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that can be the matter with a log.
+
+    Attributes:
+        name: stable, kebab-case.
+        about: what it looks for, in half a sentence.
+        find: looks at an `Exam` and returns findings.
+        repair: mends the repairable ones among its own findings; None when nothing honest can be done.
+    """
+
+    name: str
+    about: str
+    find: Callable[[Exam], list[Finding]]
+    repair: Callable[[Exam, Sequence[Finding]], Repair] | None = None
+
+
+def keep_rows(log: Log, rows: np.ndarray, sentence: str) -> Repair:
+    """Return the repair that keeps the rows of an index array or mask, in that order, with a note."""
+    rows = np.flatnonzero(rows) if rows.dtype == bool else rows
+    arrays = {name: value[rows] for name, value in log.channels.items()}
+    return Repair(log.replace(time=log.time[rows], notes=(*log.notes, sentence), **arrays), rows)
+
+
+def with_columns(log: Log, changes: dict[tuple[str, int], np.ndarray], sentences: Sequence[str]) -> Log:
+    """Return the log with some joints' columns (n,) replaced, given by channel and column, with notes."""
+    arrays = {channel: np.array(log.channels[channel]) for channel in {channel for channel, _ in changes}}
+    for (channel, column), values in changes.items():
+        arrays[channel][:, column] = values
+    return log.replace(notes=(*log.notes, *sentences), **arrays)
+
+
+def counted(number: int, noun: str) -> str:
+    """Return `1 sample`, `2 samples`."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

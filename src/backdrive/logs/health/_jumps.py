@@ -1,0 +1,75 @@
+"""Jumps of a position that no joint can make."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive.logs.health._exam import Exam
+
+#: A jump is so many times longer than nearly all steps, and than those around it.
+_FAR, _FAR_LOCAL = 3.0, 8.0
+
+
+@dataclass(frozen=True, eq=False)
+class Jumps:
+    """Jumps of one position channel.
+
+    Attributes:
+        rows: first row after each jump, (m,).
+        sizes: signed jump without the motion expected in that step [rad or m], (m,).
+        slack: how far a size may be off, as the steps around it differ, (m,) [rad or m].
+        resolution: smallest step of the channel, 0 if unknown [rad or m].
+        glitch: the jump is one side of a value that is back at once, (m,).
+    """
+
+    rows: np.ndarray
+    sizes: np.ndarray
+    slack: np.ndarray
+    resolution: float
+    glitch: np.ndarray
+
+
+def jumps(exam: Exam, channel: str, j: int) -> Jumps | None:
+    """Return the jumps of a joint's position channel, None if there are none."""
+    key = ("jumps", channel, j)
+    if key not in exam.shared:
+        exam.shared[key] = _look(exam, channel, j)
+    return exam.shared[key]
+
+
+def _look(exam: Exam, channel: str, j: int) -> Jumps | None:
+    if not exam.usable(channel, j):
+        return None
+    largest = exam.survey(channel).step[j]
+    steps = exam.changes(channel, j)
+    if not steps.size:
+        return None
+    # a fast joint in a slow log wraps so often that its longest steps are the wraps
+    brisk, usual = (float(x) for x in np.quantile(steps, (0.9, 0.995)))
+    usual = min(usual, 4 * brisk) if brisk > 0 else usual
+    resolution = exam.resolution(channel, j)
+    far = max(_FAR * usual, 6 * resolution)
+    if largest <= far or not usual > 0:
+        return None
+    x = exam.column(channel, j)
+    change = np.diff(x)
+    rows = np.flatnonzero(np.abs(change) > far) + 1
+    rows = np.setdiff1d(rows, exam.gaps, assume_unique=True)
+    if not rows.size or rows.size > 0.1 * x.size + 4:
+        return None
+    # against its own surroundings: a fast stretch in a slow log is no jump
+    offsets = np.array([-6, -5, -4, -3, 3, 4, 5, 6])
+    around = np.clip(rows[:, None] - 1 + offsets, 0, change.size - 1)
+    local = np.median(change[around], axis=1)
+    spread = np.median(np.abs(change[around]), axis=1)
+    slack = np.ptp(change[around], axis=1) + 2 * resolution
+    sizes = change[rows - 1] - local
+    real = np.abs(sizes) > _FAR_LOCAL * np.maximum(spread, resolution)
+    if not real.any():
+        return None
+    beside = change[np.clip(rows[:, None] - 1 + np.array([-1, 1]), 0, change.size - 1)] - local[:, None]
+    back = (beside * sizes[:, None] < 0) & (np.abs(beside) > 0.5 * np.abs(sizes[:, None]))
+    returns = np.asarray(np.any(back, axis=1))
+    return Jumps(rows[real], sizes[real], slack[real], resolution, returns[real])

@@ -1,0 +1,170 @@
+"""Torque and the terms that explain it, of one joint, filtered alike: for the checks that ask what the torque does.
+
+The terms are made from lightly smoothed motion; then they and the torque pass the same three running means. A linear
+relation between them stays what it was, and the noise of the torque is gone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive.logs.health._exam import Exam
+
+#: Length of each running mean, and the fewest samples: before the terms are made, and after.
+_LIGHT, _HEAVY, _FEWEST = 0.01, 0.03, 3
+_FOLDS = 12
+#: Below this share of the top speed, presliding and its lag rule the friction.
+SLOW = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What a joint's torque and motion look like at m instants.
+
+    Attributes:
+        terms: acceleration, sign of velocity, velocity, one, and position (as sine and cosine where it is wide);
+            then what only some questions need: velocity times its magnitude, the sign at low speed, and the other
+            joints' accelerations, (m, p).
+        plain: how many of the columns are of the first kind.
+        velocity: filtered velocity [rad/s or m/s], (m,).
+        torque: filtered torque, column by column `shifts` samples later [N.m or N], (m, k).
+        shifts: in samples, (k,).
+        fast: no slow motion or reversal has leaked into these instants, (m,).
+        noise: variance of the noise left in the filtered torque [(N.m)2 or N2].
+        fold: number of the stretch of the log that each instant belongs to, (m,).
+    """
+
+    terms: np.ndarray
+    plain: int
+    velocity: np.ndarray
+    torque: np.ndarray
+    shifts: np.ndarray
+    fast: np.ndarray
+    noise: float
+    fold: np.ndarray
+
+
+def motion(exam: Exam, j: int, reach: int) -> Motion | None:
+    """Return a joint's torque and terms; None where torque or motion is missing or the log is too short.
+
+    Args:
+        exam: the log.
+        j: column of the joint.
+        reach: largest shift of torque against motion, both ways [sample].
+    """
+    key = ("motion", j, reach)
+    if key not in exam.shared:
+        exam.shared[key] = _motion(exam, j, reach)
+    return exam.shared[key]
+
+
+def _motion(exam: Exam, j: int, reach: int) -> Motion | None:
+    own = _path(exam, j)
+    if own is None or not exam.usable("torque", j):
+        return None
+    others = [path for k, _ in exam if k != j and (path := _path(exam, k)) is not None]
+    light, heavy = _widths(exam.period)
+    every, shifts = max(1, heavy // 2), np.arange(-reach, reach + 1)
+    all_q, all_v = (np.concatenate([p[k] for p in own]) for k in (0, 1))
+    top = max(float(np.quantile(np.abs(all_v), 0.99)), 1e-12)
+    middle, span = 0.5 * float(all_q.min() + all_q.max()), float(np.ptp(all_q))
+    wide = exam.log.joints[j].unit == "rad" and span > 0.5
+    terms, torque, fast, bends, plain = [], [], [], [], 0
+    for number, block in enumerate(exam.blocks):
+        q, v, a = own[number]
+        if not q.size:
+            continue
+        columns = [a, np.sign(v), v, np.ones_like(v)]
+        columns += [np.sin(q - middle), np.cos(q - middle)] if wide else [q - middle] if span > 0 else []
+        plain = len(columns)
+        columns += [v * np.abs(v), np.sign(v) * np.exp(-np.abs(v) / (0.05 * top))]
+        columns += [path[number][2] for path in others]
+        filtered = running(np.stack(columns, axis=1), heavy)
+        slow = running((np.abs(v) < SLOW * top).astype(float), heavy)
+        raw = exam.log.channels["torque"][block, j]
+        smooth = running(running(raw, light), heavy)
+        bends.append(np.abs(np.diff(raw, 2)))
+        at = np.arange(reach, filtered.shape[0] - reach, every)
+        terms.append(filtered[at])
+        torque.append(smooth[at[:, None] + shifts])
+        fast.append(slow[at] < 1e-6)
+    m = sum(part.shape[0] for part in terms)
+    if m < 4 * _FOLDS:
+        return None
+    # white noise of variance s2 has second differences of variance 6 s2; friction's steps hardly touch their median
+    white = (float(np.median(np.concatenate(bends))) / 0.6745) ** 2 / 6
+    columns = np.concatenate(terms)
+    return Motion(
+        terms=columns,
+        plain=plain,
+        velocity=columns[:, 2],
+        torque=np.concatenate(torque),
+        shifts=shifts,
+        fast=np.concatenate(fast),
+        noise=white * _gain(light, heavy),
+        fold=(np.arange(m) * _FOLDS) // m,
+    )
+
+
+def _widths(period: float) -> tuple[int, int]:
+    """Return the odd lengths of the light and the heavy running means [sample]."""
+    return max(_FEWEST, round(_LIGHT / period)) | 1, max(_FEWEST, round(_HEAVY / period)) | 1
+
+
+def _path(exam: Exam, j: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]] | None:
+    """Return lightly smoothed position, velocity and acceleration of a joint by block; blocks too short for it are empty."""
+    key = ("path", j)
+    if key not in exam.shared:
+        exam.shared[key] = _paths(exam, j)
+    return exam.shared[key]
+
+
+def _paths(exam: Exam, j: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]] | None:
+    source = "position" if exam.usable("position", j) else "velocity"
+    if not exam.usable(source, j) or not exam.period > 0:
+        return None
+    light, heavy = _widths(exam.period)
+    out = []
+    for block in exam.blocks:
+        if block.stop - block.start < 3 * (light + heavy) + 12:
+            out.append((np.empty(0), np.empty(0), np.empty(0)))
+            continue
+        t = exam.log.time[block] - exam.log.time[block.start]
+        x = exam.log.channels[source][block, j]
+        if source == "velocity":
+            x = np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]) * np.diff(t))])
+        q, s = running(x, light), running(t, light)
+        v = np.gradient(q, s)
+        out.append((q, v, np.gradient(v, s)))
+    return out if any(q.size for q, _, _ in out) else None
+
+
+def running(x: np.ndarray, width: int) -> np.ndarray:
+    """Return x (n, ...) after three running means of odd length `width`; 3 (width - 1) / 2 rows are lost at each end."""
+    offset = x[0]
+    x = x - offset
+    zero = np.zeros((1, *x.shape[1:]))
+    for _ in range(3):
+        total = np.concatenate([zero, np.cumsum(x, axis=0)])
+        x = (total[width:] - total[:-width]) / width
+    return x + offset
+
+
+def _gain(*widths: int) -> float:
+    """Return the variance of unit white noise after the running means."""
+    kernel = np.ones(1)
+    for width in widths:
+        for _ in range(3):
+            kernel = np.convolve(kernel, np.ones(width) / width)
+    return float(kernel @ kernel)
+
+
+def folded(x: np.ndarray, y: np.ndarray, fold: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the normal equations of y (m, k) on x (m, p) by fold: x'x (f, p, p), x'y (f, p, k), y'y (f, k)."""
+    numbers = np.unique(fold)
+    gram = np.stack([x[fold == f].T @ x[fold == f] for f in numbers])
+    cross = np.stack([x[fold == f].T @ y[fold == f] for f in numbers])
+    power = np.stack([np.sum(y[fold == f] ** 2, axis=0) for f in numbers])
+    return gram, cross, power

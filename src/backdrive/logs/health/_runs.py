@@ -1,0 +1,160 @@
+"""Runs of equal samples that no working sensor gives while the joint moves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from backdrive.logs.health._exam import Exam, white_noise
+from backdrive.logs.health._survey import RUN
+from backdrive.logs.health._velocity_fit import velocity_fit
+
+#: A run is called frozen where chance would make one in a million logs like it.
+_CHANCE = 1e-6
+#: The same beside a smooth signal, which stands longer at its peaks than elsewhere.
+_CHANCE_SMOOTH = 1e-9
+#: Only so many of the longest runs are looked at.
+_MOST = 200
+#: A velocity without a position must stand for so many samples.
+_ALONE = 100
+#: Drives differentiate at this period or a shorter one [s].
+_TICK = 1e-3
+#: A frozen velocity is wrong by this share of the top speed at least [1].
+_WRONG = 0.05
+
+
+def frozen_runs(exam: Exam, channel: str, j: int) -> list[tuple[int, int]]:
+    """Return stretches [start, stop) in which a channel stands still although the joint moves.
+
+    A quantised channel has equal neighbours by nature, so a run must be impossible: a position that stood while the velocity
+    went on, a velocity that stood while the position left the straight line, noise that stopped, or a jump when it ends.
+    """
+    key = ("runs", channel, j)
+    if key not in exam.shared:
+        exam.shared[key] = _look(exam, channel, j)
+    return exam.shared[key]
+
+
+def _look(exam: Exam, channel: str, j: int) -> list[tuple[int, int]]:
+    if not exam.usable(channel, j) or not exam.survey(channel).long_run[j]:
+        return []
+    seen = exam.survey(channel)
+    if seen.low[j] == seen.high[j]:
+        return []  # a dead channel is another matter
+    x = exam.column(channel, j)
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(x)) + 1, [x.size]])
+    lengths = np.diff(edges)
+    long = np.flatnonzero(lengths >= RUN)
+    if long.size > _MOST:
+        long = np.sort(long[np.argsort(lengths[long])[-_MOST:]])
+    decide = {"position": _position_froze, "second_encoder": _position_froze}.get(channel, _signal_froze)
+    found = []
+    for k in long:
+        start, stop = int(edges[k]), int(edges[k + 1])
+        if decide(exam, channel, j, x, start, stop):
+            found.append((start, stop))
+    return found
+
+
+def _position_froze(exam: Exam, channel: str, j: int, x: np.ndarray, start: int, stop: int) -> bool:
+    resolution = exam.resolution(channel, j)
+    release = abs(x[stop] - x[stop - 1]) if stop < x.size else np.inf
+    if _agree(exam, j):
+        v, t = exam.column("velocity", j)[start:stop], exam.log.time[start:stop]
+        moved = abs(np.sum(0.5 * (v[1:] + v[:-1]) * np.diff(t)))
+        # a filtered velocity runs on for a while after a stop: it must go on to the end
+        late = abs(np.median(v[v.size // 2 :])) * (t[-1] - t[0])
+        # a sum of noise is no motion, and neither is a velocity that never quite comes to zero
+        wander = 6 * np.sqrt(v.size) * exam.period * white_noise(exam.sample("velocity", j))
+        creep = max(0.1 * _top_speed(exam, j), 3 * exam.resolution("velocity", j)) * (t[-1] - t[0])
+        least = max(5 * resolution, 4 * _noise(x, start, stop), wander, creep)
+        return bool(min(moved, late) > least and release > 0.4 * moved)
+    # without a velocity, the position must come back to where the motion before and after leads
+    lead = _mean_step(x[max(0, start - 6) : start + 1]) + _mean_step(x[stop : stop + 7])
+    led = 0.5 * (stop - start) * abs(lead)
+    return max(6 * resolution, 8 * _noise(x, start, stop)) < release and 0.3 * led < release < 3 * led
+
+
+def _signal_froze(exam: Exam, channel: str, j: int, x: np.ndarray, start: int, stop: int) -> bool:
+    if not moves(exam, channel, j, start, stop):
+        return False
+    seen = exam.survey(channel)
+    resolution = exam.resolution(channel, j)
+    if channel in ("torque", "drive_input") and x[start] != 0 and x[start] in (seen.low[j], seen.high[j]):
+        return False  # saturation
+    around = np.concatenate([np.diff(x[max(0, start - 100) : start]), np.diff(x[stop : stop + 100])])
+    if around.size >= 20:
+        alive = around[around != 0]
+        turns = np.mean(alive[1:] * alive[:-1] < 0) if alive.size > 10 else 0.0
+        equal = max(np.mean(around == 0), 0.02)
+        # the chance that noise repeats a value this often in a log this long; noise of a step or less repeats by nature
+        lively = np.std(around) > 2 * resolution
+        rare = seen.equal[j] * x.size - (stop - start - 1) < 0.02 * x.size
+        if resolution == 0 and rare and equal < 0.03:
+            return True  # a signal that is not rounded never repeats itself
+        chance = x.size * equal ** (stop - start - 1)
+        if lively and turns > 0.15 and chance < _CHANCE:
+            return True
+        if channel == "velocity" and not exam.usable("position", j):
+            return False  # nothing tells a level stretch from a frozen one
+        # a smooth signal may have a level stretch, but comes out of it as it went in
+        jump = abs(x[stop] - x[stop - 1]) if stop < x.size else 0.0
+        if lively and chance < _CHANCE_SMOOTH and jump > max(6 * resolution, 4 * np.median(np.abs(around))):
+            return True
+    release = abs(x[stop] - x[stop - 1]) if stop < x.size else 0.0
+    if x[start] == 0 and start > 0:  # a value that is no longer sent falls to zero, one that is held does not
+        release = max(release, abs(x[start] - x[start - 1]))
+    return bool(release > max(6 * resolution, 4 * _noise(x, start, stop)))
+
+
+def _agree(exam: Exam, j: int) -> bool:
+    """Return whether position and velocity tell the same motion on the whole, so that one can convict the other."""
+    fit = velocity_fit(exam, j)
+    if fit is None or not abs(fit.scale - 1) < 0.15 or not fit.residual < 0.3:
+        return False
+    return abs(fit.delay) < max(6 * exam.period, 0.03)
+
+
+def _mean_step(x: np.ndarray) -> float:
+    return float((x[-1] - x[0]) / (x.size - 1)) if x.size > 1 else 0.0
+
+
+def _top_speed(exam: Exam, j: int) -> float:
+    return float(np.quantile(np.abs(exam.sample("velocity", j)), 0.99))
+
+
+def _noise(x: np.ndarray, start: int, stop: int) -> float:
+    """Return the largest step shortly before and after a run; infinity where there are none."""
+    around = np.concatenate([np.diff(x[max(0, start - 12) : start]), np.diff(x[stop : stop + 12])])
+    return float(np.abs(around).max()) if around.size else np.inf
+
+
+def moves(exam: Exam, channel: str, j: int, start: int, stop: int) -> bool:
+    """Return whether the joint moves through all of a run, as the other channels have it."""
+    if channel != "position" and exam.usable("position", j):
+        q = exam.column("position", j)[start:stop]
+        thirds = np.array_split(q, 3)
+        least = max(2 * exam.resolution("position", j), 1e-4 * float(np.ptp(exam.sample("position", j))))
+        if channel == "velocity":
+            if not _agree(exam, j):
+                return False
+            # a constant velocity is no fault: the position must leave the straight line that it predicts
+            t = exam.log.time[start:stop]
+            left = np.abs(q - q[0] - exam.column("velocity", j)[start] * (t - t[0])).max()
+            if np.abs(np.diff(q)).max() > 0.5 * left:
+                return False  # it is the position that jumps
+            own = exam.resolution("velocity", j) * (t[-1] - t[0])
+            stamps = 0.5 * abs(exam.column("velocity", j)[start]) * exam.period
+            # a drive that differentiates a coarse encoder may repeat itself when its ticks and the counts fall in step
+            step = exam.resolution("position", j) / min(exam.period, _TICK)
+            slack = max(_WRONG * _top_speed(exam, j), 0.5 * step) * (t[-1] - t[0])
+            # and the joint must move at all: some servos report one step of velocity at rest
+            return bool(
+                min(left, np.ptp(q)) > max(8 * exam.resolution("position", j), 3 * own, stamps, slack)
+            )
+        return all(np.ptp(part) >= least for part in thirds)
+    if channel != "velocity" and exam.usable("velocity", j):
+        v = np.abs(exam.column("velocity", j)[start:stop])
+        return bool(np.quantile(v, 0.1) > 0.05 * _top_speed(exam, j))
+    # nothing else tells of motion; a controller on a coarse encoder can be quiet at one speed for a while
+    fast = channel == "velocity" and abs(exam.column(channel, j)[start]) > _WRONG * _top_speed(exam, j)
+    return fast and stop - start >= _ALONE

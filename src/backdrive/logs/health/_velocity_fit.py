@@ -1,0 +1,118 @@
+"""How a measured velocity relates to the position's change: scale, delay, and what neither explains.
+
+The position's change over a window, D, is compared with the integral of velocity over it, S. Integrating spares the
+quantised position from being differentiated. A velocity delayed by T falls short of the change by T times the change of
+velocity, dV, so D = scale * S + scale * T * dV, by least squares over many windows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive.logs.health._exam import Exam, white_noise
+
+#: Fewest samples a window, and how many steps of the encoder the joint should move in it.
+_WINDOW, _MOVED = 5, 24.0
+#: Windows shall be longer than a delay worth the name [s].
+_LONG = 0.1
+_MOST_WINDOWS = 8192
+
+
+@dataclass(frozen=True)
+class VelocityFit:
+    """Position against velocity of one joint.
+
+    Attributes:
+        scale: change of position per integral of velocity; 1 when all is well [1].
+        delay: of velocity behind position [s].
+        residual: RMS of what is left over the RMS of the change of position [1].
+        plain: the same without the delay [1].
+        window: length of the windows compared [s].
+    """
+
+    scale: float
+    delay: float
+    residual: float
+    plain: float
+    window: float
+
+
+def velocity_fit(exam: Exam, j: int) -> VelocityFit | None:
+    """Return the fit; None where a channel is missing or the joint moves too little to tell."""
+    key = ("velocity fit", j)
+    if key not in exam.shared:
+        exam.shared[key] = _fit(exam, j)
+    return exam.shared[key]
+
+
+def _fit(exam: Exam, j: int) -> VelocityFit | None:
+    if not (exam.usable("position", j) and exam.usable("velocity", j)) or not exam.period > 0:
+        return None
+    if exam.survey("velocity").low[j] == exam.survey("velocity").high[j]:
+        return None  # `stuck` speaks of that
+    q, v, t = exam.log.channels["position"], exam.log.channels["velocity"], exam.log.time
+    pieces = [(q[b, j], v[b, j], t[b] - t[b.start]) for b in exam.blocks if b.stop - b.start > 2 * _WINDOW]
+    if not pieces:
+        return None
+    noise = white_noise(np.concatenate([p[1] for p in pieces])) * exam.period
+    rounding = exam.resolution("velocity", j) * exam.period
+    least = _MOVED * max(exam.resolution("position", j), 1e-9)
+    longest = max(len(p[0]) for p in pieces)
+    window = max(_WINDOW, round(_LONG / exam.period))
+    if window > longest / 4:
+        return None
+    while True:
+        change, integral, ends = _windows(pieces, window)
+        moved, said = (float(np.sqrt(np.mean(x**2))) if x.size else 0.0 for x in (change, integral))
+        # noise adds up with the root of the window, what rounding takes away with the window itself
+        unsure = max(6 * noise * np.sqrt(window), 3 * rounding * window)
+        enough = moved > least and max(moved, said) > unsure
+        if enough or 3 * window > longest / 4:
+            break
+        window *= 3
+    if not enough and not (moved > 0.5 * least and max(moved, said) > 0.5 * unsure):
+        return None
+    scale, delay, residual, plain = _solve(change, integral, ends)
+    return VelocityFit(scale, delay, residual, plain, window * exam.period)
+
+
+def _windows(pieces, window: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    changes, integrals, ends = [], [], []
+    total = sum(len(p[0]) for p in pieces)
+    stride = max(1, window // 4, total // _MOST_WINDOWS)
+    for q, v, t in pieces:
+        if len(q) <= window:
+            continue
+        area = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))])
+        start = np.arange(0, len(q) - window, stride)
+        changes.append(q[start + window] - q[start])
+        integrals.append(area[start + window] - area[start])
+        ends.append(v[start + window] - v[start])
+    if not changes:
+        return np.empty(0), np.empty(0), np.empty(0)
+    return np.concatenate(changes), np.concatenate(integrals), np.concatenate(ends)
+
+
+def _solve(change: np.ndarray, integral: np.ndarray, ends: np.ndarray) -> tuple[float, float, float, float]:
+    keep = np.ones(change.size, bool)
+    power = float(np.mean(change**2))
+    scale = slope = 0.0
+    for _ in range(2):  # the second time without what fits worst, such as the windows across a jump
+        a, d, e = integral[keep], change[keep], ends[keep]
+        matrix = np.array([[a @ a, a @ e], [a @ e, e @ e]])
+        if not matrix[0, 0] > 0:
+            return 0.0, 0.0, 1.0, 1.0
+        matrix[1, 1] += 1e-9 * max(matrix[1, 1], 1e-300)
+        if matrix[1, 1] * matrix[0, 0] - matrix[0, 1] ** 2 <= 1e-9 * matrix[0, 0] * matrix[1, 1]:
+            scale, slope = float(a @ d / matrix[0, 0]), 0.0
+        else:
+            scale, slope = np.linalg.solve(matrix, [a @ d, e @ d])
+        left = change - scale * integral - slope * ends
+        keep = np.abs(left) <= 4 * np.sqrt(np.mean(left[keep] ** 2)) + 1e-300
+    residual = np.sqrt(np.mean(left[keep] ** 2) / power)
+    lone = integral @ change / (integral @ integral)
+    plain = np.sqrt(np.mean((change - lone * integral) ** 2) / power)
+    delay = slope / scale if scale else 0.0
+    return float(scale), float(delay), float(residual), float(plain)

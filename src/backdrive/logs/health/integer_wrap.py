@@ -1,0 +1,166 @@
+"""Whole numbers wrapped by the wrong type: -1 read as 65535, or a sum that ran over its 16 or 32 bits.
+
+A wrap moves a value by 2^16 or 2^32 times the channel's resolution, whatever the scale. Two signs give it away: all values
+stay within one such period, and a jump of nearly that period becomes an ordinary step when the period is taken off. Where a
+log was resampled after the fault, values between the two levels appear that no repair can know; those samples are dropped.
+Positions are `encoder-wrap`'s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive.logs.health._exam import Exam, resolution
+from backdrive.logs.health._finding import Check, Finding, Repair, counted, keep_rows, with_columns
+
+NAME = "integer-wrap"
+CHANNELS = ("velocity", "torque", "drive_input", "external_torque", "load", "model_torque")
+_BITS = (16, 32)
+#: What is left of a jump without the period may be this share of the period.
+_LEFT = 0.05
+#: And this one where all values are near zero or near the period, as small numbers of two signs are when read as unsigned.
+_SPLIT_LEFT = 0.4
+
+
+@dataclass(frozen=True, eq=False)
+class _Wrap:
+    period: float
+    bits: int
+    mended: np.ndarray
+    rows: np.ndarray
+    lost: np.ndarray
+
+
+def find(exam: Exam) -> list[Finding]:
+    """Report every channel that jumps by 2^16 or 2^32 of its own steps."""
+    findings = []
+    for channel in CHANNELS:
+        for j, joint in exam:
+            wrap = _wrap(exam, channel, j)
+            if wrap is None:
+                continue
+            between = f", {wrap.lost.size} of them between the levels and lost" if wrap.lost.size else ""
+            findings.append(
+                Finding(
+                    name=NAME,
+                    joint=joint,
+                    channel=channel,
+                    severity="spoils",
+                    sentence=(
+                        f"{channel} of {joint} was read with the wrong integer type: {counted(wrap.rows.size, 'sample')} "
+                        f"off by {wrap.period:.6g} (2^{wrap.bits} steps){between}, first at sample {wrap.rows[0]}."
+                    ),
+                    remedy=f"Read the column as signed {wrap.bits}-bit numbers, or use --repair: it takes the period off again.",
+                    value=wrap.period,
+                    where=wrap.rows,
+                    repairable=True,
+                )
+            )
+    return findings
+
+
+def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
+    """Take the period off; drop samples that were interpolated between the two levels."""
+    changes, notes, lost = {}, [], np.zeros(len(exam.log), bool)
+    for finding in findings:
+        assert finding.joint is not None
+        assert finding.channel is not None
+        j = exam.log.names.index(finding.joint)
+        wrap = _wrap(exam, finding.channel, j)
+        assert wrap is not None
+        changes[finding.channel, j] = wrap.mended
+        lost[wrap.lost] = True
+        notes.append(
+            f"{finding.channel} of {finding.joint}: {wrap.period:.6g} was taken off again at "
+            f"{counted(wrap.rows.size, 'wrapped sample')}."
+        )
+    log = with_columns(exam.log, changes, notes)
+    if not lost.any():
+        return Repair(log)
+    return keep_rows(
+        log, ~lost, f"{counted(int(lost.sum()), 'sample')} interpolated across a wrap were dropped."
+    )
+
+
+def _wrap(exam: Exam, channel: str, j: int) -> _Wrap | None:
+    key = (NAME, channel, j)
+    if key not in exam.shared:
+        exam.shared[key] = _look(exam, channel, j)
+    return exam.shared[key]
+
+
+def _look(exam: Exam, channel: str, j: int) -> _Wrap | None:
+    if not exam.usable(channel, j):
+        return None
+    seen = exam.survey(channel)
+    span = seen.high[j] - seen.low[j]
+    if not span > 0 or seen.step[j] < 0.2 * span:
+        return None
+    step = exam.resolution(channel, j)
+    for bits in _BITS:
+        period = step * 2.0**bits
+        if 0.45 * period < span < 1.3 * period:
+            step = _fine(exam.sample(channel, j), step, 0.25 * period)
+            period = step * 2.0**bits
+        if step > 0 and 0.45 * period < span < 1.3 * period:
+            wrap = _unwrapped(exam.column(channel, j), period, bits)
+            if wrap is not None:
+                return wrap
+    for bits in _BITS:  # raw numbers that were resampled, so that their resolution is gone
+        period = 2.0**bits
+        if seen.low[j] > -_LEFT * period and 0.9 * period < seen.high[j] < 1.001 * period:
+            wrap = _split(exam.column(channel, j), period, bits)
+            if wrap is not None:
+                return wrap
+    return None
+
+
+def _fine(x: np.ndarray, step: float, near: float) -> float:
+    """Return the step from the values near zero: 2^32 of them must not carry the rounding of the wrapped ones."""
+    levels = np.unique(x[np.abs(x) < near])
+    if levels.size < 2:
+        return step
+    fine = resolution(levels)
+    width = levels[-1] - levels[0]
+    return float(width / np.round(width / fine)) if fine > 0 and abs(fine - step) < 0.01 * step else step
+
+
+def _unwrapped(x: np.ndarray, period: float, bits: int) -> _Wrap | None:
+    change = np.diff(x)
+    times = np.round(change / period)
+    jumps = np.flatnonzero(times)
+    if not jumps.size:
+        return None
+    left = np.abs(change[jumps] - period * times[jumps]).max()
+    split = not np.any((x > 0.25 * period) & (x < 0.75 * period)) and x.min() > -0.25 * period
+    if left > (_SPLIT_LEFT if split else _LEFT) * period:
+        return None
+    mended = x.copy()
+    mended[1:] -= period * np.cumsum(times)
+    mended -= period * np.round(np.median(mended) / period)
+    if (
+        np.unique(mended[:: max(1, mended.size // 4096)]).size <= 4
+    ):  # a signal that switches between its two limits
+        return None
+    return _Wrap(period, bits, mended, np.flatnonzero(mended != x), np.empty(0, np.intp))
+
+
+def _split(x: np.ndarray, period: float, bits: int) -> _Wrap | None:
+    top, bottom = x > 0.75 * period, x < 0.25 * period
+    between = ~(top | bottom)
+    if between.mean() > 0.05 or not top.any() or not bottom.any():
+        return None
+    if np.all(x[bottom] == 0) or np.ptp(x[top]) == 0:  # a switch, not a number
+        return None
+    lost = between.copy()
+    side = np.where(top, 1, np.where(bottom, -1, 0))
+    turn = np.flatnonzero(side[1:] != side[:-1])
+    lost[turn] = lost[turn + 1] = True  # either neighbour of a crossing may be an interpolated value
+    mended = np.where(top, x - period, x)
+    return _Wrap(period, bits, mended, np.flatnonzero(top | lost), np.flatnonzero(lost))
+
+
+CHECK = Check(NAME, "values wrapped by a wrong integer type", find, repair)

@@ -1,0 +1,51 @@
+"""A joint that does not move: held still, or a torque ramp below the encoder's resolution, or nothing was recorded."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from backdrive.logs.health._exam import Exam
+from backdrive.logs.health._finding import Check, Finding
+
+NAME = "no-motion"
+
+
+def find(exam: Exam) -> list[Finding]:
+    """Report joints without motion: a remark while another moves or torque is applied, spoiling otherwise."""
+    if len(exam.log) < 2:
+        return []
+    still = [j for j, _ in exam if not _moves(exam, j)]
+    none = len(still) == len(exam.log.joints) and not any(_pushed(exam, j) for j in still)
+    return [
+        Finding(
+            name=NAME,
+            joint=exam.log.names[j],
+            severity="spoils" if none else "note",
+            sentence=f"{exam.log.names[j]} does not move in this log.",
+            remedy="Choose the joints that move with --joint."
+            if not none
+            else "Record a motion; friction shows only in one.",
+            value=0.0,
+        )
+        for j in still
+    ]
+
+
+def _moves(exam: Exam, j: int) -> bool:
+    """Return whether position or velocity has more than two values."""
+    for channel in ("position", "velocity"):
+        if exam.usable(channel, j) and np.unique(exam.sample(channel, j)).size > 2:
+            return True
+    return not any(exam.usable(channel, j) for channel in ("position", "velocity"))
+
+
+def _pushed(exam: Exam, j: int) -> bool:
+    """Return whether torque goes up and down by more than its noise, as in a ramp below break-away."""
+    if not exam.usable("torque", j):
+        return False
+    x = exam.sample("torque", j)
+    scatter = float(np.var(x))
+    return scatter > 0 and float(np.mean(np.diff(x) ** 2)) < 0.1 * scatter
+
+
+CHECK = Check(NAME, "joints that do not move", find)

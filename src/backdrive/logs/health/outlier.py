@@ -1,0 +1,171 @@
+"""Single samples far from both their neighbours.
+
+The measure is the excess of a sample over both its neighbours. Noise, a step (Coulomb friction at a reversal), quantisation
+and the kicks of a differentiating controller all have a usual excess; an outlier is beyond several times the largest usual
+one, beyond what its own surroundings do, and rare.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from backdrive.logs.health._exam import Exam
+from backdrive.logs.health._finding import Check, Finding, Repair, counted, keep_rows, with_columns
+
+NAME = "outlier"
+CHANNELS = ("position", "velocity", "torque", "drive_input", "second_encoder", "external_torque", "load")
+#: Times the largest usual excess; times the differences around it, or times what a smooth signal leaves around it; steps of the
+#: channel; share of the channel's range.
+_USUAL, _LOCAL, _SMOOTH, _STEPS, _RANGE = 2.5, 3.0, 8.0, 4.0, 1e-2
+#: An outlier this many times as far off as the range of all other samples would rule a least-squares fit.
+_SPOILS = 2.0
+
+
+def find(exam: Exam) -> list[Finding]:
+    """Report single-sample outliers of every channel."""
+    findings = []
+    for channel in CHANNELS:
+        for j, joint in exam:
+            rows = _outliers(exam, channel, j)
+            if not rows.size:
+                continue
+            x = exam.column(channel, j)
+            away = np.abs(x[rows] - _between(x, rows))
+            worst = int(np.argmax(away))
+            wild = away[worst] > _SPOILS * np.ptp(np.delete(x, rows))
+            findings.append(
+                Finding(
+                    name=NAME,
+                    joint=joint,
+                    channel=channel,
+                    severity="spoils" if wild else "warn",
+                    sentence=(
+                        f"{channel} of {joint} has {counted(rows.size, 'single-sample outlier')}; the largest is "
+                        f"{x[rows[worst]]:.5g} at sample {rows[worst]}, {away[worst]:.3g} off its neighbours."
+                    ),
+                    remedy="Replace them by the mean of their neighbours (--repair does).",
+                    value=float(away[worst]),
+                    where=rows,
+                    repairable=True,
+                )
+            )
+    return findings
+
+
+def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
+    """Replace outliers by the mean of their neighbours; drop those at the ends of the log."""
+    n = len(exam.log)
+    changes, notes, drop = {}, [], np.zeros(n, bool)
+    for finding in findings:
+        assert finding.joint is not None
+        assert finding.channel is not None
+        assert finding.where is not None
+        j = exam.log.names.index(finding.joint)
+        x, rows = np.array(exam.column(finding.channel, j)), finding.where
+        ends = (rows == 0) | (rows == n - 1)
+        drop[rows[ends]] = True
+        x[rows] = _between(x, rows)
+        changes[finding.channel, j] = x
+        inside = int((~ends).sum())
+        if inside:
+            notes.append(
+                f"{finding.channel} of {finding.joint}: {counted(inside, 'outlier')} replaced by the mean of the neighbours."
+            )
+    log = with_columns(exam.log, changes, notes)
+    if not drop.any():
+        return Repair(log)
+    return keep_rows(log, ~drop, f"{counted(int(drop.sum()), 'outlier')} at the end of the log dropped.")
+
+
+def _between(x: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    last = x.size - 1
+    before = np.where(rows == 0, np.minimum(1, last), rows - 1)
+    after = np.where(rows == last, np.maximum(last - 1, 0), rows + 1)
+    return 0.5 * (x[before] + x[after])
+
+
+def _outliers(exam: Exam, channel: str, j: int) -> np.ndarray:
+    none = np.empty(0, np.intp)
+    if not exam.usable(channel, j) or len(exam.log) < 10:
+        return none
+    seen = exam.survey(channel)
+    span = float(seen.high[j] - seen.low[j])
+    ends = _ends(exam, channel, j, span)
+    usual, count = _usual_excess(exam, channel, j)
+    bound = max(_USUAL * usual, _STEPS * exam.resolution(channel, j))
+    if seen.spike[j] <= bound:
+        return ends
+    x = exam.column(channel, j)
+    rows = np.flatnonzero(_excess(x) > bound) + 1
+    rows = np.setdiff1d(rows, np.concatenate([exam.gaps, exam.gaps - 1]))
+    if not rows.size or rows.size > 2 * count:
+        return ends
+    change = np.abs(np.diff(x))
+    size = np.minimum(change[rows - 1], change[rows])
+    across = np.abs(x[rows + 1] - x[rows - 1])
+    # a second outlier nearby must not hide this one
+    local = np.maximum(across, np.sort(_around(change, rows - 1, (-3, -2, -1, 2, 3, 4)), axis=1)[:, -2])
+    # in fast smooth motion the steps are long, but what is left of a cubic is small
+    bend = np.abs(np.diff(x, 4)) / 6
+    smooth = np.sort(_around(bend, rows - 2, (-7, -6, -5, -4, -3, 3, 4, 5, 6, 7)), axis=1)[:, -2]
+    beside, here = _around(bend, rows - 2, (-1, 1)).max(axis=1), _around(bend, rows - 2, (0,))[:, 0]
+    far = size > _LOCAL * local
+    if channel in ("position", "second_encoder"):  # a step leaves as much beside it, an outlier two thirds
+        far |= (here > _SMOOTH * smooth) & (here > 1.3 * beside)
+    rest = np.ptp(np.delete(x, rows))
+    rows = rows[far & (size > _RANGE * rest)]
+    if channel == "velocity" and exam.usable("position", j):
+        rows = rows[~_ticks(exam, j, x, rows)]
+    return np.union1d(rows, ends)
+
+
+def _around(x: np.ndarray, rows: np.ndarray, offsets: tuple[int, ...]) -> np.ndarray:
+    """Return x (n,) at offsets from rows, (m, k); zero beyond the ends, where nothing happens."""
+    at = rows[:, None] + np.array(offsets)
+    inside = (at >= 0) & (at < x.size)
+    return np.where(inside, x[np.clip(at, 0, x.size - 1)], 0.0)
+
+
+def _ticks(exam: Exam, j: int, v: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Return which peaks of a velocity are single counts of the encoder, differentiated at 1 kHz or faster than the log."""
+    q, count = exam.column("position", j), exam.resolution("position", j)
+    near = q[np.clip(rows[:, None] + np.array([-2, -1, 0, 1]), 0, q.size - 1)]
+    moved = np.ptp(near, axis=1)
+    small = np.abs(v[rows] - _between(v, rows)) < 2 * count / min(exam.period, 1e-3)
+    return small & (moved > 0) & (moved < 1.5 * count)
+
+
+def _excess(x: np.ndarray) -> np.ndarray:
+    change = np.diff(x)
+    size = np.minimum(np.abs(change[:-1]), np.abs(change[1:]))
+    return np.where(change[:-1] * change[1:] < 0, size, 0.0)
+
+
+def _usual_excess(exam: Exam, channel: str, j: int) -> tuple[float, int]:
+    """Return the excess that only a few samples exceed, and how many."""
+    array = exam.log.channels[channel]
+    excess = np.concatenate([_excess(array[b, j]) for b in exam.blocks] or [np.zeros(1)])
+    if not excess.size:
+        return 0.0, 0
+    count = int(10 + 0.001 * excess.size)
+    rank = max(excess.size - 1 - count, 0)
+    return float(np.partition(excess, rank)[rank]), count
+
+
+def _ends(exam: Exam, channel: str, j: int, span: float) -> np.ndarray:
+    """Return the first and last row where they lie outside the range of all others by more than that range."""
+    x = exam.log.channels[channel][:, j]
+    seen = exam.survey(channel)
+    found = []
+    for row, rest in ((0, x[1:]), (x.size - 1, x[:-1])):
+        if x[row] not in (seen.low[j], seen.high[j]) or not span > 0:
+            continue
+        low, high = float(rest.min()), float(rest.max())
+        if max(low - x[row], x[row] - high) > max(high - low, 4 * exam.resolution(channel, j)):
+            found.append(row)
+    return np.array(found, np.intp)
+
+
+CHECK = Check(NAME, "single samples far from both their neighbours", find, repair)

@@ -1,0 +1,109 @@
+"""A channel that stands still while the joint moves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from backdrive.logs.health._exam import Exam, white_noise
+from backdrive.logs.health._finding import Check, Finding, Repair, counted, keep_rows
+from backdrive.logs.health._runs import frozen_runs
+
+NAME = "stuck"
+CHANNELS = ("position", "velocity", "torque", "drive_input", "second_encoder", "external_torque")
+#: From this share of the log on, frozen samples spoil a result.
+_SPOILS = 0.01
+
+
+def find(exam: Exam) -> list[Finding]:
+    """Report stretches in which a channel is frozen, and channels that never change."""
+    findings = []
+    for channel in CHANNELS:
+        for j, joint in exam:
+            finding = _dead(exam, channel, j, joint) or _frozen(exam, channel, j, joint)
+            if finding is not None:
+                findings.append(finding)
+    return findings
+
+
+def _frozen(exam: Exam, channel: str, j: int, joint: str) -> Finding | None:
+    runs = frozen_runs(exam, channel, j)
+    if channel in ("torque", "drive_input"):  # standing at zero is `silent-torque`
+        runs = [(a, b) for a, b in runs if exam.column(channel, j)[a] != 0]
+    if not runs:
+        return None
+    rows = np.concatenate([np.arange(a + 1, b) for a, b in runs])
+    longest = max(runs, key=lambda run: run[1] - run[0])
+    n = len(exam.log)
+    return Finding(
+        name=NAME,
+        joint=joint,
+        channel=channel,
+        severity="spoils" if rows.size > _SPOILS * n else "warn",
+        sentence=(
+            f"{channel} of {joint} stands still while the joint moves: {counted(rows.size, 'sample')} in "
+            f"{counted(len(runs), 'place')}, the longest from sample {longest[0]} to {longest[1] - 1}."
+        ),
+        remedy="Drop those samples (--repair does), and look for lost messages of that sensor.",
+        value=longest[1] - longest[0],
+        where=rows,
+        repairable=rows.size < 0.5 * n,
+    )
+
+
+def _dead(exam: Exam, channel: str, j: int, joint: str) -> Finding | None:
+    if not exam.usable(channel, j):
+        return None
+    seen = exam.survey(channel)
+    if seen.low[j] != seen.high[j]:
+        return None
+    level = float(seen.low[j])
+    other = {"position": "velocity", "second_encoder": "position"}.get(channel, "position")
+    if other not in exam.log.channels and channel != "velocity":
+        other = "velocity"
+    if channel in ("torque", "drive_input") and level == 0:
+        return None  # `silent-torque`
+    if not exam.usable(other, j) or not _goes_on(exam, other, j):
+        return None
+    needed = channel in ("position", "velocity", "torque")
+    return Finding(
+        name=NAME,
+        joint=joint,
+        channel=channel,
+        severity="spoils" if needed else "note",
+        sentence=f"{channel} of {joint} is {level:.5g} throughout, while {other} changes.",
+        remedy=f"The sensor or its message is dead: map {channel} from another column (--map), or leave it out.",
+        value=level,
+        repairable=channel == "velocity",
+    )
+
+
+def _goes_on(exam: Exam, channel: str, j: int) -> bool:
+    """Return whether a motion channel really moves, rather than trembling by a few of its steps."""
+    if channel == "velocity":
+        x, t = exam.column("velocity", j), exam.log.time
+        path = np.cumsum(0.5 * (x[1:] + x[:-1]) * np.diff(t))
+        wander = 6 * np.sqrt(x.size) * exam.period * white_noise(exam.sample("velocity", j))
+        return bool(np.ptp(path) > max(1e-3, wander))
+    seen = exam.survey(channel)
+    return bool(seen.high[j] - seen.low[j] > max(10 * exam.resolution(channel, j), 1e-3))
+
+
+def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
+    """Drop frozen samples; leave out a velocity that is dead."""
+    log = exam.log
+    for channel in sorted({f.channel for f in findings if f.where is None and f.channel}):
+        log = log.replace(**{channel: None}).noted(
+            f"{channel} was left out: it never changes while the joint moves."
+        )
+    keep = np.ones(len(log), bool)
+    for finding in findings:
+        if finding.where is not None:
+            keep[finding.where] = False
+    if keep.all():
+        return Repair(log)
+    return keep_rows(log, keep, f"{counted(int((~keep).sum()), 'sample')} of frozen channels were dropped.")
+
+
+CHECK = Check(NAME, "a channel that stands still while the joint moves", find, repair)

@@ -1,0 +1,170 @@
+"""Torque and motion that are whole samples apart: another message, another buffer, a row of the wrong tick."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive.logs.health._exam import Exam, white_noise
+from backdrive.logs.health._finding import Check, Finding, Repair, keep_rows, with_columns
+from backdrive.logs.health._motion import folded, motion
+from backdrive.logs.health.jitter import LIMIT
+
+NAME = "time-slip"
+#: Slips up to this are looked for [sample].
+REACH = 20
+#: Smaller slips are a controller's own, or the lag of friction itself: in samples, and in seconds.
+SAMPLES, SECONDS = 1.5, 3e-3
+#: A velocity without a position may come out of a filter: in samples, and in seconds.
+_FILTER_SAMPLES, _FILTER_SECONDS = 8.0, 40e-3
+#: A slip must be this many of its standard errors, leave this share of the misfit at most, and explain the torque but for this.
+#: Where next to nothing is left of the misfit, the standard error need not be small.
+_SURE, _LEFT, _CLEAR, _MISFIT = 6.0, 0.45, 0.2, 0.25
+#: A slip that is worth this share of the torque's scatter is worth a word; from the second on it spoils a fit.
+_WORTH, _SPOILS = 0.015, 0.05
+#: No timing is read from a torque with this share of sample-to-sample noise [1].
+_NOISY = 0.3
+
+
+@dataclass(frozen=True)
+class Slip:
+    """Slip of torque behind motion.
+
+    Attributes:
+        samples: by how much torque comes late [sample].
+        error: its standard error [sample].
+        left: mean square misfit with the slip taken out over that without, noise aside [1].
+        misfit: RMS torque that is not explained with the slip taken out, over the torque's standard deviation [1].
+        effect: RMS torque that the slip is worth, over the torque's standard deviation [1].
+    """
+
+    samples: float
+    error: float
+    left: float
+    misfit: float
+    effect: float
+
+
+def find(exam: Exam) -> list[Finding]:
+    """Report torques that are explained far better by the motion some samples earlier or later.
+
+    The torque is regressed on acceleration, friction and position at each shift; reversals, where friction itself lags,
+    are left out. The standard error comes from leaving out one stretch of the log at a time.
+    """
+    findings = []
+    for j, joint in exam:
+        slip = estimate(exam, j)
+        if slip is None or not _certain(exam, j, slip):
+            continue
+        way = "late" if slip.samples > 0 else "early"
+        late = abs(slip.samples)
+        findings.append(
+            Finding(
+                name=NAME,
+                joint=joint,
+                channel="torque",
+                severity="spoils" if slip.effect > _SPOILS else "warn",
+                sentence=(
+                    f"torque of {joint} comes {late:.1f} samples ({1e3 * late * exam.period:.1f} ms) {way} against its motion "
+                    f"(standard error {slip.error:.1g}); that is worth {100 * slip.effect:.1f} % of the torque."
+                ),
+                remedy=f"Shift torque by {round(late)} samples (--repair does), or record both from one message.",
+                value=slip.samples,
+                repairable=True,
+            )
+        )
+    return findings
+
+
+def _certain(exam: Exam, j: int, slip: Slip) -> bool:
+    known = exam.usable("position", j)
+    samples, seconds = (SAMPLES, SECONDS) if known else (_FILTER_SAMPLES, _FILTER_SECONDS)
+    large = abs(slip.samples) >= max(samples, seconds / exam.period) and abs(slip.samples) < REACH - 1
+    sure = (abs(slip.samples) > _SURE * slip.error and slip.left < _LEFT) or slip.left < _CLEAR
+    return large and sure and slip.misfit < _MISFIT and slip.effect > _WORTH
+
+
+def estimate(exam: Exam, j: int) -> Slip | None:
+    """Return the slip of a joint's torque; None where the motion does not tell."""
+    key = (NAME, j)
+    if key not in exam.shared:
+        exam.shared[key] = _estimate(exam, j)
+    return exam.shared[key]
+
+
+def _estimate(exam: Exam, j: int) -> Slip | None:
+    steps = exam.steps[:: max(1, exam.steps.size // 65536)]
+    usual = steps[steps < 2 * exam.period]
+    if not usual.size or np.std(usual) > LIMIT * exam.period:
+        return None  # an uneven clock tells no timing
+    torque = exam.sample("torque", j) if exam.usable("torque", j) else np.zeros(1)
+    if not white_noise(torque) < _NOISY * np.std(torque):
+        return None  # the kicks of a controller on a coarse encoder hide any timing
+    m = motion(exam, j, REACH)
+    if m is None or m.fast.sum() < 100:
+        return None
+    x, y = m.terms[m.fast], m.torque[m.fast]
+    scale = np.sqrt(np.mean(x**2, axis=0))
+    x = x / np.where(scale > 0, scale, 1.0)
+    gram, cross, power = folded(x, y, m.fold[m.fast])
+    if gram.shape[0] < 4:
+        return None
+    g, c, p = gram.sum(axis=0), cross.sum(axis=0), power.sum(axis=0)
+    ridge = 1e-9 * x.shape[0] * np.eye(x.shape[1])
+    misfit = _misfit(g + ridge, c, p)
+    best = _minimum(m.shifts, misfit)
+    left = np.array(
+        [
+            _minimum(m.shifts, _misfit(g - gram[f] + ridge, c - cross[f], p - power[f]))
+            for f in range(gram.shape[0])
+        ]
+    )
+    error = float(np.sqrt((left.size - 1) / left.size * np.sum((left - left.mean()) ** 2)))
+    # what noise alone would leave is no evidence either way
+    now, then = misfit[REACH] / y.shape[0], misfit.min() / y.shape[0]
+    noise = min(0.5 * m.noise, 0.9 * then)
+    variance = float(np.var(y[:, REACH]))
+    if not variance > 0 or not now > noise:
+        return None
+    left_over, effect = np.sqrt(then / variance), np.sqrt(max(now - then, 0.0) / variance)
+    return Slip(best, error, float((then - noise) / (now - noise)), float(left_over), float(effect))
+
+
+def _misfit(gram: np.ndarray, cross: np.ndarray, power: np.ndarray) -> np.ndarray:
+    return np.maximum(power - np.sum(cross * np.linalg.solve(gram, cross), axis=0), 0.0)
+
+
+def _minimum(shifts: np.ndarray, misfit: np.ndarray) -> float:
+    """Return the shift of least misfit, by a parabola through the three lowest."""
+    k = int(np.argmin(misfit))
+    if k in (0, misfit.size - 1):
+        return float(shifts[k])
+    before, here, after = misfit[k - 1 : k + 2]
+    bend = before - 2 * here + after
+    return float(shifts[k] + (0.5 * (before - after) / bend if bend > 0 else 0.0))
+
+
+def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
+    """Shift torque by whole samples; rows that get none, at the ends and at gaps, are dropped."""
+    log = exam.log
+    n = len(log)
+    keep, changes, notes = np.ones(n, bool), {}, []
+    for finding in findings:
+        assert finding.joint is not None
+        j, by = log.names.index(finding.joint), round(finding.value)
+        source = np.arange(n) + by
+        changes["torque", j] = exam.column("torque", j)[np.clip(source, 0, n - 1)]
+        for segment in exam.segments:
+            inside = slice(segment.start, segment.stop)
+            keep[inside] &= (source[inside] >= segment.start) & (source[inside] < segment.stop)
+        notes.append(f"torque of {finding.joint} was shifted by {-by} samples.")
+    return keep_rows(
+        with_columns(log, changes, notes),
+        keep,
+        "Rows at the ends that lost their torque by the shift were dropped.",
+    )
+
+
+CHECK = Check(NAME, "torque and motion that are whole samples apart", find, repair)

@@ -1,0 +1,122 @@
+"""A torque of inverted sign: its friction would drive the joint instead of braking it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from backdrive.logs.health._exam import Exam
+from backdrive.logs.health._finding import Check, Finding, Repair, with_columns
+from backdrive.logs.health._motion import folded, motion
+from backdrive.logs.health.time_slip import REACH
+
+NAME = "torque-sign"
+#: The friction must be this many of its standard errors below zero, and this share of the torque's scatter.
+SURE, SHARE = 4.0, 0.05
+#: Each direction must have this share of the samples, above this share of the top speed.
+_BOTH, _MOVING = 0.1, 0.05
+
+
+def find(exam: Exam) -> list[Finding]:
+    """Report joints whose friction torque, mean over the motion, is clearly negative.
+
+    The torque is regressed on acceleration, sign of velocity, velocity, one and position. Friction is what the second and
+    third carry, weighted by the velocity so that it is the dissipated power over the mean speed. Its standard error comes
+    from leaving out one stretch of the log at a time, so an unmodelled torque counts as uncertainty.
+    """
+    estimates = {j: friction(exam, j) for j, _ in exam}
+    inverted = {j for j, estimate in estimates.items() if estimate and _certain(estimate, -1)}
+    right = {j for j, estimate in estimates.items() if estimate and _certain(estimate, 1)}
+    return [
+        _finding(exam, j, joint, estimates[j], j in inverted)
+        for j, joint in exam
+        if j in inverted
+        # one driver has one sign: where all joints that tell are inverted, those that do not tell are not to be left behind
+        or (len(inverted) > 1 and not right and exam.usable("torque", j) and not _positive(estimates[j]))
+    ]
+
+
+def _certain(estimate: tuple[float, float, float], sign: int) -> bool:
+    mean, error, scatter = estimate
+    return sign * mean > max(SURE * error, SHARE * scatter)
+
+
+def _positive(estimate: tuple[float, float, float] | None) -> bool:
+    return estimate is not None and estimate[0] > 0
+
+
+def _finding(
+    exam: Exam, j: int, joint: str, estimate: tuple[float, float, float] | None, certain: bool
+) -> Finding:
+    mean, error, _ = estimate or (np.nan, np.nan, np.nan)
+    push = f"friction would drive it with {-mean:.3g} {exam.log.joints[j].torque_unit} (standard error {error:.2g})"
+    if certain:
+        why = f"has the opposite sign of its motion: {push}"
+    elif estimate is not None:
+        why = f"has the opposite sign like the other joints', though less surely: {push}"
+    else:
+        why = "is taken to have the opposite sign like the other joints'; its own motion does not tell"
+    return Finding(
+        name=NAME,
+        joint=joint,
+        channel="torque",
+        severity="spoils",
+        sentence=f"torque of {joint} {why}.",
+        remedy="Turn the torque's sign (--repair does, or --map tau=-COLUMN); or position and velocity, if it is they.",
+        value=mean,
+        repairable=True,
+    )
+
+
+def friction(exam: Exam, j: int) -> tuple[float, float, float] | None:
+    """Return mean friction torque, its standard error and the torque's standard deviation [N.m or N]; None if undetermined."""
+    key = (NAME, j)
+    if key not in exam.shared:
+        exam.shared[key] = _friction(exam, j)
+    return exam.shared[key]
+
+
+def _friction(exam: Exam, j: int) -> tuple[float, float, float] | None:
+    m = motion(exam, j, REACH)
+    if m is None:
+        return None
+    moving = np.abs(m.velocity) > _MOVING * np.quantile(np.abs(m.velocity), 0.99)
+    share = np.mean(m.velocity[moving] > 0) if moving.any() else 0.0
+    if moving.sum() < 60 or not _BOTH < share < 1 - _BOTH:
+        return None
+    x = m.terms[moving, : m.plain]
+    scale = np.sqrt(np.mean(x**2, axis=0))
+    if not np.all(scale > 0):
+        return None
+    x = x / scale
+    y = m.torque[moving][:, REACH : REACH + 1]
+    gram, cross, _ = folded(x, y, m.fold[moving])
+    if gram.shape[0] < 4:
+        return None
+    v = m.velocity[moving]
+    # power of a column of friction per mean speed: E[column * v] / E|v|
+    weight = np.zeros(x.shape[1])
+    weight[1], weight[2] = np.mean(x[:, 1] * v), np.mean(x[:, 2] * v)
+    weight /= np.mean(np.abs(v))
+    ridge = 1e-9 * np.eye(x.shape[1]) * moving.sum()
+    total, right = gram.sum(axis=0) + ridge, cross.sum(axis=0)
+    mean = float(weight @ np.linalg.solve(total, right)[:, 0])
+    left = np.linalg.solve(total - gram, right - cross)[:, :, 0] @ weight
+    count = left.size
+    error = float(np.sqrt((count - 1) / count * np.sum((left - left.mean()) ** 2)))
+    return mean, error, float(np.std(y))
+
+
+def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
+    """Turn the sign of the torque, and of a model torque only if it goes with it."""
+    changes, notes = {}, []
+    for finding in findings:
+        assert finding.joint is not None
+        j = exam.log.names.index(finding.joint)
+        changes["torque", j] = -exam.column("torque", j)
+        notes.append(f"torque of {finding.joint} was multiplied by -1.")
+    return Repair(with_columns(exam.log, changes, notes))
+
+
+CHECK = Check(NAME, "a torque of inverted sign (friction must dissipate)", find, repair)

@@ -1,0 +1,83 @@
+"""A velocity that is not the derivative of the position."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from backdrive.logs.health._exam import Exam
+from backdrive.logs.health._finding import Check, Finding, Repair, Severity
+from backdrive.logs.health._velocity_fit import VelocityFit, velocity_fit
+from backdrive.logs.health.degrees import unlike
+
+NAME = "velocity-mismatch"
+#: Scale off by more than this; residual from which velocity is another quantity [1].
+SCALE, NONSENSE = 0.15, 0.4
+#: A filter's delay is below this; in samples, and in seconds.
+DELAY_SAMPLES, DELAY = 6.0, 0.025
+#: And the delay explains what position and velocity do not share: without it this many times as much is left.
+_HELPS = 1.5
+
+
+def find(exam: Exam) -> list[Finding]:
+    """Report a velocity of wrong sign or scale, one that lags far behind, and one that is something else."""
+    findings = []
+    for j, joint in exam:
+        fit = velocity_fit(exam, j)
+        if fit is None or unlike(exam, j) is not None:
+            continue
+        said = _say(fit, exam.period, f"velocity of {joint}")
+        if said is None:
+            continue
+        severity, value, sentence = said
+        mend = "Leave velocity out, so that it is derived from position (--repair does), or correct it with --map."
+        keep = "Nothing need be done; to be rid of the delay, leave velocity out, so that it is derived from position."
+        findings.append(
+            Finding(
+                name=NAME,
+                joint=joint,
+                channel="velocity",
+                severity=severity,
+                sentence=sentence,
+                remedy=keep if severity == "note" else mend,
+                value=value,
+                repairable=severity != "note",
+            )
+        )
+    return findings
+
+
+def _say(fit: VelocityFit, period: float, what: str) -> tuple[Severity, float, str] | None:
+    """Return severity, value and sentence, the gravest first; None where nothing is the matter."""
+    if fit.residual > NONSENSE:
+        share = f"{100 * fit.residual:.0f} % of the motion is unexplained"
+        return "spoils", fit.residual, f"{what} is not the derivative of its position: {share}."
+    if fit.scale < 0:
+        return (
+            "spoils",
+            fit.scale,
+            f"{what} has the opposite sign of its position's change (ratio {fit.scale:.3g}).",
+        )
+    if abs(fit.scale - 1) > SCALE:
+        return (
+            "spoils",
+            fit.scale,
+            f"{what} is off by a factor: its position changes {fit.scale:.3g} times as fast.",
+        )
+    way = "lags" if fit.delay > 0 else "leads"
+    by = f"{1e3 * abs(fit.delay):.3g} ms ({abs(fit.delay) / period:.1f} samples)"
+    if abs(fit.delay) > max(DELAY_SAMPLES * period, DELAY) and fit.plain > _HELPS * fit.residual:
+        return "warn", fit.delay, f"{what} {way} its position by {by}."
+    if abs(fit.delay) > max(1.5 * period, 3e-3):
+        return "note", fit.delay, f"{what} {way} its position by {by}, as a filter does."
+    return None
+
+
+def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
+    """Leave velocity out; of the two, position is nearer to what the encoder counted."""
+    who = ", ".join(str(f.joint) for f in findings)
+    return Repair(
+        exam.log.replace(velocity=None).noted(f"velocity was left out: it contradicts the position of {who}.")
+    )
+
+
+CHECK = Check(NAME, "a velocity that is not the derivative of the position", find, repair)

@@ -1,0 +1,372 @@
+"""`Log`: what a robot's joints did, in SI units, on one clock.
+
+Positive torque, position and velocity all point along +q. Arrays are time first, joint second. A log may hold
+anything that a real file holds (NaN, gaps, unsorted time): `backdrive.logs.health` says what is wrong with it, and
+the identification refuses what would spoil a result. Only shapes are checked here, and that no number is so large that its
+square could not be told from infinity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+
+#: Beyond, a number is no measurement in any unit, and products of a few of them overflow; an infinity is a hole in a log.
+LARGEST = 1e60
+SHORTEST = 1e-12  # median sampling interval [s]
+
+#: Per-sample, per-joint channels of a `Log`, each with the SI unit for a rotary and for a linear joint.
+CHANNELS: dict[str, tuple[str, str]] = {
+    "position": ("rad", "m"),
+    "velocity": ("rad/s", "m/s"),
+    "torque": ("N.m", "N"),
+    "reference": ("rad", "m"),
+    "drive_input": ("1", "1"),
+    "second_encoder": ("rad", "m"),
+    "external_torque": ("N.m", "N"),
+    "model_torque": ("N.m", "N"),
+    "load": ("N.m", "N"),
+    "temperature": ("degC", "degC"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Joint:
+    """What a log knows of one joint.
+
+    Attributes:
+        name: as in the robot's description.
+        unit: `rad` (torque in N.m) or `m` (force in N).
+        torque_side: side of the gear that the torque channel is measured on.
+        gear_ratio: motor turns per joint turn [1]; with `torque_side="motor"`, joint torque = ratio * torque.
+        encoder_counts: counts per rad or per m at the joint [1/rad or 1/m], if known.
+    """
+
+    name: str
+    unit: Literal["rad", "m"] = "rad"
+    torque_side: Literal["joint", "motor"] = "joint"
+    gear_ratio: float = 1.0
+    encoder_counts: float | None = None
+
+    def __post_init__(self):
+        if self.unit not in ("rad", "m"):
+            raise InvalidInput(
+                f"Joint '{self.name}': the unit is '{self.unit}'.", remedy="It must be rad or m."
+            )
+        if not 0.0 < abs(self.gear_ratio) < np.inf:
+            raise InvalidInput(
+                f"Joint '{self.name}': the gear ratio is {self.gear_ratio}.",
+                remedy="Give motor turns per joint turn.",
+            )
+        if self.encoder_counts is not None and not 0.0 < self.encoder_counts < np.inf:
+            raise InvalidInput(
+                f"Joint '{self.name}': {self.encoder_counts} encoder counts per {self.unit}.",
+                remedy="Give a positive number.",
+            )
+
+    @property
+    def torque_unit(self) -> str:
+        """N.m for a rotary joint, N for a linear one."""
+        return "N.m" if self.unit == "rad" else "N"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive:
+    """The law by which `drive_input` moves the joint.
+
+    Attributes:
+        law: `torque`, `velocity`, `position`, `voltage` or `duty`.
+        gains: by name, SI units [-].
+    """
+
+    law: Literal["torque", "velocity", "position", "voltage", "duty"]
+    gains: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """The file a log came from.
+
+    Attributes:
+        path: as the person named it.
+        sha256: digest of the file's bytes.
+    """
+
+    path: str
+    sha256: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Log:
+    """Measured motion and torque of one or more joints.
+
+    Attributes:
+        time: sampling instants [s], (n,).
+        joints: one `Joint` per column, (J,).
+        position: joint position [rad or m], (n, J). Position or velocity is required.
+        velocity: joint velocity [rad/s or m/s], (n, J).
+        torque: actuator torque on the joint side [N.m or N], (n, J).
+        reference: commanded position [rad or m], (n, J).
+        drive_input: what the drive was given, in the unit of `drive`'s law, (n, J).
+        second_encoder: link-side position [rad or m], (n, J).
+        external_torque: torque of the environment on the robot [N.m or N], (n, J).
+        model_torque: torque of the other axes' pull and gravity, known from elsewhere [N.m or N], (n, J).
+        load: transmitted load [N.m or N], (n, J).
+        temperature: of the joint [degC], (n, J).
+        drive: the law behind `drive_input`.
+        plan: the motion plan it was recorded with (an object of `backdrive.plans`), if known.
+        sources: files it came from.
+        notes: what a reader or a repair did to the data, in sentences.
+    """
+
+    time: np.ndarray
+    joints: tuple[Joint, ...]
+    position: np.ndarray | None = None
+    velocity: np.ndarray | None = None
+    torque: np.ndarray | None = None
+    reference: np.ndarray | None = None
+    drive_input: np.ndarray | None = None
+    second_encoder: np.ndarray | None = None
+    external_torque: np.ndarray | None = None
+    model_torque: np.ndarray | None = None
+    load: np.ndarray | None = None
+    temperature: np.ndarray | None = None
+    drive: Drive | None = None
+    plan: Any = None
+    sources: tuple[Source, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self):
+        time = _frozen(self.time, "time")
+        if time.ndim != 1:
+            raise InvalidInput(f"Log.time has shape {time.shape}.", remedy="Give one instant a sample, (n,).")
+        object.__setattr__(self, "time", time)
+        self._refuse_beyond("time", time)
+        if not self.joints:
+            raise InvalidInput("A Log needs at least one joint.", remedy="Pass joints=(Joint(name=...),).")
+        object.__setattr__(self, "joints", tuple(self.joints))
+        names = [joint.name for joint in self.joints]
+        if len(set(names)) != len(names):
+            raise InvalidInput(f"Joint names repeat: {names}.", remedy="Name every joint differently.")
+        for name in CHANNELS:
+            value = getattr(self, name)
+            if value is None:
+                continue
+            value = _frozen(value, name)
+            if value.ndim == 1:
+                value = value[:, None]
+            if value.shape != (time.size, len(names)):
+                raise InvalidInput(
+                    f"Log.{name} has shape {value.shape}, but there are {time.size} instants and {len(names)} joints.",
+                    remedy="Give every channel one row an instant and one column a joint.",
+                )
+            object.__setattr__(self, name, value)
+            self._refuse_beyond(name, value)
+        if self.position is None and self.velocity is None:
+            raise InvalidInput(
+                "A Log needs position or velocity, and has neither.",
+                remedy="Name the channel, for example --map q=COLUMN.",
+            )
+
+    def _refuse_beyond(self, channel: str, values: np.ndarray) -> None:
+        if not values.size or (values.max() <= LARGEST and values.min() >= -LARGEST):
+            return
+        beyond = np.argwhere((np.abs(values) > LARGEST) & np.isfinite(values))
+        if len(beyond):
+            place = tuple(beyond[0])
+            where = f"{self.sources[0].path}: " if self.sources else ""
+            of = "" if channel == "time" else f" of joint '{self.joints[place[1]].name}'"
+            raise InvalidInput(
+                f"{where}the {channel}{of} is {values[place]:g} at sample {place[0]}, beyond what can be reckoned with "
+                f"({LARGEST:g}).",
+                remedy="Mark missing samples as NaN, drop them, or correct the factor of --map.",
+            )
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return self.time.size
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Joint names, in column order."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def channels(self) -> dict[str, np.ndarray]:
+        """The channels that are present, by name, each (n, J)."""
+        return {name: getattr(self, name) for name in CHANNELS if getattr(self, name) is not None}
+
+    @property
+    def period(self) -> float:
+        """Median sampling interval [s]; NaN with fewer than two samples.
+
+        Raises:
+            InvalidInput: it is above zero and below a picosecond.
+        """
+        return checked_period(float(np.median(np.diff(self.time)))) if len(self) > 1 else float("nan")
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample [s]."""
+        return float(self.time[-1] - self.time[0]) if len(self) else 0.0
+
+    def column(self, joint: str | int) -> int:
+        """Return the column of a joint given by name or index.
+
+        Raises:
+            UnknownName: no such joint; the message lists the names.
+        """
+        from backdrive._catalog import lookup
+
+        if isinstance(joint, (int, np.integer)):
+            joint = str(joint) if str(joint) in self.names else self._name_at(int(joint))
+        return lookup(joint, {name: i for i, name in enumerate(self.names)}, "joint of this log")
+
+    def _name_at(self, index: int) -> str:
+        if not -len(self.names) <= index < len(self.names):
+            raise InvalidInput(
+                f"There is no joint {index}: the log has {len(self.names)}.", remedy=f"Names: {self.names}."
+            )
+        return self.names[index]
+
+    def need(self, channel: str) -> np.ndarray:
+        """Return a channel that must be there, (n, J).
+
+        Raises:
+            InvalidInput: it is absent; the message says how to name it.
+        """
+        value = getattr(self, channel)
+        if value is None:
+            short = {"position": "q", "velocity": "dq", "torque": "tau"}.get(channel, channel)
+            where = f"{self.sources[0].path}: the log" if self.sources else "The log"
+            said = [note for note in self.notes if note.startswith(f"No column was taken as {channel}")]
+            raise InvalidInput(
+                f"{where} holds no {channel}, and friction cannot be identified without it.",
+                remedy=said[0] if said else f"Name the channel, for example --map {short}=COLUMN.",
+            )
+        return value
+
+    @property
+    def driving_torque(self) -> np.ndarray:
+        """What drives the joints: actuator torque plus the environment's, where that is known [N.m or N], (n, J).
+
+        Raises:
+            InvalidInput: the log holds no torque.
+        """
+        torque = self.need("torque")
+        return torque if self.external_torque is None else torque + self.external_torque
+
+    def replace(self, **changes: Any) -> Log:
+        """Return a copy with some fields changed."""
+        return replace(self, **changes)
+
+    def noted(self, sentence: str) -> Log:
+        """Return a copy that remembers `sentence` among its notes."""
+        return replace(self, notes=(*self.notes, sentence))
+
+    def select(self, joints: str | int | Sequence[str | int]) -> Log:
+        """Return the log of some joints only, in the order given.
+
+        Raises:
+            UnknownName: a joint is not in the log.
+        """
+        wanted = [joints] if isinstance(joints, (str, int)) else list(joints)
+        columns = [self.column(j) for j in wanted]
+        arrays = {name: value[:, columns] for name, value in self.channels.items()}
+        return replace(self, joints=tuple(self.joints[c] for c in columns), **arrays)
+
+    def rows(self, index: slice | np.ndarray) -> Log:
+        """Return the samples at a slice, mask or index array."""
+        return replace(self, time=self.time[index], **{k: v[index] for k, v in self.channels.items()})
+
+    def between(self, start: float = -np.inf, stop: float = np.inf) -> Log:
+        """Return the samples with start <= time < stop [s]."""
+        return self.rows((self.time >= start) & (self.time < stop))
+
+    def combined(self, channel: str, terms: Mapping[str, float], joint: str | int = 0) -> np.ndarray:
+        """Join channels with scale and sign: sum of factor * channel, for one joint.
+
+        Args:
+            channel: for the message only, what the sum is to be.
+            terms: channel name to factor [any].
+            joint: name or column.
+
+        Returns:
+            The sum, (n,).
+
+        Raises:
+            InvalidInput: a channel is absent.
+        """
+        column = self.column(joint)
+        total = np.zeros(len(self))
+        for name, factor in terms.items():
+            if name not in self.channels:
+                raise InvalidInput(
+                    f"'{name}' is not in the log, so '{channel}' cannot be joined from it.",
+                    remedy=f"Present: {', '.join(self.channels)}.",
+                )
+            total += factor * self.channels[name][:, column]
+        return total
+
+    def on_joint_side(self) -> Log:
+        """Return the log with motor-side torques multiplied by their gear ratios."""
+        if self.torque is None or all(j.torque_side == "joint" for j in self.joints):
+            return self
+        ratio = np.array([j.gear_ratio if j.torque_side == "motor" else 1.0 for j in self.joints])
+        joints = tuple(replace(j, torque_side="joint") for j in self.joints)
+        return replace(self, joints=joints, torque=self.torque * ratio).noted(
+            "Motor-side torque was multiplied by the gear ratio."
+        )
+
+
+def _frozen(value: Any, name: str) -> np.ndarray:
+    """Return the values as read-only float64; what already is, and cannot be written through another array, is not copied."""
+    if isinstance(value, np.ndarray) and value.dtype == np.float64 and not value.flags.writeable:
+        owner = value if value.base is None else value.base
+        if isinstance(owner, np.ndarray) and owner.base is None and not owner.flags.writeable:
+            return value
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInput(
+            f"Log.{name} holds something that is not a number.", remedy="Give plain numbers."
+        ) from error
+    array.setflags(write=False)
+    return array
+
+
+def checked_period(period: float) -> float:
+    """Return a sampling interval [s], unless nothing samples so fast.
+
+    Raises:
+        InvalidInput: it is above zero and below a picosecond.
+    """
+    if 0.0 < period < SHORTEST:
+        raise InvalidInput(
+            f"The median sampling interval is {period:g} s.",
+            remedy="Bring the time to seconds, for example --map t=0.001*COLUMN.",
+        )
+    return period
+
+
+def digest(path: str | Path) -> str:
+    """Return the sha256 of a file's bytes, as hexadecimal text."""
+    import hashlib
+
+    with open(path, "rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def channel_unit(channel: str, joint: Joint) -> str:
+    """Return the SI unit of a channel for this joint."""
+    rotary, linear = CHANNELS[channel]
+    return rotary if joint.unit == "rad" else linear
+
+
+assert set(CHANNELS) <= {f.name for f in fields(Log)}

@@ -1,0 +1,244 @@
+"""Joint logs from files: one format a file, all of them parsed in a guarded process, then mapped to a `Log`."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from backdrive._files import check_regular
+from backdrive.errors import FileTooLarge, ReadError, UnknownFormat
+from backdrive.logs.readers._formats import READERS, SUFFIXES, Format, by_name, recognise
+
+if TYPE_CHECKING:
+    from backdrive.logs.log import Log
+    from backdrive.logs.readers.columns import Columns
+    from backdrive.logs.readers.limits import Limits
+
+__all__ = ["READERS", "peek", "read_columns", "read_log", "read_logs"]
+
+_BAGS = (".mcap", ".db3")
+
+
+def read_log(
+    path: str | os.PathLike,
+    *,
+    map: str | Mapping[str, str] | None = None,
+    format: str | None = None,
+    topic: str | None = None,
+    names: str | Sequence[str] | None = None,
+    units: str | Sequence[str] | None = None,
+    gear: float | Sequence[float] | None = None,
+    counts: float | Sequence[float] | None = None,
+    limits: Limits | None = None,
+    guarded: bool = True,
+) -> Log:
+    """Read one log.
+
+    Args:
+        path: a file, or the folder of a ROS 2 bag.
+        map: which column is which channel, for example `t=t,q=qm,tau=35.15*vir`; channels that it does not
+            mention are found by their usual names.
+        format: name of a reader, if the file's first bytes and suffix do not tell.
+        topic: of a bag that holds several joint-state topics.
+        names: joint names; where the file names its joints they choose and order them.
+        units: `rad`, `m` or `deg` for the joints, if the file does not say.
+        gear: motor turns per joint turn [1]; says that torque is of the motor side, and brings it to the joint.
+        counts: encoder counts per rad or m at the joint [1/rad or 1/m].
+        limits: what parsing may use.
+        guarded: parse in another process. Without it a hostile file can end this one.
+
+    Returns:
+        The log in SI units; its notes say what became of which column.
+
+    Raises:
+        ReadError: or one of its children: the file cannot be read.
+        MappingError: its columns do not say what they are; the message lists them.
+        MissingExtra: an optional dependency is not installed.
+    """
+    if guarded:
+        from backdrive.logs.readers import guard
+
+        guard.shared().start()  # it loads its libraries while this process loads the same
+    from threading import Thread
+
+    from backdrive.logs.log import Source, digest
+    from backdrive.logs.readers.mapping import to_log
+
+    files, form = _files(Path(path), format)
+    _size(files, limits)  # before all bytes are hashed
+    digests: list[str] = []
+
+    def hash_all() -> None:
+        with contextlib.suppress(OSError):  # a file that vanished is reported by its reader
+            digests.extend(digest(file) for file in files)
+
+    hashing = Thread(target=hash_all, daemon=True)
+    hashing.start()  # hashing lets go of the interpreter, so it runs beside the parsing process
+    try:
+        columns = _parse(files, form, topic, limits, guarded, _listed(names))
+    finally:
+        hashing.join()
+    sources = tuple(Source(path=str(file), sha256=value) for file, value in zip(files, digests))
+    return to_log(columns, map=map, names=names, units=units, gear=gear, counts=counts, sources=sources)
+
+
+def read_logs(paths: str | os.PathLike | Sequence[str | os.PathLike], **options) -> list[Log]:
+    """Read several logs: files, or folders of files of one kind; takes the options of `read_log`.
+
+    Raises:
+        ReadError: a folder holds no log, or logs of several kinds.
+    """
+    given = [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
+    if not given:
+        raise ReadError("No log was named.", remedy="Name at least one file or folder.")
+    return [
+        read_log(file, **options) for path in given for file in _expanded(Path(path), options.get("format"))
+    ]
+
+
+def read_columns(
+    path: str | os.PathLike,
+    *,
+    format: str | None = None,
+    topic: str | None = None,
+    limits: Limits | None = None,
+    guarded: bool = True,
+) -> Columns:
+    """Return a file's columns as they are, before they mean anything.
+
+    Raises:
+        ReadError: or one of its children.
+        MissingExtra: an optional dependency is not installed.
+    """
+    files, form = _files(Path(path), format)
+    return _parse(files, form, topic, limits, guarded)
+
+
+def peek(path: str | os.PathLike, **options) -> list[tuple[str, tuple[int, ...], str]]:
+    """Return the name, shape and element type of every column; takes the options of `read_columns`.
+
+    Raises:
+        ReadError: or one of its children.
+        MissingExtra: an optional dependency is not installed.
+    """
+    columns = read_columns(path, **options)
+    return [(name, value.shape, value.dtype.name) for name, value in columns.arrays.items()]
+
+
+def _parse(
+    files: list[Path],
+    form: Format,
+    topic: str | None,
+    limits: Limits | None,
+    guarded: bool,
+    joints: tuple[str, ...] = (),
+) -> Columns:
+    from backdrive.logs.readers.columns import ReadOptions
+    from backdrive.logs.readers.limits import Limits
+
+    resolved = [str(file.resolve()) for file in files]
+    options = ReadOptions(topic=topic, joints=joints, parts=tuple(resolved[1:]), limits=limits or Limits())
+    size = _size(files, limits)
+    try:
+        if guarded:
+            from backdrive.logs.readers import guard
+
+            return guard.shared().read(resolved[0], form.module, options, size=size)
+        from backdrive.logs.readers._worker import parse
+
+        return parse(resolved[0], form.module, options)
+    except ReadError as error:
+        raise type(error)(
+            f"{files[0]}: {error.message}", remedy=error.remedy, path=str(files[0])
+        ) from error.__cause__
+
+
+def _size(files: list[Path], limits: Limits | None) -> int:
+    """Return how many bytes the files of a log have together, and refuse too many.
+
+    Raises:
+        FileTooLarge: more than the limits allow.
+        ReadError: a file is gone.
+    """
+    from backdrive.logs.readers.limits import Limits
+
+    size, most = sum(check_regular(file).st_size for file in files), (limits or Limits()).max_file_bytes
+    if size > most:
+        raise FileTooLarge(
+            f"{files[0]} has {size} bytes, more than the limit of {most}.",
+            remedy="Cut it, or read it in Python with limits=Limits(max_file_bytes=...).",
+        )
+    return size
+
+
+def _listed(names: str | Sequence[str] | None) -> tuple[str, ...]:
+    parts = names.split(",") if isinstance(names, str) else names or ()
+    return tuple(str(name).strip() for name in parts)
+
+
+def _files(path: Path, format: str | None) -> tuple[list[Path], Format]:
+    """Return the files of one log: several only for a bag that was split."""
+    if path.is_dir():
+        files = _bag_files(path)
+        if not files:
+            found = _expanded(path, format)
+            if len(found) > 1:
+                raise ReadError(
+                    f"{path} holds {len(found)} logs.", remedy="Read them with read_logs, or name one."
+                )
+            return _files(found[0], format)
+    else:
+        if not path.exists():
+            raise ReadError(f"{path} does not exist.", remedy="Check the name.")
+        files = [path]
+    for file in files:
+        check_regular(file)
+    return files, by_name(format) if format is not None else recognise(files[0])
+
+
+def _bag_files(folder: Path) -> list[Path]:
+    """Return the parts of a ROS 2 bag in order, or nothing if the folder is no bag."""
+    if not (folder / "metadata.yaml").exists():
+        return []
+    for suffix in _BAGS:
+        files = sorted(folder.glob(f"*{suffix}"), key=_natural)
+        if files:
+            return files
+    raise ReadError(
+        f"{folder} has a metadata.yaml but no .mcap or .db3 beside it.",
+        remedy="Decompress the bag's files first, or copy them too.",
+    )
+
+
+def _expanded(path: Path, format: str | None) -> list[Path]:
+    """Return the logs of a folder, in natural order; a file or a bag stands for itself."""
+    if not path.is_dir() or _bag_files(path):
+        return [path]
+    suffixes = SUFFIXES if format is None else dict.fromkeys(by_name(format).suffixes)
+    by_suffix: dict[str, list[Path]] = {}
+    for file in path.iterdir():
+        if file.is_file() and file.suffix.lower() in suffixes and not file.name.startswith("."):
+            by_suffix.setdefault(file.suffix.lower(), []).append(file)
+    if len(by_suffix) > 1:
+        counted = ", ".join(f"{len(files)} {suffix}" for suffix, files in sorted(by_suffix.items()))
+        raise ReadError(
+            f"{path} holds logs of several kinds: {counted}.",
+            remedy="Name the files, or the kind: --format (in Python format=).",
+        )
+    if not by_suffix:
+        bags = sorted((sub for sub in path.iterdir() if sub.is_dir() and _bag_files(sub)), key=_natural)
+        if bags:
+            return bags
+        raise UnknownFormat(
+            f"{path} holds no log. Suffixes that are looked for: {' '.join(SUFFIXES)}.",
+            remedy="Name the folder that directly holds the files.",
+        )
+    return sorted(next(iter(by_suffix.values())), key=_natural)
+
+
+def _natural(path: Path) -> list[tuple[int, int, str]]:
+    return [(1, int(part), "") if part.isdigit() else (0, 0, part) for part in re.split(r"(\d+)", path.name)]

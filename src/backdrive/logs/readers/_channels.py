@@ -1,0 +1,251 @@
+"""Channels made of columns: sums with factors, units brought to SI, arrays turned so that time comes first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
+
+import numpy as np
+
+from backdrive.errors import MappingError
+from backdrive.logs.log import LARGEST
+from backdrive.logs.readers import units
+from backdrive.logs.readers._expression import CHANNEL_OF, CONSTANTS, Term
+from backdrive.logs.readers._names import KINDS
+from backdrive.logs.readers.columns import Columns
+
+#: Stands for the sample number in a `--map`.
+INDEX = "index"
+
+_SHORT = {channel: short for short, channel in CHANNEL_OF.items()}
+_SI = {"time": "s", "angle": "rad", "angle rate": "rad/s", "length": "m", "speed": "m/s", "torque": "N.m", "force": "N",
+       "temperature": "degC"}  # fmt: skip
+
+
+class Values:
+    """Channels in the making.
+
+    Attributes:
+        arrays: channel to (n, J); time is (n, 1).
+        settled: channels whose unit the file or the person stated.
+        kind: what the position, or else the velocity, was stated to measure; '' if nothing was stated.
+        said: which column became which channel, in words.
+        notes: what was left out, in sentences.
+    """
+
+    def __init__(self, columns: Columns, endings: Mapping[str, str], n: int):
+        self.columns, self.n = columns, n
+        self.stated = {**endings, **columns.units}
+        self._said_by_name = set(endings)
+        self.arrays: dict[str, np.ndarray] = {}
+        self.settled: set[str] = set()
+        self.kind = ""
+        self.said: list[str] = []
+        self.notes: list[str] = []
+
+    def find(self, name: str) -> np.ndarray:
+        """Return a column by its name as written, or by its name without unit where that is clear.
+
+        Raises:
+            MappingError: lists the columns.
+        """
+        return self.columns.arrays[self._full(name)]
+
+    def add_sum(self, channel: str, terms: Sequence[Term]) -> None:
+        """Add a channel as `--map` has it.
+
+        Raises:
+            MappingError: a column is unknown, has another length or measures something else.
+        """
+        total: np.ndarray | None = None
+        for term in terms:
+            value = self._term(channel, term)
+            if (
+                total is not None
+                and value.shape[1] != total.shape[1]
+                and 1 not in (value.shape[1], total.shape[1])
+            ):
+                raise MappingError(
+                    f"--map {_SHORT[channel]}: '{term.column}' has {value.shape[1]} columns, the terms before it "
+                    f"{total.shape[1]}.",
+                    remedy="Choose columns with [i] or [i:j].",
+                )
+            total = value if total is None else total + value
+        assert total is not None
+        if channel == "time" and total.shape[1] != 1:
+            raise MappingError(
+                f"Time has {total.shape[1]} columns.", remedy="Choose one, for example t=time[0]."
+            )
+        self.arrays[channel] = np.broadcast_to(total, (self.n, total.shape[1]))
+        self.settled.add(channel)
+        self.said.append(f"{channel} = {' + '.join(_written(term) for term in terms)}")
+
+    def add_columns(self, channel: str, names: Sequence[str]) -> None:
+        """Add a channel by automatic names; columns that do not fit are noted and left out."""
+        parts = []
+        for name in names:
+            value = oriented(self.columns.arrays[name], self.n)
+            if value is None:
+                self.notes.append(f"'{name}' has another length than the time, so {channel} was left out.")
+                return
+            value, unit = self._si(name, value)
+            if unit is not None and unit.kind in KINDS[channel]:
+                self._settle(channel, unit.kind)
+            parts.append(value)
+        value = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+        widths = [v.shape[1] for c, v in self.arrays.items() if c != "time"]
+        if channel == "time":
+            value = self._epoch(names[0], value)
+        elif widths and value.shape[1] != widths[0]:
+            self.notes.append(
+                f"'{names[0]}' has {value.shape[1]} columns where {widths[0]} are due: {channel} left out."
+            )
+            return
+        self.arrays[channel] = value
+        shown = f"'{names[0]}'" if len(names) == 1 else f"'{names[0]}' to '{names[-1]}'"
+        stated = self.stated.get(names[0])
+        self.said.append(f"{channel} = {shown}" + (f" [{stated}]" if stated else ""))
+
+    def _full(self, name: str) -> str:
+        arrays = self.columns.arrays
+        if name in arrays:
+            return name
+        for same in (
+            [full for full in arrays if units.split(full)[0] == name],
+            [full for full in arrays if full.lower() == name.lower()],
+        ):
+            if len(same) == 1:
+                return same[0]
+        near = get_close_matches(name, [full for full in arrays if len(full) <= units.LONGEST], n=1)
+        hint = f"Did you mean '{near[0]}'? " if near else ""
+        raise MappingError(
+            f"The file has no column '{name}'.",
+            remedy=f"{hint}Columns: {described(self.columns)}.",
+            name=name,
+        )
+
+    def _term(self, channel: str, term: Term) -> np.ndarray:
+        factor, word = term.factor, ""
+        for name in term.factors:
+            if name in CONSTANTS and name not in self.columns.arrays:
+                factor *= CONSTANTS[name]
+                word = name
+                continue
+            single = self.find(name)
+            if single.size != 1:
+                raise MappingError(
+                    f"--map {_SHORT[channel]}: the factor '{name}' is not a single number but has shape {single.shape}.",
+                    remedy="Only numbers, deg, rpm and single-number columns can be factors.",
+                )
+            factor *= float(single.reshape(()))
+        if not abs(factor) <= LARGEST:
+            raise MappingError(
+                f"--map {_SHORT[channel]}: the factor of '{term.column}' is {factor:g}.",
+                remedy=f"Give factors between {-LARGEST:g} and {LARGEST:g}.",
+            )
+        if term.column == INDEX and INDEX not in self.columns.arrays:
+            return factor * np.arange(self.n, dtype=float)[:, None]
+        full = self._full(term.column)
+        raw = self.columns.arrays[full]
+        value = raw.reshape(1, 1).astype(float) if raw.size == 1 and self.n != 1 else oriented(raw, self.n)
+        if value is None:
+            raise MappingError(
+                f"--map {_SHORT[channel]}: '{full}' has shape {raw.shape}, but the time has {self.n} samples.",
+                remedy=f"Columns: {described(self.columns)}.",
+            )
+        if term.index is not None:
+            if term.index.stop > value.shape[1]:
+                raise MappingError(
+                    f"--map {_SHORT[channel]}: '{full}' has {value.shape[1]} columns, [{term.index.stop - 1}] is not there.",
+                    remedy="Columns are counted from 0.",
+                )
+            value = value[:, term.index]
+        stated = None if full in self._said_by_name else units.parse(self.stated.get(full, ""))
+        if word and stated is not None:
+            if not np.isclose(stated.factor, CONSTANTS[word], rtol=1e-12):
+                raise MappingError(
+                    f"--map {_SHORT[channel]}: '{full}' is stated in {self.stated[full]}, not in {word}.",
+                    remedy="Columns with a stated unit are brought to SI without a factor: leave it out.",
+                )
+            stated = None
+        plain = not word and not term.factors and abs(term.factor) == 1.0
+        if stated is not None and plain and stated.kind not in KINDS[channel]:
+            raise MappingError(
+                f"--map {_SHORT[channel]}: '{full}' is in {self.stated[full]}, which is no unit of {channel}.",
+                remedy="Give the factor that makes it one, or name another column.",
+            )
+        ending = units.split_suffix(full)[1]
+        if plain and ending in ("deg", "deg/s", "rpm") and channel != "time":
+            self.notes.append(
+                f"'{full}' was taken as SI, as --map gives no factor, though its name ends with {ending}."
+            )
+        if stated is not None and stated.kind in KINDS[channel]:
+            self._settle(channel, stated.kind)
+        if word:
+            self._settle(channel, "angle")
+        with np.errstate(over="ignore"):
+            value = value.astype(float) if stated is None else value * stated.factor + stated.offset
+        peak = np.abs(value[np.isfinite(value)]).max(initial=0.0)
+        if peak > LARGEST:
+            raise MappingError(
+                f"--map {_SHORT[channel]}: '{full}' holds {peak:g}, beyond what can be reckoned with ({LARGEST:g}).",
+                remedy="Mark missing samples as NaN, or drop them.",
+            )
+        return value * factor if factor != 1.0 else value
+
+    def _si(self, name: str, value: np.ndarray) -> tuple[np.ndarray, units.Unit | None]:
+        unit = units.parse(self.stated.get(name, ""))
+        if unit is None or (unit.factor == 1.0 and unit.offset == 0.0):
+            return value, unit
+        with np.errstate(over="ignore"):  # a number so large is refused by `Log`
+            scaled = np.asarray(value, dtype=float) * unit.factor + unit.offset
+        return np.where(np.isinf(scaled), value, scaled), unit
+
+    def _settle(self, channel: str, kind: str) -> None:
+        self.settled.add(channel)
+        if channel == "position" or (channel == "velocity" and not self.kind):
+            self.kind = kind
+
+    def _epoch(self, name: str, value: np.ndarray) -> np.ndarray:
+        """Bring integer clocks that count from 1970 to seconds; their size leaves no doubt of the unit."""
+        if name in self.stated or not len(value):
+            return value
+        start = abs(float(value[0, 0]))
+        for digits, unit, factor in ((17, "ns", 1e-9), (14, "us", 1e-6), (11, "ms", 1e-3)):
+            if 8 * 10**digits < start < 5 * 10 ** (digits + 1):
+                self.notes.append(f"'{name}' counts {unit} since 1970; time is in s since the first sample.")
+                return (value - value[0]).astype(float) * factor
+        return value
+
+
+def oriented(value: np.ndarray, n: int) -> np.ndarray | None:
+    """Return the array as (n, k), transposed if only its second axis has length n; None if neither has."""
+    if value.ndim == 1:
+        return value[:, None] if value.size == n else None
+    if value.shape[0] == n:
+        return value
+    return value.T if value.shape[1] == n else None
+
+
+def extent(shape: tuple[int, ...], n: int) -> int:
+    """Return how many joints an array of this shape holds over n samples; 0 if it does not fit."""
+    if len(shape) == 1:
+        return 1 if shape[0] == n else 0
+    return shape[1] if shape[0] == n else shape[0] if shape[1] == n else 0
+
+
+def described(columns: Columns) -> str:
+    """Return the columns and their shapes in words, the longest first, at most sixty."""
+    longest = sorted(columns.arrays.items(), key=lambda item: -max(item[1].shape))
+    told = [
+        f"{name[:80]} {'x'.join(map(str, value.shape))}"
+        + (f" [{columns.units[name]}]" if name in columns.units else "")
+        for name, value in longest
+    ]
+    return ", ".join(told[:60]) + (f" and {len(told) - 60} more" if len(told) > 60 else "")
+
+
+def _written(term: Term) -> str:
+    index = "" if term.index is None else f"[{term.index.start}:{term.index.stop}]"
+    factor = "" if term.factor == 1.0 else f"{term.factor:.10g}*"
+    return factor + "".join(f"{name}*" for name in term.factors) + f"'{term.column}'" + index

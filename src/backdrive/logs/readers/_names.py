@@ -1,0 +1,268 @@
+"""Which column is which channel, where the name leaves no doubt."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Container, Mapping
+from dataclasses import dataclass, field
+
+from backdrive.logs.readers import units
+
+
+def _words(text: str) -> tuple[str, ...]:
+    return tuple(text.split())
+
+
+#: Names that mean a channel, the usual ones first: when several are in a file the first one is taken, and it is noted.
+ALIASES: dict[str, tuple[str, ...]] = {
+    "time": _words(
+        "time t timestamp timestamps mt times stamp time_stamp header_stamp sec secs seconds elapsed elapsed_time"
+    ),
+    "position": _words(
+        "position q pos positions mq qm actual_q q_measured q_meas measured_q q_actual act_q joint_position "
+        "joint_positions joint_pos position_actual_value position_actual_value_averaged actual_position "
+        "measured_position position_actual pos_actual joint_angle joint_angles angle theta qpos observation_state"
+    ),
+    "velocity": _words(
+        "velocity dq vel velocities mdq d_q qd qdot q_dot actual_qd dq_measured dq_meas joint_velocity joint_velocities "
+        "joint_vel velocity_actual_value velocity_actual_value_averaged actual_velocity measured_velocity "
+        "velocity_actual vel_actual speed omega qvel"
+    ),
+    "torque": _words(
+        "torque tau effort torques efforts mtorque m_torque tau_j tau_measured tau_meas joint_torque joint_torques "
+        "joint_effort joint_efforts measured_torque actual_torque torque_actual_value torque_actual_value_averaged "
+        "torque_actual motor_torque force"
+    ),
+    "reference": _words(
+        "reference q_ref qref ref q_des qdes q_desired q_cmd q_command q_d target_q goal_position desired_position "
+        "target_position commanded_position position_command position_reference position_demand_value setpoint action"
+    ),
+    "external_torque": _words("external_torque tau_ext tau_ext_hat_filtered external_torques"),
+    "model_torque": ("model_torque", "tau_model"),
+    "second_encoder": ("second_encoder", "link_encoder", "secondary_position"),
+    "load": ("load", "joint_load"),
+    "temperature": _words(
+        "temperature temp temperatures joint_temperature joint_temperatures motor_temperature motor_temperatures"
+    ),
+    "drive_input": ("drive_input",),
+}
+
+#: What a stated unit may measure for it to be that channel.
+KINDS: dict[str, tuple[str, ...]] = {
+    "time": ("time",),
+    "position": ("angle", "length"),
+    "reference": ("angle", "length"),
+    "second_encoder": ("angle", "length"),
+    "velocity": ("angle rate", "speed"),
+    "torque": ("torque", "force"),
+    "external_torque": ("torque", "force"),
+    "model_torque": ("torque", "force"),
+    "load": ("torque", "force"),
+    "temperature": ("temperature",),
+    "drive_input": ("raw", "torque", "force", "angle", "length", "angle rate", "speed"),
+}
+
+_CHANNEL_OF = {alias: (channel, rank) for channel, row in ALIASES.items() for rank, alias in enumerate(row)}
+_NUMBERED = (
+    re.compile(r"(?P<alias>.*?[^\d_])_?(?P<index>\d+)$"),
+    re.compile(r"(?:joint|axis|motor|servo|j|a|m)_?(?P<index>\d+)_(?P<alias>.+)$"),
+    re.compile(r"(?P<alias>.+)_(?:joint|axis|motor|servo|j|a|m)_?(?P<index>\d+)$"),
+)
+_NO_JOINT = frozenset(
+    _words(
+        "desired measured actual target command commanded cmd ref reference state states raw filtered filt meas act des goal "
+        "error sim model input output"
+    )
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Guess:
+    """What the names say.
+
+    Attributes:
+        columns: channel to the columns that make it up, in joint order; one column may hold several joints.
+        joints: joint names or numbers, in that order; empty where the file does not say.
+        units: units that the names end with, by column.
+        notes: what was left out for which reason.
+        doubt: why nothing was taken, if the names leave a doubt.
+    """
+
+    columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    joints: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    doubt: str = ""
+
+
+@dataclass(frozen=True)
+class _Hit:
+    column: str
+    channel: str
+    rank: int
+    index: int | None
+    unit: str
+
+
+def guess(widths: Mapping[str, int], stated: Mapping[str, str], settled: Container[str] = ()) -> Guess:
+    """Guess channels from names.
+
+    Args:
+        widths: number of joints a column can hold, by column name; only columns of plausible length.
+        stated: units that the file states, by column name.
+        settled: channels that need no guess.
+    """
+    scopes: dict[str, list[_Hit]] = {}
+    notes: list[str] = []
+    for column in widths:
+        if len(column) > units.LONGEST:
+            continue
+        prefix, leaf = _split_path(column)
+        hit = _hit(column, leaf, stated.get(column, ""), settled, notes)
+        if hit is not None:
+            scopes.setdefault(prefix, []).append(hit)
+    moving = {
+        p: hits for p, hits in scopes.items() if any(h.channel in ("position", "velocity") for h in hits)
+    }
+    shared_time = [h for h in scopes.get("", []) if h.channel == "time"]
+    if "" in moving or len(moving) <= 1:
+        scope = "" if "" in moving or not moving else next(iter(moving))
+        hits = scopes.get(scope, [])
+        if scope and not any(h.channel == "time" for h in hits):
+            hits = [*hits, *(shared_time or _times(scopes, scope))]
+        joints, columns = _gather(hits, widths, notes)
+        moves = columns.get("position", columns.get("velocity", ()))
+        if scope and not joints and hits[-1] in shared_time and len(moves) == 1 and widths[moves[0]] == 1:
+            joints = (scope.rpartition("/")[2],)  # elbow.q, elbow.tau beside a time of all
+        elsewhere = [
+            h.column for place, others in scopes.items() if place != scope for h in others if h not in hits
+        ]
+        if elsewhere:
+            notes.append(f"Not used, in other places of the file: {', '.join(elsewhere[:8])}.")
+    else:
+        names = [prefix.rpartition("/")[2] for prefix in moving]
+        outer = {prefix.rpartition("/")[0] for prefix in moving}
+        one_each = all(widths[h.column] == 1 and h.index is None for hits in moving.values() for h in hits)
+        if (
+            not one_each
+            or len(outer) > 1
+            or len(set(names)) < len(names)
+            or _NO_JOINT & {n.lower() for n in names}
+        ):
+            places = ", ".join(f"'{prefix}'" for prefix in list(moving)[:10])
+            time = {"time": (min(shared_time, key=lambda h: h.rank).column,)} if shared_time else {}
+            return Guess(columns=time, doubt=f"several places hold positions or velocities: {places}")
+        joints, columns = _join(moving, notes)
+        times = shared_time or _times(scopes, next(iter(moving)))
+        columns.update({"time": (min(times, key=lambda h: h.rank).column,)} if times else {})
+    found = {h.column: h.unit for hits in scopes.values() for h in hits if h.unit}
+    return Guess(columns=columns, joints=joints, units=found, notes=tuple(notes))
+
+
+def bare(name: str) -> str:
+    """Return a name as it is compared: lower case, words joined by underscores."""
+    name = re.sub(r"([a-z])([A-Z])", r"\1_\2", name)
+    return re.sub(r"[^0-9a-z]+", "_", name.lower()).strip("_")
+
+
+def _split_path(column: str) -> tuple[str, str]:
+    """Split a dotted or slashed name into its place and its last part."""
+    name = units.split(column)[0]
+    if bare(name) in _CHANNEL_OF:  # such as LeRobot's observation.state
+        return "", name
+    head, dot, leaf = re.sub(r"\[\d+\]$", "", name).replace(".", "/").rpartition("/")
+    number = re.search(r"\[\d+\]$", name)
+    if not dot:
+        return "", name
+    return head.strip("/"), leaf + (number[0] if number else "")
+
+
+def _hit(column: str, leaf: str, unit: str, settled: Container[str], notes: list[str]) -> _Hit | None:
+    shorter = units.split_suffix(bare(leaf))
+    for name, ending in ((leaf, ""), shorter) if shorter[1] else ((leaf, ""),):
+        known = _alias(bare(name))
+        if known is None:
+            continue
+        channel, rank, index = known
+        measured = units.parse(unit or ending) if (unit or ending) else None
+        if measured is not None and measured.kind not in KINDS[channel]:
+            if not ending and channel not in settled:
+                notes.append(
+                    f"'{column}' is in {unit}, so it was not taken as {channel}; give its factor, "
+                    f'for example --map {"tau" if channel == "torque" else channel}=FACTOR*"{column}".'
+                )
+            continue
+        return _Hit(column, channel, rank, index, ending if not unit else "")
+    return None
+
+
+def _alias(name: str) -> tuple[str, int, int | None] | None:
+    if name in _CHANNEL_OF:
+        return (*_CHANNEL_OF[name], None)
+    for pattern in _NUMBERED:
+        match = pattern.match(name)
+        if match and match["alias"] in _CHANNEL_OF and len(match["index"]) <= 4:
+            channel, rank = _CHANNEL_OF[match["alias"]]
+            if channel != "time":
+                return channel, rank, int(match["index"])
+    return None
+
+
+def _times(scopes: Mapping[str, list[_Hit]], scope: str) -> list[_Hit]:
+    """Return time columns of the places around `scope`, nearest first."""
+    while scope:
+        scope = scope.rpartition("/")[0]
+        found = [h for h in scopes.get(scope, []) if h.channel == "time"]
+        if found:
+            return found
+    return []
+
+
+def _gather(hits: list[_Hit], widths: Mapping[str, int], notes: list[str]) -> tuple[tuple[str, ...], dict]:
+    """Choose one name per channel; numbered columns are put in the order of their numbers."""
+    columns: dict[str, tuple[str, ...]] = {}
+    numbers: dict[str, tuple[int, ...]] = {}
+    for channel in ALIASES:
+        of_channel = [h for h in hits if h.channel == channel]
+        if not of_channel:
+            continue
+        best = min(of_channel, key=lambda h: (h.rank, h.index is not None))
+        if best.index is None:
+            chosen = [best]
+        else:
+            by_number: dict[int, _Hit] = {}
+            for hit in of_channel:
+                if hit.rank == best.rank and hit.index is not None:
+                    by_number.setdefault(hit.index, hit)
+            chosen = [by_number[number] for number in sorted(by_number)]
+            numbers[channel] = tuple(sorted(by_number))
+        columns[channel] = tuple(h.column for h in chosen)
+        others = [h.column for h in of_channel if h not in chosen]
+        if others:
+            notes.append(f"Also called {channel}, and not used: {', '.join(others[:8])}.")
+    main = "position" if "position" in columns else "velocity"
+    for channel, found in list(numbers.items()):
+        if main in numbers and found != numbers[main]:
+            notes.append(
+                f"Columns of {channel} are numbered {found}, those of {main} {numbers[main]}: left out."
+            )
+            del columns[channel]
+    return tuple(f"joint_{number}" for number in numbers.get(main, ())), columns
+
+
+def _join(
+    moving: Mapping[str, list[_Hit]], notes: list[str]
+) -> tuple[tuple[str, ...], dict[str, tuple[str, ...]]]:
+    """Put the columns of joints that have a place each side by side, in the file's order."""
+    columns: dict[str, tuple[str, ...]] = {}
+    for channel in ALIASES:
+        best = {
+            p: min((h for h in hits if h.channel == channel), key=lambda h: h.rank, default=None)
+            for p, hits in moving.items()
+        }
+        found = {p: h.column for p, h in best.items() if h is not None}
+        if len(found) == len(moving):
+            columns[channel] = tuple(found.values())
+        elif found:
+            notes.append(f"Only some joints have a {channel} ({', '.join(found)}): left out.")
+    return tuple(prefix.rpartition("/")[2] for prefix in moving), columns

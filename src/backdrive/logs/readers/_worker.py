@@ -1,0 +1,142 @@
+"""The process that parses untrusted files: one request at a time, an answer without pickle, nothing else allowed.
+
+Started by `backdrive.logs.readers.guard`. It reads JSON requests from its standard input, one a line, and answers on a
+private copy of its standard output. It ends when the input closes, when the kernel's alarm rings, or when killed.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from backdrive import errors
+from backdrive.logs.readers.columns import Columns, ReadOptions, frames, header
+from backdrive.logs.readers.limits import Limits
+
+#: Audit events that no log needs; a file that brings a parser to raise one is refused.
+_FORBIDDEN = ("pickle.find_class", "os.system", "os.exec", "os.posix_spawn", "os.spawn", "subprocess.Popen", "socket.connect",
+              "socket.bind", "os.remove", "os.rename", "os.truncate", "os.fork", "os.forkpty", "shutil.rmtree")  # fmt: skip
+
+#: Not empty while a file is being parsed: libraries may do at import what no file may bring them to do.
+_parsing: list[str] = []
+
+
+def parse(path: str, module: str, options: ReadOptions) -> Columns:
+    """Read a file with one reader; whatever goes wrong comes out as a typed error.
+
+    Raises:
+        ReadError: or one of its children.
+        MissingExtra: an optional dependency is not installed.
+        MappingError: an option does not fit the file.
+    """
+    reader: Callable[[str, ReadOptions], Columns] = importlib.import_module(
+        f"backdrive.logs.readers.{module}"
+    ).read
+    try:
+        return reader(path, options)
+    except errors.BackdriveError:
+        raise
+    except MemoryError as error:
+        raise errors.FileTooLarge(
+            "The file needs more memory than the limits allow.",
+            remedy="If it is yours and honest, read it in Python with limits=Limits(max_memory=...).",
+        ) from error
+    except RecursionError as error:
+        raise errors.ForbiddenContent(
+            "The file nests its content without end.", remedy="Name another file."
+        ) from error
+    except FileNotFoundError as error:
+        raise errors.ReadError(f"{error.filename} does not exist.", remedy="Check the name.") from error
+    except Exception as error:
+        kind = module.strip("_")
+        raise errors.ReadError(
+            f"The file cannot be read as {kind} ({type(error).__name__}: {str(error)[:300]}).",
+            remedy="It is damaged, or of another kind; say which: --format NAME (in Python format=).",
+        ) from error
+
+
+def main() -> None:
+    """Answer requests until the input closes."""
+    import signal
+
+    answers = os.fdopen(os.dup(1), "wb", buffering=0)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)  # what a library prints must not end up among the answers
+    signal.pthread_sigmask(signal.SIG_SETMASK, [])
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)  # the kernel ends this process even if the parent is gone
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which then ends this process
+    locked = False
+    for line in sys.stdin.buffer:
+        request = json.loads(line)
+        try:
+            reader = importlib.import_module(f"backdrive.logs.readers.{request['module']}")
+            getattr(reader, "prepare", lambda: None)()
+        except errors.BackdriveError as error:
+            _send(answers, [_failure(error)])
+            continue
+        if not locked:
+            _lock()
+            locked = True
+        _send(answers, [header({"ready": True})])
+        limits = Limits(**request["limits"])
+        options = ReadOptions(
+            topic=request["topic"],
+            joints=tuple(request["joints"]),
+            parts=tuple(request["parts"]),
+            limits=limits,
+        )
+        _bound_memory(limits.memory_for(request["size"]))
+        signal.setitimer(signal.ITIMER_REAL, limits.seconds_for(request["size"]) + 1.0)
+        _parsing.append(request["path"])
+        try:
+            parts: Any = frames(parse(request["path"], request["module"], options))
+        except errors.BackdriveError as error:
+            parts = [_failure(error)]
+        _parsing.clear()
+        _send(answers, parts)
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        parts = None
+
+
+def _failure(error: errors.BackdriveError) -> bytes:
+    return header({"error": type(error).__name__, "message": error.message, "remedy": error.remedy})
+
+
+def _send(stream, parts) -> None:
+    for part in parts:
+        view = memoryview(part)
+        while view:
+            view = view[stream.write(view) :]
+
+
+def _lock() -> None:
+    """Give up what parsing does not need: core dumps, written files, other programs, the network."""
+    import resource
+
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+    sys.dont_write_bytecode = True
+
+    def refuse(event: str, arguments: tuple) -> None:
+        if _parsing and event.startswith(_FORBIDDEN):
+            raise errors.ForbiddenContent(
+                f"The file led its parser to {event}.", remedy="Do not use this file."
+            )
+
+    sys.addaudithook(refuse)
+
+
+def _bound_memory(more: int) -> None:
+    """Bound the address space to what is in use now and `more` bytes; macOS has no such limit."""
+    try:
+        import resource
+
+        with open("/proc/self/statm") as statm:
+            used = int(statm.read().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (used + more, resource.getrlimit(resource.RLIMIT_AS)[1]))
+    except (OSError, ValueError):
+        pass

@@ -1,0 +1,156 @@
+"""ROS 1 joint states in a bag of format 2.0, read front to back: a file that ends early gives every complete chunk.
+
+Layout: <http://wiki.ros.org/Bags/Format/2.0>. The index is not needed.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from typing import BinaryIO
+
+from backdrive.errors import FileTooLarge, ForbiddenContent, UnknownFormat
+from backdrive.logs.readers import _jointstate
+from backdrive.logs.readers._chunks import Damaged, expand
+from backdrive.logs.readers._jointstate import Gatherer
+from backdrive.logs.readers.columns import Columns, ReadOptions
+
+MAGIC = b"#ROSBAG V2.0\n"
+_MESSAGE, _BAG_HEADER, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 4, 5, 6, 7
+_U32 = struct.Struct("<I")
+
+
+class _Bag:
+    """Connections and joint states met so far in one file."""
+
+    def __init__(self, options: ReadOptions, gathered: dict[str, Gatherer], others: dict[str, str]):
+        self.options = options
+        self.wanted: dict[bytes, Gatherer] = {}
+        self.gathered, self.others = gathered, others
+        self.expanded = 0
+
+    def chunk(self, head: dict[bytes, bytes], stored: bytes) -> None:
+        """Take the records of a chunk."""
+        size = _U32.unpack(head[b"size"])[0]
+        self.expanded += size
+        if self.expanded > self.options.limits.max_bytes:
+            raise FileTooLarge(
+                "The chunks hold more than the limit.",
+                remedy="Read it in Python with limits=Limits(max_bytes=...).",
+            )
+        how = head[b"compression"].decode("latin-1")
+        data = expand(stored, how, size, self.options.limits)
+        if len(data) != size:
+            raise Damaged(f"a chunk of {len(data)} bytes declares {size}")
+        batches: dict[bytes, tuple[list[memoryview], list[int]]] = {}
+        view, at = memoryview(data), 0
+        while at < size:
+            fields, start, end = _record(data, at)
+            kind = fields.get(b"op", b"")[:1]
+            if kind == bytes((_MESSAGE,)) and fields[b"conn"] in self.wanted:
+                batch = batches.setdefault(fields[b"conn"], ([], []))
+                batch[0].append(view[start:end])
+                seconds, fraction = struct.unpack("<II", fields[b"time"])
+                batch[1].append(seconds * 1_000_000_000 + fraction)
+            elif kind == bytes((_CONNECTION,)):
+                self.declare(fields, data[start:end])
+            at = end
+        for connection, (messages, received) in batches.items():
+            self.wanted[connection].add(messages, received)
+
+    def declare(self, fields: dict[bytes, bytes], content: bytes) -> None:
+        """Take a connection: topic and message type."""
+        topic = fields[b"topic"].decode("utf-8", "replace")
+        kind = _fields(content).get(b"type", b"").decode("utf-8", "replace")
+        if kind in _jointstate.TYPES:
+            self.wanted[fields[b"conn"]] = self.gathered.setdefault(topic, Gatherer(ros1=True))
+        else:
+            self.others[topic] = kind
+        self.options.limits.check_count(len(self.others) + len(self.gathered), "topics")
+
+
+def read(path: str, options: ReadOptions) -> Columns:
+    """Read the joint states of a bag.
+
+    Raises:
+        TruncatedFile: it ends before the first complete joint state.
+        MappingError: several topics hold joint states and none was chosen.
+        ReadError: it holds none, or a message is malformed.
+        ForbiddenContent: it is encrypted.
+        MissingExtra: chunks are compressed and the decompressor is not installed.
+    """
+    gathered: dict[str, Gatherer] = {}
+    others: dict[str, str] = {}
+    notes: list[str] = []
+    size = os.path.getsize(path)
+    bag = _Bag(options, gathered, others)
+    with open(path, "rb") as stream:
+        if stream.read(len(MAGIC)) != MAGIC:
+            raise UnknownFormat(
+                "This is not a ROS 1 bag of format 2.0.", remedy="Convert it with `rosbag reindex`."
+            )
+        where, why = _scan(stream, size, bag)
+    found = sum(gatherer.count for gatherer in gathered.values())
+    if where is not None:
+        if not found:
+            raise _jointstate.nothing_left(where, size)
+        notes.append(_jointstate.cut_note(where, size, why, found))
+    return _jointstate.choose_topic(gathered, others, options).columns(options, notes)
+
+
+def _scan(stream: BinaryIO, size: int, bag: _Bag) -> tuple[int | None, str]:
+    """Read chunks until the index; return where and why they ended early, if they did."""
+    at = len(MAGIC)
+    while at < size:
+        lengths = stream.read(4)
+        try:
+            length = _U32.unpack(lengths)[0]
+            if at + 8 + length > size:
+                return at, "an incomplete record"
+            fields = _fields(stream.read(length))
+            amount = _U32.unpack(stream.read(4))[0]
+            start, at_record = at + 8 + length, at
+            if start + amount > size:
+                return at, "an incomplete record"
+            kind = fields.get(b"op", b"")[:1]
+            if kind == bytes((_CHUNK,)):
+                bag.chunk(fields, stream.read(amount))
+            elif kind == bytes((_BAG_HEADER,)):
+                if fields.get(b"encryptor"):
+                    raise ForbiddenContent("The bag is encrypted.", remedy="Decrypt it first.")
+            elif kind == bytes((_CONNECTION,)):
+                return None, ""  # connections after the last chunk begin the index
+            elif kind not in (bytes((_INDEX,)), bytes((_CHUNK_INFO,))):
+                return at_record, "an unknown record"
+        except (Damaged, struct.error, KeyError) as error:
+            return at, str(error)
+        at = start + amount
+        stream.seek(at)
+    return at, "no index"
+
+
+def _record(data: bytes, at: int) -> tuple[dict[bytes, bytes], int, int]:
+    """Return the header fields of a record in a chunk and where its data begin and end."""
+    (length,) = _U32.unpack_from(data, at)
+    if at + 8 + length > len(data):
+        raise Damaged("a record reaches beyond its chunk")
+    fields = _fields(data[at + 4 : at + 4 + length])
+    (amount,) = _U32.unpack_from(data, at + 4 + length)
+    start = at + 8 + length
+    if start + amount > len(data):
+        raise Damaged("a record reaches beyond its chunk")
+    return fields, start, start + amount
+
+
+def _fields(header: bytes) -> dict[bytes, bytes]:
+    """Split a record header into its `name=value` fields."""
+    fields: dict[bytes, bytes] = {}
+    at = 0
+    while at + 4 <= len(header):
+        (length,) = _U32.unpack_from(header, at)
+        if length == 0 or at + 4 + length > len(header):
+            raise Damaged("a header field reaches beyond its record")
+        name, _, value = header[at + 4 : at + 4 + length].partition(b"=")
+        fields[name] = value
+        at += 4 + length
+    return fields

@@ -1,0 +1,144 @@
+"""Tables of text: any delimiter, header or none, preamble, a line of units, decimal comma, byte-order mark.
+
+The first lines decide the dialect. A regular table then goes through numpy's C parser; one with gaps, words or
+uneven rows goes cell by cell, and what was dropped is noted.
+"""
+
+from __future__ import annotations
+
+import csv
+from array import array
+from datetime import datetime
+from itertools import islice
+
+import numpy as np
+
+from backdrive.errors import ReadError, UnknownFormat
+from backdrive.logs.readers._dialect import Dialect, cells, number, sniff
+from backdrive.logs.readers.columns import Columns, ReadOptions
+
+_SAMPLE = 1 << 16
+_WORST = 0.2
+
+
+def read(path: str, options: ReadOptions) -> Columns:
+    """Read a table of text.
+
+    Raises:
+        UnknownFormat: it is binary, or holds no table of numbers.
+        ReadError: the rows do not fit together.
+    """
+    with open(path, "rb") as stream:
+        raw = stream.read(_SAMPLE)
+    if not raw.strip(b"\r\n\t \x00"):
+        raise UnknownFormat("The file is empty.", remedy="Record the log again, or name another file.")
+    dialect = sniff(raw, whole=len(raw) < _SAMPLE)
+    options.limits.check_count(dialect.width, "columns")
+    notes: list[str] = []
+    if dialect.headless:
+        notes.append("The table has no header: its columns are called column_1, column_2 and so on.")
+    table = _regular(path, dialect) if dialect.regular else None
+    times: dict[int, np.ndarray] = {}
+    if table is None:
+        table, times = _careful(path, dialect, notes)
+    arrays = {}
+    for i, name in enumerate(dialect.names):
+        if i in times:
+            arrays[name] = times[i]
+        elif i in dialect.text:
+            notes.append(f"Column '{name}' holds words and was left out.")
+        elif not name.startswith("column_") or dialect.headless or np.isfinite(table[:, i]).any():
+            arrays[name] = np.ascontiguousarray(table[:, i])
+    return Columns(arrays=arrays, units=dialect.units, notes=tuple(notes))
+
+
+def _regular(path: str, dialect: Dialect) -> np.ndarray | None:
+    """Let numpy parse it; None if it turns out to be irregular further down."""
+    with open(path, encoding=dialect.encoding) as stream:
+        try:
+            table = np.loadtxt(
+                islice(stream, dialect.first, None),
+                delimiter=None if dialect.delimiter == " " else dialect.delimiter,
+                comments=None,
+                quotechar='"',
+                ndmin=2,
+            )
+        except ValueError:  # an empty or odd cell, an uneven row, a character of another encoding
+            return None
+    return table if table.shape[1] == dialect.width else None
+
+
+def _careful(path: str, dialect: Dialect, notes: list[str]) -> tuple[np.ndarray, dict[int, np.ndarray]]:
+    """Read line by line; uneven lines are dropped, words become NaN, and both are noted."""
+    width = dialect.width
+    flat = array("d")
+    words: dict[int, list[str]] = {i: [] for i in dialect.text}
+    odd: dict[int, list[str]] = {}
+    uneven: list[int] = []
+    last = dialect.first
+    with open(path, encoding=dialect.encoding, errors="replace") as stream:
+        for at, line in enumerate(islice(stream, dialect.first, None), dialect.first + 1):
+            if not line.strip():
+                continue
+            last = at
+            row = None if words else _plain(line, dialect)
+            if row is not None:
+                flat.extend(row)
+                continue
+            try:
+                split = cells(line.rstrip("\r\n"), dialect.delimiter)
+            except csv.Error as error:
+                raise ReadError(
+                    f"Line {at} is no row of cells ({error}).", remedy="Correct or remove it."
+                ) from error
+            while len(split) > width and not split[-1]:
+                split.pop()
+            if len(split) != width:
+                uneven.append(at)
+                continue
+            for i, cell in enumerate(split):
+                if i in words:
+                    words[i].append(cell)
+                    flat.append(np.nan)
+                    continue
+                value = number(cell, dialect.comma)
+                flat.append(np.nan if value is None else value[0])
+                if (value is None or value[1]) and cell.strip("0123456789.eE+-, "):
+                    odd.setdefault(i, []).append(f"line {at}: '{cell[:40]}'")
+    table = np.frombuffer(flat, dtype=np.float64).reshape(-1, width) if flat else np.empty((0, width))
+    if len(uneven) > max(1, _WORST * (len(uneven) + len(table))):
+        raise ReadError(
+            f"{len(uneven)} of {len(uneven) + len(table)} lines do not have {width} cells.",
+            remedy="Check the delimiter, or cut the file to the table.",
+        )
+    if uneven == [last]:
+        notes.append("The last line is cut and was dropped.")
+    elif uneven:
+        told = ", ".join(str(at) for at in uneven[:5]) + (", ..." if len(uneven) > 5 else "")
+        notes.append(f"{len(uneven)} uneven lines were dropped (line {told}).")
+    for i, found in odd.items():
+        notes.append(f"Column '{dialect.names[i]}' has words in {len(found)} cells ({'; '.join(found[:3])}).")
+    return table, {i: time for i, column in words.items() if (time := _clock(column)) is not None}
+
+
+def _plain(line: str, dialect: Dialect) -> list[float] | None:
+    """Return a line of nothing but numbers, or None if it needs care."""
+    if '"' in line or "_" in line or not line.isascii():
+        return None
+    line = line.replace(",", ".") if dialect.comma else line
+    row = line.split(None if dialect.delimiter == " " else dialect.delimiter)
+    if len(row) != dialect.width:
+        return None
+    try:
+        return [float(cell) for cell in row]
+    except ValueError:
+        return None
+
+
+def _clock(cells: list[str]) -> np.ndarray | None:
+    """Return ISO date-times as seconds since the first, or None if they are something else."""
+    try:
+        stamps = [datetime.fromisoformat(cell) for cell in cells]
+        return np.array([(stamp - stamps[0]).total_seconds() for stamp in stamps])
+    except (ValueError, TypeError, IndexError):
+        return None

@@ -1,0 +1,246 @@
+"""From the columns of a file to a `Log`: by `--map`, by what the format says, and by names that leave no doubt."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from backdrive.errors import InvalidInput, MappingError
+from backdrive.logs.log import CHANNELS, Joint, Log, Source, channel_unit
+from backdrive.logs.readers import _expression, _names
+from backdrive.logs.readers._channels import INDEX, Values, described, extent
+from backdrive.logs.readers.columns import Columns
+
+_POSITIONS = ("position", "reference", "second_encoder")
+_DEG = np.pi / 180
+
+
+def to_log(
+    columns: Columns,
+    *,
+    map: str | Mapping[str, str] | None = None,
+    names: str | Sequence[str] | None = None,
+    units: str | Sequence[str] | None = None,
+    gear: float | Sequence[float] | None = None,
+    counts: float | Sequence[float] | None = None,
+    sources: tuple[Source, ...] = (),
+) -> Log:
+    """Make a log of a file's columns.
+
+    Args:
+        columns: what the reader found.
+        map: channel=sum, as `--map` has it; it overrides the automatic names of the channels it mentions.
+        names: joint names. Where the file names its joints they choose and order them; otherwise they are given.
+        units: `rad`, `m`, or `deg` (positions and velocities that state no unit are then degrees), for all or each.
+        gear: motor turns per joint turn [1]; says that torque is of the motor side, and brings it to the joint.
+        counts: encoder counts per rad or m at the joint [1/rad or 1/m].
+        sources: files the columns came from.
+
+    Returns:
+        The log in SI units; its notes say which column became which channel.
+
+    Raises:
+        MappingError: a column is unknown or does not fit; the message lists the columns.
+        InvalidInput: names, units, gear or counts do not fit the joints.
+    """
+    asked = _expression.parse(map) if map is not None else {}
+    found = _automatic(columns, asked)
+    values = Values(columns, found.units, _length(columns, asked, found))
+    for channel, terms in asked.items():
+        if terms is not None:
+            values.add_sum(channel, terms)
+    for channel, names_of in found.columns.items():
+        if channel not in asked:
+            values.add_columns(channel, names_of)
+    if not {"position", "velocity"} & set(values.arrays):
+        doubt = found.doubt or "no column is known to be a position or a velocity"
+        raise MappingError(
+            f"The file does not say what moves: {doubt}.",
+            remedy=f"Say it with --map, for example t=..., q=... or dq=..., tau=... . Columns: {described(columns)}.",
+        )
+    notes = [*found.notes, *values.notes, *_without_zeros(values.arrays, asked)]
+    width = _width(values.arrays)
+    kind = _kinds(units, width)
+    if kind is None:
+        kind = ["m" if values.kind in ("length", "speed") else "rad"] * width
+    notes += _from_degrees(values, kind, asked)
+    labels, order = _labels(names, columns.joints or found.joints, width)
+    ratios, encoder = _each(gear, len(order), "gear"), _each(counts, len(order), "counts")
+    joints = tuple(
+        Joint(
+            name=labels[i],
+            unit="m" if kind[column] == "m" else "rad",
+            torque_side="joint" if ratios is None else "motor",
+            gear_ratio=1.0 if ratios is None else ratios[i],
+            encoder_counts=None if encoder is None else encoder[i],
+        )
+        for i, column in enumerate(order)
+    )
+    notes += _without_unit(values, joints, columns)
+    if "torque" not in values.arrays:
+        notes.append(
+            "No column was taken as torque: name one with --map tau=COLUMN, times a factor where it is a current or a duty. "
+            f"Columns: {described(columns)}."
+        )
+    whole = order == list(range(width))
+    channels = {c: v if whole else v[:, order] for c, v in values.arrays.items() if c != "time"}
+    log = Log(
+        time=values.arrays["time"][:, 0],
+        joints=joints,
+        drive=columns.drive if "drive_input" in channels else None,
+        sources=sources,
+        notes=(*columns.notes, "Channels: " + "; ".join(values.said) + ".", *notes),
+        **channels,
+    )
+    return log.on_joint_side()
+
+
+def _automatic(columns: Columns, asked: Mapping) -> _names.Guess:
+    """Return what the format, or else the names, say about the columns that fit the time."""
+    if columns.channels:
+        return _names.Guess(
+            columns={
+                channel: (name,) for name, channel in columns.channels.items() if name in columns.arrays
+            },
+            joints=columns.joints,
+        )
+    shapes = {name: value.shape for name, value in columns.arrays.items() if value.size > 1}
+    found = _names.guess(
+        {name: min(shape) if len(shape) == 2 else 1 for name, shape in shapes.items()}, columns.units, asked
+    )
+    n = _length(columns, asked, found, required=False)
+    if n is None:
+        return found
+    fitting = {name: extent(shape, n) for name, shape in shapes.items()}
+    return _names.guess({name: width for name, width in fitting.items() if width}, columns.units, asked)
+
+
+def _length(columns: Columns, asked: Mapping, found: _names.Guess, *, required: bool = True) -> int:
+    """Return the number of samples: that of the time, or of what moves where time is counted with `index`."""
+    terms = asked.get("time")
+    if terms is None and "time" in asked:
+        raise MappingError("--map t=none: a log needs a time.", remedy="Write for example t=0.001*index.")
+    of_time = [term.column for term in terms] if terms else list(found.columns.get("time", ()))
+    moving = [t.column for c in ("position", "velocity") for t in asked.get(c) or ()]
+    moving += [name for c in ("position", "velocity") for name in found.columns.get(c, ())]
+    counted = bool(terms) and all(name == INDEX for name in of_time)
+    for name in moving if counted else of_time:
+        if name in columns.arrays:
+            return max(columns.arrays[name].shape)
+        if terms or counted:
+            shape = Values(columns, {}, 0).find(name).shape
+            return max(shape)
+    if not required:
+        return None  # type: ignore[return-value]
+    raise MappingError(
+        "No column is known to be the time.",
+        remedy=f"Say it with --map t=COLUMN, or t=0.001*index for a 1 kHz log. Columns: {described(columns)}.",
+    )
+
+
+def _width(arrays: Mapping[str, np.ndarray]) -> int:
+    widths = {channel: value.shape[1] for channel, value in arrays.items() if channel != "time"}
+    if len(set(widths.values())) > 1:
+        raise MappingError(
+            f"The channels have different numbers of joints: {widths}.",
+            remedy="Choose columns with [i] or [i:j].",
+        )
+    return next(iter(widths.values()))
+
+
+def _without_zeros(arrays: dict[str, np.ndarray], asked: Mapping) -> list[str]:
+    """Drop velocity, torque and temperature that are zero throughout: drivers fill in what they do not measure."""
+    notes = []
+    moves = "position" in arrays and np.ptp(arrays["position"], axis=0).max(initial=0.0) > 0
+    for channel in ("velocity", "torque", "external_torque", "temperature"):
+        if channel in arrays and channel not in asked and not arrays[channel].any():
+            if channel == "velocity" and not moves:
+                continue
+            del arrays[channel]
+            notes.append(f"The {channel} is exactly zero throughout: taken as not measured.")
+    return notes
+
+
+def _kinds(units: str | Sequence[str] | None, width: int) -> list[str] | None:
+    if units is None:
+        return None
+    each = units.split(",") if isinstance(units, str) else list(units)
+    each = [str(unit).strip() for unit in each]
+    each = each * width if len(each) == 1 else each
+    if len(each) != width or not set(each) <= {"rad", "m", "deg"}:
+        raise InvalidInput(
+            f"The units {units!r} do not fit {width} joints.", remedy="Give rad, m or deg, once or for each."
+        )
+    return each
+
+
+def _from_degrees(values: Values, kinds: list[str], asked: Mapping) -> list[str]:
+    """Convert positions and velocities that state no unit, for the joints that the person says are in degrees."""
+    turned = np.array([kind == "deg" for kind in kinds])
+    done = []
+    for channel in (*_POSITIONS, "velocity"):
+        if (
+            turned.any()
+            and channel in values.arrays
+            and channel not in values.settled
+            and channel not in asked
+        ):
+            values.arrays[channel] = values.arrays[channel] * np.where(turned, _DEG, 1.0)
+            done.append(channel)
+    return [f"Converted from degrees, as asked: {', '.join(done)}."] if done else []
+
+
+def _without_unit(values: Values, joints: tuple[Joint, ...], columns: Columns) -> list[str]:
+    """Say in which unit channels are taken that state none."""
+    silent = [c for c in CHANNELS if c in values.arrays and c not in values.settled and c != "drive_input"]
+    if (
+        columns.channels
+    ):  # a joint state's own definition says rad and m, but drivers differ in what effort is
+        silent = [c for c in silent if c == "torque"]
+    if not silent:
+        return []
+    told = ", ".join(f"{channel} in {channel_unit(channel, joints[0])}" for channel in silent)
+    current = " Some drivers publish motor current as torque or effort." if "torque" in silent else ""
+    return [f"No unit is stated, so SI is taken: {told}.{current}"]
+
+
+def _labels(names: str | Sequence[str] | None, own: Sequence[str], width: int) -> tuple[list[str], list[int]]:
+    """Return joint names and the columns they stand for."""
+    own = list(own) if len(own) == width else []
+    if names is None:
+        return own or [f"joint_{i + 1}" for i in range(width)], list(range(width))
+    wanted = (
+        [name.strip() for name in names.split(",")]
+        if isinstance(names, str)
+        else [str(name) for name in names]
+    )
+    if own and set(wanted) <= set(own):
+        return wanted, [own.index(name) for name in wanted]
+    if len(wanted) != width:
+        known = f" The file names {', '.join(own)}." if own else ""
+        raise InvalidInput(
+            f"{len(wanted)} names ({', '.join(wanted)}) for {width} joints.",
+            remedy=f"Give one name a joint.{known}",
+        )
+    return wanted, list(range(width))
+
+
+def _each(value: float | Sequence[float] | None, width: int, what: str) -> list[float] | None:
+    if value is None:
+        return None
+    try:
+        each = np.atleast_1d(np.asarray(value, dtype=float))
+    except (TypeError, ValueError):
+        each = np.empty(0)
+    each = np.repeat(each, width) if each.size == 1 else each
+    if each.shape != (width,) or not np.isfinite(each).all() or (each == 0).any():
+        raise InvalidInput(
+            f"{what} {value!r} does not fit {width} joints.", remedy="Give one number other than 0 a joint."
+        )
+    for number in each:
+        if not 1e-15 <= abs(number) <= 1e15:
+            raise InvalidInput(
+                f"{what} {number:g} is out of reason.", remedy="Give a number from 1e-15 to 1e15."
+            )
+    return [float(number) for number in each]

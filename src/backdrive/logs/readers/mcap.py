@@ -1,0 +1,167 @@
+"""ROS 2 (and ROS 1) joint states in MCAP, read front to back: a file that ends early gives every complete chunk before the cut.
+
+Layout: MCAP format specification, <https://mcap.dev/spec>. The index at the end of the file is not needed, so it is not
+missed when it is gone.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from typing import BinaryIO
+
+from backdrive.errors import FileTooLarge, UnknownFormat
+from backdrive.logs.readers import _jointstate
+from backdrive.logs.readers._chunks import Damaged, expand
+from backdrive.logs.readers._jointstate import Gatherer
+from backdrive.logs.readers.columns import Columns, ReadOptions
+
+MAGIC = b"\x89MCAP0\r\n"
+_SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END, _FOOTER = 3, 4, 5, 6, 15, 2
+_RECORD = struct.Struct("<BQ")
+_LOOSE = 1 << 24
+_MESSAGE_HEAD = struct.Struct("<HIQQ")
+
+
+class _Bag:
+    """Schemas, channels and joint states met so far in one file."""
+
+    def __init__(self, options: ReadOptions, gathered: dict[str, Gatherer], others: dict[str, str]):
+        self.options = options
+        self.schemas: dict[int, str] = {}
+        self.wanted: dict[int, Gatherer] = {}
+        self.gathered, self.others = gathered, others
+        self.expanded = 0
+
+    def records(self, data: bytes) -> None:
+        """Take all records of a chunk's content."""
+        at, end = 0, len(data)
+        batches: dict[int, tuple[list[memoryview], list[int]]] = {}
+        view = memoryview(data)
+        while at + 9 <= end:
+            kind, length = _RECORD.unpack_from(data, at)
+            start, at = at + 9, at + 9 + length
+            if at > end:
+                raise Damaged("a record reaches beyond its chunk")
+            if kind == _MESSAGE and length >= 22:
+                channel, _, received, _ = _MESSAGE_HEAD.unpack_from(data, start)
+                if channel in self.wanted:
+                    batch = batches.setdefault(channel, ([], []))
+                    batch[0].append(view[start + 22 : at])
+                    batch[1].append(min(received, (1 << 63) - 1))
+            elif kind in (_SCHEMA, _CHANNEL):
+                self.declare(kind, data[start:at])
+        for channel, (messages, received) in batches.items():
+            self.wanted[channel].add(messages, received)
+
+    def declare(self, kind: int, content: bytes) -> None:
+        """Take a schema or a channel."""
+        if kind == _SCHEMA:
+            self.schemas[int.from_bytes(content[:2], "little")] = _text(content, 2)[0]
+            self.options.limits.check_count(len(self.schemas), "schemas")
+            return
+        channel, schema = struct.unpack_from("<HH", content)
+        topic, at = _text(content, 4)
+        encoding, _ = _text(content, at)
+        kind_name = self.schemas.get(schema, "")
+        if kind_name in _jointstate.TYPES and encoding in ("cdr", "ros1"):
+            self.wanted[channel] = self.gathered.setdefault(topic, Gatherer(ros1=encoding == "ros1"))
+        else:
+            self.others[topic] = f"{kind_name or 'no schema'}, {encoding}"
+        self.options.limits.check_count(len(self.others) + len(self.gathered), "topics")
+
+    def chunk(self, content: bytes) -> None:
+        """Take the records of a chunk."""
+        _, _, size, checksum = struct.unpack_from("<QQQI", content)
+        how, at = _text(content, 28)
+        (length,) = struct.unpack_from("<Q", content, at)
+        stored = content[at + 8 : at + 8 + length]
+        if len(stored) != length:
+            raise Damaged("a chunk is shorter than it declares")
+        self.expanded += size
+        if self.expanded > self.options.limits.max_bytes:
+            raise FileTooLarge(
+                "The chunks hold more than the limit.",
+                remedy="Read it in Python with limits=Limits(max_bytes=...).",
+            )
+        data = expand(stored, how, size, self.options.limits)
+        if checksum and zlib.crc32(data) != checksum:
+            raise Damaged("a wrong checksum")
+        self.records(data)
+
+
+def read(path: str, options: ReadOptions) -> Columns:
+    """Read the joint states of a bag.
+
+    Raises:
+        TruncatedFile: it ends before the first complete joint state.
+        MappingError: several topics hold joint states and none was chosen.
+        ReadError: it holds none, or a message is malformed.
+        MissingExtra: chunks are compressed and the decompressor is not installed.
+    """
+    gathered: dict[str, Gatherer] = {}
+    others: dict[str, str] = {}
+    notes: list[str] = []
+    cut: tuple[int, int] | None = None
+    for part in (path, *options.parts):
+        size = os.path.getsize(part)
+        bag = _Bag(options, gathered, others)
+        with open(part, "rb") as stream:
+            if stream.read(len(MAGIC)) != MAGIC:
+                raise UnknownFormat(
+                    "This is not an MCAP file.", remedy="Say what it is: --format NAME (in Python format=)."
+                )
+            where, why = _scan(stream, size, bag)
+        if where is not None:
+            cut = (where, size)
+            found = sum(gatherer.count for gatherer in gathered.values())
+            notes.append(_jointstate.cut_note(where, size, why, found))
+    if cut is not None and not any(gatherer.count for gatherer in gathered.values()):
+        raise _jointstate.nothing_left(*cut)
+    return _jointstate.choose_topic(gathered, others, options).columns(options, notes)
+
+
+def _scan(stream: BinaryIO, size: int, bag: _Bag) -> tuple[int | None, str]:
+    """Read records until the data end; return where and why it ended early, if it did."""
+    at = len(MAGIC)
+    loose = bytearray()  # records outside chunks: files may also be written without any
+    where, why = None, ""
+    while True:
+        head = stream.read(9)
+        if len(head) < 9:
+            where, why = at, "no end of data"
+            break
+        kind, length = _RECORD.unpack(head)
+        if kind in (_DATA_END, _FOOTER):
+            break
+        if at + 9 + length > size or kind == 0 or _DATA_END < kind < 0x80:
+            where, why = at, "an incomplete record"
+            break
+        if kind in (_SCHEMA, _CHANNEL, _MESSAGE):
+            loose += head + stream.read(length)
+        else:
+            content = stream.read(length) if kind == _CHUNK else b""
+            stream.seek(at + 9 + length)
+        if loose and (kind == _CHUNK or len(loose) > _LOOSE):
+            bag.records(bytes(loose))
+            loose.clear()
+        if kind == _CHUNK:
+            try:
+                bag.chunk(content)
+            except (Damaged, struct.error, UnicodeDecodeError) as error:
+                where, why = at, str(error)
+                break
+        at += 9 + length
+    try:
+        bag.records(bytes(loose))
+    except (Damaged, struct.error, UnicodeDecodeError) as error:
+        where, why = at, str(error)
+    return where, why
+
+
+def _text(content: bytes, at: int) -> tuple[str, int]:
+    (length,) = struct.unpack_from("<I", content, at)
+    if at + 4 + length > len(content):
+        raise struct.error("a text reaches beyond its record")
+    return content[at + 4 : at + 4 + length].decode(), at + 4 + length

@@ -1,0 +1,89 @@
+"""NumPy archives: a zip of `.npy` arrays, headers checked before anything is reserved, objects refused."""
+
+from __future__ import annotations
+
+import zipfile
+
+import numpy as np
+
+from backdrive.errors import FileTooLarge, ForbiddenContent, ReadError, TruncatedFile
+from backdrive.logs.readers.columns import Columns, ReadOptions, plain
+
+
+def read(path: str, options: ReadOptions) -> Columns:
+    """Read every array of the archive.
+
+    Raises:
+        TruncatedFile: the archive's directory or an array is cut.
+        FileTooLarge: the archive declares more than the limits allow.
+        ForbiddenContent: an array holds pickled objects.
+    """
+    limits = options.limits
+    try:
+        archive = zipfile.ZipFile(path)
+    except zipfile.BadZipFile as error:
+        raise TruncatedFile(
+            f"The archive has no directory ({error}).", remedy="Copy or save it again."
+        ) from error
+    with archive:
+        members = [info for info in archive.infolist() if info.filename.endswith(".npy")]
+        if not members:
+            raise ReadError("The archive holds no .npy array.", remedy="Save it with numpy.savez.")
+        limits.check_count(len(members), "arrays")
+        size = sum(max(info.compress_size, 0) for info in members)
+        limits.check_declared(sum(info.file_size for info in members), size, "The archive")
+        arrays, notes = {}, []
+        for info in members:
+            name = info.filename[: -len(".npy")]
+            if info.flag_bits & 1:
+                raise ForbiddenContent(f"Array '{name}' is encrypted.", remedy="Save it without a password.")
+            try:
+                with archive.open(info) as stream:
+                    value = plain(_array(stream, name, info.file_size))
+            except (zipfile.BadZipFile, EOFError) as error:
+                raise TruncatedFile(
+                    f"Array '{name}' is damaged ({error}).", remedy="Save it again."
+                ) from error
+            if value is None:
+                notes.append(f"Array '{name}' is not one- or two-dimensional numbers and was left out.")
+            else:
+                arrays[name] = value
+    return Columns(arrays=arrays, notes=tuple(notes))
+
+
+def _array(stream, name: str, declared: int) -> np.ndarray:
+    """Read one array, its size settled by its header before its bytes are fetched."""
+    version = np.lib.format.read_magic(stream)
+    header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+    if version not in header:
+        raise ReadError(
+            f"Array '{name}' has header version {version}.", remedy="Save it with a current numpy."
+        )
+    shape, fortran, dtype = header[version](stream, max_header_size=10_000)
+    if dtype.hasobject:
+        raise ForbiddenContent(
+            f"Array '{name}' holds pickled Python objects, which can run code.", remedy="Save plain numbers."
+        )
+    count = 1
+    for length in shape:
+        if length < 0:
+            raise ReadError(f"Array '{name}' has shape {shape}.", remedy="Save it again.")
+        count *= length
+    if count * dtype.itemsize > declared:
+        raise FileTooLarge(
+            f"Array '{name}' claims shape {shape} but the archive holds {declared} bytes of it.",
+            remedy="Save it again.",
+        )
+    if dtype.kind not in "biuf":
+        return np.empty(0, dtype)
+    value = np.empty(count, dtype)
+    if count:
+        view, at = value.view(np.uint8).data, 0
+        while at < len(view):
+            got = stream.readinto(view[at : at + (1 << 20)])
+            if not got:
+                raise TruncatedFile(
+                    f"Array '{name}' ends after {at} of {len(view)} bytes.", remedy="Save it again."
+                )
+            at += got
+    return value.reshape(shape, order="F" if fortran else "C")

@@ -1,0 +1,134 @@
+"""Parquet tables: plain columns, and lists of a fixed length (as LeRobot writes states), footer checked first."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from backdrive.errors import MissingExtra, ReadError, TruncatedFile, install
+from backdrive.logs.readers.columns import Columns, ReadOptions
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_WIDEST = 8
+
+
+def prepare() -> None:
+    """Load what reading needs, ahead of the time limit.
+
+    Raises:
+        MissingExtra: pyarrow is not installed.
+    """
+    try:
+        import pyarrow.parquet  # noqa: F401
+    except ImportError as error:
+        raise MissingExtra(
+            "Reading Parquet needs pyarrow, which is not installed.",
+            remedy=install("table"),
+        ) from error
+
+
+def read(path: str, options: ReadOptions) -> Columns:
+    """Read every numeric column, row group by row group.
+
+    Raises:
+        TruncatedFile: the footer is missing or a page is cut.
+        FileTooLarge: the footer declares more than the limits allow.
+        MissingExtra: pyarrow is not installed.
+    """
+    prepare()
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    limits, size = options.limits, os.path.getsize(path)
+    try:
+        file = parquet.ParquetFile(path, memory_map=False, pre_buffer=False)
+    except (pa.ArrowInvalid, OSError) as error:
+        raise TruncatedFile(
+            f"The footer cannot be read ({_first_line(error)}).", remedy="Save the file again."
+        ) from error
+    with file:
+        meta = file.metadata
+        limits.check_count(meta.num_columns, "columns")
+        limits.check_declared(max(meta.num_rows, 0) * max(meta.num_columns, 1) * _WIDEST, size, "The table")
+        groups = [meta.row_group(i) for i in range(meta.num_row_groups)]
+        declared = sum(g.column(i).total_uncompressed_size for g in groups for i in range(g.num_columns))
+        limits.check_declared(declared, size, "The table")
+        try:
+            table = file.read(use_threads=False)
+        except (pa.ArrowInvalid, pa.ArrowNotImplementedError, OSError) as error:
+            raise TruncatedFile(
+                f"A page is damaged ({_first_line(error)}).", remedy="Save the file again."
+            ) from error
+    if table.num_rows == 0:
+        raise ReadError("The table has no rows.", remedy="Record the log again.")
+    arrays: dict[str, np.ndarray] = {}
+    units: dict[str, str] = {}
+    notes: list[str] = []
+    for i, field in enumerate(table.schema):
+        name = field.name if field.name not in arrays else f"{field.name}#{i + 1}"
+        value, unit = _numbers(table.column(i))
+        if value is None:
+            notes.append(f"Column '{field.name}' ({str(field.type)[:60]}) is not numbers and was left out.")
+            continue
+        arrays[name] = value
+        if unit:
+            units[name] = unit
+    return Columns(arrays=arrays, units=units, notes=tuple(notes))
+
+
+def _numbers(column: pa.ChunkedArray) -> tuple[np.ndarray | None, str]:
+    """Return a column as (n,) or (n, k) and the unit its type states."""
+    import pyarrow as pa
+
+    kind = column.type
+    if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
+        counts = column.cast(pa.int64())
+        start = next((value.as_py() for value in counts if value.is_valid), 0)
+        numbers = np.array(
+            counts.to_numpy(zero_copy_only=False), dtype=np.float64 if counts.null_count else None
+        )
+        return (numbers - start).astype(np.float64), kind.unit
+    if (
+        pa.types.is_boolean(kind)
+        or pa.types.is_integer(kind)
+        or pa.types.is_floating(kind)
+        or pa.types.is_decimal(kind)
+    ):
+        return _flat(column), ""
+    if pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind):
+        if column.null_count:
+            return None, ""
+        joined = column.combine_chunks()
+        if isinstance(joined, pa.ChunkedArray):
+            joined = pa.concat_arrays(joined.chunks)
+        flat = joined.flatten()
+        if len(flat) % len(column) or not (pa.types.is_integer(flat.type) or pa.types.is_floating(flat.type)):
+            return None, ""
+        width = len(flat) // len(column)
+        if not pa.types.is_fixed_size_list(kind) and not _equal_lengths(joined, width):
+            return None, ""
+        return _flat(flat).reshape(len(column), width), ""
+    return None, ""
+
+
+def _flat(column: pa.ChunkedArray | pa.Array) -> np.ndarray:
+    import pyarrow as pa
+
+    if pa.types.is_decimal(column.type) or column.null_count:
+        column = column.cast(pa.float64())
+    return np.array(
+        column.to_numpy(zero_copy_only=False) if isinstance(column, pa.Array) else column.to_numpy()
+    )
+
+
+def _equal_lengths(lists: pa.Array, width: int) -> bool:
+    offsets = np.asarray(lists.offsets.to_numpy(zero_copy_only=False))
+    return bool((np.diff(offsets) == width).all())
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0][:200]

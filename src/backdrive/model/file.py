@@ -1,0 +1,319 @@
+"""The model file: JSON with a schema version, every number with unit, error and bounds."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+import msgspec
+from msgspec import Meta
+
+from backdrive import model as m
+from backdrive._files import read_whole, write_whole
+from backdrive.errors import BackdriveError, ModelFileError
+from backdrive.laws import Law, element, rate_law
+from backdrive.laws.base import Rows
+from backdrive.logs.log import Joint, Source
+from backdrive.model.bounds import check_document, check_errors, check_law, check_twice, placed
+
+FORMAT, SCHEMA = "backdrive-friction-model", 1
+MAX_BYTES = 10_000_000
+AGAIN = "Restore it, or identify again."
+
+R = TypeVar("R", bound=Rows)
+Number = float | None  # null stands for "unknown" and for an infinite bound
+Word = Annotated[str, Meta(max_length=500)]
+Sentence = Annotated[str, Meta(max_length=5000)]
+Knots = Annotated[list[float], Meta(max_length=1000)]
+Errors = Annotated[list[Number], Meta(max_length=1000)]
+Count = Annotated[int, Meta(ge=0, le=2**53)]
+
+
+class _Value(msgspec.Struct, forbid_unknown_fields=True):
+    value: float | Knots
+    unit: Word
+    standard_error: Number | Errors = None
+    lower: Number = None
+    upper: Number = None
+    at_bound: bool = False
+
+
+class _Law(msgspec.Struct, forbid_unknown_fields=True):
+    rate: Word
+    element: Word
+
+
+class _Quality(msgspec.Struct, forbid_unknown_fields=True):
+    residual_percent: Number
+    residual_raw_percent: Number
+    rms: Number
+    samples: Count
+
+
+class _Validity(msgspec.Struct, forbid_unknown_fields=True):
+    velocity: tuple[float, float]
+    load: tuple[float, float] | None = None
+    temperature: tuple[float, float] | None = None
+
+
+_Values = Annotated[dict[Word, _Value], Meta(max_length=100)]
+
+
+class _Joint(msgspec.Struct, forbid_unknown_fields=True):
+    name: Annotated[str, Meta(min_length=1, max_length=500)]
+    unit: Literal["rad", "m"]
+    torque_side: Literal["joint", "motor"]
+    gear_ratio: float
+    law: _Law
+    parameters: _Values
+    validity: _Validity
+    encoder_counts: Number = None
+    element_parameters: _Values = {}
+    dynamics: _Values = {}
+    fitted: _Quality | None = None
+    held_out: _Quality | None = None
+    method: Word = ""
+    warnings: Annotated[list[Sentence], Meta(max_length=1000)] = []
+
+
+class _Arm(msgspec.Struct, forbid_unknown_fields=True):
+    urdf_sha256: Word
+    parameters: Annotated[list[float], Meta(max_length=5000)]
+    condition: Number
+
+
+class _Source(msgspec.Struct, forbid_unknown_fields=True):
+    path: Sentence
+    sha256: Word
+
+
+class _Provenance(msgspec.Struct, forbid_unknown_fields=True):
+    backdrive: Word
+    sources: Annotated[list[_Source], Meta(max_length=100_000)] = []
+    options: dict[str, Any] = {}
+
+
+class _Header(msgspec.Struct):
+    format: Any = None
+    schema: Any = None
+
+
+class _File(msgspec.Struct, forbid_unknown_fields=True):
+    format: Literal["backdrive-friction-model"]
+    schema: int
+    joints: Annotated[list[_Joint], Meta(max_length=500)]
+    provenance: _Provenance
+    arm: _Arm | None = None
+
+
+def _null(x: float | None) -> Number:
+    return None if x is None or not math.isfinite(x) else float(x)
+
+
+def _nan(x: Number) -> float:
+    return math.nan if x is None else x
+
+
+def _values(rows: Rows, unit: str, errors: dict, at_bound: tuple[str, ...]) -> dict[str, _Value]:
+    result = {}
+    for name, parameter in rows.PARAMETERS.items():
+        value, error = getattr(rows, name), errors.get(name)
+        result[name] = _Value(
+            value=list(value) if parameter.many else value,
+            unit=parameter.unit_for(unit),
+            standard_error=[_null(e) for e in error] if isinstance(error, (list, tuple)) else _null(error),
+            lower=_null(parameter.lower),
+            upper=_null(parameter.upper),
+            at_bound=name in at_bound,
+        )
+    return result
+
+
+def _quality(q: m.Quality | None) -> _Quality | None:
+    if q is None:
+        return None
+    return _Quality(_null(q.residual), _null(q.residual_raw), _null(q.rms), q.samples)
+
+
+def encode(model: m.FrictionModel) -> bytes:
+    """Return the model file's bytes."""
+    joints = [
+        _Joint(
+            name=j.joint.name,
+            unit=j.joint.unit,
+            torque_side=j.joint.torque_side,
+            gear_ratio=j.joint.gear_ratio,
+            encoder_counts=_null(j.joint.encoder_counts),
+            law=_Law(j.law.rate.NAME, j.law.element.NAME),
+            parameters=_values(j.law.rate, j.joint.unit, dict(j.standard_errors), j.at_bound),
+            element_parameters=_values(j.law.element, j.joint.unit, dict(j.standard_errors), j.at_bound),
+            validity=_Validity(j.validity.velocity, j.validity.load, j.validity.temperature),
+            dynamics={
+                k: _Value(e.value, e.unit, _null(e.standard_error)) for k, e in sorted(j.dynamics.items())
+            },
+            fitted=_quality(j.fitted),
+            held_out=_quality(j.held_out),
+            method=j.method,
+            warnings=list(j.warnings),
+        )
+        for j in model.joints
+    ]
+    arm = model.arm and _Arm(model.arm.urdf_sha256, list(model.arm.parameters), _null(model.arm.condition))
+    provenance = _Provenance(
+        model.version, [_Source(s.path, s.sha256) for s in model.sources], dict(model.options)
+    )
+    document = _File(FORMAT, SCHEMA, joints, provenance, arm)
+    data = msgspec.json.encode(_encodable(msgspec.to_builtins(document)))
+    return msgspec.json.format(data, indent=2) + b"\n"
+
+
+def _encodable(value: Any) -> Any:
+    """Replace what UTF-8 cannot hold: a file name need not be text."""
+    if isinstance(value, str):
+        return value.encode("utf-8", "replace").decode("utf-8")
+    if isinstance(value, dict):
+        return {_encodable(k): _encodable(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_encodable(v) for v in value]
+    return value
+
+
+def save(model: m.FrictionModel, path: str | Path) -> None:
+    """Write the model file, whole or not at all."""
+    write_whole(path, encode(model))
+
+
+def _rows(cls: type[R], values: dict[str, _Value], where: str, unit: str) -> R:
+    missing, strange = set(cls.PARAMETERS) - set(values), set(values) - set(cls.PARAMETERS)
+    if missing or strange:
+        raise ModelFileError(
+            f"{where}: parameters {sorted(strange)} are unknown and {sorted(missing)} are missing.",
+            remedy=f"The law '{cls.NAME}' has {', '.join(cls.PARAMETERS) or 'none'}.",
+        )
+    for name, value in values.items():
+        expected = cls.PARAMETERS[name].unit_for(unit)
+        if value.unit != expected:
+            raise ModelFileError(
+                f"{where}.{name}: the unit is '{value.unit}'.", remedy=f"It must be '{expected}'."
+            )
+        check_errors(value.value, value.standard_error, f"{where}.{name}")
+    with placed(where):
+        return cls(**{k: tuple(v.value) if isinstance(v.value, list) else v.value for k, v in values.items()})
+
+
+def _errors(values: dict[str, _Value]) -> dict[str, Any]:
+    return {
+        k: tuple(_nan(e) for e in v.standard_error)
+        if isinstance(v.standard_error, list)
+        else _nan(v.standard_error)
+        for k, v in values.items()
+        if v.standard_error is not None
+    }
+
+
+def _dynamics(values: dict[str, _Value], where: str) -> dict[str, m.Estimate]:
+    found = {}
+    for name, v in values.items():
+        if isinstance(v.value, list) or isinstance(v.standard_error, list):
+            raise ModelFileError(f"{where}.{name}: is a list.", remedy="It must be one number.")
+        check_errors(v.value, v.standard_error, f"{where}.{name}")
+        found[name] = m.Estimate(value=v.value, unit=v.unit, standard_error=_nan(v.standard_error))
+    return found
+
+
+def _judged(q: _Quality | None) -> m.Quality | None:
+    if q is None:
+        return None
+    return m.Quality(
+        residual=_nan(q.residual_percent),
+        residual_raw=_nan(q.residual_raw_percent),
+        rms=_nan(q.rms),
+        samples=q.samples,
+    )
+
+
+def _joint(j: _Joint, where: str) -> m.JointFriction:
+    with placed(f"{where}.law"):
+        kinds = rate_law(j.law.rate), element(j.law.element)
+    rate = _rows(kinds[0], j.parameters, f"{where}.parameters", j.unit)
+    carrier = _rows(kinds[1], j.element_parameters, f"{where}.element_parameters", j.unit)
+    with placed(where):
+        friction = m.JointFriction(
+            joint=Joint(
+                name=j.name,
+                unit=j.unit,
+                torque_side=j.torque_side,
+                gear_ratio=j.gear_ratio,
+                encoder_counts=j.encoder_counts,
+            ),
+            law=Law(rate=rate, element=carrier),
+            standard_errors=_errors(j.parameters) | _errors(j.element_parameters),
+            at_bound=tuple(k for k, v in (j.parameters | j.element_parameters).items() if v.at_bound),
+            dynamics=_dynamics(j.dynamics, f"{where}.dynamics"),
+            validity=m.Validity(
+                velocity=j.validity.velocity, load=j.validity.load, temperature=j.validity.temperature
+            ),
+            fitted=_judged(j.fitted),
+            held_out=_judged(j.held_out),
+            method=j.method,
+            warnings=tuple(j.warnings),
+        )
+    check_law(friction, where)
+    return friction
+
+
+def decode(data: bytes, name: str = "model file") -> m.FrictionModel:
+    """Return the model that the bytes of a model file describe.
+
+    Raises:
+        ModelFileError: says at which place what is wrong.
+    """
+    try:
+        head = msgspec.json.decode(data, type=_Header)
+        if head.format != FORMAT:
+            raise ModelFileError(
+                "it is JSON, but not a friction model.",
+                remedy="Name a file made by `identify -o` or `fit -o`.",
+            )
+        if head.schema != SCHEMA or isinstance(head.schema, bool):
+            raise ModelFileError(
+                f"$.schema is {str(head.schema)[:40]}, this version reads {SCHEMA}.",
+                remedy="Upgrade backdrive, or identify again.",
+            )
+        document = msgspec.json.decode(data, type=_File)
+        check_twice(data)
+        check_document(msgspec.to_builtins(document))
+        joints = tuple(_joint(j, f"$.joints[{i}]") for i, j in enumerate(document.joints))
+        arm = document.arm and m.ArmModel(
+            urdf_sha256=document.arm.urdf_sha256,
+            parameters=tuple(document.arm.parameters),
+            condition=_nan(document.arm.condition),
+        )
+        with placed("$.joints"):
+            return m.FrictionModel(
+                joints=joints,
+                arm=arm,
+                sources=tuple(Source(path=s.path, sha256=s.sha256) for s in document.provenance.sources),
+                options=document.provenance.options,
+                version=document.provenance.backdrive,
+            )
+    except BackdriveError as error:
+        raise ModelFileError(f"{name}: {error.message}", remedy=error.remedy) from error
+    except msgspec.ValidationError as error:
+        message, _, place = str(error).rpartition(" - at ")
+        said = f"{place.strip('`')}: {message}" if message else str(error)
+        raise ModelFileError(f"{name}: {said}.", remedy=AGAIN) from error
+    except (
+        msgspec.MsgspecError,
+        ValueError,
+        RecursionError,
+        OverflowError,
+    ) as error:  # UnicodeDecodeError included
+        raise ModelFileError(f"{name} is damaged: {error}.", remedy=AGAIN) from error
+
+
+def load(path: str | Path) -> m.FrictionModel:
+    """Read a model file; see `decode`."""
+    data = read_whole(path, MAX_BYTES, error=ModelFileError, remedy="A model file is a few kilobytes.")
+    return decode(data, str(path))

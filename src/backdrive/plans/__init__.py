@@ -1,0 +1,23 @@
+"""Motions that make friction visible inside a joint's limits, and the plan that a log is later linked to."""
+
+from __future__ import annotations
+
+from backdrive.plans.base import Plan as Plan
+from backdrive.plans.checks import check_limits as check_limits
+from backdrive.plans.constant_velocity import ConstantVelocity as ConstantVelocity
+from backdrive.plans.in_turn import Held as Held
+from backdrive.plans.in_turn import InTurn as InTurn
+from backdrive.plans.in_turn import plan_of as plan_of
+from backdrive.plans.multisine import Multisine as Multisine
+from backdrive.plans.plan_file import PLANS as PLANS
+from backdrive.plans.plan_file import load_plan as load_plan
+from backdrive.plans.plan_file import plan_from_dict as plan_from_dict
+from backdrive.plans.plan_file import plan_to_dict as plan_to_dict
+from backdrive.plans.plan_file import save_plan as save_plan
+from backdrive.plans.stroke import inertia_bias as inertia_bias
+from backdrive.plans.stroke import smallest_stroke as smallest_stroke
+from backdrive.plans.stroke import stroke_for_bias as stroke_for_bias
+from backdrive.plans.sweep import Sweep as Sweep
+from backdrive.plans.torque import SawtoothTorque as SawtoothTorque
+from backdrive.plans.torque import SineTorque as SineTorque
+from backdrive.plans.torque import TorqueRamp as TorqueRamp

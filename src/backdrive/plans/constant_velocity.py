@@ -1,0 +1,171 @@
+"""Runs at constant velocity, both directions, inside a stroke."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import KW_ONLY, dataclass
+from functools import cached_property
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+from backdrive.plans._pieces import Pieces
+from backdrive.plans.base import LARGEST, SMALLEST, instants, rounded, settle, spoken
+
+#: Least share of the stroke that a run must have at constant speed.
+STEADY = 0.2
+MOST_SPEEDS = 1000
+
+
+@dataclass(frozen=True)
+class ConstantVelocity:
+    """For each speed one run up and one run down the stroke, with a stretch of constant velocity in the middle.
+
+    The classical way to a friction curve (the procedures that Iwatani 2017, 2.2 compares with). The speed rises and
+    falls along a cubic, so the acceleration is continuous and at most `ramp_acceleration`; the faster the run, the less of the
+    stroke is left at constant speed, which is why the sweep needs less range.
+
+    Attributes:
+        stroke: full stroke, peak to peak [rad or m].
+        speeds: of the runs, each driven in both directions [rad/s or m/s].
+        ramp_acceleration: greatest acceleration [rad/s^2 or m/s^2]; by default 4 V^2 / A, with the highest speed V.
+        center: middle of the stroke, where the motion begins and ends [rad or m].
+        pause: rest between runs [s].
+        start: instant at which the plan begins, on the log's clock [s].
+        lead_in: duration of the ways from the center to the end of the stroke and back [s]; by default gentle.
+        joint: its name.
+        unit: `rad` or `m`.
+    """
+
+    stroke: float
+    speeds: tuple[float, ...]
+    _: KW_ONLY
+    ramp_acceleration: float | None = None
+    center: float = 0.0
+    pause: float = 0.2
+    start: float = 0.0
+    lead_in: float | None = None
+    joint: str = "joint"
+    unit: Literal["rad", "m"] = "rad"
+
+    kind: ClassVar[str] = "constant-velocity"
+    commands: ClassVar[str] = "position"
+
+    def __post_init__(self):
+        settle(self, positive=("stroke",), not_negative=("pause",), finite=("center", "start"))
+        try:
+            speeds = tuple(float(v) for v in self.speeds)
+        except (TypeError, ValueError):
+            speeds = ()
+        if not 1 <= len(speeds) <= MOST_SPEEDS or not all(SMALLEST <= v <= LARGEST for v in speeds):
+            raise InvalidInput(
+                f"ConstantVelocity.speeds is {str(self.speeds)[:60]}.",
+                remedy="Give at least one speed above zero; each is driven in both directions.",
+            )
+        object.__setattr__(self, "speeds", speeds)
+        if self.ramp_acceleration is None:
+            object.__setattr__(self, "ramp_acceleration", 4.0 * max(speeds) ** 2 / self.stroke)
+        settle(self, positive=("ramp_acceleration",))
+        fastest = max(speeds)
+        least = 1.5 * fastest**2 / self.peak_acceleration / (1.0 - STEADY)
+        if self.stroke < least * (1.0 - 1e-12):
+            raise InvalidInput(
+                f"At {spoken(fastest, self.unit + '/s')} the stroke of {spoken(self.stroke, self.unit)} leaves too little "
+                "at constant speed.",
+                remedy=f"Give a stroke of at least {spoken(least, self.unit, 1)}, a higher ramp acceleration, or a lower speed.",
+            )
+        way = (
+            0.5 * self.stroke
+        )  # the quickest way there, of fifth order: 1.875 d/T fast, 5.774 d/T^2 accelerated
+        gentle = max(1.875 * way / fastest, math.sqrt(10.0 / math.sqrt(3.0) * way / self.peak_acceleration))
+        if self.lead_in is None:
+            object.__setattr__(self, "lead_in", gentle)
+        settle(self, positive=("lead_in",))
+        if self._lead < gentle * (1.0 - 1e-12):
+            raise InvalidInput(
+                f"ConstantVelocity.lead_in is {self._lead:g} s, too short to reach the end of the stroke gently.",
+                remedy=f"Give at least {rounded(gentle, 1):.4g} s, or nothing.",
+            )
+
+    @property
+    def _lead(self) -> float:
+        return self.lead_in or 0.0
+
+    @cached_property
+    def _plan(self) -> tuple[Pieces, np.ndarray]:
+        low, high = self.position_range
+        t, ends = self.start + self._lead, (low, high)
+        knots = [(self.start, self.center, 0.0, 0.0), (t, low, 0.0, 0.0)]
+        windows = []
+        for i in range(2 * len(self.speeds)):
+            v = self.velocities[i]
+            begin, end = ends[i % 2], ends[1 - i % 2]
+            ramp = 1.5 * abs(v) / self.peak_acceleration
+            steady = self.stroke / abs(v) - ramp
+            knots += [
+                (t + self.pause, begin, 0.0, 0.0),
+                (t + self.pause + ramp, begin + 0.5 * v * ramp, v, 0.0),
+                (t + self.pause + ramp + steady, end - 0.5 * v * ramp, v, 0.0),
+                (t + self.pause + 2 * ramp + steady, end, 0.0, 0.0),
+            ]
+            windows.append((t + self.pause + ramp, t + self.pause + ramp + steady))
+            t = knots[-1][0]
+        knots += [(t + self.pause, low, 0.0, 0.0), (t + self.pause + self._lead, self.center, 0.0, 0.0)]
+        return Pieces.through(knots), np.array(windows)
+
+    def position(self, t: Any) -> np.ndarray:
+        """Return the position [rad or m] at instants t [s], any shape."""
+        return self._plan[0](instants(t))[()]
+
+    def velocity(self, t: Any) -> np.ndarray:
+        """Return the velocity [rad/s or m/s] at instants t [s], any shape."""
+        return self._plan[0](instants(t), 1)[()]
+
+    def acceleration(self, t: Any) -> np.ndarray:
+        """Return the acceleration [rad/s^2 or m/s^2] at instants t [s], any shape."""
+        return self._plan[0](instants(t), 2)[()]
+
+    @property
+    def velocities(self) -> np.ndarray:
+        """Signed velocity of each run, in the order of `windows` [rad/s or m/s], (2 k,)."""
+        return np.repeat(self.speeds, 2) * np.tile([1.0, -1.0], len(self.speeds))
+
+    def windows(self) -> np.ndarray:
+        """Return begin and end of the constant velocity of each run, on the log's clock [s], (2 k, 2)."""
+        return self._plan[1].copy()
+
+    @property
+    def duration(self) -> float:
+        """From rest to rest [s]."""
+        return float(self._plan[0].edges[-1] - self.start)
+
+    @property
+    def home(self) -> float:
+        """Position at which it begins and ends at rest [rad or m]."""
+        return self.center
+
+    @property
+    def position_range(self) -> tuple[float, float]:
+        """Lowest and highest position [rad or m]."""
+        return self.center - 0.5 * self.stroke, self.center + 0.5 * self.stroke
+
+    @property
+    def peak_velocity(self) -> float:
+        """Highest speed [rad/s or m/s]."""
+        return max(self.speeds)
+
+    @property
+    def peak_acceleration(self) -> float:
+        """Greatest acceleration [rad/s^2 or m/s^2]; the ways in and out stay below it."""
+        return float(self.ramp_acceleration or 0.0)
+
+    def peak_torque(self, inertia: float, gravity: float = 0.0, friction: float = 0.0) -> float:
+        """Return a torque that the plan never exceeds: the sum of the largest of each part [N.m or N].
+
+        Args:
+            inertia: about the joint [kg.m^2 or kg].
+            gravity: largest gravity torque on the stroke [N.m or N].
+            friction: friction torque at the highest speed [N.m or N].
+        """
+        return inertia * self.peak_acceleration + abs(gravity) + abs(friction)

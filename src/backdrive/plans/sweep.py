@@ -1,0 +1,192 @@
+"""The sweep: sines of one stroke and growing speed, which show friction inside a small range (Iwatani 2017, 2.3)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import KW_ONLY, dataclass
+from functools import cached_property
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+from backdrive.plans._pieces import Pieces
+from backdrive.plans.base import instants, rounded, settle, settle_count
+
+#: Share of a cycle's top speed above which the motion is the sine of (2.4) itself. At 0.5 the glides between the cycles
+#: stay below the peak acceleration of the last cycle, and windows from 0.8 on have room for a lagging joint.
+PURE = 0.5
+#: Mean of a cubic step's first half, as a share of the whole step: how a glide divides at the turning point.
+_HALF = 3.0 / 16.0
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """N cycles between the same two turning points, the n-th with top speed n V / N.
+
+    With the phase phi(t), which grows by 2 pi a cycle at the rate omega_n = 2 n V / (A N),
+
+        q = center - A/2 cos(phi),   dq = A/2 sin(phi) phi',   ddq = A/2 (cos(phi) phi'^2 + sin(phi) phi'').
+
+    As printed (Iwatani 2017, (2.2)-(2.4)) the rate jumps at the end of each cycle, and with it the acceleration, from
+    2 n^2 V^2 / (A N^2) to that of n + 1; it also jumps from rest. Here the rate glides instead: around each turning
+    point, only where the speed is below half of the cycle's top speed, from zero at the start, and to zero at the end.
+    Position, velocity and acceleration are continuous, the stroke is never exceeded, and no acceleration is above
+    2 V^2 / A. The motion begins and ends at rest at the center. `smooth=False` is the printed one.
+
+    Attributes:
+        stroke: A, full stroke, peak to peak [rad or m].
+        top_speed: V, speed that the last cycle reaches [rad/s or m/s].
+        cycles: N, number of cycles, one a speed.
+        center: middle of the stroke [rad or m].
+        start: instant at which the plan begins, on the log's clock [s].
+        lead_in: from `start` to the first cycle [s]: the way from the center to the lower turning point (literal: rest
+            there). By default 1 s, longer where that would be hasty; literal: 0.
+        smooth: False for the motion as printed.
+        joint: its name.
+        unit: `rad` or `m`.
+    """
+
+    stroke: float
+    top_speed: float
+    cycles: int
+    _: KW_ONLY
+    center: float = 0.0
+    start: float = 0.0
+    lead_in: float | None = None
+    smooth: bool = True
+    joint: str = "joint"
+    unit: Literal["rad", "m"] = "rad"
+
+    kind: ClassVar[str] = "sweep"
+    commands: ClassVar[str] = "position"
+
+    def __post_init__(self):
+        settle(self, positive=("stroke", "top_speed"), finite=("center", "start"))
+        settle_count(self, "cycles")
+        if self.lead_in is None:
+            gentle = min(self._gentlest, max(1.0, 2.0 * self.stroke / self.top_speed))
+            object.__setattr__(self, "lead_in", gentle if self.smooth else 0.0)
+        settle(self, not_negative=("lead_in",))
+        least = min(self._gentlest, 1.5 * self.stroke / self.top_speed)
+        if self.smooth and self._lead < least:
+            raise InvalidInput(
+                f"Sweep.lead_in is {self.lead_in:g} s, too short to reach the first turning point gently.",
+                remedy=f"Give at least {rounded(least, 1):.4g} s, or nothing.",
+            )
+
+    @property
+    def _lead(self) -> float:
+        return self.lead_in or 0.0
+
+    @property
+    def _gentlest(self) -> float:
+        """Duration of a glide from rest at the center to the first cycle's rate that never overshoots it [s]."""
+        return math.pi / self.frequencies[0]
+
+    @property
+    def speeds(self) -> np.ndarray:
+        """Top speed of each cycle, n V / N [rad/s or m/s], (N,)."""
+        return np.arange(1, self.cycles + 1) * (self.top_speed / self.cycles)
+
+    @property
+    def frequencies(self) -> np.ndarray:
+        """Angular frequency of each cycle, 2 n V / (A N) [rad/s], (N,)."""
+        return 2.0 * self.speeds / self.stroke
+
+    @property
+    def _glides(self) -> tuple[np.ndarray, np.ndarray]:
+        """Durations of the glide to the next rate before and after each inner turning point [s], (N - 1,) each."""
+        w, b = self.frequencies, math.asin(PURE)
+        step = _HALF * np.diff(w)
+        return b / (w[:-1] + step), b / (w[1:] - step)
+
+    @cached_property
+    def _turns(self) -> np.ndarray:
+        """T_1 .. T_{N+1} of (2.3a), stretched by the glides, on the log's clock [s], (N + 1,)."""
+        w = self.frequencies
+        durations = 2.0 * np.pi / w
+        if self.smooth:
+            before, after = self._glides
+            durations[:-1] += before - math.asin(PURE) / w[:-1]
+            durations[1:] += after - math.asin(PURE) / w[1:]
+        return self.start + self._lead + np.concatenate([[0.0], np.cumsum(durations)])
+
+    @cached_property
+    def _phase(self) -> Pieces:
+        turns, w, b = self._turns, self.frequencies, math.asin(PURE)
+        if not self.smooth:
+            return Pieces.linear(turns, 2.0 * np.pi * np.arange(turns.size))
+        first, last = float(w[0]), float(w[-1])
+        glide = min(self._lead, self._gentlest)
+        knots = [(turns[0] - glide, -0.5 * np.pi, 0.0, 0.0), (turns[0], 0.0, first, 0.0)]
+        for n, (before, after) in enumerate(zip(*self._glides), start=1):
+            turn, middle = 2.0 * np.pi * n, 0.5 * (w[n - 1] + w[n])
+            slope = 1.5 * (w[n] - w[n - 1]) / (before + after)
+            knots += [
+                (turns[n] - before, turn - b, w[n - 1], 0.0),
+                (turns[n], turn, middle, slope),
+                (turns[n] + after, turn + b, w[n], 0.0),
+            ]
+        end = 2.0 * np.pi * self.cycles
+        knots += [(turns[-1], end, last, 0.0), (turns[-1] + np.pi / last, end + 0.5 * np.pi, 0.0, 0.0)]
+        return Pieces.through(knots)
+
+    def position(self, t: Any) -> np.ndarray:
+        """Return the position [rad or m] at instants t [s], any shape; (2.2)."""
+        return (self.center - 0.5 * self.stroke * np.cos(self._phase(instants(t))))[()]
+
+    def velocity(self, t: Any) -> np.ndarray:
+        """Return the velocity [rad/s or m/s] at instants t [s], any shape; (2.4)."""
+        t = instants(t)
+        return (0.5 * self.stroke * np.sin(self._phase(t)) * self._phase(t, 1))[()]
+
+    def acceleration(self, t: Any) -> np.ndarray:
+        """Return the acceleration [rad/s^2 or m/s^2] at instants t [s], any shape."""
+        t = instants(t)
+        phase = self._phase(t)
+        return (
+            0.5 * self.stroke * (np.cos(phase) * self._phase(t, 1) ** 2 + np.sin(phase) * self._phase(t, 2))
+        )[()]
+
+    def windows(self) -> np.ndarray:
+        """Return begin and end of each cycle on the log's clock [s], (N, 2); (2.3)."""
+        return np.column_stack([self._turns[:-1], self._turns[1:]])
+
+    @property
+    def duration(self) -> float:
+        """From rest to rest [s]; literal, without lead-in: pi A N / V sum(1/j), (2.15)."""
+        out = np.pi / self.frequencies[-1] if self.smooth else 0.0
+        return float(self._turns[-1] - self.start + out)
+
+    @property
+    def home(self) -> float:
+        """Position at which it begins and ends at rest [rad or m]."""
+        return self.center if self.smooth else self.center - 0.5 * self.stroke
+
+    @property
+    def position_range(self) -> tuple[float, float]:
+        """Lowest and highest position [rad or m]."""
+        return self.center - 0.5 * self.stroke, self.center + 0.5 * self.stroke
+
+    @property
+    def peak_velocity(self) -> float:
+        """Greatest speed, V [rad/s or m/s]."""
+        return self.top_speed
+
+    @property
+    def peak_acceleration(self) -> float:
+        """Greatest acceleration, 2 V^2 / A, at the turning points of the last cycle [rad/s^2 or m/s^2]."""
+        return 2.0 * self.top_speed**2 / self.stroke
+
+    def peak_torque(self, inertia: float, gravity: float = 0.0, friction: float = 0.0) -> float:
+        """Return a torque that the sweep never exceeds [N.m or N].
+
+        It adds the largest of each part, as if they met at one instant: I 2 V^2 / A + |gravity| + |friction|.
+
+        Args:
+            inertia: about the joint [kg.m^2 or kg].
+            gravity: largest gravity torque on the stroke [N.m or N].
+            friction: friction torque at the top speed [N.m or N].
+        """
+        return inertia * self.peak_acceleration + abs(gravity) + abs(friction)

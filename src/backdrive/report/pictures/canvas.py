@@ -1,0 +1,245 @@
+"""The sheet that every picture is drawn on: colours, type, axes, and the way out to SVG and PNG.
+
+Pictures are drawn by matplotlib's objects, never by its global state, so that no window system, no user setting and no
+other picture can change them: the same data give the same bytes.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from backdrive.errors import MissingExtra, install
+
+
+@dataclass(frozen=True, kw_only=True)
+class Theme:
+    """The colours of a picture, by what they mean.
+
+    Attributes:
+        ink: text and the friction curve.
+        muted: axis text and secondary lines.
+        grid: grid lines.
+        paper: background.
+        fitted: samples that the fit saw.
+        held_out: samples that it did not see.
+        band: confidence band.
+        truth: a curve to compare with.
+    """
+
+    ink: str = "#1a1d21"
+    muted: str = "#59636e"
+    grid: str = "#dfe3e8"
+    paper: str = "#ffffff"
+    fitted: str = "#2a78b8"
+    held_out: str = "#d9730d"
+    band: str = "#6b7785"
+    truth: str = "#00845a"
+
+
+LIGHT = Theme()
+DARK = Theme(
+    ink="#eceff3",
+    muted="#a9b3bf",
+    grid="#333b45",
+    paper="#14181d",
+    fitted="#62b0ec",
+    held_out="#f2a14b",
+    band="#93a0af",
+    truth="#35c796",
+)
+#: Colours that stand for CSS variables of the same names; `backdrive.report.pictures.svg` puts the variables in.
+CSS = Theme(**{f.name: f"#0a0b{i:02x}" for i, f in enumerate(fields(Theme), start=16)})
+
+FONT_SIZE = 10.5  # [pt]
+WIDTH, HEIGHT = 324, 220  # one picture [pt]: its type is 10 px high on a phone 360 px wide
+FEW = 120  # samples of which each is drawn large
+SMALL = 284, 196  # one of three in a row [pt]
+
+_STYLE: dict[str, Any] = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "backdrive",
+    "svg.image_inline": True,
+    "path.simplify": False,
+    "font.family": ["sans-serif"],
+    "font.size": FONT_SIZE,
+    "axes.linewidth": 0.8,
+    "axes.labelsize": FONT_SIZE,
+    "axes.titlesize": FONT_SIZE,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "axes.formatter.limits": (-4, 6),
+    "xtick.major.size": 0,
+    "ytick.major.size": 0,
+    "xtick.major.pad": 5,
+    "ytick.major.pad": 4,
+    "lines.solid_capstyle": "round",
+    "savefig.facecolor": "auto",
+}
+
+
+def require_matplotlib() -> None:
+    """Say how to install matplotlib when it is absent.
+
+    Raises:
+        MissingExtra: names the extra.
+    """
+    try:
+        import matplotlib.figure  # noqa: F401
+    except ImportError as error:
+        raise MissingExtra(
+            "Pictures and reports need matplotlib, which is not installed.",
+            remedy=install("report"),
+        ) from error
+
+
+@contextmanager
+def house_style() -> Iterator[None]:
+    """Draw in the house style whatever the person's matplotlib settings are.
+
+    Raises:
+        MissingExtra: matplotlib is not installed.
+    """
+    require_matplotlib()
+    import matplotlib
+
+    with matplotlib.rc_context(), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a glyph that the font lacks is drawn as a box
+        matplotlib.rcdefaults()
+        for key, value in _STYLE.items():
+            matplotlib.rcParams[key] = value  # pyright: ignore[reportArgumentType]
+        yield
+
+
+def axes_of(figure: Any, theme: Theme, rectangle: tuple[float, float, float, float] | None = None) -> Any:
+    """Return axes with a light grid, no box, and the vertical axis' name above it.
+
+    Args:
+        figure: a matplotlib figure.
+        theme: its colours.
+        rectangle: left, bottom, width, height [pt] of the plotting area; the house's margins by default.
+    """
+    width, height = figure.get_size_inches() * 72.0
+    left, bottom, w, h = rectangle or (44.0, 38.0, width - 54.0, height - 62.0)
+    axes = figure.add_axes((left / width, bottom / height, w / width, h / height))
+    axes.set_facecolor("none")
+    for side in ("top", "right", "left"):
+        axes.spines[side].set_visible(False)
+    axes.spines["bottom"].set_color(theme.muted)
+    axes.grid(True, color=theme.grid, linewidth=0.7)
+    axes.tick_params(colors=theme.muted, labelcolor=theme.muted)
+    return axes
+
+
+def name_axes(axes: Any, theme: Theme, *, x: str, y: str) -> None:
+    """Write the axes' names: the horizontal one below, the vertical one level and above, where a phone can read it."""
+    from matplotlib.ticker import MaxNLocator
+
+    axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
+    axes.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
+    axes.set_xlabel(x, color=theme.ink, labelpad=5)
+    axes.annotate(
+        y,
+        (0, 1),
+        xycoords="axes fraction",
+        xytext=(-38, 8),
+        textcoords="offset points",
+        color=theme.ink,
+        fontsize=FONT_SIZE,
+        annotation_clip=False,
+    )
+
+
+def new_figure(theme: Theme, width: float = WIDTH, height: float = HEIGHT) -> Any:
+    """Return an empty figure of a size in points."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width / 72.0, height / 72.0), dpi=72, facecolor=theme.paper)
+
+
+def dots(
+    axes: Any,
+    theme: Theme,
+    x: np.ndarray,
+    y: np.ndarray,
+    color: str,
+    *,
+    size: float = 2.4,
+    alpha: float = 0.55,
+) -> None:
+    """Draw many points.
+
+    For a page they become ONE path of strokes without length, which round caps turn into dots: a tenth of the bytes of one
+    element a point. The caller sets the axes' limits.
+
+    Args:
+        axes: to draw on.
+        theme: the picture's.
+        x: abscissas, (n,).
+        y: ordinates, (n,).
+        color: of the dots.
+        size: their diameter [pt]; a few are drawn larger.
+        alpha: their opacity [1].
+    """
+    good = np.isfinite(x) & np.isfinite(y)
+    if not np.any(good):
+        return
+    if np.count_nonzero(good) <= FEW:
+        size, alpha = 2.0 * size, 0.9
+    if theme is not CSS:  # Agg does not draw strokes without length
+        axes.plot(
+            x[good],
+            y[good],
+            linestyle="none",
+            marker="o",
+            markersize=size,
+            mew=0,
+            color=color,
+            alpha=alpha,
+            zorder=2,
+        )
+        return
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
+    vertices = np.repeat(np.column_stack([x[good], y[good]]), 2, axis=0)
+    codes = np.tile([Path.MOVETO, Path.LINETO], len(vertices) // 2).astype(Path.code_type)
+    axes.add_artist(  # not add_patch: working out its limits costs more than drawing it
+        PathPatch(
+            Path(vertices, codes),
+            facecolor="none",
+            edgecolor=color,
+            linewidth=size,
+            capstyle="round",
+            alpha=alpha,
+            zorder=2,
+        )
+    )
+
+
+def png(figure: Any, scale: float = 2.0) -> bytes:
+    """Return a figure as PNG.
+
+    Args:
+        figure: a matplotlib figure.
+        scale: pixels per point [1].
+    """
+    import io
+
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    stream = io.BytesIO()
+    FigureCanvasAgg(figure).print_figure(
+        stream, format="png", dpi=72 * scale, facecolor=figure.get_facecolor(), metadata={"Software": None}
+    )
+    return stream.getvalue()
+
+
+def pretty_unit(unit: str) -> str:
+    """Return an SI unit in print: `kg.m^2` becomes `kg·m²`."""
+    return unit.replace(".", "·").replace("^2", "²").replace("^3", "³").replace("degC", "°C")

@@ -1,0 +1,210 @@
+"""A motion plan, drawn: what is commanded over time, and where the identification will take its samples."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from backdrive._files import write_whole
+from backdrive.errors import InvalidInput
+from backdrive.plans import ConstantVelocity, InTurn, Sweep
+from backdrive.plans.base import torque_unit
+from backdrive.plans.limits import JointLimits
+from backdrive.plans.stroke import SHARE
+from backdrive.report.pictures import canvas, svg
+from backdrive.report.pictures.canvas import Theme
+
+WIDTH, PANEL, GAP = 640.0, 118.0, 34.0  # [pt]
+_LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 14.0, 44.0, 40.0  # [pt]
+_POINTS = 6000  # per curve
+_NAMES = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "τ"}
+
+
+def plan_figure(
+    plan: Any, limits: Mapping[str, JointLimits] | None = None, theme: Theme = canvas.LIGHT
+) -> Any:
+    """Return a figure of a plan: position, velocity and acceleration, or torque, over time.
+
+    Shaded bands are the plan's windows; thick strokes are where samples are taken; dashed lines are limits, where
+    they are near enough to be seen beside the motion.
+
+    Args:
+        plan: of one joint or of several in turn.
+        limits: by joint name.
+        theme: colours.
+
+    Raises:
+        MissingExtra: matplotlib is not installed.
+        InvalidInput: joints of different units are in one plan.
+    """
+    single = plan.plans if isinstance(plan, InTurn) else (plan,)
+    units = {one.unit for one in single}
+    if len(units) > 1:
+        raise InvalidInput(
+            "Rotary and linear joints cannot share one picture.", remedy="Draw their plans separately."
+        )
+    unit = units.pop()
+    panels = ("position", "velocity", "acceleration") if plan.commands == "position" else ("torque",)
+    shown = {
+        "position": unit,
+        "velocity": f"{unit}/s",
+        "acceleration": f"{unit}/s^2",
+        "torque": torque_unit(unit),
+    }
+    tall = PANEL if len(panels) > 1 else 1.6 * PANEL
+    height = _TOP + _BOTTOM + len(panels) * tall + (len(panels) - 1) * GAP
+    with canvas.house_style():
+        figure = canvas.new_figure(theme, WIDTH, height)
+        for row, panel in enumerate(panels):
+            bottom = _BOTTOM + (len(panels) - 1 - row) * (tall + GAP)
+            axes = canvas.axes_of(figure, theme, (_LEFT, bottom, WIDTH - _LEFT - _RIGHT, tall))
+            _draw(axes, theme, plan, single, panel)
+            _draw_limits(axes, theme, single, panel, limits or {})
+            last = row == len(panels) - 1
+            canvas.name_axes(
+                axes,
+                theme,
+                x="time [s]" if last else "",
+                y=f"{_NAMES[panel]} [{canvas.pretty_unit(shown[panel])}]",
+            )
+            axes.set_xlim(plan.start - 0.01 * plan.duration, plan.start + 1.01 * plan.duration)
+            if not last:
+                axes.tick_params(labelbottom=False)
+        y = 1.0 - 12.0 / height
+        figure.text(_LEFT / WIDTH, y, _title(plan, single), color=theme.ink, va="center", fontweight="bold")
+        _key(figure, theme, (1.0 - _RIGHT / WIDTH, y))
+    return figure
+
+
+def draw_plan(plan: Any, path: str | Path, limits: Mapping[str, JointLimits] | None = None) -> Path:
+    """Write a plan's picture as PNG or SVG, by the file's ending.
+
+    Raises:
+        MissingExtra: matplotlib is not installed.
+        InvalidInput: another ending, or the file cannot be written.
+    """
+    return write_whole(path, picture(plan, Path(path).suffix.lstrip("."), limits))
+
+
+def picture(plan: Any, kind: str, limits: Mapping[str, JointLimits] | None = None) -> bytes:
+    """Return a plan's picture as the content of a `png` or `svg` file.
+
+    Raises:
+        MissingExtra: matplotlib is not installed.
+        InvalidInput: another kind.
+    """
+    if kind.lower() not in ("png", "svg"):
+        raise InvalidInput(f"A picture cannot be written as '{kind}'.", remedy="Name a .png or .svg file.")
+    figure = plan_figure(plan, limits)
+    with canvas.house_style():
+        return canvas.png(figure) if kind.lower() == "png" else svg.standalone(figure)
+
+
+def _title(plan: Any, single: tuple[Any, ...]) -> str:
+    kinds = sorted({one.kind for one in single})
+    who = single[0].joint if len(single) == 1 else f"{len(single)} joints in turn"
+    return f"{' and '.join(kinds)} of {who}, {plan.duration:.4g} s"
+
+
+def _key(figure: Any, theme: Theme, corner: tuple[float, float]) -> None:
+    """Say what strokes mean, those that occur."""
+    named = {}
+    for axes in figure.axes:
+        for line in axes.get_lines():
+            if not line.get_label().startswith("_"):
+                named.setdefault(line.get_label(), line)
+    if named:
+        figure.legend(
+            list(named.values()),
+            list(named),
+            loc="center right",
+            bbox_to_anchor=corner,
+            ncols=len(named),
+            frameon=False,
+            labelcolor=theme.muted,
+            fontsize=canvas.FONT_SIZE - 1.5,
+            borderpad=0,
+            borderaxespad=0,
+        )
+
+
+def _draw(axes: Any, theme: Theme, plan: Any, single: tuple[Any, ...], panel: str) -> None:
+    top = panel in ("position", "torque")
+    for one in single:
+        t = one.start + np.linspace(0.0, one.duration, _POINTS)
+        t = np.unique(np.concatenate([t, one.windows().ravel()]))
+        y = getattr(one, panel)(t)
+        windows = one.windows()
+        for begin, end in windows[::2]:
+            axes.axvspan(begin, end, facecolor=theme.band, alpha=0.10, linewidth=0, zorder=0)
+        axes.plot(t, y, color=theme.ink if panel != "acceleration" else theme.muted, linewidth=1.2, zorder=3)
+        if panel == "velocity":
+            taken = _sampled(one, t, y)
+            if taken is not None:
+                axes.plot(
+                    t,
+                    np.where(taken, y, np.nan),
+                    color=theme.fitted,
+                    linewidth=2.6,
+                    zorder=4,
+                    label="samples taken",
+                )
+        if top and len(single) > 1:
+            axes.annotate(
+                one.joint,
+                (one.start + 0.5 * one.duration, 1.0),
+                xycoords=("data", "axes fraction"),
+                xytext=(0, 8),
+                textcoords="offset points",
+                ha="center",
+                color=theme.muted,
+                fontsize=canvas.FONT_SIZE - 1.5,
+            )
+    low, high = axes.get_ylim()
+    pad = 0.04 * (high - low)
+    axes.set_ylim(low - pad, high + pad)
+
+
+def _sampled(plan: Any, t: np.ndarray, v: np.ndarray) -> np.ndarray | None:
+    """Return where the identification takes samples, (n,), or None where it takes all."""
+    if not isinstance(plan, (Sweep, ConstantVelocity)):
+        return None
+    windows = plan.windows()
+    least = SHARE * np.abs(plan.speeds if isinstance(plan, Sweep) else plan.velocities)
+    home = np.clip(np.searchsorted(windows[:, 0], t, side="right") - 1, 0, len(windows) - 1)
+    return (np.abs(v) >= least[home]) & (t >= windows[home, 0]) & (t <= windows[home, 1])
+
+
+def _draw_limits(
+    axes: Any, theme: Theme, single: tuple[Any, ...], panel: str, limits: Mapping[str, JointLimits]
+) -> None:
+    low, high = axes.get_ylim()
+    reach = 0.6 * (high - low)
+    for one in single:
+        bound = limits.get(one.joint)
+        if bound is None:
+            continue
+        both = {
+            "position": (bound.lower, bound.upper),
+            "velocity": (-bound.velocity, bound.velocity),
+            "acceleration": (-bound.acceleration, bound.acceleration),
+            "torque": (-bound.effort, bound.effort),
+        }[panel]
+        for value in both:
+            if np.isfinite(value) and low - reach <= value <= high + reach:
+                ends = (one.start, one.start + one.duration)
+                axes.plot(
+                    ends,
+                    (value, value),
+                    color=theme.held_out,
+                    linewidth=1.2,
+                    linestyle=(0, (5, 3)),
+                    zorder=2,
+                    label="limit",
+                )
+                low_now, high_now = axes.get_ylim()
+                pad = 0.06 * (high - low)
+                axes.set_ylim(min(low_now, value - pad), max(high_now, value + pad))

@@ -1,0 +1,268 @@
+"""Four signatures of a friction law in one picture: steady friction, presliding, stick-slip, frictional lag."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from backdrive._files import write_whole
+from backdrive.errors import InvalidInput
+from backdrive.laws import Law
+from backdrive.report.pictures import _signature_data as data
+from backdrive.report.pictures import canvas, sizes, svg
+from backdrive.report.pictures.canvas import Theme
+
+WIDTH, HEIGHT = 688.0, 532.0  # [pt]
+HEAD = 32.0  # above the panels, for the law's name [pt]
+PANEL = WIDTH / 2.0, (HEIGHT - HEAD) / 2.0  # [pt]
+LEFT, RIGHT, BELOW, ABOVE = 46.0, 14.0, 38.0, 40.0  # margins inside a panel [pt]
+SMALL = canvas.FONT_SIZE - 1.5  # type of legends [pt]
+SLOW, FAST = 0.005, 0.2  # mean speeds of the presliding motion by the scene's velocity
+EDGE = 8.0  # where titles begin [pt]
+DASHED = (0, (4, 2.6))
+
+Key = list[tuple[Any, str]]
+
+
+def draw(law: Law, *, title: str = "", theme: Theme = canvas.LIGHT) -> Any:
+    """Return a figure with the four signatures of a law of a rotary joint.
+
+    Top left, what constant velocities end with; top right, slow motion with nested reversals at two speeds; bottom
+    left, a mass that a soft spring draws along; bottom right, a velocity that wavers and stays positive, at two
+    frequencies. Laws that depend on load or temperature are drawn for three of them, at one speed and one frequency.
+
+    Args:
+        law: rate law and element with their values.
+        title: bold, above; the law's name by default.
+        theme: colours.
+
+    Raises:
+        MissingExtra: matplotlib is not installed.
+    """
+    size, cases = data.scene(law), data.conditions(law)
+    with canvas.house_style():
+        figure = canvas.new_figure(theme, WIDTH, HEIGHT)
+        _head(figure, theme, title or law.name, _about(law, size, cases))
+        _steady(figure, theme, law, cases)
+        _presliding(figure, theme, law, size, cases)
+        _pull(figure, theme, law, size, cases)
+        _lag(figure, theme, law, size, cases)
+    return figure
+
+
+def picture(law: Law, kind: str, *, title: str = "", scale: float = 1.6) -> bytes:
+    """Return the four signatures as the content of a `png` or `svg` file.
+
+    Args:
+        law: rate law and element with their values.
+        kind: `png` or `svg`.
+        title: bold, above; the law's name by default.
+        scale: pixels per point of a PNG [1].
+
+    Raises:
+        MissingExtra: matplotlib is not installed.
+        InvalidInput: another kind.
+    """
+    if kind.lower() not in ("png", "svg"):
+        raise InvalidInput(f"A picture cannot be written as '{kind}'.", remedy="Name a .png or .svg file.")
+    figure = draw(law, title=title)
+    with canvas.house_style():
+        return canvas.png(figure, scale) if kind.lower() == "png" else svg.standalone(figure)
+
+
+def save(path: str | Path, law: Law, *, title: str = "") -> Path:
+    """Write the four signatures of a law as PNG or SVG, by the file's ending; see `picture`."""
+    return write_whole(path, picture(law, Path(path).suffix.lstrip("."), title=title))
+
+
+def _colors(theme: Theme) -> tuple[str, str, str]:
+    return theme.fitted, theme.held_out, theme.truth
+
+
+def _about(law: Law, size: data.Scene, cases: list[data.Condition]) -> str:
+    """Say what stands behind the name of a law, and which conditions were chosen."""
+    if len(cases) == 1:
+        return law.name
+    chosen = f"presliding at {1e3 * SLOW * size.velocity:g} mrad/s, lag at {data.FREQUENCIES[-1]:g} Hz"
+    if "temperature" in law.rate.NEEDS:
+        motor, external = data.CARRIED
+        return f"motor {motor:g}, external {external:g} N·m; {chosen}".replace("-", "\u2212")
+    return f"in colour: torque of the motor, of everything else; {chosen}"
+
+
+def _head(figure: Any, theme: Theme, title: str, about: str) -> None:
+    """Write the law's name and, if it says more, what stands behind it."""
+    bold = figure.text(
+        EDGE / WIDTH,
+        1.0 - 16.0 / HEIGHT,
+        title,
+        color=theme.ink,
+        fontweight="bold",
+        fontsize=canvas.FONT_SIZE + 2.0,
+        va="center",
+        parse_math=False,
+    )
+    if about != title:
+        from matplotlib.text import Annotation
+
+        figure.add_artist(
+            Annotation(
+                about,
+                (1, 0.5),
+                xycoords=bold,
+                xytext=(10, 0),
+                textcoords="offset points",
+                color=theme.muted,
+                va="center",
+                parse_math=False,
+            )
+        )
+
+
+def _panel(
+    figure: Any, theme: Theme, column: int, row: int, title: str, part: tuple[float, float] = (0.0, 1.0)
+) -> Any:
+    """Return axes in a panel, row 0 on top; `part` is the share of its height that they take, from below."""
+    left, bottom = column * PANEL[0], (1 - row) * PANEL[1]
+    height = PANEL[1] - BELOW - ABOVE
+    box = (
+        left + LEFT,
+        bottom + BELOW + part[0] * height,
+        PANEL[0] - LEFT - RIGHT,
+        (part[1] - part[0]) * height,
+    )
+    axes = canvas.axes_of(figure, theme, box)
+    x, y = (left + EDGE) / WIDTH, (bottom + PANEL[1] - 8.0) / HEIGHT
+    if title:
+        figure.text(x, y, title, color=theme.ink, fontweight="bold", va="center", parse_math=False)
+    return axes
+
+
+def _key(axes: Any, theme: Theme, entries: Key) -> None:
+    """Write a legend above the plotting area, at its right, where it covers nothing."""
+    axes.legend(
+        [line for line, _ in entries],
+        [label for _, label in entries],
+        loc="lower right",
+        bbox_to_anchor=(1.015, 1.0),
+        ncols=len(entries),
+        frameon=False,
+        fontsize=SMALL,
+        labelcolor=theme.muted,
+        handlelength=1.3,
+        handletextpad=0.4,
+        columnspacing=0.9,
+        borderpad=0.1,
+        borderaxespad=0.2,
+    )
+
+
+def _line(axes: Any, x: np.ndarray, y: np.ndarray, color: str, width: float = 1.5, **how: Any) -> Any:
+    return axes.plot(x, y, color=color, linewidth=width, solid_joinstyle="round", **how)[0]
+
+
+def _steady(figure: Any, theme: Theme, law: Law, cases: list[data.Condition]) -> None:
+    """Torque that constant velocities end with, over the logarithm of the speed."""
+    axes = _panel(figure, theme, 0, 0, "Steady friction")
+    v = data.speeds(law)
+    entries: Key = []
+    for case, color in zip(cases, _colors(theme) if len(cases) > 1 else (theme.ink,)):
+        line = _line(axes, v, data.steady(law, v, case), color)
+        entries.append((line, case.label or ("along +q" if not law.rate.SYMMETRIC else law.element.NAME)))
+        if not law.rate.SYMMETRIC:
+            back = _line(axes, v, -data.steady(law, -v, case), color, 1.3, linestyle=DASHED)
+            entries.append((back, f"{case.label} along \u2212q".strip()))
+    if not law.element.STEADY:
+        alone = _line(axes, v, law.torque(v), theme.muted, 1.2, linestyle=(0, (1.2, 1.8)))
+        entries.append((alone, "rate law alone"))
+    axes.set_xscale("log")
+    axes.set_ylim(bottom=0.0)
+    axes.set_ylim(top=1.06 * axes.get_ylim()[1])
+    _name(axes, theme, "speed [rad/s]", "friction [N·m]", log=True)
+    if len(entries) > 1:
+        _key(axes, theme, entries)
+
+
+def _presliding(figure: Any, theme: Theme, law: Law, size: data.Scene, cases: list[data.Condition]) -> None:
+    """Torque over position along nested reversals."""
+    axes = _panel(figure, theme, 1, 0, "Presliding with reversals")
+    reach = max(abs(turn) for turn in data.TURNS) * size.stretch
+    factor, unit = sizes.scaled(reach, "rad")
+    if len(cases) > 1:
+        runs = [(c, SLOW, c.label, color, 1.5) for c, color in zip(cases, _colors(theme))]
+    else:
+        slow, fast = (f"{s * size.velocity * 1e3:g} mrad/s" for s in (SLOW, FAST))
+        runs = [(cases[0], SLOW, slow, theme.fitted, 2.8), (cases[0], FAST, fast, theme.held_out, 1.1)]
+    entries: Key = []
+    for case, speed, label, color, width in runs:
+        trace = data.presliding(law, speed * size.velocity, case)
+        entries.append((_line(axes, trace.x * factor, trace.y, color, width), label))
+    axes.axhline(0.0, color=theme.muted, linewidth=0.7, zorder=1)
+    _name(axes, theme, f"position [{unit}]", "friction [N·m]")
+    _key(axes, theme, entries)
+
+
+def _pull(figure: Any, theme: Theme, law: Law, size: data.Scene, cases: list[data.Condition]) -> None:
+    """Torque of the spring and position of the mass over time."""
+    title = f"{data.INERTIA:g} kg·m² pulled through {size.spring:g} N·m/rad at {1e3 * size.speed:g} mrad/s"
+    upper = _panel(figure, theme, 0, 1, title, (0.56, 1.0))
+    lower = _panel(figure, theme, 0, 1, "", (0.0, 0.4))
+    colors = _colors(theme) if len(cases) > 1 else (theme.fitted,)
+    factor, unit = sizes.scaled(size.speed * size.duration, "rad")
+    entries: Key = []
+    for case, color in zip(cases, colors):
+        found = data.pull(law, case)
+        entries.append((_line(upper, found.time, found.torque, color, 1.3), case.label))
+        mass = _line(lower, found.time, found.position * factor, color, 1.3)
+        if case is cases[-1]:
+            end = _line(lower, found.time, found.end * factor, theme.muted, 1.1, linestyle=DASHED)
+            _key(lower, theme, ([(mass, "mass")] if len(cases) == 1 else []) + [(end, "spring's end")])
+    upper.set_ylim(bottom=min(0.0, upper.get_ylim()[0]))
+    for axes in (upper, lower):
+        axes.set_xlim(0.0, size.duration)
+    _name(upper, theme, "", "spring [N·m]", few=True)
+    _name(lower, theme, "time [s]", f"position [{unit}]", few=True)
+    upper.tick_params(labelbottom=False)
+    if len(cases) > 1:
+        _key(upper, theme, entries)
+
+
+def _lag(figure: Any, theme: Theme, law: Law, size: data.Scene, cases: list[data.Condition]) -> None:
+    """Torque over a velocity that wavers and stays positive, on the steady curve."""
+    axes = _panel(figure, theme, 1, 1, "Frictional lag")
+    v = size.velocity * np.linspace(0.1, 2.1, 81)
+    entries: Key = []
+    if len(cases) > 1:
+        for case, color in zip(cases, _colors(theme)):
+            trace = data.lag(law, data.FREQUENCIES[-1], case)
+            entries.append((_line(axes, trace.x, trace.y, color, 1.3), case.label))
+    else:
+        still = _line(axes, v, data.steady(law, v, cases[0]), theme.ink, 4.0, alpha=0.25)
+        entries.append((still, "steady"))
+        for frequency, color in zip(data.FREQUENCIES, (theme.fitted, theme.held_out)):
+            trace = data.lag(law, frequency, cases[0])
+            entries.append((_line(axes, trace.x, trace.y, color, 1.4), f"{frequency:g} Hz"))
+    low, high = axes.get_ylim()
+    least = 0.2 * max(abs(low), abs(high))  # a curve that is nearly level is drawn nearly level
+    if high - low < least:
+        axes.set_ylim(0.5 * (low + high - least), 0.5 * (low + high + least))
+    _name(axes, theme, "velocity [rad/s]", "friction [N·m]")
+    _key(axes, theme, entries)
+
+
+def _name(axes: Any, theme: Theme, x: str, y: str, *, log: bool = False, few: bool = False) -> None:
+    """Write the axes' names and choose their ticks."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
+
+    canvas.name_axes(axes, theme, x=x, y=y)
+    if few:
+        axes.yaxis.set_major_locator(MaxNLocator(3, steps=[1, 2, 2.5, 5, 10]))
+    if log:
+        plain: Callable[[float, int], str] = lambda value, _: f"{value:g}"  # noqa: E731
+        axes.xaxis.set_major_locator(LogLocator(10.0))
+        axes.xaxis.set_minor_locator(NullLocator())
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.xaxis.set_major_formatter(FuncFormatter(plain))

@@ -1,0 +1,122 @@
+"""A figure as SVG: to stand inside an HTML page, or alone in a file."""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import fields
+from html import escape
+from typing import Any
+from xml.etree import ElementTree
+
+from backdrive.report.pictures.canvas import CSS
+
+_VARIABLES = {getattr(CSS, f.name): f"var(--{f.name.replace('_', '-')})" for f in fields(CSS)}
+_KEPT = {"path", "g", "text", "tspan", "use", "defs", "clipPath", "rect"}
+_FONT = re.compile(r"font(-family|-stretch|-variant|-style)?$")
+_DOT = re.compile(r"M(\S+ \S+)L\1(?=M|$)")
+_NUMBER = re.compile(r"-?\d+\.\d+")
+_DEFAULTS = {
+    ("stroke-linejoin", "miter"),
+    ("stroke-linecap", "butt"),
+    ("fill-opacity", "1"),
+    ("opacity", "1"),
+}
+
+
+def _raw(figure: Any) -> bytes:
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    stream = io.BytesIO()
+    nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+    FigureCanvasSVG(figure).print_svg(stream, metadata=nothing)
+    return stream.getvalue()
+
+
+def standalone(figure: Any) -> bytes:
+    """Return a figure as the content of an SVG file."""
+    return _raw(figure)
+
+
+def inline(figure: Any, prefix: str, label: str) -> str:
+    """Return a figure as an `<svg>` element for an HTML page.
+
+    It names no address (HTML needs no namespace), its colours are the page's CSS variables, its type the page's, its text
+    is text, and its identifiers begin with `prefix`, so that several can stand in one page.
+
+    Args:
+        figure: drawn in the theme `canvas.CSS`.
+        prefix: unique in the page, an identifier.
+        label: what the picture shows, for those who do not see it.
+    """
+    root = ElementTree.fromstring(_raw(figure))  # our own picture: no entities, no links
+    names: dict[str, str] = {}
+    body = "".join(_element(child, prefix, names) for child in root)
+    return f'<svg viewBox="{escape(root.get("viewBox", ""))}" role="img" aria-label="{escape(label)}">{body}</svg>'
+
+
+def _element(node: ElementTree.Element, prefix: str, names: dict[str, str]) -> str:
+    tag = node.tag.rpartition("}")[2] if isinstance(node.tag, str) else ""
+    if tag not in _KEPT:
+        return ""
+    children = "".join(_element(child, prefix, names) for child in node)
+    text = escape(node.text) if node.text and node.text.strip() else ""
+    attributes = "".join(
+        f' {key}="{escape(value)}"' for key, value in _attributes(node, tag, prefix, names) if value
+    )
+    if tag in {"g", "defs"} and not children:
+        return ""
+    if tag == "g" and not attributes:
+        return children
+    if tag == "path" and " d=" not in attributes:
+        return ""
+    return f"<{tag}{attributes}>{text}{children}</{tag}>"
+
+
+def _attributes(node: ElementTree.Element, tag: str, prefix: str, names: dict[str, str]):
+    for name, value in node.attrib.items():
+        key = name.rpartition("}")[2]
+        if key == "id":
+            if tag not in {"g", "text"}:  # groups carry names that nothing refers to
+                yield "id", _renamed(value, prefix, names)
+        elif key == "href":
+            yield key, "#" + _renamed(value.lstrip("#"), prefix, names)
+        elif key == "clip-path":
+            yield key, f"url(#{_renamed(value[5:-1], prefix, names)})"
+        elif key == "style":
+            yield key, _style(value)
+        elif key == "d":
+            yield key, _path(value)
+        elif key == "transform" and value.startswith("rotate(-0 "):
+            continue
+        else:
+            yield key, _NUMBER.sub(_short, value)
+
+
+def _renamed(name: str, prefix: str, names: dict[str, str]) -> str:
+    return names.setdefault(name, f"{prefix}-{len(names)}")
+
+
+def _style(style: str) -> str:
+    kept = []
+    for item in style.split(";"):
+        key, _, value = (part.strip() for part in item.partition(":"))
+        if key == "font":  # "10.5px 'DejaVu Sans', ...": the size stays, the face is the page's
+            key, value = "font-size", next((w for w in value.split() if w.endswith("px")), "10px")
+        elif _FONT.match(key):
+            continue
+        if key and (key, value) not in _DEFAULTS:
+            kept.append(f"{key}:{_VARIABLES.get(value, value)}")
+    return ";".join(kept)
+
+
+def _path(d: str) -> str:
+    """Shorten a path: a tenth of a point is finer than any screen, and `h0` is a stroke without length."""
+    short = _NUMBER.sub(_short, " ".join(d.split()))
+    short = re.sub(r"\s*([MLCQZ])\s*", r"\1", short)
+    return _DOT.sub(r"M\1h0", short)
+
+
+def _short(match: re.Match[str]) -> str:
+    text = f"{float(match.group()):.1f}".removesuffix(".0")
+    return "0" if text == "-0" else text

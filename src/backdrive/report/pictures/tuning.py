@@ -1,0 +1,150 @@
+"""The safe region of a compensator: R against K/K_c and decay rate against delay, with the chosen numbers and the thesis'."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from backdrive._files import write_whole
+from backdrive.errors import InvalidInput
+from backdrive.report.pictures.canvas import LIGHT, Theme, axes_of, house_style, name_axes, new_figure, png
+from backdrive.tuning.tuning import Tuning
+
+WIDTH, HEIGHT = 640.0, 316.0  # [pt]
+LEVELS = (1.0, 10.0)  # of what is allowed at rest: within it rests, up to the second it hums
+WORDS = ("comes to rest", "hums, up to 10 times what is allowed", "more, or does not stop")
+
+
+def draw(tuning: Tuning, path: str | Path, theme: Theme = LIGHT) -> Path:
+    """Write the picture of a tuning's safe region.
+
+    Args:
+        tuning: with its region.
+        path: PNG or SVG.
+        theme: colours.
+
+    Raises:
+        InvalidInput: the region was not worked out.
+        MissingExtra: matplotlib is not installed.
+    """
+    if not tuning.region:
+        raise InvalidInput(
+            f"The tuning of '{tuning.joint}' for '{tuning.goal}' holds no safe region.",
+            remedy="It is worked out for --goal backdrive and track, with --picture.",
+        )
+    with house_style():
+        figure = safe_region(tuning, theme)
+        if str(path).lower().endswith(".svg"):
+            from backdrive.report.pictures.svg import standalone
+
+            return write_whole(path, standalone(figure))
+        return write_whole(path, png(figure))
+
+
+def safe_region(tuning: Tuning, theme: Theme = LIGHT) -> Any:
+    """Return the figure of a tuning's safe region.
+
+    Args:
+        tuning: with its region.
+        theme: colours.
+    """
+    region = tuning.region
+    figure = new_figure(theme, WIDTH, HEIGHT)
+    left = axes_of(figure, theme, (48, 92, 248, 180))
+    right = axes_of(figure, theme, (376, 92, 248, 180))
+    springs, shares = np.array(region["springs"]), np.array(region["shares"])
+    _tiles(left, theme, springs, shares, np.array(region["by_share"], dtype=float))
+    low, high = region["stiffness_interval"]
+    left.axvspan(low, high, color=theme.band, alpha=0.18, linewidth=0)
+    left.axhline(region["largest_share"], color=theme.ink, linewidth=1.0, linestyle=":")
+    words = f"R (dotted: the least friction), α = {region['chosen'][2]:.3g}/s as chosen"
+    name_axes(left, theme, x="K/K_c (shaded: where K_c may lie)", y=words)
+    decays, delays = np.array(region["decays"]), 1e3 * np.array(region["delays"])
+    _tiles(right, theme, delays, decays, np.array(region["by_delay"], dtype=float).T, rising=True)
+    right.set_yscale("log")
+    R, K, alpha, delay = region["chosen"]
+    name_axes(right, theme, x="delay [ms]", y=f"α [1/s], with the chosen R = {R:.2f} and K = {K:.2f} K_c")
+    from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
+
+    right.yaxis.set_major_locator(FixedLocator([2, 5, 20, 50, 200, 500]))
+    right.yaxis.set_major_formatter(ScalarFormatter())
+    right.yaxis.set_minor_locator(NullLocator())
+    right.plot([1e3 * delay], [alpha], clip_on=False, zorder=5, **_mark(theme, "chosen"))
+    left.plot([K], [R], clip_on=False, zorder=5, **_mark(theme, "chosen"))
+    R, K, alpha = region["thesis"][:3]
+    left.plot([min(K, left.get_xlim()[1])], [R], clip_on=False, zorder=4, **_mark(theme, "thesis"))
+    right.plot([1e3 * delay], [alpha], clip_on=False, zorder=4, **_mark(theme, "thesis alpha"))
+    _legend(figure, theme, tuning)
+    return figure
+
+
+def _edges(x: np.ndarray, *, rising: bool = False) -> np.ndarray:
+    """Return where tiles around values begin and end, halfway between them (in the logarithm where `rising`)."""
+    y = np.log(x) if rising else x
+    middle = 0.5 * (y[1:] + y[:-1])
+    edges = np.concatenate([[1.5 * y[0] - 0.5 * y[1]], middle, [1.5 * y[-1] - 0.5 * y[-2]]])
+    return np.exp(edges) if rising else edges
+
+
+def _colors(theme: Theme) -> list[str]:
+    return [theme.truth, "#f2c14e", theme.held_out]
+
+
+def _tiles(
+    axes: Any, theme: Theme, x: np.ndarray, y: np.ndarray, z: np.ndarray, rising: bool = False
+) -> None:
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    colors = ListedColormap(_colors(theme))
+    level = np.digitize(np.where(np.isfinite(z), z, np.inf), LEVELS, right=True).astype(float)
+    axes.pcolormesh(
+        _edges(x),
+        _edges(y, rising=rising),
+        level,
+        cmap=colors,
+        norm=BoundaryNorm([-0.5, 0.5, 1.5, 2.5], 3),
+        alpha=0.55,
+        edgecolor=theme.paper,
+        linewidth=0.5,
+    )
+    axes.set_xlim(_edges(x)[[0, -1]])
+    axes.set_ylim(_edges(y, rising=rising)[[0, -1]])
+
+
+def _mark(theme: Theme, name: str) -> dict[str, Any]:
+    """Return the marker of the chosen numbers, or of the thesis', hollow and larger, so that neither hides the other."""
+    if name == "chosen":
+        return {"marker": "o", "color": theme.ink, "ms": 6, "ls": "none"}
+    if name == "thesis":
+        return {"marker": "D", "mfc": "none", "mec": theme.ink, "mew": 1.4, "ms": 11, "ls": "none"}
+    return {"marker": "s", "mfc": "none", "mec": theme.ink, "mew": 1.0, "ms": 8, "ls": "none"}
+
+
+def _legend(figure: Any, theme: Theme, tuning: Tuning) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    entries: list[Any] = [Patch(facecolor=c, alpha=0.55, label=w) for c, w in zip(_colors(theme), WORDS)]
+    K = tuning.region["thesis"][1]
+    beyond = f" (K/K_c = {K:.2g}, beyond)" if tuning.region["springs"][-1] < K else ""
+    entries += [
+        Line2D([], [], label=words, **_mark(theme, name))
+        for name, words in (
+            ("chosen", "chosen"),
+            ("thesis", f"the thesis' R and K{beyond}"),
+            ("thesis alpha", "its α, with the chosen R and K"),
+        )
+    ]
+    legend = figure.legend(handles=entries, loc="lower center", ncol=3, frameon=False, fontsize=9.5)
+    for text in legend.get_texts():
+        text.set_color(theme.ink)
+    figure.text(
+        0.012,
+        0.985,
+        f"{tuning.joint}: at rest after a knock, the worst of the ends of all intervals",
+        color=theme.ink,
+        fontsize=11,
+        va="top",
+    )

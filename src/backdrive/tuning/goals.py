@@ -1,0 +1,252 @@
+"""What parameters are chosen for: which numbers are sought in which ranges, by what they are judged, and what they must not do.
+
+backdrive, track: R, K and alpha of algFC, by the hand's mean peak force over the stated stroke, or by the error of a soft position
+controller. estimate: K and alpha of algFE and the gains of the filter, by the error of the external force. admit: m and b, by
+the hand's mean peak force. Each has a safety test over the ends of the intervals, the same for whoever proposes numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive.control import Admittance, JointLoop, Unguarded
+from backdrive.control.compensators import Compensator, Dither, alg_fc, nothing
+from backdrive.control.estimators.external import ExternalForce
+from backdrive.control.estimators.friction import alg_fe
+from backdrive.control.estimators.sliding_mode import MotionFilter
+from backdrive.errors import InvalidInput
+from backdrive.simulation.closed_loop import Record, Scene
+from backdrive.tuning import rules, scenes
+from backdrive.tuning.facts import SOFTEST, Facts, shared
+from backdrive.tuning.judging import judged
+from backdrive.tuning.scenes import SUBSTEP, Member, Stroke
+from backdrive.tuning.tuning import LEADING
+
+Numbers = Mapping[str, float]
+Ranges = Mapping[str, tuple[float, float]]
+
+AT_REST = (
+    2.0  # counts of half-amplitude within which a joint rests: what one count of feedback may flicker by [1]
+)
+LEFT_OVER = 0.1  # of F, that an estimate may show after the hand has let go [-]
+RESTLESS = 0.01  # of the stroke, by which a joint under admittance control may sway [-]
+POSITION = 60.0  # largest bandwidth of the position controller under an admittance [rad/s]
+DERIVATIVE = 0.4  # of its gain by the motor's inertia, times sampling time and delay: the loop around the motor alone [-]
+BACK_OFF = 0.96  # of R, or of what else calms, where a joint does not rest
+SOFTER = 0.85  # of K beside it, where R alone does not help
+GOALS = ("backdrive", "track", "estimate", "admit")
+
+
+def compensator(facts: Facts, z: Numbers, dither: Dither | None = None) -> Compensator:
+    """Return algFC with numbers: share R [-], stiffness K by K_c [-], decay alpha [1/s]."""
+    return alg_fc(facts.rate, z["stiffness"] * facts.stiffness, z["decay"], dither, z["share"])
+
+
+def estimator(facts: Facts, z: Numbers, share: float = 1.0) -> ExternalForce:
+    """Return algFE with a cascade of filters.
+
+    Args:
+        facts: of the joint.
+        z: stiffness K by K_c [-], decay [1/s], gain and second_gain of the filters.
+        share: R of the friction that is taken off: under an admittance what is too much drives the joint on [-].
+    """
+    return ExternalForce(
+        inertia=facts.inertia,
+        friction=alg_fe(
+            shared(facts.rate, share, facts.top_speed), z["stiffness"] * facts.stiffness, z["decay"]
+        ),
+        filter=MotionFilter(gain=z["gain"], second_gain=z["second_gain"]),
+    )
+
+
+def admittance(facts: Facts, z: Numbers) -> Admittance:
+    """Return the admittance: mass m by the joint's inertia [-], viscosity b by m [1/s]."""
+    motor = facts.motor_share * facts.inertia_interval[0]
+    fastest = DERIVATIVE * motor / (facts.interval + facts.delay) / (1.4 * facts.inertia)
+    bandwidth = min(POSITION, fastest)
+    m = z["mass"] * facts.inertia
+    return Admittance(
+        inertia=m,
+        viscosity=z["viscosity"] * m,
+        proportional=facts.inertia * bandwidth**2,
+        derivative=1.4 * facts.inertia * bandwidth,
+        limit=LEADING * facts.coulomb,
+    )
+
+
+def filter_gains(stroke: Stroke) -> dict[str, float]:
+    """Return G of both filters by the stroke: its largest acceleration and jerk, times what keeps the lag small.
+
+    The largest acceleration of a minimum-jerk stroke is 5.77 A/D^2, its largest jerk 60 A/D^3.
+    """
+    A, D = stroke.length, stroke.duration
+    return {"gain": 35.0 * 5.77 * A / D**2, "second_gain": 2.0 * 60.0 * A / D**3}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Goal:
+    """What numbers are chosen for.
+
+    Attributes:
+        name: one of `GOALS`.
+        facts: of the joint.
+        stroke: of the hand.
+        ranges: of the numbers that are sought; those that span a factor of five or more in the logarithm.
+        scenes: from numbers and a joint to what is played to judge them.
+        score: of what was played, smaller is better.
+        score_on: joints on which it is averaged.
+        trial: from numbers, a joint and the longest integration step to the scene of the safety test.
+        unrest: of that scene, by what is allowed: above 1 it fails.
+        test_on: joints of the safety test.
+        words: what the score is.
+        unit: of the score.
+        calming: factors on numbers that make what does not rest calmer, of one way after the other.
+    """
+
+    name: str
+    facts: Facts
+    stroke: Stroke
+    ranges: Ranges
+    scenes: Callable[[Numbers, Member], Scene]
+    score: Callable[[Record], float]
+    score_on: Sequence[Member]
+    trial: Callable[[Numbers, Member, float], Scene]
+    unrest: Callable[[Record], float]
+    test_on: Sequence[Member]
+    words: str
+    unit: str
+    calming: Sequence[Numbers]
+
+    def scores(self, many: Sequence[Numbers]) -> np.ndarray:
+        """Return the score of each set of numbers, (n,)."""
+        made = (self.scenes(z, m) for z in many for m in self.score_on)
+        found = np.array(judged(made, self.score)).reshape(len(many), -1)
+        return np.where(np.isfinite(found), found, np.inf).mean(axis=1)
+
+    def worst(
+        self,
+        many: Sequence[Numbers],
+        members: Sequence[Member] | None = None,
+        longest: float = SUBSTEP,
+    ) -> np.ndarray:
+        """Return by how much of what is allowed each set of numbers moves at rest, over joints, (n,); up to 1 is safe."""
+        return self.unrests(many, self.test_on if members is None else members, longest).max(axis=1)
+
+    def unrests(
+        self, many: Sequence[Numbers], members: Sequence[Member], longest: float = SUBSTEP
+    ) -> np.ndarray:
+        """Return the same for each set of numbers and each joint, (n, m); `longest`: integration step [s]."""
+        made = (self.trial(z, m, longest) for z in many for m in members)
+        found = np.array(judged(made, self.unrest)).reshape(len(many), -1)
+        return np.where(np.isfinite(found), found, np.inf)
+
+
+def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None) -> Goal:
+    """Return a goal for a joint.
+
+    Args:
+        name: one of `GOALS`.
+        facts: of the joint.
+        stroke: of the hand.
+        base: for `admit`, numbers of the estimator.
+
+    Raises:
+        InvalidInput: there is no such goal.
+    """
+    if name not in GOALS:
+        raise InvalidInput(f"There is no goal '{name}'.", remedy=f"Goals are {', '.join(GOALS)}.")
+    K_low, K_c = facts.stiffness_interval[0], facts.stiffness
+    spring = {"stiffness": (SOFTEST * K_low / K_c, facts.stiffest / K_c), "decay": (5.0, 500.0)}
+    corners, middle = scenes.corners(facts), scenes.likely(facts)
+    force = "N.m" if facts.unit == "rad" else "N"
+    if name in ("backdrive", "track"):
+
+        def loop(z: Numbers) -> JointLoop:
+            return Unguarded(compensator=compensator(facts, z))
+
+        most = rules.largest_share(1.0 - facts.friction[0])
+        share = (min(0.3, 0.5 * most), most)
+        guides = name == "backdrive"
+
+        def played(z: Numbers, member: Member) -> Scene:
+            if guides:
+                return scenes.guided(facts, member, loop(z), stroke)
+            return scenes.tracking(facts, member, loop(z), stroke)
+
+        return Goal(
+            name=name,
+            facts=facts,
+            stroke=stroke,
+            ranges={"share": share} | spring,
+            scenes=played,
+            score=(lambda r: scenes.peak_force(r, stroke)) if guides else tracking_error,
+            score_on=[middle],
+            trial=lambda z, member, longest: scenes.knock(facts, member, loop(z), longest),
+            unrest=lambda r: scenes.amplitude(r) / (AT_REST * facts.count),
+            test_on=corners,
+            words="mean peak force of the hand" if guides else "error of tracking, root mean square",
+            unit=force if guides else facts.unit,
+            calming=[{"share": BACK_OFF}, {"share": BACK_OFF, "stiffness": SOFTER}],
+        )
+    if name == "estimate":
+        first = filter_gains(stroke)
+        gains = {k: (0.2 * g, 8.0 * g) for k, g in first.items()}
+
+        def watch(z: Numbers) -> JointLoop:
+            return Unguarded(compensator=nothing(), external=estimator(facts, z))
+
+        quiet = slice(-round(1.0 / facts.interval), -round(0.6 / facts.interval))
+        return Goal(
+            name=name,
+            facts=facts,
+            stroke=stroke,
+            ranges=spring | gains,
+            scenes=lambda z, member: scenes.guided(facts, member, watch(z), stroke),
+            score=lambda r: float(np.sqrt(np.mean((r.estimate - r.force) ** 2))),
+            score_on=corners[::2],
+            trial=lambda z, member, longest: scenes.released(facts, member, watch(z), stroke, longest),
+            unrest=lambda r: float(np.abs(np.mean(r.estimate[quiet]))) / (LEFT_OVER * facts.coulomb),
+            test_on=corners,
+            words="error of the external force, root mean square",
+            unit=force,
+            calming=[{"decay": 1.0 / BACK_OFF}],
+        )
+    base = dict(base or {"stiffness": 0.5, "decay": 20.0} | filter_gains(stroke))
+    controller = admittance(facts, {"mass": 1.0, "viscosity": 1.0})
+    lightest = 2.0 * facts.interval * controller.derivative / facts.inertia
+
+    def led(z: Numbers) -> dict:
+        return {"controller": admittance(facts, z)}
+
+    share = rules.largest_share(1.0 - facts.friction[0])
+
+    def estimating(z: Numbers) -> JointLoop:
+        return Unguarded(compensator=nothing(), external=estimator(facts, {**base, **z}, share))
+
+    gains = {
+        k: (g, 100.0 * g) for k, g in filter_gains(stroke).items()
+    }  # a slow filter makes the loop run away
+    return Goal(
+        name=name,
+        facts=facts,
+        stroke=stroke,
+        ranges={"mass": (lightest, 5.0 * max(lightest, 1.0)), "viscosity": (2.0, 60.0)} | gains,
+        scenes=lambda z, member: scenes.guided(facts, member, estimating(z), stroke, **led(z)),
+        score=lambda r: scenes.peak_force(r, stroke),
+        score_on=corners[::2],
+        trial=lambda z, member, longest: scenes.knock(facts, member, estimating(z), longest, **led(z)),
+        unrest=lambda r: scenes.amplitude(r) / (RESTLESS * stroke.length),
+        test_on=corners,
+        words="mean peak force of the hand",
+        unit=force,
+        calming=[{"mass": 1.0 / BACK_OFF, "viscosity": 1.0 / BACK_OFF}],
+    )
+
+
+def tracking_error(record: Record) -> float:
+    """Return the root mean square of what a soft position controller misses, the first half second left out [rad or m]."""
+    begin = round(0.5 / record.scene.period)
+    return float(np.sqrt(np.mean((record.wanted - record.load)[begin:] ** 2)))

@@ -1,0 +1,168 @@
+"""How far numbers are from breaking, and the region in which they do not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from backdrive.control import Unguarded
+from backdrive.control.compensators import Compensator, Dither, nothing
+from backdrive.tuning import rules, scenes
+from backdrive.tuning.facts import Facts
+from backdrive.tuning.goals import AT_REST, Goal, Numbers, compensator
+from backdrive.tuning.judging import judged
+from backdrive.tuning.safety import ends
+from backdrive.tuning.scenes import Member, Stroke
+
+SHARES = (0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05)
+SPRINGS = (0.1, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0, 1.2, 1.4)
+DECAYS = (2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)
+DELAYS = (0.0, 0.125, 0.25, 0.375, 0.5, 0.75, 1.0)  # of the longest shown
+SHOWN = (4.0, 1.6)  # longest delay shown, in ticks and by the longest that there may be
+LARGEST = 1.3  # R up to which it is looked for where it breaks [-]
+FEW = 64  # joints whose break-away is looked at
+MOST = 1e6  # a picture needs no more
+
+
+def least_breaking(
+    breaks: Callable[[float], bool], low: float, high: float, looks: int = 8, steps: int = 5
+) -> float:
+    """Return the smallest value between two that breaks, infinite where none does: equal steps first, then bisection.
+
+    Args:
+        breaks: whether a value does.
+        low: a value that does not.
+        high: up to where it is looked for.
+        looks: steps of equal length.
+        steps: of the bisection within the one that broke.
+    """
+    for place in np.linspace(low, high, looks + 1)[1:]:
+        if breaks(float(place)):
+            high = float(place)
+            break
+        low = float(place)
+    else:
+        return np.inf
+    for _ in range(steps):
+        middle = 0.5 * (low + high)
+        if breaks(middle):
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+def margins(facts: Facts, z: Numbers, members: Sequence[Member], goal: Goal) -> dict[str, Any]:
+    """Return how far a compensator without dither is from breaking, over joints that the model may stand for.
+
+    Args:
+        facts: of the joint.
+        z: share, stiffness by K_c, decay.
+        members: joints, some hundred.
+        goal: whose safety test says what breaks.
+    """
+    loop = Unguarded(compensator=compensator(facts, z))
+    knocked = judged(
+        (scenes.knock(facts, m, loop, scenes.FINE) for m in members),
+        lambda r: (scenes.amplitude(r), scenes.energy(r)),
+    )
+    cycles = np.array([amplitude for amplitude, _ in knocked])
+    bounds = np.array([scenes.bound_of(facts, m, z["share"]) for m in members])
+    at_the_ends = ends(goal)
+
+    def share_breaks(share: float) -> bool:
+        return bool(goal.worst([{**z, "share": share}], at_the_ends, scenes.FINE)[0] > 1.0)
+
+    def delay_breaks(delay: float) -> bool:
+        late = [replace(m, delay=delay) for m in goal.test_on]
+        return bool(goal.worst([z], late, scenes.FINE)[0] > 1.0)
+
+    longest = max(12.0 * facts.interval, 4.0 * facts.delay)
+    return {
+        "joints": len(members),
+        "cycle": float(cycles.max()),
+        "cycle_counts": float(cycles.max() / facts.count),
+        "cycle_by_bound": float((cycles / bounds).max()),
+        "at_rest": float(np.mean(cycles <= AT_REST * facts.count)),
+        "energy": float(max(energy for _, energy in knocked)),
+        "share_breaks": least_breaking(share_breaks, z["share"], LARGEST),
+        "share_searched": LARGEST,
+        "delay_breaks": least_breaking(delay_breaks, facts.delay, longest, 16),
+        "delay_searched": longest,
+    }
+
+
+def left_over(
+    facts: Facts, z: Numbers, members: Sequence[Member], stroke: Stroke, dither: Dither | None
+) -> dict[str, float]:
+    """Return the break-away that compensation and dither leave, and that of the bare joint [N.m or N].
+
+    Args:
+        facts: of the joint.
+        z: share, stiffness by K_c, decay.
+        members: joints that the model may stand for.
+        stroke: of the hand.
+        dither: at rest.
+    """
+
+    def freed(what: Compensator, some: Sequence[Member]) -> np.ndarray:
+        made = (scenes.released(facts, m, Unguarded(compensator=what), stroke, scenes.SUBSTEP) for m in some)
+        return np.array(judged(made, lambda r: scenes.breakaway(r, stroke, facts.coulomb)))
+
+    left = freed(compensator(facts, z, dither), members[:FEW])
+    bare = freed(nothing(), [scenes.likely(facts)])
+    return {
+        "breakaway": float(left.mean()),
+        "breakaway_worst": float(left.max()),
+        "breakaway_bare": float(bare[0]),
+    }
+
+
+def with_value(grid: Sequence[float], value: float) -> list[float]:
+    """Return a grid with the value nearest to a given one replaced by it, or as many equal steps that reach out to it."""
+    if not grid[0] <= value <= grid[-1]:
+        return np.linspace(min(grid[0], value), max(grid[-1], value), len(grid)).tolist()
+    nearest = int(np.argmin(np.abs(np.array(grid) - value)))
+    return [value if i == nearest else x for i, x in enumerate(grid)]
+
+
+def region(facts: Facts, z: Numbers, goal: Goal, thesis: Numbers) -> dict[str, Any]:
+    """Return what moves at rest over R and K/K_c, and over alpha and delay, by what is allowed; above 1 is unsafe.
+
+    Args:
+        facts: of the joint.
+        z: the chosen numbers.
+        goal: whose safety test is played.
+        thesis: the thesis' numbers, for the picture.
+    """
+    longest = max(SHOWN[0] * facts.interval, SHOWN[1] * facts.delay)
+    delays = with_value([longest * x for x in DELAYS], facts.delay)
+    shares, springs, decays = (
+        with_value(grid, z[name])
+        for grid, name in ((SHARES, "share"), (SPRINGS, "stiffness"), (DECAYS, "decay"))
+    )
+    first = [{**z, "share": R, "stiffness": K} for R in shares for K in springs]
+    by_share = goal.worst(first, ends(goal)).reshape(len(shares), -1)
+    by_delay = np.array(
+        [
+            goal.worst(
+                [{**z, "decay": a} for a in decays], [replace(m, delay=float(d)) for m in goal.test_on]
+            )
+            for d in delays
+        ]
+    )
+    return {
+        "shares": shares,
+        "springs": springs,
+        "by_share": np.minimum(by_share, MOST).tolist(),
+        "decays": decays,
+        "delays": delays,
+        "by_delay": np.minimum(by_delay, MOST).tolist(),
+        "stiffness_interval": [K / facts.stiffness for K in facts.stiffness_interval],
+        "largest_share": rules.largest_share(1.0 - facts.friction[0]),
+        "chosen": [z["share"], z["stiffness"], z["decay"], facts.delay],
+        "thesis": [thesis["share"], thesis["stiffness"], thesis["decay"], facts.delay],
+    }

@@ -1,0 +1,265 @@
+"""From what is known of a joint to the numbers that run on it: search, rules, check over the model's uncertainty."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from backdrive._blas import on_one_thread
+from backdrive.control import JointLoop, Unguarded, torque_limit
+from backdrive.control.compensators import Dither
+from backdrive.errors import InvalidInput, LimitWarning, NotIdentifiable
+from backdrive.tuning import rules, safety, scenes
+from backdrive.tuning.bounds import check
+from backdrive.tuning.facts import Facts
+from backdrive.tuning.goals import GOALS, Goal, Numbers, compensator, filter_gains, goal_of
+from backdrive.tuning.judging import judged
+from backdrive.tuning.margins import left_over, margins, region
+from backdrive.tuning.reasons import dither_bound, dither_frequency, numbers_of
+from backdrive.tuning.safety import calmed
+from backdrive.tuning.scenes import Member, Stroke
+from backdrive.tuning.search import search
+from backdrive.tuning.tuning import Tuning
+
+#: The thesis' own numbers, Iwatani 2017, Sec. 3.5.1: K by unit of the joint, alpha, and no share R.
+THESIS_STIFFNESS = {"rad": 5e4, "m": 1.2e6}
+THESIS_DECAY = 20.0
+DITHER_SHARE = 0.3  # Sec. 3.5.1
+HARDLY = 0.9  # of the score without compensation, above which a proposal is hardly worth having [-]
+SLACK = 0.8  # of the bound of dither
+
+Say = Callable[[str], None]
+
+
+def thesis_numbers(facts: Facts) -> dict[str, float]:
+    """Return R = 1, K as printed by K_c, alpha = 20."""
+    return {
+        "share": 1.0,
+        "stiffness": THESIS_STIFFNESS[facts.unit] / facts.stiffness,
+        "decay": THESIS_DECAY,
+    }
+
+
+def fixed_rule(facts: Facts) -> dict[str, float]:
+    """Return R = 0.8, K = 0.72 K_c, alpha = 20, within what is allowed: the rule to begin with."""
+    share = min(0.8, rules.largest_share(1.0 - facts.friction[0]))
+    return {"share": share, "stiffness": min(0.72, facts.stiffest / facts.stiffness), "decay": THESIS_DECAY}
+
+
+@on_one_thread
+def tune(
+    facts: Facts,
+    goal: str = "backdrive",
+    *,
+    stroke: Stroke | None = None,
+    joints: int = 200,
+    seed: int = 0,
+    draw: bool = False,
+    dither: bool = True,
+    trip_speed: float | None = None,
+    limit: float | None = None,
+    effort: float = np.inf,
+    say: Say = lambda sentence: None,
+) -> Tuning:
+    """Choose the parameters of a joint and check them over joints that the model may stand for.
+
+    Args:
+        facts: what is known of the joint.
+        goal: `backdrive`, `track`, `estimate` or `admit`.
+        stroke: of the hand; None: the stated one.
+        joints: drawn from the intervals for the check; all of them have to rest.
+        seed: of search and check.
+        draw: work out the safe region too.
+        dither: propose one where it is safe.
+        trip_speed: above which the loop takes the joint for a runaway, from the robot's description or a person, kept in the tuning
+            [rad/s or m/s]; None: `Tuning.loop` asks for it.
+        limit: of the compensating torque [N.m or N]; None: that of `torque_limit`, at most `effort`.
+        effort: greatest torque of the robot's description [N.m or N].
+        say: told what is going on.
+
+    Raises:
+        InvalidInput: there is no such goal, too few joints, or the encoder is too coarse to see the trip speed.
+        NotIdentifiable: no numbers are safe over the intervals.
+    """
+    if goal not in GOALS:
+        raise InvalidInput(f"There is no goal '{goal}'.", remedy=f"Goals are {', '.join(GOALS)}.")
+    check(f"Joint '{facts.name}'", joints=joints, seed=seed, trip_speed=trip_speed, limit=limit)
+    if trip_speed is not None:
+        JointLoop(limit=0.0, top_speed=trip_speed, encoder_count=facts.count)
+    stroke = stroke or scenes.stated(facts)
+    members = scenes.drawn(facts, joints, seed)
+    scenes.check_step(facts, [*scenes.corners(facts), *members])
+    notes = [*facts.notes, *_noted(facts, stroke)]
+    loops = goal in ("backdrive", "track")
+    searched = _chosen(facts, goal, stroke, seed, say)
+    if goal == "admit":
+        searched = {"share": rules.largest_share(1.0 - facts.friction[0])} | searched
+    judge = goal_of(goal, facts, stroke, searched)
+    members = members if loops else members[: max(8, joints // 4)]
+    say("Checking over joints that the model may stand for")
+    rows = _rows(facts, goal, judge, searched, members)
+    z = rows["chosen"]["numbers"]
+    if "none" in rows and rows["chosen"]["score"] > HARDLY * rows["none"]["score"]:
+        notes.append(
+            "This is hardly worth having: it gains less than a tenth over no compensation. A shorter --delay or narrower intervals "
+            "would allow more."
+        )
+    sine: Dither | None = None
+    if loops:
+        sine, sway = _dither(facts, z, members, notes, say) if dither else (None, {})
+        say("Measuring the margins")
+        found = margins(facts, z, members, judge) | sway | left_over(facts, z, members, stroke, sine)
+    else:
+        found = {"joints": len(members), "left_over": float(judge.worst([z], members, scenes.FINE)[0])}
+    picture: dict[str, Any] = {}
+    if draw and loops:
+        say("Mapping the safe region")
+        picture = region(facts, z, judge, thesis_numbers(facts))
+    tuning = Tuning(
+        joint=facts.name,
+        unit=facts.unit,
+        goal=goal,
+        rate=facts.rate,
+        top_speed=facts.top_speed,
+        inertia=facts.inertia,
+        interval=facts.interval,
+        encoder_count=facts.count,
+        numbers=numbers_of(facts, z, sine, stroke, goal, searched if rows["chosen"]["searched"] else None),
+        scores={"words": judge.words, "unit": judge.unit, "rows": rows},
+        margins=found,
+        region=picture,
+        notes=tuple(notes),
+        seed=seed,
+    )
+    return within(tuning, trip_speed, limit, effort, scenes.PEAK * stroke.length / stroke.duration)
+
+
+def within(
+    tuning: Tuning, trip_speed: float | None, limit: float | None, effort: float, fastest: float
+) -> Tuning:
+    """Return a tuning that knows its limits, with a note on each that is absent or odd.
+
+    Args:
+        tuning: with its numbers.
+        trip_speed: above which the joint is a runaway [rad/s or m/s]; None: nobody said.
+        limit: of the compensating torque [N.m or N]; None: that of `torque_limit`, at most `effort`.
+        effort: greatest torque that the joint bears [N.m or N].
+        fastest: speed of the stroke [rad/s or m/s].
+    """
+    notes = list(tuning.notes)
+    if trip_speed is None:
+        notes.append(
+            "Nobody said how fast the joint may be, so that no loop can be made of this file alone: --top-speed or --urdf, or "
+            "`tuning.loop(top_speed=...)`."
+        )
+        return replace(tuning, notes=tuple(notes))
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always", LimitWarning)
+        if limit is None:
+            limit = min(torque_limit(tuning.compensator(), trip_speed), effort)
+        loop = tuning.loop(top_speed=trip_speed, limit=limit)
+    notes += [str(each.message) for each in warned]
+    if fastest > 0.9 * trip_speed:
+        notes.append(
+            f"The stroke is as fast as {fastest:.3g} {tuning.unit}/s; from {trip_speed:.3g} on the loop takes it for a runaway."
+        )
+    own = loop.compensator.share * loop.friction[0]
+    if loop.limit < own:
+        notes.append(f"The limit of {loop.limit:.3g} clips the compensation of up to {own:.3g}.")
+    return replace(tuning, trip_speed=trip_speed, limit=loop.limit, notes=tuple(notes))
+
+
+def _noted(facts: Facts, stroke: Stroke) -> list[str]:
+    """Return what is said beside a proposal."""
+    notes = []
+    if facts.stiffest < facts.stiffness_interval[0] / (1.0 + facts.friction_error) * 0.999:
+        notes.append(
+            "The encoder is coarse: K is held so low that one count moves the torque by at most half of F; a compensator of the "
+            "full stiffness would be a relay of one count."
+        )
+    speed = scenes.PEAK * stroke.length / stroke.duration
+    if speed > facts.top_speed:
+        notes.append(
+            f"The stroke is as fast as {speed:.3g} {facts.unit}/s, beyond the {facts.top_speed:.3g} up to which the model holds: "
+            "friction there is extrapolated (--stroke, --duration)."
+        )
+    return notes
+
+
+def _rows(
+    facts: Facts, name: str, goal: Goal, searched: dict[str, float], members: Sequence[Member]
+) -> dict[str, dict[str, Any]]:
+    """Return the proposal and what it is compared with, each with its score and the verdict of the same safety test.
+
+    The proposal is what the search found, taken back until it is safe, or the fixed rule where that is safe and scores better.
+    """
+    others: dict[str, dict[str, float]] = {}
+    if name in ("backdrive", "track"):
+        others = {
+            "none": {**searched, "share": 0.0},
+            "fixed rule": fixed_rule(facts),
+            "thesis": thesis_numbers(facts),
+        }
+    rows = {
+        row: {"score": float(score), "safe": safety.safe(goal, z, members), "numbers": z}
+        for (row, z), score in zip(others.items(), goal.scores(list(others.values())) if others else ())
+    }
+    rule = rows.get("fixed rule", {"safe": False})
+    chosen: dict[str, Any] = {"score": np.inf}
+    try:
+        z = calmed(goal, searched, members)
+        chosen = {"score": float(goal.scores([z])[0]), "safe": True, "numbers": z, "searched": True}
+    except NotIdentifiable:
+        if not rule["safe"]:
+            raise
+    if rule["safe"] and rule["score"] < chosen["score"]:
+        chosen = {**rule, "searched": False}
+    return {"chosen": chosen, **rows}
+
+
+def _chosen(facts: Facts, name: str, stroke: Stroke, seed: int, say: Say) -> dict[str, float]:
+    """Return the best safe numbers for a goal."""
+    base: dict[str, float] = {}
+    if name == "admit":  # the estimator first
+        base = _chosen(facts, "estimate", stroke, seed, say)
+    goal = goal_of(name, facts, stroke, base)
+    starts = []
+    if name == "estimate":
+        starts = [{"stiffness": 0.5, "decay": THESIS_DECAY} | filter_gains(stroke)]
+    elif name == "admit":
+        starts = [{"mass": 1.0, "viscosity": 10.0} | {k: 25.0 * g for k, g in filter_gains(stroke).items()}]
+    else:
+        starts = [fixed_rule(facts)]
+    light = name in ("estimate", "admit")
+    found = search(goal, seed=seed, starts=starts, width=16 if light else 32, say=say)
+    if found.numbers is None:
+        raise NotIdentifiable(
+            f"Joint '{facts.name}': none of {found.tried} sets of numbers gives {safety.asked(name)} at the ends of all intervals.",
+            remedy=safety.WAYS_OUT,
+        )
+    return base | found.numbers
+
+
+def _dither(
+    facts: Facts, z: Numbers, members: Sequence[Member], notes: list[str], say: Say
+) -> tuple[Dither | None, dict[str, float]]:
+    """Return the largest dither that moves no drawn joint beyond its bound, and by how much motor and load sway with it at rest."""
+    say("Trying dither")
+    bound = rules.stuck_dither(z["share"], z["stiffness"] * facts.stiffness, facts.stiffness_interval[0])
+    share = min(DITHER_SHARE, SLACK * bound * facts.friction[0])
+    for _ in range(3 if share > 0.0 else 0):
+        sine = Dither(share=share, frequency=dither_frequency(facts, z), mode="reset")
+        loop = Unguarded(compensator=compensator(facts, z, sine))
+        made = (scenes.knock(facts, m, loop, scenes.FINE) for m in members)
+        sways = np.array(judged(made, lambda r: (scenes.amplitude(r), scenes.amplitude(r, of="load")))).T
+        allowed = np.array([dither_bound(facts, m, z, sine) for m in members])
+        if np.all(sways <= allowed):
+            motor, load = (float(x) for x in sways.max(axis=1))
+            return sine, {"dither_motor": motor, "dither_load": load, "dither_counts": motor / facts.count}
+        share *= 0.5
+    notes.append("No dither was found that leaves every drawn joint in place: none is proposed.")
+    return None, {}

@@ -1,0 +1,109 @@
+"""The test that numbers have to pass before they are proposed, the same for whoever proposes them, and the way back into it.
+
+All drawn joints have to rest, and so have the ends of the intervals, with delays from none to the longest (one in between may be
+worse than both), and with R and K a little larger too: a search ends at the border of what passes its own, shorter test. The
+integration step is the fine one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from backdrive.errors import NotIdentifiable
+from backdrive.tuning.goals import AT_REST, LEFT_OVER, RESTLESS, Goal, Numbers
+from backdrive.tuning.judging import judged
+from backdrive.tuning.scenes import FINE, SUBSTEP, Member
+
+NUDGE = 1.03  # on R and K, with which the ends of the intervals have to rest too
+MOST_DELAYS = 8  # steps of half an interval, or longer ones, between no delay and the longest
+Trial = tuple[Member, float]  # a joint, and the factor on R and K
+
+ASKED = {
+    "estimate": f"an estimate within {LEFT_OVER:g} F of zero after the hand has let go",
+    "admit": f"a joint that rests within {100 * RESTLESS:g} % of the stroke after a knock",
+}
+WAYS_OUT = "Narrow the intervals (--stiffness, --friction-error), shorten the delay, or use a finer encoder."
+
+
+def asked(goal: str) -> str:
+    """Return what the safety test of a goal asks for, in words."""
+    return ASKED.get(goal, f"a joint that rests within {AT_REST:g} counts after a knock")
+
+
+def ends(goal: Goal) -> list[Member]:
+    """Return the joints at the ends of the intervals, each with delays from none to the longest."""
+    facts = goal.facts
+    steps = int(np.clip(np.ceil(2.0 * facts.delay / facts.interval), 1, MOST_DELAYS)) if facts.delay else 0
+    delays = np.linspace(0.0, facts.delay, steps + 1)
+    return [replace(m, delay=float(delay)) for m in goal.test_on for delay in delays]
+
+
+def trials(goal: Goal, members: Sequence[Member]) -> list[Trial]:
+    """Return the whole test: the ends of the intervals with R and K a little larger and as proposed, and drawn joints."""
+    ended = ends(goal)
+    return [(m, NUDGE) for m in ended] + [(m, 1.0) for m in (*ended, *members)]
+
+
+def restless(goal: Goal, z: Numbers, tried: Sequence[Trial], longest: float = FINE) -> list[Trial]:
+    """Return the trials in which a joint does not come to rest; `longest`: integration step [s]."""
+
+    def pushed(factor: float) -> dict[str, float]:
+        return {k: factor * x if k in ("share", "stiffness") else x for k, x in z.items()}
+
+    made = (goal.trial(pushed(factor), member, longest) for member, factor in tried)
+    return [trial for trial, unrest in zip(tried, judged(made, goal.unrest)) if not unrest <= 1.0]
+
+
+def safe(goal: Goal, z: Numbers, members: Sequence[Member]) -> bool:
+    """Return whether numbers pass the test.
+
+    Args:
+        goal: what they are for.
+        z: the numbers.
+        members: drawn joints.
+    """
+    return not restless(goal, z, trials(goal, members))
+
+
+def calmed(goal: Goal, z: dict[str, float], members: Sequence[Member]) -> dict[str, float]:
+    """Take R back (or what else calms) until the numbers pass the test.
+
+    Args:
+        goal: whose test.
+        z: the numbers.
+        members: drawn joints.
+
+    Raises:
+        NotIdentifiable: they do not pass it at the end of their range either.
+    """
+    for way in goal.calming:
+        found = _calmed(goal, z, members, way)
+        if found is not None:
+            return found
+    limits = "; ".join(
+        f"{k} to {goal.ranges[k][0 if f < 1.0 else 1]:.3g}" for k, f in goal.calming[-1].items()
+    )
+    raise NotIdentifiable(
+        f"Joint '{goal.facts.name}': the best numbers of the search do not give {asked(goal.name)} at the ends of all intervals "
+        f"and on all of {len(members)} joints drawn from them, however much is taken back ({limits}).",
+        remedy=WAYS_OUT,
+    )
+
+
+def _calmed(
+    goal: Goal, z: dict[str, float], members: Sequence[Member], way: Numbers
+) -> dict[str, float] | None:
+    """Take numbers back one way until they pass; None where they do not at the end of their range either."""
+    every = trials(goal, members)
+    left = [trial for trial in every if trial[1] > 1.0]
+    while True:  # a few with the coarse step until they rest, then all with the fine one
+        left = restless(goal, z, left, SUBSTEP) or restless(goal, z, every)
+        if not left:
+            return z
+        calmer = {k: float(np.clip(z[k] * factor, *goal.ranges[k])) for k, factor in way.items()}
+        if all(calmer[k] == z[k] for k in calmer):
+            return None
+        z = {**z, **calmer}
