@@ -103,12 +103,13 @@ def test_no_parsing_process_is_left_behind():
 
 def test_a_fit_that_is_interrupted_too_late_to_be_cut_short_says_130_all_the_same():
     done = run(
-        "import types\nfrom pathlib import Path\nfrom backdrive import fitting\nfrom backdrive.cli import _logs, fit, main\n"
+        "import types\nfrom backdrive import identification\n"
+        "from backdrive.cli import _identify_tables, _logs, identify, main\n"
         "_logs.check_targets = _logs.read = lambda *a, **k: []\n"
-        "fitting.fit = lambda *a, **k: types.SimpleNamespace(stopped=True, model=None)\n"
-        "fit._print_tables = lambda *a: print('tables')\n"
-        "from backdrive.cli import identify\nidentify.failing = lambda *a: ['joint']\n"
-        "sys.argv = ['backdrive', 'fit', 'x.csv']\nmain()\n"
+        "identification.identify = lambda *a, **k: types.SimpleNamespace(stopped=True, model=None)\n"
+        "_identify_tables.show_tables = lambda *a: print('tables')\n"
+        "identify.failing = lambda *a: ['joint']\n"
+        "sys.argv = ['backdrive', 'identify', 'x.csv', '--law', 'auto']\nmain()\n"
     )
     assert (done.returncode, done.stdout, done.stderr) == (130, "tables\n", "")
 

@@ -13,7 +13,6 @@ import threading
 from pathlib import Path
 
 import pytest
-from backdrive.tuning import load_tunings
 
 from backdrive import _files, load_model
 from backdrive._files import check_writable, read_whole, write_together, write_whole
@@ -22,6 +21,7 @@ from backdrive.logs.readers import read_log
 from backdrive.plans import load_plan
 from backdrive.plans.limits import read_limits
 from backdrive.robot import load_robot
+from backdrive.tuning import load_tunings
 
 ROOT = os.geteuid() == 0
 
@@ -396,8 +396,8 @@ def command(monkeypatch, capsys, tmp_path):
 WRITERS = {
     "identify -o": lambda log, out: ("identify", log, "-o", out),
     "identify --report": lambda log, out: ("identify", log, "--report", out),
-    "fit -o": lambda log, out: ("fit", log, "-o", out),
-    "fit --report": lambda log, out: ("fit", log, "--report", out),
+    "identify --law -o": lambda log, out: ("identify", log, "--law", "auto", "-o", out),
+    "identify --law --report": lambda log, out: ("identify", log, "--law", "auto", "--report", out),
     "show --plot": lambda log, out: ("show", "preset:mx106/m1", "--plot", out),
     "laws --plot": lambda log, out: ("laws", "lugre", "--plot", out),
     "tune -o": lambda log, out: ("tune", "preset:thesis/hp3j", "-o", out),
@@ -437,7 +437,9 @@ def test_folders_are_looked_at_before_anything_is_computed(command, tmp_path, mo
     assert "a FIFO" in err
 
 
-@pytest.mark.parametrize("writer", ["identify --report", "fit --report", "show --plot", "laws --plot"])
+@pytest.mark.parametrize(
+    "writer", ["identify --report", "identify --law --report", "show --plot", "laws --plot"]
+)
 def test_a_missing_extra_is_found_before_anything_is_computed(command, tmp_path, monkeypatch, writer):
     monkeypatch.setattr("backdrive.cli._logs.read", lambda *_, **__: pytest.fail("began"))
     monkeypatch.setattr("backdrive.model.load_model", lambda *_: pytest.fail("began"))

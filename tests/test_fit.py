@@ -4,13 +4,13 @@ import json
 
 import numpy as np
 import pytest
-from backdrive.identification.dynamic import fit
-from backdrive.identification.dynamic.choice import Candidate, choose, shortlist
 from typer.testing import CliRunner
 
 import backdrive
 from backdrive.cli import app
 from backdrive.errors import InvalidInput, NotIdentifiable, UnknownName
+from backdrive.identification import identify
+from backdrive.identification.dynamic.choice import Candidate, choose, shortlist
 from backdrive.laws import CoulombViscous, Law, LuGre, StribeckGauss
 from backdrive.logs.log import Joint, Log
 from backdrive.simulation import Servo, SimulatedJoint
@@ -53,7 +53,7 @@ def lugre_log():
 
 @pytest.fixture(scope="module")
 def chosen(lugre_log):
-    return fit(lugre_log, "coulomb-viscous,stribeck-gauss,lugre")
+    return identify(lugre_log, law="coulomb-viscous,stribeck-gauss,lugre")
 
 
 def test_the_law_of_the_joint_is_chosen_and_recovered(chosen):
@@ -88,7 +88,7 @@ def test_a_richer_law_is_not_taken_where_it_is_not_worth_it():
     t = np.arange(int(12 * RATE)) / RATE
     q = 0.5 * np.sin(2 * np.pi * 0.4 * t)
     log = record(plain, motion=np.column_stack([q, np.gradient(q, 1 / RATE)]))
-    result = fit(log, "coulomb-viscous,stribeck-tustin")
+    result = identify(log, law="coulomb-viscous,stribeck-tustin")
     assert result.choices[0].chosen == "coulomb-viscous"
     assert "not worth it" in result.choices[0].reason
     law = result.model.joints[0].law.rate
@@ -96,12 +96,12 @@ def test_a_richer_law_is_not_taken_where_it_is_not_worth_it():
     assert result.model.joints[0].dynamics["offset"].value == pytest.approx(0.5, abs=0.1)
     assert any("'coulomb_negative' is taken to equal" in w for w in result.model.joints[0].warnings)
     given = {"offset": 0.0, "inertia": 0.3}
-    known = fit(log, "coulomb-viscous", gravity=False, known=given).model.joints[0]
+    known = identify(log, law="coulomb-viscous", gravity=False, known=given).model.joints[0]
     law = known.law.rate
     assert (law.coulomb_positive, law.coulomb_negative) == pytest.approx((4.0, 3.0), abs=0.1)
     assert (known.dynamics["offset"].value, known.dynamics["inertia"].value) == (0.0, 0.3)
     with pytest.raises(UnknownName, match="stiffness"):
-        fit(log, "coulomb-viscous", known={"stiffness": 1.0})
+        identify(log, law="coulomb-viscous", known={"stiffness": 1.0})
 
 
 def test_the_model_is_saved_loaded_and_predicts_another_log(chosen, lugre_log, tmp_path):
@@ -141,15 +141,17 @@ def two_joints(lugre_log, **changes):
 
 
 def test_a_joint_that_never_moves_is_named_and_the_other_delivered(lugre_log):
-    result = fit(two_joints(lugre_log), "coulomb-viscous", accept=["no-motion", "stuck", "no-friction"])
+    result = identify(
+        two_joints(lugre_log), law="coulomb-viscous", accept=["no-motion", "stuck", "no-friction"]
+    )
     assert result.model.names == ("elbow",)
     assert any("wrist" in w for w in result.warnings)
 
 
 def test_a_joint_asked_for_that_cannot_be_fitted_is_named_and_the_other_delivered(lugre_log):
-    result = fit(
+    result = identify(
         two_joints(lugre_log),
-        "coulomb-viscous",
+        law="coulomb-viscous",
         joints=["elbow", "wrist"],
         accept=["no-motion", "stuck", "no-friction"],
     )
@@ -160,49 +162,48 @@ def test_a_joint_asked_for_that_cannot_be_fitted_is_named_and_the_other_delivere
 def test_no_motion_at_all_is_refused_in_words(lugre_log):
     still = lugre_log.replace(position=np.zeros(len(lugre_log)))
     with pytest.raises(NotIdentifiable, match="moves"):
-        fit(still, "coulomb-viscous", accept=["no-motion", "stuck", "no-friction"])
+        identify(still, law="coulomb-viscous", accept=["no-motion", "stuck", "no-friction"])
 
 
 def test_constant_torque_is_refused_in_words(lugre_log):
     from backdrive.errors import BackdriveError
 
     with pytest.raises(BackdriveError, match="torque"):
-        fit(
+        identify(
             lugre_log.replace(torque=np.full(len(lugre_log), 2.0)),
-            "coulomb-viscous",
+            law="coulomb-viscous",
             accept=["silent-torque", "stuck"],
         )
 
 
 def test_twenty_samples_are_refused_in_words(lugre_log):
     with pytest.raises(NotIdentifiable, match="20 samples"):
-        fit(lugre_log.rows(slice(4800, 4820)), "coulomb-viscous")
+        identify(lugre_log.rows(slice(4800, 4820)), law="coulomb-viscous")
 
 
 def test_contradictory_bounds_are_refused_with_their_numbers(lugre_log):
     with pytest.raises(InvalidInput, match="5.*2.*coulomb_positive|coulomb_positive.*5.*2"):
-        fit(lugre_log, "coulomb-viscous", bounds={"coulomb_positive": (5.0, 2.0)})
+        identify(lugre_log, law="coulomb-viscous", bounds={"coulomb_positive": (5.0, 2.0)})
 
 
 def test_an_unknown_law_is_answered_with_near_ones(lugre_log):
     with pytest.raises(UnknownName, match="stribeck-gauss"):
-        fit(lugre_log, "stribeck-gaus")
+        identify(lugre_log, law="stribeck-gaus")
 
 
 def test_a_pair_that_makes_no_sense_says_why(lugre_log):
     with pytest.raises(InvalidInput, match="vanishes smoothly"):
-        fit(lugre_log, "makkar+lugre")
+        identify(lugre_log, law="makkar+lugre")
 
 
 def test_a_law_of_the_load_needs_the_load(lugre_log):
     with pytest.raises(NotIdentifiable, match="load"):
-        fit(lugre_log, "m3")
+        identify(lugre_log, law="m3")
 
 
 def test_a_search_that_does_not_come_to_rest_says_so(lugre_log):
     from backdrive.identification.dynamic import fit_law
     from backdrive.identification.dynamic.torque import stretch
-
     from backdrive.identification.signals import prepare
 
     stretches = [stretch(s) for s in prepare(lugre_log, 0)]
@@ -212,7 +213,7 @@ def test_a_search_that_does_not_come_to_rest_says_so(lugre_log):
 
 
 def test_the_same_seed_gives_the_same_numbers(lugre_log):
-    a, b = (fit(lugre_log, "stribeck-gauss", seed=4).model.joints[0].law for _ in range(2))
+    a, b = (identify(lugre_log, law="stribeck-gauss", seed=4).model.joints[0].law for _ in range(2))
     assert a == b
 
 
@@ -241,7 +242,7 @@ def test_the_command_writes_a_model_and_prints_the_table(lugre_log, tmp_path, mo
     run = CliRunner().invoke(
         app,
         [
-            "fit",
+            "identify",
             "log.csv",
             "--law",
             "coulomb-viscous,stribeck-gauss",
@@ -257,7 +258,9 @@ def test_the_command_writes_a_model_and_prints_the_table(lugre_log, tmp_path, mo
     (choice,) = document["choices"].values()
     assert {x["law"] for x in choice["laws"]} == {"coulomb-viscous", "stribeck-gauss"}
     assert backdrive.load_model("m.json").joints[0].method.startswith("fit of")
-    shown = CliRunner().invoke(app, ["fit", "log.csv", "--law", "stribeck-gauss", "--bound", "coulomb=1:9"])
+    shown = CliRunner().invoke(
+        app, ["identify", "log.csv", "--law", "stribeck-gauss", "--bound", "coulomb=1:9"]
+    )
     assert shown.exit_code == 0, shown.output
     assert "stribeck_velocity" in shown.output
 
@@ -266,5 +269,5 @@ def test_the_command_writes_a_model_and_prints_the_table(lugre_log, tmp_path, mo
 def test_a_bound_that_is_none_is_refused(bound, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "log.csv").write_text("t,q,tau\n0,0,0\n")
-    run = CliRunner().invoke(app, ["fit", "log.csv", "--bound", bound])
+    run = CliRunner().invoke(app, ["identify", "log.csv", "--law", "auto", "--bound", bound])
     assert run.exit_code != 0

@@ -4,13 +4,13 @@ import json
 
 import numpy as np
 import pytest
-from backdrive.identification.dynamic import fit
-from backdrive.identification.dynamic.drive_of_log import model_of
 from typer.testing import CliRunner
 
 from backdrive.cli import app
 from backdrive.engine import Axis, DriveModel, forward
 from backdrive.errors import InvalidInput, UnknownName
+from backdrive.identification import identify
+from backdrive.identification.dynamic.drive_of_log import model_of
 from backdrive.laws import CoulombViscous, Law, StribeckGauss
 from backdrive.logs.log import Drive, Joint, Log
 
@@ -45,7 +45,7 @@ def servo_log():
 
 @pytest.fixture(scope="module")
 def found(servo_log):
-    return fit(servo_log, "coulomb-viscous,stribeck-gauss")
+    return identify(servo_log, law="coulomb-viscous,stribeck-gauss")
 
 
 def test_a_servo_log_without_torque_gives_law_inertia_gravity_and_delay(found):
@@ -68,19 +68,19 @@ def test_a_servo_log_without_torque_gives_law_inertia_gravity_and_delay(found):
 def test_logs_with_different_gains_are_one_fit_and_a_known_inertia_is_not_sought(servo_log, found):
     stiff = {"proportional": 120.0, "derivative": 3.0}
     other = recorded(servo_axis(**stiff), GOAL[::-1].copy(), Drive(law="position", gains=stiff), seed=1)
-    result = fit([servo_log, other], "stribeck-gauss", known={"inertia": 0.05, "offset": 0.0})
+    result = identify([servo_log, other], law="stribeck-gauss", known={"inertia": 0.05, "offset": 0.0})
     (friction,) = result.model.joints
     assert friction.law.rate.coulomb == pytest.approx(1.0, rel=0.02)
     assert "inertia" not in result.intervals["elbow"]
     assert friction.dynamics["inertia"].value == 0.05
     smaller = recorded(servo_axis(), -0.7 * GOAL, Drive(law="position", gains=SERVO), seed=2)
-    judged = fit(servo_log, "stribeck-gauss", held_out=[smaller])
+    judged = identify(servo_log, law="stribeck-gauss", held_out=[smaller])
     assert judged.choice().candidate().held_out < 1e-4
     soft = recorded(
         servo_axis(), GOAL, Drive(law="position", gains={"proportional": 60.0, "derivative": 2.0})
     )
     with pytest.raises(InvalidInput, match="different drives"):
-        fit([servo_log, soft], "stribeck-gauss")
+        identify([servo_log, soft], law="stribeck-gauss")
 
 
 def test_an_axis_on_a_voltage_is_fitted_in_windows_with_its_resistance_sought():
@@ -93,9 +93,9 @@ def test_an_axis_on_a_voltage_is_fitted_in_windows_with_its_resistance_sought():
     axis = Axis(law=law, inertia=0.02, drive=DriveModel(actuator="motor", **motor))
     volts = 6.0 * np.sign(np.sin(2 * np.pi * 0.9 * TIME)) * (0.6 + 0.4 * np.sin(2 * np.pi * 0.23 * TIME))
     log = recorded(axis, volts, Drive(law="voltage", gains={"torque_constant": 0.5}), noise=1e-5)
-    result = fit(
+    result = identify(
         log,
-        "coulomb-viscous",
+        law="coulomb-viscous",
         gravity=False,
         known={"inertia": 0.02, "offset": 0.0},
         bounds={"drive.resistance": (0.5, 8)},
@@ -123,20 +123,20 @@ def test_a_drive_whose_numbers_are_missing_is_named(drive, says):
 def test_bad_requests_are_answered_in_words(servo_log):
     silent = servo_log.replace(drive=None)
     with pytest.raises(InvalidInput, match="does not say what its drive"):
-        fit(silent, "coulomb-viscous")
+        identify(silent, law="coulomb-viscous")
     with pytest.raises(InvalidInput, match="neither"):
-        fit(servo_log, "coulomb-viscous", bounds={"stiffness_of_mind": (1.0, 2.0)})
+        identify(servo_log, law="coulomb-viscous", bounds={"stiffness_of_mind": (1.0, 2.0)})
     with pytest.raises(UnknownName, match="gains"):
         model_of(Drive(law="torque", gains={"gains": 1.0}))
     with pytest.raises(UnknownName, match="interval"):
-        fit(servo_log, "coulomb-viscous", interval="guess")
+        identify(servo_log, law="coulomb-viscous", interval="guess")
     with pytest.raises(UnknownName, match="mass"):
-        fit(servo_log, "coulomb-viscous", known={"mass": 1.0})
+        identify(servo_log, law="coulomb-viscous", known={"mass": 1.0})
 
 
 @pytest.mark.parametrize("kind", ["profile", "bootstrap"])
 def test_profile_and_bootstrap_intervals_agree_with_the_covariance(kind, servo_log, found):
-    result = fit(servo_log, "stribeck-gauss", interval=kind)
+    result = identify(servo_log, law="stribeck-gauss", interval=kind)
     for name, (low, high) in found.intervals["elbow"].items():
         if name in CURVE:
             ends = np.array(result.intervals["elbow"][name])
@@ -146,14 +146,14 @@ def test_profile_and_bootstrap_intervals_agree_with_the_covariance(kind, servo_l
 
 def test_a_profile_of_absolute_deviations_is_refused(servo_log):
     with pytest.raises(InvalidInput, match="bootstrap"):
-        fit(servo_log, "coulomb-viscous", loss="absolute", interval="profile")
+        identify(servo_log, law="coulomb-viscous", loss="absolute", interval="profile")
 
 
 def test_the_command_fits_from_the_goal_of_a_servo(servo_log, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     table = np.column_stack([servo_log.time, servo_log.position, servo_log.drive_input])
     np.savetxt("log.csv", table, delimiter=",", header="t,q,goal", comments="")
-    asked = ["fit", "log.csv", "--map", "u=goal", "--law", "stribeck-gauss", "--counts", "100000"]
+    asked = ["identify", "log.csv", "--map", "u=goal", "--law", "stribeck-gauss", "--counts", "100000"]
     named = [*asked, "--drive", "position,proportional=60,derivative=3", "--known", "offset=0"]
     run = CliRunner().invoke(app, [*named, "--json", "-o", "m.json"])
     assert run.exit_code == 0, run.output

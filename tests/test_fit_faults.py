@@ -8,17 +8,17 @@ from functools import cache
 
 import numpy as np
 import pytest
-from backdrive.identification.dynamic import fit, stopping
-from backdrive.identification.dynamic.choice import Candidate, choose
-from backdrive.identification.dynamic.judging import judge_motion
-from backdrive.identification.dynamic.smoothing import grid_step, smoothing
-from backdrive.identification.dynamic.unknowns import LawShape, Scales
 from typer.testing import CliRunner
 
 from backdrive.cli import app
 from backdrive.engine import Axis, forward, rollout
 from backdrive.errors import InvalidInput, UnknownName
-from backdrive.identification import validate
+from backdrive.identification import identify, validate
+from backdrive.identification.dynamic import stopping
+from backdrive.identification.dynamic.choice import Candidate, choose
+from backdrive.identification.dynamic.judging import judge_motion
+from backdrive.identification.dynamic.smoothing import grid_step, smoothing
+from backdrive.identification.dynamic.unknowns import LawShape, Scales
 from backdrive.laws import M3, Law, LuGre, StribeckGauss
 from backdrive.logs.log import Drive, Joint, Log
 from backdrive.model import load_model
@@ -59,7 +59,7 @@ def rows(log, path, **columns):
 
 def test_a_model_predicts_the_log_it_was_fitted_to_as_the_fit_does():
     log = recorded(late=0.03)
-    result = fit(log, "stribeck-gauss")
+    result = identify(log, law="stribeck-gauss")
     (friction,) = result.model.joints
     quality = validate(result.model, [log])["j"]
     assert quality.rms == pytest.approx(friction.fitted.rms, rel=0.1)
@@ -70,7 +70,7 @@ def test_a_model_predicts_the_log_it_was_fitted_to_as_the_fit_does():
 
 
 def test_a_delay_of_a_law_without_state_is_that_of_the_instant_not_of_the_increment():
-    result = fit(recorded(late=0.008), "stribeck-gauss")
+    result = identify(recorded(late=0.008), law="stribeck-gauss")
     assert result.model.joints[0].dynamics["delay"].value == pytest.approx(0.008, abs=1.5e-4)
 
 
@@ -85,7 +85,7 @@ def test_laws_of_load_see_the_motor_torque_and_their_model_predicts_with_load(ch
     own = {"load": {"load": carried[:, None]}, "external_torque": {"external_torque": -carried[:, None]}}
     model = {"model_torque": carried[:, None]} if channel == "load" else {}
     log = Log(time=t, joints=(Joint(name="j"),), position=q, torque=torque, **own[channel], **model)
-    result = fit(log, "m3", gravity=False)
+    result = identify(log, law="m3", gravity=False)
     law = result.model.joints[0].law.rate
     assert isinstance(law, M3)
     assert (law.load, law.coulomb) == pytest.approx((0.15, 1.0), rel=0.02)
@@ -97,12 +97,12 @@ def test_laws_of_load_see_the_motor_torque_and_their_model_predicts_with_load(ch
 @pytest.mark.parametrize("told", [True, False])
 def test_encoder_steps_lower_the_low_pass_and_spare_the_inertia(told):
     log = recorded(rate=1000.0, counts=651.9, known_counts=told)
-    result = fit(log, "stribeck-gauss")
+    result = identify(log, law="stribeck-gauss")
     (friction,) = result.model.joints
     assert friction.dynamics["inertia"].value == pytest.approx(INERTIA, rel=0.03)
     assert friction.law.rate.breakaway == pytest.approx(1.6, rel=0.05)
     assert any("--cutoff" in note for note in result.notes)
-    assert result.model.options["joints"]["j"]["cutoff"] < 30.0
+    assert result.model.options["settings"]["j"]["cutoff"] < 30.0
 
 
 def test_a_fine_encoder_leaves_the_low_pass_alone_and_a_hopeless_one_is_said():
@@ -135,13 +135,13 @@ def test_a_refit_that_explains_the_log_worse_is_not_taken(monkeypatch):
         return whole(*args, **options)
 
     monkeypatch.setattr(given_motion, "fit_law", spoiled)
-    (friction,) = fit(recorded(), "stribeck-gauss").model.joints
+    (friction,) = identify(recorded(), law="stribeck-gauss").model.joints
     assert len(calls) == 2 and friction.law.rate.breakaway < 2.0
     assert any("judged" in w for w in friction.warnings)
 
 
 def test_presliding_that_the_log_does_not_show_is_not_chosen():
-    result = fit(recorded(), "stribeck-gauss,stribeck-gauss+lugre")
+    result = identify(recorded(), law="stribeck-gauss,stribeck-gauss+lugre")
     assert result.choice().chosen == "stribeck-gauss"
     one = {"error": 1.0, "aic": 0.0, "seconds": 0.0}
     plain = Candidate(name="a", parameters=3, held_out=1.0, **one)
@@ -155,7 +155,7 @@ def test_gravity_and_offset_that_one_posture_cannot_tell_apart_are_named():
     q, v, a = 0.02 * np.sin(2.0 * t), 0.04 * np.cos(2.0 * t), -0.08 * np.sin(2.0 * t)
     noise = 0.02 * np.random.default_rng(0).standard_normal(t.size)
     log = Log(time=t, joints=(Joint(name="j"),), position=q, torque=INERTIA * a + stribeck(v) + noise)
-    result = fit(log, "m1", gravity=True)
+    result = identify(log, law="m1", gravity=True)
     said = " ".join(result.model.joints[0].warnings)
     assert "'offset' is not identifiable" in said
     assert "'gravity_cos' is not identifiable" in said
@@ -182,12 +182,12 @@ def test_gravity_and_offset_that_one_posture_cannot_tell_apart_are_named():
 )
 def test_what_makes_no_sense_is_refused_before_the_fit(options, says):
     with pytest.raises(InvalidInput, match=says):
-        fit(recorded(), options.pop("law", "m1"), **options)
+        identify(recorded(), law=options.pop("law", "m1"), **options)
 
 
 def test_bounds_of_the_rest_of_the_dynamics_are_heeded_and_intervals_stay_in_them():
     bounds = {"inertia": (0.1, 0.2), "delay": (0.0, 0.01)}
-    result = fit(recorded(), "stribeck-gauss", bounds=bounds)
+    result = identify(recorded(), law="stribeck-gauss", bounds=bounds)
     assert result.model.joints[0].dynamics["inertia"].value == pytest.approx(0.2)
     for name, (low, high) in bounds.items():
         ends = result.intervals["j"][name]
@@ -201,13 +201,13 @@ def test_the_command_has_a_gate_and_keeps_what_was_asked(tmp_path, monkeypatch):
     rows(log, "log.csv")
     rows(log.replace(torque=np.random.default_rng(0).standard_normal(len(log))), "noise.csv")
     asked = ["--law", "m1", "--known", "offset=0.25", "--bound", "coulomb=0.1:9", "--json"]
-    good = CliRunner().invoke(app, ["fit", "log.csv", *asked, "-o", "m.json", "--cutoff", "20"])
+    good = CliRunner().invoke(app, ["identify", "log.csv", *asked, "-o", "m.json", "--cutoff", "20"])
     assert good.exit_code == 0, good.output
     assert json.loads(good.output)["ok"] is True
     options = load_model("m.json").options
     assert options["known"] == {"offset": 0.25} and options["bounds"] == {"coulomb": [0.1, 9.0]}
     assert options["cutoff"] == 20.0
-    bad = CliRunner().invoke(app, ["fit", "noise.csv", "--law", "m1", "--json"])
+    bad = CliRunner().invoke(app, ["identify", "noise.csv", "--law", "m1", "--json"])
     assert bad.exit_code == 1
     assert json.loads(bad.output)["below_gate"] == ["joint_1"]
 
@@ -246,7 +246,7 @@ def test_an_interruption_keeps_the_laws_that_were_fitted(moment):
 
     try:
         kind = "profile" if moment == "in a profile" else "covariance"
-        result = fit(recorded(), "m1,stribeck-gauss", interval=kind, progress=say)
+        result = identify(recorded(), law="m1,stribeck-gauss", interval=kind, progress=say)
     finally:
         signal.signal(signal.SIGINT, before)
     assert result.stopped and any("interrupted" in w for w in result.warnings)
@@ -267,21 +267,21 @@ def driven():
     fine = forward(axis, np.interp(np.arange(0, 2400, 0.05), np.arange(2400), given), dt=5e-5)
     position = fine.position[0, ::20]
     log = Log(time=t, joints=(Joint(name="j"),), position=position, drive_input=given, drive=drive)
-    return log, fit(log, "stribeck-gauss", gravity=False, known={"offset": 0.0})
+    return log, identify(log, law="stribeck-gauss", gravity=False, known={"offset": 0.0})
 
 
 def test_a_quick_drive_is_integrated_finely(driven):
     _, result = driven
     law = result.model.joints[0].law.rate
     assert law.breakaway == pytest.approx(1.5, rel=0.04)  # at a step of 1 ms: 1.64
-    assert result.model.options["joints"]["j"]["step"] < 3e-4
+    assert result.model.options["settings"]["j"]["step"] < 3e-4
 
 
 def test_a_model_of_a_driven_joint_holds_its_drive_and_is_judged(driven, tmp_path, monkeypatch):
     log, result = driven
     result.model.save(tmp_path / "m.json")
     again = load_model(tmp_path / "m.json")
-    own = again.options["joints"]["j"]
+    own = again.options["settings"]["j"]
     assert own["drive"]["controller"] == "velocity" and own["motion"]["unit"] == "rad"
     assert own["motion"]["held_out"] < 1e-3
     assert again.joints[0].dynamics["drive.proportional"].value == 20.0
@@ -301,13 +301,13 @@ def test_a_model_of_a_driven_joint_holds_its_drive_and_is_judged(driven, tmp_pat
 def test_moments_without_a_drive_are_said(driven):
     log, _ = driven
     off = log.noted("The drive is off in 12 samples (torque_enable).")
-    result = fit(off, "m1", gravity=False, known={"offset": 0.0, "inertia": 0.05}, step=1e-3)
+    result = identify(off, law="m1", gravity=False, known={"offset": 0.0, "inertia": 0.05}, step=1e-3)
     assert any("on throughout" in w for w in result.warnings)
 
 
 def test_a_slow_clock_is_said():
     log = recorded()
-    result = fit(log.replace(time=50.0 * log.time), "m1", accept=["degrees"])
+    result = identify(log.replace(time=50.0 * log.time), law="m1", accept=["degrees"])
     assert any("samples a second" in w for w in result.warnings)
 
 
@@ -339,4 +339,4 @@ def test_wrong_kinds_of_arguments_are_answered_in_words(call):
 
 def test_a_law_that_was_not_tried_is_answered_with_those_that_were():
     with pytest.raises(UnknownName, match="m1"):
-        fit(recorded(), "m1").choice().candidate("nope")
+        identify(recorded(), law="m1").choice().candidate("nope")

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from backdrive.identification.dynamic.motion import MotionLog, MotionProblem, fit_motion
-from backdrive.identification.dynamic.unknowns import LawShape
 
 from backdrive.engine import Axis, DriveModel, forward
 from backdrive.errors import InvalidInput, NotIdentifiable, UnknownName
+from backdrive.identification.dynamic.motion import MotionLog, MotionProblem, fit_motion
+from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.laws import M1, Coulomb, CoulombViscous, GearLoad, Law, kernels
 
 DT = 2e-3

@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
+from backdrive.engine import rollout
+from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.dynamic.law_fit import conclude, fit_law
 from backdrive.identification.dynamic.search import Search, screen
 from backdrive.identification.dynamic.starts import scales, starts
 from backdrive.identification.dynamic.torque import Stretch, TorqueProblem, earlier, stretch
 from backdrive.identification.dynamic.uncertainty import bootstrap, covariance, inverse, profile
 from backdrive.identification.dynamic.unknowns import LawShape, shares
-
-from backdrive.engine import rollout
-from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.signals import prepare
 from backdrive.laws import Law, MaxwellSlip, Polyline, StribeckGauss
 from backdrive.laws.examples import example

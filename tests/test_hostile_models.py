@@ -13,11 +13,11 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "evidence"))
 from _hostile_models import HOSTILE, honest, number
-from backdrive.identification.dynamic.judging import _axis
 
 from backdrive import load_model
 from backdrive.errors import ExtrapolationWarning, InvalidInput, ModelFileError, NegativeFrictionWarning
 from backdrive.identification import validate
+from backdrive.identification.dynamic.judging import _axis
 from backdrive.identification.grade import credible
 from backdrive.laws import ELEMENTS, RATES
 from backdrive.model import Validity

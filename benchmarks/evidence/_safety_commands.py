@@ -173,7 +173,9 @@ def commands(bench: Bench) -> dict[str, Command]:
         "identify": Command(
             lambda f: ("identify", *log, "-o", f / "m.json", "--report", f / "r.html"), ("m.json", "r.html")
         ),
-        "fit": Command(lambda f: ("fit", *log, "--law", "coulomb-viscous", "-o", f / "m.json"), ("m.json",)),
+        "search": Command(
+            lambda f: ("identify", *log, "--law", "coulomb-viscous", "-o", f / "m.json"), ("m.json",)
+        ),
         "show": Command(lambda f: ("show", model, "--plot", f / "p.png"), ("p.png",)),
         "validate": Command(lambda f: ("validate", model, *log, "--gate", "1000")),
         "compare": Command(lambda f: ("compare", model, other)),

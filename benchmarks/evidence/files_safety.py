@@ -166,7 +166,7 @@ def inputs(bench: Bench, judge: Judge, known: Known, rng: np.random.Generator, s
         "identify --plan": lambda p: ("identify", *log, "--plan", p),
         "identify --urdf": lambda p: ("identify", *log, "--method", "arm", "--urdf", p),
         "plan --urdf": lambda p: ("plan", "sweep", "--stroke", "1", "--top-speed", "1", "--urdf", p),
-        "fit": lambda p: ("fit", p),
+        "identify --law": lambda p: ("identify", p, "--law", "auto"),
     }
     if short:
         ways = {name: ways[name] for name in ("show", "inspect", "plan --urdf")}

@@ -5,7 +5,7 @@ Each row is the root mean square of the estimate on a log (or half of one) that 
 friction itself, so that 100 % is about what an estimator without a friction model says.
 
 EMPS (A. Janot, M. Gautier, M. Brunot, Workshop on Nonlinear System Identification Benchmarks, 2019): every law is fitted by
-`backdrive.fit` to the first 12.4 s with mass, offset and delay, and judged on the second. Best law: the one of the fit's own
+`backdrive.identify` to the first 12.4 s with mass, offset and delay, and judged on the second. Best law: the one of the fit's own
 choice between presliding laws. Every fit has a constant force beside the friction, so that "by direction" adds unequal viscous
 friction only.
 
@@ -22,16 +22,16 @@ from typing import Any
 
 import numpy as np
 from _common import Judge, data, parser
+from ur3 import NAMES, description, read
+
+from backdrive import identify
 from backdrive.control.estimators.external import ExternalForce
 from backdrive.control.estimators.friction import NOTHING, FrictionEstimator
 from backdrive.control.estimators.sliding_mode import MotionFilter
-from backdrive.identification.dynamic import LawFit
-from ur3 import NAMES, description, read
-
-from backdrive import fit, identify
 from backdrive.identification.arm_predict import explained
 from backdrive.identification.arm_signals import ArmSignals, prepare_arm
 from backdrive.identification.arm_terms import Regressor
+from backdrive.identification.dynamic import LawFit
 from backdrive.laws import CoulombViscous, Law
 from backdrive.logs.readers import read_log
 from backdrive.model import FrictionModel
@@ -69,8 +69,10 @@ def emps(judge: Judge) -> None:
     assert second.position is not None
     assert second.torque is not None
     q, u = second.position[:, 0], second.torque[:, 0]
-    plain = {name: fit(first, law).choice() for name, law in zip(MODELS[1:], ("m1", "coulomb-viscous"))}
-    chosen = fit(first, RICH).choice()
+    plain = {
+        name: identify(first, law=law).choice() for name, law in zip(MODELS[1:], ("m1", "coulomb-viscous"))
+    }
+    chosen = identify(first, law=RICH).choice()
     fits: dict[str, LawFit] = {}
     for name, choice in (plain | {MODELS[3]: chosen}).items():
         best = choice.candidate().fit

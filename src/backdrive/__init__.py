@@ -27,7 +27,6 @@ _HOMES = {
     "Axis": "backdrive.engine",
     "DriveModel": "backdrive.engine",
     "Law": "backdrive.laws",
-    "fit": "backdrive.identification.dynamic",
     "fit_motion": "backdrive.identification.dynamic",
     "forward": "backdrive.engine",
     "rollout": "backdrive.engine",
@@ -45,7 +44,6 @@ __all__ = [  # noqa: RUF022  (sorted by use)
     "Log",
     "Sweep",
     "check",
-    "fit",
     "fit_motion",
     "forward",
     "identify",
@@ -62,7 +60,6 @@ if TYPE_CHECKING:
     from backdrive.engine import rollout as rollout
     from backdrive.errors import BackdriveError as BackdriveError
     from backdrive.identification import identify as identify
-    from backdrive.identification.dynamic import fit as fit
     from backdrive.identification.dynamic import fit_motion as fit_motion
     from backdrive.laws import Law as Law
     from backdrive.logs.health import check as check
@@ -81,6 +78,7 @@ _renamed.install()
 
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
+        _renamed.refuse(name)
         raise AttributeError(f"module 'backdrive' has no attribute '{name}'")
     value = getattr(importlib.import_module(_HOMES[name]), name)
     if callable(

@@ -33,6 +33,22 @@ MODULES = {
 }
 
 
+#: Public name of `backdrive` as it was -> as it is.
+NAMES = {"fit": "identify(logs, law=...)"}
+
+
+def refuse(name: str) -> None:
+    """Say what an old public name is called now.
+
+    Raises:
+        Renamed: it was renamed.
+    """
+    if name in NAMES:
+        from backdrive.errors import Renamed
+
+        raise Renamed(f"backdrive.{name} has another name now.", remedy=f"Use backdrive.{NAMES[name]}.")
+
+
 def new_name(module: str) -> str | None:
     """Return where a module is now, or None where it has not moved.
 

@@ -17,7 +17,6 @@ COMMANDS = (
     "inspect",
     "plan",
     "identify",
-    "fit",
     "show",
     "validate",
     "compare",
@@ -25,6 +24,9 @@ COMMANDS = (
     "laws",
     "reproduce",
 )
+
+#: Command as it was -> as it is.
+RENAMED = {"fit": "identify --law auto"}
 
 app = typer.Typer(
     name="backdrive",
@@ -68,3 +70,21 @@ def _root(version: bool = typer.Option(False, "--version", help="Print the versi
 
 for _name in COMMANDS:
     app.command(_name)(_held(importlib.import_module(f"backdrive.cli.{_name}").command))
+
+
+def _renamed(old: str, new: str) -> Callable[[], None]:
+    def command() -> None:
+        from backdrive.errors import Renamed
+
+        raise Renamed(f"'backdrive {old}' has another name now.", remedy=f"Use 'backdrive {new}'.")
+
+    return command
+
+
+for _old, _new in RENAMED.items():
+    app.command(
+        _old,
+        hidden=True,
+        add_help_option=False,
+        context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
+    )(_renamed(_old, _new))

@@ -1,4 +1,4 @@
-"""Ctrl-C: within a second the command ends with 130, whatever it is about; `fit` keeps the best that it has found.
+"""Ctrl-C: within a second the command ends with 130, whatever it is about; a search keeps the best that it has found.
 
 Python raises `KeyboardInterrupt` in the main thread, between two of its own instructions. Two things may go wrong with that: a long
 compiled call lets it wait, and a callback from compiled code, as the compiler makes them, may swallow it. So a thread is told of

@@ -9,28 +9,38 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from backdrive.cli import _logs
-from backdrive.cli._output import console as new_console
+from backdrive.cli import _interrupt, _logs
 from backdrive.cli._output import echo
 
 if TYPE_CHECKING:
     from backdrive.identification import Identification
-    from backdrive.identification.timing import Timing
 
 
 def command(
     logs: _logs.Logs,
+    law: Annotated[
+        str | None,
+        typer.Option(
+            "--law",
+            help="Search any law: auto, a law, or several: stribeck-gauss,stribeck-gauss+lugre (see `backdrive laws`).  With "
+            "--method motion or constant-velocity: only coulomb-viscous or polyline.  [default: a curve, by data]",
+        ),
+    ] = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Model file to write (JSON).")] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Report to write (one HTML file).")] = None,
     method: Annotated[
-        str, typer.Option("--method", help="auto, sweep, constant-velocity, motion, ramp or arm.")
+        str, typer.Option("--method", help="auto, sweep, constant-velocity, motion, ramp, arm or dynamic.")
     ] = "auto",
     map: _logs.Map = None,
     joint: _logs.Joints = None,
     plan: _logs.PlanFiles = None,
     urdf: Annotated[Path | None, typer.Option("--urdf", help="Robot description, for a whole arm.")] = None,
     hold_out: Annotated[
-        list[Path] | None, typer.Option("--hold-out", help="Log to judge on, not fitted; may be repeated.")
+        list[Path] | None,
+        typer.Option(
+            "--hold-out",
+            help="Log to judge on, not fitted; may be repeated.  [default: parts of the fitted ones]",
+        ),
     ] = None,
     symmetric: Annotated[
         bool | None,
@@ -41,11 +51,9 @@ def command(
     ] = None,
     gravity: Annotated[
         bool | None,
-        typer.Option("--gravity/--no-gravity", help="Estimate gravity (motion).  [default: by data]"),
-    ] = None,
-    law: Annotated[
-        str | None,
-        typer.Option("--law", help="Only this law: coulomb-viscous or polyline.  [default: by data]"),
+        typer.Option(
+            "--gravity/--no-gravity", help="Estimate gravity (motion, dynamic).  [default: by data]"
+        ),
     ] = None,
     literal: Annotated[
         bool,
@@ -69,8 +77,39 @@ def command(
         ),
     ] = None,
     cutoff: Annotated[
-        float | None, typer.Option("--cutoff", help="Low pass of the motion before differentiation [Hz].")
+        float | None,
+        typer.Option(
+            "--cutoff",
+            help="Low pass of the motion before differentiation [Hz].  [default: by sampling rate and encoder]",
+        ),
     ] = None,
+    bound: Annotated[
+        list[str] | None,
+        typer.Option("--bound", help="Range of a parameter, NAME=LOW:HIGH in SI units; may be repeated."),
+    ] = None,
+    drive: Annotated[
+        str | None,
+        typer.Option(
+            "--drive",
+            help="Fit without torque, from the drive's input (--map u=...): torque, position, velocity, voltage or duty, and "
+            "its numbers: position,proportional=2000,derivative=60.",
+        ),
+    ] = None,
+    known: Annotated[
+        str | None,
+        typer.Option("--known", help="What is known and not sought: inertia=0.5,offset=0."),
+    ] = None,
+    interval: Annotated[
+        str, typer.Option("--interval", help="Kind of the 95 % intervals: covariance, profile or bootstrap.")
+    ] = "covariance",
+    loss: Annotated[str, typer.Option("--loss", help="linear, huber or absolute.")] = "huber",
+    step: Annotated[
+        float | None,
+        typer.Option(
+            "--step", help="Longest integration step of a fit with --drive [s].  [default: by the drive]"
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Of the starts of a search.")] = 0,
     gate: Annotated[
         float,
         typer.Option("--gate", help="Exit with 1 where the unseen residual of a joint is above this [%]."),
@@ -85,10 +124,16 @@ def command(
     repair: _logs.Repair = False,
     as_json: _logs.AsJson = False,
 ) -> None:
-    """Identify the friction of every joint that moves.
+    """Identify the friction of every joint that moves: a curve, or with --law any law, presliding included.
 
     Example: backdrive identify DATA_EMPS.mat --map "t=t,q=qm,tau=35.15*vir" --unit m -o model.json --report report.html
+
+    A law: backdrive identify DATA_EMPS.mat --map "t=t,q=qm,tau=35.15*vir" --unit m --law auto -o model.json
+
+    Without torque: backdrive identify log.csv --map u=goal --drive position,proportional=2000,derivative=60
     """
+    from backdrive.cli import _identify_options as parse
+    from backdrive.cli import _identify_tables as tables
     from backdrive.cli._progress import progress
     from backdrive.identification import identify
 
@@ -97,6 +142,8 @@ def command(
         raise typer.BadParameter(f"--gate {gate}: give a positive percentage.")
     _logs.check_urdf(urdf)
     plans = _logs.plans_from(plan)
+    ranges = parse.bounds(bound)
+    controller = parse.drive(drive, ranges)
     options = {
         "map": map,
         "names": names,
@@ -121,9 +168,16 @@ def command(
             gravity=gravity,
             law=law,
             literal=literal,
-            timing=_timing(torque_timing),
-            payloads=_payloads(payload),
+            timing=parse.timing(torque_timing),
+            payloads=parse.payloads(payload),
+            bounds=ranges,
+            known=parse.numbers(known, "--known"),
+            drive=controller,
+            loss=loss,
+            interval=interval,  # type: ignore[arg-type]
             cutoff=cutoff,
+            step=step,
+            seed=seed,
             accept=accept or [],
             repair=repair,
             progress=say,
@@ -137,45 +191,17 @@ def command(
             say("Drawing the report")
             write_report(result, report, command=shlex.join(["backdrive", *sys.argv[1:]]))
     bad = failing(result, gate)
+    written = [str(p) for p in (output, report) if p]
     if as_json:
-        _print_json(result, output, report, bad)
+        tables.show_json(result, written, bad)
     else:
-        _print_table(result, output, report)
+        tables.show_tables(result, written)
+    if result.stopped:
+        raise typer.Exit(_interrupt.CODE)
     if bad:
         if not as_json:
             echo(f"Below the quality gate (not credible, or above {gate:g} %): {', '.join(bad)}.", err=True)
         raise typer.Exit(1)
-
-
-def _timing(word: str | None) -> Timing | None:
-    if word is None:
-        return None
-    from backdrive._catalog import lookup
-
-    known: dict[str, Timing] = {"command": "command", "sample": "sample"}
-    return lookup(word, known, "timing of the torque")
-
-
-def _payloads(text: str | None) -> list[tuple[float, float]] | None:
-    if text is None:
-        return None
-    from math import isfinite
-
-    from backdrive.errors import InvalidInput
-
-    found = []
-    for word in text.split(","):
-        try:
-            sine, cosine = map(float, (word if ":" in word else f"{word}:{word}").split(":"))
-        except ValueError:
-            sine = cosine = float("nan")
-        if not (isfinite(sine) and isfinite(cosine)) or (":" not in word and sine != 0.0):
-            raise InvalidInput(
-                f"--payload {word!r}: neither 0 nor SIN:COS.",
-                remedy="A payload of 2 kg at 1 m that hangs level at q = 0 is 0:19.6.",
-            )
-        found.append((sine, cosine))
-    return found
 
 
 def failing(result: Identification, gate: float) -> list[str]:
@@ -188,54 +214,3 @@ def failing(result: Identification, gate: float) -> list[str]:
         if not credible(j) or (quality is not None and not quality.residual <= gate):
             bad.append(j.joint.name)
     return bad
-
-
-def _print_json(result: Identification, output: Path | None, report: Path | None, bad: list[str]) -> None:
-    import json
-
-    from backdrive.cli._output import print_json
-    from backdrive.model.file import encode
-
-    print_json(
-        {
-            "ok": not bad,
-            "below_gate": bad,
-            "method": result.method,
-            "reason": result.reason,
-            "warnings": result.warnings,
-            "notes": result.notes,
-            "verdicts": {e.joint: e.verdict for e in result.evidence},
-            "model": json.loads(encode(result.model)),
-            "written": [str(p) for p in (output, report) if p],
-        }
-    )
-
-
-def _print_table(result: Identification, output: Path | None, report: Path | None) -> None:
-    from rich.markup import escape
-    from rich.table import Table
-
-    console = new_console()
-    console.print(f"Method: {result.method} ({escape(result.reason)}).")
-    table = Table(box=None, pad_edge=False)
-    for heading in ("joint", "law", "residual fitted", "unseen"):
-        table.add_column(heading, justify="left" if heading in ("joint", "law") else "right")
-    for j in result.model.joints:
-        table.add_row(
-            escape(j.joint.name),
-            j.law.rate.NAME,
-            f"{j.fitted.residual:.1f} %" if j.fitted else "-",
-            f"{j.held_out.residual:.1f} %" if j.held_out else "-",
-        )
-    console.print(table)
-    for j, e in zip(result.model.joints, result.evidence):
-        console.print(f"{escape(j.joint.name)}: {escape(e.verdict)}")
-        for warning in j.warnings:
-            console.print(f"  {escape(warning)}", style="yellow")
-    for warning in result.warnings:
-        console.print(escape(warning), style="yellow")
-    for note in result.notes:
-        console.print(escape(note), style="dim")
-    for path in (output, report):
-        if path:
-            console.print(f"Wrote {escape(str(path))}")

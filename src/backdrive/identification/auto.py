@@ -18,6 +18,7 @@ METHODS: dict[str, str] = {
     "motion": "any motion of single axes",
     "ramp": "a torque ramp below and through break-away, for presliding",
     "arm": "any motion of a whole arm whose description is given",
+    "dynamic": "any motion with reversals, or the input of a drive: a search for any law, presliding included",
 }
 
 IDLE = 0.02  # a joint that travels less than this share of the busiest one of its kind is idle [-]

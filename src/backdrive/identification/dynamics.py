@@ -9,7 +9,7 @@ and what friction grows by with the load l = g(q) + inertia ddq that the joint c
     tau_f += sgn(dq) (load_driving or load_driven) |l|                  where the motor drives (dq l > 0), or is driven back
 
 `time_slip` is the delay of the measured torque behind the motion as `identify` estimates it: to first order it shows as jerk
-times inertia, which is where an unnoticed slip spoils a friction curve. `delay` is the same as `fit` estimates it: all of the
+times inertia, which is where an unnoticed slip spoils a friction curve. `delay` is the same as a search estimates it: all of the
 motion, in friction, inertia and gravity, is that of a moment before.
 """
 

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from backdrive.errors import InvalidInput
 from backdrive.model import FrictionModel
+
+if TYPE_CHECKING:
+    from backdrive.identification.dynamic.choice import Choice
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,6 +88,9 @@ class Identification:
         reason: why that method, in a sentence.
         warnings: what makes the whole result suspect, in sentences.
         notes: what readers and repairs did to the data, in sentences.
+        choices: of a search, the laws that were tried: one a joint, in the model's order.
+        intervals: of a search, 95 % intervals of every number that was sought, by joint and name [SI].
+        stopped: a person interrupted the search; this is what had been found.
     """
 
     model: FrictionModel
@@ -90,3 +99,22 @@ class Identification:
     reason: str
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    choices: tuple[Choice, ...] = ()
+    intervals: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
+    stopped: bool = False
+
+    def choice(self, joint: str | int = 0) -> Choice:
+        """Return the choice between laws of one joint, by name or position.
+
+        Raises:
+            UnknownName: there is no such joint.
+            InvalidInput: no search was made.
+        """
+        name = self.model.joint(joint).joint.name
+        for choice in self.choices:
+            if choice.joint == name:
+                return choice
+        raise InvalidInput(
+            f"No laws were searched for joint '{name}' (method {self.method}).",
+            remedy="Identify with law='auto', or with the laws to choose between.",
+        )

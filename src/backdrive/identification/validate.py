@@ -8,6 +8,7 @@ import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.dynamics import predict
+from backdrive.identification.options import settings_of
 from backdrive.identification.quality import judge
 from backdrive.identification.signals import prepare
 from backdrive.logs.log import Log
@@ -66,8 +67,8 @@ def validate(
             if log.torque is None and log.drive_input is not None:
                 raise InvalidInput(
                     f"The log holds no torque of joint '{name}', and here a model is judged by torque.",
-                    remedy="Map the torque (--map tau=COLUMN). A model of `fit --drive` is judged by motion: `backdrive validate`, "
-                    "or `backdrive.identification.dynamic.judging.judge_motion`.",
+                    remedy="Map the torque (--map tau=COLUMN). A model of `identify --drive` is judged by motion: `backdrive "
+                    "validate`, or `backdrive.identification.dynamic.judging.judge_motion`.",
                 )
             stretches = prepare(log, name, cutoff=_cutoff(model, name))
             pairs += [(s.torque, predict(friction, s), s.rate, s.moving) for s in stretches]
@@ -85,11 +86,8 @@ def validate(
 
 def _cutoff(model: FrictionModel, name: str) -> float | None:
     """Return the low pass of the motion that a joint was fitted with [Hz]; None: the usual one."""
-    joints = model.options.get("joints")
-    own = joints.get(name) if isinstance(joints, dict) else None
-    found = own.get("cutoff") if isinstance(own, dict) else None
-    found = model.options.get("cutoff") if found is None else found
-    return float(found) if isinstance(found, (int, float)) and found > 0 else None
+    cutoff = settings_of(model, name).get("cutoff", model.options.get("cutoff"))
+    return float(cutoff) if isinstance(cutoff, (int, float)) and cutoff > 0 else None
 
 
 def _runs(friction, log: Log, name: str, moved: list[np.ndarray]) -> list:

@@ -207,7 +207,7 @@ def facts_of(
         raise NotIdentifiable(
             f"Joint '{joint.name}': the law '{law.rate.NAME}' has no Coulomb friction at rest.",
             remedy="Without it there is nothing to compensate at rest, and R of its curve at the measured velocity does the rest; "
-            "else fit one that has, `backdrive fit --law stribeck-gauss` or `backdrive identify`.",
+            "else identify one that has, `backdrive identify --law stribeck-gauss` or without --law.",
         )
     error = FRICTION_ERROR if friction_error is None else friction_error
     known = _coulomb_error(friction, coulomb)
@@ -316,7 +316,7 @@ def _stiffness(friction: JointFriction, given: Any, notes: list[str]) -> tuple[f
             raise NotIdentifiable(
                 f"Joint '{name}': the law '{friction.law.name}' has no presliding stiffness.",
                 remedy="Give --stiffness LOW:HIGH of the transmission, from its catalogue or from `backdrive plan ramp` and "
-                "`backdrive fit --law auto`. Without it the friction curve can still be compensated in motion, "
+                "`backdrive identify --law auto`. Without it the friction curve can still be compensated in motion, "
                 "R of the torque at a velocity that is wanted.",
             )
         return _between(given, None, STIFFNESS_ERROR, "stiffness", name, notes)

@@ -12,8 +12,8 @@ from backdrive.engine import DriveModel, drives
 from backdrive.identification.dynamic.choice import windows
 from backdrive.identification.dynamic.drive_of_log import sought_of, with_gains
 from backdrive.identification.dynamic.motion_log import MotionLog
-from backdrive.identification.dynamic.request import Request
 from backdrive.identification.dynamic.torque import Stretch, stretch
+from backdrive.identification.options import Options
 from backdrive.logs.log import Joint, Log
 
 if TYPE_CHECKING:
@@ -54,14 +54,14 @@ class Driven:
         return stretch(replace(self.signals, torque=tau), temperature=self.log.temperature)
 
 
-def driven(log: Log, name: str, template: DriveModel, asked: Request) -> list[Driven]:
+def driven(log: Log, name: str, template: DriveModel, options: Options) -> list[Driven]:
     """Return the stretches of one joint with the drive's input.
 
     Args:
         log: with position and the drive's input.
         name: of the joint.
         template: drive of the first log, which others may differ from in the proportional gain.
-        asked: for the drive, if a person named it, and the low pass.
+        options: for the drive, if a person named it, and the low pass.
     """
     from backdrive.identification.signals import prepare
 
@@ -73,9 +73,9 @@ def driven(log: Log, name: str, template: DriveModel, asked: Request) -> list[Dr
         position=own.need("position"),
         torque=own.need("drive_input"),
     )
-    drive = template if asked.drive is not None else with_gains(log, template, sought_of(asked.bounds))
+    drive = template if options.drive is not None else with_gains(log, template, sought_of(options.bounds))
     found = []
-    for signals in prepare(bare, 0, cutoff=asked.cutoff):
+    for signals in prepare(bare, 0, cutoff=options.cutoff):
         temperature = None
         if own.temperature is not None:
             temperature = np.interp(signals.time, own.time, own.temperature[:, 0])
@@ -85,7 +85,7 @@ def driven(log: Log, name: str, template: DriveModel, asked: Request) -> list[Dr
             velocity=signals.velocity,
             drive_input=signals.torque,
             dt=1.0 / signals.rate,
-            proportional=drive.proportional if drive.controller != "open" and asked.drive is None else None,
+            proportional=drive.proportional if drive.controller != "open" and options.drive is None else None,
             temperature=temperature,
             name=log.sources[0].path if log.sources else "log",
         )

@@ -19,7 +19,6 @@ from backdrive.engine import Axis, DriveModel
 from backdrive.errors import BackdriveError, NotIdentifiable
 from backdrive.identification.dynamic import choice as choice_
 from backdrive.identification.dynamic import starts
-from backdrive.identification.dynamic.asked import described
 from backdrive.identification.dynamic.choice import Candidate
 from backdrive.identification.dynamic.drive_of_log import drive_of, sought_of
 from backdrive.identification.dynamic.driven import Driven, driven, split, whole
@@ -31,11 +30,12 @@ from backdrive.identification.dynamic.motion_log import MotionLog
 from backdrive.identification.dynamic.motion_problem import MotionProblem
 from backdrive.identification.dynamic.motion_result import finish_motion
 from backdrive.identification.dynamic.motion_terms import NAMES, OF_AXIS
-from backdrive.identification.dynamic.request import JointFit, Request, check_bounds, interruption
+from backdrive.identification.dynamic.outcome import JointFit, check_bounds, interruption
 from backdrive.identification.dynamic.stopping import unless_stopped
 from backdrive.identification.dynamic.unknowns import LawShape
+from backdrive.identification.options import Options, describe_drive
 from backdrive.laws import Coulomb, Law
-from backdrive.logs.log import Joint, Log
+from backdrive.logs.log import Drive, Joint, Log
 
 STEP = 1e-3  # longest integration step [s]
 QUICK = 0.08  # of the fastest time constant of the drive with the inertia, that a step may be [-]
@@ -47,38 +47,39 @@ LATEST = 0.03  # longest delay that is sought [s]
 PLAIN = "coulomb-viscous"  # fitted to the drive's torque for starts of laws that need the load
 
 
-def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Request) -> JointFit:
+def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, options: Options) -> JointFit:
     """Return the fit of one joint.
 
     Args:
         logs: with the drive's input, to fit.
         held_out: the same, to judge on; none: every third window of the fitted ones.
         name: of the joint.
-        asked: everything else.
+        options: everything else.
 
     Raises:
         InvalidInput: the drive is not known, or the logs do not fit together.
         NotIdentifiable: no law can be fitted or judged.
     """
     info = logs[0].joints[logs[0].column(name)]
-    template = asked.drive or drive_of(logs[0], sought_of(asked.bounds))
-    fitted = [d for log in logs for d in driven(log, name, template, asked)]
-    unseen = [d for log in held_out for d in driven(log, name, template, asked)]
-    problem = _Problem(info, template, fitted, asked)
+    assert not isinstance(options.drive, Drive)
+    template = options.drive or drive_of(logs[0], sought_of(options.bounds))
+    fitted = [d for log in logs for d in driven(log, name, template, options)]
+    unseen = [d for log in held_out for d in driven(log, name, template, options)]
+    problem = _Problem(info, template, fitted, options)
     held = template.controller != "open"
     pieces = whole(fitted, held)
     shown, judges = (pieces, whole(unseen, held)) if unseen else split(fitted, held)
     candidates: list[Candidate] = []
     fits: dict[str, MotionFit] = {}
     failure: BackdriveError | None = None
-    listed = choice_.shortlist(asked.law, presliding=False, load=False, warm=False)
-    check_bounds(asked.bounds, listed, NAMES)
+    listed = choice_.shortlist(options.law or "auto", presliding=False, load=False, warm=False)
+    check_bounds(options.bounds, listed, NAMES)
     stopped = False
     for candidate in listed:
-        asked.say(f"{name}: fitting {candidate}")
+        options.say(f"{name}: fitting {candidate}")
         begun = clock.perf_counter()
         try:
-            one = problem.fit(candidate, shown, asked.ticker(name))
+            one = problem.fit(candidate, shown, options.ticker(name))
             squares = _squares(one, judges)
         except BackdriveError as error:
             candidates.append(choice_.failed(candidate, error, clock.perf_counter() - begun))
@@ -113,23 +114,23 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Re
     best = fits[choice.chosen]
     final = best
     if not unseen and not stopped:
-        asked.say(f"{name}: fitting {best.name} to everything")
-        again = unless_stopped(lambda: problem.fit(best.name, pieces, asked.ticker(name), best.values))
+        options.say(f"{name}: fitting {best.name} to everything")
+        again = unless_stopped(lambda: problem.fit(best.name, pieces, options.ticker(name), best.values))
         stopped = again is None or again.interrupted
         final = best if again is None or (again.interrupted and again.rms > best.rms) else again
     numbers, done = intervals(
         final.problem,
         final.found,
         final.standard_errors,
-        "covariance" if stopped else asked.interval,
-        loss=asked.loss,
+        "covariance" if stopped else options.interval,
+        loss=options.loss,
         step=1e-4,
-        seed=asked.seed,
-        tick=lambda number: asked.say(f"{name}: profile of {number}"),
+        seed=options.seed,
+        tick=lambda number: options.say(f"{name}: profile of {number}"),
     )
     numbers = {n: ends for n, ends in numbers.items() if not n.startswith("start.")}
     stopped = stopped or not done
-    friction, evidence = finish_motion(info, final, best, choice, fitted, unseen, asked, problem.scales)
+    friction, evidence = finish_motion(info, final, best, choice, fitted, unseen, options, problem.scales)
     if stopped:
         said = interruption(listed, candidates, done)
         friction = replace(friction, warnings=(said, *friction.warnings))
@@ -141,7 +142,7 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Re
         intervals=final.problem.shape.complete(numbers),
         stopped=stopped,
         settings={
-            "drive": described(final.axis.drive),
+            "drive": describe_drive(final.axis.drive),
             "step": final.problem.logs[0].dt / final.problem.substeps,
             "motion": {"error": final.rms, "held_out": judged.held_out, "unit": info.unit},
         },
@@ -151,11 +152,11 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Re
 class _Problem:
     """What stays the same from law to law."""
 
-    def __init__(self, info: Joint, drive: DriveModel, driven: Sequence[Driven], asked: Request):
-        for name in asked.known:
+    def __init__(self, info: Joint, drive: DriveModel, driven: Sequence[Driven], options: Options):
+        for name in options.known:
             lookup(name, dict.fromkeys(OF_AXIS, 0), "number of an axis")
-        self.info, self.drive, self.asked = info, drive, asked
-        self.bounds: dict[str, Any] = dict(asked.bounds or {})
+        self.info, self.drive, self.options = info, drive, options
+        self.bounds: dict[str, Any] = dict(options.bounds)
         self.middle = drive.replace(
             **{
                 n[6:]: _middle(r)
@@ -164,8 +165,8 @@ class _Problem:
             }
         )
         self.stretches = [d.stretch(self.middle) for d in driven]
-        gravity = gravity_terms(self.stretches, info.unit, asked.gravity)
-        sought = [t for t in ("inertia", "offset", *gravity) if t not in asked.known]
+        gravity = gravity_terms(self.stretches, info.unit, options.gravity)
+        sought = [t for t in ("inertia", "offset", *gravity) if t not in options.known]
         self.terms = [
             *sought,
             *(n for n in self.bounds if n in ("gravity_sin", "gravity_cos") and n not in sought),
@@ -174,7 +175,7 @@ class _Problem:
             self.stretches, ("inertia", "offset", *gravity), info.unit, info.encoder_counts
         )
         self.axis = Axis(
-            **{"law": Law(rate=Coulomb(coulomb=0.0)), "inertia": 1.0, "drive": drive, **asked.known}  # type: ignore[arg-type]
+            **{"law": Law(rate=Coulomb(coulomb=0.0)), "inertia": 1.0, "drive": drive, **options.known}  # type: ignore[arg-type]
         )
         self.dt = driven[0].log.dt
         self.dampings = drive.proportional if drive.controller == "velocity" else drive.derivative
@@ -186,8 +187,8 @@ class _Problem:
 
     def substeps(self, inertia: float) -> int:
         """Return the integration steps a sample: short against the time in which the drive settles the inertia."""
-        if self.asked.step is not None:
-            return max(1, int(np.ceil(self.dt / self.asked.step - 1e-6)))
+        if self.options.step is not None:
+            return max(1, int(np.ceil(self.dt / self.options.step - 1e-6)))
         rates = (self.dampings / inertia, np.sqrt(self.stiffness / inertia))
         step = min(STEP, QUICK / max(*rates, 1e-9))
         return min(max(1, int(np.ceil(self.dt / step - 1e-6))), max(FINEST, int(np.ceil(self.dt / STEP))))
@@ -204,12 +205,12 @@ class _Problem:
         wide = bool(shape.rate.NEEDS)
         return fit_motion(
             problem,
-            loss=self.asked.loss,  # type: ignore[arg-type]
+            loss=self.options.loss,  # type: ignore[arg-type]
             begin=1 if begin_at else 64 if wide else 16,
             descend=4 if wide else 2,
             finish=2 if wide else 1,
             begin_at=start,
-            seed=self.asked.seed,
+            seed=self.options.seed,
             tick=tick,
         )
 
@@ -223,12 +224,13 @@ class _Problem:
             unit=self.info.unit,
             counts=self.info.encoder_counts,
             terms=[t for t in self.terms if t in ("inertia", "offset", "gravity_sin", "gravity_cos")],
-            delay=self.asked.delay and self.drive.controller == "open",  # a controller's input alone is late
+            delay=self.options.delay
+            and self.drive.controller == "open",  # a controller's input alone is late
             bounds=None if shape.rate.NEEDS else law_bounds,
             scales=self.scales,
             begin=24,
             descend=1,
-            seed=self.asked.seed,
+            seed=self.options.seed,
         )
         if found.interrupted:
             raise KeyboardInterrupt
@@ -251,7 +253,7 @@ class _Problem:
                 free[term] = (-reach, reach, float(np.clip(value, -reach, reach)))
         if self.drive.controller != "open" and len(self.stretches) <= STARTS:
             free["start.velocity"] = (-self.scales.speed, self.scales.speed, 0.0)
-        if self.asked.delay:
+        if self.options.delay:
             free["drive.delay"] = (0.0, LATEST, float(np.clip(start.get("drive.delay", 0.0), 0.0, LATEST)))
         for n, r in self.bounds.items():
             if n in shape.fixed or (n.startswith("drive.") or n in NAMES or n in self._numbers(shape)):

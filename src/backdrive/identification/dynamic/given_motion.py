@@ -15,11 +15,12 @@ from backdrive.identification.dynamic import choice as choice_
 from backdrive.identification.dynamic import starts
 from backdrive.identification.dynamic.choice import Candidate
 from backdrive.identification.dynamic.law_fit import fit_law
-from backdrive.identification.dynamic.request import JointFit, Request, check_bounds, interruption
+from backdrive.identification.dynamic.outcome import JointFit, check_bounds, interruption
 from backdrive.identification.dynamic.result import finish
 from backdrive.identification.dynamic.smoothing import Smoothing, smoothing
 from backdrive.identification.dynamic.stopping import unless_stopped
 from backdrive.identification.dynamics import unit_of
+from backdrive.identification.options import Options
 from backdrive.laws import rate_law
 from backdrive.logs.log import Log
 from backdrive.model import Estimate
@@ -34,31 +35,33 @@ WORSE = 1.1  # mean square of a fit to everything by that of the one that was ju
 TURNS = 0.5  # a joint that turns by less shows little of gravity [rad]
 
 
-def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Request) -> JointFit:
+def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, options: Options) -> JointFit:
     """Return the fit of one joint.
 
     Args:
         logs: to fit.
         held_out: to judge on; none: every third window of the fitted ones.
         name: of the joint.
-        asked: everything else.
+        options: everything else.
 
     Raises:
         NotIdentifiable: no law can be fitted or judged.
     """
-    for term in asked.known:
+    for term in options.known:
         lookup(term, dict.fromkeys(TERMS, 0), "number that a fit of torque takes as known")
     info = logs[0].joints[logs[0].column(name)]
-    smooth = smoothing([*logs, *held_out], name) if asked.cutoff is None else Smoothing(cutoff=asked.cutoff)
+    smooth = (
+        smoothing([*logs, *held_out], name) if options.cutoff is None else Smoothing(cutoff=options.cutoff)
+    )
     pairs = [pair for log in logs for pair in _stretches(log, name, smooth.cutoff)]
     unseen = [pair for log in held_out for pair in _stretches(log, name, smooth.cutoff)]
     stretches = [s for _, s in pairs]
-    terms = ["inertia", "offset", *gravity_terms(stretches, info.unit, asked.gravity)]
-    terms += [term for term in TERMS if term in (asked.bounds or {}) and term not in terms]
-    terms = [term for term in terms if term not in asked.known]
+    terms = ["inertia", "offset", *gravity_terms(stretches, info.unit, options.gravity)]
+    terms += [term for term in TERMS if term in options.bounds and term not in terms]
+    terms = [term for term in terms if term not in options.known]
     load = all(s.load.shape[0] > 1 and _varies(s.load[:, 1]) for s in stretches)
     warm = all(s.temperature.size > 1 and _varies(s.temperature) for s in stretches)
-    sizes = starts.scales(stretches, terms, info.unit, info.encoder_counts, asked.known)
+    sizes = starts.scales(stretches, terms, info.unit, info.encoder_counts, options.known)
     shown = sizes.length * (info.encoder_counts or np.inf) >= 5.0 and _slow_reversals(stretches, sizes.length)
     masks = (
         [np.zeros(len(s.torque), dtype=bool) for s in stretches]
@@ -70,25 +73,25 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Re
     judged_on = [np.ones(len(s.torque), dtype=bool) for s in judges] if unseen else masks
     candidates: list[Candidate] = []
     failure: BackdriveError | None = None
-    options: dict[str, Any] = {
+    common: dict[str, Any] = {
         "unit": info.unit,
         "counts": info.encoder_counts,
         "terms": terms,
-        "delay": asked.delay,
-        "known": asked.known,
+        "delay": options.delay,
+        "known": options.known,
         "scales": sizes,
-        "loss": asked.loss,
-        "seed": asked.seed,
+        "loss": options.loss,
+        "seed": options.seed,
     }
-    listed = choice_.shortlist(asked.law, presliding=shown, load=load, warm=warm)
-    check_bounds(asked.bounds, listed, (*TERMS, *(("delay",) if asked.delay else ())))
+    listed = choice_.shortlist(options.law or "auto", presliding=shown, load=load, warm=warm)
+    check_bounds(options.bounds, listed, (*TERMS, *(("delay",) if options.delay else ())))
     stopped = False
     for candidate in listed:
-        asked.say(f"{name}: fitting {candidate}")
+        options.say(f"{name}: fitting {candidate}")
         begun = clock.perf_counter()
         try:
             _supported(candidate, load=load, warm=warm)
-            one = fit_law(candidate, fitted, bounds=asked.bounds, tick=asked.ticker(name), **options)
+            one = fit_law(candidate, fitted, bounds=options.bounds, tick=options.ticker(name), **common)
             squares = choice_.judged(one, judges, judged_on)
             seen, count = choice_.seen(one, fitted)
         except BackdriveError as error:
@@ -127,7 +130,7 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Re
     assert best is not None
     final, remarks = best, [smooth.warning] if smooth.warning else []
     if not unseen and not stopped:
-        asked.say(f"{name}: fitting {best.name} to everything")
+        options.say(f"{name}: fitting {best.name} to everything")
         again = unless_stopped(
             lambda: fit_law(
                 best.problem.shape,
@@ -135,8 +138,8 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Re
                 begin=8,
                 descend=1,
                 begin_at=best.values,
-                bounds=asked.bounds,
-                **options,
+                bounds=options.bounds,
+                **common,
             )
         )
         stopped = again is None or again.interrupted
@@ -150,9 +153,9 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Re
                 "numbers are those of the fit that was judged."
             )
     intervals, done = final.intervals_until_stopped(
-        "covariance" if stopped else asked.interval,
-        seed=asked.seed,
-        tick=lambda number: asked.say(f"{name}: profile of {number}"),
+        "covariance" if stopped else options.interval,
+        seed=options.seed,
+        tick=lambda number: options.say(f"{name}: profile of {number}"),
     )
     stopped = stopped or not done
     if stopped:
@@ -160,7 +163,7 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Re
     friction, evidence = finish(info, final, best, choice, pairs, unseen, masks)
     given = {
         term: Estimate(value=value, unit=unit_of(term, info), standard_error=float("nan"))
-        for term, value in asked.known.items()
+        for term, value in options.known.items()
     }
     if any(log.model_torque is not None for log in logs):
         given["model_torque"] = Estimate(value=1.0, unit="1", standard_error=float("nan"))
@@ -178,11 +181,11 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, asked: Re
     )
 
 
-def gravity_terms(stretches: Sequence[Stretch], unit: str, asked: bool | None) -> tuple[str, ...]:
+def gravity_terms(stretches: Sequence[Stretch], unit: str, wanted: bool | None) -> tuple[str, ...]:
     """Return the terms of gravity that are sought: where asked for, or where the joint turns far enough to show it."""
     turns = unit == "rad" and all(s.position is not None for s in stretches)
     far = turns and max(float(np.ptp(s.position)) for s in stretches) > TURNS  # type: ignore[arg-type]
-    return ("gravity_sin", "gravity_cos") if asked or (asked is None and far) else ()
+    return ("gravity_sin", "gravity_cos") if wanted or (wanted is None and far) else ()
 
 
 def _supported(candidate: str, *, load: bool, warm: bool) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -11,9 +11,9 @@ from backdrive._catalog import lookup
 from backdrive.errors import InvalidInput
 from backdrive.identification.dynamic.search import Found, Search
 from backdrive.identification.dynamic.uncertainty import bootstrap, inverse, profile
+from backdrive.identification.options import Interval
 
-Method = Literal["covariance", "profile", "bootstrap"]
-METHODS: tuple[str, ...] = get_args(Method)
+METHODS: tuple[str, ...] = get_args(Interval)
 REACH = 1.96  # standard errors of a 95 % interval
 STEPS = 8  # of the search that fits all others again, per point of a profile
 
@@ -22,7 +22,7 @@ def intervals(
     problem: Any,
     found: Found,
     errors: Mapping[str, float],
-    method: Method = "covariance",
+    method: Interval = "covariance",
     *,
     loss: str = "huber",
     step: float = 1e-5,

@@ -11,7 +11,7 @@ import numpy as np
 from backdrive.engine import Axis, DriveModel, forward
 from backdrive.errors import BackdriveError, InvalidInput
 from backdrive.identification.dynamic.driven import driven, whole
-from backdrive.identification.dynamic.request import Request
+from backdrive.identification.options import Options, settings_of
 from backdrive.logs.log import Log
 from backdrive.model import FrictionModel
 
@@ -62,8 +62,8 @@ def judge_motion(model: FrictionModel, logs: Sequence[Log]) -> dict[str, MotionQ
         axis, step = _axis(model, name)
         cutoff = model.options.get("cutoff")
         cutoff = float(cutoff) if isinstance(cutoff, (int, float)) and cutoff > 0 else None
-        asked = Request(law="", drive=axis.drive, cutoff=cutoff)
-        parts = [part for log in logs for part in driven(log, name, axis.drive, asked)]
+        options = Options(drive=axis.drive, cutoff=cutoff)
+        parts = [part for log in logs for part in driven(log, name, axis.drive, options)]
         errors, spread = [], []
         for log in whole(parts, axis.drive.controller != "open"):
             moved = forward(
@@ -92,14 +92,13 @@ def judge_motion(model: FrictionModel, logs: Sequence[Log]) -> dict[str, MotionQ
 def _axis(model: FrictionModel, name: str) -> tuple[Axis, float]:
     """Return a joint with its drive, and the integration step that it was fitted with [s]."""
     friction = model.joint(name)
-    joints = model.options.get("joints")
-    own: Any = joints.get(name) if isinstance(joints, dict) else None
-    drive = own.get("drive") if isinstance(own, dict) else None
+    own = settings_of(model, name)
+    drive = own.get("drive")
     values: dict[str, Any] = {n: friction.dynamics[n].value for n in OF_AXIS if n in friction.dynamics}
     if not isinstance(drive, dict) or "inertia" not in values:
         raise InvalidInput(
             f"The model of joint '{name}' holds no drive, and the log no torque.",
-            remedy="Map the torque (--map tau=COLUMN); only a model of `fit --drive` can be judged by motion.",
+            remedy="Map the torque (--map tau=COLUMN); only a model of `identify --drive` can be judged by motion.",
         )
     try:
         step = float(own.get("step", 1e-3))

@@ -1,4 +1,4 @@
-"""`fit`: a friction law from logs, torque given motion, with honest uncertainty."""
+"""`fit_law`: a friction law from logs, torque given motion, with honest uncertainty."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from backdrive._catalog import lookup
 from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
 from backdrive.identification.dynamic import starts as starts_
 from backdrive.identification.dynamic import words
-from backdrive.identification.dynamic.intervals import Method, intervals
+from backdrive.identification.dynamic.intervals import intervals
 from backdrive.identification.dynamic.search import Found, Search, screen
 from backdrive.identification.dynamic.torque import (
     BESIDE,
@@ -24,6 +24,7 @@ from backdrive.identification.dynamic.torque import (
 )
 from backdrive.identification.dynamic.uncertainty import WEAK, covariance
 from backdrive.identification.dynamic.unknowns import LawShape, Scales, shares
+from backdrive.identification.options import Interval
 from backdrive.laws import Law
 
 NEAR = 1e-6  # a coordinate so near to its bound is at it
@@ -80,9 +81,9 @@ class LawFit:
         return lookup(name, self.intervals(), "number of this fit")
 
     def intervals(
-        self, method: Method = "covariance", *, seed: int = 0, tick: Callable[[str], None] | None = None
+        self, method: Interval = "covariance", *, seed: int = 0, tick: Callable[[str], None] | None = None
     ) -> dict[str, tuple[float, float]]:
-        """Return the 95 % interval of every number; see `fitting.intervals`.
+        """Return the 95 % interval of every number; see `dynamic.intervals`.
 
         Args:
             method: `covariance`, `profile` (all others are fitted again along the number) or `bootstrap` (over windows).
@@ -96,7 +97,7 @@ class LawFit:
         return self.intervals_until_stopped(method, seed=seed, tick=tick)[0]
 
     def intervals_until_stopped(
-        self, method: Method = "covariance", *, seed: int = 0, tick: Callable[[str], None] | None = None
+        self, method: Interval = "covariance", *, seed: int = 0, tick: Callable[[str], None] | None = None
     ) -> tuple[dict[str, tuple[float, float]], bool]:
         """Return the same, and whether no interruption left numbers with the interval of the covariance."""
         found, done = intervals(

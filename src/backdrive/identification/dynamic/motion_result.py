@@ -7,17 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from backdrive.identification.dynamic.asked import described
 from backdrive.identification.dynamic.choice import Choice
 from backdrive.identification.dynamic.driven import Driven, held_out_masks
 from backdrive.identification.dynamic.law_fit import LawFit, conclude
 from backdrive.identification.dynamic.motion import MotionFit
 from backdrive.identification.dynamic.motion_terms import UNITS
-from backdrive.identification.dynamic.request import Request
 from backdrive.identification.dynamic.result import finish
 from backdrive.identification.dynamic.search import Found, Search
 from backdrive.identification.dynamic.torque import Stretch, TorqueProblem
 from backdrive.identification.dynamic.unknowns import Scales
+from backdrive.identification.options import Options, describe_drive
 from backdrive.identification.result import JointEvidence
 from backdrive.logs.log import Joint
 from backdrive.model import Estimate, JointFriction
@@ -33,7 +32,7 @@ def finish_motion(
     choice: Choice,
     fitted: Sequence[Driven],
     unseen: Sequence[Driven],
-    asked: Request,
+    options: Options,
     scales: Scales,
 ) -> tuple[JointFriction, JointEvidence]:
     """Return a joint's friction and its evidence.
@@ -45,7 +44,7 @@ def finish_motion(
         choice: of the law.
         fitted: stretches of the fit.
         unseen: the same of held-out logs.
-        asked: for what is known, and the loss.
+        options: for what is known, and the loss.
         scales: that ranges followed from.
     """
     stretches = [d.stretch(final.axis.drive) for d in fitted]
@@ -53,8 +52,8 @@ def finish_motion(
     masks = held_out_masks(fitted, final.axis.drive.controller != "open")
     friction, evidence = finish(
         joint,
-        _in_torque(final, stretches, asked, scales),
-        _in_torque(judged, stretches, asked, scales),
+        _in_torque(final, stretches, options, scales),
+        _in_torque(judged, stretches, options, scales),
         choice,
         [(d.signals, s) for d, s in zip(fitted, stretches)],
         [(d.signals, s) for d, s in zip(unseen, tests)],
@@ -62,7 +61,7 @@ def finish_motion(
     )
     units = {u.name: u.unit for u in final.problem.unknowns}
     numbers = {*final.problem.shape.rate.PARAMETERS, *final.problem.shape.element.PARAMETERS}
-    dynamics = dict(friction.dynamics) | _given(final, asked, joint, numbers)
+    dynamics = dict(friction.dynamics) | _given(final, options, joint, numbers)
     dynamics |= {
         n: Estimate(value=v, unit=units[n], standard_error=final.standard_errors[n])
         for n, v in final.values.items()
@@ -76,14 +75,14 @@ def finish_motion(
     return friction, evidence
 
 
-def _in_torque(one: MotionFit, stretches: Sequence[Stretch], asked: Request, scales: Scales) -> LawFit:
+def _in_torque(one: MotionFit, stretches: Sequence[Stretch], options: Options, scales: Scales) -> LawFit:
     """Return a fit of motion as one of the torque that its drive must have given."""
-    values, shape = {**asked.known, **one.values}, one.problem.shape
+    values, shape = {**options.known, **one.values}, one.problem.shape
     numbers = {*shape.rate.PARAMETERS, *shape.element.PARAMETERS}
     terms = [t for t in RIGID if t in values and t not in numbers]
     problem = TorqueProblem(shape, stretches, scales, terms=terms)
     point = problem.point(values)
-    search = Search(problem.residuals, problem.lower, problem.upper, loss=asked.loss)
+    search = Search(problem.residuals, problem.lower, problem.upper, loss=options.loss)
     residual = search.evaluate(point[None])
     found = Found(
         point=point,
@@ -94,7 +93,7 @@ def _in_torque(one: MotionFit, stretches: Sequence[Stretch], asked: Request, sca
         converged=True,
         evaluations=search.evaluations,
     )
-    seen = conclude(problem, found, asked.loss)
+    seen = conclude(problem, found, options.loss)
     return replace(
         seen,
         values={n: values.get(n, v) for n, v in seen.values.items()},
@@ -105,14 +104,14 @@ def _in_torque(one: MotionFit, stretches: Sequence[Stretch], asked: Request, sca
     )
 
 
-def _given(final: MotionFit, asked: Request, joint: Joint, numbers: set[str]) -> dict[str, Estimate]:
+def _given(final: MotionFit, options: Options, joint: Joint, numbers: set[str]) -> dict[str, Estimate]:
     """Return the numbers of the drive and the axis that were given and not sought, so that the model can be run again."""
     side = 0 if joint.unit == "rad" else 1
     found = {
         f"drive.{n}": v
-        for n, v in described(final.axis.drive).items()
+        for n, v in describe_drive(final.axis.drive).items()
         if isinstance(v, float) and np.isfinite(v)
     }
-    found |= {n: float(v) for n, v in asked.known.items() if n not in RIGID and n not in numbers}
+    found |= {n: float(v) for n, v in options.known.items() if n not in RIGID and n not in numbers}
     units = {n: UNITS[n][side] if n in UNITS else "SI" for n in found}
     return {n: Estimate(value=v, unit=units[n]) for n, v in found.items()}

@@ -1,0 +1,88 @@
+"""What a person writes behind options of `backdrive identify`, taken apart and checked."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from backdrive.engine import DriveModel
+    from backdrive.identification.timing import Timing
+
+
+def timing(word: str | None) -> Timing | None:
+    if word is None:
+        return None
+    from backdrive._catalog import lookup
+
+    known: dict[str, Timing] = {"command": "command", "sample": "sample"}
+    return lookup(word, known, "timing of the torque")
+
+
+def payloads(text: str | None) -> list[tuple[float, float]] | None:
+    if text is None:
+        return None
+    from math import isfinite
+
+    from backdrive.errors import InvalidInput
+
+    found = []
+    for word in text.split(","):
+        try:
+            sine, cosine = map(float, (word if ":" in word else f"{word}:{word}").split(":"))
+        except ValueError:
+            sine = cosine = float("nan")
+        if not (isfinite(sine) and isfinite(cosine)) or (":" not in word and sine != 0.0):
+            raise InvalidInput(
+                f"--payload {word!r}: neither 0 nor SIN:COS.",
+                remedy="A payload of 2 kg at 1 m that hangs level at q = 0 is 0:19.6.",
+            )
+        found.append((sine, cosine))
+    return found
+
+
+def bounds(words: list[str] | None) -> dict[str, tuple[float, float]]:
+    from backdrive.errors import InvalidInput
+
+    found = {}
+    for word in words or []:
+        name, _, ends = word.partition("=")
+        low, colon, high = ends.partition(":")
+        try:
+            found[name.strip()] = (float(low), float(high))
+        except ValueError as error:
+            raise InvalidInput(
+                f"--bound {word}: not NAME=LOW:HIGH.", remedy="For example --bound stiffness=1e3:1e5."
+            ) from error
+        if not colon or not found[name.strip()][0] < found[name.strip()][1]:
+            raise InvalidInput(
+                f"--bound {word}: the lower end is not below the upper one.",
+                remedy="Give the lower end first: NAME=LOW:HIGH.",
+            )
+    return found
+
+
+def drive(words: str | None, ranges: dict[str, tuple[float, float]]) -> DriveModel | None:
+    """Return the drive of the engine that a person names, or None."""
+    if words is None:
+        return None
+    from backdrive.identification.dynamic.drive_of_log import model_of, sought_of
+    from backdrive.logs.log import Drive
+
+    law, _, gains = words.partition(",")
+    return model_of(Drive(law=law.strip(), gains=numbers(gains, "--drive")), sought_of(ranges))  # type: ignore[arg-type]
+
+
+def numbers(words: str | None, option: str) -> dict[str, float]:
+    from backdrive.errors import InvalidInput
+
+    found = {}
+    for word in (words or "").split(","):
+        name, _, value = word.partition("=")
+        try:
+            if name.strip():
+                found[name.strip()] = float(value)
+        except ValueError as error:
+            raise InvalidInput(
+                f"{option} {word}: not NAME=NUMBER.", remedy="For example inertia=0.5,gravity_sin=2."
+            ) from error
+    return found

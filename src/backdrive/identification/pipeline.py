@@ -1,0 +1,338 @@
+"""`identify`: from logs to a friction model with its evidence; the method by what the logs hold, or the law by what is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from backdrive._blas import on_one_thread
+from backdrive._catalog import lookup
+from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.identification.auto import METHODS, choose_method, moving_joints, own_turn
+from backdrive.identification.evidence import explained
+from backdrive.identification.options import Interval, Options
+from backdrive.identification.request import (
+    apart,
+    healthy,
+    in_order,
+    move_together,
+    planned,
+    slow_clock,
+    unused_torque,
+)
+from backdrive.identification.result import Identification, JointEvidence
+from backdrive.identification.timing import Timing
+from backdrive.identification.validate import validate
+from backdrive.logs.log import Drive, Log
+from backdrive.model import ArmModel, FrictionModel, JointFriction
+
+if TYPE_CHECKING:
+    from backdrive.engine import DriveModel
+
+Outcome = tuple[Sequence[JointFriction], Sequence[JointEvidence], ArmModel | None]
+
+
+@on_one_thread
+def identify(
+    logs: Log | Sequence[Log],
+    *,
+    law: str | Sequence[str] | None = None,
+    method: str = "auto",
+    plan: Any = None,
+    joints: Sequence[str] | None = None,
+    urdf: str | None = None,
+    held_out: Sequence[Log] = (),
+    symmetric: bool | None = None,
+    gravity: bool | None = None,
+    delay: bool = True,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    known: Mapping[str, float] | None = None,
+    drive: DriveModel | Drive | None = None,
+    loss: str = "huber",
+    interval: Interval = "covariance",
+    cutoff: float | None = None,
+    step: float | None = None,
+    literal: bool = False,
+    timing: Timing | None = None,
+    payloads: Sequence[tuple[float, float]] | None = None,
+    accept: Sequence[str] = (),
+    repair: bool = False,
+    seed: int = 0,
+    reading: Mapping[str, Any] | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Identification:
+    """Identify the friction of every joint that moves.
+
+    Without a law the method follows from what the logs hold, and the curve is what the data ask for. With a law, or several, or
+    `auto`, every one is searched (the method `dynamic`): fitted without every third window of time, on which it is judged (or
+    on `held_out` logs), and the chosen one again on everything; inertia, a constant torque and, where asked for, gravity are
+    sought along. Logs without torque are fitted through forward dynamics with the drive in the loop: the law is judged by the
+    position that it predicts from the drive's input.
+
+    Args:
+        logs: one log, or several of the same joints, with position or velocity, and torque; or with position and the input
+            of the drive (`drive_input`).
+        law: None; `auto` for a shortlist that the data can support; `rate`, `rate+element`, or several with commas between. For
+            the methods `motion` and `constant-velocity`, `coulomb-viscous` or `polyline` to allow only that.
+        method: `auto`, or one of `METHODS`.
+        plan: the motion that was commanded (an object of `backdrive.plans`), or one a log; gives the sweep its windows.
+        joints: names of the joints wanted; None: every joint that moves.
+        urdf: path of the robot description; needed for the method `arm`.
+        held_out: logs to judge on, not seen by the fit.
+        symmetric: force one curve for both directions (True) or one each (False).
+        gravity: estimate gravity as sin q and cos q (motion, dynamic); None: where the data ask for it.
+        delay: seek the time by which torque was recorded later than motion, or by which the drive's input acts late (dynamic).
+        bounds: of parameters, `inertia`, `offset`, `gravity_sin`, `gravity_cos` and `delay`, by name [SI]; given the drive's
+            input of any number of the axis and its drive, which is sought then: `drive.resistance`, ... (dynamic; see
+            `dynamic.motion_terms`).
+        known: what is not sought, by name [SI]: `inertia`, `offset`, `gravity_sin`, `gravity_cos`; given the drive's input any
+            number of `engine.Axis` (dynamic).
+        drive: fit from motion given this drive's input; None: as the logs say, where they hold no torque (dynamic).
+        loss: `linear`, `huber` or `absolute` (dynamic).
+        interval: `covariance`, `profile` or `bootstrap`; see `dynamic.intervals` (dynamic).
+        cutoff: low pass of the motion before differentiation [Hz]; None: by sampling rate and encoder.
+        step: longest integration step of a fit given the drive's input [s]; None: a part of the fastest time constant of the
+            drive with the inertia, at most 1 ms (dynamic).
+        literal: the sweep exactly as printed in the thesis, without corrections.
+        timing: the sweep's torque is a `command`, held from its sample on, or a `sample`, taken with the position; None: as
+            the motion tells.
+        payloads: s and c of the gravity s sin q + c cos q of a known payload in each log, (0, 0) without [N.m]: sweeps then
+            tell friction where the motor lifts from friction where it is driven back.
+        accept: names of health findings to accept.
+        repair: mend the log where an honest repair exists; each is noted.
+        seed: of the starts of a search.
+        reading: how the logs were read (map, unit, ...), to be remembered in the model file.
+        progress: called with a sentence before every step that may take long.
+
+    An interruption (Ctrl-C) ends a search with the best that it had found, once it has something; the result says so.
+
+    Returns:
+        The model, the evidence for every joint, which method ran and why; after a search the table of laws with the reason for
+        the choice.
+
+    Raises:
+        UnhealthyLog: a finding would spoil the result.
+        NotIdentifiable: the data do not determine the friction of any joint; where they do of some, the others are named.
+        InvalidInput: an argument or a log does not fit the method.
+        UnknownName: no such law, joint or method.
+    """
+    options = Options(
+        law=law,
+        method=method,
+        joints=joints,
+        urdf=urdf,
+        symmetric=symmetric,
+        gravity=gravity,
+        delay=delay,
+        bounds=dict(bounds or {}),
+        known=dict(known or {}),
+        drive=drive,
+        loss=loss,
+        interval=interval,
+        cutoff=cutoff,
+        step=step,
+        seed=seed,
+        literal=literal,
+        timing=timing,
+        payloads=payloads,
+        accept=accept,
+        repair=repair,
+        progress=progress,
+    )
+    from backdrive import __version__
+
+    logs = [logs] if isinstance(logs, Log) else list(logs) if isinstance(logs, Sequence) else []
+    if not logs or not all(isinstance(log, Log) for log in [*logs, *held_out]):
+        raise InvalidInput(
+            "There is no log to identify from.", remedy="Pass at least one `Log`, as `read_log` gives it."
+        )
+    options.check()
+    logs = [in_order(log, logs[0]) for log in logs]
+    held_out = [in_order(log, logs[0]) for log in held_out]
+    apart(logs, held_out)
+    logs = planned(logs, plan)
+    if _searches(logs, options):
+        _check_search(options)
+    options.say("Checking the logs")
+    warnings: list[str] = []
+    logs = [healthy(log, accept, repair, warnings) for log in logs]
+    held_out = [healthy(log, accept, repair, warnings) for log in held_out]
+    names, idle = moving_joints(logs, joints)
+    method, reason = _method(logs, names, options)
+    options.applicable(method)
+    warnings += unused_torque(logs, method)
+    warnings += slow_clock(logs) if method in ("sweep", "motion", "arm", "dynamic") else []
+    if method != "arm":
+        warnings += [f"Joint '{name}' hardly moves and was left out." for name in idle]
+    if method == "motion" and move_together(logs, names):
+        warnings.append(
+            "Several joints move at once and pull on each other; the single-axis model does not know that pull. Pass the robot's "
+            "description (--urdf), or torques known from elsewhere (--map tau_model=...)."
+        )
+    more: dict[str, Any] = {}
+    settings: dict[str, Any] = {}
+    notes = [note for log in logs for note in log.notes]
+    arm = None
+    if method == "dynamic":
+        from backdrive.identification.dynamic import fit_joints
+
+        fits, stopped = fit_joints(logs, held_out, names, options, warnings)
+        friction, evidence = [f.friction for f in fits], [f.evidence for f in fits]
+        more = {
+            "choices": tuple(f.choice for f in fits),
+            "intervals": {f.choice.joint: f.intervals for f in fits},
+            "stopped": stopped,
+        }
+        chosen = {f.choice.joint: {k: v for k, v in f.settings.items() if v is not None} for f in fits}
+        settings = {"settings": {joint: values for joint, values in chosen.items() if values}}
+        notes += [note for f in fits for note in f.notes]
+    elif method == "arm":
+        friction, evidence, arm = _arm(logs, held_out, options)
+    else:
+        friction, evidence = _by_joint(method, logs, held_out, names, options, warnings)
+    model = FrictionModel(
+        joints=tuple(_with_temperature(j, logs) for j in friction),
+        arm=arm,
+        sources=tuple(s for log in logs for s in log.sources),
+        options=options.remembered(method, plan, held_out, reading=dict(reading or {}), **settings),
+        version=__version__,
+    )
+    if held_out and method not in ("motion", "arm", "dynamic"):
+        options.say("Judging on the held-out logs")
+        model, evidence = _judged_on(model, evidence, held_out)
+    return Identification(
+        model=model,
+        evidence=tuple(evidence),
+        method=method,
+        reason=reason,
+        warnings=tuple(dict.fromkeys(warnings)),
+        notes=tuple(dict.fromkeys(notes)),
+        **more,
+    )
+
+
+def _searches(logs: Sequence[Log], options: Options) -> bool:
+    """Return whether what is asked, or what the logs hold, is for a search and for no regression."""
+    if options.method != "auto":
+        return options.method == "dynamic"
+    if options.law is not None or options.drive is not None:
+        return options.law != "polyline"
+    return any(log.torque is None and log.drive_input is not None for log in logs)
+
+
+def _check_search(options: Options) -> None:
+    from backdrive.identification.dynamic import check_laws
+
+    options.check_search()
+    check_laws(options)
+
+
+def _method(logs: Sequence[Log], names: Sequence[str], options: Options) -> tuple[str, str]:
+    """Return the method that runs, and why."""
+    if _searches(logs, options):
+        from backdrive.identification.dynamic import is_driven
+
+        return "dynamic", "motion given the drive's input" if is_driven(
+            logs, options
+        ) else "torque given motion"
+    if options.method == "auto":
+        return choose_method(logs, names, options.urdf)
+    lookup(options.method, METHODS, "method")
+    return options.method, "it was asked for"
+
+
+def _arm(logs: Sequence[Log], held_out: Sequence[Log], options: Options) -> Outcome:
+    if options.urdf is None:
+        raise InvalidInput(
+            "The method 'arm' needs the robot's description.", remedy="Pass --urdf ROBOT.urdf."
+        )
+    from backdrive.identification.arm import identify_arm
+
+    options.say("Identifying the arm")
+    return identify_arm(logs, options.urdf, held_out=held_out, cutoff=options.cutoff)
+
+
+def _by_joint(
+    method: str,
+    logs: Sequence[Log],
+    held_out: Sequence[Log],
+    names: Sequence[str],
+    options: Options,
+    warnings: list[str],
+) -> tuple[Sequence[JointFriction], Sequence[JointEvidence]]:
+    """Return the friction of one joint after the other, and what supports it; those that cannot be identified are named."""
+    results: list[tuple[JointFriction, JointEvidence]] = []
+    for name in names:
+        options.say(f"Identifying {name} ({method})")
+        try:
+            results.append(_one(method, [own_turn(log, name) for log in logs], name, held_out, options))
+        except NotIdentifiable as error:
+            if options.joints is not None or len(names) == 1:
+                raise
+            warnings.append(f"Joint '{name}' was left out: {error}")
+    if not results:
+        raise NotIdentifiable("No joint could be identified.", remedy=" ".join(warnings))
+    friction, evidence = zip(*results)
+    return friction, evidence
+
+
+def _one(
+    method: str, logs: Sequence[Log], name: str, held_out: Sequence[Log], options: Options
+) -> tuple[JointFriction, JointEvidence]:
+    law = options.law if isinstance(options.law, str) or options.law is None else ",".join(options.law)
+    if method == "sweep" and options.payloads is not None:
+        from backdrive.identification.sweep_payload import identify_payload
+
+        return identify_payload(logs, name, options.payloads, timing=options.timing)
+    if method == "sweep":
+        from backdrive.identification.sweep import identify_sweep
+
+        return identify_sweep(
+            logs, name, literal=options.literal, symmetric=options.symmetric, timing=options.timing
+        )
+    if method == "constant-velocity":
+        from backdrive.identification.constant_velocity import identify_constant_velocity
+
+        return identify_constant_velocity(logs, name, symmetric=options.symmetric, law=law)
+    if method == "ramp":
+        from backdrive.identification.presliding import identify_ramp
+
+        return identify_ramp(logs, name)
+    from backdrive.identification.motion import identify_motion
+
+    return identify_motion(
+        logs,
+        name,
+        held_out=held_out,
+        cutoff=options.cutoff,
+        gravity=options.gravity,
+        symmetric=options.symmetric,
+        law=law,
+    )
+
+
+def _judged_on(
+    model: FrictionModel, evidence: Sequence[JointEvidence], held_out: Sequence[Log]
+) -> tuple[FrictionModel, list[JointEvidence]]:
+    """Return model and evidence with the quality on held-out logs, for methods that do not judge themselves."""
+    qualities = validate(model, held_out)
+    joints = tuple(replace(j, held_out=qualities.get(j.joint.name, j.held_out)) for j in model.joints)
+    said = [
+        replace(e, verdict=e.verdict.replace(explained(before), explained(after)))
+        for e, before, after in zip(evidence, model.joints, joints)
+    ]
+    return replace(model, joints=joints), said
+
+
+def _with_temperature(friction: JointFriction, logs: Sequence[Log]) -> JointFriction:
+    """Return the joint with the range of temperatures that the logs saw."""
+    seen = [log.select(friction.joint.name).temperature for log in logs]
+    values = np.concatenate([t[np.isfinite(t)] for t in seen if t is not None] or [np.empty(0)])
+    if not values.size:
+        return friction
+    return replace(
+        friction, validity=replace(friction.validity, temperature=(float(values.min()), float(values.max())))
+    )
