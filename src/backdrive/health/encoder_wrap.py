@@ -81,8 +81,8 @@ def wraps(exam: Exam, channel: str, j: int) -> tuple[float, np.ndarray]:
     rotary = exam.log.joints[j].unit == "rad"
     glitch = found.glitch
     periods = [(p, np.ones(found.rows.size, bool)) for p in (_TURNS if rotary else ())]
-    periods += [(found.resolution * c, ~glitch) for c in _COUNTERS if found.resolution > 0]
-    periods += [(found.resolution * c, glitch) for c in _GLITCH_COUNTERS if found.resolution > 0]
+    periods += [(found.resolution * c, ~glitch) for c in _COUNTERS]
+    periods += [(found.resolution * c, glitch) for c in _GLITCH_COUNTERS]
     if (~glitch).sum() >= 3:  # whatever it is, it is always the same
         periods.append((float(np.median(np.abs(found.sizes[~glitch]))), ~glitch))
     best, explained = np.nan, np.zeros(found.rows.size, bool)
