@@ -35,7 +35,14 @@ def with_nan(x, rows):
 
 def test_a_finding_lists_a_thousand_rows_and_counts_all():
     finding = Finding(
-        name="nan", severity="warn", sentence="s", remedy="r", value=2, joint="j", channel="torque", where=np.arange(5, 1006)
+        name="nan",
+        severity="warn",
+        sentence="s",
+        remedy="r",
+        value=2,
+        joint="j",
+        channel="torque",
+        where=np.arange(5, 1006),
     )
     assert finding.to_dict() == {
         "name": "nan", "joint": "j", "channel": "torque", "severity": "warn", "sentence": "s", "remedy": "r", "value": 2.0,
@@ -46,10 +53,16 @@ def test_a_finding_lists_a_thousand_rows_and_counts_all():
 
 
 def test_rows_are_kept_by_mask_or_index_and_columns_replaced():
-    log = log_of(5, position=np.arange(10.0).reshape(5, 2), torque=-np.arange(10.0).reshape(5, 2)).noted("before")
+    log = log_of(5, position=np.arange(10.0).reshape(5, 2), torque=-np.arange(10.0).reshape(5, 2)).noted(
+        "before"
+    )
     mask = keep_rows(log, np.array([True, False, True, True, False]), "kept")
     assert mask.rows.tolist() == [0, 2, 3] and mask.log.time == pytest.approx([0.0, 2e-3, 3e-3])
-    assert mask.log.position.tolist() == [[0, 1], [4, 5], [6, 7]] and mask.log.torque.tolist() == [[0, -1], [-4, -5], [-6, -7]]
+    assert mask.log.position.tolist() == [[0, 1], [4, 5], [6, 7]] and mask.log.torque.tolist() == [
+        [0, -1],
+        [-4, -5],
+        [-6, -7],
+    ]
     assert mask.log.notes == ("before", "kept")
     index = keep_rows(log, np.array([4, 0]), "turned")
     assert index.rows.tolist() == [4, 0] and index.log.position.tolist() == [[8, 9], [0, 1]]
@@ -69,11 +82,15 @@ def test_the_gate_stops_what_could_be_mended_unless_it_is_asked_to_mend():
         with pytest.raises(UnhealthyLog) as stopped:
             stop(log)
         said = stopped.value.message
-        assert "The log would spoil the result: [nan] torque of j0 is NaN at 1 of 1000 samples, first at sample 500." in said
+        assert (
+            "The log would spoil the result: [nan] torque of j0 is NaN at 1 of 1000 samples, first at sample 500."
+            in said
+        )
         assert "more." not in said
         assert stopped.value.remedy == "Use --repair, or --accept nan to go on regardless."
-        assert [f["name"] for f in stopped.value.data["findings"]] == ["nan"] and stopped.value.data["findings"][0]["where"] == [500]
-        assert len(np.atleast_1d(stop(log, repair=True)[0].time if stop is passed else stop(log, repair=True).time)) == 999
+        (told,) = stopped.value.data["findings"]
+        assert (told["name"], told["where"]) == ("nan", [500])
+    assert len(gate(log, repair=True)) == len(passed(log, repair=True)[0]) == 999
 
 
 @pytest.mark.parametrize(("joints", "words"), [(4, ""), (5, " And 1 more."), (7, " And 3 more.")])
@@ -98,7 +115,10 @@ def test_a_remedy_offers_repair_only_where_all_can_be_mended():
     assert stopped.value.remedy == "Use --accept nan to go on regardless."
     with pytest.raises(UnhealthyLog) as stopped:
         gate(log, repair=True)
-    assert stopped.value.remedy == "Use --accept nan to go on regardless." and len(stopped.value.data["findings"]) == 1
+    assert (
+        stopped.value.remedy == "Use --accept nan to go on regardless."
+        and len(stopped.value.data["findings"]) == 1
+    )
     jumped = np.sin(3e-3 * np.arange(N)) + (np.arange(N) > 700)
     with pytest.raises(UnhealthyLog) as stopped:
         gate(log_of(N, position=jumped, torque=with_nan(rough(), [5])))
@@ -111,7 +131,10 @@ def test_what_warns_is_handed_on_unless_it_was_accepted_or_mended():
     time = 1e-3 * np.arange(N)
     time[600:] += 0.1
     log = log_of(N, time=time, position=np.sin(3.0 * time), torque=tau).noted("read")
-    assert {f.name: (f.severity, f.repairable) for f in check(log)} == {"gaps": ("warn", False), "outlier": ("warn", True)}
+    assert {f.name: (f.severity, f.repairable) for f in check(log)} == {
+        "gaps": ("warn", False),
+        "outlier": ("warn", True),
+    }
     kept, left = passed(log)
     assert kept is log and [f.name for f in left] == ["gaps", "outlier"]
     kept, left = passed(log, accept=["gaps"])
@@ -144,7 +167,11 @@ def test_rows_are_those_of_the_log_as_it_was_given_after_two_repairs():
     torque[[40, 50]] = np.nan
     velocity = np.gradient(q, 1e-3)[order]
     velocity[70] = np.inf
-    found = {f.name: f.where.tolist() for f in check(log.replace(torque=torque, velocity=velocity)) if f.where is not None}
+    found = {
+        f.name: f.where.tolist()
+        for f in check(log.replace(torque=torque, velocity=velocity))
+        if f.where is not None
+    }
     assert found == {"nan": [40, 50], "infinite": [70], "unsorted-time": [1501], "outlier": [1500, 1900]}
 
 
@@ -153,7 +180,9 @@ def test_below_twenty_samples_nothing_else_is_looked_at():
     (found,) = check(short)
     assert about(found) == (None, None, "spoils", 19, None, False)
     assert found.sentence == "The log has 19 samples; at least 20 are needed."
-    assert [f.sentence for f in few_samples.find(Exam(log_of(0, position=np.zeros(0))))] == ["The log is empty."]
+    assert [f.sentence for f in few_samples.find(Exam(log_of(0, position=np.zeros(0))))] == [
+        "The log is empty."
+    ]
     assert "1 sample;" in few_samples.find(Exam(log_of(1, position=np.zeros(1))))[0].sentence
     # and so it is where a repair leaves fewer: 31 samples, of which some are dropped
     for holes, looked in ((11, True), (12, False)):
@@ -164,7 +193,10 @@ def test_below_twenty_samples_nothing_else_is_looked_at():
 # -------------------------------------------------------------------------------------------------- holes
 
 
-@pytest.mark.parametrize(("hole", "name", "word"), [(np.nan, "nan", "NaN"), (np.inf, "infinite", "infinite"), (-np.inf, "infinite", "infinite")])
+@pytest.mark.parametrize(
+    ("hole", "name", "word"),
+    [(np.nan, "nan", "NaN"), (np.inf, "infinite", "infinite"), (-np.inf, "infinite", "infinite")],
+)
 def test_holes_in_the_clock(hole, name, word):
     for count, repairable in ((1, True), (499, True), (500, False)):
         time = 1e-3 * np.arange(N)
@@ -177,7 +209,9 @@ def test_holes_in_the_clock(hole, name, word):
     time = 1e-3 * np.arange(N)
     time[[0, 999]] = hole
     mended = gate(log_of(N, time=time, position=smooth(N)), repair=True)
-    assert mended.time == pytest.approx(1e-3 * np.arange(1, 999)) and mended.notes == (f"2 samples with {name} were dropped.",)
+    assert mended.time == pytest.approx(1e-3 * np.arange(1, 999)) and mended.notes == (
+        f"2 samples with {name} were dropped.",
+    )
 
 
 @pytest.mark.parametrize(
@@ -204,7 +238,9 @@ def test_a_channel_of_holes_is_left_out_where_it_can_be_done_without(channel, ot
         mended = gate(log, accept=["stuck"], repair=True)
         assert getattr(mended, channel) is None and len(mended) == N
         assert mended.notes[0] == f"{channel} was left out: it is mostly nan."
-    few = log_of(N, **arrays, **{channel: with_nan(smooth(N), slice(500, None))})  # half of it is damaged, not empty
+    few = log_of(
+        N, **arrays, **{channel: with_nan(smooth(N), slice(500, None))}
+    )  # half of it is damaged, not empty
     (found,) = named(few, "nan")
     assert found.repairable and found.remedy.startswith("Drop those samples")
 
@@ -261,7 +297,9 @@ def test_a_plan_is_compared_by_what_it_says():
     assert [f.joint for f in plan_mismatch.find(Exam(short, Duration()))] == [None]
     assert plan_mismatch.find(Exam(short)) == []
     assert len(plan_mismatch.find(Exam(short.replace(plan=Plan())))) == 2
-    assert plan_mismatch.find(Exam(short.replace(plan=Plan()), Duration()))[0].joint is None  # the one given counts
+    assert (
+        plan_mismatch.find(Exam(short.replace(plan=Plan()), Duration()))[0].joint is None
+    )  # the one given counts
     without = log_of(3000, velocity=np.sin(np.linspace(0.0, 6.28, 3000)))
     assert [f.joint for f in plan_mismatch.find(Exam(without, Plan()))] == [None]
     empty = log_of(3000, position=with_nan(np.zeros(3000), slice(None)))
@@ -272,7 +310,10 @@ def test_the_stroke_of_a_plan_is_that_of_the_nearest_of_all_joints():
     wave = np.sin(np.linspace(0.0, 2.0 * np.pi, 4001))
     log = log_of(4001, unit="m", position=np.column_stack([4.0 * wave, 1.3 * wave, 0.2 * wave]))
     (found,) = plan_mismatch.find(Exam(log, Plan()))
-    assert (found.joint, found.value) == ("j1", pytest.approx(2.6)) and "j1 moves over 2.6 m" in found.sentence
+    assert (found.joint, found.value) == (
+        "j1",
+        pytest.approx(2.6),
+    ) and "j1 moves over 2.6 m" in found.sentence
     holed = log_of(4001, position=np.column_stack([with_nan(0.5 * wave, 5), 1.5 * wave]))
     assert [f.joint for f in plan_mismatch.find(Exam(holed, Plan()))] == ["j1"]
 
@@ -290,12 +331,18 @@ def noise():
     [
         ([still(), still()], [noise(), noise()], ["spoils", "spoils"]),
         ([still(), smooth(N)], [noise(), noise()], ["note"]),
-        ([still(), still()], [noise(), np.linspace(0.0, 3.0, N)], ["note", "note"]),  # a ramp that breaks nothing away
+        (
+            [still(), still()],
+            [noise(), np.linspace(0.0, 3.0, N)],
+            ["note", "note"],
+        ),  # a ramp that breaks nothing away
         ([still(), still()], [np.zeros(N), np.zeros(N)], ["spoils", "spoils"]),
         ([smooth(N), smooth(N)], [noise(), noise()], []),
     ],
 )
-def test_joints_that_stand_are_a_remark_while_another_moves_or_torque_is_applied(position, torque, severities):
+def test_joints_that_stand_are_a_remark_while_another_moves_or_torque_is_applied(
+    position, torque, severities
+):
     log = log_of(N, position=np.column_stack(position), torque=np.column_stack(torque))
     found = no_motion.find(Exam(log))
     assert [f.severity for f in found] == severities
@@ -313,7 +360,9 @@ def test_a_joint_moves_if_it_has_three_places_or_speeds(values, moves, channel):
     other = "velocity" if channel == "position" else "position"
     log = log_of(N, **{channel: 0.1 * (np.arange(N) % values), other: still()})
     assert bool(no_motion.find(Exam(log))) is not moves
-    assert not no_motion.find(Exam(log_of(N, **{channel: with_nan(still(), 3)})))  # of what is unknown nothing is said
+    assert not no_motion.find(
+        Exam(log_of(N, **{channel: with_nan(still(), 3)}))
+    )  # of what is unknown nothing is said
 
 
 @pytest.mark.parametrize(("angle", "pushed"), [(0.31, True), (0.33, False)])
@@ -357,7 +406,10 @@ def test_no_friction_is_seen_where_it_is_surely_below_a_fiftieth_of_the_scatter(
     if said:
         assert about(found[0]) == ("j1", "torque", "note", estimate[0], None, False)
     found = judged(no_friction.find, (0.012, 0.0011, 1.234), unit="m")
-    assert found[0].sentence == "torque of j0 shows no friction: 0.012 N (standard error 0.001) in a torque that scatters by 1.23 N."
+    assert (
+        found[0].sentence
+        == "torque of j0 shows no friction: 0.012 N (standard error 0.001) in a torque that scatters by 1.23 N."
+    )
 
 
 @pytest.mark.parametrize(
@@ -384,13 +436,20 @@ def test_which_torques_are_taken_to_be_inverted(estimates, inverted):
         value = pytest.approx(estimate[0] if estimate else np.nan, nan_ok=True)
         assert about(finding) == (finding.joint, "torque", "spoils", value, None, True)
         if estimate is None:
-            assert finding.sentence.endswith("is taken to have the opposite sign like the other joints'; its own motion does not tell.")
+            assert finding.sentence.endswith(
+                "is taken to have the opposite sign like the other joints'; its own motion does not tell."
+            )
         elif estimate[0] < -0.04:
             push = f"friction would drive it with {-estimate[0]:.3g} N.m (standard error {estimate[1]:.2g})"
-            assert finding.sentence == f"torque of {finding.joint} has the opposite sign of its motion: {push}."
+            assert (
+                finding.sentence == f"torque of {finding.joint} has the opposite sign of its motion: {push}."
+            )
         else:
-            assert "has the opposite sign like the other joints', though less surely: friction would drive it with 0.01" in finding.sentence
-    
+            assert (
+                "has the opposite sign like the other joints', though less surely: friction would drive it with 0.01"
+                in finding.sentence
+            )
+
 
 def test_a_joint_without_torque_is_not_turned_with_the_others():
     x = np.ones((100, 3)) * np.arange(100.0)[:, None]

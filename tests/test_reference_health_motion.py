@@ -96,7 +96,11 @@ def test_position_jumps_are_named_with_the_largest_and_the_first():
     x[900:, 2] += 1.0
     for unit in ("rad", "m"):
         found = position_jump.find(Exam(log_of(unit=unit, position=x, second_encoder=x[:, [0, 2, 0]])))
-        assert [(f.joint, f.channel) for f in found] == [("j1", "position"), ("j2", "position"), ("j1", "second_encoder")]
+        assert [(f.joint, f.channel) for f in found] == [
+            ("j1", "position"),
+            ("j2", "position"),
+            ("j1", "second_encoder"),
+        ]
         assert about(found[0])[2:] == ("spoils", pytest.approx(0.5, abs=1e-3), [700, 1500], False)
         assert found[0].sentence == (
             f"position of j1 jumps 2 times, by up to {-found[0].value:.4g} {unit}, first at sample 700: no joint moves so fast."
@@ -166,7 +170,9 @@ def test_three_jumps_of_one_size_wrap_whatever_the_size(times, wraps):
     assert position_jump.find(Exam(steady([-1.7, -1.7, 1.7, -5.0], unit="m")))[0].where.tolist() == [1200]
 
 
-@pytest.mark.parametrize(("off", "unit", "said"), [(8e-3, "rad", True), (12e-3, "rad", False), (0.0, "m", False)])
+@pytest.mark.parametrize(
+    ("off", "unit", "said"), [(8e-3, "rad", True), (12e-3, "rad", False), (0.0, "m", False)]
+)
 def test_one_turn_is_said_of_a_turn(off, unit, said):
     (found,) = encoder_wrap.find(Exam(steady([-2.0 * np.pi - off] * 3, unit=unit)))
     assert ("(one turn)" in found.sentence) is said
@@ -202,7 +208,9 @@ def test_a_wrap_of_either_encoder_is_unwrapped_and_the_reference_goes_with_the_p
     other = np.mod(truth + 0.2, 2 * np.pi)
     log = log_of(4000, position=truth, second_encoder=other, reference=np.mod(truth, 2 * np.pi))
     mended = gate(log, repair=True)
-    assert mended.second_encoder[:, 0] == pytest.approx(truth + 0.2) and np.array_equal(mended.position, log.position)
+    assert mended.second_encoder[:, 0] == pytest.approx(truth + 0.2) and np.array_equal(
+        mended.position, log.position
+    )
     assert np.array_equal(mended.reference, log.reference)
     assert mended.notes == ("second_encoder of j0 was unwrapped 1 time by 6.2832.",)
     log = log_of(4000, position=np.mod(truth, 2 * np.pi), reference=np.mod(truth, 2 * np.pi))
@@ -244,14 +252,17 @@ def fitted(q, v, t, window, pieces=None, stride=None):
 
 
 @pytest.mark.parametrize(
-    ("n", "dt", "window", "stride"), [(4000, 1e-3, 100, 25), (400, 0.02, 5, 1), (16384, 0.02, 5, 2), (24576, 0.012, 8, 3)]
+    ("n", "dt", "window", "stride"),
+    [(4000, 1e-3, 100, 25), (400, 0.02, 5, 1), (16384, 0.02, 5, 2), (24576, 0.012, 8, 3)],
 )
 @pytest.mark.parametrize("fault", ["none", "jump"])
 def test_velocity_and_position_are_fitted_over_windows_of_a_tenth_of_a_second(n, dt, window, stride, fault):
     generator = np.random.default_rng(n)
     t = 3.0 + dt * np.arange(n)
     q = 5.0 * np.sin(0.9 * t) + 2.0 * np.sin(2.3 * t) + 0.02 * generator.standard_normal(n)
-    v = 1.2 * (4.5 * np.cos(0.9 * (t - 0.02)) + 4.6 * np.cos(2.3 * (t - 0.02))) + 0.1 * generator.standard_normal(n)
+    v = 1.2 * (
+        4.5 * np.cos(0.9 * (t - 0.02)) + 4.6 * np.cos(2.3 * (t - 0.02))
+    ) + 0.1 * generator.standard_normal(n)
     if fault == "jump":
         q[n // 3 :] += 9.0
     fit = velocity_fit(Exam(log_of(n, time=t, position=q, velocity=v)), 0)
@@ -271,7 +282,9 @@ def test_windows_do_not_reach_across_gaps_and_pieces_of_ten_samples_are_left_out
     v = 4.5 * np.cos(0.9 * t) + 0.5 * generator.standard_normal(n)
     fit = velocity_fit(Exam(log_of(n, time=t, position=q, velocity=v)), 0)
     pieces = [slice(a, b) for a, b in zip(edges, edges[1:]) if b - a > 10]
-    assert (fit.scale, fit.delay, fit.residual, fit.plain) == pytest.approx(fitted(q, v, t, 5, pieces), rel=1e-6)
+    assert (fit.scale, fit.delay, fit.residual, fit.plain) == pytest.approx(
+        fitted(q, v, t, 5, pieces), rel=1e-6
+    )
 
 
 @pytest.mark.parametrize(("n", "told"), [(399, False), (400, True)])
@@ -284,7 +297,10 @@ def test_a_window_is_a_quarter_of_the_longest_piece_at_most(n, told):
 def test_no_fit_without_position_velocity_or_clock():
     t = 1e-3 * np.arange(2000)
     q, v = np.sin(3.0 * t), 3.0 * np.cos(3.0 * t)
-    assert velocity_fit(Exam(log_of(position=q)), 0) is None and velocity_fit(Exam(log_of(velocity=v)), 0) is None
+    assert (
+        velocity_fit(Exam(log_of(position=q)), 0) is None
+        and velocity_fit(Exam(log_of(velocity=v)), 0) is None
+    )
     assert velocity_fit(Exam(log_of(position=q, velocity=v, time=np.zeros(2000))), 0) is None
     assert velocity_fit(Exam(log_of(position=q, velocity=np.full(2000, 0.5))), 0) is None
     assert velocity_fit(Exam(log_of(10, 0.02, position=q[:10], velocity=v[:10])), 0) is None
@@ -294,7 +310,9 @@ def test_no_fit_without_position_velocity_or_clock():
 @pytest.mark.parametrize(
     ("counts", "window"), [(25.0, 0.1), (22.0, 0.3), (8.2, 0.3), (7.8, 0.9), (2.8, 0.9), (1.25, None)]
 )
-def test_windows_grow_threefold_until_24_counts_are_moved_and_half_of_that_has_to_do(n, longest, counts, window):
+def test_windows_grow_threefold_until_24_counts_are_moved_and_half_of_that_has_to_do(
+    n, longest, counts, window
+):
     """So many counts in a tenth of a second; a sawtooth velocity without noise, of which only one count is known."""
     count = 1e-3
     t = 1e-3 * np.arange(n)
@@ -309,7 +327,8 @@ def test_windows_grow_threefold_until_24_counts_are_moved_and_half_of_that_has_t
 
 
 @pytest.mark.parametrize(
-    ("speed", "window"), [(0.63, 0.1), (0.57, 0.3), (0.36, 0.3), (0.33, 0.9), (0.21, 0.9), (0.11, 0.9), (0.09, None)]
+    ("speed", "window"),
+    [(0.63, 0.1), (0.57, 0.3), (0.36, 0.3), (0.33, 0.9), (0.21, 0.9), (0.11, 0.9), (0.09, None)],
 )
 def test_and_until_six_times_the_noise_that_adds_up_is_exceeded(speed, window):
     """Noise of 1 rad/s adds up to dt sqrt(m) in a window of m samples; half is enough in the longest."""
@@ -337,7 +356,9 @@ def test_a_velocity_that_only_trembles_has_nothing_to_do_with_the_motion():
     fit = velocity_fit(Exam(log_of(4000, position=5.0 * np.sin(3.0 * t), velocity=tremble)), 0)
     assert (fit.scale, fit.delay, fit.residual, fit.plain) == (0.0, 0.0, 1.0, 1.0)
     k = np.arange(41.0)
-    fit = velocity_fit(Exam(log_of(41, 1.0, position=(k - 20.0) ** 2, velocity=1.0 + (k == 20.0))), 0)  # back as forth
+    fit = velocity_fit(
+        Exam(log_of(41, 1.0, position=(k - 20.0) ** 2, velocity=1.0 + (k == 20.0))), 0
+    )  # back as forth
     assert (fit.scale, fit.delay) == (0.0, 0.0)
 
 
@@ -456,14 +477,20 @@ def test_a_position_in_degrees_takes_its_reference_and_second_encoder_with_it():
     t = 1e-3 * np.arange(4000)
     q, v = np.rad2deg(np.sin(3.0 * t)), 3.0 * np.cos(3.0 * t)
     for share, with_it in ((0.19, False), (0.21, True), (4.9, True), (5.1, False)):
-        mended = gate(log_of(4000, position=q, velocity=v, reference=share * q, second_encoder=q), repair=True)
+        mended = gate(
+            log_of(4000, position=q, velocity=v, reference=share * q, second_encoder=q), repair=True
+        )
         factor = 180.0 / np.pi if with_it else 1.0
         assert mended.reference[:, 0] == pytest.approx(share * q / factor)
         assert mended.second_encoder[:, 0] == pytest.approx(np.sin(3.0 * t))
-        assert mended.position[:, 0] == pytest.approx(np.sin(3.0 * t)) and np.array_equal(mended.velocity[:, 0], v)
+        assert mended.position[:, 0] == pytest.approx(np.sin(3.0 * t)) and np.array_equal(
+            mended.velocity[:, 0], v
+        )
         said = ["position", "reference", "second_encoder"] if with_it else ["position", "second_encoder"]
         assert mended.notes == tuple(f"{channel} of j0 was divided by 57.2958." for channel in said)
-    back = gate(log_of(4000, position=np.sin(3 * t), velocity=np.rad2deg(v), reference=np.sin(3 * t)), repair=True)
+    back = gate(
+        log_of(4000, position=np.sin(3 * t), velocity=np.rad2deg(v), reference=np.sin(3 * t)), repair=True
+    )
     assert back.velocity[:, 0] == pytest.approx(v) and np.array_equal(back.reference[:, 0], np.sin(3 * t))
 
 

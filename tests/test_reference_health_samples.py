@@ -240,9 +240,7 @@ def test_of_a_long_log_twice_as_many_as_may_be_unusual_may_be_outliers(count, sa
     assert outliers(x) == ([rows.tolist()] if said else [])
 
 
-@pytest.mark.parametrize(
-    ("n", "usual"), [(13, 11), (14, 11), (500, 11), (1003, 12)]
-)
+@pytest.mark.parametrize(("n", "usual"), [(13, 11), (14, 11), (500, 11), (1003, 12)])
 def test_ten_samples_and_one_in_a_thousand_may_be_unusual(n, usual):
     """The largest excess but so many is what is usual; with one spike fewer than that, spikes are outliers."""
     for spikes, said in ((usual - 1, True), (usual, False)):
@@ -271,9 +269,19 @@ def ticking(excess, counts, at=400, period=1e-3, channel="velocity"):
 @pytest.mark.parametrize("at", [1, 2, 400])
 @pytest.mark.parametrize(
     ("excess", "counts", "said"),
-    [(1.9, 1, False), (2.1, 1, True), (-1.9, -1, False), (-2.1, -1, True), (1.9, 0, True), (1.9, 2, True), (1.0, 1, False)],
+    [
+        (1.9, 1, False),
+        (2.1, 1, True),
+        (-1.9, -1, False),
+        (-2.1, -1, True),
+        (1.9, 0, True),
+        (1.9, 2, True),
+        (1.0, 1, False),
+    ],
 )
-def test_a_peak_of_a_velocity_is_a_tick_of_one_count_if_it_is_below_two_counts_a_period(period, at, excess, counts, said):
+def test_a_peak_of_a_velocity_is_a_tick_of_one_count_if_it_is_below_two_counts_a_period(
+    period, at, excess, counts, said
+):
     assert bool(ticking(excess, counts, at, period)) is said
 
 
@@ -283,7 +291,10 @@ def test_the_count_is_to_be_seen_from_two_samples_before_to_one_after(away, said
     count, n = 2.0**-10, 2000
     q = count * np.isin(np.arange(n), range(400 + away, n)) + count * (np.arange(n) > 1500)
     v = 1e3 * count * (np.arange(n) == 400) + 1e-6 * np.sin(np.arange(n) ** 2)
-    assert bool([f for f in outlier.find(Exam(log_of(n, position=q, velocity=v))) if f.channel == "velocity"]) is said
+    assert (
+        bool([f for f in outlier.find(Exam(log_of(n, position=q, velocity=v))) if f.channel == "velocity"])
+        is said
+    )
 
 
 @pytest.mark.parametrize("channel", ["torque", "position", "second_encoder"])
@@ -292,7 +303,9 @@ def test_outliers_near_one_another_and_near_steps_are_those_of_the_definition(ch
     for seed in range(150):
         generator = np.random.default_rng(1000 + seed)
         k = np.arange(120)
-        x = generator.choice([0.0, 40.0]) * np.sin(k / generator.uniform(6.0, 30.0)) + 0.05 * generator.standard_normal(120)
+        x = generator.choice([0.0, 40.0]) * np.sin(
+            k / generator.uniform(6.0, 30.0)
+        ) + 0.05 * generator.standard_normal(120)
         rows = (30, 60, 90)
         for row in rows:
             size = 4.0 * 2.0 ** generator.uniform(-1.5, 1.5)
@@ -312,7 +325,9 @@ def test_outliers_near_one_another_and_near_steps_are_those_of_the_definition(ch
 
 def wrapped(x, count=1.0, channel="torque"):
     """Return what is found of values given in counts."""
-    return integer_wrap.find(Exam(log_of(len(x), position=smooth(len(x)), **{channel: count * np.asarray(x, dtype=float)})))
+    return integer_wrap.find(
+        Exam(log_of(len(x), position=smooth(len(x)), **{channel: count * np.asarray(x, dtype=float)}))
+    )
 
 
 def swing(high, low=None, n=1000):
@@ -330,7 +345,14 @@ def test_a_wrong_type_is_told_with_its_period_and_its_rows_and_taken_off(bits, c
         x = np.roll(truth, shift)
         (found,) = wrapped(x % 2**bits, count)
         rows = np.flatnonzero(x < 0).tolist()
-        assert about(found) == ("j0", "torque", "spoils", pytest.approx(count * 2.0**bits, rel=1e-12), rows, True)
+        assert about(found) == (
+            "j0",
+            "torque",
+            "spoils",
+            pytest.approx(count * 2.0**bits, rel=1e-12),
+            rows,
+            True,
+        )
         assert found.sentence == (
             f"torque of j0 was read with the wrong integer type: {len(rows)} samples off by {count * 2.0**bits:.6g} "
             f"(2^{bits} steps), first at sample {rows[0]}."
@@ -351,7 +373,8 @@ def test_a_leap_between_two_signs_may_be_two_fifths_of_the_period(high, said):
 
 
 @pytest.mark.parametrize(
-    ("value", "said"), [(16000, True), (16800, False), (48800, False), (49500, True), (-16000, True), (-16800, False)]
+    ("value", "said"),
+    [(16000, True), (16800, False), (48800, False), (49500, True), (-16000, True), (-16800, False)],
 )
 def test_near_zero_and_near_the_period_is_within_a_quarter(value, said):
     x = swing(6000) % 65536
@@ -404,7 +427,11 @@ def test_what_moves_by_small_steps_or_stands_is_no_wrong_type():
     assert wrapped(np.arange(500)) == []
     assert wrapped(np.arange(500) % 50 * 1.0) == []
     assert wrapped(np.where(np.arange(500) == 9, np.nan, swing(200, n=500) % 65536)) == []
-    two = log_of(1000, position=np.column_stack([smooth(1000)] * 2), velocity=np.column_stack([smooth(1000), swing(99) % 65536]))
+    two = log_of(
+        1000,
+        position=np.column_stack([smooth(1000)] * 2),
+        velocity=np.column_stack([smooth(1000), swing(99) % 65536]),
+    )
     assert [(f.joint, f.channel) for f in integer_wrap.find(Exam(two))] == [("j1", "velocity")]
     for channel in ("drive_input", "external_torque", "load", "model_torque"):
         assert len(wrapped(swing(200) % 65536, 1.0, channel)) == 1
@@ -435,8 +462,9 @@ def test_numbers_resampled_after_the_fault_lose_what_lies_between_the_levels(ram
     lost |= {k for k in range(1000) if side[k] == 0}
     rows = sorted(lost | {k for k in range(1000) if side[k] > 0})
     assert about(found) == ("j0", "torque", "spoils", 2.0**bits, rows, True)
-    assert f"{len(rows)} samples off by {2.0**bits:.6g} (2^{bits} steps), {len(lost)} of them between the levels and lost, first" in (
-        found.sentence
+    assert (
+        f"{len(rows)} samples off by {2.0**bits:.6g} (2^{bits} steps), {len(lost)} of them between the levels and lost, first"
+        in (found.sentence)
     )
     mended = integer_wrap.repair(Exam(log_of(1000, position=smooth(1000), torque=x)), [found])
     kept = [k for k in range(1000) if k not in lost]
@@ -462,9 +490,7 @@ def test_which_resampled_numbers_are_taken_for_a_wrong_type(change, said):
     assert bool(wrapped(x)) is said
 
 
-@pytest.mark.parametrize(
-    ("value", "said"), [(-0.045, True), (-0.055, False), (1.0005, True), (1.002, False)]
-)
+@pytest.mark.parametrize(("value", "said"), [(-0.045, True), (-0.055, False), (1.0005, True), (1.002, False)])
 def test_resampled_numbers_lie_between_zero_and_the_period_but_for_a_twentieth(value, said):
     _, x = between()
     x[150 if value > 0 else 50] = value * 65536.0

@@ -71,9 +71,7 @@ def test_a_coarse_clock_is_regular_up_to_1_2_ticks_off_a_straight_line(jump_at, 
     start, slope = fit(5e-3 * stamps)
     if regular:
         assert mended.time == pytest.approx(50.0 + start + slope * np.arange(N), abs=1e-9)
-        assert mended.notes == (
-            f"800 repeated stamps were replaced by a regular clock of {slope:.6g} s.",
-        )
+        assert mended.notes == (f"800 repeated stamps were replaced by a regular clock of {slope:.6g} s.",)
     else:
         assert mended.time[::5] == pytest.approx(time[::5], abs=1e-9)
         inner = np.repeat(np.diff(time[::5]) / 5.0, 5)
@@ -289,7 +287,13 @@ def test_blocks_are_32_pieces_of_2048_rows_spread_over_a_long_log_and_cut_at_gap
     if n < 200_000:
         return
     time = 1.0 * np.arange(n)
-    rows = [int(starts[3]), int(starts[5]) + 1, int(starts[5]) + 700, int(starts[7]) + 2047, int(starts[9]) + 2048]
+    rows = [
+        int(starts[3]),
+        int(starts[5]) + 1,
+        int(starts[5]) + 700,
+        int(starts[7]) + 2047,
+        int(starts[9]) + 2048,
+    ]
     for row in rows:
         time[row:] += 100.0
     exam = Exam(timed(time))

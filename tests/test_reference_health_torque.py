@@ -62,7 +62,10 @@ def test_a_limit_is_ten_samples_five_in_a_row_and_four_times_those_just_below(si
         (finding,) = got
         assert about(finding) == ("j0", "torque", "warn", 2.0 * side, rows, False)
         end = "upper" if side > 0 else "lower"
-        assert finding.sentence == f"torque of j0 is flat at its {end} end, {2 * side:.4g} N.m, for {len(rows)} samples."
+        assert (
+            finding.sentence
+            == f"torque of j0 is flat at its {end} end, {2 * side:.4g} N.m, for {len(rows)} samples."
+        )
 
 
 @pytest.mark.parametrize(("steps", "found"), [(3, False), (4, True)])
@@ -106,7 +109,10 @@ def test_a_torque_is_lively_where_its_neighbours_differ_by_one_and_a_half_steps(
 def test_both_ends_and_both_channels_are_looked_at_but_no_constant_and_no_zero():
     x = put(noise(), (100, 20, 2.0), (300, 30, -1.5))
     found = limits(x, "drive_input", unit="m")
-    assert [(f.channel, f.value, f.where.size) for f in found] == [("drive_input", 2.0, 20), ("drive_input", -1.5, 30)]
+    assert [(f.channel, f.value, f.where.size) for f in found] == [
+        ("drive_input", 2.0, 20),
+        ("drive_input", -1.5, 30),
+    ]
     assert "flat at its upper end, 2 of the drive input's unit, for 20 samples" in found[0].sentence
     assert "flat at its lower end, -1.5 N, for 30" in limits(x, unit="m")[1].sentence
     assert limits(np.full(N, 2.0)) == []
@@ -130,7 +136,10 @@ def test_a_torque_of_nothing_but_zeros_spoils_and_a_drive_input_warns():
     assert found[0].sentence == "torque of j1 is zero throughout."
     assert silent_torque.find(Exam(log_of(position=q))) == []
     for level in (-1.0, 1.0):  # it is at zero most of the time, but not throughout
-        assert silent_torque.find(Exam(log_of(position=np.full(N, 0.5), torque=put(np.zeros(N), (3, 2, level))))) == []
+        assert (
+            silent_torque.find(Exam(log_of(position=np.full(N, 0.5), torque=put(np.zeros(N), (3, 2, level)))))
+            == []
+        )
     assert silent_torque.find(Exam(log_of(position=q[:, 0], torque=put(np.zeros(N), (3, 2, np.nan))))) == []
 
 
@@ -155,8 +164,13 @@ def test_stretches_of_zeros_are_silent_and_of_anything_else_stuck():
     assert stuck.find(Exam(other))[0].value == 30 and silent_torque.find(Exam(other)) == []
 
 
-@pytest.mark.parametrize(("length", "severity", "repairable"), [(21, "warn", True), (22, "spoils", True), (1000, "spoils", True), (1001, "spoils", False)])
-def test_frozen_samples_spoil_from_a_hundredth_of_the_log_on_and_are_dropped_below_a_half(length, severity, repairable):
+@pytest.mark.parametrize(
+    ("length", "severity", "repairable"),
+    [(21, "warn", True), (22, "spoils", True), (1000, "spoils", True), (1001, "spoils", False)],
+)
+def test_frozen_samples_spoil_from_a_hundredth_of_the_log_on_and_are_dropped_below_a_half(
+    length, severity, repairable
+):
     log = log_of(position=np.sin(9.0 * T), torque=put(noise(), (200, length, 0.4)))
     (found,) = stuck.find(Exam(log))
     assert (found.value, found.severity, found.repairable) == (length, severity, repairable)
@@ -186,7 +200,9 @@ def test_frozen_samples_spoil_from_a_hundredth_of_the_log_on_and_are_dropped_bel
         ("load", 0.25, ("position",), None, None),
     ],
 )
-def test_a_channel_that_never_changes_is_dead_where_another_tells_of_motion(channel, level, others, severity, other):
+def test_a_channel_that_never_changes_is_dead_where_another_tells_of_motion(
+    channel, level, others, severity, other
+):
     arrays = {name: np.sin(3.0 * T) for name in others}
     log = log_of(**arrays, **{channel: np.full(N, level)})
     found = [f for f in stuck.find(Exam(log)) if f.channel == channel]

@@ -98,7 +98,11 @@ def _signal_froze(exam: Exam, channel: str, j: int, x: np.ndarray, start: int, s
         if channel == "velocity" and not exam.usable("position", j):
             return False  # nothing tells a level stretch from a frozen one
         # a smooth signal may have a level stretch, but comes out of it as it went in
-        if lively and chance < _CHANCE_SMOOTH and release > max(6 * resolution, 4 * np.median(np.abs(around))):
+        if (
+            lively
+            and chance < _CHANCE_SMOOTH
+            and release > max(6 * resolution, 4 * np.median(np.abs(around)))
+        ):
             return True
     if x[start] == 0 and start > 0:  # a value that is no longer sent falls to zero, one that is held does not
         release = max(release, abs(x[start] - x[start - 1]))
@@ -133,7 +137,9 @@ def moves(exam: Exam, channel: str, j: int, start: int, stop: int) -> bool:
         q = exam.column("position", j)[start:stop]
         thirds = np.array_split(q, 3)
         # the last, for a joint that never moves
-        least = max(2 * exam.resolution("position", j), 1e-4 * float(np.ptp(exam.sample("position", j))), 1e-12)
+        least = max(
+            2 * exam.resolution("position", j), 1e-4 * float(np.ptp(exam.sample("position", j))), 1e-12
+        )
         if channel == "velocity":
             if not _agree(exam, j):
                 return False
