@@ -350,6 +350,13 @@ def test_and_three_steps_of_a_rounded_velocity(steps, window):
     assert (None if fit is None else pytest.approx(fit.window)) == window
 
 
+def test_a_velocity_whose_change_is_like_itself_tells_no_delay():
+    """Of an exponential nobody can say whether it is late or larger."""
+    t = 1e-3 * np.arange(4000)
+    fit = velocity_fit(Exam(log_of(4000, position=1.1 * np.exp(t), velocity=np.exp(t))), 0)
+    assert (fit.scale, fit.delay) == (pytest.approx(1.1, rel=1e-6), 0.0)
+
+
 def test_a_velocity_that_only_trembles_has_nothing_to_do_with_the_motion():
     t = 1e-3 * np.arange(4000)
     tremble = 1e-3 * (-1.0) ** np.arange(4000)

@@ -165,6 +165,17 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
         "the quick way then gives up at the first cell that is no number, and the careful one reads the table",
     ),
     *(
+        ("health/_survey.py", "_PIECE = 1 << 13", f"_PIECE = {other}", "how much is read at once, and nothing else")
+        for other in ("2 << 13", "1 << 26")
+    ),
+    ("health/_runs.py", "if long.size > _MOST:", "if long.size >= _MOST:", "the longest 200 of 200 are all of them, in order"),
+    (
+        "health/degrees.py", "return span if min(forth, back) > 0.2 * max(forth, back) else 0.0",
+        "return span if min(forth, back) > 0.2 * max(forth, back) else 1.0", "either is far from a stroke that is suspected",
+    ),
+    ("health/degrees.py", "return 0.0", "return 1.0", "either is far from a stroke that is suspected"),
+    ("health/outlier.py", "return ends", "pass", "a shortcut: below the bound there is no row, and the ends are what is left"),
+    *(
         (f"laws/{file}.py", f"side = {sign}1", f"side = {sign}2", "only its sign is asked for")
         for file in ("kernels", "elements/elastoplastic", "elements/leuven", "elements/smoothed_gms")
         for sign in ("", "-")

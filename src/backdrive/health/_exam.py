@@ -145,7 +145,7 @@ def resolution(values: np.ndarray) -> float:
         return 0.0
     step = least = float(apart.min())
     apart = apart[apart < 1e5 * least]  # of longer ones the rounding of the step would decide
-    for _ in range(8):
+    while True:  # every round halves the step at least
         multiples = apart / step
         left = np.abs(multiples - np.round(multiples))
         broken = left > 0.02 * np.minimum(multiples, 5)
@@ -155,4 +155,3 @@ def resolution(values: np.ndarray) -> float:
         step *= float(left[broken].min())
         if step < least / 64:
             return 0.0
-    return 0.0
