@@ -317,6 +317,9 @@ def test_a_held_velocity_is_frozen_where_the_position_leaves_its_line(kind):
         a, long = int(generator.integers(300, 1000)), int(generator.integers(20, 150))
         b = a + long
         x = v + 0.01 * generator.standard_normal(n) * np.abs(v).max()
+        if kind == "alone":
+            b = a + int(generator.integers(80, 250))
+            x = rounded(x, generator.choice([0.0, 0.005, 0.02, 0.1]) * np.abs(v).max())
         x[a:b] = x[a]
         left = np.abs(q[a:b] - q[a] - x[a] * (t[a:b] - t[a])).max()
         if kind == "slack":

@@ -59,7 +59,7 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
         j = exam.log.names.index(finding.joint)
         x, period = exam.column(finding.channel, j), finding.value
         offset = np.zeros(x.size)
-        offset[finding.where] = period * np.round((x[finding.where] - x[finding.where - 1]) / period)
+        offset[finding.where] = np.copysign(period, x[finding.where] - x[finding.where - 1])
         changes[finding.channel, j] = x - np.cumsum(offset)
         notes.append(
             f"{finding.channel} of {finding.joint} was unwrapped {counted(finding.where.size, 'time')} by {period:.5g}."
