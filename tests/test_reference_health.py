@@ -9,7 +9,7 @@ import pytest
 from _synthetic import any_motion
 from backdrive import Joint, Log, check
 from backdrive.errors import UnhealthyLog
-from backdrive.logs.health import gate, outlier, passed, time_slip, torque_sign
+from backdrive.logs.health import gate, passed, time_slip, torque_sign
 from backdrive.logs.health._exam import Exam, resolution, white_noise
 from backdrive.logs.health._jumps import jumps
 from backdrive.logs.health._motion import _gain, _widths, folded, motion, running
@@ -132,116 +132,6 @@ def test_jitter_is_the_spread_of_the_interval_over_its_mean():
         assert bool(found) is said
         if said:
             assert found[0].value == pytest.approx(share, rel=1e-3)
-
-
-# ------------------------------------------------------------------------------------ single samples
-
-
-def spiked(base, at, size):
-    x = base.copy()
-    x[at] += size
-    return x
-
-
-def outliers(x, channel="torque", **more):
-    log = log_of(n=x.size, **{channel: x}, **more)
-    return [f.where.tolist() for f in outlier.find(Exam(log)) if f.channel == channel]
-
-
-def flat_and_rough(n=2000, rough=0.2):
-    """A slow ramp with a tremor of one size in its first half: excess `rough` there, none in the second; no resolution."""
-    x = 0.5 * np.linspace(0.0, 1.0, n) ** 1.5
-    k = np.arange(n // 2)
-    x[: n // 2] += 0.5 * rough * (-1.0) ** k
-    return x
-
-
-@pytest.mark.parametrize(("factor", "found"), [(2.45, []), (2.55, [[1500]])])
-def test_an_outlier_is_two_and_a_half_times_the_usual_excess(factor, found):
-    assert outliers(spiked(flat_and_rough(), 1500, factor * 0.2)) == found
-    assert outliers(spiked(flat_and_rough(), 1500, -factor * 0.2)) == found
-
-
-@pytest.mark.parametrize(("factor", "found"), [(2.9, []), (3.1, [[700]])])
-def test_and_three_times_the_steps_around_it(factor, found):
-    """Within the tremor of 0.2: both steps of the spike are so many times as long as those around."""
-    x = flat_and_rough()
-    up = 0.1 if 700 % 2 else -0.1  # half a tremor below: the spike goes the way the sample went
-    way = -np.sign(up)
-    assert outliers(spiked(x, 700, way * (factor - 1.0) * 0.2)) == found
-
-
-@pytest.mark.parametrize(("steps", "found"), [(4, []), (5, [[1200]])])
-def test_and_more_than_four_steps_of_the_channel(steps, found):
-    x = np.round(np.linspace(0.0, 40.0, 2000))
-    assert outliers(0.25 * spiked(x, 1200, steps)) == found
-
-
-@pytest.mark.parametrize(("share", "found"), [(0.0095, []), (0.0105, [[1200]])])
-def test_and_a_hundredth_of_the_range(share, found):
-    x = 10.0 * np.linspace(0.0, 1.0, 20000) ** 1.5
-    assert outliers(spiked(x, 1200, 10.0 * share)) == found
-
-
-@pytest.mark.parametrize(("size", "severity"), [(1.9, "warn"), (2.1, "spoils")])
-def test_an_outlier_of_twice_the_range_of_all_others_spoils(size, severity):
-    x = np.linspace(0.0, 1.0, 2000) ** 1.5
-    (found,) = outlier.find(Exam(log_of(torque=spiked(x, 1200, size))))
-    assert found.severity == severity
-    assert found.value == pytest.approx(size, rel=1e-3)
-
-
-@pytest.mark.parametrize(("factor", "found"), [(7.5, []), (8.6, [[1000]])])
-def test_in_fast_motion_what_a_cubic_leaves_counts_for_a_position(factor, found):
-    """Steps of 0.5 hide nothing: here is 8 times what the fourth difference is around, a step beside leaves two thirds."""
-    k = np.arange(2000)
-    x = 40.0 * np.sin(k / 80.0) + 0.1 * (-1.0) ** k
-    around = 16 * 0.1 / 6  # of the tremor in |fourth difference| / 6
-    here = factor * around - around
-    assert outliers(spiked(x, 1000, here), "position") == found
-
-
-def test_too_many_outliers_are_how_the_channel_is():
-    """Of 2000 samples 12 may be unusual, and as many again may be outliers."""
-    base = np.linspace(0.0, 1.0, 2000) ** 1.5
-    rows = np.arange(100, 100 + 40 * 30, 40)
-    for count, said in ((11, True), (26, False)):
-        x = base.copy()
-        x[rows[:count]] += 5.0
-        assert bool(outliers(x)) is said
-
-
-def test_the_first_and_the_last_sample_have_one_neighbour():
-    """They are outliers beyond the range of all others by more than that range."""
-    base = np.linspace(0.0, 1.0, 2000) ** 1.5
-    for row, beyond in ((0, -1.0), (1999, 1.0)):
-        for size, found in ((0.98, []), (1.02, [[row]])):
-            x = base.copy()
-            x[row] += beyond * size
-            assert outliers(x) == found
-    mended = outlier.repair(Exam(log_of(torque=x)), outlier.find(Exam(log_of(torque=x))))
-    assert len(mended.log) == 1999
-
-
-def test_outliers_are_replaced_by_the_mean_of_their_neighbours():
-    base = np.linspace(0.0, 1.0, 2000) ** 1.5
-    x = spiked(spiked(base, 300, 4.0), 900, -3.0)
-    mended = gate(log_of(torque=x, position=smooth()), repair=True)
-    wanted = base.copy()
-    for row in (300, 900):
-        wanted[row] = 0.5 * (base[row - 1] + base[row + 1])
-    assert mended.torque[:, 0] == pytest.approx(wanted, abs=1e-12)
-
-
-def test_a_velocity_by_whole_counts_of_the_encoder_has_no_outliers():
-    count, dt = 1e-3, 1e-3
-    q = count * np.cumsum(np.isin(np.arange(2000), [400, 900, 1500]))
-    v = np.gradient(q, dt)
-    v[400] += 0.2 * count / dt
-    q_far = q.copy()
-    q_far[900:] += 5 * count  # six counts: that is no single one
-    assert outliers(v, "velocity", position=q) == []
-    assert outliers(np.diff(q_far, prepend=0.0) / dt, "velocity", position=q_far) == [[900]]
 
 
 # -------------------------------------------------------------------------------------- torque's sign
@@ -810,15 +700,6 @@ def test_changes_and_samples_of_a_channel_are_absolute_and_by_piece():
     assert np.isnan(Exam(log_of(2, position=np.zeros(2)).rows(slice(0, 1))).period)
 
 
-def test_outliers_beside_a_gap_are_none():
-    x = np.linspace(0.0, 1.0, 2000) ** 1.5
-    time = 1e-3 * np.arange(2000)
-    time[1200:] += 0.5
-    for row, said in ((1199, False), (1200, False), (1198, True), (1201, True)):
-        log = log_of(2000, torque=spiked(x, row, 5.0)).replace(time=time)
-        assert bool(outlier.find(Exam(log))) is said
-
-
 def test_the_gate_says_what_it_lets_pass():
     q, _, tau = noisy()
     tau[[500, 900]] = np.nan
@@ -906,50 +787,6 @@ def test_directions_have_a_tenth_of_the_samples_each():
         assert (torque_sign.friction(Exam(log), 0) is not None) is told
 
 
-def outliers_by_loops(x, position):
-    """The definition sample by sample: beyond the usual excess, and beyond what the surroundings do."""
-    n = len(x)
-    change, bend = np.diff(x), np.abs(np.diff(x, 4)) / 6.0
-    excess = [min(abs(a), abs(b)) if a * b < 0 else 0.0 for a, b in zip(change, change[1:])]
-    count = int(10 + 0.001 * len(excess))
-    usual = sorted(excess)[len(excess) - 1 - count]
-    get = lambda y, i: abs(y[i]) if 0 <= i < len(y) else 0.0  # noqa: E731
-    rows = [i + 1 for i, e in enumerate(excess) if e > 2.5 * usual]
-    if len(rows) > 2 * count:
-        return []
-    rest = np.ptp(np.delete(x, rows)) if rows else 0.0
-    found = []
-    for r in rows:
-        size = min(get(change, r - 1), get(change, r))
-        around = sorted(get(change, r - 1 + k) for k in (-3, -2, -1, 2, 3, 4))[-2]
-        far = size > 3.0 * max(abs(x[r + 1] - x[r - 1]), around)
-        if position:
-            smooth_ = sorted(get(bend, r - 2 + k) for k in (-7, -6, -5, -4, -3, 3, 4, 5, 6, 7))[-2]
-            here, beside = get(bend, r - 2), max(get(bend, r - 3), get(bend, r - 1))
-            far = far or (here > 8.0 * smooth_ and here > 1.3 * beside)
-        if far and size > 0.01 * rest and 0 < r < n - 1:
-            found.append(r)
-    return found
-
-
-@pytest.mark.parametrize("channel", ["torque", "position"])
-def test_outliers_are_those_of_the_definition(channel):
-    seen = 0
-    for seed in range(60):
-        generator = np.random.default_rng(seed)
-        k = np.arange(500)
-        x = 20.0 * np.sin(k / generator.uniform(8.0, 60.0)) + 10.0 ** generator.uniform(
-            -2, 0
-        ) * generator.standard_normal(500)
-        rows = generator.choice(np.arange(2, 498), 8, replace=False)
-        x[rows] += 10.0 ** generator.uniform(-0.5, 1.3, 8) * generator.choice([-1.0, 1.0], 8)
-        x[rows[0] + 1 if rows[0] < 490 else rows[0] - 1] += generator.normal(0.0, 3.0)  # another one nearby
-        wanted = outliers_by_loops(x, channel == "position")
-        assert outliers(x, channel) == ([wanted] if wanted else []), seed
-        seen += len(wanted)
-    assert seen > 100
-
-
 @pytest.mark.parametrize(("bits", "name"), [(12, "encoder-wrap"), (16, "encoder-wrap"), (14, "outlier")])
 def test_a_single_reading_off_by_a_counters_range_is_a_wrap(bits, name):
     count = 1e-3
@@ -984,7 +821,7 @@ def test_repairs_say_what_they_did():
         "multiplied by -1": viscous_log(0.5)[0],
         "was left out: it contradicts": log_of(4000, position=q, velocity=-v),
         "divided by 57.2958": log_of(4000, position=np.rad2deg(q), velocity=v),
-        "replaced by the mean": log_of(4000, position=q, torque=spiked(tau, 900, 90.0)),
+        "replaced by the mean": log_of(4000, position=q, torque=tau + 90.0 * (np.arange(4000) == 900)),
         "was unwrapped": log_of(4000, position=np.mod(9.0 * q, 2 * np.pi)),
     }
     for words, log in cases.items():

@@ -73,7 +73,11 @@ ROOMS: dict[str, dict[tuple[str, ...], tuple[str, ...]]] = {
         ),
     },
     "health": {
-        ("health/*.py",): ("test_reference_health.py", "test_health.py"),
+        ("health/*.py",): (
+            "test_reference_health_gate.py", "test_reference_health_time.py", "test_reference_health_samples.py",
+            "test_reference_health_motion.py", "test_reference_health_torque.py", "test_reference_health_slip.py",
+            "test_reference_health.py", "test_reference_health_frozen.py", "test_health.py",
+        ),
     },
     "readers": {
         ("readers/[!_glw]*.py", "readers/__init__.py", "readers/_[!w]*.py"): (
@@ -156,14 +160,21 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
         "NONE = np.array([(1.0), 0.0, 0.0, 1.0, 0.0, 1.0, 0.0])", "the dither that is switched on has the share 0",
     ),
     (
-        "health/torque_sign.py", "total, right = gram.sum(axis=0) + ridge, cross.sum(axis=0)",
-        "total, right = gram.sum(axis=0) - ridge, cross.sum(axis=0)", "a billionth more or less of what tells the terms apart",
-    ),
-    (
         "readers/_dialect.py", 'regular=all(kind == "number" for kind in kinds) and not comma,',
         'regular=((all(kind == "number" for kind in kinds)) or (not comma)),',
         "the quick way then gives up at the first cell that is no number, and the careful one reads the table",
     ),
+    *(
+        ("health/_survey.py", "_PIECE = 1 << 13", f"_PIECE = {other}", "how much is read at once, and nothing else")
+        for other in ("2 << 13", "1 << 26")
+    ),
+    ("health/_runs.py", "if long.size > _MOST:", "if long.size >= _MOST:", "the longest 200 of 200 are all of them, in order"),
+    (
+        "health/degrees.py", "return span if min(forth, back) > 0.2 * max(forth, back) else 0.0",
+        "return span if min(forth, back) > 0.2 * max(forth, back) else 1.0", "either is far from a stroke that is suspected",
+    ),
+    ("health/degrees.py", "return 0.0", "return 1.0", "either is far from a stroke that is suspected"),
+    ("health/outlier.py", "return ends", "pass", "a shortcut: below the bound there is no row, and the ends are what is left"),
     *(
         (f"laws/{file}.py", f"side = {sign}1", f"side = {sign}2", "only its sign is asked for")
         for file in ("kernels", "elements/elastoplastic", "elements/leuven", "elements/smoothed_gms")

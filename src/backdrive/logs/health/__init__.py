@@ -145,9 +145,11 @@ def _examine(log: Log, plan: Any, accepted: frozenset[str]) -> tuple[list[Findin
         for item in CHECKS:
             if len(exam.log) < few_samples.FEWEST and item.name != few_samples.NAME:
                 break
+            if item.name == unsorted_time.NAME and not np.isfinite(exam.log.time).all():
+                break  # without a clock nothing more can be told
             found = item.find(exam)
             findings += [_placed(f, rows) for f in found]
-            mendable = [f for f in found if f.repairable and f.severity != "note"]
+            mendable = [f for f in found if f.repairable]
             if item.repair is None or not mendable or item.name in accepted:
                 continue
             fixed = item.repair(exam, mendable)

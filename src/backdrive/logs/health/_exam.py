@@ -48,7 +48,7 @@ class Exam:
     def gaps(self) -> np.ndarray:
         """Rows after a gap, ascending, (m,)."""
         steps = self.steps
-        if not steps.size or not self.period > 0:
+        if not self.period > 0:
             return np.empty(0, np.intp)
         usual = np.quantile(steps[:: max(1, steps.size // _SAMPLES)], 0.9)
         return np.flatnonzero(steps > GAP * max(self.period, usual)) + 1
@@ -69,8 +69,6 @@ class Exam:
             length = _SAMPLES // _BLOCKS
             starts = np.linspace(0, n - length, _BLOCKS).astype(int)
             wanted = [slice(s, s + length) for s in starts.tolist()]
-        if len(self.segments) <= 1:
-            return wanted
         pieces = []
         edges = self.gaps
         for block in wanted:
@@ -147,7 +145,7 @@ def resolution(values: np.ndarray) -> float:
         return 0.0
     step = least = float(apart.min())
     apart = apart[apart < 1e5 * least]  # of longer ones the rounding of the step would decide
-    for _ in range(8):
+    while True:  # every round halves the step at least
         multiples = apart / step
         left = np.abs(multiples - np.round(multiples))
         broken = left > 0.02 * np.minimum(multiples, 5)
@@ -157,4 +155,3 @@ def resolution(values: np.ndarray) -> float:
         step *= float(left[broken].min())
         if step < least / 64:
             return 0.0
-    return 0.0

@@ -29,20 +29,19 @@ def find_holes(
     """
     log = exam.log
     findings = []
-    if log.time.size and not np.isfinite(log.time).all():
-        rows = np.flatnonzero(is_hole(log.time))
-        if rows.size:
-            findings.append(
-                Finding(
-                    name=name,
-                    severity="spoils",
-                    sentence=f"The clock is {word} at {counted(rows.size, 'sample')}, first at sample {rows[0]}.",
-                    remedy="Drop those samples (--repair does), or take the time from another column with --map t=COLUMN.",
-                    value=rows.size,
-                    where=rows,
-                    repairable=rows.size < EMPTY * log.time.size,
-                )
+    rows = np.flatnonzero(is_hole(log.time))
+    if rows.size:
+        findings.append(
+            Finding(
+                name=name,
+                severity="spoils",
+                sentence=f"The clock is {word} at {counted(rows.size, 'sample')}, first at sample {rows[0]}.",
+                remedy="Drop those samples (--repair does), or take the time from another column with --map t=COLUMN.",
+                value=rows.size,
+                where=rows,
+                repairable=rows.size < EMPTY * len(log),
             )
+        )
     for channel, array in log.channels.items():
         finite = exam.survey(channel).finite
         for j in np.flatnonzero(~finite):
@@ -75,7 +74,7 @@ def drop_holes(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Drop rows with holes; leave out a channel that is mostly holes and can be done without."""
     log = exam.log
     n = len(log)
-    empty = {f.channel for f in findings if f.channel and f.where is not None and f.where.size > EMPTY * n}
+    empty = {str(f.channel) for f in findings if f.where is not None and f.where.size > EMPTY * n}
     # position and velocity replace one another, but one of them must stay
     if {"position", "velocity"} <= empty:
         empty -= {"position"}

@@ -66,12 +66,12 @@ def _motion(exam: Exam, j: int, reach: int) -> Motion | None:
         return None
     others = [path for k, _ in exam if k != j and (path := _path(exam, k)) is not None]
     light, heavy = _widths(exam.period)
-    every, shifts = max(1, heavy // 2), np.arange(-reach, reach + 1)
+    every, shifts = heavy // 2, np.arange(-reach, reach + 1)
     all_q, all_v = (np.concatenate([p[k] for p in own]) for k in (0, 1))
     top = max(float(np.quantile(np.abs(all_v), 0.99)), 1e-12)
     middle, span = 0.5 * float(all_q.min() + all_q.max()), float(np.ptp(all_q))
     wide = exam.log.joints[j].unit == "rad" and span > 0.5
-    terms, torque, fast, bends, plain = [], [], [], [], 0
+    terms, torque, fast, bends = [], [], [], []
     for number, block in enumerate(exam.blocks):
         q, v, a = own[number]
         if not q.size:
@@ -82,14 +82,14 @@ def _motion(exam: Exam, j: int, reach: int) -> Motion | None:
         columns += [v * np.abs(v), np.sign(v) * np.exp(-np.abs(v) / (0.05 * top))]
         columns += [path[number][2] for path in others]
         filtered = running(np.stack(columns, axis=1), heavy)
-        slow = running((np.abs(v) < SLOW * top).astype(float), heavy)
+        slow = np.concatenate([[0], np.cumsum(np.abs(v) < SLOW * top)])
         raw = exam.log.channels["torque"][block, j]
         smooth = running(running(raw, light), heavy)
         bends.append(np.abs(np.diff(raw, 2)))
         at = np.arange(reach, filtered.shape[0] - reach, every)
         terms.append(filtered[at])
         torque.append(smooth[at[:, None] + shifts])
-        fast.append(slow[at] < 1e-6)
+        fast.append(slow[at] == slow[at + 3 * heavy - 2])  # none of the samples that the means reach
     m = sum(part.shape[0] for part in terms)
     if m < 4 * _FOLDS:
         return None
@@ -103,7 +103,7 @@ def _motion(exam: Exam, j: int, reach: int) -> Motion | None:
         torque=np.concatenate(torque),
         shifts=shifts,
         fast=np.concatenate(fast),
-        noise=white * _gain(light, heavy),
+        noise=white * _gain(*_widths(exam.period)),
         fold=(np.arange(m) * _FOLDS) // m,
     )
 
@@ -126,10 +126,10 @@ def _paths(exam: Exam, j: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]
     if not exam.usable(source, j) or not exam.period > 0:
         return None
     light, heavy = _widths(exam.period)
-    out = []
+    out, none = [], np.empty(0)
     for block in exam.blocks:
         if block.stop - block.start < 3 * (light + heavy) + 12:
-            out.append((np.empty(0), np.empty(0), np.empty(0)))
+            out.append((none, none, none))
             continue
         t = exam.log.time[block] - exam.log.time[block.start]
         x = exam.log.channels[source][block, j]
@@ -143,7 +143,7 @@ def _paths(exam: Exam, j: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]
 
 def running(x: np.ndarray, width: int) -> np.ndarray:
     """Return x (n, ...) after three running means of odd length `width`; 3 (width - 1) / 2 rows are lost at each end."""
-    offset = x[0]
+    offset = x[0]  # so that what stands still has no rounding left that could be taken for motion
     x = x - offset
     zero = np.zeros((1, *x.shape[1:]))
     for _ in range(3):
@@ -168,3 +168,8 @@ def folded(x: np.ndarray, y: np.ndarray, fold: np.ndarray) -> tuple[np.ndarray, 
     cross = np.stack([x[fold == f].T @ y[fold == f] for f in numbers])
     power = np.stack([np.sum(y[fold == f] ** 2, axis=0) for f in numbers])
     return gram, cross, power
+
+
+def solvable(gram: np.ndarray) -> np.ndarray:
+    """Return normal equations (p, p) that can be solved where terms are alike or zero, with a billionth more on the diagonal."""
+    return gram + np.diag(np.maximum(1e-9 * np.diag(gram), 1e-300))

@@ -81,6 +81,7 @@ def _signal_froze(exam: Exam, channel: str, j: int, x: np.ndarray, start: int, s
     resolution = exam.resolution(channel, j)
     if channel in ("torque", "drive_input") and x[start] != 0 and x[start] in (seen.low[j], seen.high[j]):
         return False  # saturation
+    release = abs(x[stop] - x[stop - 1]) if stop < x.size else 0.0
     around = np.concatenate([np.diff(x[max(0, start - 100) : start]), np.diff(x[stop : stop + 100])])
     if around.size >= 20:
         alive = around[around != 0]
@@ -97,10 +98,12 @@ def _signal_froze(exam: Exam, channel: str, j: int, x: np.ndarray, start: int, s
         if channel == "velocity" and not exam.usable("position", j):
             return False  # nothing tells a level stretch from a frozen one
         # a smooth signal may have a level stretch, but comes out of it as it went in
-        jump = abs(x[stop] - x[stop - 1]) if stop < x.size else 0.0
-        if lively and chance < _CHANCE_SMOOTH and jump > max(6 * resolution, 4 * np.median(np.abs(around))):
+        if (
+            lively
+            and chance < _CHANCE_SMOOTH
+            and release > max(6 * resolution, 4 * np.median(np.abs(around)))
+        ):
             return True
-    release = abs(x[stop] - x[stop - 1]) if stop < x.size else 0.0
     if x[start] == 0 and start > 0:  # a value that is no longer sent falls to zero, one that is held does not
         release = max(release, abs(x[start] - x[start - 1]))
     return bool(release > max(6 * resolution, 4 * _noise(x, start, stop)))
@@ -130,10 +133,13 @@ def _noise(x: np.ndarray, start: int, stop: int) -> float:
 
 def moves(exam: Exam, channel: str, j: int, start: int, stop: int) -> bool:
     """Return whether the joint moves through all of a run, as the other channels have it."""
-    if channel != "position" and exam.usable("position", j):
+    if exam.usable("position", j):
         q = exam.column("position", j)[start:stop]
         thirds = np.array_split(q, 3)
-        least = max(2 * exam.resolution("position", j), 1e-4 * float(np.ptp(exam.sample("position", j))))
+        # the last, for a joint that never moves
+        least = max(
+            2 * exam.resolution("position", j), 1e-4 * float(np.ptp(exam.sample("position", j))), 1e-12
+        )
         if channel == "velocity":
             if not _agree(exam, j):
                 return False
@@ -143,14 +149,11 @@ def moves(exam: Exam, channel: str, j: int, start: int, stop: int) -> bool:
             if np.abs(np.diff(q)).max() > 0.5 * left:
                 return False  # it is the position that jumps
             own = exam.resolution("velocity", j) * (t[-1] - t[0])
-            stamps = 0.5 * abs(exam.column("velocity", j)[start]) * exam.period
             # a drive that differentiates a coarse encoder may repeat itself when its ticks and the counts fall in step
             step = exam.resolution("position", j) / min(exam.period, _TICK)
             slack = max(_WRONG * _top_speed(exam, j), 0.5 * step) * (t[-1] - t[0])
             # and the joint must move at all: some servos report one step of velocity at rest
-            return bool(
-                min(left, np.ptp(q)) > max(8 * exam.resolution("position", j), 3 * own, stamps, slack)
-            )
+            return bool(min(left, np.ptp(q)) > max(3 * own, slack))
         return all(np.ptp(part) >= least for part in thirds)
     if channel != "velocity" and exam.usable("velocity", j):
         v = np.abs(exam.column("velocity", j)[start:stop])

@@ -55,7 +55,7 @@ def survey(array: np.ndarray) -> Survey:
             continue
         same = change == 0
         equal += same[:_PIECE].sum(axis=0)
-        if same.any() and same.shape[0] >= RUN - 1:
+        if same.any():
             count = np.cumsum(same, axis=0, dtype=np.int32)
             window = count[RUN - 2 :].copy()
             window[1:] -= count[: -(RUN - 1)]

@@ -65,7 +65,7 @@ def _fit(exam: Exam, j: int) -> VelocityFit | None:
         return None
     while True:
         change, integral, ends = _windows(pieces, window)
-        moved, said = (float(np.sqrt(np.mean(x**2))) if x.size else 0.0 for x in (change, integral))
+        moved, said = (float(np.sqrt(np.mean(x**2))) for x in (change, integral))
         # noise adds up with the root of the window, what rounding takes away with the window itself
         unsure = max(6 * noise * np.sqrt(window), 3 * rounding * window)
         enough = moved > least and max(moved, said) > unsure
@@ -83,34 +83,28 @@ def _windows(pieces, window: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     total = sum(len(p[0]) for p in pieces)
     stride = max(1, window // 4, total // _MOST_WINDOWS)
     for q, v, t in pieces:
-        if len(q) <= window:
-            continue
         area = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))])
         start = np.arange(0, len(q) - window, stride)
         changes.append(q[start + window] - q[start])
         integrals.append(area[start + window] - area[start])
         ends.append(v[start + window] - v[start])
-    if not changes:
-        return np.empty(0), np.empty(0), np.empty(0)
     return np.concatenate(changes), np.concatenate(integrals), np.concatenate(ends)
 
 
 def _solve(change: np.ndarray, integral: np.ndarray, ends: np.ndarray) -> tuple[float, float, float, float]:
     keep = np.ones(change.size, bool)
     power = float(np.mean(change**2))
-    scale = slope = 0.0
     for _ in range(2):  # the second time without what fits worst, such as the windows across a jump
         a, d, e = integral[keep], change[keep], ends[keep]
         matrix = np.array([[a @ a, a @ e], [a @ e, e @ e]])
         if not matrix[0, 0] > 0:
             return 0.0, 0.0, 1.0, 1.0
-        matrix[1, 1] += 1e-9 * max(matrix[1, 1], 1e-300)
         if matrix[1, 1] * matrix[0, 0] - matrix[0, 1] ** 2 <= 1e-9 * matrix[0, 0] * matrix[1, 1]:
             scale, slope = float(a @ d / matrix[0, 0]), 0.0
         else:
             scale, slope = np.linalg.solve(matrix, [a @ d, e @ d])
         left = change - scale * integral - slope * ends
-        keep = np.abs(left) <= 4 * np.sqrt(np.mean(left[keep] ** 2)) + 1e-300
+        keep = np.abs(left) <= 4 * np.sqrt(np.mean(left[keep] ** 2))
     residual = np.sqrt(np.mean(left[keep] ** 2) / power)
     lone = integral @ change / (integral @ integral)
     plain = np.sqrt(np.mean((change - lone * integral) ** 2) / power)

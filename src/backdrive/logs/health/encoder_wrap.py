@@ -59,7 +59,7 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
         j = exam.log.names.index(finding.joint)
         x, period = exam.column(finding.channel, j), finding.value
         offset = np.zeros(x.size)
-        offset[finding.where] = period * np.round((x[finding.where] - x[finding.where - 1]) / period)
+        offset[finding.where] = np.copysign(period, x[finding.where] - x[finding.where - 1])
         changes[finding.channel, j] = x - np.cumsum(offset)
         notes.append(
             f"{finding.channel} of {finding.joint} was unwrapped {counted(finding.where.size, 'time')} by {period:.5g}."
@@ -81,8 +81,8 @@ def wraps(exam: Exam, channel: str, j: int) -> tuple[float, np.ndarray]:
     rotary = exam.log.joints[j].unit == "rad"
     glitch = found.glitch
     periods = [(p, np.ones(found.rows.size, bool)) for p in (_TURNS if rotary else ())]
-    periods += [(found.resolution * c, ~glitch) for c in _COUNTERS if found.resolution > 0]
-    periods += [(found.resolution * c, glitch) for c in _GLITCH_COUNTERS if found.resolution > 0]
+    periods += [(found.resolution * c, ~glitch) for c in _COUNTERS]
+    periods += [(found.resolution * c, glitch) for c in _GLITCH_COUNTERS]
     if (~glitch).sum() >= 3:  # whatever it is, it is always the same
         periods.append((float(np.median(np.abs(found.sizes[~glitch]))), ~glitch))
     best, explained = np.nan, np.zeros(found.rows.size, bool)

@@ -97,15 +97,13 @@ def _look(exam: Exam, channel: str, j: int) -> _Wrap | None:
         return None
     seen = exam.survey(channel)
     span = seen.high[j] - seen.low[j]
-    if not span > 0 or seen.step[j] < 0.2 * span:
+    if seen.step[j] < 0.2 * span:
         return None
     step = exam.resolution(channel, j)
     for bits in _BITS:
         period = step * 2.0**bits
-        if 0.45 * period < span < 1.3 * period:
-            step = _fine(exam.sample(channel, j), step, 0.25 * period)
-            period = step * 2.0**bits
-        if step > 0 and 0.45 * period < span < 1.3 * period:
+        if span < 1.3 * period:
+            period = _fine(exam.sample(channel, j), step, 0.25 * period) * 2.0**bits
             wrap = _unwrapped(exam.column(channel, j), period, bits)
             if wrap is not None:
                 return wrap
@@ -121,11 +119,11 @@ def _look(exam: Exam, channel: str, j: int) -> _Wrap | None:
 def _fine(x: np.ndarray, step: float, near: float) -> float:
     """Return the step from the values near zero: 2^32 of them must not carry the rounding of the wrapped ones."""
     levels = np.unique(x[np.abs(x) < near])
-    if levels.size < 2:
-        return step
     fine = resolution(levels)
+    if not abs(fine - step) < 0.01 * step:
+        return step
     width = levels[-1] - levels[0]
-    return float(width / np.round(width / fine)) if fine > 0 and abs(fine - step) < 0.01 * step else step
+    return float(width / np.round(width / fine))
 
 
 def _unwrapped(x: np.ndarray, period: float, bits: int) -> _Wrap | None:
@@ -138,25 +136,23 @@ def _unwrapped(x: np.ndarray, period: float, bits: int) -> _Wrap | None:
     split = not np.any((x > 0.25 * period) & (x < 0.75 * period)) and x.min() > -0.25 * period
     if left > (_SPLIT_LEFT if split else _LEFT) * period:
         return None
-    mended = x.copy()
-    mended[1:] -= period * np.cumsum(times)
-    mended -= period * np.round(np.median(mended) / period)
-    if (
-        np.unique(mended[:: max(1, mended.size // 4096)]).size <= 4
-    ):  # a signal that switches between its two limits
+    turns = np.concatenate([[0.0], np.cumsum(times)])
+    turns += np.round(np.median(x - period * turns) / period)
+    mended = x - period * turns
+    if np.unique(mended).size <= 4:  # a signal that switches between its two limits
         return None
-    return _Wrap(period, bits, mended, np.flatnonzero(mended != x), np.empty(0, np.intp))
+    return _Wrap(period, bits, mended, np.flatnonzero(turns), np.empty(0, np.intp))
 
 
 def _split(x: np.ndarray, period: float, bits: int) -> _Wrap | None:
     top, bottom = x > 0.75 * period, x < 0.25 * period
     between = ~(top | bottom)
-    if between.mean() > 0.05 or not top.any() or not bottom.any():
+    if between.mean() > 0.05:
         return None
     if np.all(x[bottom] == 0) or np.ptp(x[top]) == 0:  # a switch, not a number
         return None
     lost = between.copy()
-    side = np.where(top, 1, np.where(bottom, -1, 0))
+    side = top.astype(int) - bottom
     turn = np.flatnonzero(side[1:] != side[:-1])
     lost[turn] = lost[turn + 1] = True  # either neighbour of a crossing may be an interpolated value
     mended = np.where(top, x - period, x)

@@ -81,8 +81,8 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
 
 def _between(x: np.ndarray, rows: np.ndarray) -> np.ndarray:
     last = x.size - 1
-    before = np.where(rows == 0, np.minimum(1, last), rows - 1)
-    after = np.where(rows == last, np.maximum(last - 1, 0), rows + 1)
+    before = np.where(rows == 0, 1, rows - 1)
+    after = np.where(rows == last, last - 1, rows + 1)
     return 0.5 * (x[before] + x[after])
 
 
@@ -91,8 +91,7 @@ def _outliers(exam: Exam, channel: str, j: int) -> np.ndarray:
     if not exam.usable(channel, j) or len(exam.log) < 10:
         return none
     seen = exam.survey(channel)
-    span = float(seen.high[j] - seen.low[j])
-    ends = _ends(exam, channel, j, span)
+    ends = _ends(exam, channel, j)
     usual, count = _usual_excess(exam, channel, j)
     bound = max(_USUAL * usual, _STEPS * exam.resolution(channel, j))
     if seen.spike[j] <= bound:
@@ -100,7 +99,7 @@ def _outliers(exam: Exam, channel: str, j: int) -> np.ndarray:
     x = exam.column(channel, j)
     rows = np.flatnonzero(_excess(x) > bound) + 1
     rows = np.setdiff1d(rows, np.concatenate([exam.gaps, exam.gaps - 1]))
-    if not rows.size or rows.size > 2 * count:
+    if rows.size > 2 * count:
         return ends
     change = np.abs(np.diff(x))
     size = np.minimum(change[rows - 1], change[rows])
@@ -108,7 +107,7 @@ def _outliers(exam: Exam, channel: str, j: int) -> np.ndarray:
     # a second outlier nearby must not hide this one
     local = np.maximum(across, np.sort(_around(change, rows - 1, (-3, -2, -1, 2, 3, 4)), axis=1)[:, -2])
     # in fast smooth motion the steps are long, but what is left of a cubic is small
-    bend = np.abs(np.diff(x, 4)) / 6
+    bend = np.abs(np.diff(x, 4))
     smooth = np.sort(_around(bend, rows - 2, (-7, -6, -5, -4, -3, 3, 4, 5, 6, 7)), axis=1)[:, -2]
     beside, here = _around(bend, rows - 2, (-1, 1)).max(axis=1), _around(bend, rows - 2, (0,))[:, 0]
     far = size > _LOCAL * local
@@ -131,7 +130,7 @@ def _around(x: np.ndarray, rows: np.ndarray, offsets: tuple[int, ...]) -> np.nda
 def _ticks(exam: Exam, j: int, v: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Return which peaks of a velocity are single counts of the encoder, differentiated at 1 kHz or faster than the log."""
     q, count = exam.column("position", j), exam.resolution("position", j)
-    near = q[np.clip(rows[:, None] + np.array([-2, -1, 0, 1]), 0, q.size - 1)]
+    near = q[np.maximum(rows[:, None] + np.array([-2, -1, 0, 1]), 0)]
     moved = np.ptp(near, axis=1)
     small = np.abs(v[rows] - _between(v, rows)) < 2 * count / min(exam.period, 1e-3)
     return small & (moved > 0) & (moved < 1.5 * count)
@@ -146,21 +145,19 @@ def _excess(x: np.ndarray) -> np.ndarray:
 def _usual_excess(exam: Exam, channel: str, j: int) -> tuple[float, int]:
     """Return the excess that only a few samples exceed, and how many."""
     array = exam.log.channels[channel]
-    excess = np.concatenate([_excess(array[b, j]) for b in exam.blocks] or [np.zeros(1)])
-    if not excess.size:
-        return 0.0, 0
+    excess = np.concatenate([_excess(array[b, j]) for b in exam.blocks])
     count = int(10 + 0.001 * excess.size)
-    rank = max(excess.size - 1 - count, 0)
+    rank = -min(count + 1, excess.size)
     return float(np.partition(excess, rank)[rank]), count
 
 
-def _ends(exam: Exam, channel: str, j: int, span: float) -> np.ndarray:
+def _ends(exam: Exam, channel: str, j: int) -> np.ndarray:
     """Return the first and last row where they lie outside the range of all others by more than that range."""
     x = exam.log.channels[channel][:, j]
     seen = exam.survey(channel)
     found = []
     for row, rest in ((0, x[1:]), (x.size - 1, x[:-1])):
-        if x[row] not in (seen.low[j], seen.high[j]) or not span > 0:
+        if x[row] not in (seen.low[j], seen.high[j]):
             continue
         low, high = float(rest.min()), float(rest.max())
         if max(low - x[row], x[row] - high) > max(high - low, 4 * exam.resolution(channel, j)):

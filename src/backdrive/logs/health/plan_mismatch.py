@@ -17,7 +17,7 @@ def find(exam: Exam) -> list[Finding]:
     plan = exam.plan
     findings = []
     duration = getattr(plan, "duration", None)
-    if duration is not None and len(exam.log) > 1 and exam.log.duration < (1 - DURATION) * duration:
+    if duration is not None and exam.log.duration < (1 - DURATION) * duration:
         findings.append(
             Finding(
                 name=NAME,
@@ -28,7 +28,7 @@ def find(exam: Exam) -> list[Finding]:
             )
         )
     stroke = getattr(plan, "stroke", None)
-    if stroke is None or "position" not in exam.log.channels or not len(exam.log):
+    if stroke is None or "position" not in exam.log.channels:
         return findings
     seen = exam.survey("position")
     spans = np.where(seen.finite, seen.high - seen.low, 0.0)

@@ -52,17 +52,17 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     if rows.size <= COARSE * n:
         return keep_rows(log, keep, f"{counted(rows.size, 'sample')} that repeat a stamp were dropped.")
     first = np.flatnonzero(keep)
-    slope, start = np.polyfit(first - first[0], log.time[first] - log.time[0], 1)
-    regular = log.time[0] + start + slope * (np.arange(n) - first[0])
+    slope, start = np.polyfit(first, log.time[first] - log.time[0], 1)
+    regular = log.time[0] + start + slope * np.arange(n)
     tick = float(np.median(np.diff(log.time[first])))
-    if slope > 0 and np.abs(regular[first] - log.time[first]).max() < 1.2 * tick:
+    if np.abs(regular[first] - log.time[first]).max() < 1.2 * tick:
         return Repair(
             log.replace(time=regular).noted(
                 f"{rows.size} repeated stamps were replaced by a regular clock of {slope:.6g} s."
             )
         )
     # the last stamp has no successor; its samples follow at the mean interval
-    interval = (log.time[first[-1]] - log.time[0]) / max(first[-1], 1)
+    interval = (log.time[first[-1]] - log.time[0]) / first[-1]
     knots = np.append(first, n)
     stamps = np.append(log.time[first], log.time[first[-1]] + (n - first[-1]) * interval)
     time = np.interp(np.arange(n), knots, stamps)

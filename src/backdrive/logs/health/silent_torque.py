@@ -15,12 +15,10 @@ def find(exam: Exam) -> list[Finding]:
     """Report torques and drive inputs that are zero throughout, and stretches of zeros during motion."""
     findings = []
     for channel in ("torque", "drive_input"):
-        if channel not in exam.log.channels or not len(exam.log):
-            continue
-        seen = exam.survey(channel)
         for j, joint in exam:
             if not exam.usable(channel, j):
                 continue
+            seen = exam.survey(channel)
             if seen.low[j] == 0 == seen.high[j]:
                 findings.append(
                     Finding(
@@ -33,7 +31,6 @@ def find(exam: Exam) -> list[Finding]:
                         value=0.0,
                     )
                 )
-                continue
             runs = [(a, b) for a, b in frozen_runs(exam, channel, j) if exam.column(channel, j)[a] == 0]
             if not runs:
                 continue

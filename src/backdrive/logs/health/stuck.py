@@ -93,7 +93,7 @@ def _goes_on(exam: Exam, channel: str, j: int) -> bool:
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Drop frozen samples; leave out a velocity that is dead."""
     log = exam.log
-    for channel in sorted({f.channel for f in findings if f.where is None and f.channel}):
+    for channel in sorted({str(f.channel) for f in findings if f.where is None}):
         log = log.replace(**{channel: None}).noted(
             f"{channel} was left out: it never changes while the joint moves."
         )

@@ -9,7 +9,7 @@ import numpy as np
 
 from backdrive.logs.health._exam import Exam, white_noise
 from backdrive.logs.health._finding import Check, Finding, Repair, keep_rows, with_columns
-from backdrive.logs.health._motion import folded, motion
+from backdrive.logs.health._motion import folded, motion, solvable
 from backdrive.logs.health.jitter import LIMIT
 
 NAME = "time-slip"
@@ -95,40 +95,32 @@ def estimate(exam: Exam, j: int) -> Slip | None:
 
 
 def _estimate(exam: Exam, j: int) -> Slip | None:
-    steps = exam.steps[:: max(1, exam.steps.size // 65536)]
-    usual = steps[steps < 2 * exam.period]
-    if not usual.size or np.std(usual) > LIMIT * exam.period:
-        return None  # an uneven clock tells no timing
-    torque = exam.sample("torque", j) if exam.usable("torque", j) else np.zeros(1)
-    if not white_noise(torque) < _NOISY * np.std(torque):
-        return None  # the kicks of a controller on a coarse encoder hide any timing
     m = motion(exam, j, REACH)
     if m is None or m.fast.sum() < 100:
         return None
-    x, y = m.terms[m.fast], m.torque[m.fast]
-    scale = np.sqrt(np.mean(x**2, axis=0))
-    x = x / np.where(scale > 0, scale, 1.0)
-    gram, cross, power = folded(x, y, m.fold[m.fast])
+    if np.std(exam.steps[exam.steps < 2 * exam.period]) > LIMIT * exam.period:
+        return None  # an uneven clock tells no timing
+    torque = exam.sample("torque", j)
+    if not white_noise(torque) < _NOISY * np.std(torque):
+        return None  # the kicks of a controller on a coarse encoder hide any timing
+    y = m.torque[m.fast]
+    gram, cross, power = folded(m.terms[m.fast], y, m.fold[m.fast])
     if gram.shape[0] < 4:
         return None
-    g, c, p = gram.sum(axis=0), cross.sum(axis=0), power.sum(axis=0)
-    ridge = 1e-9 * x.shape[0] * np.eye(x.shape[1])
-    misfit = _misfit(g + ridge, c, p)
+    g, c, p = solvable(gram.sum(axis=0)), cross.sum(axis=0), power.sum(axis=0)
+    misfit = _misfit(g, c, p)
     best = _minimum(m.shifts, misfit)
     left = np.array(
-        [
-            _minimum(m.shifts, _misfit(g - gram[f] + ridge, c - cross[f], p - power[f]))
-            for f in range(gram.shape[0])
-        ]
+        [_minimum(m.shifts, _misfit(g - gram[f], c - cross[f], p - power[f])) for f in range(gram.shape[0])]
     )
     error = float(np.sqrt((left.size - 1) / left.size * np.sum((left - left.mean()) ** 2)))
     # what noise alone would leave is no evidence either way
     now, then = misfit[REACH] / y.shape[0], misfit.min() / y.shape[0]
     noise = min(0.5 * m.noise, 0.9 * then)
     variance = float(np.var(y[:, REACH]))
-    if not variance > 0 or not now > noise:
+    if not now > noise:
         return None
-    left_over, effect = np.sqrt(then / variance), np.sqrt(max(now - then, 0.0) / variance)
+    left_over, effect = np.sqrt(then / variance), np.sqrt((now - then) / variance)
     return Slip(best, error, float((then - noise) / (now - noise)), float(left_over), float(effect))
 
 
@@ -143,7 +135,7 @@ def _minimum(shifts: np.ndarray, misfit: np.ndarray) -> float:
         return float(shifts[k])
     before, here, after = misfit[k - 1 : k + 2]
     bend = before - 2 * here + after
-    return float(shifts[k] + (0.5 * (before - after) / bend if bend > 0 else 0.0))
+    return float(shifts[k] + 0.5 * (before - after) / bend)
 
 
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
@@ -157,8 +149,7 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
         source = np.arange(n) + by
         changes["torque", j] = exam.column("torque", j)[np.clip(source, 0, n - 1)]
         for segment in exam.segments:
-            inside = slice(segment.start, segment.stop)
-            keep[inside] &= (source[inside] >= segment.start) & (source[inside] < segment.stop)
+            keep[segment] &= (source[segment] >= segment.start) & (source[segment] < segment.stop)
         notes.append(f"torque of {finding.joint} was shifted by {-by} samples.")
     return keep_rows(
         with_columns(log, changes, notes),

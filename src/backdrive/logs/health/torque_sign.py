@@ -8,7 +8,7 @@ import numpy as np
 
 from backdrive.logs.health._exam import Exam
 from backdrive.logs.health._finding import Check, Finding, Repair, with_columns
-from backdrive.logs.health._motion import folded, motion
+from backdrive.logs.health._motion import folded, motion, solvable
 from backdrive.logs.health.time_slip import REACH
 
 NAME = "torque-sign"
@@ -82,14 +82,9 @@ def _friction(exam: Exam, j: int) -> tuple[float, float, float] | None:
     if m is None:
         return None
     moving = np.abs(m.velocity) > _MOVING * np.quantile(np.abs(m.velocity), 0.99)
-    share = np.mean(m.velocity[moving] > 0) if moving.any() else 0.0
-    if moving.sum() < 60 or not _BOTH < share < 1 - _BOTH:
+    if moving.sum() < 60 or not _BOTH < np.mean(m.velocity[moving] > 0) < 1 - _BOTH:
         return None
     x = m.terms[moving, : m.plain]
-    scale = np.sqrt(np.mean(x**2, axis=0))
-    if not np.all(scale > 0):
-        return None
-    x = x / scale
     y = m.torque[moving][:, REACH : REACH + 1]
     gram, cross, _ = folded(x, y, m.fold[moving])
     if gram.shape[0] < 4:
@@ -99,8 +94,7 @@ def _friction(exam: Exam, j: int) -> tuple[float, float, float] | None:
     weight = np.zeros(x.shape[1])
     weight[1], weight[2] = np.mean(x[:, 1] * v), np.mean(x[:, 2] * v)
     weight /= np.mean(np.abs(v))
-    ridge = 1e-9 * np.eye(x.shape[1]) * moving.sum()
-    total, right = gram.sum(axis=0) + ridge, cross.sum(axis=0)
+    total, right = solvable(gram.sum(axis=0)), cross.sum(axis=0)
     mean = float(weight @ np.linalg.solve(total, right)[:, 0])
     left = np.linalg.solve(total - gram, right - cross)[:, :, 0] @ weight
     count = left.size

@@ -85,9 +85,7 @@ def _goes_on(exam: Exam, row: int) -> bool:
 
 def _restarts(exam: Exam) -> np.ndarray:
     """Return the rows at which a new run begins: there, sorting would interleave two runs instead of mending one."""
-    time, period = exam.log.time, exam.period
-    if not period > 0:
-        return np.empty(0, np.intp)
+    time = exam.log.time
     descents = np.flatnonzero(exam.steps < 0) + 1
     if descents.size > _MOST_RUNS:
         return np.empty(0, np.intp)
@@ -97,7 +95,7 @@ def _restarts(exam: Exam) -> np.ndarray:
         before, after = time[begin:k], time[k:stop]
         low, high = after[0], min(before.max(), after[-1])
         both = np.count_nonzero((before >= low) & (before <= high)) + np.count_nonzero(after <= high)
-        expected = (high - low) / period + 1
+        expected = (high - low) / exam.period + 1
         if both > 4 and both > 1.5 * expected + 1:
             found.append(k)
             begin = k
