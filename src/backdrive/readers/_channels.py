@@ -195,7 +195,7 @@ class Values:
 
     def _si(self, name: str, value: np.ndarray) -> tuple[np.ndarray, units.Unit | None]:
         unit = units.parse(self.stated.get(name, ""))
-        if unit is None or (unit.factor == 1.0 and unit.offset == 0.0):
+        if unit is None or unit == units.Unit(unit.kind):  # SI already
             return value, unit
         with np.errstate(over="ignore"):  # a number so large is refused by `Log`
             scaled = np.asarray(value, dtype=float) * unit.factor + unit.offset
