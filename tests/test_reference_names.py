@@ -281,7 +281,10 @@ def test_a_place_with_several_joints_is_no_joint():
         "input",
         "output",
     ]:
-        assert guess(f"t a.q {word}.q").doubt == f"several places hold positions or velocities: 'a', '{word}'"
+        assert (
+            guess(f"t a.theta {word}.theta").doubt
+            == f"several places hold positions or velocities: 'a', '{word}'"
+        )
     many = guess([f"p{k}.x{k}.q" for k in range(12)])
     assert many.doubt == "several places hold positions or velocities: " + ", ".join(
         f"'p{k}/x{k}'" for k in range(10)
