@@ -383,7 +383,28 @@ def test_a_child_is_told_all_of_a_request_and_little_of_the_environment(monkeypa
     ):
         assert environment[name] == value
     home = os.path.dirname(os.path.dirname(errors.__file__))
-    assert json.loads(arguments[0]) == [path for path in sys.path if path and path != home] + [home]
+    paths = [path for path in sys.path if path]
+    assert json.loads(arguments[0]) == paths + [home] * (home not in paths)
+
+
+def test_a_child_finds_the_package_that_its_parent_has(monkeypatch, tmp_path):
+    home = os.path.dirname(os.path.dirname(errors.__file__))
+    (tmp_path / "backdrive").mkdir()
+    (tmp_path / "backdrive" / "__init__.py").write_text(
+        "raise SystemExit(7)"
+    )  # another one, further down the path
+    path = tmp_path / "a.json"
+    path.write_text('{"t": [0, 1]}')
+    rest = [place for place in sys.path if place and place != home]
+    for places in ([home, str(tmp_path), *rest], ["", home, str(tmp_path), *rest]):
+        monkeypatch.setattr(sys, "path", places)
+        with Guard() as one:
+            assert one.read(path, "json_", OPTIONS, size=20).arrays["t"].tolist() == [0, 1]
+    monkeypatch.setattr(
+        sys, "path", [place for place in rest if not os.path.isdir(os.path.join(place, "backdrive"))]
+    )
+    with Guard() as one:  # not on the path at all
+        assert one.read(path, "json_", OPTIONS, size=20).arrays["t"].tolist() == [0, 1]
 
 
 def test_a_guard_that_is_forgotten_leaves_its_child_alone(monkeypatch):

@@ -74,7 +74,8 @@ class Guard:
                     remedy="If you trust the file, read it in Python with guarded=False.",
                 )
             home = str(Path(errors.__file__).parents[1])
-            paths = [path for path in sys.path if path and path != home] + [home]
+            paths = [path for path in sys.path if path]  # in their order: of two installed, the same one
+            paths += [] if home in paths else [home]
             environment = {name: os.environ[name] for name in _KEPT if name in os.environ}
             environment.update(
                 {name: "1" for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")},
