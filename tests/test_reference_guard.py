@@ -1,5 +1,6 @@
 """From a file to its columns: formats and folders, the pipe between the processes, and what the parsing one may use."""
 
+import fcntl
 import io
 import json
 import os
@@ -413,6 +414,8 @@ def test_a_guard_that_is_forgotten_leaves_its_child_alone(monkeypatch):
     process, pid = one._process, one.pid
     one.start()
     assert one.pid == pid and one.restarts == 1
+    if hasattr(fcntl, "F_GETPIPE_SZ"):  # large arrays in fewer turns
+        assert fcntl.fcntl(process.stdout.fileno(), fcntl.F_GETPIPE_SZ) == 1 << 20
     one.forget()
     assert one.pid is None and process.stdin.closed and process.stdout.closed
     os.kill(pid, 0)  # it is there
@@ -437,49 +440,74 @@ def test_the_worker_answers_line_by_line(tmp_path):
     good, bad = tmp_path / "a.json", tmp_path / "b.json"
     good.write_text('{"t": [0, 1], "q": [2, 3]}')
     bad.write_text("nonsense")
-    limits = {"max_columns": 5}
+    limits = {"max_columns": 5, "max_seconds": 20.0, "max_memory": 100 << 20}
     lines = [
         {
             "path": str(path),
-            "module": "json_",
+            "module": module,
             "size": 30,
             "topic": None,
             "joints": [],
             "parts": [],
             "limits": limits,
         }
-        for path in (good, bad, good)
+        for path, module in ((good, "json_"), (bad, "json_"), (good, "csv_"), (good, "json_"))
     ]
-    code = (
-        "from backdrive.readers import _worker, json_\nread = json_.read\n"
-        "def loud(path, options):\n    import os; os.write(1, b'noise'); print('noise', flush=True)\n"
-        "    return read(path, options)\n"
-        "json_.read = loud\n_worker.main()"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        input="".join(json.dumps(line) + "\n" for line in lines).encode(),
-        capture_output=True,
-        check=True,
-    )
+    code = """
+import json, os, resource, signal, sys
+signal.signal(signal.SIGALRM, signal.SIG_IGN)
+from backdrive import errors
+from backdrive.readers import _worker, csv_, json_
+read = json_.read
+def told(where):
+    left = signal.getitimer(signal.ITIMER_REAL)[0]
+    used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize() if os.path.exists("/proc") else 0
+    state = [where, left, list(_worker._parsing), signal.getsignal(signal.SIGALRM) == signal.SIG_DFL,
+             signal.getsignal(signal.SIGINT) == signal.SIG_IGN, resource.getrlimit(resource.RLIMIT_FSIZE) == (0, 0),
+             resource.getrlimit(resource.RLIMIT_AS)[0] - used if used else 100 << 20]
+    sys.stderr.write(json.dumps(state) + "\\n")
+def loud(path, options):
+    os.write(1, b"noise")
+    print("noise", flush=True)
+    told("read")
+    return read(path, options)
+def missing():
+    raise errors.MissingExtra("no csv", remedy="get it")
+json_.read, json_.prepare, csv_.prepare = loud, lambda: told("prepare"), missing
+_worker.main()
+"""
+    sent = "".join(json.dumps(line) + "\n" for line in lines).encode()
+    done = subprocess.run([sys.executable, "-c", code], input=sent, capture_output=True, check=True)
     stream = io.BytesIO(done.stdout)
 
     def head():
         return json.loads(stream.read(int.from_bytes(stream.read(4), "little")))
 
     for line in lines:
+        if line["module"] == "csv_":
+            assert head() == {"error": "MissingExtra", "message": "no csv", "remedy": "get it"}
+            continue
         assert head() == {"ready": True}
         told = head()
         if line["path"] == str(bad):
-            assert (
-                told["error"] == "ReadError"
-                and "not JSON" in told["message"]
-                and told["remedy"].startswith("Save it again")
-            )
+            assert told["error"] == "ReadError" and "not JSON" in told["message"]
+            assert told["remedy"].startswith("Save it again")
         else:
             assert [array[:2] for array in told["arrays"]] == [["t", "<i8"], ["q", "<i8"]]
             assert np.frombuffer(stream.read(32), "<i8").tolist() == [0, 1, 2, 3]
     assert stream.read() == b""
+    states = [json.loads(state) for state in done.stderr.splitlines()]
+    assert [state[0] for state in states] == ["prepare", "read"] * 3
+    for k, (where, left, parsing, alarm, interrupt, bounded, room) in enumerate(states):
+        assert alarm and interrupt and bounded is (k > 0)
+        if where == "read":  # the kernel's alarm a second behind the limit
+            assert (
+                20.5 < left <= 21.0
+                and parsing == [str(bad if k == 3 else good)]
+                and 60 << 20 < room <= 100 << 20
+            )
+        else:
+            assert left == 0.0 and parsing == []
 
 
 def test_what_the_worker_gives_up():

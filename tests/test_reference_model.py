@@ -218,3 +218,76 @@ def test_a_model_file_without_what_may_be_left_out():
         document["provenance"].pop(key)
     assert encode(decode(json.dumps(document).encode())) == encode(bare)
     assert decode(json.dumps(document).encode()).joints[0].at_bound == ()
+
+
+def grown(place, make, size):
+    """A model file in which one thing has a given size."""
+    document = json.loads(encode(FrictionModel(joints=(friction(PLAIN, -1.0, 1.0),))))
+    *way, last = place.split(".")
+    inner = document
+    for key in way:
+        inner = inner[int(key) if key.isdigit() else key]
+    inner[last] = make(size)
+    return json.dumps(document).encode()
+
+
+def joints_of(size):
+    joint = json.loads(encode(FrictionModel(joints=(friction(PLAIN, -1.0, 1.0),))))["joints"][0]
+    return [{**joint, "name": f"j{k}"} for k in range(size)]
+
+
+SOURCE = {"path": "", "sha256": ""}
+NUMBER = {"value": 1.0, "unit": "1"}
+
+
+@pytest.mark.parametrize(
+    ("place", "make", "most"),
+    [
+        ("joints.0.name", "n".__mul__, 500),
+        ("joints.0.method", "m".__mul__, 500),
+        ("joints.0.warnings", lambda size: ["w" * size], 5000),
+        ("joints.0.warnings", lambda size: ["w"] * size, 1000),
+        ("joints.0.dynamics", lambda size: {f"k{k}": NUMBER for k in range(size)}, 100),
+        ("joints.0.dynamics", lambda size: {"k" * size: NUMBER}, 500),
+        ("joints.0.dynamics", lambda size: {"k": {**NUMBER, "unit": "u" * size}}, 500),
+        ("joints", joints_of, 500),
+        ("arm", lambda size: {"urdf_sha256": "x", "parameters": [0.5] * size, "condition": 1}, 5000),
+        ("provenance.backdrive", "v".__mul__, 500),
+        ("provenance.sources", lambda size: [SOURCE] * size, 100_000),
+        ("provenance.sources", lambda size: [{**SOURCE, "path": "p" * size}], 5000),
+        ("provenance.sources", lambda size: [{**SOURCE, "sha256": "s" * size}], 500),
+    ],
+)
+def test_everything_in_a_model_file_has_a_largest_size(place, make, most):
+    assert decode(grown(place, make, most)).joints
+    said = refused(grown(place, make, most + 1))
+    assert said.startswith(("m.json: $.", "m.json: key in $.")) and "Expected `" in said
+
+
+def test_curves_of_a_model_file_have_1000_knots_at_most():
+    def curve(size, errors):
+        velocity = tuple(0.1 * (k + 1) for k in range(size))
+        rate = Polyline(velocity=velocity, positive=(2.0,) * size, negative=(2.0,) * size)
+        document = json.loads(encode(FrictionModel(joints=(friction(rate, -1.0, 1.0),))))
+        document["joints"][0]["parameters"]["positive"]["standard_error"] = [0.5] * errors
+        return json.dumps(document).encode()
+
+    assert decode(curve(1000, 1000)).joints[0].standard_errors == {"positive": (0.5,) * 1000}
+    assert "`array` of length <= 1000" in refused(
+        curve(1001, 1001)
+    ) and "`array` of length <= 1000" in refused(curve(1000, 1001))
+    for place, value in (
+        ("joints.0.name", ""),
+        ("joints.0.fitted", {"residual_percent": 1, "residual_raw_percent": 1, "rms": 1, "samples": -1}),
+    ):
+        assert "m.json: $." in refused(grown(place, lambda _, value=value: value, 0))
+    for samples, fits in ((10**12, True), (10**12 + 1, False), (10**400, False)):
+        counted = {"residual_percent": 1, "residual_raw_percent": 1, "rms": 1, "samples": samples}
+        data = grown("joints.0.fitted", lambda _, value=counted: value, 0)
+        assert decode(data).joints[0].fitted.samples == samples if fits else refused(data)
+    none = {"residual_percent": None, "residual_raw_percent": None, "rms": None, "samples": 0}
+    quality = decode(grown("joints.0.fitted", lambda _: none, 0)).joints[0].fitted
+    assert (
+        all(math.isnan(x) for x in (quality.residual, quality.residual_raw, quality.rms))
+        and quality.samples == 0
+    )

@@ -1,6 +1,7 @@
 """Tables of text as people and programs write them: each small table with what it says, read off by eye."""
 
 import math
+import sys
 
 import numpy as np
 import pytest
@@ -134,13 +135,11 @@ def test_encodings_are_told_by_their_first_bytes_or_their_zeros():
     big = b"\xfe\xff" + text.encode("utf-16-be")
     assert _dialect.sniff(big, whole=True).names == ("Zeit", "Größe")
     plain = b"t,q\n" + rows(400).encode()
-    for odd, fine in (
-        (b"\x01" * 5, True),
-        (b"\x01" * 40, False),
-        (b"\t\f" * 40, True),
-        (b"\0", False),
-        (b"\x1f" * 40, False),
-    ):
+    few, many = (
+        b"\x1f" * int(0.004 * len(plain)),
+        b"\1" * int(0.008 * len(plain)),
+    )  # 1 in 200 is where text ends
+    for odd, fine in ((few, True), (many, False), (b"\t\f" * 200, True), (b"\0", False)):
         raw = b"note: " + odd + b"\n" + plain
         if fine:
             assert _dialect.sniff(raw, whole=True).names == ("t", "q")
@@ -149,6 +148,16 @@ def test_encodings_are_told_by_their_first_bytes_or_their_zeros():
                 _dialect.sniff(raw, whole=True)
     with pytest.raises(UnknownFormat, match="binary"):
         _dialect.sniff(bytes(range(256)) * 20, whole=True)
+    for letters, fine in (
+        (200, True),
+        (900, False),
+    ):  # of which no byte is 0, before 400 characters of numbers
+        raw = ("ж" * letters + "\n" + "12,34\n" * 66).encode("utf-16-le")
+        if fine:
+            assert _dialect.sniff(raw, whole=True).encoding == "utf-16-le"
+        else:
+            with pytest.raises(UnknownFormat, match="binary"):
+                _dialect.sniff(raw, whole=True)
 
 
 def test_numbers_as_they_are_written():
@@ -284,3 +293,21 @@ def test_what_becomes_of_a_file(tmp_path):
     assert quoted.arrays["q"].tolist() == [1, 2]
     assert table(tmp_path, "t\tq\n0\t1\n1\t\n2\t3\n").arrays["t"].tolist() == [0, 1, 2]
     assert table(tmp_path, "t q\n0 1\n1 x\n2  3\n").arrays["t"].tolist() == [0, 1, 2]
+
+
+def test_a_regular_table_is_not_read_cell_by_cell(tmp_path):
+    """Seen by how often Python is called: a log of an hour has millions of cells."""
+    (tmp_path / "t.csv").write_text("t,q\n" + rows(3000))
+    calls = 0
+
+    def count(frame, event, argument):
+        nonlocal calls
+        calls += event == "call" and frame.f_code.co_filename == csv_.__file__
+
+    before = sys.getprofile()
+    sys.setprofile(count)
+    try:
+        got = csv_.read(str(tmp_path / "t.csv"), ReadOptions())
+    finally:
+        sys.setprofile(before)
+    assert got.arrays["t"].size == 3000 and calls < 100

@@ -172,17 +172,17 @@ class Guard:
 
     def _ask(self, line: bytes) -> None:
         """Send a request; a child that died while idle is replaced once."""
-        for attempt in (1, 2):
-            self.start()
-            assert self._process is not None
-            assert self._process.stdin is not None
-            try:
-                self._process.stdin.write(line)
-                return
-            except BrokenPipeError:
-                self._end()
-                if attempt == 2:
-                    raise
+        try:
+            self._write(line)
+        except BrokenPipeError:
+            self._end()
+            self._write(line)
+
+    def _write(self, line: bytes) -> None:
+        self.start()
+        assert self._process is not None
+        assert self._process.stdin is not None
+        self._process.stdin.write(line)
 
     def _end(self) -> str:
         """Kill the child, wait for it, close its pipes; return how it ended."""
