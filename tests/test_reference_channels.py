@@ -165,6 +165,31 @@ def test_infinite_and_missing_numbers_go_through_a_map():
     assert log_of("q=1e60*a", a=0.5 * T).position[2, 0] == 0.5e60
 
 
+def test_numbers_that_overflow_in_si_are_refused_as_they_stand():
+    for column in ("q", "other"):
+        with pytest.raises((InvalidInput, MappingError), match="beyond what can be reckoned with"):
+            log_of(
+                "q=other" if column == "other" else None,
+                {column: "rev"},
+                **{column: np.array([0.0, 1.0, 1.5e308, 2.0])},
+            )
+    single = np.array(
+        [0.1, 0.2, 0.3, 0.4], dtype=np.float32
+    )  # reckoned in double precision with a map and without
+    for map in (None, "q=q"):
+        assert log_of(map, {"q": "mm"}, q=single).position[:, 0] == pytest.approx(
+            1e-3 * single.astype(float), rel=1e-14
+        )
+    assert np.isinf(log_of(units={"q": "mm"}, q=np.array([0.0, 1.0, np.inf, 2.0])).position[2, 0])
+
+
+def test_a_name_that_was_meant_is_suggested_unless_it_is_endless():
+    for length, hinted in ((120, True), (121, False)):
+        with pytest.raises(MappingError) as error:
+            log_of("q=" + "x" * 119, **{"x" * length: Q})
+        assert ("Did you mean" in error.value.remedy) is hinted
+
+
 def test_columns_are_told_the_longest_first_and_sixty_at_most():
     columns = Columns(
         arrays={"k": np.ones(1), "q": np.ones((2, 9)), "x" * 90: np.ones(5)}, units={"q": "deg"}

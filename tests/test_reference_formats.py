@@ -431,6 +431,15 @@ def test_groups_links_and_sizes_of_hdf5(tmp_path):
     assert hdf5.read(str(path), OPTIONS).arrays["q"].tolist() == Q.tolist()
 
 
+def test_hdf5_that_another_program_has_locked_is_read(tmp_path):
+    h5py, fcntl = pytest.importorskip("h5py"), pytest.importorskip("fcntl")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["q"] = Q
+    with open(tmp_path / "a.h5", "rb") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        assert hdf5.read(str(tmp_path / "a.h5"), OPTIONS).arrays["q"].tolist() == Q.tolist()
+
+
 def test_hdf5_that_is_cut_or_damaged(tmp_path):
     h5py = pytest.importorskip("h5py")
     path = tmp_path / "a.h5"

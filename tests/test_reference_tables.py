@@ -252,6 +252,8 @@ def test_uneven_lines_are_dropped_and_named(tmp_path):
     with pytest.raises(ReadError, match="13 of 60 lines do not have 2 cells"):
         made(tuple(range(2, 15)), 60)
     assert made((2,), 5).arrays["t"].tolist() == [0, 1, 3, 4]  # one is forgiven in a short table
+    with pytest.raises(ReadError, match="2 of 8 lines do not have 2 cells"):
+        made((2, 4), 8)
     blank = table(tmp_path, "t,q,u\n0,1,5\n\n1,2,5\n  \n2,3,5\n3,4,5\n4")
     assert blank.arrays["t"].tolist() == [0, 1, 2, 3] and blank.notes == (
         "The last line is cut and was dropped.",
@@ -295,19 +297,31 @@ def test_what_becomes_of_a_file(tmp_path):
     assert table(tmp_path, "t q\n0 1\n1 x\n2  3\n").arrays["t"].tolist() == [0, 1, 2]
 
 
-def test_a_regular_table_is_not_read_cell_by_cell(tmp_path):
-    """Seen by how often Python is called: a log of an hour has millions of cells."""
-    (tmp_path / "t.csv").write_text("t,q\n" + rows(3000))
+def counted(path, asked):
+    """Read a table; return its columns and how often Python was called where `asked` says so."""
     calls = 0
 
     def count(frame, event, argument):
         nonlocal calls
-        calls += event == "call" and frame.f_code.co_filename == csv_.__file__
+        calls += event == "call" and asked(frame.f_code)
 
     before = sys.getprofile()
     sys.setprofile(count)
     try:
-        got = csv_.read(str(tmp_path / "t.csv"), ReadOptions())
+        return csv_.read(str(path), ReadOptions()).arrays, calls
     finally:
         sys.setprofile(before)
-    assert got.arrays["t"].size == 3000 and calls < 100
+
+
+def test_regular_lines_are_not_read_cell_by_cell(tmp_path):
+    """A log of an hour has millions of cells."""
+    path = tmp_path / "t.csv"
+    path.write_text("t,q\n" + rows(3000))
+    found, calls = counted(path, lambda code: code.co_filename == csv_.__file__)
+    assert found["t"].size == 3000 and calls < 100
+    for cut, point in ((",", "."), (" ", "."), (";", ",")):
+        lines = [f"{k}{cut}{k}{point}5" for k in range(3000)]
+        lines[1500] = f"1500{cut}nan"
+        path.write_text(f"t{cut}q\n" + "\n".join(lines))
+        found, calls = counted(path, lambda code: code.co_name == "number")
+        assert found["q"][2999] == 2999.5 and np.isnan(found["q"][1500]) and calls < 100

@@ -91,7 +91,7 @@ class _Parser:
         self.text = text
         self.tokens: list[tuple[str, str, int]] = []
         at = 0
-        while at < len(text) and text[at:].strip():
+        while text[at:].strip():
             match = _TOKEN.match(text, at)
             if match is None:
                 start = at + len(text[at:]) - len(text[at:].lstrip())

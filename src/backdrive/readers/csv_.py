@@ -126,10 +126,8 @@ def _plain(line: str, dialect: Dialect) -> list[float] | None:
         return None
     line = line.replace(",", ".") if dialect.comma else line
     row = line.split(None if dialect.delimiter == " " else dialect.delimiter)
-    if len(row) != dialect.width:
-        return None
     try:
-        return [float(cell) for cell in row]
+        return [float(cell) for cell in row] if len(row) == dialect.width else None
     except ValueError:
         return None
 
