@@ -295,6 +295,12 @@ def test_long_names_are_nobodys_abbreviation():
     place = "x" * (units.LONGEST - 2)
     assert guess(["t", f"{place}.q"]).columns["position"] == (f"{place}.q",)
     assert "position" not in guess(["t", f"x{place}.q"]).columns
+    for bare, split, ended in (("x", units.split, " [deg]"), ("x", units.split_suffix, "_deg")):
+        fits = bare * (120 - len(ended))
+        assert split(fits + ended) == (fits, "deg") and split(bare + fits + ended) == (
+            bare + fits + ended,
+            "",
+        )
 
 
 @pytest.mark.parametrize(

@@ -231,9 +231,9 @@ def _fixed(messages: Sequence, layout: _Layout) -> tuple[np.ndarray, tuple[np.nd
     def part(offset: int, size: int, dtype: str) -> np.ndarray:
         return np.ascontiguousarray(matrix[:, offset : offset + size]).view(layout.order + dtype)
 
-    seconds = part(layout.stamp, 8, "u4" if layout.ros1 else "i4").astype(np.int64)
+    seconds, fraction = part(layout.stamp, 8, "u4" if layout.ros1 else "i4").astype(np.int64).T
     numbers = tuple(part(offset, 8 * count, "f8") if count else None for offset, count in layout.spans)
-    return seconds[:, 0] * 1_000_000_000 + seconds[:, 1], numbers
+    return seconds * 1_000_000_000 + fraction, numbers
 
 
 def _layout(message: bytes | memoryview, ros1: bool) -> _Layout:
