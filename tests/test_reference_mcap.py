@@ -259,3 +259,10 @@ def test_packed_chunks_of_mcap_are_unpacked(tmp_path):
         part,
         chunk(b"x", "zip"),
     )
+
+
+def test_what_follows_the_records_of_a_chunk_is_none_of_them(tmp_path):
+    content = JS + states(2)
+    head = struct.pack("<QQQI", 0, 0, len(content), zlib.crc32(content)) + text("")
+    odd = record(6, head + struct.pack("<Q", len(content)) + content + b"beyond")
+    assert mcap.read(file(tmp_path / "a.mcap", odd), OPTIONS).arrays["position"][:, 0].tolist() == [0, 1]

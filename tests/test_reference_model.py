@@ -291,3 +291,9 @@ def test_curves_of_a_model_file_have_1000_knots_at_most():
         all(math.isnan(x) for x in (quality.residual, quality.residual_raw, quality.rms))
         and quality.samples == 0
     )
+
+
+def test_an_object_that_says_one_thing_twice_is_refused():
+    good = encode(FrictionModel(joints=(friction(PLAIN, -1.0, 1.0),)))
+    twice = good.replace(b'"unit": "rad",', b'"unit": "m", "unit": "rad",', 1)
+    assert twice != good and "'unit' stands there twice in one object" in refused(twice)

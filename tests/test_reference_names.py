@@ -316,3 +316,8 @@ def test_long_names_are_nobodys_abbreviation():
 )
 def test_names_are_compared_in_lower_case_with_words_joined(name, compared):
     assert _names.bare(name) == compared
+
+
+def test_millinewtons_in_any_capitals():
+    for word, factor in (("mN", 1e-3), ("mn", 1e-3), ("Mn", 1e-3), ("MN", 1e6), ("mNewton", 1e-3)):
+        assert units.parse(word) == units.Unit("force", factor)

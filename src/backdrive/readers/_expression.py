@@ -116,10 +116,9 @@ class _Parser:
         return token
 
     def takes(self, sign: str) -> bool:
-        if self.peek()[:2] == ("sign", sign):
-            self.at += 1
-            return True
-        return False
+        found = self.peek()[:2] == ("sign", sign)
+        self.at += found
+        return found
 
     def at_end(self) -> bool:
         return self.peek()[0] == "end"
