@@ -80,15 +80,31 @@ ROOMS: dict[str, dict[tuple[str, ...], tuple[str, ...]]] = {
         ),
     },
     "readers": {
-        ("readers/[!_glw]*.py", "readers/__init__.py", "readers/_[!w]*.py"): (
-            "test_reference_readers.py", "test_reference_columns.py", "test_mapping.py", "test_readers.py",
+        ("readers/bag.py", "readers/db3.py", "readers/mcap.py", "readers/_jointstate.py", "readers/_chunks.py"): (
+            "test_reference_bags.py", "test_reference_mcap.py", "test_reference_readers.py", "test_readers.py",
+        ),
+        (
+            "readers/mapping.py", "readers/units.py", "readers/_channels.py", "readers/_names.py", "readers/_expression.py",
+        ): (
+            "test_reference_names.py", "test_reference_channels.py", "test_reference_columns.py", "test_reference_readers.py",
+            "test_mapping.py", "test_readers.py",
+        ),
+        ("readers/csv_.py", "readers/_dialect.py", "readers/[hjnp]*.py", "readers/mat.py"): (
+            "test_reference_tables.py", "test_reference_formats.py", "test_reference_readers.py", "test_reference_columns.py",
+            "test_mapping.py", "test_readers.py",
+        ),
+        ("readers/columns.py", "readers/__init__.py", "readers/_formats.py"): (
+            "test_reference_guard.py", "test_reference_readers.py", "test_reference_columns.py", "test_mapping.py",
+            "test_readers.py",
         ),
         ("readers/guard.py", "readers/_worker.py", "readers/limits.py"): (
-            "test_reference_readers.py", "test_reference_columns.py", "test_mapping.py", "test_readers.py", "test_readers_guard.py",
+            "test_reference_guard.py", "test_reference_readers.py", "test_readers.py", "test_readers_guard.py",
         ),
     },
     "model file": {
-        ("model.py", "model_file.py"): ("test_reference_readers.py", "test_model_file.py", "test_presets.py"),
+        ("model.py", "model_file.py"): (
+            "test_reference_model.py", "test_reference_readers.py", "test_model_file.py", "test_presets.py",
+        ),
     },
 }  # fmt: skip
 

@@ -27,7 +27,7 @@ Word = Annotated[str, Meta(max_length=500)]
 Sentence = Annotated[str, Meta(max_length=5000)]
 Knots = Annotated[list[float], Meta(max_length=1000)]
 Errors = Annotated[list[Number], Meta(max_length=1000)]
-Count = Annotated[int, Meta(ge=0, le=2**53)]
+Count = Annotated[int, Meta(ge=0)]
 
 
 class _Value(msgspec.Struct, forbid_unknown_fields=True):
@@ -302,7 +302,7 @@ def decode(data: bytes, name: str = "model file") -> m.FrictionModel:
         raise ModelFileError(f"{name}: {error.message}", remedy=error.remedy) from error
     except msgspec.ValidationError as error:
         message, _, place = str(error).rpartition(" - at ")
-        said = f"{place.strip('`')}: {message}" if message else str(error)
+        said = f"{place.replace('`', '')}: {message}" if message else str(error)
         raise ModelFileError(f"{name}: {said}.", remedy=AGAIN) from error
     except (
         msgspec.MsgspecError,

@@ -183,8 +183,7 @@ class Values:
             self._settle(channel, stated.kind)
         if word:
             self._settle(channel, "angle")
-        with np.errstate(over="ignore"):
-            value = value.astype(float) if stated is None else value * stated.factor + stated.offset
+        value = value.astype(float) if stated is None else _in_si(value, stated)
         peak = np.abs(value[np.isfinite(value)]).max(initial=0.0)
         if peak > LARGEST:
             raise MappingError(
@@ -195,11 +194,9 @@ class Values:
 
     def _si(self, name: str, value: np.ndarray) -> tuple[np.ndarray, units.Unit | None]:
         unit = units.parse(self.stated.get(name, ""))
-        if unit is None or (unit.factor == 1.0 and unit.offset == 0.0):
+        if unit is None or unit == units.Unit(unit.kind):  # SI already
             return value, unit
-        with np.errstate(over="ignore"):  # a number so large is refused by `Log`
-            scaled = np.asarray(value, dtype=float) * unit.factor + unit.offset
-        return np.where(np.isinf(scaled), value, scaled), unit
+        return _in_si(value, unit), unit
 
     def _settle(self, channel: str, kind: str) -> None:
         self.settled.add(channel)
@@ -243,6 +240,13 @@ def described(columns: Columns) -> str:
         for name, value in longest
     ]
     return ", ".join(told[:60]) + (f" and {len(told) - 60} more" if len(told) > 60 else "")
+
+
+def _in_si(value: np.ndarray, unit: units.Unit) -> np.ndarray:
+    """Return numbers in SI; one that overflows stays as it stands, and is refused as too large."""
+    with np.errstate(over="ignore"):
+        scaled = value.astype(float) * unit.factor + unit.offset
+    return np.where(np.isinf(scaled), value, scaled)
 
 
 def _written(term: Term) -> str:

@@ -221,7 +221,7 @@ def _decode(raw: bytes) -> tuple[str, str]:
     ):
         if raw.startswith(mark):
             return encoding, codecs.getincrementaldecoder(encoding)("replace").decode(raw)
-    if raw[1::2].count(0) > 0.4 * (len(raw) // 2) and len(raw) > 3:
+    if raw[1::2].count(0) > 0.4 * (len(raw) // 2):
         encoding = "utf-16-le"
     elif 0 in raw:
         raise UnknownFormat(

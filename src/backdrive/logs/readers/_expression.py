@@ -91,7 +91,7 @@ class _Parser:
         self.text = text
         self.tokens: list[tuple[str, str, int]] = []
         at = 0
-        while at < len(text) and text[at:].strip():
+        while text[at:].strip():
             match = _TOKEN.match(text, at)
             if match is None:
                 start = at + len(text[at:]) - len(text[at:].lstrip())
@@ -116,10 +116,9 @@ class _Parser:
         return token
 
     def takes(self, sign: str) -> bool:
-        if self.peek()[:2] == ("sign", sign):
-            self.at += 1
-            return True
-        return False
+        found = self.peek()[:2] == ("sign", sign)
+        self.at += found
+        return found
 
     def at_end(self) -> bool:
         return self.peek()[0] == "end"

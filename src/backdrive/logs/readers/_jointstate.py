@@ -231,9 +231,9 @@ def _fixed(messages: Sequence, layout: _Layout) -> tuple[np.ndarray, tuple[np.nd
     def part(offset: int, size: int, dtype: str) -> np.ndarray:
         return np.ascontiguousarray(matrix[:, offset : offset + size]).view(layout.order + dtype)
 
-    seconds = part(layout.stamp, 8, "u4" if layout.ros1 else "i4").astype(np.int64)
+    seconds, fraction = part(layout.stamp, 8, "u4" if layout.ros1 else "i4").astype(np.int64).T
     numbers = tuple(part(offset, 8 * count, "f8") if count else None for offset, count in layout.spans)
-    return seconds[:, 0] * 1_000_000_000 + seconds[:, 1], numbers
+    return seconds * 1_000_000_000 + fraction, numbers
 
 
 def _layout(message: bytes | memoryview, ros1: bool) -> _Layout:
@@ -274,17 +274,13 @@ def _walk(raw: bytes, ros1: bool) -> _Layout:
         at += -(at - base) % pad
         (value,) = struct.unpack_from(order + "I", raw, at)
         at += 4
-        if value > len(raw):
-            raise ValueError(f"a length of {value}")
         return value
 
     def text() -> str:
         nonlocal at
         length = whole()
-        if at + length > len(raw):
-            raise ValueError("a cut name")
         value = raw[at : at + length]
-        at += length
+        at += length  # beyond the end of a cut message, where nothing more can be read
         return (value if ros1 else value.rstrip(b"\x00")).decode()
 
     seconds, fraction = struct.unpack_from(order + ("II" if ros1 else "iI"), raw, stamp)

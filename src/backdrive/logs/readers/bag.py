@@ -16,7 +16,7 @@ from backdrive.logs.readers._jointstate import Gatherer
 from backdrive.logs.readers.columns import Columns, ReadOptions
 
 MAGIC = b"#ROSBAG V2.0\n"
-_MESSAGE, _BAG_HEADER, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 4, 5, 6, 7
+_MESSAGE, _BAG_HEADER, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = b"\2", b"\3", b"\4", b"\5", b"\6", b"\7"
 _U32 = struct.Struct("<I")
 
 
@@ -46,13 +46,13 @@ class _Bag:
         view, at = memoryview(data), 0
         while at < size:
             fields, start, end = _record(data, at)
-            kind = fields.get(b"op", b"")[:1]
-            if kind == bytes((_MESSAGE,)) and fields[b"conn"] in self.wanted:
+            kind = fields.get(b"op")
+            if kind == _MESSAGE and fields[b"conn"] in self.wanted:
                 batch = batches.setdefault(fields[b"conn"], ([], []))
                 batch[0].append(view[start:end])
                 seconds, fraction = struct.unpack("<II", fields[b"time"])
                 batch[1].append(seconds * 1_000_000_000 + fraction)
-            elif kind == bytes((_CONNECTION,)):
+            elif kind == _CONNECTION:
                 self.declare(fields, data[start:end])
             at = end
         for connection, (messages, received) in batches.items():
@@ -109,19 +109,19 @@ def _scan(stream: BinaryIO, size: int, bag: _Bag) -> tuple[int | None, str]:
                 return at, "an incomplete record"
             fields = _fields(stream.read(length))
             amount = _U32.unpack(stream.read(4))[0]
-            start, at_record = at + 8 + length, at
+            start = at + 8 + length
             if start + amount > size:
                 return at, "an incomplete record"
-            kind = fields.get(b"op", b"")[:1]
-            if kind == bytes((_CHUNK,)):
+            kind = fields.get(b"op")
+            if kind == _CHUNK:
                 bag.chunk(fields, stream.read(amount))
-            elif kind == bytes((_BAG_HEADER,)):
+            elif kind == _BAG_HEADER:
                 if fields.get(b"encryptor"):
                     raise ForbiddenContent("The bag is encrypted.", remedy="Decrypt it first.")
-            elif kind == bytes((_CONNECTION,)):
+            elif kind == _CONNECTION:
                 return None, ""  # connections after the last chunk begin the index
-            elif kind not in (bytes((_INDEX,)), bytes((_CHUNK_INFO,))):
-                return at_record, "an unknown record"
+            elif kind not in (_INDEX, _CHUNK_INFO):
+                return at, "an unknown record"
         except (Damaged, struct.error, KeyError) as error:
             return at, str(error)
         at = start + amount

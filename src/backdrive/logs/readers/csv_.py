@@ -56,7 +56,7 @@ def _regular(path: str, dialect: Dialect) -> np.ndarray | None:
     """Let numpy parse it; None if it turns out to be irregular further down."""
     with open(path, encoding=dialect.encoding) as stream:
         try:
-            table = np.loadtxt(
+            return np.loadtxt(
                 islice(stream, dialect.first, None),
                 delimiter=None if dialect.delimiter == " " else dialect.delimiter,
                 comments=None,
@@ -65,7 +65,6 @@ def _regular(path: str, dialect: Dialect) -> np.ndarray | None:
             )
         except ValueError:  # an empty or odd cell, an uneven row, a character of another encoding
             return None
-    return table if table.shape[1] == dialect.width else None
 
 
 def _careful(path: str, dialect: Dialect, notes: list[str]) -> tuple[np.ndarray, dict[int, np.ndarray]]:
@@ -127,10 +126,8 @@ def _plain(line: str, dialect: Dialect) -> list[float] | None:
         return None
     line = line.replace(",", ".") if dialect.comma else line
     row = line.split(None if dialect.delimiter == " " else dialect.delimiter)
-    if len(row) != dialect.width:
-        return None
     try:
-        return [float(cell) for cell in row]
+        return [float(cell) for cell in row] if len(row) == dialect.width else None
     except ValueError:
         return None
 

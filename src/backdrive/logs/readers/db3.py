@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 from backdrive.errors import ReadError, TruncatedFile
@@ -29,11 +29,8 @@ def read(path: str, options: ReadOptions) -> Columns:
     notes: list[str] = []
     for part in (path, *options.parts):
         try:
-            base = sqlite3.connect(f"{Path(part).as_uri()}?mode=ro&immutable=1", uri=True)
-            try:
-                _gather(base, os.path.getsize(part), options, gathered, others)
-            finally:
-                base.close()
+            with closing(sqlite3.connect(f"{Path(part).as_uri()}?mode=ro&immutable=1", uri=True)) as base:
+                _gather(base, options, gathered, others)
         except (sqlite3.Error, OverflowError) as error:
             found = sum(gatherer.count for gatherer in gathered.values())
             if not found:
@@ -47,7 +44,7 @@ def read(path: str, options: ReadOptions) -> Columns:
     return _jointstate.choose_topic(gathered, others, options).columns(options, notes)
 
 
-def _gather(base: sqlite3.Connection, size: int, options: ReadOptions, gathered: dict, others: dict) -> None:
+def _gather(base: sqlite3.Connection, options: ReadOptions, gathered: dict, others: dict) -> None:
     base.execute("PRAGMA trusted_schema=OFF")
     base.execute("PRAGMA cell_size_check=ON")
     base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, 1 << 27)

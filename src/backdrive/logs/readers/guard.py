@@ -74,7 +74,8 @@ class Guard:
                     remedy="If you trust the file, read it in Python with guarded=False.",
                 )
             home = str(Path(errors.__file__).parents[1])
-            paths = [path for path in sys.path if path and path != home] + [home]
+            paths = [path for path in sys.path if path]  # in their order: of two installed, the same one
+            paths += [] if home in paths else [home]
             environment = {name: os.environ[name] for name in _KEPT if name in os.environ}
             environment.update(
                 {name: "1" for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")},
@@ -171,17 +172,17 @@ class Guard:
 
     def _ask(self, line: bytes) -> None:
         """Send a request; a child that died while idle is replaced once."""
-        for attempt in (1, 2):
-            self.start()
-            assert self._process is not None
-            assert self._process.stdin is not None
-            try:
-                self._process.stdin.write(line)
-                return
-            except BrokenPipeError:
-                self._end()
-                if attempt == 2:
-                    raise
+        try:
+            self._write(line)
+        except BrokenPipeError:
+            self._end()
+            self._write(line)
+
+    def _write(self, line: bytes) -> None:
+        self.start()
+        assert self._process is not None
+        assert self._process.stdin is not None
+        self._process.stdin.write(line)
 
     def _end(self) -> str:
         """Kill the child, wait for it, close its pipes; return how it ended."""

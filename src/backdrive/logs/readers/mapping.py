@@ -109,14 +109,12 @@ def _automatic(columns: Columns, asked: Mapping) -> _names.Guess:
     found = _names.guess(
         {name: min(shape) if len(shape) == 2 else 1 for name, shape in shapes.items()}, columns.units, asked
     )
-    n = _length(columns, asked, found, required=False)
-    if n is None:
-        return found
+    n = _length(columns, asked, found)
     fitting = {name: extent(shape, n) for name, shape in shapes.items()}
     return _names.guess({name: width for name, width in fitting.items() if width}, columns.units, asked)
 
 
-def _length(columns: Columns, asked: Mapping, found: _names.Guess, *, required: bool = True) -> int:
+def _length(columns: Columns, asked: Mapping, found: _names.Guess) -> int:
     """Return the number of samples: that of the time, or of what moves where time is counted with `index`."""
     terms = asked.get("time")
     if terms is None and "time" in asked:
@@ -131,8 +129,6 @@ def _length(columns: Columns, asked: Mapping, found: _names.Guess, *, required: 
         if terms or counted:
             shape = Values(columns, {}, 0).find(name).shape
             return max(shape)
-    if not required:
-        return None  # type: ignore[return-value]
     raise MappingError(
         "No column is known to be the time.",
         remedy=f"Say it with --map t=COLUMN, or t=0.001*index for a 1 kHz log. Columns: {described(columns)}.",

@@ -54,7 +54,7 @@ def read(path: str, options: ReadOptions) -> Columns:
                 "ignore"
             )  # duplicate variable names and the like are of no concern to a log
             content = loadmat(path, simplify_cells=True)
-    except (MatReadError, EOFError) as error:
+    except (MatReadError, EOFError, OSError) as error:
         raise TruncatedFile(
             f"A variable is cut or damaged ({error}).", remedy="Save the file again."
         ) from error

@@ -143,20 +143,19 @@ def _scan(stream: BinaryIO, size: int, bag: _Bag) -> tuple[int | None, str]:
         else:
             content = stream.read(length) if kind == _CHUNK else b""
             stream.seek(at + 9 + length)
-        if loose and (kind == _CHUNK or len(loose) > _LOOSE):
-            bag.records(bytes(loose))
-            loose.clear()
-        if kind == _CHUNK:
-            try:
+        try:
+            if kind == _CHUNK or len(loose) > _LOOSE:
+                bag.records(bytes(loose))
+                loose.clear()
+            if kind == _CHUNK:
                 bag.chunk(content)
-            except (Damaged, struct.error, UnicodeDecodeError) as error:
-                where, why = at, str(error)
-                break
+        except (Damaged, struct.error, UnicodeDecodeError) as error:
+            return at, str(error)
         at += 9 + length
     try:
         bag.records(bytes(loose))
     except (Damaged, struct.error, UnicodeDecodeError) as error:
-        where, why = at, str(error)
+        return at, str(error)
     return where, why
 
 

@@ -88,10 +88,11 @@ def _numbers(column: pa.ChunkedArray) -> tuple[np.ndarray | None, str]:
     if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
         counts = column.cast(pa.int64())
         start = next((value.as_py() for value in counts if value.is_valid), 0)
-        numbers = np.array(
-            counts.to_numpy(zero_copy_only=False), dtype=np.float64 if counts.null_count else None
-        )
-        return (numbers - start).astype(np.float64), kind.unit
+        numbers = (counts.fill_null(start).to_numpy() - start).astype(
+            np.float64
+        )  # exact: floats hold no ns since 1970
+        numbers[counts.is_null().to_numpy()] = np.nan
+        return numbers, kind.unit
     if (
         pa.types.is_boolean(kind)
         or pa.types.is_integer(kind)
