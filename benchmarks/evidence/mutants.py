@@ -57,7 +57,9 @@ ROOMS: dict[str, dict[tuple[str, ...], tuple[str, ...]]] = {
         ),
     },
     "loop": {
-        ("control/*.py", "status.py"): ("test_reference_control.py", "test_loop*.py", "test_adaptation.py", "test_closed_loop.py"),
+        ("control/*.py", "status.py"): (
+            "test_reference_loop.py", "test_reference_control.py", "test_loop*.py", "test_adaptation.py", "test_closed_loop.py",
+        ),
     },
     "identification": {
         (

@@ -184,8 +184,7 @@ class Loop:
             interval: period [s].
 
         Raises:
-            InvalidInput: there is no joint, one is without its guards, the period lies outside what the promises hold for, or
-                an encoder is too coarse for the top speed at this period.
+            InvalidInput: there is no joint, one is without its guards, or the period lies outside what the promises hold for.
         """
         self.joints = (joints,) if isinstance(joints, JointLoop) else tuple(joints)
         if not self.joints:
@@ -211,13 +210,12 @@ class Loop:
         self._table[CALLS] = 0.0
 
     def _admit(self) -> None:
-        """Refuse joints without limits, and encoders that are too coarse for the top speed at this period."""
+        """Refuse joints without limits."""
         for i, each in enumerate(self.joints):
             if isinstance(each, Unguarded):
                 raise InvalidInput(
                     f"Joint {i} has no limits.", remedy="`Unguarded` is for simulation; give a `JointLoop`."
                 )
-            each.check_resolution(guard.window(self.interval), f"Joint {i}")
 
     @property
     def torque(self) -> np.ndarray:
