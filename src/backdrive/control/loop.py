@@ -102,7 +102,7 @@ def standing(c, x, s, g, j, q, T):
         late = before + T - 0.5 * hold
         return 1.0 if late <= 0.0 else np.exp(-6.0 * late / hold)
     if before < hold:
-        compensator_.relax(c, 0, x, s, 0, q)
+        compensator_.relax(c, 0, x, s, 0)
     return 1.0
 
 

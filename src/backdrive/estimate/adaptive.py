@@ -156,7 +156,7 @@ class AdaptiveFriction:
     def reset(self) -> None:
         """Return to a joint at rest and relaxed, at the level of the start."""
         self._laws.reset()
-        self._table[BEFORE : BEGUN + 1] = 0.0
+        self._table[[BEFORE, SINCE, BEGUN]] = 0.0
         self.level[:], self.torque[:], self.codes[:] = self._start, 0.0, OK
 
     def tick(self, position: np.ndarray, torque: np.ndarray, interval: float | None = None) -> Status:

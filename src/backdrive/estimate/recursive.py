@@ -54,11 +54,11 @@ SETTINGS = 5  # columns of `g`: noise, dead zone, forgetting, gate, limit
 def regressor(kind, q, v, a, dead_zone):
     """One regressor at position q, velocity v and acceleration a."""
     if kind <= DRY:
-        s = v / dead_zone if abs(v) < dead_zone else (1.0 if v > 0.0 else -1.0 if v < 0.0 else 0.0)
+        s = min(max(v / dead_zone, -1.0), 1.0)
         if kind == 1:
-            return s if s > 0.0 else 0.0
+            return max(s, 0.0)
         if kind == 2:
-            return s if s < 0.0 else 0.0
+            return min(s, 0.0)
         return s
     if kind == 3:
         return v
@@ -227,11 +227,10 @@ class RecursiveLeastSquares:
         self._kinds = np.array(kinds, dtype=np.int64)
         self._settings = np.ascontiguousarray(np.stack([*columns, np.broadcast_to(limits, (J,))], axis=1))
         self._start = first
-        self._theta, self._P = np.empty((J, n)), np.empty((J, n * n))
+        self._theta, self._P = np.zeros((J, n)), np.zeros((J, n * n))
         self._phi, self._gain = np.zeros(n), np.zeros(n)
-        self.estimate, self.torque, self.friction = np.empty((J, n)), np.empty(J), np.empty(J)
+        self.estimate, self.torque, self.friction = np.zeros((J, n)), np.zeros(J), np.zeros(J)
         self.codes = np.zeros(J, dtype=np.int64)
-        self.reset()
         rest = np.zeros(J)
         self.tick(rest, rest, rest, rest)
         self.reset()

@@ -93,8 +93,6 @@ def step(p, e, x, lo, hi, dp, dt):
                 x[i] = bound
             else:
                 x[i] = bound * loaded(x[i] / bound, pull / bound, full, sharp, margin, reversal)
-            total += x[i]
-        return total + 0.0 * dp
     for i in range(n):
         total += x[i]
     return total
