@@ -401,9 +401,8 @@ def test_joints_of_an_adaptive_friction_fail_alone():
     assert model.codes.tolist() == [Status.BAD_INTERVAL] * 3
     model.reset()
     assert [x.tolist() for x in (model.level, model.torque, model.codes)] == [[1.0] * 3, [0.0] * 3, [0] * 3]
-    assert (
-        model.tick(q, zero) == Status.OK and model.torque.tolist() == [0.0] * 3
-    )  # the first reading is where it rests
+    assert model.tick(q + 5.0, zero) == Status.OK
+    assert model.torque.tolist() == [0.0] * 3  # the first reading is where it rests
     slow = AdaptiveFriction(laws[1], interval=T, floor=1.0, time=0.01, slowest=0.5)
     for dp, learns in ((4.99e-4, False), (5.01e-4, True), (-4.99e-4, False), (-5.01e-4, True)):
         slow.reset()
@@ -472,6 +471,17 @@ def test_one_sample_of_one_parameter_by_hand():
         assert made.estimate[0, 0] == pytest.approx(0.5 + s * h * c * e / (1.0 + h * h))
         w = c / (1.0 + (1.0 - c) * h * h)
         assert made.uncertainty()[0, 0] == pytest.approx(s * (1.0 / (1.0 + w * h * h)) ** 0.5)
+
+
+def test_what_one_parameter_was_known_by_is_forgotten_where_a_sample_stands_out_of_the_noise():
+    """P <- P/m, m = 1 - (1 - lambda)(1 - P), where |h| >= 1, and P <- P/(1 + h^2 P)."""
+    for size in (0.9, 0.99, *np.linspace(1.01, 9.0, 25)):
+        made, h, P = rls(("viscous",), forgetting=0.8), size**0.5, 1.0
+        for _ in range(4):
+            fed(made, h * 0.5 / 2.0, 0.0)
+            P /= 1.0 - 0.2 * (1.0 - P) if size >= 1.0 else 1.0
+            P /= 1.0 + size * P
+            assert made.uncertainty()[0, 0] == pytest.approx(2.0 * P**0.5)
 
 
 def test_what_is_beyond_numbers_is_not_learned_and_each_joint_fails_alone():

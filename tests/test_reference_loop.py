@@ -17,6 +17,7 @@ from _loops import Bench, guarded
 from backdrive.compensate import (
     Dither,
     alg_fc,
+    alg_fc2,
     by_law,
     disturbance_observer,
     impulsive,
@@ -497,6 +498,8 @@ def test_the_limit_to_take_and_the_one_that_is_warned_of():
     with pytest.warns(LimitWarning, match=r"limit = 13\.201 .* = 13\.2 N.*gives 11\.") as found:
         JointLoop(limit=13.201, **most)
     assert found[0].filename == __file__
+    with pytest.warns(LimitWarning, match=r"= 0\.6 "):
+        JointLoop(limit=0.61, **(most | {"compensator": contact(1.0, 0.8, F=0.5)}))
 
 
 def test_rates_by_the_limit_and_by_friction():
@@ -599,6 +602,22 @@ def test_a_loop_is_reset_copied_and_counted():
     assert loop.codes.tolist() == [Status.NOT_FINITE] * 3 and loop.count == 324
 
 
+@pytest.mark.parametrize("name", JOINTS)
+def test_the_first_reading_is_where_a_joint_rests(name):
+    """As if it had been reset there: nothing jumps, and nothing has to settle."""
+    compensator, changes = JOINTS[name]
+    if name == "alone":
+        dither = Dither(share=0.4, mode="adaptive", count=COUNT, window=0.02)
+        compensator = alg_fc2(RATE, 3e4, 0.05, dither=dither)
+    unaware, told = (Loop(guarded(compensator, **(WITHIN | changes)), interval=T) for _ in range(2))
+    told.reset(np.array([-40.0]))
+    q = -40.0 + 2e-3 * np.maximum(np.arange(150) - 60.0, 0.0) ** 0.5
+    for k in range(150):
+        codes = [loop.update(q[k : k + 1], np.ones(1)) for loop in (unaware, told)]
+        assert codes[0] == codes[1] and seen(unaware) == pytest.approx(seen(told), rel=1e-6, abs=1e-6)
+    assert abs(unaware.torque[0]) > 0.5
+
+
 def test_what_is_written_is_read_and_what_is_given_is_not_written():
     loop = Loop(two(), interval=T)
     for name, value in (("error", 0.1), ("slope", 0.2), ("known", 0.3), ("temperature", 40.0)):
@@ -657,6 +676,23 @@ def test_the_worst_of_the_joints_is_told_by_severity():
     assert loop.update(np.array([nan, 9.0, 0.0]), np.zeros(3)) == Status.NOT_FINITE
     assert loop.codes.tolist() == [Status.NOT_FINITE, Status.JUMP, 0]
     assert not any(loop.causes)
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize("name", ["position", "known", "error", "slope", "motor", "load", "temperature"])
+def test_inputs_that_are_beyond_numbers_together_are_not_believed(name):
+    loop = Loop(JointLoop(limit=1.0, top_speed=1.0, encoder_count=1e-6), interval=T)
+    for huge, wanted in ((0.9e308, Status.OK), (1.7e308, Status.NOT_FINITE)):
+        loop.reset(np.zeros(1))
+        q = np.zeros(1)
+        if name == "position":
+            q[0] = huge
+        elif name in ("motor", "load"):
+            loop.load = (huge, 0.0) if name == "motor" else (0.0, huge)
+        else:
+            setattr(loop, name, huge)
+        assert loop.update(q, np.array([0.8e308])) == wanted
+        loop.load = 0.0
 
 
 def test_an_admittance_starts_at_rest_where_it_is():

@@ -329,7 +329,7 @@ class Loop:
 
     def stop(self) -> None:
         """Let the torque ramp down to zero at the slow rate, and stay there until `acknowledge`."""
-        self._table[STOP] = 1.0
+        self._table[STOP] = True
 
     def update(self, position: np.ndarray, applied: np.ndarray, interval: float | None = None) -> Status:
         """Advance every joint by one tick; nothing is raised, and what a call allocates it has freed when it returns.

@@ -47,7 +47,7 @@ ALIKE = ({0, 1}, {0, 2}, {1, 2, 7})  # one of these is the sum of the others out
 DRY = 2  # regressors up to this one are Coulomb torques
 FRICTION = 3  # regressors up to this one are friction
 OK, NOT_FINITE, SATURATED = int(Status.OK), int(Status.NOT_FINITE), int(Status.SATURATED)
-SETTINGS = 5  # columns of `g`: noise, dead zone, forgetting, gate, limit
+ROUNDING = 1e-9  # of numbers that are equal for a single parameter
 
 
 @leaf
@@ -90,7 +90,7 @@ def learn(j, n, g, theta, P, phi, gain, e):
     if not z > 0.0:
         return True
     grown, m = 0.0, 1.0
-    if size >= 1.0 and trace < n and reach <= trace * z:  # the last holds but for rounding
+    if size >= 1.0 and trace < n and reach - trace * z <= ROUNDING * reach:  # the last holds for every covariance
         m = 1.0 - (1.0 - forgetting) * (1.0 - trace / n)
         grown = (1.0 - m) / m / z
     # after forgetting: P phi = gain/m, phi' P phi = z/m
