@@ -171,9 +171,11 @@ def test_a_polyline_of_one_knot_is_a_coulomb_torque_and_its_first_section_starts
     one = Polyline(velocity=(0.3,), positive=(2.0,), negative=(3.0,))
     assert Law(rate=one).torque([0.1, 5.0, -0.1]) == pytest.approx([2.0, 2.0, -3.0])
     steep = Polyline(velocity=(0.1, 0.2), positive=(1.0, 3.0), negative=(1.0, 1.5))
-    got = [kernels.limits(1, Law(rate=steep).row(), v, (0.0, 0.0), 20.0) for v in (0.04, 0.1, 0.15, -0.05)]
+    got = [
+        kernels.limits(1, Law(rate=steep).row(), v, (0.0, 0.0), 20.0) for v in (0.04, 0.1, 0.15, -0.05, 0.0)
+    ]
     # +q: the line through the knots meets -1 at rest: Phi = 10 v below the first knot; -q: 0.5 at rest, 5 v beyond
-    expected = [(-0.5, 0.0, 0.4), (-0.5, 0.0, 1.0), (-0.5, 0.0, 2.0), (-0.5, 0.0, -0.25)]
+    expected = [(-0.5, 0.0, 0.4), (-0.5, 0.0, 1.0), (-0.5, 0.0, 2.0), (-0.5, 0.0, -0.25), (-0.5, 0.0, 0.0)]
     for one, wanted in zip(got, expected):
         assert one == pytest.approx(wanted, abs=1e-12)
     other = Polyline(
@@ -415,6 +417,7 @@ CARRIERS = {
         coulomb_positive=5.0, coulomb_negative=3.0, viscous_positive=1.0, viscous_negative=2.0
     ),
     "curve": StribeckGauss(coulomb=4.0, breakaway=6.0, stribeck_velocity=0.05, viscous=1.0),
+    "small": CoulombViscous(coulomb_positive=1.0, coulomb_negative=0.5),
     "falls": Polyline(velocity=(0.05, 0.2, 0.9), positive=(6.0, 4.0, 5.0), negative=(3.0, 2.5, 2.3)),
 }
 

@@ -1,5 +1,6 @@
 """A mass held by every law, roots that are sought in few trials, and rollouts as the loop of steps that they stand for."""
 
+import os
 from math import copysign, inf, isnan, nan
 
 import numba as nb
@@ -147,7 +148,7 @@ def test_the_root_of_a_step_is_found_in_few_trials(monkeypatch):
         real = getattr(module, name)
         monkeypatch.setattr(module, name, lambda *a, real=real: counted.append(1) or real(*a))
     generator = np.random.default_rng(2)
-    most = {"elastoplastic": (14, 5.0), "leuven": (20, 9.0), "smoothed-gms": (3 * 20, 3 * 9.0)}
+    most = {"elastoplastic": (14, 4.5), "leuven": (20, 8.5), "smoothed-gms": (3 * 20, 3 * 8.0)}
     for element, (worst, usual) in most.items():
         law, dt, counts = Law(rate=SIDES, element=ELEMENT_EXAMPLES[element]), 1e-3, []
         x = law.state()
@@ -413,6 +414,16 @@ def test_lanes_of_many_laws_keep_their_places_and_their_states():
         for i, law in enumerate(laws):
             assert got[i] == pytest.approx(by_steps(law, DP[:, motion[i]], dt), rel=1e-12, abs=1e-12)
     assert Lanes([Law(rate=CURVE)]).states == 2
+
+
+def test_the_cores_of_this_process_are_counted(monkeypatch):
+    for cores, wanted in (({0, 3, 5}, 3), ({1}, 1), (set(), 1)):
+        monkeypatch.setattr(os, "sched_getaffinity", lambda who, cores=cores: cores, raising=False)
+        assert available() == wanted
+    monkeypatch.delattr(os, "sched_getaffinity")
+    for count, wanted in ((6, 6), (1, 1), (None, 1)):
+        monkeypatch.setattr(os, "cpu_count", lambda count=count: count)
+        assert available() == wanted
 
 
 def test_work_is_cut_into_pieces_that_cover_it():

@@ -145,10 +145,6 @@ NAMED: tuple[tuple[str, str, str, str], ...] = (
 #: File, line as it reads, line as mutated, and why nobody could tell.
 EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
     (
-        "laws/elements/smoothed_gms.py", "low, high = r, 1.0", "low, high = r, (-1.0)",
-        "the residual at a `high` below the root is negative, and the line on `above < 0.0` puts it at 1 again",
-    ),
-    (
         "laws/elements/maxwell_slip.py", "return np.nan", "pass",
         "no row has so many elements: the constructor refuses them, and the line is there for the compiler",
     ),
@@ -164,6 +160,28 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
         "readers/_dialect.py", 'regular=all(kind == "number" for kind in kinds) and not comma,',
         'regular=((all(kind == "number" for kind in kinds)) or (not comma)),',
         "the quick way then gives up at the first cell that is no number, and the careful one reads the table",
+    ),
+    *(
+        (f"laws/{file}", line, line.replace(number, mutated), "the power with that exponent is the same number, only slower")
+        for file, line, number, mutated in (
+            ("rates/stribeck.py", "if delta == 2.0:", "2.0", "(-2.0)"),
+            ("rates/stribeck.py", "if delta == 1.0:", "1.0", "(-1.0)"),
+            ("rates/stribeck.py", "if delta == 1.0:", "1.0", "(2.0)"),
+            ("rates/degressive.py", "if n == 0.5:", "0.5", "(-0.5)"),
+        )
+    ),
+    *(
+        (
+            "laws/elements/leuven.py", "FAR = 1e5  # times a bound, of a torque the other way",
+            f"FAR = {more}  # times a bound, of a torque the other way",
+            "far beyond what any root is, and near enough that its power does not overflow",
+        )
+        for more in ("(105000.0)", "(200000.0)")
+    ),
+    *(
+        (f"engine/{file}.py", "if y * e > 0.0:" if file == "drives" else "if u * e > 0.0:",
+         "if y * e >= 0.0:" if file == "drives" else "if u * e >= 0.0:", "an error of zero adds nothing to the integral")
+        for file in ("drives", "servo")
     ),
     *(
         (f"laws/{file}.py", f"side = {sign}1", f"side = {sign}2", "only its sign is asked for")

@@ -90,7 +90,9 @@ def learn(j, n, g, theta, P, phi, gain, e):
     if not z > 0.0:
         return True
     grown, m = 0.0, 1.0
-    if size >= 1.0 and trace < n and reach - trace * z <= ROUNDING * reach:  # the last holds for every covariance
+    if (
+        size >= 1.0 and trace < n and reach - trace * z <= ROUNDING * reach
+    ):  # the last holds for every covariance
         m = 1.0 - (1.0 - forgetting) * (1.0 - trace / n)
         grown = (1.0 - m) / m / z
     # after forgetting: P phi = gain/m, phi' P phi = z/m

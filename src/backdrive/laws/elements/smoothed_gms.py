@@ -39,9 +39,7 @@ def loaded(r, path, full, sharp, margin, reversal):
     if r >= 1.0:
         low, high = 1.0, r
     else:
-        low, high = r, 1.0
-        if r + path < 1.0:
-            high = r + path
+        low, high = r, min(r + path, 1.0)
     if low == high:
         return low
     inverse = 1.0 / (1.0 + path)
