@@ -10,11 +10,14 @@ from backdrive.compensate import Dither, alg_fc2, disturbance_observer, impulsiv
 from backdrive.compensate import compensator as compensator_
 from backdrive.compensate import dither as dither_
 from backdrive.compensate.extras import BristleObserver, DisturbanceObserver, Pulses
-from backdrive.control import Admittance
+from backdrive.control import Admittance, admittance
 from backdrive.control.admittance import tick as admit
+from backdrive.engine import Axis, drives, servo
+from backdrive.engine import axis as axis_
 from backdrive.errors import InvalidInput
-from backdrive.estimate import Adaptation, AdaptiveFriction, RecursiveLeastSquares
+from backdrive.estimate import Adaptation, AdaptiveFriction, RecursiveLeastSquares, sliding_mode
 from backdrive.estimate import external as external_
+from backdrive.estimate import friction as friction_row
 from backdrive.estimate.external import METHODS, ExternalForce
 from backdrive.estimate.friction import FrictionEstimator, alg_fe, alg_fe2
 from backdrive.estimate.friction import tick as friction_tick
@@ -267,6 +270,20 @@ def test_rows_and_states_may_lie_anywhere_in_a_table(value):
     wide_c, wide_s = padded(c, 9, 9, value), padded(s, 8, 8, value)
     for k in range(N):
         assert admit(wide_c, 9, wide_s, 8, U[k], q[k], T) == admit(c, 0, s, 0, U[k], q[k], T)
+
+
+def test_rows_and_states_are_as_long_as_they_are_said_to_be():
+    law, a = (
+        alg_fe(RATE, 1e3),
+        Admittance(inertia=1.0, viscosity=1.0, proportional=1.0, derivative=1.0, limit=1.0),
+    )
+    axis = Axis(law=law.law, inertia=1.0)
+    assert (a.row().size, a.start(0.0).size) == (admittance.ROW, admittance.STATES)
+    assert (MotionFilter().row().size, 5) == (sliding_mode.ROW, sliding_mode.STATES)
+    assert (Dither().row().size, 5) == (dither_.ROW, dither_.STATES)
+    assert axis.at(0.0).size == axis_.STATES and servo.STATES == 3 and drives.STATES == 4
+    assert friction_row.ROW == law.row().size == 7
+    assert (external_.ROW, external_.STATES) == (9 + 5 + 7, 5 + 1 + 4)
 
 
 def test_relaxed_a_bristle_keeps_what_it_has_learned_and_an_observer_nothing():
