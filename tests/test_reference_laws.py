@@ -15,6 +15,7 @@ from backdrive.errors import InvalidInput
 from backdrive.laws import (
     ELEMENTS,
     GMS,
+    M1,
     M6,
     RATES,
     BlimanSorine,
@@ -34,6 +35,7 @@ from backdrive.laws import (
     Rigid,
     SmoothedGMS,
     StribeckGauss,
+    StribeckLorentz,
     StribeckTustin,
     ViscoElastoplastic,
     XiongKikuuwe,
@@ -132,9 +134,20 @@ def more_rates():
     """The examples, and the branches that they do not reach: other exponents, few knots, cut curves."""
     yield from RATE_EXAMPLES.values()
     tustin = RATE_EXAMPLES["stribeck-tustin"]
-    yield from (replace(tustin, exponent=n) for n in (0.5, 1.0, 2.0))
-    yield from (replace(RATE_EXAMPLES["degressive"], exponent=n) for n in (1.0, 2.0 / 3.0))
+    yield from (replace(tustin, exponent=n) for n in (0.5, 1.0, 1.05, 2.0, 2.1, 4.0))
+    yield from (replace(RATE_EXAMPLES["degressive"], exponent=n) for n in (1.0, 0.525, 2.0 / 3.0))
+    yield StribeckLorentz(coulomb=3.1, breakaway=7.3, stribeck_velocity=0.06, viscous=0.9)
     yield replace(RATE_EXAMPLES["m6"], load_external=0.0, load_motor=0.0)
+    yield M1(coulomb=3.1, viscous=0.7)
+    for only in (
+        "load_motor",
+        "load_external",
+        "load_stribeck_motor",
+        "load_stribeck_external",
+        "quadratic_external",
+    ):
+        yield M6(coulomb=3.1, viscous=0.7, stribeck_velocity=0.05, **{only: 0.3})
+    yield M6(coulomb=3.1, quadratic_motor=0.3, stribeck_velocity=0.05)
     yield replace(RATE_EXAMPLES["load-temperature"], stribeck=-9.0)
     yield replace(RATE_EXAMPLES["load-temperature"], stribeck_velocity=-1.0)
     yield Polyline(
@@ -158,9 +171,11 @@ def test_a_polyline_of_one_knot_is_a_coulomb_torque_and_its_first_section_starts
     one = Polyline(velocity=(0.3,), positive=(2.0,), negative=(3.0,))
     assert Law(rate=one).torque([0.1, 5.0, -0.1]) == pytest.approx([2.0, 2.0, -3.0])
     steep = Polyline(velocity=(0.1, 0.2), positive=(1.0, 3.0), negative=(1.0, 1.5))
-    got = [kernels.limits(1, Law(rate=steep).row(), v, (0.0, 0.0), 20.0) for v in (0.04, 0.1, 0.15, -0.05)]
+    got = [
+        kernels.limits(1, Law(rate=steep).row(), v, (0.0, 0.0), 20.0) for v in (0.04, 0.1, 0.15, -0.05, 0.0)
+    ]
     # +q: the line through the knots meets -1 at rest: Phi = 10 v below the first knot; -q: 0.5 at rest, 5 v beyond
-    expected = [(-0.5, 0.0, 0.4), (-0.5, 0.0, 1.0), (-0.5, 0.0, 2.0), (-0.5, 0.0, -0.25)]
+    expected = [(-0.5, 0.0, 0.4), (-0.5, 0.0, 1.0), (-0.5, 0.0, 2.0), (-0.5, 0.0, -0.25), (-0.5, 0.0, 0.0)]
     for one, wanted in zip(got, expected):
         assert one == pytest.approx(wanted, abs=1e-12)
     other = Polyline(
@@ -357,8 +372,8 @@ def reset(e, x, lo, hi, dp, dt):
 def bliman_sorine(e, x, lo, hi, dp, dt):
     bound, way = (hi if dp > 0.0 else lo), sign(dp)
     if way:
-        scale = np.array([e.ratio * e.distance, e.distance])
-        x[:2] = fine(lambda y: (bound - y) / scale, np.array(x[:2]), abs(dp))
+        for i, scale in enumerate((e.ratio * e.distance, e.distance)):
+            x[i] = fine(lambda y, scale=scale: (bound - y) / scale, x[i], abs(dp))
     return (1.0 + e.overshoot) * x[0] - e.overshoot * x[1], dp
 
 
@@ -402,6 +417,8 @@ CARRIERS = {
         coulomb_positive=5.0, coulomb_negative=3.0, viscous_positive=1.0, viscous_negative=2.0
     ),
     "curve": StribeckGauss(coulomb=4.0, breakaway=6.0, stribeck_velocity=0.05, viscous=1.0),
+    "small": CoulombViscous(coulomb_positive=1.0, coulomb_negative=0.5),
+    "falls": Polyline(velocity=(0.05, 0.2, 0.9), positive=(6.0, 4.0, 5.0), negative=(3.0, 2.5, 2.3)),
 }
 
 
@@ -424,8 +441,13 @@ def test_every_element_is_its_printed_equation(name, carrier):
         for step in dp.tolist():
             v = step / dt
             up, down, viscous = by_formula(rate, v, (0.0, 0.0), 20.0)
+            slides = type(element) in (DeadZone, HaywardArmstrong, Decaying)
+            if viscous * v < 0.0 and not (slides or type(element) is Rigid):  # it narrows the bounds
+                weaker = min(abs(viscous), up if v > 0.0 else down)
+                up, down = (up - weaker, down) if v > 0.0 else (up, down - weaker)
+                viscous += copysign(weaker, v)
             f, slid = STEPS[type(element)](element, x, -down, up, step, dt)
-            if type(element) in (DeadZone, HaywardArmstrong, Decaying):
+            if slides:
                 viscous = by_formula(rate, slid / dt, (0.0, 0.0), 20.0)[2]
             expected.append(f + viscous)
         got = follow(Law(rate=rate, element=element), dp, dt)

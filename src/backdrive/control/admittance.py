@@ -19,7 +19,7 @@ from backdrive._jit import jit
 from backdrive.errors import InvalidInput
 
 ROW = 5
-STATES = 4  # q_d, v_d, position before, begun
+STATES = 3  # q_d, v_d, position before
 
 
 @jit
@@ -66,5 +66,5 @@ class Admittance:
         return np.array([self.inertia, self.viscosity, self.proportional, self.derivative, self.limit])
 
     def start(self, position: float) -> np.ndarray:
-        """Return the state at rest at a position, (4,)."""
-        return np.array([position, 0.0, position, 1.0])
+        """Return the state at rest at a position, (3,)."""
+        return np.array([position, 0.0, position])

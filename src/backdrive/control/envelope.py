@@ -5,7 +5,7 @@
 | period | 0.05 ms | 20 ms | |
 | limit of torque | 0 | 1e5 N.m or N | 0 gives nothing |
 | top speed | 1e-3 | 1e3 rad/s or m/s | |
-| encoder step | 1e-9 | 0.1 rad or m | at most 0.1 top speed in the window of speeds, 10 ms or 2 periods |
+| encoder step | 1e-9 | 0.1 rad or m | at most 0.1 top speed in 10 ms |
 | share R | 0 | 1 | times the highest level that is learned |
 | stiffness K | 0 | 1e9 N.m/rad or N/m | one encoder step moves the torque by F at most |
 | inertia | 1e-7 | 1e5 kg.m^2 or kg | |
@@ -34,7 +34,7 @@ RAMP: Range = (0.15, 60.0, "s")
 HOLD: Range = (0.05, 2.0, "s")
 FADE: Range = (10.0, 1e4, "1/s")
 PATIENCE: Range = (0.005, 1.0, "s")
-COARSEST = 0.1  # speed of one encoder step in a window of speeds, by the top speed [-]
+COARSEST = 0.1  # speed of one encoder step in the shortest window of speeds, by the top speed [-]
 
 
 def check(where: str, **values: tuple[float, Range]) -> None:

@@ -72,7 +72,7 @@ def watch(g, j, since):
     if g[OLDER_AGE, j] >= span * (1.0 - ROUNDING):
         reach = g[TOP, j] * g[OLDER_AGE, j]
         fast = abs(q - g[OLDER, j]) > reach + ROUNDING * (reach + abs(q))
-        g[FAST, j] = 1.0 if fast else 0.0
+        g[FAST, j] = fast
     if g[NEWER_AGE, j] >= 0.5 * span * (1.0 - ROUNDING):
         g[OLDER, j], g[OLDER_AGE, j] = g[NEWER, j], g[NEWER_AGE, j]
         g[NEWER, j], g[NEWER_AGE, j] = q, 0.0

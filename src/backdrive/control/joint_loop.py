@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.control import envelope
+from backdrive.control import envelope, guard
 from backdrive.control.compensators.compensator import Compensator
 from backdrive.control.compensators.extras import BristleObserver, DisturbanceObserver
 from backdrive.control.estimators.external import ExternalForce
@@ -48,7 +48,9 @@ USUAL = 1.25  # the same, where nothing else is asked for [-]
 
 
 def friction_of(law: Law, top_speed: float) -> tuple[float, float]:
-    """Return F, the friction at rest of a law (its largest where it has none), and that at a speed in the easier direction.
+    """Return F, the friction at rest of a law, and that at a speed in the easier direction.
+
+    A law that has none at rest is asked for its largest, from 1e-4 of the speed on.
 
     Args:
         law: of friction.
@@ -134,7 +136,7 @@ class JointLoop:
         if self.compensator.share > 0.0:
             stiffness = getattr(self.compensator.friction.law.element, "stiffness", 0.0)
             envelope.check_contact("JointLoop", stiffness, self.encoder_count, self.friction[0])
-        self.check_resolution(0.01, "JointLoop")
+        self._check_resolution()
         least = max(self.limit / LATCH_TIME, LEAST_BRISK * self.friction[0])
         if self.rate is not None and not (envelope._is_number(self.rate) and least <= self.rate < np.inf):
             raise InvalidInput(
@@ -148,7 +150,7 @@ class JointLoop:
                 f"JointLoop: limit = {self.limit:g} exceeds 1.5 R F(top speed) = {most:.4g} N.m or N: if the model is much too "
                 f"large, no watch stops the joint in time. `torque_limit` gives {usual:.4g}.",
                 LimitWarning,
-                stacklevel=4,
+                stacklevel=3,
             )
 
     def _check_adaptation(self) -> None:
@@ -173,21 +175,13 @@ class JointLoop:
             return extra.highest
         return self.adaptation.upper if self.adaptation else 1.0
 
-    def check_resolution(self, window: float, where: str) -> None:
-        """Refuse an encoder whose one step in the window of speeds is more than a tenth of the top speed.
-
-        Args:
-            window: of speeds [s].
-            where: what the message begins with.
-
-        Raises:
-            InvalidInput: it is.
-        """
-        if self.encoder_count > envelope.COARSEST * self.top_speed * window * (1.0 + 1e-9):
-            least = self.encoder_count / (envelope.COARSEST * window)
+    def _check_resolution(self) -> None:
+        """Refuse an encoder whose one step in the shortest window of speeds is more than a tenth of the top speed."""
+        least = self.encoder_count / (envelope.COARSEST * guard.WINDOW)
+        if least > self.top_speed * (1.0 + 1e-9):
             raise InvalidInput(
-                f"{where}: one encoder step of {self.encoder_count:g} in {1e3 * window:g} ms is more than a tenth of the top speed "
-                f"of {self.top_speed:g}: a runaway could not be told from a motion.",
+                f"JointLoop: one encoder step of {self.encoder_count:g} in {1e3 * guard.WINDOW:g} ms is more than a tenth of the "
+                f"top speed of {self.top_speed:g}: a runaway could not be told from a motion.",
                 remedy=f"Give a top speed of {least:.4g} or more, or use a finer encoder.",
             )
 

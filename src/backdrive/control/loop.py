@@ -102,7 +102,7 @@ def standing(c, x, s, g, j, q, T):
         late = before + T - 0.5 * hold
         return 1.0 if late <= 0.0 else np.exp(-6.0 * late / hold)
     if before < hold:
-        compensator_.relax(c, 0, x, s, 0, q)
+        compensator_.relax(c, 0, x, s, 0)
     return 1.0
 
 
@@ -184,8 +184,7 @@ class Loop:
             interval: period [s].
 
         Raises:
-            InvalidInput: there is no joint, one is without its guards, the period lies outside what the promises hold for, or
-                an encoder is too coarse for the top speed at this period.
+            InvalidInput: there is no joint, one is without its guards, or the period lies outside what the promises hold for.
         """
         self.joints = (joints,) if isinstance(joints, JointLoop) else tuple(joints)
         if not self.joints:
@@ -211,13 +210,12 @@ class Loop:
         self._table[CALLS] = 0.0
 
     def _admit(self) -> None:
-        """Refuse joints without limits, and encoders that are too coarse for the top speed at this period."""
+        """Refuse joints without limits."""
         for i, each in enumerate(self.joints):
             if isinstance(each, Unguarded):
                 raise InvalidInput(
                     f"Joint {i} has no limits.", remedy="`Unguarded` is for simulation; give a `JointLoop`."
                 )
-            each.check_resolution(guard.window(self.interval), f"Joint {i}")
 
     @property
     def torque(self) -> np.ndarray:
@@ -331,7 +329,7 @@ class Loop:
 
     def stop(self) -> None:
         """Let the torque ramp down to zero at the slow rate, and stay there until `acknowledge`."""
-        self._table[STOP] = 1.0
+        self._table[STOP] = True
 
     def update(self, position: np.ndarray, applied: np.ndarray, interval: float | None = None) -> Status:
         """Advance every joint by one tick; nothing is raised, and what a call allocates it has freed when it returns.

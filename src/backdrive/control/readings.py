@@ -100,7 +100,7 @@ def judge(c, s, ce, se, g, j, q, dt):
     g[SINCE, j] += min(dt, LONGEST) if long else passed
     if g[BEGUN, j] == 0.0 and np.isfinite(q):
         shift(c, s, ce, se, g, j, q - g[BEFORE, j])
-        g[BEGUN, j], g[SINCE, j] = 1.0, passed
+        g[BEGUN, j], g[SINCE, j] = True, passed
     if not timely:
         return BAD_INTERVAL
     inputs = q + g[APPLIED, j] + g[KNOWN, j] + g[ERROR, j] + g[SLOPE, j] + g[MOTOR, j] + g[LOAD, j]
@@ -110,7 +110,7 @@ def judge(c, s, ce, se, g, j, q, dt):
     if g[PENDING, j] > 0.0:
         code = followed(c, s, ce, se, g, j, q, passed)
     elif not possible(g, j, q - g[BEFORE, j], g[SINCE, j]):
-        g[PENDING, j], g[ELSEWHERE, j], g[SETTLED, j] = 1.0, q, 0.0
+        g[PENDING, j], g[ELSEWHERE, j], g[SETTLED, j] = True, q, 0.0
         g[LEAP, j] = (q - g[BEFORE, j]) / g[SINCE, j]
         return JUMP
     if code == OK and dt > BEHIND * nominal:

@@ -21,7 +21,6 @@ from backdrive._jit import jit
 from backdrive.laws import kernels
 
 STATES = 5  # p, w, q, v, c
-ROW = 10  # M, L, K_c, D_c, a, b, rigid, on_load, mu, o
 
 
 @jit

@@ -24,7 +24,6 @@ from backdrive.engine import servo
 from backdrive.errors import InvalidInput
 
 STATES = servo.STATES + 1  # and the input of the step before
-ROW = 15
 
 
 @jit

@@ -263,7 +263,8 @@ def forward(
         )
 
     spread(work, len(axes), workers)
-    return Motions(position=out[:, :, 0], velocity=out[:, :, 1], torque=out[:, :, 2])
+    position, velocity, torque = np.moveaxis(out, 2, 0)
+    return Motions(position=position, velocity=velocity, torque=torque)
 
 
 def _start(values, M: int, name: str) -> np.ndarray:

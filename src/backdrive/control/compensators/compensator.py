@@ -24,7 +24,6 @@ from backdrive.control.compensators import dither as dither_
 from backdrive.control.compensators import extras
 from backdrive.control.compensators.dither import NONE, Dither
 from backdrive.control.compensators.extras import Extra
-from backdrive.control.estimators import external as external_
 from backdrive.control.estimators import friction as friction_
 from backdrive.control.estimators.friction import NOTHING, FrictionEstimator
 from backdrive.errors import InvalidInput
@@ -70,8 +69,8 @@ def tick(c, i, p, x, s, j, q, dp, dt, t, error, slope, u, load, temp, idle):
 
 
 @jit
-def relax(c, i, x, s, j, q):
-    """Let go of what the contact holds and of what is integrated beside it: the joint rests at q. The dither goes on."""
+def relax(c, i, x, s, j):
+    """Let go of what the contact holds and of what is integrated beside it: the joint rests. The dither goes on."""
     for k in range(x.size):
         x[k] = 0.0
     learned = s[j + S_EXTRA + 1]
@@ -79,8 +78,6 @@ def relax(c, i, x, s, j, q):
         s[j + S_EXTRA + k] = 0.0
     if c[i + EXTRA] == 2.0:
         s[j + S_EXTRA + 1] = learned
-    elif c[i + EXTRA] == 3.0:
-        external_.shift(c, i + EXTRA + 2, s, j + S_EXTRA, q)
 
 
 @jit
@@ -88,8 +85,6 @@ def shift(c, i, s, j, by):
     """Move everything that is a position: the encoder counts from another zero."""
     s[j + S_DITHER + 3] += by
     s[j + S_DITHER + 4] += by
-    if c[i + EXTRA] == 3.0:
-        external_.shift(c, i + EXTRA + 2, s, j + S_EXTRA, by)
 
 
 @jit
@@ -142,7 +137,7 @@ class Compensator:
         """Return the state of a joint at rest at a position, (STATES,)."""
         s = np.zeros(STATES)
         s[S_DITHER + 3], s[S_DITHER + 4] = position, position
-        s[S_EXTRA:] = extras.start(self.extra, position)
+        s[S_EXTRA:] = extras.start(self.extra)
         return s
 
     def replace(self, **changes: Any) -> Compensator:

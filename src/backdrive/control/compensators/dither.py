@@ -22,7 +22,7 @@ from backdrive._jit import jit
 from backdrive.errors import InvalidInput
 
 MODES = ("fixed", "reset", "adaptive")
-ROW = 7  # mode or -1, R_d, Omega, count, counts, window, rate
+ROW = 7  # mode, R_d, Omega, count, counts, window, rate
 STATES = 5  # time in the phase, share, time in the window, least and largest position in it
 
 
@@ -32,8 +32,6 @@ def tick(c, i, s, j, stuck, lo, hi, q, dt, t, idle):
     `idle`: the amplitude stays.
     """
     mode = c[i]
-    if mode < 0.0:
-        return 0.0
     if mode == 2.0 and not idle:
         adapt(c, i, s, j, q, dt)
     if not stuck:
@@ -105,5 +103,5 @@ class Dither:
         )
 
 
-#: The row of no dither.
-NONE = np.array([-1.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0])
+#: The row of no dither: a mode below them all.
+NONE = np.full(ROW, -np.inf)

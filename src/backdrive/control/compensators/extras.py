@@ -214,11 +214,9 @@ class DisturbanceObserver(Extra):
         )
 
 
-def start(extra: Extra | None, position: float) -> np.ndarray:
-    """Return the state at rest at a position, (STATES,)."""
+def start(extra: Extra | None) -> np.ndarray:
+    """Return the state at rest, (STATES,): none of it is a position."""
     s = np.zeros(STATES)
     if isinstance(extra, BristleObserver):
         s[1] = 1.0
-    elif isinstance(extra, DisturbanceObserver):
-        s[:] = extra.estimator().start(position)
     return s

@@ -53,7 +53,7 @@ def tick(P, X, S, held, dp, g, codes, q, tau, dt, nominal):
                     level, f, tau[j], T, g[TIME, j], g[FLOOR, j], g[DEAD, j], g[LOWER, j], g[UPPER, j]
                 )
             if held[j] == OK and np.isfinite(level * f):
-                g[BEFORE, j], g[SINCE, j], g[BEGUN, j] = q[j], 0.0, 1.0
+                g[BEFORE, j], g[SINCE, j], g[BEGUN, j] = q[j], 0.0, True
                 g[LEVEL, j], g[OUT, j] = level, level * f
                 if level == g[LOWER, j] or level == g[UPPER, j]:
                     code = SATURATED
@@ -149,14 +149,13 @@ class AdaptiveFriction:
         )
         self.load, self.temperature = self._laws.load, self._laws.temperature
         self._arrays = (*self._laws._arrays, np.zeros(J), self._table, self.codes)
-        self.reset()
         self.tick(np.zeros(J), np.zeros(J))
         self.reset()
 
     def reset(self) -> None:
         """Return to a joint at rest and relaxed, at the level of the start."""
         self._laws.reset()
-        self._table[BEFORE : BEGUN + 1] = 0.0
+        self._table[[BEFORE, SINCE, BEGUN]] = 0.0
         self.level[:], self.torque[:], self.codes[:] = self._start, 0.0, OK
 
     def tick(self, position: np.ndarray, torque: np.ndarray, interval: float | None = None) -> Status:

@@ -36,6 +36,13 @@ STATES = sliding_mode.STATES + 1 + 4  # filter, w, and four of the observer
 W, O = sliding_mode.STATES, sliding_mode.STATES + 1  # noqa: E741 (the observer's place)
 
 
+@jit
+def threefold(L, T):
+    """Return the gains, in ticks, of an observer of q, v, d with all poles at exp(-L T)."""
+    b = np.exp(-L * T)
+    return 1.0 - b * b * b, 1.5 * (1.0 - b) * (1.0 - b) * (1.0 + b), (1.0 - b) * (1.0 - b) * (1.0 - b)
+
+
 @ladder
 def tick(c, i, p, x, s, j, q, dp, dt, u, known, load, temp, level):
     """Return external force and friction of one tick.
@@ -64,12 +71,7 @@ def tick(c, i, p, x, s, j, q, dp, dt, u, known, load, temp, level):
     # predict with what acted, correct with what was measured; gains in ticks, those of a tick of another length from L
     g_1, g_2, g_3 = c[i + 5], c[i + 6], c[i + 7]
     if abs(T - c[i + 8]) > 0.1 * c[i + 8]:
-        b = np.exp(-L * T)
-        g_1, g_2, g_3 = (
-            1.0 - b * b * b,
-            1.5 * (1.0 - b) * (1.0 - b) * (1.0 + b),
-            (1.0 - b) * (1.0 - b) * (1.0 - b),
-        )
+        g_1, g_2, g_3 = threefold(L, T)
     d = s[j + 8]
     acceleration = n / M + d
     e = q - (s[j + 6] + T * s[j + 7] + 0.5 * T * T * acceleration)
@@ -133,22 +135,13 @@ class ExternalForce:
     def row(self, dt: float) -> np.ndarray:
         """Return the row that `tick` reads, (21,)."""
         c = np.zeros(ROW)
-        gains, bandwidth = (0.0, 0.0, 0.0), self.bandwidth
+        c[:5] = METHODS.index(self.method), self.inertia, self.gravity_sin, self.gravity_cos, self.bandwidth
+        c[8] = dt
         if self.method == "extended":
-            b = np.exp(-self.bandwidth * dt)
-            gains = (1.0 - b**3, 1.5 * (1.0 - b) ** 2 * (1.0 + b), (1.0 - b) ** 3)
+            c[5:8] = threefold(self.bandwidth, dt)
         elif self.method == "kalman":
-            gains = self._stationary(dt)
-            bandwidth = -np.log(1.0 - gains[0]) / (3.0 * dt)  # of a threefold pole that corrects q by as much
-        c[:FILTER] = (
-            METHODS.index(self.method),
-            self.inertia,
-            self.gravity_sin,
-            self.gravity_cos,
-            bandwidth,
-            *gains,
-            dt,
-        )
+            c[5:8] = self._stationary(dt)
+            c[4] = -np.log(1.0 - c[5]) / (3.0 * dt)  # of a threefold pole that corrects q by as much
         c[FILTER:FRICTION], c[FRICTION:] = self.filter.row(), self.friction.row()
         return c
 
@@ -204,7 +197,8 @@ class ExternalForce:
         out = np.empty((q.size, 2))
         law = self.friction.law
         along(self.row(dt), law.row(), law.state(), self.start(float(q[0])), q, u, g, dt, out)
-        return out[:, 0], out[:, 1]
+        force, friction = out.T
+        return force, friction
 
 
 @jit

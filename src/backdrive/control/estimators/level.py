@@ -52,7 +52,7 @@ def adapted(theta, f, tau, dt, time, floor, dead_zone, lower, upper):
     e = tau - theta * f
     if abs(e) <= dead_zone:
         return theta
-    e -= dead_zone if e > 0.0 else -dead_zone
+    e -= np.copysign(dead_zone, e)
     r = floor / f
     theta += dt / (time + dt) * (e / f) / (1.0 + r * r)
     return min(max(theta, lower), upper)
@@ -84,10 +84,12 @@ class Adaptation:
 
     def __post_init__(self):
         numbers = (self.slowest, self.settle, self.time, self.lower, self.upper, self.start)
-        if not all(isinstance(x, (int, float)) for x in (*numbers, self.floor or 0.0, self.dead_zone or 0.0)):
+        given = [x for x in (self.floor, self.dead_zone) if x is not None]
+        if not all(isinstance(x, (int, float)) for x in (*numbers, *given)):
             raise InvalidInput(f"{self}.", remedy="All of them are numbers.")
-        positive = (self.slowest, self.settle, self.time, 1.0 if self.floor is None else self.floor)
-        holds = all(0.0 < x < np.inf for x in positive) and 0.0 <= (self.dead_zone or 0.0) < np.inf
+        holds = all(0.0 < x < np.inf for x in (self.slowest, self.settle, self.time))
+        holds = holds and (self.floor is None or 0.0 < self.floor < np.inf)
+        holds = holds and (self.dead_zone is None or 0.0 <= self.dead_zone < np.inf)
         if not holds or not 0.0 < self.lower <= self.start <= self.upper < np.inf:
             raise InvalidInput(
                 f"{self}.",

@@ -47,18 +47,18 @@ ALIKE = ({0, 1}, {0, 2}, {1, 2, 7})  # one of these is the sum of the others out
 DRY = 2  # regressors up to this one are Coulomb torques
 FRICTION = 3  # regressors up to this one are friction
 OK, NOT_FINITE, SATURATED = int(Status.OK), int(Status.NOT_FINITE), int(Status.SATURATED)
-SETTINGS = 5  # columns of `g`: noise, dead zone, forgetting, gate, limit
+ROUNDING = 1e-9  # of numbers that are equal for a single parameter
 
 
 @leaf
 def regressor(kind, q, v, a, dead_zone):
     """One regressor at position q, velocity v and acceleration a."""
     if kind <= DRY:
-        s = v / dead_zone if abs(v) < dead_zone else (1.0 if v > 0.0 else -1.0 if v < 0.0 else 0.0)
+        s = min(max(v / dead_zone, -1.0), 1.0)
         if kind == 1:
-            return s if s > 0.0 else 0.0
+            return max(s, 0.0)
         if kind == 2:
-            return s if s < 0.0 else 0.0
+            return min(s, 0.0)
         return s
     if kind == 3:
         return v
@@ -90,7 +90,9 @@ def learn(j, n, g, theta, P, phi, gain, e):
     if not z > 0.0:
         return True
     grown, m = 0.0, 1.0
-    if size >= 1.0 and trace < n and reach <= trace * z:  # the last holds but for rounding
+    if (
+        size >= 1.0 and trace < n and reach - trace * z <= ROUNDING * reach
+    ):  # the last holds for every covariance
         m = 1.0 - (1.0 - forgetting) * (1.0 - trace / n)
         grown = (1.0 - m) / m / z
     # after forgetting: P phi = gain/m, phi' P phi = z/m
@@ -227,11 +229,10 @@ class RecursiveLeastSquares:
         self._kinds = np.array(kinds, dtype=np.int64)
         self._settings = np.ascontiguousarray(np.stack([*columns, np.broadcast_to(limits, (J,))], axis=1))
         self._start = first
-        self._theta, self._P = np.empty((J, n)), np.empty((J, n * n))
+        self._theta, self._P = np.zeros((J, n)), np.zeros((J, n * n))
         self._phi, self._gain = np.zeros(n), np.zeros(n)
-        self.estimate, self.torque, self.friction = np.empty((J, n)), np.empty(J), np.empty(J)
+        self.estimate, self.torque, self.friction = np.zeros((J, n)), np.zeros(J), np.zeros(J)
         self.codes = np.zeros(J, dtype=np.int64)
-        self.reset()
         rest = np.zeros(J)
         self.tick(rest, rest, rest, rest)
         self.reset()

@@ -116,7 +116,8 @@ class MotionFilter:
         q = np.ascontiguousarray(position, dtype=np.float64)
         out = np.empty((q.size, 2))
         along(self.row(), np.array([q[0], 0.0, 0.0, 0.0, 0.0]) if q.size else np.zeros(STATES), q, dt, out)
-        return out[:, 0], out[:, 1]
+        velocity, acceleration = out.T
+        return velocity, acceleration
 
 
 @jit

@@ -25,7 +25,7 @@ def relaxed(z, lo, hi, dp):
     if dp == 0.0:
         return z
     if bound == 0.0:
-        return 0.0 * dp
+        return 0.0
     return bound + (z - bound) * np.exp(-dp / bound)
 
 

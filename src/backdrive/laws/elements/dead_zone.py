@@ -26,7 +26,7 @@ def step(p, e, lo, hi, dp, dt):
         return hi, dp
     if dp < -width:
         return lo, dp
-    return 0.0 * dp, 0.0 * dp
+    return 0.0, 0.0 * dp  # keeps a NaN
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -49,7 +49,7 @@ def step(p, e, x, lo, hi, dp, dt):
                 x[n + i] = way
         x[i] = f
         total += f
-    return total + 0.0 * dp
+    return total
 
 
 @dataclass(frozen=True, kw_only=True)

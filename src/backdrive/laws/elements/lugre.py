@@ -44,7 +44,7 @@ def step(p, e, x, lo, hi, dp, dt):
     if dp == 0.0:
         after = f
     elif s == 0.0:
-        after = 0.0 * dp
+        after = 0.0
     elif abs(reach) > 1e16 * abs(s):  # where reach may overflow
         after = s
     else:

@@ -23,7 +23,7 @@ def step(lo, hi, dp):
         return hi
     if dp < 0.0:
         return lo
-    return 0.0 * dp
+    return 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -39,9 +39,7 @@ def loaded(r, path, full, sharp, margin, reversal):
     if r >= 1.0:
         low, high = 1.0, r
     else:
-        low, high = r, 1.0
-        if r + path < 1.0:
-            high = r + path
+        low, high = r, min(r + path, 1.0)
     if low == high:
         return low
     inverse = 1.0 / (1.0 + path)
@@ -93,8 +91,6 @@ def step(p, e, x, lo, hi, dp, dt):
                 x[i] = bound
             else:
                 x[i] = bound * loaded(x[i] / bound, pull / bound, full, sharp, margin, reversal)
-            total += x[i]
-        return total + 0.0 * dp
     for i in range(n):
         total += x[i]
     return total
