@@ -1,4 +1,4 @@
-"""What is asked of an identification and how it is answered: which logs, joints, methods and options, and a model judged on logs."""
+"""What is asked of an identification and how it is answered: logs, joints, methods, options, and a model judged on logs."""
 
 import importlib
 from dataclasses import replace
@@ -80,7 +80,8 @@ def test_plans_are_one_for_all_or_one_each():
 
 FOR = {
     "law": ("motion", "constant-velocity"), "gravity": ("motion",), "literal": ("sweep",), "timing": ("sweep",),
-    "payloads": ("sweep",), "cutoff": ("motion", "arm"), "joints": ("sweep", "constant-velocity", "motion", "ramp"), "urdf": ("arm",),
+    "payloads": ("sweep",), "cutoff": ("motion", "arm"), "joints": ("sweep", "constant-velocity", "motion", "ramp"),
+    "urdf": ("arm",),
 }  # fmt: skip
 SET = {
     "law": "polyline", "gravity": True, "literal": True, "timing": "sample", "payloads": [(1.0, 2.0)], "cutoff": 9.0,
