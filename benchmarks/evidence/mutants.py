@@ -64,12 +64,23 @@ ROOMS: dict[str, dict[tuple[str, ...], tuple[str, ...]]] = {
             "identification/sweep*.py", "identification/function_a.py", "identification/noise.py", "identification/load_fit.py",
             "identification/timing.py",
         ): (
-            "test_reference_fits.py", "test_reference_identification.py", "test_noise.py", "test_sweep.py", "test_timing.py",
+            "test_reference_sweep_fit.py", "test_reference_sweeps.py", "test_reference_fits.py",
+            "test_reference_identification.py", "test_noise.py", "test_sweep.py", "test_timing.py",
         ),
         ("identification/arm*.py",): ("test_reference_arm.py",),
-        ("identification/[!_afslnt]*.py", "identification/signals.py", "identification/auto.py", "identification/__init__.py"): (
-            "test_reference_fits.py", "test_regression.py", "test_reference_identification.py", "test_identify.py",
-            "test_motion.py", "test_constant_velocity.py", "test_presliding.py",
+        (
+            "identification/request.py", "identification/auto.py", "identification/validate.py", "identification/result.py",
+            "identification/__init__.py",
+        ): ("test_reference_requests.py", "test_identify.py"),
+        ("identification/ramp.py", "identification/presliding.py", "identification/hysteresis.py"): (
+            "test_reference_ramps.py", "test_reference_fits.py", "test_presliding.py",
+        ),
+        (
+            "identification/[cde]*.py", "identification/grade.py", "identification/motion.py", "identification/quality.py",
+            "identification/regression.py", "identification/runs.py", "identification/signals.py",
+        ): (
+            "test_reference_motion.py", "test_reference_runs.py", "test_reference_fits.py", "test_regression.py",
+            "test_reference_identification.py", "test_motion.py", "test_constant_velocity.py",
         ),
     },
     "health": {
