@@ -161,7 +161,7 @@ def test_pairs_are_merged_within_a_hundredth_of_the_top_speed():
         )
         got = ordered(knots, "a", cycles, 0.8)
         assert got.V.size == n and got.warnings[0] == "before" and len(got.warnings) == (2 if n == 2 else 1)
-        assert np.isfinite(got.swing).all() and got.swing[-1] < 1e-9 or n == 2
+        assert (np.isfinite(got.swing).all() and got.swing[-1] < 1e-9) or n == 2
     nothing = replace(knots, F_pos=np.array([np.nan, 1.0, np.nan]))
     with pytest.raises(NotIdentifiable, match="1 of 3 cycles reach their speed"):
         ordered(nothing, "a", cycles, 0.8)
@@ -373,7 +373,7 @@ def test_the_literal_way_knows_no_errors(three):
     found, shown = identify_sweep(three[1:2], "a", literal=True)
     knots = sweep_knots(three[1], "a", literal=True)
     by_hand = literal(three[1], windows(three[1], "a", three[1].plan, prepare(three[1], "a")))
-    assert knots.F == pytest.approx(by_hand.F) and found.law.rate.velocity == pytest.approx(knots.V)
+    assert pytest.approx(by_hand.F) == knots.F and found.law.rate.velocity == pytest.approx(knots.V)
     assert found.law.rate.positive == pytest.approx(knots.F) and found.standard_errors == {}
     assert np.isnan(shown.curve.standard_error).all() and "standard errors" not in shown.verdict
     assert found.dynamics["inertia"].value == pytest.approx(sweep_knots(three[1], "a").inertia[0])

@@ -65,7 +65,7 @@ ROOMS: dict[str, dict[tuple[str, ...], tuple[str, ...]]] = {
             "identification/timing.py",
         ): (
             "test_reference_sweep_fit.py", "test_reference_sweeps.py", "test_reference_fits.py",
-            "test_reference_identification.py", "test_noise.py", "test_sweep.py", "test_timing.py",
+            "test_reference_identification.py", "test_timing.py", "test_sweep.py", "test_noise.py",
         ),
         ("identification/arm*.py",): ("test_reference_arm.py",),
         (
