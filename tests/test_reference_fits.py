@@ -389,6 +389,7 @@ def test_sections_are_judged_by_runs_that_are_left_out():
     little = {1: np.array([1.0, 0.0, 0.0, 0.0]), 2: np.array([0.0, 0.8, 0.0, 0.0])}
     assert _choose(little)[0] == 1  # 0.09 +- 0.29
     assert _choose({2: gain, 4: 0.5 * gain})[0] == 4
+    assert _choose({1: np.full(4, 0.6), 2: np.full(4, 0.5)})[0] == 2  # 0.36 less 0.25
     found, shown = identify_constant_velocity(logs, "a")
     assert found.held_out.rms == pytest.approx(min(losses.values()), rel=1e-6)
     assert found.held_out.residual == pytest.approx(

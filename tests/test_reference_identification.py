@@ -420,6 +420,21 @@ def test_the_sandwich_is_liang_and_zegers_widened_as_students_distribution(count
     )
 
 
+def test_columns_of_very_different_size_are_solved_and_judged_alike():
+    """In other units a coefficient and its error are the same in these units."""
+    generator = np.random.default_rng(1)
+    X = generator.standard_normal((600, 3))
+    y = X @ [1.0, -0.5, 2.0] + generator.standard_normal(600)
+    unit = np.array([1e6, 1.0, 1e-6])
+    index = regression.block_index(600, 20)
+    plain, other = (regression.accumulate(Z, y, np.ones(600), index, 20) for Z in (X, X * unit))
+    theta, scaled = (regression.solve(b.gram.sum(0), b.moment.sum(0)) for b in (plain, other))
+    assert scaled * unit == pytest.approx(theta, rel=1e-6)
+    wanted = regression.sandwich(plain, theta)
+    assert regression.sandwich(other, scaled) * np.outer(unit, unit) == pytest.approx(wanted, rel=1e-6)
+    assert regression.condition(other.gram.sum(0)) == pytest.approx(regression.condition(plain.gram.sum(0)))
+
+
 def test_hubers_weights_by_hand():
     residual, w = np.array([-3.0, -1.0, 0.5, 0.2, 10.0, 0.0, 7.0]), np.array([1.0, 1, 1, 1, 1, 1, 0])
     spread = 1.4826 * np.median([3.0, 1.0, 0.5, 0.2, 10.0, 0.0])
@@ -472,6 +487,22 @@ def test_errors_of_a_fitted_form_are_those_of_its_covariance():
         {"coulomb_positive": 3.0, "coulomb_negative": 2.0, "viscous_positive": 1.0, "viscous_negative": 2.0}
     )
     assert errors["coulomb_negative"] == pytest.approx(np.sqrt(four[2, 2]))
+    for values, viscous in (
+        ([3.0, 3.1, 2.0, 2.1], True),
+        ([0.1, 3.0, 2.0, 6.0], True),
+        ([3.0, 5.0, 6.1, 6.0], False),  # falling: no viscosity
+        ([5.1, 5.0, 2.0, 6.0], False),
+        ([3.0, 5.0, -0.1, 6.0], False),
+        ([-0.1, 5.0, 2.0, 6.0], False),
+    ):
+        law, stated = curves.to_law(line, np.array(values), four)
+        assert (law.rate.NAME == "coulomb-viscous") is viscous
+        if not viscous:
+            assert law.rate.positive == tuple(values[:2]) and law.rate.negative == tuple(values[2:])
+            assert stated == {
+                name: pytest.approx(np.sqrt(np.diag(four)[part]))
+                for name, part in (("positive", slice(0, 2)), ("negative", slice(2, 4)))
+            }
     slope = np.array([-0.5, 0.5])
     assert errors["viscous_negative"] == pytest.approx(np.sqrt(slope @ four[2:, 2:] @ slope))
 

@@ -128,6 +128,31 @@ def test_what_is_no_ramp_is_refused():
     assert presliding([geared], "a").largest == pytest.approx((8.0, -8.0))
 
 
+def test_a_loop_in_which_it_slips_one_way_is_none():
+    from backdrive.identification.hysteresis import loop
+
+    t = np.arange(4000) / RATE
+    u = 4.0 * np.sin(2.0 * t) + 3.0
+    for sign in (1.0, -1.0):
+        x = sign * (
+            1e-3 * np.sin(2.0 * t) - 2e-4 * np.cos(2.0 * t) - 0.01 * np.clip(np.sin(4.0 * t) - 0.9, 0.0, 1.0)
+        )
+        speed = np.abs(np.gradient(x, t))
+        log = logged(u, x)
+        assert np.isfinite(loop([log], [1.2 * speed.max()])).all()
+        assert np.isnan(loop([log], [0.8 * speed.max()])).all()
+    wide, narrow = (logged(u, 1e-3 * np.sin(2.0 * t) - a * np.cos(2.0 * t)) for a in (2e-4, 1e-4))
+    assert loop([wide, narrow], [1.0, 1.0])[0] == pytest.approx(2e-4, rel=0.02)  # the last one
+    assert loop([wide, narrow], [1.0, 1e-9])[0] == pytest.approx(4e-4, rel=0.02)
+    for peak, closed in (
+        (0.93, True),
+        (0.88, False),
+    ):  # branches that differ by more than a tenth close no loop
+        corners = ramp(0.0, 8.0, -8.0, -8.0 + 16.0 * peak)
+        found = presliding([logged(corners, corners / STIFF)], 0)
+        assert np.isfinite(found.width) == closed
+
+
 # -------------------------------------------------------------------------------------- what is made of it
 
 FOUND = Presliding(
@@ -205,7 +230,7 @@ def test_a_direction_that_did_not_break_away_is_bounded_by_the_largest_torque(mo
 
 @pytest.mark.parametrize(
     ("apart", "error", "said"),
-    [(0.17, 0.01, False), (0.19, 0.01, True), (-0.19, 0.01, True), 
+    [(0.17, 0.01, False), (0.19, 0.01, True), (-0.19, 0.01, True),
      (0.79, 0.2 / np.sqrt(2.0), False), (0.81, 0.2 / np.sqrt(2.0), True)],
 )  # fmt: skip
 def test_break_away_torques_that_differ_are_named(monkeypatch, apart, error, said):

@@ -520,6 +520,12 @@ def test_options_reach_the_method_that_they_are_for(asked):
         identify([log], method="arm")
     with pytest.raises(InvalidInput, match="There is no log"):
         identify([])
+    with pytest.raises(InvalidInput, match="are the same log"):
+        identify([*held, *held], method="motion")
+    with pytest.raises(InvalidInput, match="is held out and also fitted"):
+        identify(held, method="motion", held_out=held)
+    with pytest.raises(InvalidInput, match="different joints"):
+        identify(log, method="motion", held_out=[wave("b")])
     with pytest.raises(UnknownName, match="'swep' is not a method"):
         identify(log, method="swep")
 

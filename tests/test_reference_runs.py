@@ -219,5 +219,12 @@ def test_plateaus_last_and_keep_their_level():
     assert whole_run(
         Log(time=np.arange(40) / rate, joints=(Joint(name="a"),), position=np.arange(40) / rate), 0
     )
+    scarce = Log(
+        time=np.arange(40) / rate,
+        joints=(Joint(name="a"),),
+        velocity=np.where(np.arange(40) < 19, 1.0, np.nan),
+        torque=np.ones(40),
+    )
+    assert not whole_run(scarce, 0) and find_runs(scarce, 0) == []
     holed = np.where(np.arange(40) % 9 == 0, np.nan, 1.0)
     assert whole_run(Log(time=np.arange(40) / rate, joints=(Joint(name="a"),), velocity=holed), 0)

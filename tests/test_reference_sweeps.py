@@ -1,13 +1,14 @@
 """Sweeps from logs to friction: pairs and cycles by hand, the whole way by the sum of its parts, thresholds from both sides."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.excite import InTurn, Sweep
-from backdrive.identification import dynamics
+from backdrive.identification import dynamics, sweep_delay
 from backdrive.identification.function_a import corrected, function_a, literal
 from backdrive.identification.signals import prepare
 from backdrive.identification.sweep import find_windows, fit_sweeps, identify_sweep, sweep_knots
@@ -251,7 +252,8 @@ def test_both_ways_of_a_cycle_have_one_speed(back, count):
 
 @pytest.mark.parametrize(
     ("speeds", "count"),
-    [((0.5, 1.0, 1.5, 2.0), 4), ((0.5, 1.0, 1.53, 2.0), 4), ((0.5, 1.0, 1.7, 2.0), 2), ((2.0, 1.5, 1.0, 0.5), 0), ((1.0, 1.0, 1.0, 1.0), 0)],
+    [((0.5, 1.0, 1.5, 2.0), 4), ((0.5, 1.0, 1.53, 2.0), 4), ((0.5, 1.0, 1.7, 2.0), 2),
+     ((2.0, 1.5, 1.0, 0.5), 0), ((1.0, 1.0, 1.0, 1.0), 0)],
 )  # fmt: skip
 def test_speeds_of_cycles_grow_by_equal_steps(speeds, count):
     log = strokes(np.repeat(speeds, 2))
@@ -425,6 +427,62 @@ def test_a_delay_of_the_drive_is_estimated_and_said():
     assert (
         fitted.covariance == pytest.approx(one.covariance, rel=1e-6, abs=1e-12) and len(fitted.warnings) == 1
     )
+
+
+def delays_of(monkeypatch, found, told=None, **more):
+    """Return what is taken for the delays of logs of 250 and 500 Hz, whose torque's timing is not told unless `told`."""
+    monkeypatch.setattr(
+        sweep_delay, "torque_timing", lambda s: ((told or [None] * len(found))[int(s[0].time[0])], 0.0, 0.0)
+    )
+    monkeypatch.setattr(sweep_delay, "sweep_delay", lambda s, cycles: found[int(s[0].time[0])])
+    monkeypatch.setattr(sweep_delay, "windows", lambda log, joint, plan, s: None)
+    stretches = [[SimpleNamespace(rate=RATE * (1 + k), time=np.array([float(k)]))] for k in range(len(found))]
+    logs = [SimpleNamespace(plan=None)] * len(found)
+    options = {"timing": None, "literal": False} | more
+    return sweep_delay.drive_delays(logs, "a", stretches, options["timing"], options["literal"])
+
+
+NONE = (float("nan"), float("nan"))
+
+
+def test_delays_of_several_sweeps_are_averaged_by_their_errors(monkeypatch):
+    delays, errors, said = delays_of(monkeypatch, [(2e-3, 2e-4), (3e-3, 4e-4), NONE, (9.0, 0.0)])
+    assert delays == pytest.approx([2.2e-3] * 4) and errors == pytest.approx([1e-4 * np.sqrt(3.2)] * 4)
+    assert said[0].startswith("The torque acts 2.20 +- 0.18 ms later than a command")
+    delays, errors, _ = delays_of(monkeypatch, [NONE, (2e-3, 2e-4), NONE], ["command", None, "sample"])
+    assert delays == pytest.approx([0.0, 2e-3, -0.5 / RATE / 3.0]) and errors == pytest.approx(
+        [0.0, 2e-4, 0.0]
+    )
+    for more, wanted in (
+        ({"timing": "command"}, [0.0, 0.0]), ({"timing": "sample"}, [-0.5 / RATE, -0.25 / RATE]),
+        ({"literal": True}, [0.0, 0.0]), ({"timing": "sample", "literal": True}, [-0.5 / RATE, -0.25 / RATE]),
+    ):  # fmt: skip
+        assert delays_of(monkeypatch, [(2e-3, 2e-4)] * 2, **more) == (pytest.approx(wanted), [0.0, 0.0], [])
+    assert delays_of(monkeypatch, [NONE, NONE], ["command", "sample"])[0] == pytest.approx(
+        [0.0, -0.25 / RATE]
+    )
+    # half a sampling interval is as vague as it may be
+    for error, told in ((0.49 / RATE, True), (0.51 / RATE, False)):
+        delays, errors, said = delays_of(monkeypatch, [(2e-3, error)])
+        assert (delays, errors) == (([2e-3], [pytest.approx(error)]) if told else ([0.0], [0.0]))
+        assert ("does not tell" in said[0]) is not told and len(said) == 1
+    assert "does not tell" in delays_of(monkeypatch, [NONE])[2][0]
+
+
+def test_a_delay_is_not_told_by_two_cycles_or_without_position():
+    for plan, bare in ((Sweep(A, V, 2), False), (PLAN, True)):
+        log = made(plan)
+        if bare:
+            log = log.replace(position=None, velocity=plan.velocity(log.time))
+        stretches = prepare(log, 0)
+        assert np.isnan(sweep_delay.sweep_delay(stretches, windows(log, 0, plan, stretches))).all()
+    log = made()
+    pushed = log.replace(torque=-log.torque)  # no inertia is negative
+    assert np.isnan(sweep_delay.sweep_delay(prepare(pushed, 0), windows(log, 0, PLAN, prepare(log, 0)))).all()
+    three = made(Sweep(A, V, 3), late=0.5 / RATE + 0.004)
+    assert sweep_delay.sweep_delay(prepare(three, 0), windows(three, 0, three.plan, prepare(three, 0)))[
+        0
+    ] == pytest.approx(0.004, rel=0.05)
 
 
 def test_a_sweep_without_a_log_is_refused():

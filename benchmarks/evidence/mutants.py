@@ -175,6 +175,15 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
         'regular=((all(kind == "number" for kind in kinds)) or (not comma)),',
         "the quick way then gives up at the first cell that is no number, and the careful one reads the table",
     ),
+    (
+        "identification/sweep_equations.py", "uneven = np.linalg.svd(np.ones((1, K)))[2][1:].T",
+        "uneven = np.linalg.svd(np.ones((2, K)))[2][1:].T", "a row twice spans what it spans once",
+    ),
+    *(
+        ("identification/sweep_windows.py", f"direction, {end} = {sign}1, i", f"direction, {end} = {sign}2, i",
+         "only its sign is asked for")
+        for end, sign in (("low", "-"), ("high", ""))
+    ),
     *(
         (f"laws/{file}.py", f"side = {sign}1", f"side = {sign}2", "only its sign is asked for")
         for file in ("kernels", "elements/elastoplastic", "elements/leuven", "elements/smoothed_gms")

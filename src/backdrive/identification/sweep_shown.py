@@ -66,7 +66,7 @@ def verdict(friction: JointFriction, found: SweepFit) -> str:
     unit, rate = friction.joint.torque_unit, friction.law.rate
     assert isinstance(rate, Polyline)
     top = rate.velocity[-1]
-    rest = friction.law.torque(np.array([1e-9, -1e-9]) * top) * (1, -1)
+    rest = friction.law.torque(np.array([1e-9, -1e-9])) * (1, -1)
     fast = friction.law.torque(np.array([top, -top])) * (1, -1)
     if found.symmetric:
         said = f"Friction is {rest[0]:.3g} {unit} at low speed and {fast[0]:.3g} {unit} at {top:.3g} {friction.joint.unit}/s."
