@@ -73,7 +73,7 @@ def curve(j, v):
     return F * np.sign(v)
 
 
-def made(seconds=50.0, rate=100.0, noise=0.05, seed=0, sign=1.0, order=(0, 1), gear=None):
+def made(seconds=50.0, rate=100.0, noise=0.05, seed=0, sign=1.0, order=(0, 1), gear=None, load=LOAD):
     t = np.arange(round(seconds * rate)) / rate
     q, dq, ddq = np.zeros((3, t.size, 2))
     tones = (
@@ -89,7 +89,7 @@ def made(seconds=50.0, rate=100.0, noise=0.05, seed=0, sign=1.0, order=(0, 1), g
     rigid = bodies(q, dq, ddq)
     tau = rigid + np.array(MOTOR) * ddq + OFFSET
     for j in range(2):
-        tau[:, j] += curve(j, dq[:, j]) + LOAD[j] * np.abs(rigid[:, j]) * np.sign(dq[:, j])
+        tau[:, j] += curve(j, dq[:, j]) + load[j] * np.abs(rigid[:, j]) * np.sign(dq[:, j])
     tau += noise * np.random.default_rng(seed).standard_normal(tau.shape)
     joints = tuple(
         Joint(name=NAMES[j], torque_side="motor" if gear else "joint", gear_ratio=gear or 1.0) for j in order
@@ -631,6 +631,32 @@ def test_the_numbers_of_an_arm_stand_where_they_belong(found):
         assert np.median(np.abs(s.friction - curve(j, s.velocity))) < 0.25
         assert np.median(np.abs(s.predicted - s.torque)) < 0.1
     assert arm.condition > 1.0
+
+
+def test_load_friction_that_is_not_there_is_left_out(robot):
+    one, other = identify_arm(made(load=(0.1, 0.0)), robot)[0]
+    assert (
+        one.dynamics["load_friction"].value == pytest.approx(0.1, abs=0.02)
+        and "load_friction" not in other.dynamics
+    )
+
+
+def test_an_arm_needs_two_rows_a_coefficient(robot):
+    """An offset of the torque does not change how many rows there are."""
+    for samples in (260, 280, 300, 320, 340, 360, 380, 400, 420, 440):
+        log = made().rows(slice(0, samples))
+        (s,) = arm_signals.hold_out_blocks(arm_signals.prepare_arm(log, robot))
+        top = np.quantile(np.abs(s.velocity), 0.999, axis=0)
+        moves = ~arm_signals.resting(s.velocity, top, s.rate) & s.fitted[:, None]
+        terms = [arm_terms.terms_of(np.abs(s.velocity[moves[:, j], j])) for j in range(2)]
+        count = int(np.count_nonzero(arm_terms.build(arm_terms.Regressor(robot, [s]), terms).weight))
+        unknown = robot.base.columns.size + sum(t.size for t in terms)
+        try:
+            identify_arm(log, robot)
+            enough = True
+        except NotIdentifiable as error:
+            enough = f"{count} rows of moving joints are too few for {unknown} coefficients" not in str(error)
+        assert enough is (count >= 2 * unknown), samples
 
 
 def test_what_is_too_short_to_be_prepared_is_not_predicted(found, robot):

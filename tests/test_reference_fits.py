@@ -559,6 +559,11 @@ def test_speeds_that_grow_by_equal_steps():
         ([0.5, 1.0, 1.5, 2.0], True), ([1.0, 1.5, 2.0], True), ([0.5, 1.05, 1.5], True), ([0.5, 1.2, 1.5], False),
         ([2.0, 1.5, 1.0], False),
         ([1.0, 1.005, 1.01], False), ([1.0], True), ([0.25, 1.0, 1.5], False),
+        # a step of a hundredth of the highest speed
+        ([1.0, 1.015, 1.03], True), ([1.0, 1.0103, 1.0206], True), ([1.0, 1.01005, 1.0201], False),
+        # two thirds of what the middle is off, against 0.12, against 0.12 * 0.2 * 11, and against 0.4
+        ([1.0, 2.17, 3.0], True), ([1.0, 2.19, 3.0], False), ([1.0, 1.83, 3.0], True), ([1.0, 1.81, 3.0], False),
+        ([10.0, 11.39, 12.0], True), ([10.0, 11.4, 12.0], False), ([30.0, 31.59, 32.0], True), ([30.0, 31.62, 32.0], False),
     ):  # fmt: skip
         assert _grows(np.array(level)) is grows, level
     x = np.r_[

@@ -338,6 +338,29 @@ def test_a_known_payload_tells_lifting_from_being_driven_back():
     assert found.gravity == pytest.approx(GRAV, rel=1e-3)
     assert found.positive == pytest.approx(9.4 + 3.0 * found.velocity, abs=5e-3)
     assert found.negative == pytest.approx(8.6 + 3.0 * found.velocity, abs=5e-3)
+    # written out: torque less the payload's, by the curves, the arm's gravity, growth with the whole load, and what the payload
+    # seems to weigh more
+    rows, weights = [], []
+    delta = 0.5 * (found.driving[0] - found.driven[0])
+    for k, p in zip(knots, [(0.0, 0.0)] * 3 + [extra] * 3):
+        way = np.array([np.sin(k.center), np.cos(k.center)]) * k.level
+        for sign, V, error, first in ((1.0, k.V_pos, k.error_pos, 0), (-1.0, k.V_neg, k.error_neg, 4)):
+            for v, e in zip(V, error):
+                row = np.zeros(12)
+                row[first : first + 4] = sign * curves.hats(np.array([v]), found.velocity)[0]
+                row[8:10], row[10], row[11] = way, sign * abs(way @ (found.gravity + p)), way @ p
+                rows.append(row)
+                weights.append(1.0 / e)
+    X = np.array(rows)
+    covariance = np.linalg.inv((X * np.array(weights)[:, None] ** 2).T @ X)
+    deviation = np.sqrt(np.diag(covariance))
+    assert found.gravity_error == pytest.approx(deviation[8:10] / (1.0 + delta), rel=1e-6)
+    assert (found.error_pos, found.error_neg) == (pytest.approx(deviation[:4]), pytest.approx(deviation[4:8]))
+    for (_, error), sign in ((found.driving, 1.0), (found.driven, -1.0)):
+        assert error == pytest.approx(
+            np.sqrt(covariance[10, 10] + covariance[11, 11] + 2.0 * sign * covariance[10, 11])
+        )
+    assert found.condition == pytest.approx(np.linalg.cond(X / np.linalg.norm(X, axis=0)))
     twice = payload_growth([*(k for k in knots), *(k for k in knots)], ([(0.0, 0.0)] * 3 + [extra] * 3) * 2)
     for name in ("driving", "driven"):
         assert getattr(twice, name)[1] == pytest.approx(getattr(found, name)[1] / np.sqrt(2.0), rel=1e-6)

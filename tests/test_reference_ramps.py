@@ -60,6 +60,14 @@ def test_a_spring_without_slip_is_seen_in_every_branch():
     assert slow.slip_speed == pytest.approx(10.0 * 4e-5 * 10.0)  # a tenth of the rate
 
 
+def test_steps_of_rounding_are_no_counts():
+    u = ramp(0.0, 8.0, -8.0, 8.0)
+    x = 1e-6 * np.round(u / STIFF / 1e-6)
+    rounded = x * (1.0 + 1e-15 * (np.arange(u.size) % 2))
+    for position in (x, rounded, rounded + 1e-19 * (np.arange(u.size) % 2)):
+        assert presliding([logged(u, position, count=None)], 0).count == pytest.approx(1e-6)
+
+
 @pytest.mark.parametrize(("counts", "resolved"), [(4.9, False), (5.1, True)])
 def test_five_counts_are_a_displacement(counts, resolved):
     u = ramp(0.0, 8.0, -8.0, 8.0)
@@ -74,6 +82,9 @@ def test_a_stiffness_is_known_to_half_of_itself_or_none(ratio, spring):
     """Two ramps of compliance 1 and r: the mean is (1 + r) / 2, its error |1 - r| / 2."""
     u = ramp(0.0, 8.0, slope=2.0)
     logs = [logged(u, u / STIFF, 4e-6), logged(u, ratio * u / STIFF, 4e-6)]
+    third = presliding([*logs[:1], logged(u, 1.3 * u / STIFF, 4e-6), logged(u, 1.6 * u / STIFF, 4e-6)], 0)
+    assert third.stiffness is not None  # three of compliance 1, 1.3 and 1.6
+    assert third.stiffness[1] / third.stiffness[0] == pytest.approx(0.3 / np.sqrt(3.0) / 1.3, rel=0.02)
     if spring:
         got = presliding(logs, 0)
         assert got.stiffness is not None

@@ -204,6 +204,8 @@ def test_plateaus_last_and_keep_their_level():
         assert count(rest, np.full(n, 1.0), rest, np.full(200, -1.0), rest) == 1 + found
     for slow, found in ((0.02, 1), (0.001, 0)):
         assert count(rest, np.full(200, slow), rest, np.full(200, -1.0), rest) == 1 + found
+    for slow, found in ((0.003, 0), (0.007, 1)):  # of the top speed, without a rest around
+        assert count(np.full(200, 1.0), np.full(200, slow), np.full(200, -1.0)) == 2 + found
     for drift, found in ((0.14, 1), (0.2, 0)):
         assert (
             count(
@@ -214,6 +216,13 @@ def test_plateaus_last_and_keep_their_level():
     for ripple, found in ((0.075, 1), (0.09, 0)):
         zigzag = 1.0 + ripple * np.tile([1.0, -1.0], 100)
         assert count(rest, zigzag, rest, np.full(200, -1.0), rest) == 1 + found
+    slow = np.r_[
+        np.zeros(12), np.full(8, 1.0), np.zeros(12), np.full(8, -1.0), np.zeros(12)
+    ]  # at 10 Hz three samples are enough
+    log = Log(
+        time=np.arange(slow.size) / 10.0, joints=(Joint(name="a"),), velocity=slow, torque=np.ones(slow.size)
+    )
+    assert len(find_runs(log, 0)) == 2
     assert count(np.r_[np.full(25, 1.0), np.full(25, -1.0)]) == 0  # shorter than two plateaus
     assert not whole_run(Log(time=np.arange(40) / rate, joints=(Joint(name="a"),), velocity=np.zeros(40)), 0)
     assert whole_run(

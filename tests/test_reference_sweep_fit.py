@@ -103,8 +103,9 @@ def test_and_from_four_standard_errors_of_a_difference_on(times, differ):
     apart = 4.0  # between the directions at one knot, far more than a share of the friction
     error = apart / times / np.sqrt(2.0)
     one = np.array([0.0, 0.5 * apart, 0.0, 0.0])
-    got = fit([pairs(up(SPEEDS) + one, up(SPEEDS) - one, error=error)], unit="m", name="a")
-    assert got.symmetric is not differ
+    for sign in (1.0, -1.0):
+        got = fit([pairs(up(SPEEDS) + sign * one, up(SPEEDS) - sign * one, error=error)], unit="m", name="a")
+        assert got.symmetric is not differ
 
 
 def test_a_linear_axis_gives_the_constant_to_the_friction_as_long_as_that_resists():
@@ -322,6 +323,18 @@ def test_growth_with_the_load_stands_beside_the_terms():
         assert got.load[1] == pytest.approx(np.sqrt(covariance[-1, -1]), rel=1e-3)
         at = np.hstack([np.eye(8), np.zeros((8, 3)), np.full((8, 1), carried)])
         assert got.covariance == pytest.approx(at @ covariance @ at.T, rel=1e-3, abs=1e-10)
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.9e-4, False), (1.1e-4, True)])
+def test_unknowns_are_determined_from_a_ten_thousandth_of_the_largest_singular_value_on(share, told):
+    terms, low, high = (*GRAVITY, "offset"), 1e-6, 1.0
+    for _ in range(60):  # the distance of two centers at which the ratio is that
+        apart = np.sqrt(low * high)
+        eqs = equations(about((0.3, 0.3 + apart), WEIGHT, slopes=0.5))
+        X = (eqs.X @ eqs.spread("equal", terms)) * eqs.weight[:, None]
+        singular = np.linalg.svd(X / np.linalg.norm(X, axis=0), compute_uv=False)
+        low, high = (apart, high) if singular[-1] < share * singular[0] else (low, apart)
+    assert eqs.determines("equal", terms) is told
 
 
 def test_equations_where_errors_or_centers_are_missing():

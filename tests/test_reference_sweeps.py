@@ -268,6 +268,48 @@ def test_speeds_of_cycles_grow_by_equal_steps(speeds, count):
             find_windows(log, 0)
 
 
+def to_and_fro(turns, speeds, profile, rate=RATE):
+    """A position that goes from turn to turn, each way at a peak speed; `profile`: share of a way against share of its time."""
+    pieces = [np.full(round(0.3 * rate), turns[0])]
+    for a, b, v in zip(turns, turns[1:], speeds):
+        share, steepest = profile
+        n = round(abs(b - a) * steepest / v * rate)
+        pieces.append(a + (b - a) * share(np.arange(n) / n))
+    x = np.concatenate([*pieces, np.full(round(0.3 * rate), turns[-1])])
+    return Log(time=np.arange(x.size) / rate, joints=(Joint(name="a"),), position=x, torque=np.ones(x.size))
+
+
+COSINE = (lambda u: 0.5 - 0.5 * np.cos(np.pi * u)), 0.5 * np.pi
+
+
+def trapeze(r):
+    """Speed that rises in the first r of the time and falls in the last r."""
+    grid = np.linspace(0.0, 1.0, 4001)
+    speed = np.minimum(1.0, np.minimum(grid, 1.0 - grid) / r)
+    way = np.r_[0.0, np.cumsum(0.5 * (speed[1:] + speed[:-1]))]
+    return (lambda u: np.interp(u, grid, way / way[-1])), 1.0 / (1.0 - r)
+
+
+@pytest.mark.parametrize(("off", "count"), [(0.07, 4), (-0.07, 4), (0.13, 2), (-0.13, 2)])
+def test_strokes_of_one_sweep_differ_by_less_than_a_tenth(off, count):
+    turns = [-1.0, 1.0, -1.0, 1.0, -1.0, 1.0 + 2.0 * off, -1.0, 1.0, -1.0]
+    log = to_and_fro(turns, np.repeat([0.5, 1.0, 1.5, 2.0], 2), COSINE)
+    assert len(find_windows(log, 0)) == count
+    longer = to_and_fro([-1.0, 1.0] * 4 + [-1.0, 2.0], [*np.repeat([0.5, 1.0, 1.5, 2.0], 2), 2.0], COSINE)
+    assert len(find_windows(longer, 0)) == 4  # what follows does not matter
+
+
+@pytest.mark.parametrize(("r", "sine"), [(0.495, False), (0.45, True), (0.25, True), (0.17, False)])
+def test_cycles_are_sines_by_the_time_that_they_are_fast(r, sine):
+    """(1 - 1.6 r) / (0.6435 (1 - r)) of a sine's time above 0.8 of the peak: 0.64, 0.79, 1.24 and 1.36."""
+    log = to_and_fro([-3.0, 3.0] * 4 + [-3.0], np.repeat([0.5, 1.0, 1.5, 2.0], 2), trapeze(r))
+    if sine:
+        assert len(find_windows(log, 0)) == 4
+    else:
+        with pytest.raises(NotIdentifiable):
+            find_windows(log, 0)
+
+
 def test_turning_points_by_hand():
     x = np.array([0.0, 0.0, 1.0, 2.0, 2.0, 1.5, 2.5, 3.0, 1.0, 0.0, 0.2, 0.1, -1.0, 4.0, 4.0])
     assert turning_points(x, 1.0).tolist() == [1, 7, 12, 13]
@@ -483,6 +525,14 @@ def test_a_delay_is_not_told_by_two_cycles_or_without_position():
     assert sweep_delay.sweep_delay(prepare(three, 0), windows(three, 0, three.plan, prepare(three, 0)))[
         0
     ] == pytest.approx(0.004, rel=0.05)
+
+
+def test_the_delay_is_found_where_jerk_is_a_hundred_thousand_times_the_speed():
+    """At 32 Hz the low pass of the motion at 100 Hz costs a tenth of it."""
+    plan, delay = Sweep(0.02, 2.0, 4), 2e-3
+    log = made(plan, late=0.5e-3 + delay, rate=1000.0)
+    found, _ = sweep_delay.sweep_delay(prepare(log, 0), windows(log, 0, plan, prepare(log, 0)))
+    assert found == pytest.approx(delay, rel=0.1)
 
 
 def test_a_sweep_without_a_log_is_refused():

@@ -61,12 +61,12 @@ ROOMS: dict[str, dict[tuple[str, ...], tuple[str, ...]]] = {
     },
     "identification": {
         (
-            "identification/sweep*.py", "identification/function_a.py", "identification/noise.py", "identification/load_fit.py",
-            "identification/timing.py",
+            "identification/sweep*.py", "identification/function_a.py", "identification/load_fit.py", "identification/timing.py",
         ): (
             "test_reference_sweep_fit.py", "test_reference_sweeps.py", "test_reference_fits.py",
-            "test_reference_identification.py", "test_timing.py", "test_sweep.py", "test_noise.py",
+            "test_reference_identification.py", "test_timing.py", "test_sweep.py",
         ),
+        ("identification/noise.py",): ("test_reference_noise.py", "test_reference_identification.py", "test_noise.py"),
         ("identification/arm*.py",): ("test_reference_arm.py",),
         (
             "identification/request.py", "identification/auto.py", "identification/validate.py", "identification/result.py",
