@@ -106,6 +106,10 @@ def test_a_delay_moves_the_whole_motion_and_leaves_what_is_known_from_elsewhere(
     assert dynamics.predict(loaded, signals())[inner] == pytest.approx(
         (np.sign(s.velocity) * force)[inner], abs=1e-3
     )
+    still = signals(position=np.zeros(T.size))  # the velocity counts
+    loads = 1.0 + 0.3 * np.abs(3.0 * np.cos(T))
+    at_once = dynamics.predict(friction(GearLoad(coulomb=1.0, load=0.3)), still)
+    assert at_once == pytest.approx(np.sign(still.velocity) * loads, abs=1e-9)
     with pytest.raises(InvalidInput, match="depends on the load"):
         dynamics.predict(loaded, signals(load=None))
 

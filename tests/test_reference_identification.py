@@ -170,6 +170,8 @@ def test_curvature_is_exact_for_a_parabola_through_three_and_through_five():
     assert bend[:2] == pytest.approx([three, three])
     assert not _curvature(x[:2], x[:2], np.ones(2)).any()
     assert not _curvature(np.array([1.0, 1.0001, 2.0]), np.ones(3), np.ones(3)).any()
+    for apart, bends in ((0.019, False), (0.021, True)):  # a hundredth of the top speed
+        assert _curvature(np.array([0.5, 0.5 + apart, 2.0]), np.ones(3), np.ones(3)).any() == bends
 
 
 def test_inside_a_window_only_the_acceleration_along_a_cubic_is_kept():

@@ -60,6 +60,20 @@ def test_a_spring_without_slip_is_seen_in_every_branch():
     assert slow.slip_speed == pytest.approx(10.0 * 4e-5 * 10.0)  # a tenth of the rate
 
 
+def test_a_branch_covers_a_fifth_of_the_torque_and_a_stretch_of_it_a_tenth():
+    for dip, directions in ((0.22, [1, -1, 1, -1]), (0.18, [1, -1])):
+        u = ramp(0.0, 8.0, 8.0 - 16.0 * dip, 8.0, -8.0)
+        assert [b.direction for b in presliding([logged(u, u / STIFF)], 0).branches] == directions
+    u = ramp(0.0, 8.0, -8.0)
+    for at, count in (
+        (7.5, 2),
+        (4.0, 3),
+    ):  # it gives way there for a moment, and what is left of the branch is short
+        burst = np.cumsum((np.abs(u - at) < 0.1) & (np.arange(u.size) < u.argmax())) * 1e-5
+        got = presliding([logged(u, u / STIFF + burst)], 0)
+        assert len(got.branches) == count and got.branches[0].torque.max() < at
+
+
 def test_steps_of_rounding_are_no_counts():
     u = ramp(0.0, 8.0, -8.0, 8.0)
     x = 1e-6 * np.round(u / STIFF / 1e-6)

@@ -280,6 +280,12 @@ def test_pairs_without_errors_make_a_curve_without_errors():
         [pairs(up(SPEEDS) + g, up(SPEEDS) - g, q, error=NAN) for q, g in zip(THREE, (1.0, 5.0, -2.0))]
     )
     assert three.load is None and np.isnan(three.error_pos).all()
+    g = [0.98 * (WEIGHT @ [np.sin(q), np.cos(q)]) for q in (-1.9, -0.4, 0.8, 1.6)]
+    grown = [
+        pairs(up(SPEEDS) + 0.3 * abs(x) + x, up(SPEEDS) + 0.3 * abs(x) - x, q, error=NAN)
+        for q, x in zip((-1.9, -0.4, 0.8, 1.6), g)
+    ]
+    assert rotary(grown).load is None  # without errors no growth is significant
 
 
 def test_a_first_section_that_reaches_below_zero_is_cut_off_with_a_word():

@@ -223,6 +223,16 @@ def test_a_plan_is_followed_within_015_of_its_stroke_or_top_speed(share, follows
         assert not got.from_plan and "did not follow the plan" in got.warnings[0]
 
 
+def test_the_speed_of_a_cycle_is_the_mean_of_both_ways():
+    """Steps of a quarter from a speed of four of them on; one way is off by more than a step's share, their mean is not."""
+    speeds = np.repeat([1.0, 1.25, 1.5, 1.75, 2.0], 2)
+    speeds[4:6] *= 1.04, 0.96
+    log = strokes(speeds)
+    assert len(find_windows(log, 0)) == 5
+    found = windows(log, 0, None, prepare(log, 0)).peak
+    assert found == pytest.approx([1.0, 1.25, 1.5, 1.75, 2.0], rel=0.02)
+
+
 def strokes(speeds, size=A, shapes=None, rate=RATE, gap=0.0):
     """A position that goes to and fro: half periods of a cosine of a given peak speed, one after the other."""
     pieces, sign = [np.full(round(0.2 * rate), -0.5 * size)], -1.0

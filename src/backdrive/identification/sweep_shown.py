@@ -85,6 +85,6 @@ def verdict(friction: JointFriction, found: SweepFit) -> str:
                 f"{1.96 * b:.3f} {unit} along -q (95 %)."
             )
     offset = found.terms.get("offset", (0.0, 0.0))[0]
-    if found.symmetric and abs(offset) > NAMED * fast[0]:
+    if found.symmetric and abs(offset) > NAMED * fast.mean():
         said += f" A constant {offset:.3g} {unit} was set apart: gravity, an offset of the torque signal or unequal directions."
     return " ".join([said, *found.notes, explained(friction)])
