@@ -18,10 +18,10 @@ typical value was published.
     removed     a statement left out: a call, an assignment to an element or an attribute, +=, return, continue, break
 
 What nobody could see is left alone: numbers below 1e-8 or beyond 1e8, which guard against rounding and overflow; how often
-an iteration repeats at most; a / b for a * b where only its sign is asked for; the order of the number and the lower end of a
-clip; and the size -1 of a reshape, for which any negative one will do. Where numbers are rules of thumb and not
-those of equations, nobody could say that 99 is wrong where 100 was meant: there a number is not changed by 5 %, an integer
-above 2 only by the factor two or in a subscript, and an edge only beside a size.
+an iteration repeats at most; a / b for a * b where only its sign is asked for, or b is a sign; the order of the number and
+the lower end of a clip; and the size -1 of a reshape, for which any negative one will do. Where numbers are rules of thumb
+and not those of equations, nobody could say that 99 is wrong where 100 was meant: there a number is not changed by 5 %, an
+integer above 2 only by the factor two or in a subscript, and an edge only beside a size.
 """
 
 from __future__ import annotations
@@ -221,7 +221,10 @@ class _Places:
         if operator is None:
             return
         sign, other, name = operator
-        if name == "product" and node in self.signs_only:
+        if name == "product" and (
+            node in self.signs_only
+            or (isinstance(node, ast.BinOp) and self.text(node.right).startswith("np.sign("))
+        ):
             return
         if isinstance(node, ast.BinOp) and not self.is_text(node.left) and not self.is_text(node.right):
             yield from self.between(node.left, node.right, sign, other, name)
