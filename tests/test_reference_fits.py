@@ -149,7 +149,10 @@ def test_a_quality_by_its_definition():
     assert got.residual_raw == pytest.approx(100.0 * np.sqrt((0.3**2 + 0.6**2) / (2 * 3.0**2)), rel=1e-3)
     assert got.rms == pytest.approx(np.sqrt(0.5 * (0.3**2 + 0.6**2) / 2.0), rel=1e-3) and got.samples == 2400
     small = judge([(1e-4 * x, 1e-4 * y, rate, used) for x, y, rate, used in slow])
-    assert (small.residual, small.residual_raw) == (pytest.approx(got.residual), pytest.approx(got.residual_raw))
+    assert (small.residual, small.residual_raw) == (
+        pytest.approx(got.residual),
+        pytest.approx(got.residual_raw),
+    )
     fast = [(3.0 * np.sin(T), 3.0 * np.sin(T) + np.sin(2 * np.pi * 40.0 * T), RATE, T < 3.0)]
     got = judge(fast)
     assert got.residual < 0.3 and got.residual_raw > 15.0 and got.samples == 600
