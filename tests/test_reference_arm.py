@@ -73,7 +73,7 @@ def curve(j, v):
     return F * np.sign(v)
 
 
-def made(seconds=50.0, rate=100.0, noise=0.05, seed=0, sign=1.0, order=(0, 1), gear=None):
+def made(seconds=50.0, rate=100.0, noise=0.05, seed=0, sign=1.0, order=(0, 1), gear=None, load=LOAD):
     t = np.arange(round(seconds * rate)) / rate
     q, dq, ddq = np.zeros((3, t.size, 2))
     tones = (
@@ -89,7 +89,7 @@ def made(seconds=50.0, rate=100.0, noise=0.05, seed=0, sign=1.0, order=(0, 1), g
     rigid = bodies(q, dq, ddq)
     tau = rigid + np.array(MOTOR) * ddq + OFFSET
     for j in range(2):
-        tau[:, j] += curve(j, dq[:, j]) + LOAD[j] * np.abs(rigid[:, j]) * np.sign(dq[:, j])
+        tau[:, j] += curve(j, dq[:, j]) + load[j] * np.abs(rigid[:, j]) * np.sign(dq[:, j])
     tau += noise * np.random.default_rng(seed).standard_normal(tau.shape)
     joints = tuple(
         Joint(name=NAMES[j], torque_side="motor" if gear else "joint", gear_ratio=gear or 1.0) for j in order
@@ -235,6 +235,8 @@ def test_signals_of_an_arm_on_a_thinned_clock(robot):
     time[700:] += 0.03
     pieces = arm_signals.prepare_arm(log.replace(time=time), robot)
     assert [p.time.size for p in pieces] == [702, 300]
+    time[905:] += 0.5  # what follows is too short, and left out
+    assert [p.time.size for p in arm_signals.prepare_arm(log.replace(time=time), robot)] == [702, 205]
     jittered = time[:400] + 0.001 * np.sin(np.arange(400))
     exact = lambda x: 0.7 * np.sin(2 * np.pi * 0.11 * x + 0.3) + 0.35 * np.sin(2 * np.pi * 0.29 * x + 1.0)  # noqa: E731
     position = np.column_stack([exact(jittered), exact(jittered)])
@@ -394,9 +396,13 @@ def test_correlated_residuals_count_for_less():
     assert arm_solve._inflation(error, 10.0) == pytest.approx(expected, rel=1e-9)
     assert arm_solve._inflation(np.tile([1.0, -1.0], 50), 10.0) == 1.0
     assert arm_solve._inflation(np.zeros(50), 10.0) == 1.0
-    few = np.array([1.0, 2.0, -1.0, 0.5])
+    to_and_fro = np.tile([1.0, -0.1], 50)  # neighbours disagree, and what is two apart agrees
+    c = [float(to_and_fro[: 100 - k] @ to_and_fro[k:]) for k in range(21)]
+    expected = 1.0 + 2.0 * sum((1.0 - k / 21.0) * c[k] / c[0] for k in range(1, 21))
+    assert arm_solve._inflation(to_and_fro, 10.0) == pytest.approx(expected) and expected > 2.0 and c[1] < 0.0
+    few = np.array([1.0, 2.0, 1.0, 0.5])
     short = 1.0 + 2.0 * sum((1.0 - k / 4.0) * (few[: 4 - k] @ few[k:]) / (few @ few) for k in range(1, 4))
-    assert arm_solve._inflation(few, 10.0) == pytest.approx(max(1.0, short))
+    assert arm_solve._inflation(few, 10.0) == pytest.approx(short) and short > 1.5
     slow = np.array([1.0, 1.0, 1.0, 0.5, 0.2])
     assert arm_solve._inflation(slow, 0.1) == pytest.approx(
         1.0 + 2.0 * 0.5 * (slow[:-1] @ slow[1:]) / (slow @ slow)
@@ -521,6 +527,157 @@ def test_remarks_name_what_is_suspect(robot):
     one_way[rows.friction[0][:, :k].sum(axis=1) < 0.0, 0] = 0.0
     one_way[rows.friction[0][:, k : 2 * k].sum(axis=1) < 0.0, 0] = 0.0
     assert any("one way" in w for w in said(weight=one_way))
+    for share, count in ((0.09, 1), (0.11, 0)):  # of the moving time
+        either = np.zeros((rows.weight.shape[0], terms[0].size))
+        either[:, 0], either[: round(share * len(either)), 0] = 1.0, 0.0
+        either[: round(share * len(either)), k] = -1.0
+        for columns in (either, np.hstack([-either[:, k : 2 * k], -either[:, :k], either[:, 2 * k :]])):
+            moved = replace(rows, friction=[columns, rows.friction[1]], weight=np.ones_like(rows.weight))
+            good = np.r_[np.full(2 * k, 4.0), 0.1, 0.2, 0.1]
+            other = np.r_[np.full(2 * terms[1].knots.size, 4.0), 0.1, 0.2, 0.1]
+            solution = arm_solve.Solution(
+                beta=np.zeros(b), own=[good, other], errors=[good, other], covariance=[], condition=10.0,
+                pushed=[0.0 * good, 0.0 * other], told=np.ones(b),
+            )  # fmt: skip
+            assert sum("one way" in w for w in remarks(robot, terms, moved, solution)[0]) == count
     for share, count in ((0.019, 1), (0.021, 0)):
         slow = [replace(terms[0], top=share * terms[1].top), terms[1]]
         assert sum("no more than" in w for w in said(of=slow)) == count
+
+
+def test_errors_of_a_whole_fit_are_the_sandwich_at_its_solution(robot):
+    """Huber's weights, each joint's noise and its correlated residuals, as they are where the rounds end."""
+    rows, terms = rows_for(robot)
+    b, sizes = rows.bodies.shape[2], [t.size for t in terms]
+    first = b + np.array([0, sizes[0], sum(sizes)])
+    got = arm_solve.solve_arm(rows, robot, terms, lambda beta: None, np.array([True, True]))
+    x = np.concatenate([got.beta, *got.own])
+    scale = np.array([np.sqrt(np.mean(rows.torque[rows.weight[:, j] > 0, j] ** 2)) for j in range(2)])
+    start, precision = arm_solve._prior(rows, robot, terms, scale)
+    grams, moments, swell = [], [], []
+    for j in range(2):
+        X = np.zeros((rows.torque.shape[0], first[-1]))
+        X[:, :b], X[:, first[j] : first[j + 1]] = rows.bodies[:, j], rows.friction[j]
+        left, used = rows.torque[:, j] - X @ x, rows.weight[:, j] > 0
+        noise = 1.4826 * np.median(np.abs(left[used]))
+        huber = np.minimum(1.0, 2.0 * noise / np.abs(left))
+        w = rows.weight[:, j] * huber / noise**2
+        grams.append((X * w[:, None]).T @ X)
+        moments.append((X * w[:, None]).T @ left)
+        e = left * huber * rows.weight[:, j]
+        c = np.array([e[: e.size - k] @ e[k:] for k in range(41)])  # two seconds of 20 rows each
+        swell.append(max(1.0, 1.0 + 2.0 * ((1.0 - np.arange(1, 41) / 41.0) @ c[1:]) / c[0]))
+    gram = sum(grams)
+    held = precision + arm_solve._alike(gram, first, terms)
+    scores = swell[0] * grams[0] + swell[1] * grams[1]
+    low, high = arm_solve._bounds(b, terms, np.array([True, True]))
+    free = (x > low) & (x < high)
+    inner = np.ix_(free, free)
+    bread = np.linalg.inv((gram + held)[inner])
+    covariance = np.zeros_like(gram)
+    covariance[inner] = bread @ (scores + held)[inner] @ bread
+    deviation = np.sqrt(np.diag(covariance))
+    errors, slope = np.concatenate(got.errors), sum(moments) - held @ (x - start)
+    assert errors[free[b:]] == pytest.approx(deviation[b:][free[b:]], rel=2e-2)
+    for j in range(2):
+        own = slice(first[j], first[j + 1])
+        assert np.sqrt(np.diag(got.covariance[j])) == pytest.approx(deviation[own], rel=2e-2, abs=1e-12)
+        assert not got.pushed[j][free[own]].any() and got.pushed[j].size == sizes[j]
+    loose, pushed = arm_solve._let_go(gram + held, slope, scores, free)
+    for i in np.flatnonzero(~free):
+        assert errors[i - b] == pytest.approx(loose[i], rel=2e-2)
+        assert np.concatenate(got.pushed)[i - b] == pytest.approx(pushed[i], rel=0.1, abs=0.1)
+    # the sum of squares does not fall along any free direction
+    assert np.abs(bread @ slope[free]).max() < 0.05 * deviation[free].max()
+    prior = np.diag(np.linalg.inv(precision[:b, :b]))
+    assert got.told == pytest.approx(1.0 - np.diag(covariance)[:b] / prior, abs=1e-3)
+    unit = np.sqrt(np.diag(gram)[:b])
+    assert got.condition == pytest.approx(
+        np.sqrt(np.linalg.cond(gram[:b, :b] / np.outer(unit, unit))), rel=1e-2
+    )
+    assert max(swell) > 1.2 and (~free).sum() <= 6
+
+
+def test_the_numbers_of_an_arm_stand_where_they_belong(found):
+    frictions, shown, arm = found
+    log = made()
+    for j, friction in enumerate(frictions):
+        top = friction.validity.velocity[1]
+        law = friction.law.rate
+        assert friction.validity.velocity[0] == -top == -law.velocity[-1] and law.velocity[0] == 0.0
+        for name in ("positive", "negative"):
+            assert getattr(law, name)[-1] == getattr(law, name)[-2]  # level beyond the top knot
+            assert friction.standard_errors[name][-1] == friction.standard_errors[name][-2] > 0.0
+            assert len(friction.standard_errors[name]) == len(law.velocity)
+        assert (friction.joint.torque_side, friction.warnings, friction.at_bound) == ("joint", (), ())
+        assert {n: e.unit for n, e in friction.dynamics.items()} == {
+            "inertia": "kg.m^2", "offset": "N.m", "load_friction": "1", "transition": "rad/s",
+        }  # fmt: skip
+        assert np.isnan(friction.dynamics["transition"].standard_error)
+        low, high = friction.validity.load
+        assert low == pytest.approx(log.torque[:, j].min(), abs=3.5) and low > log.torque[:, j].min() - 0.5
+        assert high == pytest.approx(log.torque[:, j].max(), abs=3.5) and high < log.torque[:, j].max() + 0.5
+        band = shown[j].curve
+        for way, name in ((1.0, "positive"), (-1.0, "negative")):
+            knots = np.array(law.velocity[1:-1])
+            side = band.velocity * way > 0
+            order = np.argsort(np.abs(band.velocity[side]))
+            at = np.interp(knots, np.abs(band.velocity[side])[order], band.standard_error[side][order])
+            assert at == pytest.approx(friction.standard_errors[name][1:-1], rel=0.25)
+        s = shown[j].samples
+        assert shown[j].joint == friction.joint.name and s.fitted.any() and not s.fitted.all()
+        clean = made(noise=0.0)
+        assert np.median(np.abs(s.torque - np.interp(s.time, clean.time, clean.torque[:, j]))) < 0.1
+        assert np.median(np.abs(s.friction - curve(j, s.velocity))) < 0.25
+        assert np.median(np.abs(s.predicted - s.torque)) < 0.1
+    assert arm.condition > 1.0
+
+
+def test_load_friction_that_is_not_there_is_left_out(robot):
+    one, other = identify_arm(made(load=(0.1, 0.0)), robot)[0]
+    assert (
+        one.dynamics["load_friction"].value == pytest.approx(0.1, abs=0.02)
+        and "load_friction" not in other.dynamics
+    )
+
+
+def test_an_arm_needs_two_rows_a_coefficient(robot):
+    """An offset of the torque does not change how many rows there are."""
+    for samples in (260, 280, 300, 320, 340, 360, 380, 400, 420, 440):
+        log = made().rows(slice(0, samples))
+        (s,) = arm_signals.hold_out_blocks(arm_signals.prepare_arm(log, robot))
+        top = np.quantile(np.abs(s.velocity), 0.999, axis=0)
+        moves = ~arm_signals.resting(s.velocity, top, s.rate) & s.fitted[:, None]
+        terms = [arm_terms.terms_of(np.abs(s.velocity[moves[:, j], j])) for j in range(2)]
+        count = int(np.count_nonzero(arm_terms.build(arm_terms.Regressor(robot, [s]), terms).weight))
+        unknown = robot.base.columns.size + sum(t.size for t in terms)
+        try:
+            identify_arm(log, robot)
+            enough = True
+        except NotIdentifiable as error:
+            enough = f"{count} rows of moving joints are too few for {unknown} coefficients" not in str(error)
+        assert enough is (count >= 2 * unknown), samples
+
+
+def test_what_is_too_short_to_be_prepared_is_not_predicted(found, robot):
+    frictions, _, arm = found
+    log = made(seconds=6.0, rate=500.0)
+    time = log.time.copy()
+    time[2800:] += 0.012  # 0.4 s beyond a gap, where the stretch before ends at every fourth sample
+    predicted = predict_arm(FrictionModel(joints=frictions, arm=arm), log.replace(time=time), robot)
+    assert np.isfinite(predicted[:2800]).all() and np.isnan(predicted[2800:]).all()
+
+
+def test_a_joint_that_does_not_move(robot):
+    still = made(seconds=30.0)
+    position = still.position.copy()
+    position[:, 1] = 0.4
+    dq = np.gradient(position[:, 0], still.time)
+    speed, turn = np.column_stack([dq, 0.0 * dq]), np.column_stack([np.gradient(dq, still.time), 0.0 * dq])
+    torque = bodies(position, speed, turn) + np.array(MOTOR) * turn + OFFSET
+    torque[:, 0] += curve(0, dq)
+    frictions, _, _ = identify_arm(still.replace(position=position, torque=torque), robot)
+    assert frictions[1].warnings == ("It never moves: its friction is unknown and set to zero.",)
+    assert not frictions[1].law.torque(np.array([0.5, -0.5])).any()
+    v = np.array([0.3, 0.8, -0.3, -0.8])
+    assert frictions[0].law.torque(v) == pytest.approx(curve(0, v), rel=0.15)

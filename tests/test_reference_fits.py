@@ -106,6 +106,10 @@ def test_a_delay_moves_the_whole_motion_and_leaves_what_is_known_from_elsewhere(
     assert dynamics.predict(loaded, signals())[inner] == pytest.approx(
         (np.sign(s.velocity) * force)[inner], abs=1e-3
     )
+    still = signals(position=np.zeros(T.size))  # the velocity counts
+    loads = 1.0 + 0.3 * np.abs(3.0 * np.cos(T))
+    at_once = dynamics.predict(friction(GearLoad(coulomb=1.0, load=0.3)), still)
+    assert at_once == pytest.approx(np.sign(still.velocity) * loads, abs=1e-9)
     with pytest.raises(InvalidInput, match="depends on the load"):
         dynamics.predict(loaded, signals(load=None))
 
@@ -144,6 +148,11 @@ def test_a_quality_by_its_definition():
     assert got.residual == pytest.approx(100.0 * np.sqrt((0.3**2 + 0.6**2) / (2 * 3.0**2)), rel=2e-2)
     assert got.residual_raw == pytest.approx(100.0 * np.sqrt((0.3**2 + 0.6**2) / (2 * 3.0**2)), rel=1e-3)
     assert got.rms == pytest.approx(np.sqrt(0.5 * (0.3**2 + 0.6**2) / 2.0), rel=1e-3) and got.samples == 2400
+    small = judge([(1e-4 * x, 1e-4 * y, rate, used) for x, y, rate, used in slow])
+    assert (small.residual, small.residual_raw) == (
+        pytest.approx(got.residual),
+        pytest.approx(got.residual_raw),
+    )
     fast = [(3.0 * np.sin(T), 3.0 * np.sin(T) + np.sin(2 * np.pi * 40.0 * T), RATE, T < 3.0)]
     got = judge(fast)
     assert got.residual < 0.3 and got.residual_raw > 15.0 and got.samples == 600
@@ -382,13 +391,14 @@ def test_sections_are_judged_by_runs_that_are_left_out():
             theta = np.linalg.lstsq(X[keep], y[keep], rcond=None)[0]
             errors.append(y[i] - X[i] @ theta)
         assert loss == pytest.approx(np.sqrt(np.mean(np.square(errors))), rel=1e-4)
-    assert max(losses) == 6  # 7 knots a direction are at most 0.3 of 28 runs
+    assert list(losses) == [1, 2, 3, 4, 5, 6]  # 7 knots a direction are at most 0.3 of 28 runs
     assert "1" not in losses and _choose({1: np.array([1.0, 1.0]), 3: np.array([1.0, 1.1])})[0] == 1
     gain = np.array([1.0, 1.2, 0.9, 1.1])
     assert _choose({1: np.sqrt(gain), 2: np.zeros(4)})[0] == 2  # a gain of many standard errors
     little = {1: np.array([1.0, 0.0, 0.0, 0.0]), 2: np.array([0.0, 0.8, 0.0, 0.0])}
     assert _choose(little)[0] == 1  # 0.09 +- 0.29
     assert _choose({2: gain, 4: 0.5 * gain})[0] == 4
+    assert _choose({1: np.full(4, 0.6), 2: np.full(4, 0.5)})[0] == 2  # 0.36 less 0.25
     found, shown = identify_constant_velocity(logs, "a")
     assert found.held_out.rms == pytest.approx(min(losses.values()), rel=1e-6)
     assert found.held_out.residual == pytest.approx(
@@ -558,6 +568,11 @@ def test_speeds_that_grow_by_equal_steps():
         ([0.5, 1.0, 1.5, 2.0], True), ([1.0, 1.5, 2.0], True), ([0.5, 1.05, 1.5], True), ([0.5, 1.2, 1.5], False),
         ([2.0, 1.5, 1.0], False),
         ([1.0, 1.005, 1.01], False), ([1.0], True), ([0.25, 1.0, 1.5], False),
+        # a step of a hundredth of the highest speed
+        ([1.0, 1.015, 1.03], True), ([1.0, 1.0103, 1.0206], True), ([1.0, 1.01005, 1.0201], False),
+        # two thirds of what the middle is off, against 0.12, against 0.12 * 0.2 * 11, and against 0.4
+        ([1.0, 2.17, 3.0], True), ([1.0, 2.19, 3.0], False), ([1.0, 1.83, 3.0], True), ([1.0, 1.81, 3.0], False),
+        ([10.0, 11.39, 12.0], True), ([10.0, 11.4, 12.0], False), ([30.0, 31.59, 32.0], True), ([30.0, 31.62, 32.0], False),
     ):  # fmt: skip
         assert _grows(np.array(level)) is grows, level
     x = np.r_[

@@ -170,6 +170,8 @@ def test_curvature_is_exact_for_a_parabola_through_three_and_through_five():
     assert bend[:2] == pytest.approx([three, three])
     assert not _curvature(x[:2], x[:2], np.ones(2)).any()
     assert not _curvature(np.array([1.0, 1.0001, 2.0]), np.ones(3), np.ones(3)).any()
+    for apart, bends in ((0.019, False), (0.021, True)):  # a hundredth of the top speed
+        assert _curvature(np.array([0.5, 0.5 + apart, 2.0]), np.ones(3), np.ones(3)).any() == bends
 
 
 def test_inside_a_window_only_the_acceleration_along_a_cubic_is_kept():
@@ -338,6 +340,29 @@ def test_a_known_payload_tells_lifting_from_being_driven_back():
     assert found.gravity == pytest.approx(GRAV, rel=1e-3)
     assert found.positive == pytest.approx(9.4 + 3.0 * found.velocity, abs=5e-3)
     assert found.negative == pytest.approx(8.6 + 3.0 * found.velocity, abs=5e-3)
+    # written out: torque less the payload's, by the curves, the arm's gravity, growth with the whole load, and what the payload
+    # seems to weigh more
+    rows, weights = [], []
+    delta = 0.5 * (found.driving[0] - found.driven[0])
+    for k, p in zip(knots, [(0.0, 0.0)] * 3 + [extra] * 3):
+        way = np.array([np.sin(k.center), np.cos(k.center)]) * k.level
+        for sign, V, error, first in ((1.0, k.V_pos, k.error_pos, 0), (-1.0, k.V_neg, k.error_neg, 4)):
+            for v, e in zip(V, error):
+                row = np.zeros(12)
+                row[first : first + 4] = sign * curves.hats(np.array([v]), found.velocity)[0]
+                row[8:10], row[10], row[11] = way, sign * abs(way @ (found.gravity + p)), way @ p
+                rows.append(row)
+                weights.append(1.0 / e)
+    X = np.array(rows)
+    covariance = np.linalg.inv((X * np.array(weights)[:, None] ** 2).T @ X)
+    deviation = np.sqrt(np.diag(covariance))
+    assert found.gravity_error == pytest.approx(deviation[8:10] / (1.0 + delta), rel=1e-6)
+    assert (found.error_pos, found.error_neg) == (pytest.approx(deviation[:4]), pytest.approx(deviation[4:8]))
+    for (_, error), sign in ((found.driving, 1.0), (found.driven, -1.0)):
+        assert error == pytest.approx(
+            np.sqrt(covariance[10, 10] + covariance[11, 11] + 2.0 * sign * covariance[10, 11])
+        )
+    assert found.condition == pytest.approx(np.linalg.cond(X / np.linalg.norm(X, axis=0)))
     twice = payload_growth([*(k for k in knots), *(k for k in knots)], ([(0.0, 0.0)] * 3 + [extra] * 3) * 2)
     for name in ("driving", "driven"):
         assert getattr(twice, name)[1] == pytest.approx(getattr(found, name)[1] / np.sqrt(2.0), rel=1e-6)
@@ -420,6 +445,21 @@ def test_the_sandwich_is_liang_and_zegers_widened_as_students_distribution(count
     )
 
 
+def test_columns_of_very_different_size_are_solved_and_judged_alike():
+    """In other units a coefficient and its error are the same in these units."""
+    generator = np.random.default_rng(1)
+    X = generator.standard_normal((600, 3))
+    y = X @ [1.0, -0.5, 2.0] + generator.standard_normal(600)
+    unit = np.array([1e6, 1.0, 1e-6])
+    index = regression.block_index(600, 20)
+    plain, other = (regression.accumulate(Z, y, np.ones(600), index, 20) for Z in (X, X * unit))
+    theta, scaled = (regression.solve(b.gram.sum(0), b.moment.sum(0)) for b in (plain, other))
+    assert scaled * unit == pytest.approx(theta, rel=1e-6)
+    wanted = regression.sandwich(plain, theta)
+    assert regression.sandwich(other, scaled) * np.outer(unit, unit) == pytest.approx(wanted, rel=1e-6)
+    assert regression.condition(other.gram.sum(0)) == pytest.approx(regression.condition(plain.gram.sum(0)))
+
+
 def test_hubers_weights_by_hand():
     residual, w = np.array([-3.0, -1.0, 0.5, 0.2, 10.0, 0.0, 7.0]), np.array([1.0, 1, 1, 1, 1, 1, 0])
     spread = 1.4826 * np.median([3.0, 1.0, 0.5, 0.2, 10.0, 0.0])
@@ -472,6 +512,22 @@ def test_errors_of_a_fitted_form_are_those_of_its_covariance():
         {"coulomb_positive": 3.0, "coulomb_negative": 2.0, "viscous_positive": 1.0, "viscous_negative": 2.0}
     )
     assert errors["coulomb_negative"] == pytest.approx(np.sqrt(four[2, 2]))
+    for values, viscous in (
+        ([3.0, 3.1, 2.0, 2.1], True),
+        ([0.1, 3.0, 2.0, 6.0], True),
+        ([3.0, 5.0, 6.1, 6.0], False),  # falling: no viscosity
+        ([5.1, 5.0, 2.0, 6.0], False),
+        ([3.0, 5.0, -0.1, 6.0], False),
+        ([-0.1, 5.0, 2.0, 6.0], False),
+    ):
+        law, stated = curves.to_law(line, np.array(values), four)
+        assert (law.rate.NAME == "coulomb-viscous") is viscous
+        if not viscous:
+            assert law.rate.positive == tuple(values[:2]) and law.rate.negative == tuple(values[2:])
+            assert stated == {
+                name: pytest.approx(np.sqrt(np.diag(four)[part]))
+                for name, part in (("positive", slice(0, 2)), ("negative", slice(2, 4)))
+            }
     slope = np.array([-0.5, 0.5])
     assert errors["viscous_negative"] == pytest.approx(np.sqrt(slope @ four[2:, 2:] @ slope))
 

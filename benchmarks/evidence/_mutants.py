@@ -18,9 +18,10 @@ typical value was published.
     removed     a statement left out: a call, an assignment to an element or an attribute, +=, return, continue, break
 
 What nobody could see is left alone: numbers below 1e-8 or beyond 1e8, which guard against rounding and overflow; how often
-an iteration repeats at most; and a / b for a * b where only its sign is asked for. Where numbers are rules of thumb and not
-those of equations, nobody could say that 99 is wrong where 100 was meant: there a number is not changed by 5 %, an integer
-above 2 only by the factor two or in a subscript, and an edge only beside a size.
+an iteration repeats at most; a / b for a * b where only its sign is asked for, or b is a sign; the order of the number and
+the lower end of a clip; and the size -1 of a reshape, for which any negative one will do. Where numbers are rules of thumb
+and not those of equations, nobody could say that 99 is wrong where 100 was meant: there a number is not changed by 5 %, an
+integer above 2 only by the factor two or in a subscript, and an edge only beside a size.
 """
 
 from __future__ import annotations
@@ -170,16 +171,18 @@ class _Places:
         for make in (self.numbers, self.signs, self.comparisons, self.logic, self.calls, self.statements):
             yield from make(node, index)
         skipped: list[ast.AST] = []
+        if isinstance(node, ast.Call) and self.text(node.func).endswith("reshape"):
+            skipped = [a for a in node.args if isinstance(a, ast.UnaryOp) and self.text(a) == "-1"]
         if isinstance(node, ast.Compare) and any(
             self.text(side) in ("0", "0.0") for side in node.comparators
         ):
             self.signs_only.add(node.left)
         if isinstance(node, ast.FunctionDef):
-            skipped = [*node.decorator_list, *([node.returns] if node.returns else [])]
+            skipped += [*node.decorator_list, *([node.returns] if node.returns else [])]
         if isinstance(node, ast.arg | ast.AnnAssign) and node.annotation is not None:
-            skipped = [node.annotation]
+            skipped += [node.annotation]
         if isinstance(node, ast.ClassDef):
-            skipped = [*node.bases, *node.decorator_list, *node.keywords]
+            skipped += [*node.bases, *node.decorator_list, *node.keywords]
         if isinstance(node, ast.keyword) and node.arg in WORDS:
             return
         for name, value in ast.iter_fields(node):
@@ -218,7 +221,10 @@ class _Places:
         if operator is None:
             return
         sign, other, name = operator
-        if name == "product" and node in self.signs_only:
+        if name == "product" and (
+            node in self.signs_only
+            or (isinstance(node, ast.BinOp) and self.text(node.right).startswith("np.sign("))
+        ):
             return
         if isinstance(node, ast.BinOp) and not self.is_text(node.left) and not self.is_text(node.right):
             yield from self.between(node.left, node.right, sign, other, name)
@@ -255,6 +261,7 @@ class _Places:
         if (
             len(node.args) >= 2
             and name not in EVEN
+            and not (name == "clip" and len(node.args) == 3)
             and not any(isinstance(a, ast.Starred) for a in node.args)
         ):
             first, second = node.args[:2]

@@ -66,15 +66,26 @@ ROOMS: dict[str, dict[tuple[str, ...], tuple[str, ...]]] = {
     },
     "identification": {
         (
-            "identification/sweep*.py", "identification/function_a.py", "identification/noise.py", "identification/load_fit.py",
-            "identification/timing.py",
+            "identification/sweep*.py", "identification/function_a.py", "identification/load_fit.py", "identification/timing.py",
         ): (
-            "test_reference_fits.py", "test_reference_identification.py", "test_noise.py", "test_sweep.py", "test_timing.py",
+            "test_reference_sweep_fit.py", "test_reference_sweeps.py", "test_reference_fits.py",
+            "test_reference_identification.py", "test_timing.py", "test_sweep.py",
         ),
+        ("identification/noise.py",): ("test_reference_noise.py", "test_reference_identification.py", "test_noise.py"),
         ("identification/arm*.py",): ("test_reference_arm.py",),
-        ("identification/[!_afslnt]*.py", "identification/signals.py", "identification/auto.py", "identification/__init__.py"): (
-            "test_reference_fits.py", "test_regression.py", "test_reference_identification.py", "test_identify.py",
-            "test_motion.py", "test_constant_velocity.py", "test_presliding.py",
+        (
+            "identification/request.py", "identification/auto.py", "identification/validate.py", "identification/result.py",
+            "identification/__init__.py",
+        ): ("test_reference_requests.py", "test_identify.py"),
+        ("identification/ramp.py", "identification/presliding.py", "identification/hysteresis.py"): (
+            "test_reference_ramps.py", "test_reference_fits.py", "test_presliding.py",
+        ),
+        (
+            "identification/[cde]*.py", "identification/grade.py", "identification/motion.py", "identification/quality.py",
+            "identification/regression.py", "identification/runs.py", "identification/signals.py",
+        ): (
+            "test_reference_motion.py", "test_reference_runs.py", "test_reference_fits.py", "test_regression.py",
+            "test_reference_identification.py", "test_motion.py", "test_constant_velocity.py",
         ),
     },
     "health": {
@@ -176,6 +187,15 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
         "readers/_dialect.py", 'regular=all(kind == "number" for kind in kinds) and not comma,',
         'regular=((all(kind == "number" for kind in kinds)) or (not comma)),',
         "the quick way then gives up at the first cell that is no number, and the careful one reads the table",
+    ),
+    (
+        "identification/sweep_equations.py", "uneven = np.linalg.svd(np.ones((1, K)))[2][1:].T",
+        "uneven = np.linalg.svd(np.ones((2, K)))[2][1:].T", "a row twice spans what it spans once",
+    ),
+    *(
+        ("identification/sweep_windows.py", f"direction, {end} = {sign}1, i", f"direction, {end} = {sign}2, i",
+         "only its sign is asked for")
+        for end, sign in (("low", "-"), ("high", ""))
     ),
     *(
         ("health/_survey.py", "_PIECE = 1 << 13", f"_PIECE = {other}", "how much is read at once, and nothing else")

@@ -59,7 +59,7 @@ def spread_of(robot: Robot) -> np.ndarray:
 
     The whole mass for a mass, times a link's length for a first moment, and once more for an inertia.
     """
-    mass = float(np.abs(robot.parameters[::10]).sum()) or float(len(robot.joints))
+    mass = float(robot.parameters[::10].sum()) or float(len(robot.joints))
     lengths = [float(np.linalg.norm(m.translation)) for m in list(robot.model.jointPlacements)[1:]]
     length = float(np.mean(lengths)) or 0.1
     return np.tile(mass * length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2]), len(robot.joints))

@@ -154,7 +154,7 @@ def _choose(losses: dict[int, np.ndarray]) -> tuple[int, str]:
         return best, f"{best} line sections per direction were fitted."
     gain = losses[1] ** 2 - losses[best] ** 2
     error = float(np.std(gain) / np.sqrt(gain.size))
-    if best == 1 or float(np.mean(gain)) <= GAIN * error:
+    if float(np.mean(gain)) <= GAIN * error:
         return (
             1,
             f"A straight line per direction suffices: no curve predicts left-out runs better ({rms[1]:.3g}).",

@@ -18,6 +18,7 @@ UNSOUND = (
     2.0  # so much more loss is put up with for a curve that dissipates and an inertia that is positive [-]
 )
 VAGUE = 0.05  # a knot with a standard error above this share of the largest friction is not worth having [-]
+ROUNDING = 1e-12  # a smaller loss is rounding [share of the torque's power]
 MEAGRE = 1e-9  # a column with less than this share of the mean weight is not determined [-]
 
 
@@ -159,7 +160,8 @@ def choose(blocks: regression.Blocks, options: list[Candidate]) -> Choice:
             continue
         if len(option.form.knots) > 2 and _vague(option, mapped):
             continue
-        judged.append((float(regression.left_out_losses(mapped).sum()) / total, option))
+        loss = max(regression.left_out_losses(mapped).sum(), ROUNDING * blocks.power.sum())
+        judged.append((float(loss) / total, option))
     if not judged:
         raise NotIdentifiable(
             "No friction curve is determined by these data: the joint hardly moves.",

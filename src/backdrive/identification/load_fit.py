@@ -142,7 +142,7 @@ def payload_growth(
     spread = eqs.spread("own", (*GRAVITY, LOAD))
     base, weight = (eqs.X @ spread)[:n], eqs.weight[:n]
     payload = carried[of_sweep]
-    delta, inverse, theta, X = 0.0, np.zeros(0), np.zeros(0), base
+    delta, theta, inverse, X = 0.0, np.zeros(0), base, base
     for _ in range(2 * ROUNDS):
         gravity = (
             theta[2 * K : 2 * K + 2] / (1.0 + delta) if theta.size else _start(base, eqs.y[:n], payload, K)

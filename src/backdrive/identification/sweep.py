@@ -74,7 +74,7 @@ def pairs(
     *,
     literal: bool = False,
     c: float = SHARE,
-    delay: float = 0.0,
+    delay: float,
 ) -> SweepKnots:
     """Return what `sweep_knots` returns, for a log whose signals are prepared already."""
     cycles = windows(log, joint, log.plan if plan is None else plan, stretches)
@@ -118,7 +118,9 @@ def identify_sweep(
     stretches = [prepare(log, joint) for log in logs]
     delays, errors, said = drive_delays(logs, joint, stretches, timing, literal)
     each, late = _each(logs, joint, stretches, delays, errors)
-    used = [pairs(log, joint, s, literal=True) for log, s in zip(logs, stretches)] if literal else each
+    used = each
+    if literal:
+        used = [pairs(log, joint, s, literal=True, delay=d) for log, s, d in zip(logs, stretches, delays)]
 
     def fitted_to(part: slice) -> tuple[JointFriction, SweepFit]:
         off = [] if literal else late[part]

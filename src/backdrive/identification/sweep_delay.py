@@ -123,7 +123,7 @@ def drive_delays(
                 "commanded. If that is wrong, the curve is off by up to 1.9 I V^3 T / A^2 (--torque-timing sample)."
             ],
         )
-    delay = float(weight @ [d if w > 0 else 0.0 for (d, _), w in zip(found, weight)] / weight.sum())
+    delay = float(weight @ np.nan_to_num([d for d, _ in found]) / weight.sum())
     for i in open_:
         delays[i], errors[i] = delay, error
     return (

@@ -66,7 +66,7 @@ def verdict(friction: JointFriction, found: SweepFit) -> str:
     unit, rate = friction.joint.torque_unit, friction.law.rate
     assert isinstance(rate, Polyline)
     top = rate.velocity[-1]
-    rest = friction.law.torque(np.array([1e-9, -1e-9]) * top) * (1, -1)
+    rest = friction.law.torque(np.array([1e-9, -1e-9])) * (1, -1)
     fast = friction.law.torque(np.array([top, -top])) * (1, -1)
     if found.symmetric:
         said = f"Friction is {rest[0]:.3g} {unit} at low speed and {fast[0]:.3g} {unit} at {top:.3g} {friction.joint.unit}/s."
@@ -85,6 +85,6 @@ def verdict(friction: JointFriction, found: SweepFit) -> str:
                 f"{1.96 * b:.3f} {unit} along -q (95 %)."
             )
     offset = found.terms.get("offset", (0.0, 0.0))[0]
-    if found.symmetric and abs(offset) > NAMED * fast[0]:
+    if found.symmetric and abs(offset) > NAMED * fast.mean():
         said += f" A constant {offset:.3g} {unit} was set apart: gravity, an offset of the torque signal or unequal directions."
     return " ".join([said, *found.notes, explained(friction)])

@@ -90,15 +90,14 @@ def find_windows(log: Log, joint: str | int) -> np.ndarray:
 
 
 def _follows(plan: Any, stretches: Sequence[Signals], start: float) -> bool:
-    above, count = 0.0, 0
+    off = []
     position = stretches[0].position is not None
     for s in stretches:
         t = s.time - start
         wanted = plan.position(t) if position else plan.velocity(t)
-        above += float(np.sum((wanted - (s.position if position else s.velocity)) ** 2))
-        count += t.size
+        off.append(wanted - (s.position if position else s.velocity))
     size = abs(plan.stroke) if position else abs(plan.top_speed)
-    return bool(np.sqrt(above / count) < FOLLOWS * size)
+    return bool(np.sqrt(np.mean(np.concatenate(off) ** 2)) < FOLLOWS * size)
 
 
 def _find(stretches: Sequence[Signals], joint: str | int) -> tuple[np.ndarray, np.ndarray]:
@@ -166,7 +165,7 @@ def _cycles(
         above = np.count_nonzero(part >= 0.8 * peak[i]) * period
         sine[i] = SINE[0] < above * peak[i] / max(np.arccos(0.8) * stroke[i], 1e-300) < SINE[1]
     best: tuple[np.ndarray, np.ndarray] = (np.zeros((0, 2)), np.zeros(0))
-    for first in range(stroke.size - 1):
+    for first in range(stroke.size):
         pairs: list[int] = []
         for i in range(first, stroke.size - 1, 2):
             same = abs(stroke[i : i + 2] / stroke[first] - 1.0).max() < EQUAL

@@ -1,0 +1,520 @@
+"""Any motion from end to end: every number returned by brute force, every remark and choice from both sides."""
+
+import numpy as np
+import pytest
+
+from backdrive.errors import NotIdentifiable
+from backdrive.identification import curves, design, dynamics, motion, regression
+from backdrive.identification.evidence import verdict
+from backdrive.identification.motion import as_friction, identify_motion, with_warnings
+from backdrive.identification.signals import prepare
+from backdrive.log import Joint, Log
+
+RATE = 200.0
+TONES = ((0.13, 0.9, 0.3), (0.31, 0.35, 1.1), (0.77, 0.12, 2.0), (1.9, 0.02, 0.7))  # Hz, rad, rad
+
+
+def dry(v):
+    return 5.0 * np.sign(v) + 2.0 * v
+
+
+def wave(t):
+    q, v, a = np.zeros((3, t.size))
+    for hertz, size, phase in TONES:
+        w = 2.0 * np.pi * hertz
+        q, v, a = (
+            q + size * np.sin(w * t + phase),
+            v + size * w * np.cos(w * t + phase),
+            a - size * w * w * np.sin(w * t + phase),
+        )
+    return q, v, a
+
+
+def moved(
+    friction=dry,
+    *,
+    seconds=16.0,
+    inertia=0.8,
+    gravity=(0.0, 0.0),
+    offset=0.0,
+    noise=0.05,
+    seed=0,
+    extra=0.0,
+    unit="rad",
+):
+    """A log of one joint in closed form; `extra` is added to the torque of the third quarter."""
+    t = np.arange(round(seconds * RATE)) / RATE
+    q, v, a = wave(t)
+    tau = inertia * a + friction(v) + offset + gravity[0] * np.sin(q) + gravity[1] * np.cos(q)
+    tau = tau + noise * np.random.default_rng(seed).standard_normal(t.size)
+    tau += extra * ((t > 0.5 * seconds) & (t < 0.75 * seconds))
+    return Log(time=t, joints=(Joint(name="a", unit=unit),), position=q, torque=tau)
+
+
+# -------------------------------------------------------------------------------------- from end to end
+
+
+def chosen(stretches, **more):
+    """Return the choice among lines, and the knots of the fine basis."""
+    speeds = np.abs(np.concatenate([s.velocity[s.moving] for s in stretches]))
+    knots = np.percentile(speeds, 99.9) * np.array(curves.SHARES)
+    options = {
+        "dynamic": True,
+        "slip": True,
+        "gravity": False,
+        "model_torque": False,
+        "both_directions": True,
+    } | more
+    coarse = {"line": knots[[0, -1]]}
+    return design.choose(motion.binned(stretches, knots), design.candidates(knots, coarse, **options)), knots
+
+
+def test_every_number_of_a_motion_is_that_of_its_fit():
+    logs = [moved(extra=1.0, offset=0.4), moved(seed=1, offset=0.4, seconds=8.0)]
+    stretches = [s for log in logs for s in prepare(log, "a")]
+    choice, knots = chosen(stretches, symmetric=True)
+    found, shown = identify_motion(logs, "a", gravity=False, symmetric=True, law="coulomb-viscous")
+    terms = choice.candidate.terms
+    assert terms[0] == "inertia" and terms[-1] == "offset"
+    value, error = choice.coefficients, np.sqrt(np.diag(choice.covariance))
+    for i, term in enumerate(terms):
+        if term != "jerk":
+            e = found.dynamics[term]
+            assert (e.value, e.standard_error) == (pytest.approx(value[i]), pytest.approx(error[i])), term
+    assert found.dynamics["inertia"].unit == "kg.m^2" and found.dynamics["inertia"].value == pytest.approx(
+        0.8, abs=0.05
+    )
+    assert found.dynamics["offset"].unit == "N.m" and found.joint.name == "a" and found.method == "motion"
+    law = found.law.rate.values()
+    assert (law["coulomb_positive"], law["viscous_positive"]) == (
+        pytest.approx(5.0, abs=0.3),
+        pytest.approx(2.0, abs=0.3),
+    )
+    # what every block is predicted as by the fit that did not see it
+    total = sum(s.time.size // 2 for s in stretches)  # bins of two samples
+    block = np.minimum(np.arange(total) * len(choice.left_out) // total, len(choice.left_out) - 1)
+    left, seen, error_of_fit, size, rests = [], 0, [], [], []
+    for s in stretches:
+        n = s.time.size // 2
+        of = np.repeat(block[seen : seen + n], 2)
+        seen += n
+        X = design.columns(s, knots) @ choice.candidate.spread
+        left.append((s.torque - np.einsum("ij,ij->i", X, choice.left_out[of]))[s.moving])
+        error_of_fit.append((s.torque - X @ choice.coefficients)[s.moving])
+        size.append(s.torque[s.moving])
+        rests.append(X[:, : len(terms)] @ choice.coefficients[: len(terms)])
+    rms = lambda x: np.sqrt(np.mean(np.concatenate(x) ** 2))  # noqa: E731
+    assert found.held_out.rms == pytest.approx(rms(left), rel=1e-4)
+    assert found.fitted.rms == pytest.approx(rms(error_of_fit), rel=1e-6)
+    assert found.held_out.residual_raw == pytest.approx(100.0 * rms(left) / rms(size), rel=1e-4)
+    assert found.held_out.samples == found.fitted.samples == sum(x.size for x in size)
+    assert rms(left) > 1.02 * rms(error_of_fit)
+    speeds = np.concatenate([s.velocity[s.moving] for s in stretches])
+    assert found.validity.velocity == (speeds.min(), speeds.max())
+    rest = np.concatenate(rests)
+    assert found.validity.load == pytest.approx((rest.min(), rest.max()))
+    # 4800 samples are shown by every second one
+    torque = np.concatenate([s.torque[::2] for s in stretches])
+    assert np.array_equal(shown.samples.torque, torque) and shown.samples.fitted.all()
+    assert shown.samples.friction == pytest.approx(torque - np.concatenate([r[::2] for r in rests]))
+    predicted = np.concatenate([dynamics.predict(found, s)[::2] for s in stretches])
+    assert shown.samples.predicted == pytest.approx(predicted) and shown.verdict == verdict(found)
+    k = len(terms)
+    band = curves.error_of_curve(choice.candidate.form, choice.covariance[k:, k:])
+    assert shown.curve.standard_error == pytest.approx(band(shown.curve.velocity))
+
+
+def test_logs_held_out_judge_and_are_shown_as_such():
+    logs, held = [moved()], [moved(seed=1, seconds=8.0), moved(seed=2, seconds=4.0)]
+    found, shown = identify_motion(
+        logs, "a", held_out=held, gravity=False, symmetric=True, law="coulomb-viscous"
+    )
+    off = [(s.torque - dynamics.predict(found, s))[s.moving] for log in held for s in prepare(log, "a")]
+    assert found.held_out.rms == pytest.approx(np.sqrt(np.mean(np.concatenate(off) ** 2)))
+    assert found.held_out.samples == sum(x.size for x in off) and found.held_out != found.fitted
+    assert shown.samples.fitted.sum() == 1600 and shown.samples.fitted.size == 2800
+    assert shown.samples.fitted[:1600].all()
+    slow = identify_motion(
+        logs, "a", held_out=held, cutoff=3.0, gravity=False, symmetric=True, law="coulomb-viscous"
+    )[0]
+    off = [
+        (s.torque - dynamics.predict(slow, s))[s.moving]
+        for log in held
+        for s in prepare(log, "a", cutoff=3.0)
+    ]
+    assert slow.held_out.rms == pytest.approx(np.sqrt(np.mean(np.concatenate(off) ** 2)))
+    (s,) = prepare(logs[0], "a", cutoff=3.0)
+    assert slow.validity.velocity == (s.velocity[s.moving].min(), s.velocity[s.moving].max())
+
+
+def test_what_is_asked_of_a_motion_is_done():
+    log = moved(gravity=(6.0, -2.0), seconds=12.0)
+    only = {"law": "coulomb-viscous", "symmetric": True}
+    weight = ("gravity_sin", "gravity_cos")
+    found = identify_motion([log], "a", **only)[0]
+    assert [found.dynamics[w].value for w in weight] == pytest.approx([6.0, -2.0], abs=0.15)
+    assert not set(weight) & set(identify_motion([log], "a", gravity=False, **only)[0].dynamics)
+    assert not set(weight) & set(identify_motion([moved(unit="m", seconds=12.0)], "a", **only)[0].dynamics)
+    assert set(weight) <= set(identify_motion([moved(seconds=12.0)], "a", gravity=True, **only)[0].dynamics)
+    assert (
+        identify_motion([log], "a", law="polyline", symmetric=True, gravity=True)[0].law.rate.NAME
+        == "polyline"
+    )
+    t = log.time
+    known = log.replace(model_torque=3.0 * np.sin(4.0 * t), torque=log.torque[:, 0] + 1.5 * np.sin(4.0 * t))
+    got = identify_motion([known], "a", gravity=True, **only)[0].dynamics["model_torque"]
+    assert got.value == pytest.approx(0.5, abs=0.02) and got.unit == "1"
+    with pytest.raises(NotIdentifiable, match="'a' does not move"):
+        identify_motion([log.replace(position=np.zeros(t.size))], "a")
+
+
+@pytest.mark.parametrize(("travel", "sought"), [(0.147, False), (0.153, True)])
+def test_gravity_is_sought_from_a_travel_of_015_rad_on(travel, sought):
+    t = np.arange(2400) / RATE
+    q, v, a = wave(t)
+    share = travel / np.ptp(q)
+    weight = 90.0 * np.sin(share * q)  # so that it shows in so small a travel
+    log = Log(
+        time=t,
+        joints=(Joint(name="a"),),
+        position=share * q,
+        torque=share * 0.8 * a + dry(share * v) + weight,
+    )
+    found, _ = identify_motion([log], "a", law="coulomb-viscous", symmetric=True)
+    assert ("gravity_sin" in found.dynamics) is sought
+
+
+# ------------------------------------------------------------------------------------------- remarks
+
+
+def said(log, word, **more):
+    found, _ = identify_motion(
+        [log], "a", law="coulomb-viscous", gravity=False, symmetric=more.pop("symmetric", True), **more
+    )
+    return next((w for w in found.warnings if word in w), "")
+
+
+def test_less_than_four_seconds_or_four_reversals_are_too_little():
+    for seconds, few in ((3.9, True), (4.1, False)):
+        t = np.arange(round(seconds * RATE)) / RATE
+        q = 0.3 * np.sin(2.0 * np.pi * 1.3 * t)
+        log = Log(time=t, joints=(Joint(name="a"),), position=q, torque=dry(np.cos(2.0 * np.pi * 1.3 * t)))
+        remark = said(log, "of motion with")
+        assert bool(remark) is few
+        if few:
+            assert remark.startswith("Only 3.9 s of motion with 10 reversals: too little")
+    for turns in (3, 4):
+        t = (
+            np.arange(round((2.0 * turns - 0.6) * RATE)) / RATE
+        )  # a reversal every two seconds, the first at 0.4 s
+        phase = 0.5 * np.pi * (t + 0.6013)
+        log = Log(time=t, joints=(Joint(name="a"),), position=np.sin(phase), torque=dry(np.cos(phase)))
+        assert bool(said(log, f"with {turns} reversals")) is (turns < 4)
+
+
+def test_a_curve_below_the_slowest_sliding_is_that_of_reversals():
+    t = np.arange(3200) / RATE
+    q, v, a = np.zeros((3, t.size))
+    for w, size in ((12.0, 0.8), (17.3, 0.5)):
+        q, v, a = q + size / w * np.sin(w * t), v + size * np.cos(w * t), a - size * w * np.sin(w * t)
+    log = Log(
+        time=t,
+        joints=(Joint(name="a"),),
+        position=q,
+        torque=0.5 * a + dry(v) + 4.0 * np.sign(v) * np.exp(-3.0 * abs(v)),
+    )
+    found, _ = identify_motion([log], "a", gravity=False, symmetric=True, law="polyline")
+    (s,) = prepare(log, "a")
+    knots = np.percentile(np.abs(s.velocity), 99.9) * np.array(curves.SHARES)
+    slowest = motion.slowest_sliding([s], knots)
+    assert slowest > knots[3]
+    remark = [w for w in found.warnings if "turned round" in w]
+    assert remark[0].startswith(f"Below {slowest:.2g} rad/s the joint moved only while it turned round")
+    assert not said(log, "turned round")  # a line has no knot there
+
+
+@pytest.mark.parametrize(("share", "both"), [(0.045, False), (0.055, True)])
+def test_a_way_back_slower_than_a_twentieth_is_none(share, both):
+    t = np.arange(3600) / RATE
+    v = np.interp(np.sin(1.5 * t), [-1.0, -0.5, 0.0, 0.5, 1.0], [-share, -share, 0.0, 0.9, 1.0])
+    q = np.cumsum(v) / RATE
+    log = Log(time=t, joints=(Joint(name="a"),), position=q, torque=dry(v))
+    assert bool(said(log, "one direction only", cutoff=15.0)) is not both
+    assert (
+        "offset" in identify_motion([log], "a", gravity=False, symmetric=True, cutoff=15.0)[0].dynamics
+    ) is both
+
+
+def choice_of(terms, values, *, symmetric=False, error=0.1, condition=10.0):
+    knots = np.array([0.0, 2.0])
+    form = next(f for f in curves.forms(knots, {"line": knots}, True) if f.symmetric is symmetric)
+    r = len(terms) + form.spread.shape[1]
+    candidate = design.Candidate(terms=terms, form=form, spread=np.zeros((len(design.COLUMNS) + 4, r)))
+    covariance = np.diag(np.full(r, error**2))
+    return design.Choice(
+        candidate=candidate, coefficients=np.array(values), covariance=covariance, left_out=np.zeros((1, r)),
+        condition=condition, loss={},
+    )  # fmt: skip
+
+
+FULL = ("inertia", "jerk", "offset", "gravity_sin", "gravity_cos", "model_torque")
+
+
+def test_coefficients_become_a_friction():
+    choice = choice_of(FULL, [0.5, 0.002, -1.0, 6.0, 2.0, 0.9, 3.0, 5.0, 2.0, 6.0])
+    found = as_friction(choice, choice.coefficients, Joint(name="x", unit="m"), (-1.0, 2.0))
+    got = {k: (e.value, e.unit, e.standard_error) for k, e in found.dynamics.items()}
+    assert got == {
+        "inertia": (0.5, "kg", pytest.approx(0.1)), "time_slip": (pytest.approx(0.004), "s", pytest.approx(0.2)),
+        "offset": (-1.0, "N", pytest.approx(0.1)), "gravity_sin": (6.0, "N", pytest.approx(0.1)),
+        "gravity_cos": (2.0, "N", pytest.approx(0.1)), "model_torque": (0.9, "1", pytest.approx(0.1)),
+    }  # fmt: skip
+    assert found.law.rate.values() == pytest.approx(
+        {"coulomb_positive": 3.0, "coulomb_negative": 2.0, "viscous_positive": 1.0, "viscous_negative": 2.0}
+    )
+    assert found.standard_errors["coulomb_negative"] == pytest.approx(0.1)
+    assert found.standard_errors["viscous_negative"] == pytest.approx(0.1 * np.sqrt(2.0) / 2.0)
+    assert (found.joint.name, found.validity.velocity, found.method, found.warnings) == (
+        "x",
+        (-1.0, 2.0),
+        "motion",
+        (),
+    )
+    negative = choice_of(("inertia", "jerk"), [-0.5, 0.002, 3.0, 5.0, 3.0, 5.0])
+    slip = as_friction(negative, negative.coefficients, Joint(name="x"), (-1.0, 2.0)).dynamics["time_slip"]
+    assert (slip.value, slip.standard_error) == (pytest.approx(-0.004), pytest.approx(0.2))
+
+
+GOOD = [0.5, 3.0, 5.0, 3.0, 5.0]
+
+
+@pytest.mark.parametrize(
+    ("terms", "values", "more", "both", "words"),
+    [
+        (("inertia",), GOOD, {}, True, ["A constant bias torque"]),
+        (("inertia",), [0.5, 3.0, 5.0], {"symmetric": True}, True, []),
+        (("inertia", "offset"), [0.5, 1.0, 3.0, 5.0], {"symmetric": True}, True, []),
+        (
+            ("inertia", "offset"),
+            [0.5, 1.0, 3.0, 5.0, 3.0, 5.0],
+            {},
+            True,
+            ["Friction at rest was taken as equal"],
+        ),
+        (
+            ("inertia",),
+            [0.5, 3.0, 5.0],
+            {"symmetric": True},
+            False,
+            ["The joint moved in one direction only"],
+        ),
+        (
+            ("inertia",),
+            [0.5, 3.0, 5.0],
+            {"symmetric": True, "condition": 1.01e4},
+            True,
+            ["separates the terms poorly"],
+        ),
+        (("inertia",), [0.5, 3.0, 5.0], {"symmetric": True, "condition": 0.99e4}, True, []),
+        (("inertia",), [-0.19, 3.0, 5.0], {"symmetric": True}, True, []),
+        (
+            ("inertia",),
+            [-0.21, 3.0, 5.0],
+            {"symmetric": True},
+            True,
+            ["The inertia came out negative (-0.21 kg.m^2)"],
+        ),
+        ((), [3.0, 5.0], {"symmetric": True}, True, []),
+        ((), [-1.0, 5.0], {"symmetric": True}, True, ["feeds energy in"]),
+        ((), [3.0, -0.1], {"symmetric": True}, True, ["feeds energy in"]),
+        ((), [3.0, 0.1], {"symmetric": True}, True, []),
+    ],
+)
+def test_remarks_on_a_motion(terms, values, more, both, words):
+    choice = choice_of(terms, values, **more)
+    found = as_friction(choice, choice.coefficients, Joint(name="x"), (-2.0, 2.0))
+    got = with_warnings(found, choice, both).warnings
+    assert len(got) == len(words) and all(w in g for w, g in zip(words, got))
+
+
+# ---------------------------------------------------------------------------------- what is chosen
+
+
+def losses_by_hand(X, y, options, count):
+    """Return each candidate's mean squared error on blocks that its fit left out."""
+    block = np.minimum(np.arange(y.size) * count // y.size, count - 1)
+    found = []
+    for o in options:
+        Z = X @ o.spread
+        left = np.empty(y.size)
+        for b in range(count):
+            theta = np.linalg.lstsq(Z[block != b], y[block != b], rcond=None)[0]
+            left[block == b] = y[block == b] - Z[block == b] @ theta
+        found.append(float(np.mean(left**2)))
+    return found
+
+
+def data(seed=3, n=900):
+    generator = np.random.default_rng(seed)
+    v = np.r_[np.linspace(0.05, 1.5, n // 2), -np.linspace(0.05, 1.5, n // 2)][generator.permutation(n)]
+    knots = np.array([0.0, 0.5, 1.0, 1.5])
+    X = np.column_stack([generator.standard_normal((n, 6)), curves.basis(v, knots)])
+    X[:, 2] = 1.0
+    return X, knots, generator.standard_normal(n)
+
+
+def choose(X, y, options, count=12):
+    blocks = regression.accumulate(X, y, np.ones(y.size), regression.block_index(y.size, count), count)
+    return design.choose(blocks, options)
+
+
+PLAIN = {
+    "dynamic": True,
+    "slip": False,
+    "gravity": False,
+    "model_torque": False,
+    "both_directions": True,
+    "symmetric": True,
+}
+
+
+@pytest.mark.parametrize(("ratio", "bent"), [(1.007, False), (1.013, True)])
+def test_the_simpler_model_is_kept_within_a_hundredth_of_the_best_loss(ratio, bent):
+    X, knots, noise = data()
+    options = design.candidates(knots, {"line": knots[[0, 3]], "all": knots}, **PLAIN)
+    low, high = 0.0, 5.0
+    for _ in range(50):  # the bend at which the losses have that ratio
+        bend = 0.5 * (low + high)
+        F = np.array([4.0, 4.5 - bend, 5.0, 5.5])
+        y = 0.8 * X[:, 0] + X[:, 6:] @ np.r_[F, F] + 0.3 * noise
+        straight, full = losses_by_hand(X, y, options, 12)
+        low, high = (bend, high) if straight < ratio * full else (low, bend)
+    got = choose(X, y, options)
+    assert list(got.loss.values()) == pytest.approx([straight, full], rel=1e-6)
+    assert got.candidate.form.name == ("all" if bent else "line")
+    Z = X @ got.candidate.spread
+    assert got.coefficients == pytest.approx(np.linalg.lstsq(Z, y, rcond=None)[0], rel=1e-6)
+    assert got.condition == pytest.approx(np.linalg.cond(Z / np.linalg.norm(Z, axis=0)), rel=1e-6)
+    keep = np.minimum(np.arange(900) * 12 // 900, 11) != 4
+    assert got.left_out[4] == pytest.approx(np.linalg.lstsq(Z[keep], y[keep], rcond=None)[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_without_noise_the_simplest_that_is_exact_is_chosen(seed):
+    """Left-out losses are then rounding, of either sign."""
+    X, knots, _ = data(seed)
+    F = np.array([4.0, 4.5, 5.0, 5.5])
+    options = design.candidates(
+        knots, {"line": knots[[0, 3]], "all": knots}, **(PLAIN | {"gravity": None, "slip": True})
+    )
+    got = choose(X, 0.8 * X[:, 0] + X[:, 6:] @ np.r_[F, F], options)
+    assert (got.candidate.terms, got.candidate.form.name) == (("inertia", "offset"), "line")
+    assert got.coefficients == pytest.approx([0.8, 0.0, 4.0, 5.5], abs=1e-8)
+
+
+def test_a_column_that_is_not_there_takes_its_candidates_away():
+    X, knots, noise = data()
+    y = 0.8 * X[:, 0] + X[:, 6:] @ np.r_[4.0, 4.5, 5.0, 5.5, 4.0, 4.5, 5.0, 5.5] + 0.3 * noise
+    options = design.candidates(knots, {"line": knots[[0, 3]]}, **(PLAIN | {"gravity": None}))
+    empty = X.copy()
+    empty[:, 3] = 0.0
+    assert all("gravity" in name for name in choose(X, y, options).loss if "gravity_sin" in name)
+    assert len(choose(X, y, options).loss) == 2 and len(choose(empty, y, options).loss) == 1
+    for share, kept in ((2e-9, 2), (0.5e-9, 1)):  # of the mean weight, for a knot of the curve
+        faint = X.copy()
+        faint[:, 7] *= np.sqrt(share * 900 / np.sum((X[:, 7] + X[:, 11]) ** 2))
+        faint[:, 11] *= np.sqrt(share * 900 / np.sum((X[:, 7] + X[:, 11]) ** 2))
+        wide = design.candidates(knots, {"line": knots[[0, 3]], "all": knots}, **PLAIN)
+        y = 0.8 * X[:, 0] + faint[:, 6:] @ np.r_[4.0, 4e9, 5.0, 5.5, 4.0, 4e9, 5.0, 5.5] + 1e-3 * noise
+        assert len(choose(faint, y, wide).loss) <= kept
+    with pytest.raises(NotIdentifiable, match="hardly moves"):
+        choose(0.0 * X, y, options)
+
+
+@pytest.mark.parametrize(
+    ("slip", "kept"), [(0.0195, True), (-0.0195, True), (0.0205, False), (-0.0205, False)]
+)
+def test_a_slip_above_twenty_milliseconds_is_something_else(slip, kept):
+    X, knots, noise = data()
+    y = (
+        0.8 * (X[:, 0] + slip * X[:, 1])
+        + X[:, 6:] @ np.r_[4.0, 4.5, 5.0, 5.5, 4.0, 4.5, 5.0, 5.5]
+        + 1e-3 * noise
+    )
+    options = design.candidates(knots, {"line": knots[[0, 3]]}, **(PLAIN | {"slip": True}))
+    assert ("inertia+jerk+offset | line" in choose(X, y, options).loss) is kept
+
+
+@pytest.mark.parametrize(("factor", "kept"), [(0.9, True), (1.15, False)])
+def test_a_knot_that_the_data_hardly_determine_is_not_worth_having(factor, kept):
+    """A knot's standard error is compared with a twentieth of the largest friction found."""
+    X, knots, noise = data()
+    options = design.candidates(knots, {"line": knots[[0, 3]], "all": knots}, **PLAIN)
+    F = np.array([4.0, 2.5, 4.5, 5.0])
+    Z = X @ options[-1].spread
+    block = np.minimum(np.arange(900) * 12 // 900, 11)
+
+    def share(size):
+        y = 0.8 * X[:, 0] + X[:, 6:] @ np.r_[F, F] + size * noise
+        theta = np.linalg.lstsq(Z, y, rcond=None)[0]
+        scores = np.array([Z[block == b].T @ (y - Z @ theta)[block == b] for b in range(12)])
+        bread = np.linalg.inv(Z.T @ Z)
+        student = 2.201 / 1.96  # 11 degrees of freedom
+        error = np.sqrt(np.diag(bread @ scores.T @ scores @ bread) * 12 / 11) * student
+        return y, error[2:].max() / np.abs(theta[2:]).max()
+
+    low, high = 0.0, 10.0
+    for _ in range(50):
+        size = 0.5 * (low + high)
+        y, got = share(size)
+        low, high = (size, high) if got < factor * 0.05 else (low, size)
+    assert any("| all" in name for name in choose(X, y, options).loss) is kept
+    assert any("| line" in name for name in choose(X, y, options).loss)
+
+
+@pytest.mark.parametrize(
+    ("inertia", "first", "by_direction"), [(-0.8, 4.0, False), (0.8, -2.0, False), (0.8, -2.0, True)]
+)
+def test_an_unsound_model_is_left_for_one_of_up_to_twice_the_loss(inertia, first, by_direction):
+    """A curve or an inertia that drives is taken only where a sound one has more than twice the loss."""
+    X, knots, noise = data()
+    options = design.candidates(
+        knots,
+        {"line": knots[[0, 3]], "all": knots},
+        **(PLAIN | {"dynamic": True, "symmetric": not by_direction}),
+    )
+    free = design.candidates(
+        knots, {"line": knots[[0, 3]]}, **(PLAIN | {"dynamic": False, "symmetric": not by_direction})
+    )
+    options = sorted([*options, *free], key=lambda o: o.size)
+
+    def sound(o, y):
+        theta = np.linalg.lstsq(X @ o.spread, y, rcond=None)[0]
+        k = len(o.terms)
+        curve, n = theta[k:], o.form.knots.size
+        ways = [curve] if o.form.symmetric else [curve[:n], curve[n:]]
+        if not o.form.symmetric:
+            ways = [w - sign * 0.5 * (curve[0] - curve[n]) for w, sign in zip(ways, (1.0, -1.0))]
+        fine = min(w.min() for w in ways) >= 0.0 or (not o.form.symmetric and curve.min() >= 0.0)
+        return fine and ("inertia" not in o.terms or theta[o.terms.index("inertia")] >= 0.0)
+
+    F = np.array([first, 4.5, 5.0, 5.5])
+    seen = set()
+    for size in (0.05, 0.4, 0.7, 0.78, 0.82, 0.9, 0.95, 1.0, 1.1, 1.5, 4.0):
+        y = inertia * X[:, 0] + X[:, 6:] @ np.r_[F, F] + size * noise
+        losses = losses_by_hand(X, y, options, 12)
+        good = [sound(o, y) for o in options]
+        got = choose(X, y, options)
+        listed = [f"{'+'.join(o.terms)} | {o.form.name}" in got.loss for o in options]
+        least = min(x for x, there in zip(losses, listed) if there)
+        fine = [x for x, g, there in zip(losses, good, listed) if g and there]
+        only = bool(fine) and min(fine) <= 2.0 * least
+        best = min(fine) if only else least
+        wanted = next(
+            o
+            for o, x, g, there in zip(options, losses, good, listed)
+            if there and (g or not only) and x <= 1.01 * best
+        )
+        assert (got.candidate.terms, got.candidate.form.name) == (wanted.terms, wanted.form.name), size
+        seen.add(only)
+    assert len(seen) == 2
