@@ -7,10 +7,6 @@ import sys
 
 import numpy as np
 import pytest
-from backdrive.readers import bag, db3
-from backdrive.readers._jointstate import Gatherer
-from backdrive.readers.columns import ReadOptions
-from backdrive.readers.limits import Limits
 
 from _joint_states import STATE, state
 from backdrive.errors import (
@@ -21,6 +17,10 @@ from backdrive.errors import (
     TruncatedFile,
     UnknownFormat,
 )
+from backdrive.logs.readers import bag, db3
+from backdrive.logs.readers._jointstate import Gatherer
+from backdrive.logs.readers.columns import ReadOptions
+from backdrive.logs.readers.limits import Limits
 
 OPTIONS = ReadOptions()
 TRIPLES = ("position", "velocity", "effort")

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from backdrive.log import Drive, Source
-from backdrive.readers import _channels, _expression
-from backdrive.readers.columns import Columns
-from backdrive.readers.mapping import to_log
 
 from backdrive.errors import InvalidInput, MappingError
+from backdrive.logs.log import Drive, Source
+from backdrive.logs.readers import _channels, _expression
+from backdrive.logs.readers.columns import Columns
+from backdrive.logs.readers.mapping import to_log
 
 T = 0.5 * np.arange(4)
 Q = np.arange(8.0).reshape(4, 2)

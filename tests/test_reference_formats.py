@@ -8,16 +8,6 @@ import zlib
 
 import numpy as np
 import pytest
-from backdrive.log import Drive
-from backdrive.readers import (
-    hdf5,
-    json_,
-    mat,
-    npz,
-    parquet,
-)
-from backdrive.readers.columns import ReadOptions
-from backdrive.readers.limits import Limits
 
 from backdrive.errors import (
     FileTooLarge,
@@ -26,6 +16,16 @@ from backdrive.errors import (
     ReadError,
     TruncatedFile,
 )
+from backdrive.logs.log import Drive
+from backdrive.logs.readers import (
+    hdf5,
+    json_,
+    mat,
+    npz,
+    parquet,
+)
+from backdrive.logs.readers.columns import ReadOptions
+from backdrive.logs.readers.limits import Limits
 
 OPTIONS = ReadOptions()
 Q = np.arange(12.0).reshape(6, 2)

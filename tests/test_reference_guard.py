@@ -12,11 +12,6 @@ import time
 
 import numpy as np
 import pytest
-from backdrive.log import CHANNELS, Drive
-from backdrive.readers import _formats, _worker, columns, guard, peek, read_columns, read_log, read_logs
-from backdrive.readers.columns import Columns, ReadOptions
-from backdrive.readers.guard import Guard
-from backdrive.readers.limits import Limits
 
 from backdrive import errors
 from backdrive.errors import (
@@ -28,6 +23,11 @@ from backdrive.errors import (
     ReaderTimeout,
     UnknownFormat,
 )
+from backdrive.logs.log import CHANNELS, Drive
+from backdrive.logs.readers import _formats, _worker, columns, guard, peek, read_columns, read_log, read_logs
+from backdrive.logs.readers.columns import Columns, ReadOptions
+from backdrive.logs.readers.guard import Guard
+from backdrive.logs.readers.limits import Limits
 
 OPTIONS = ReadOptions()
 Q = np.arange(12.0).reshape(6, 2)
@@ -206,7 +206,7 @@ def test_folders_hold_logs_of_one_kind_bags_or_nothing(tmp_path):
         (tmp_path / "bags" / name).mkdir(parents=True)
         (tmp_path / "bags" / name / "metadata.yaml").write_text("x")
         (tmp_path / "bags" / name / "x.mcap").write_bytes(b"\x89MCAP0\r\n")
-    from backdrive.readers import _expanded
+    from backdrive.logs.readers import _expanded
 
     assert [p.name for p in _expanded(tmp_path / "bags", None)] == ["r2", "r10"]
     with pytest.raises(ReadError, match="No log was named"):
@@ -260,7 +260,7 @@ def test_names_are_listed_with_or_without_blanks(tmp_path):
     ],
 )
 def test_whatever_goes_wrong_in_a_reader_is_a_typed_error(monkeypatch, raised, seen, words):
-    from backdrive.readers import json_
+    from backdrive.logs.readers import json_
 
     def fail(path, options):
         raise raised
@@ -457,7 +457,7 @@ def test_the_worker_answers_line_by_line(tmp_path):
 import json, os, resource, signal, sys
 signal.signal(signal.SIGALRM, signal.SIG_IGN)
 from backdrive import errors
-from backdrive.readers import _worker, csv_, json_
+from backdrive.logs.readers import _worker, csv_, json_
 read = json_.read
 def told(where):
     left = signal.getitimer(signal.ITIMER_REAL)[0]
@@ -512,7 +512,7 @@ _worker.main()
 
 def test_what_the_worker_gives_up():
     code = (
-        "import resource, signal, sys, os\nfrom backdrive.readers import _worker\n"
+        "import resource, signal, sys, os\nfrom backdrive.logs.readers import _worker\n"
         "_worker._lock(); _worker._bound_memory(64 << 20)\n"
         "used = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize() if os.path.exists('/proc') else 0\n"
         "print(resource.getrlimit(resource.RLIMIT_CORE), resource.getrlimit(resource.RLIMIT_FSIZE), sys.dont_write_bytecode)\n"
@@ -529,7 +529,7 @@ def test_what_the_worker_gives_up():
 
 def test_the_worker_may_do_at_import_what_no_file_may(tmp_path):
     for parsing, refused in (("", False), ("_worker._parsing.append('x');", True)):
-        code = "import os; from backdrive.readers import _worker; _worker._lock(); "
+        code = "import os; from backdrive.logs.readers import _worker; _worker._lock(); "
         code += f"{parsing} os.rename({str(tmp_path / 'a')!r}, 'b')"
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
         assert ("ForbiddenContent: The file led its parser to os.rename." in done.stderr) is refused

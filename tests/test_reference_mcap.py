@@ -5,10 +5,6 @@ import struct
 import zlib
 
 import pytest
-from backdrive.readers import mcap
-from backdrive.readers._chunks import Damaged, expand
-from backdrive.readers.columns import ReadOptions
-from backdrive.readers.limits import Limits
 
 from _joint_states import STATE, state
 from backdrive.errors import (
@@ -18,6 +14,10 @@ from backdrive.errors import (
     TruncatedFile,
     UnknownFormat,
 )
+from backdrive.logs.readers import mcap
+from backdrive.logs.readers._chunks import Damaged, expand
+from backdrive.logs.readers.columns import ReadOptions
+from backdrive.logs.readers.limits import Limits
 
 OPTIONS = ReadOptions()
 

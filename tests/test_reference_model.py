@@ -6,12 +6,12 @@ import warnings
 
 import numpy as np
 import pytest
-from backdrive.log import Joint
-from backdrive.model_file import decode, encode
 
 from backdrive.errors import ExtrapolationWarning, InvalidInput, ModelFileError, NegativeFrictionWarning
 from backdrive.laws import CoulombViscous, Law, Polyline
+from backdrive.logs.log import Joint
 from backdrive.model import FrictionModel, JointFriction, Validity
+from backdrive.model.file import decode, encode
 
 
 def friction(rate, low, high, name="a", unit="rad"):

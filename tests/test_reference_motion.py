@@ -8,7 +8,7 @@ from backdrive.identification import curves, design, dynamics, motion, regressio
 from backdrive.identification.evidence import verdict
 from backdrive.identification.motion import as_friction, identify_motion, with_warnings
 from backdrive.identification.signals import prepare
-from backdrive.log import Joint, Log
+from backdrive.logs.log import Joint, Log
 
 RATE = 200.0
 TONES = ((0.13, 0.9, 0.3), (0.31, 0.35, 1.1), (0.77, 0.12, 2.0), (1.9, 0.02, 0.7))  # Hz, rad, rad

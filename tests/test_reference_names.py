@@ -1,7 +1,8 @@
 """What names alone say: which column is which channel, which joints there are, and where a doubt remains."""
 
 import pytest
-from backdrive.readers import _names, units
+
+from backdrive.logs.readers import _names, units
 
 ALIASES = {
     "time": "time t timestamp timestamps mt times stamp time_stamp header_stamp sec secs seconds elapsed elapsed_time",

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.filters import derivative
 from backdrive.identification import presliding as module
 from backdrive.identification.presliding import identify_ramp
 from backdrive.identification.ramp import Presliding, presliding
-from backdrive.log import Joint, Log
+from backdrive.logs.filters import derivative
+from backdrive.logs.log import Joint, Log
 
 RATE, STIFF = 1000.0, 1e5
 NAN = float("nan")

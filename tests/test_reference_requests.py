@@ -8,13 +8,11 @@ import pytest
 
 from backdrive import Joint, Log, identify
 from backdrive.errors import InvalidInput, NotIdentifiable, UnhealthyLog, UnknownName
-from backdrive.excite import ConstantVelocity, InTurn, Multisine, Sweep, TorqueRamp
 from backdrive.identification import validate
 from backdrive.identification.auto import METHODS, choose_method, moving_joints, own_turn
+from backdrive.identification.options import APPLIES, Options
 from backdrive.identification.request import (
-    APPLIES,
     apart,
-    applicable,
     healthy,
     in_order,
     move_together,
@@ -24,8 +22,9 @@ from backdrive.identification.request import (
 )
 from backdrive.identification.result import Curve, JointEvidence, Samples
 from backdrive.laws import CoulombViscous, Law
-from backdrive.log import Source
+from backdrive.logs.log import Drive, Source
 from backdrive.model import Estimate, FrictionModel, JointFriction, Quality, Validity
+from backdrive.plans import ConstantVelocity, InTurn, Multisine, Sweep, TorqueRamp, plan_to_dict
 
 LINE = CoulombViscous(coulomb_positive=5.0, coulomb_negative=4.0, viscous_positive=1.0, viscous_negative=2.0)
 
@@ -79,44 +78,73 @@ def test_plans_are_one_for_all_or_one_each():
 
 
 FOR = {
-    "law": ("motion", "constant-velocity"), "gravity": ("motion",), "literal": ("sweep",), "timing": ("sweep",),
-    "payloads": ("sweep",), "cutoff": ("motion", "arm"), "joints": ("sweep", "constant-velocity", "motion", "ramp"),
-    "urdf": ("arm",),
+    "law": ("motion", "constant-velocity", "dynamic"), "gravity": ("motion", "dynamic"), "literal": ("sweep",),
+    "timing": ("sweep",), "payloads": ("sweep",), "cutoff": ("motion", "arm", "dynamic"),
+    "joints": ("sweep", "constant-velocity", "motion", "ramp", "dynamic"), "urdf": ("arm",), "delay": ("dynamic",),
+    "bounds": ("dynamic",), "known": ("dynamic",), "drive": ("dynamic",), "loss": ("dynamic",), "interval": ("dynamic",),
+    "step": ("dynamic",), "seed": ("dynamic",), "symmetric": ("sweep", "constant-velocity", "motion", "ramp", "arm"),
 }  # fmt: skip
 SET = {
     "law": "polyline", "gravity": True, "literal": True, "timing": "sample", "payloads": [(1.0, 2.0)], "cutoff": 9.0,
-    "joints": ["a"], "urdf": "r.urdf",
+    "joints": ["a"], "urdf": "r.urdf", "delay": False, "bounds": {"inertia": (1.0, 2.0)}, "known": {"inertia": 1.0},
+    "drive": Drive(law="torque"), "loss": "linear", "interval": "profile", "step": 1e-3, "seed": 3, "symmetric": True,
 }  # fmt: skip
-UNSET = {name: None for name in FOR}
 
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("option", FOR)
 def test_an_option_is_for_some_methods_and_refused_by_the_others(option, method):
     assert set(APPLIES) == set(FOR)
-    values = [SET[option], *([False] if option == "gravity" else [])]
+    values = [SET[option], *([False] if option in ("gravity", "symmetric") else [])]
     for value in values:
         if method in FOR[option]:
-            applicable(method, **(UNSET | {option: value}))
+            Options(**{option: value}).applicable(method)
         else:
             with pytest.raises(InvalidInput, match=f"'{option}' does not apply to the method '{method}'"):
-                applicable(method, **(UNSET | {option: value}))
-    for nothing in (None, [], (), *([False] if option != "gravity" else [])):
-        if option != "cutoff" or nothing is None:
-            applicable(method, **(UNSET | {option: nothing}))
+                Options(**{option: value}).applicable(method)
+    usual = getattr(Options(), option)
+    for nothing in (usual, *((None, [], ()) if usual is None else ())):
+        Options(**{option: nothing}).applicable(method)
 
 
 def test_options_that_do_not_go_together_are_refused():
-    paid = UNSET | {"payloads": [(1.0, 2.0)]}
-    applicable("sweep", **paid, symmetric=None)
-    applicable("sweep", **paid | {"literal": False})
-    applicable("sweep", **UNSET | {"literal": True})
-    with pytest.raises(InvalidInput, match="'literal' does not go with a payload"):
-        applicable("sweep", **paid | {"literal": True})
-    for cutoff in (0.0, -1.0, float("nan")):
-        with pytest.raises(InvalidInput, match="cutoff = "):
-            applicable("motion", **UNSET | {"cutoff": cutoff})
-    applicable("arm", **UNSET | {"cutoff": 0.1})
+    paid = {"payloads": [(1.0, 2.0)]}
+    Options(**paid, symmetric=None).applicable("sweep")
+    Options(**paid, literal=False).applicable("sweep")
+    Options(literal=True).applicable("sweep")
+    for other in ("literal", "symmetric"):
+        with pytest.raises(InvalidInput, match=f"'{other}' does not go with a payload"):
+            Options(**paid, **{other: True}).applicable("sweep")
+    for name in ("cutoff", "step"):
+        for value in (0.0, -1.0, float("nan"), float("inf")):
+            with pytest.raises(InvalidInput, match=f"{name} = "):
+                Options(**{name: value}).check()
+        Options(**{name: 0.1}).check()
+    for seed in (-1, 1.5, True):
+        with pytest.raises(InvalidInput, match="seed = "):
+            Options(seed=seed).check()
+    Options(seed=0).check()
+
+
+def test_a_model_remembers_what_was_asked_and_not_the_defaults():
+    assert Options().remembered("motion", None, []) == {"method": "motion"}
+    assert Options().remembered("dynamic", None, []) == {"method": "dynamic", "seed": 0, "loss": "huber"}
+    asked = Options(
+        law=("m1", "m2"),
+        bounds={"inertia": (1, 2)},
+        known={"offset": 0},
+        payloads=[(1.0, 2.0)],
+        gravity=False,
+    )
+    plan = Sweep(0.5, 2.0, 4)
+    held = log_of("a", source="x")
+    memory = asked.remembered("sweep", [plan, plan], [held], reading={}, more=3)
+    assert memory == {
+        "method": "sweep", "law": ["m1", "m2"], "bounds": {"inertia": [1.0, 2.0]}, "known": {"offset": 0.0},
+        "payloads": [[1.0, 2.0]], "gravity": False, "plan": [plan_to_dict(plan)] * 2, "more": 3,
+        "held_out": [{"path": held.sources[0].path, "sha256": held.sources[0].sha256}],
+    }  # fmt: skip
+    assert asked.remembered("sweep", plan, [])["plan"] == plan_to_dict(plan)
 
 
 def test_a_clock_below_fifty_hertz_is_said():
@@ -582,7 +610,7 @@ def test_joints_that_cannot_be_identified_are_left_out_with_a_word(asked):
 
 
 def test_no_joint_left_is_an_error(asked, monkeypatch):
-    import backdrive.identification as package
+    from backdrive.identification import pipeline as package
 
     monkeypatch.setattr(package, "moving_joints", lambda logs, joints: (["bad", "bad"], []))
     with pytest.raises(NotIdentifiable, match="No joint could be identified"):

@@ -9,7 +9,7 @@ from backdrive.errors import NotIdentifiable
 from backdrive.identification.constant_velocity import identify_constant_velocity
 from backdrive.identification.evidence import verdict
 from backdrive.identification.runs import find_runs, gravity_of, whole_run, without_gravity
-from backdrive.log import Joint, Log
+from backdrive.logs.log import Joint, Log
 
 SPEEDS = [*np.linspace(0.1, 2.0, 10), *-np.linspace(0.1, 2.0, 10)]
 

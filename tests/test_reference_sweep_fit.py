@@ -8,7 +8,7 @@ from backdrive.identification.sweep_fit import REMEDY, fit
 from backdrive.identification.sweep_knots import SweepKnots, clamped, to_polyline
 from backdrive.identification.sweep_shown import verdict
 from backdrive.laws import Law, Polyline
-from backdrive.log import Joint
+from backdrive.logs.log import Joint
 from backdrive.model import JointFriction, Quality, Validity
 
 SPEEDS = np.array([0.5, 1.0, 1.5, 2.0])

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.excite import InTurn, Sweep
 from backdrive.identification import dynamics, sweep_delay
 from backdrive.identification.function_a import corrected, function_a, literal
 from backdrive.identification.signals import prepare
@@ -16,7 +15,8 @@ from backdrive.identification.sweep_fit import fit
 from backdrive.identification.sweep_knots import SweepKnots, ordered
 from backdrive.identification.sweep_shown import error_of_curve, judged, verdict
 from backdrive.identification.sweep_windows import Windows, turning_points, windows
-from backdrive.log import Joint, Log
+from backdrive.logs.log import Joint, Log
+from backdrive.plans import InTurn, Sweep
 
 A, V, RATE = np.deg2rad(20), 2.0, 250.0
 PLAN = Sweep(A, V, 4)

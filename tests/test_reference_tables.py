@@ -5,11 +5,11 @@ import sys
 
 import numpy as np
 import pytest
-from backdrive.readers import _dialect, csv_
-from backdrive.readers.columns import ReadOptions
-from backdrive.readers.limits import Limits
 
 from backdrive.errors import FileTooLarge, ReadError, UnknownFormat
+from backdrive.logs.readers import _dialect, csv_
+from backdrive.logs.readers.columns import ReadOptions
+from backdrive.logs.readers.limits import Limits
 
 
 def sniffed(text, whole=True, encoding="utf-8"):

@@ -32,6 +32,7 @@ APPLIES: dict[str, tuple[str, ...]] = {
     "cutoff": ("motion", "arm", "dynamic"),
     "joints": ("sweep", "constant-velocity", "motion", "ramp", "dynamic"),
     "urdf": ("arm",),
+    "symmetric": ("sweep", "constant-velocity", "motion", "ramp", "arm"),  # else the law's name says it
     **dict.fromkeys(("delay", "bounds", "known", "drive", "loss", "interval", "step", "seed"), ("dynamic",)),
 }
 
@@ -100,11 +101,6 @@ class Options:
                     f"'{other}' does not go with a payload.",
                     remedy="Leave it out: both directions have a curve of their own.",
                 )
-        if method == "dynamic" and self.symmetric is not None:
-            raise InvalidInput(
-                "'symmetric' does not apply to the method 'dynamic'.",
-                remedy="The law's name says it: leave it out.",
-            )
 
     def check(self) -> None:
         """Refuse arguments that no log could make sense of.

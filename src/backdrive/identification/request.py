@@ -72,38 +72,6 @@ def planned(logs: Sequence[Log], plan: Any) -> list[Log]:
 
 SLOW = 50.0  # a sampling rate below this makes a result suspect [Hz]
 
-#: Option -> the methods that it is for.
-APPLIES = {
-    "law": ("motion", "constant-velocity"),
-    "gravity": ("motion",),
-    "literal": ("sweep",),
-    "timing": ("sweep",),
-    "payloads": ("sweep",),
-    "cutoff": ("motion", "arm"),
-    "joints": ("sweep", "constant-velocity", "motion", "ramp"),
-    "urdf": ("arm",),
-}
-
-
-def applicable(method: str, **options: Any) -> None:
-    """Refuse an option that the method would ignore."""
-    for name, value in options.items():
-        if value in (None, False, [], ()) and not (name == "gravity" and value is False):
-            continue
-        if method not in APPLIES[name]:
-            raise InvalidInput(
-                f"'{name}' does not apply to the method '{method}'.",
-                remedy=f"It is for {', '.join(APPLIES[name])}: leave it out, or choose another method.",
-            )
-    for other in ("literal", "symmetric"):
-        if options["payloads"] and options.get(other) not in (None, False):
-            raise InvalidInput(
-                f"'{other}' does not go with a payload.",
-                remedy="Leave it out: both directions have a curve of their own.",
-            )
-    if options["cutoff"] is not None and not options["cutoff"] > 0:
-        raise InvalidInput(f"cutoff = {options['cutoff']} Hz.", remedy="Give a positive frequency.")
-
 
 def slow_clock(logs: Sequence[Log]) -> list[str]:
     """Say where the sampling is too slow to differentiate, or the time in another unit."""

@@ -104,4 +104,4 @@ class Dither:
 
 
 #: The row of no dither: a mode below them all.
-NONE = np.full(ROW, -np.inf)
+NONE = np.full(ROW, -1.0)
