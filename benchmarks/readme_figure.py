@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from backdrive.report.pictures.curve import save_curve_png
 
 from backdrive.identification import Curve, identify
 from backdrive.plans import Sweep
+from backdrive.report.pictures.curve import save_curve_png
 from backdrive.simulation.machines import machine
 from backdrive.simulation.open_loop import simulate
 

@@ -5,19 +5,19 @@ from dataclasses import replace
 import numba as nb
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from _loops import Bench
+from backdrive.control import Unguarded
 from backdrive.control.compensators import alg_fc, disturbance_observer, lugre_observer
 from backdrive.control.compensators.extras import DisturbanceObserver
 from backdrive.control.estimators import Adaptation
 from backdrive.control.estimators.external import METHODS, ExternalForce
 from backdrive.control.estimators.friction import alg_fe
 from backdrive.control.estimators.level import adapted, learned
-from backdrive.identification.drift import passive_level
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
-from _loops import Bench
-from backdrive.control import Unguarded
 from backdrive.errors import InvalidInput
+from backdrive.identification.drift import passive_level
 from backdrive.laws import CoulombViscous, Law, LuGre, Sigmoid, StribeckGauss
 from backdrive.simulation.closed_loop import Scene, play
 from backdrive.simulation.hand import Hand, strokes

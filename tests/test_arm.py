@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from backdrive.control.compensators import alg_fc, nothing
 
 from _loops import guarded
+from backdrive.control.compensators import alg_fc, nothing
 from backdrive.errors import InvalidInput
 from backdrive.laws import Coulomb, Law
 from backdrive.simulation.arm import Arm, hp3j, local_servos

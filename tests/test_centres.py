@@ -6,16 +6,6 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 import pytest
-from backdrive.plans.centres import (
-    WORST_GAIN,
-    choose_centers,
-    condition,
-    least_gain,
-    mean_cosine,
-    noise_gain,
-    sweeps_about,
-    width_for,
-)
 
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.dynamics import predict
@@ -28,6 +18,16 @@ from backdrive.identification.sweep_payload import identify_payload
 from backdrive.identification.sweep_windows import windows
 from backdrive.laws import GearLoad, Law, Polyline
 from backdrive.plans import Sweep
+from backdrive.plans.centres import (
+    WORST_GAIN,
+    choose_centers,
+    condition,
+    least_gain,
+    mean_cosine,
+    noise_gain,
+    sweeps_about,
+    width_for,
+)
 from backdrive.plans.limits import JointLimits
 from backdrive.simulation.machines import joint_1
 from backdrive.simulation.open_loop import simulate

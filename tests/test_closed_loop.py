@@ -3,12 +3,12 @@
 import numba as nb
 import numpy as np
 import pytest
-from backdrive.control.compensators import Dither, alg_fc, alg_fc2
-from backdrive.control.estimators.external import ExternalForce
-from backdrive.control.estimators.friction import alg_fe, between_counts
 
 from _loops import Bench
 from backdrive.control import Admittance, Unguarded
+from backdrive.control.compensators import Dither, alg_fc, alg_fc2
+from backdrive.control.estimators.external import ExternalForce
+from backdrive.control.estimators.friction import alg_fe, between_counts
 from backdrive.engine.servo import Servo
 from backdrive.errors import InvalidInput
 from backdrive.laws import Coulomb, CoulombViscous, Law

@@ -5,6 +5,11 @@ from functools import cache
 import numba as nb
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from _loops import bench
+from backdrive.control import Unguarded
 from backdrive.control.compensators import (
     Compensator,
     Dither,
@@ -21,11 +26,6 @@ from backdrive.control.compensators import (
 from backdrive.control.compensators.extras import BristleObserver, DisturbanceObserver, Pulses
 from backdrive.control.estimators import friction as friction_
 from backdrive.control.estimators.friction import FrictionEstimator, alg_fe, alg_fe2, between_counts, ct, ha
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
-from _loops import bench
-from backdrive.control import Unguarded
 from backdrive.engine.servo import Servo
 from backdrive.errors import InvalidInput
 from backdrive.laws import (

@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
+from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.drift import (
     change_of,
     identify_thermal,
@@ -12,8 +14,6 @@ from backdrive.identification.drift import (
     virtual_temperature,
 )
 from backdrive.identification.drift.change import REPEAT, chance, kind_of
-
-from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.laws import M1, CoulombViscous, Law, Polyline
 from backdrive.logs.log import Joint, Log
 from backdrive.model import Estimate, JointFriction, Validity

@@ -5,10 +5,10 @@ import sys
 import numba as nb
 import numpy as np
 import pytest
-from backdrive.control.estimators import REGRESSORS, AdaptiveFriction, RecursiveLeastSquares
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from backdrive.control.estimators import REGRESSORS, AdaptiveFriction, RecursiveLeastSquares
 from backdrive.engine import rollout
 from backdrive.engine.tick import Tick
 from backdrive.errors import InvalidInput, UnknownName

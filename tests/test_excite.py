@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from backdrive.plans.tables import csv_text, npz_bytes, sample, trajectory_yaml, yaml_number
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -41,6 +40,7 @@ from backdrive.plans import (
     stroke_for_bias,
 )
 from backdrive.plans.limits import JointLimits, read_limits
+from backdrive.plans.tables import csv_text, npz_bytes, sample, trajectory_yaml, yaml_number
 
 DEG = math.pi / 180
 SWEEP = Sweep(20 * DEG, 2.0, 10, center=0.4, start=1.5, joint="j1")

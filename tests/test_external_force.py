@@ -3,13 +3,13 @@
 import numba as nb
 import numpy as np
 import pytest
-from backdrive.control.estimators.external import METHODS, ExternalForce
-from backdrive.control.estimators.friction import alg_fe, alg_fe2, ha
-from backdrive.control.estimators.sliding_mode import MotionFilter
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from backdrive.control import Unguarded
+from backdrive.control.estimators.external import METHODS, ExternalForce
+from backdrive.control.estimators.friction import alg_fe, alg_fe2, ha
+from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput
 from backdrive.laws import Coulomb, CoulombViscous, Law
 from backdrive.simulation import machine

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from backdrive.report.pictures import _signature_data as data
-from backdrive.report.pictures import signatures
 
 from backdrive.laws import ELEMENTS, RATES, Coulomb, Dahl, Law, pages
 from backdrive.laws.base import Parameter
 from backdrive.laws.examples import example
+from backdrive.report.pictures import _signature_data as data
+from backdrive.report.pictures import signatures
 
 ROOT = Path(__file__).resolve().parent.parent
 NAMES = [*RATES, *ELEMENTS]

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from backdrive.control.estimators.external import ExternalForce
 
+from backdrive.control.estimators.external import ExternalForce
 from backdrive.thesis import _league_joints as joints_
 from backdrive.thesis import league
 from backdrive.thesis._league_methods import METHODS

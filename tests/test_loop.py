@@ -7,6 +7,12 @@ import tracemalloc
 import numba as nb
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from _loops import Bench, guarded
+from backdrive.control import Admittance, JointLoop, Loop, Unguarded, torque_limit
+from backdrive.control.admittance import tick as admit
 from backdrive.control.compensators import (
     Dither,
     alg_fc,
@@ -20,12 +26,6 @@ from backdrive.control.compensators import (
 from backdrive.control.compensators.extras import BristleObserver, DisturbanceObserver, Pulses
 from backdrive.control.estimators.external import METHODS, ExternalForce
 from backdrive.control.estimators.friction import alg_fe, alg_fe2
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
-from _loops import Bench, guarded
-from backdrive.control import Admittance, JointLoop, Loop, Unguarded, torque_limit
-from backdrive.control.admittance import tick as admit
 from backdrive.errors import InvalidInput
 from backdrive.laws import Coulomb, CoulombViscous, Law, LuGre, StribeckGauss
 from backdrive.laws.examples import ELEMENT_EXAMPLES, RATE_EXAMPLES

@@ -6,6 +6,9 @@ import pickle
 import numba as nb
 import numpy as np
 import pytest
+
+from _loops import guarded
+from backdrive.control import JointLoop, Loop, Unguarded, envelope, torque_limit
 from backdrive.control.compensators import (
     Compensator,
     Dither,
@@ -20,9 +23,6 @@ from backdrive.control.compensators.extras import BristleObserver, DisturbanceOb
 from backdrive.control.estimators.external import ExternalForce
 from backdrive.control.estimators.friction import alg_fe
 from backdrive.control.estimators.level import Adaptation
-
-from _loops import guarded
-from backdrive.control import JointLoop, Loop, Unguarded, envelope, torque_limit
 from backdrive.control.guard import window
 from backdrive.errors import InvalidInput, LimitWarning
 from backdrive.laws import CoulombViscous, HaywardArmstrong, Law, LuGre

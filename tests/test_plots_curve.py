@@ -7,15 +7,15 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+
+from _example_identification import HOSTILE, example, truths
+from backdrive.errors import InvalidInput
+from backdrive.laws import CoulombViscous, Law
 from backdrive.report.pictures import residuals, sizes
 from backdrive.report.pictures.curve import save_curve_png, save_curves
 from backdrive.report.pictures.directions import medians
 from backdrive.report.pictures.model_curve import knots_of, largest_error, model_curve
 from backdrive.report.pictures.terminal import plot_lines
-
-from _example_identification import HOSTILE, example, truths
-from backdrive.errors import InvalidInput
-from backdrive.laws import CoulombViscous, Law
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,9 @@ from math import copysign, cos, exp, inf, nan, pi, sin, sqrt
 import numba as nb
 import numpy as np
 import pytest
+
+from backdrive.control import Admittance, JointLoop, Loop
+from backdrive.control.admittance import tick as admit
 from backdrive.control.compensators import (
     Dither,
     alg_fc,
@@ -29,9 +32,6 @@ from backdrive.control.estimators.friction import FrictionEstimator, alg_fe, alg
 from backdrive.control.estimators.friction import tick as friction_tick
 from backdrive.control.estimators.level import adapted, learned
 from backdrive.control.estimators.sliding_mode import MotionFilter
-
-from backdrive.control import Admittance, JointLoop, Loop
-from backdrive.control.admittance import tick as admit
 from backdrive.errors import InvalidInput
 from backdrive.laws import Coulomb, CoulombViscous, Decaying, Law, LuGre, Sigmoid, StribeckGauss
 from backdrive.status import Status
@@ -681,6 +681,8 @@ def test_what_is_taken_where_nothing_is_said():
         1e-4,
     )
     assert (contact.friction.law.element.stiffness, contact.friction.law.element.damping) == (1e3, 4.0)
+    beside = impulsive(RATE, 1e3, Pulses(height=2.0)).friction.law.element
+    assert (beside.stiffness, beside.decay_rate) == (1e3, 20.0)
     mo = mahvash_okamura(RATE, 1e3, 0.8)
     assert (mo.share, mo.friction.law.element.stiffness, mo.friction.law.element.damping) == (0.8, 1e3, 0.0)
 

@@ -227,6 +227,16 @@ def test_the_span_of_a_law_is_that_under_its_load_at_its_temperature():
             assert way == pytest.approx((3.0, 3.0 + peak, slope))
 
 
+def test_advice_is_given_where_the_bounds_of_one_direction_change_with_speed():
+    """S_b alone bends the bound of the direction in which the load drives the motor back."""
+    half = replace(RATE_EXAMPLES["gear-load"], driving=0.0)
+    for name, e in ELEMENT_EXAMPLES.items():
+        if isinstance(e, (BlimanSorine, GMS)):
+            assert e.advice(half) == "", name
+            for load in ((0.0, -10.0), (0.0, 10.0)):
+                assert name.split("+")[-1] in e.advice(half, load), name
+
+
 def test_advice_on_a_bristles_damping_says_what_it_needs():
     """sigma_1 (F_s - F_c)/F_c = 30 (6 - 4)/4 = 15 and 4 sqrt(2 e) F_c/sigma_1 = 1.24354; a law that is flat needs nothing."""
     for name in ("lugre", "elastoplastic"):

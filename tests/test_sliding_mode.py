@@ -3,10 +3,10 @@
 import numba as nb
 import numpy as np
 import pytest
-from backdrive.control.estimators.sliding_mode import MotionFilter, advance, motion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from backdrive.control.estimators.sliding_mode import MotionFilter, advance, motion
 from backdrive.errors import InvalidInput
 from backdrive.simulation.hand import minimum_jerk
 

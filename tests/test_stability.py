@@ -5,14 +5,14 @@ from dataclasses import replace
 import numba as nb
 import numpy as np
 import pytest
+
+from backdrive.control import Unguarded
 from backdrive.control.compensators import Dither
+from backdrive.laws import Coulomb, Decaying, HaywardArmstrong, Law, kernels
+from backdrive.simulation.closed_loop import play
 from backdrive.tuning import rules, scenes
 from backdrive.tuning.facts import Facts
 from backdrive.tuning.goals import compensator
-
-from backdrive.control import Unguarded
-from backdrive.laws import Coulomb, Decaying, HaywardArmstrong, Law, kernels
-from backdrive.simulation.closed_loop import play
 
 JIT = not nb.config.DISABLE_JIT
 needs_jit = pytest.mark.skipif(not JIT, reason="simulates seconds of motion")

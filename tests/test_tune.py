@@ -8,15 +8,6 @@ from unittest import mock
 import numba as nb
 import numpy as np
 import pytest
-from backdrive.tuning import facts_of, load_tunings, save_tunings, tune
-from backdrive.tuning.facts import curve_of, shared
-from backdrive.tuning.goals import goal_of
-from backdrive.tuning.margins import least_breaking, with_value
-from backdrive.tuning.propose import _rows, fixed_rule
-from backdrive.tuning.reasons import origin
-from backdrive.tuning.safety import calmed, ends, safe
-from backdrive.tuning.scenes import corners, drawn, likely, stated
-from backdrive.tuning.search import inverse, place, search
 from typer.testing import CliRunner
 
 from backdrive.cli import app
@@ -26,6 +17,15 @@ from backdrive.errors import InvalidInput, ModelFileError, NotIdentifiable
 from backdrive.laws import Coulomb, CoulombViscous, HaywardArmstrong, Law, Polyline, Sigmoid
 from backdrive.logs.log import Joint
 from backdrive.model import Estimate, FrictionModel, JointFriction, Validity
+from backdrive.tuning import facts_of, load_tunings, save_tunings, tune
+from backdrive.tuning.facts import curve_of, shared
+from backdrive.tuning.goals import goal_of
+from backdrive.tuning.margins import least_breaking, with_value
+from backdrive.tuning.propose import _rows, fixed_rule
+from backdrive.tuning.reasons import origin
+from backdrive.tuning.safety import calmed, ends, safe
+from backdrive.tuning.scenes import corners, drawn, likely, stated
+from backdrive.tuning.search import inverse, place, search
 
 TAKEN = "Friction is taken to vary by up to 10 % from day to day (--friction-error)."
 needs_jit = pytest.mark.skipif(nb.config.DISABLE_JIT, reason="simulates minutes of motion")

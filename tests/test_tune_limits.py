@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from backdrive.tuning import load_tunings, save_tunings
-from backdrive.tuning.facts import Facts
-from backdrive.tuning.propose import fixed_rule, tune, within
-from backdrive.tuning.tuning import LOOP, Number, Tuning
 
 from backdrive.cli import _joint_options
 from backdrive.control import Loop
 from backdrive.errors import InvalidInput, ModelFileError
 from backdrive.laws import CoulombViscous
+from backdrive.tuning import load_tunings, save_tunings
+from backdrive.tuning.facts import Facts
+from backdrive.tuning.propose import fixed_rule, tune, within
+from backdrive.tuning.tuning import LOOP, Number, Tuning
 
 RATE = CoulombViscous(coulomb_positive=7.0, coulomb_negative=7.0, viscous_positive=3.0, viscous_negative=3.0)
 VALUES = dict.fromkeys(LOOP, 1.0) | {

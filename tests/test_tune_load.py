@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 import pytest
-from backdrive.tuning import facts_of
 
 from backdrive.errors import NotIdentifiable
 from backdrive.laws import CoulombViscous, HaywardArmstrong, Law
 from backdrive.logs.log import Joint
 from backdrive.model import Estimate, JointFriction, Validity
+from backdrive.tuning import facts_of
 
 RATE = CoulombViscous(
     coulomb_positive=10.0, coulomb_negative=10.0, viscous_positive=3.0, viscous_negative=3.0

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from backdrive.identification.dynamic.torque import Stretch, stretch
 
 from backdrive.engine import rollout
+from backdrive.identification.dynamic.torque import Stretch, stretch
 from backdrive.identification.signals import prepare
 from backdrive.laws import Law, Makkar
 from backdrive.laws.examples import example

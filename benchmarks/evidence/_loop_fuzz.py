@@ -7,14 +7,14 @@ import warnings
 import numba as nb
 import numpy as np
 from _common import Judge
+
+from backdrive.control import JointLoop, Loop
+from backdrive.control import loop as loop_
 from backdrive.control.compensators import Dither, catalog
 from backdrive.control.compensators.extras import BristleObserver, DisturbanceObserver, Pulses
 from backdrive.control.estimators import Adaptation
 from backdrive.control.estimators.external import ExternalForce
 from backdrive.control.estimators.friction import alg_fe, alg_fe2
-
-from backdrive.control import JointLoop, Loop
-from backdrive.control import loop as loop_
 from backdrive.laws import GMS, Law, LuGre, MaxwellSlip, Polyline, StribeckGauss
 
 T, COUNT, TOP, F = 1e-3, 1e-5, 3.0, 6.0

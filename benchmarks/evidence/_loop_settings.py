@@ -8,15 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from _loop_joint import D_C, F_N, F_P, GROWTH, K_C, STRIBECK, TOP, V_S, Joints, M, T, drawn
+
+from backdrive.control import JointLoop, Loop, torque_limit
 from backdrive.control.compensators import Compensator, Dither, alg_fc
 from backdrive.control.compensators.extras import DisturbanceObserver
 from backdrive.control.estimators.external import ExternalForce
 from backdrive.control.estimators.friction import alg_fe
-from backdrive.tuning import Facts, Tuning, tune
-
-from backdrive.control import JointLoop, Loop, torque_limit
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.laws import Polyline
+from backdrive.tuning import Facts, Tuning, tune
 
 KNOTS = (0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 1.3)  # by the top speed
 DRAWS = 8  # of the tuner's check, the fewest that it accepts

@@ -24,7 +24,6 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 from _common import Judge, first_seed, parser
-from backdrive.plans.centres import noise_gain
 
 from backdrive.identification.load_fit import payload_growth
 from backdrive.identification.signals import prepare
@@ -35,6 +34,7 @@ from backdrive.identification.sweep_windows import windows
 from backdrive.laws import GearLoad, Law, Polyline
 from backdrive.logs.log import Log
 from backdrive.plans import Sweep
+from backdrive.plans.centres import noise_gain
 from backdrive.simulation import SimulatedJoint
 from backdrive.simulation.machines import BEND, REACHED, joint_1
 from backdrive.simulation.open_loop import simulate

@@ -17,10 +17,13 @@ from dataclasses import replace
 
 import numpy as np
 from _common import Judge, parser
+
+from backdrive.control import Loop, Unguarded
 from backdrive.control.compensators import alg_fc
 from backdrive.control.estimators import Adaptation
 from backdrive.control.estimators.external import ExternalForce
 from backdrive.control.estimators.friction import alg_fe
+from backdrive.engine import axis, rollout, servo
 from backdrive.identification.drift import (
     change_of,
     identify_thermal,
@@ -29,9 +32,6 @@ from backdrive.identification.drift import (
     virtual_temperature,
 )
 from backdrive.identification.drift.change import REPEAT, chance
-
-from backdrive.control import Loop, Unguarded
-from backdrive.engine import axis, rollout, servo
 from backdrive.identification.sweep import fit_sweeps, identify_sweep
 from backdrive.laws import CoulombViscous, Law, LoadTemperature, Polyline
 from backdrive.logs.log import Joint, Log

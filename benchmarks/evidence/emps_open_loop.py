@@ -18,11 +18,11 @@ from dataclasses import replace
 
 import numpy as np
 from _common import Judge, data, parser
-from backdrive.identification.dynamic.motion import MotionFit, MotionLog, fit_motion
-from backdrive.identification.dynamic.unknowns import LawShape
 from scipy.signal import butter, sosfiltfilt
 
 from backdrive.engine import Axis, DriveModel
+from backdrive.identification.dynamic.motion import MotionFit, MotionLog, fit_motion
+from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.laws import M1, Law
 from backdrive.logs.readers import read_log
 

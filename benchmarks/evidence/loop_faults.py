@@ -23,11 +23,11 @@ from pathlib import Path
 
 import numpy as np
 from _common import Judge
+
+from backdrive.control import JointLoop, Loop, torque_limit
 from backdrive.control.compensators import Compensator, Dither, alg_fc2
 from backdrive.control.estimators.external import ExternalForce
 from backdrive.control.estimators.friction import alg_fe2, between_counts
-
-from backdrive.control import JointLoop, Loop, torque_limit
 from backdrive.errors import InvalidInput
 from backdrive.laws.base import Rate
 from backdrive.simulation import machine

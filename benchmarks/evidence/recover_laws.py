@@ -35,13 +35,13 @@ from functools import lru_cache
 import numpy as np
 from _common import Judge, parser
 from _law_logs import Case, case
+
 from backdrive.identification.dynamic.law_fit import fit_law
 from backdrive.identification.dynamic.search import Search
 from backdrive.identification.dynamic.starts import scales
 from backdrive.identification.dynamic.torque import TorqueProblem
 from backdrive.identification.dynamic.uncertainty import inverse
 from backdrive.identification.dynamic.unknowns import LawShape
-
 from backdrive.laws import ELEMENTS, RATES
 
 SHOWN = 0.10  # bound by value below which a parameter counts as shown

@@ -24,7 +24,13 @@ from dataclasses import replace
 
 import numpy as np
 from _common import Judge
+
+from backdrive.control import Unguarded
 from backdrive.control.compensators import Dither
+from backdrive.control.joint_loop import BRISK, LATCH_TIME, friction_of, torque_limit
+from backdrive.errors import NotIdentifiable
+from backdrive.laws import CoulombViscous
+from backdrive.simulation.closed_loop import play
 from backdrive.tuning import rules, scenes
 from backdrive.tuning.facts import Facts
 from backdrive.tuning.goals import compensator, goal_of
@@ -32,12 +38,6 @@ from backdrive.tuning.propose import calmed, fixed_rule, thesis_numbers
 from backdrive.tuning.reasons import presliding_radius
 from backdrive.tuning.scenes import Member
 from backdrive.tuning.search import best_safe, search
-
-from backdrive.control import Unguarded
-from backdrive.control.joint_loop import BRISK, LATCH_TIME, friction_of, torque_limit
-from backdrive.errors import NotIdentifiable
-from backdrive.laws import CoulombViscous
-from backdrive.simulation.closed_loop import play
 
 JOINTS, COMPARED = 200, 200
 Case = tuple[Facts, Member, dict[str, float]]  # as believed, as it is, numbers

@@ -17,10 +17,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from _common import Judge, data
-from backdrive.identification.dynamic.motion import MotionFit, MotionLog, fit_motion
-from backdrive.identification.dynamic.unknowns import LawShape
 
 from backdrive.engine import Axis, DriveModel
+from backdrive.identification.dynamic.motion import MotionFit, MotionLog, fit_motion
+from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.laws import M1, Law
 
 MASS, LENGTH, GRAVITY = 0.49, 0.10, 9.80665  # of the pendulum [kg, m, m/s^2]
