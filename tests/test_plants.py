@@ -6,8 +6,11 @@ from backdrive.errors import InvalidInput, UnknownName
 from backdrive.laws import CoulombViscous, Law
 from backdrive.plans import Sweep, TorqueRamp
 from backdrive.simulation import MACHINES, Servo, SimulatedJoint, machine
+from backdrive.simulation.closed_loop import Scene, prepare
+from backdrive.simulation.hand import still
+from backdrive.simulation.kernel import COLUMNS, run
 from backdrive.simulation.machines import bent_curve, joint_1
-from backdrive.simulation.open_loop import drive, longest_step, run, simulate
+from backdrive.simulation.open_loop import drive, longest_step, simulate
 
 FREE = Law(rate=CoulombViscous(coulomb_positive=0.0, coulomb_negative=0.0))
 DRY = Law(rate=CoulombViscous(coulomb_positive=9.0, coulomb_negative=6.0))
@@ -213,26 +216,17 @@ def test_the_loop_is_the_same_without_the_compiler(compliant):
     joint = joint_1(compliant=compliant)
     target = np.zeros((25, 2))
     target[:, 0] = 1e-3 * np.arange(25) ** 2 * 1e-2
+    scene = Scene(
+        plant=joint, motion=still(25), controller=joint.servo, target=target, gravity_compensated=False, substep=5e-4
+    )  # fmt: skip
     results = []
     for loop in (run, getattr(run, "py_func", run)):
-        out, law = np.zeros((25, 4)), joint.law
-        s, c = joint.at_rest(0.0), np.zeros(3)
-        noise = np.linspace(-1, 1, 25)
-        fixed = (
-            joint.row(),
-            law.rate.KIND,
-            law.element.KIND,
-            law.row(),
-            np.zeros(1),
-            s,
-            joint.servo.row(),
-            c,
-        )
-        loop(*fixed, 213.1, joint.encoder_count, 1e-3, 2, 1, True, target, noise, out)
-        results.append((out, s))
+        arguments, _ = prepare(scene.replace(seed=1))
+        loop(*arguments)
+        results.append((arguments[-1], arguments[4]))
     for compiled, plain in zip(*results):
         assert compiled == pytest.approx(plain, rel=1e-12, abs=1e-15)
-    assert np.any(results[0][0][:, 2] != 0.0)
+    assert np.any(results[0][0][:, COLUMNS.index("motor_velocity")] != 0.0)
 
 
 def test_an_advance_is_the_same_without_the_compiler():

@@ -37,8 +37,9 @@ from backdrive.laws import CoulombViscous, Law, LoadTemperature, Polyline
 from backdrive.logs.log import Joint, Log
 from backdrive.model import JointFriction
 from backdrive.plans import Sweep
+from backdrive.simulation.kernel import encoder
 from backdrive.simulation.machines import joint_0, joint_1
-from backdrive.simulation.open_loop import encoder, simulate
+from backdrive.simulation.open_loop import simulate
 
 PLAN = Sweep(np.deg2rad(20.0), 2.0, 10)
 SETTLES, RISE, AMBIENT = 600.0, 3.0, 20.0  # C/h [s], eta/h [degC/W], [degC]

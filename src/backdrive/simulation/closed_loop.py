@@ -9,14 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from backdrive._jit import jit
-from backdrive.control import JointLoop, Unguarded, admittance, joint_loop, loop, table
+from backdrive.control import JointLoop, Unguarded, admittance, joint_loop
 from backdrive.control.admittance import Admittance
-from backdrive.engine import axis as axis_
 from backdrive.engine import servo as servo_
 from backdrive.engine.cores import spread
 from backdrive.engine.servo import Servo
@@ -24,110 +22,9 @@ from backdrive.errors import InvalidInput
 from backdrive.logs.log import Drive, Log
 from backdrive.simulation.hand import Hand, HandMotion
 from backdrive.simulation.joint import SimulatedJoint
-from backdrive.simulation.open_loop import TEMPERATURE, encoder
+from backdrive.simulation.kernel import COLUMNS, encoder, run
 
 SUBSTEP = 2e-5  # longest integration step [s]
-PUSH = 9  # place of the constant torque in the row of an axis
-COLUMNS = (
-    "reading", "command", "compensation", "estimate", "friction", "force", "motor", "load",
-    "motor_velocity", "load_velocity", "wanted", "status", "level",
-)  # fmt: skip
-
-
-@jit
-def run(
-    j,
-    law,
-    p,
-    x,
-    s,
-    loops,
-    C,
-    cp,
-    cx,
-    cs,
-    E,
-    ep,
-    ex,
-    es,
-    g,
-    kind,
-    k_row,
-    k_state,
-    numbers,
-    target,
-    hand,
-    noise,
-    out,
-):
-    """Run one scene and fill `out` (n, 13), its columns as in `COLUMNS`.
-
-    `law`: rate and element of the joint; C, ...: compensator; E, ...: estimator; `loops`: 1 where they run; `kind`: 0 no
-    controller, 1 servo, 2 admittance; `numbers`: period, substeps, late, count, limit, K_h, B_h, ripple, cycles a unit, gravity
-    compensated, phase of the encoder; `target` (n, 2); `hand` (n, 4): position, velocity, grip, push; `noise` (n, 4): of the
-    actuator, of the encoder, what a fault adds to the reading, and whether the tick is missed.
-    """
-    T, substeps, late, count, limit = numbers[0], int(numbers[1]), int(numbers[2]), numbers[3], numbers[4]
-    K_h, B_h, ripple, cycles, weightless, phase = (
-        numbers[5],
-        numbers[6],
-        numbers[7],
-        numbers[8],
-        numbers[9],
-        numbers[10],
-    )
-    h = T / substeps
-    offset = j[PUSH]
-    before = axis_.gravity(j, s[2])
-    reading_before = encoder(s[0] + phase, count)
-    n = target.shape[0]
-    last = before
-    passed = 0.0
-    for k in range(n):
-        passed += T
-        read = encoder(s[0] + phase, count) + noise[k, 1] + noise[k, 2]
-        reading = read if np.isfinite(read) else reading_before  # the controller holds on to what it has seen
-        v = (reading - reading_before) / passed
-        held = 0.0
-        if weightless > 0.0:
-            j[PUSH] = offset
-            held = axis_.gravity(j, reading)
-        f, code = 0.0, 0
-        if loops > 0:
-            g[table.APPLIED, 0] = last - held
-            if kind == 1:
-                g[table.ERROR, 0], g[table.SLOPE, 0] = target[k, 0] - reading, target[k, 1] - v
-            if noise[k, 3] == 0.0:
-                code = loop.joint(C, 0, cp, cx, cs, E, ep, ex, es, g, 0, read, passed)
-            f = g[table.TORQUE, 0]
-        command, wanted = last, target[k, 0]
-        if noise[k, 3] == 0.0:
-            u = 0.0
-            if kind == 1:
-                u = servo_.tick(k_row, 0, k_state, passed, target[k, 0], target[k, 1], reading, limit)
-            elif kind == 2:
-                u = admittance.tick(k_row, 0, k_state, 0, g[table.EXTERNAL, 0], reading, passed)
-                wanted = k_state[0]
-            command = min(max(u + f + held, -limit), limit)
-            last, reading_before, passed = command, reading, 0.0
-        elif kind == 2:
-            wanted = k_state[0]
-        force = hand[k, 2] * (K_h * (hand[k, 0] - s[2]) + B_h * (hand[k, 1] - s[3])) + hand[k, 3]
-        out[k, 0], out[k, 1], out[k, 2] = read, command, f
-        out[k, 3], out[k, 4], out[k, 5] = g[table.EXTERNAL, 0], g[table.FRICTION, 0], force
-        out[k, 6], out[k, 7], out[k, 8], out[k, 9] = s[0], s[2], s[1], s[3]
-        out[k, 10], out[k, 11], out[k, 12] = wanted, code, g[table.LEVEL, 0]
-        following = k + 1 if k + 1 < n else k
-        for i in range(substeps):
-            behind = k - (late - i + substeps - 1) // substeps if late > i else k
-            acting = (out[behind, 1] if behind >= 0 else before) + noise[k, 0]
-            if ripple != 0.0:
-                acting += ripple * np.sin(cycles * s[0])
-            share = (i + 0.5) / substeps
-            x_h = hand[k, 0] + share * (hand[following, 0] - hand[k, 0])
-            v_h = hand[k, 1] + share * (hand[following, 1] - hand[k, 1])
-            j[PUSH] = offset - (hand[k, 2] * (K_h * (x_h - s[2]) + B_h * (v_h - s[3])) + hand[k, 3])
-            axis_.advance(j, s, law[0], law[1], p, x, acting, h, TEMPERATURE)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -139,14 +36,15 @@ class Scene:
         motion: of the hand, which also sets the number of ticks.
         hand: its impedance; None for a hand that only pushes.
         loop: compensator and estimator; None for neither.
-        controller: a `Servo` that follows `target`, an `Admittance`, or None.
-        target: reference position and velocity, (n, 2); None for where the joint begins.
+        controller: a `Servo` that follows `target`, an `Admittance`, `torque` for the torque that `target` holds, or None.
+        target: reference position and velocity, or torque and nothing, (n, 2); None for where the joint begins.
         period: of the loop [s].
         delay: of the drive beyond that of the plant [s].
         gravity_compensated: the command holds the joint's weight.
         ripple: amplitude of a torque that varies with the motor's position [N.m or N].
         ripple_cycles: of it [1/rad or 1/m, times 2 pi].
         encoder_noise: standard deviation of the reading beside its counts [rad or m].
+        encoder_phase: where the zero lies within a count, -0.5 to 0.5; None: anywhere, by the seed.
         substep: longest integration step [s].
         fault: what a fault adds to the encoder's reading [rad or m] (NaN for no reading), and 1 where the loop misses its
             tick, (n, 2); None for none. The controller takes what is no number for the reading before.
@@ -157,7 +55,7 @@ class Scene:
     motion: HandMotion
     hand: Hand | None = None
     loop: JointLoop | None = None
-    controller: Servo | Admittance | None = None
+    controller: Servo | Admittance | Literal["torque"] | None = None
     target: np.ndarray | None = None
     period: float = 1e-3
     delay: float = 0.0
@@ -165,6 +63,7 @@ class Scene:
     ripple: float = 0.0
     ripple_cycles: float = 0.0
     encoder_noise: float = 0.0
+    encoder_phase: float | None = None
     substep: float = SUBSTEP
     fault: np.ndarray | None = None
     seed: int = 0
@@ -262,7 +161,7 @@ def play(scenes: Scene | Sequence[Scene], *, workers: int | None = None) -> Any:
         A `Record`, or a list of them.
     """
     many = [scenes] if isinstance(scenes, Scene) else list(scenes)
-    prepared = [_prepared(scene) for scene in many]
+    prepared = [prepare(scene) for scene in many]
 
     def work(first: int, last: int) -> None:
         for arguments, _ in prepared[first:last]:
@@ -284,17 +183,21 @@ def play(scenes: Scene | Sequence[Scene], *, workers: int | None = None) -> Any:
     return records[0] if isinstance(scenes, Scene) else records
 
 
-def _prepared(scene: Scene) -> tuple[tuple, np.ndarray]:
+def prepare(scene: Scene) -> tuple[tuple, np.ndarray]:
+    """Return the arguments of `run` for a scene, and the noise of its force sensor [N.m or N], (n,)."""
     plant, motion, T = scene.plant, scene.motion, scene.period
     n, law = len(motion.position), plant.law
-    begin = float(motion.position[0]) if scene.target is None else float(scene.target[0, 0])
+    follows = scene.target is not None and scene.controller != "torque"
+    begin = float(scene.target[0, 0]) if follows else float(motion.position[0])  # type: ignore[index]
     target = (
         np.zeros((n, 2)) if scene.target is None else np.ascontiguousarray(scene.target, dtype=np.float64)
     )
     if scene.target is None:
         target[:, 0] = begin
     rng = np.random.default_rng(scene.seed)
-    phase = plant.encoder_count * (rng.uniform() - 0.5)
+    phase = plant.encoder_count * (
+        rng.uniform() - 0.5 if scene.encoder_phase is None else scene.encoder_phase
+    )
     state = plant.at_rest(begin)
     reading = float(encoder(begin + phase, plant.encoder_count))
     substeps = int(np.ceil(T / scene.substep - 1e-9))
@@ -303,8 +206,12 @@ def _prepared(scene: Scene) -> tuple[tuple, np.ndarray]:
     if isinstance(controller, Servo):
         kind, k_row, k_state = 1, controller.row(), np.zeros(servo_.STATES)
         k_state[1] = reading
+        if controller.integral > 0.0 and not scene.gravity_compensated:
+            k_state[0] = float(plant.gravity(state[2])) / controller.integral  # it had been holding the joint
     elif isinstance(controller, Admittance):
         kind, k_row, k_state = 2, controller.row(), controller.start(reading)
+    elif controller == "torque":
+        kind = 3
     rows = joint_loop.rows([scene.loop or Unguarded()], np.array([reading]), T)
     parts = [array[0] for array in rows[:-1]]
     noise = np.zeros((n, 4))

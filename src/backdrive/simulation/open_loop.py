@@ -1,4 +1,4 @@
-"""A simulated joint in closed loop, recorded as a real one would be.
+"""A simulated joint that follows a plan, recorded as a real one would be: a scene without a hand.
 
 At tick k the controller reads the encoder and commands u_k; what reaches the joint until the next tick is u_k, later by the
 actuator's delay. The log holds the reading and the command of every tick.
@@ -10,49 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from backdrive._jit import jit
-from backdrive.engine import axis as axis_
-from backdrive.engine import servo as servo_
 from backdrive.errors import InvalidInput
 from backdrive.logs.log import Drive, Log
+from backdrive.simulation.closed_loop import Scene, prepare
+from backdrive.simulation.hand import still
 from backdrive.simulation.joint import SimulatedJoint
+from backdrive.simulation.kernel import COLUMNS, run
 
 SUBSTEP = 5e-4  # longest integration step [s]
 DELAYED = 1e-4  # the same with a delay, which is rounded to whole steps [s]
-TEMPERATURE = 20.0  # degC, of a simulated joint
+SEEN = ("reading", "command", "motor_velocity", "load_velocity")
 PHASE = 0.25  # and longest step as a phase of the transmission's own oscillation [rad]
-
-
-@jit
-def encoder(p, count):
-    """What an encoder of this resolution reads at position p."""
-    if count > 0.0:
-        return count * np.floor(p / count + 0.5)
-    return p
-
-
-@jit
-def run(j, rate, element, p, x, s, g, c, limit, count, T, substeps, late, closed, target, noise, out):
-    """Run the loop and fill `out` with position, command, and true velocity of motor and load at every tick.
-
-    `j`, `s` are the joint and its state; `rate`, `element`, `p`, `x` its friction; `g`, `c` its servo and the servo's state.
-    T is the period, cut into `substeps`; the torque comes `late` substeps after its command. `target` holds reference and
-    its velocity where `closed`, otherwise the torque command and nothing; `noise` is added to the torque of every tick.
-    """
-    n = target.shape[0]
-    h = T / substeps
-    before = axis_.gravity(j, s[2])
-    for k in range(n):
-        reading = encoder(s[0], count)
-        if closed:
-            u = servo_.tick(g, 0, c, T, target[k, 0], target[k, 1], reading, limit)
-        else:
-            u = min(max(target[k, 0], -limit), limit)
-        out[k, 0], out[k, 1], out[k, 2], out[k, 3] = reading, u, s[1], s[3]
-        for i in range(substeps):
-            behind = k - (late - i + substeps - 1) // substeps if late > i else k
-            acting = out[behind, 1] if behind >= 0 else before
-            axis_.advance(j, s, rate, element, p, x, acting + noise[k], h, TEMPERATURE)
 
 
 def simulate(
@@ -140,37 +108,19 @@ def drive(
         Encoder position, commanded torque, true velocity of motor and of load at every tick, (n, 4); and the state at
         the end, (5,).
     """
-    substeps = int(np.ceil(period / (longest_step(plant) if substep is None else substep) - 1e-9))
-    h = period / substeps
-    start = float(target[0, 0]) if closed else 0.0
-    s = plant.at_rest(start)
-    servo = plant.servo
-    g = servo.row() if servo is not None else np.zeros(4)
-    c = np.zeros(servo_.STATES)
-    if closed:
-        c[1] = encoder(start, plant.encoder_count)
-        if g[2] > 0:
-            c[0] = float(plant.gravity(s[2])) / g[2]  # it had been holding the joint
-    noise = plant.torque_noise * np.random.default_rng(seed).standard_normal(len(target))
-    law = plant.law
-    out = np.zeros((len(target), 4))
-    run(
-        plant.row(),
-        law.rate.KIND,
-        law.element.KIND,
-        law.row(),
-        law.state(),
-        s,
-        g,
-        c,
-        plant.torque_limit,
-        plant.encoder_count,
-        period,
-        substeps,
-        round(plant.delay / h),
-        closed,
-        np.ascontiguousarray(target, dtype=np.float64),
-        noise,
-        out,
+    longest = longest_step(plant) if substep is None else substep
+    scene = Scene(
+        plant=plant,
+        motion=still(len(target)),
+        controller=plant.servo if closed else "torque",
+        target=np.asarray(target, dtype=np.float64),
+        period=period,
+        gravity_compensated=False,
+        encoder_phase=0.0,
+        substep=min(longest, period),
+        seed=seed,
     )
-    return out, s
+    arguments, _ = prepare(scene)
+    run(*arguments)
+    state, record = arguments[4], arguments[-1]
+    return record[:, [COLUMNS.index(name) for name in SEEN]], state
