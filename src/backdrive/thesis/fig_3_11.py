@@ -2,173 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from backdrive.control import Unguarded
-from backdrive.control.compensators import Compensator, Dither, alg_fc, alg_fc2
-from backdrive.control.estimators.friction import between_counts
 from backdrive.report.pictures.canvas import house_style
-from backdrive.simulation.closed_loop import Record, Scene, play
-from backdrive.simulation.hand import Hand, HandMotion, strokes
-from backdrive.simulation.joint import SimulatedJoint
+from backdrive.simulation.closed_loop import Record
 from backdrive.thesis import _guided_plots as own
-from backdrive.thesis.fig_3_4 import intercepts, setups
+from backdrive.thesis._release_compensated import (
+    BEGIN,
+    CASES,
+    FEWER,
+    HASTY,
+    RATIOS,
+    SEEDS,
+    SHARES,
+    Release,
+    joint_0,
+    judge,
+    setup_a,
+    softer,
+)
 from backdrive.thesis.outcome import Claim, Outcome
-
-PERIOD = 1e-3  # s
-BEGIN, HOLD, AFTER = 0.3, 1.0, 2.0  # before the stroke, between its end and release, after release [s]
-LOOKED = 0.5  # the end of the record in which rest is judged [s]
-STILL = 2.0  # counts by which the load may travel meanwhile
-SLOW, FAST, SWITCH = 20.0, 500.0, 10.0  # alpha_N, alpha_H, r_W [1/s]
-CASES = ("alpha_N", "alpha_H", "algFC2")
-SEEDS, FEWER = 20, 10
-RATIOS = (1.0, 1.1, 1.2)  # K_c by K on Joint 0
-HASTY = 0.3  # hold of a hand that lets go while the joint still swings [s]
-SHARES = (0.95, 0.9)  # R beside 1 on Setup A
-
-
-@dataclass(frozen=True, kw_only=True)
-class Release:
-    """A joint that is moved, held and let go.
-
-    Attributes:
-        plant: the joint.
-        stiffness: K [N.m/rad or N/m].
-        threshold: V_W [rad/s or m/s].
-        dither: R_d [-].
-        hand: its impedance.
-        stroke: of the hand [rad or m].
-        duration: of the stroke [s].
-        share: R [-].
-        fast: alpha_H [1/s].
-        hold: between the end of the stroke and the release [s].
-    """
-
-    plant: SimulatedJoint
-    stiffness: float
-    threshold: float
-    dither: float
-    hand: Hand
-    stroke: float
-    duration: float
-    share: float = 1.0
-    fast: float = FAST
-    hold: float = HOLD
-
-    def compensators(self) -> dict[str, Compensator]:
-        """Return the three cases; the threshold lies between two counts."""
-        wave, rate = Dither(share=self.dither), self.plant.law.rate
-        threshold = between_counts(self.threshold, self.plant.encoder_count, PERIOD)
-        return {
-            "alpha_N": alg_fc(rate, self.stiffness, SLOW, wave, share=self.share),
-            "alpha_H": alg_fc(rate, self.stiffness, self.fast, wave, share=self.share),
-            "algFC2": alg_fc2(
-                rate, self.stiffness, threshold, SLOW, self.fast, SWITCH, wave, share=self.share
-            ),
-        }
-
-    def motion(self, seed: int) -> HandMotion:
-        """Return one stroke, which is held and then let go."""
-        one = strokes(
-            PERIOD,
-            stroke=self.stroke,
-            duration=self.duration,
-            interval=self.duration + self.hold + AFTER,
-            count=1,
-            start=BEGIN,
-            seed=seed,
-        )
-        return one.released(BEGIN + self.duration + self.hold, PERIOD)
-
-    def scenes(self, seed: int) -> list[Scene]:
-        """Return a scene for each case."""
-        motion = self.motion(seed)
-        return [
-            Scene(
-                plant=self.plant,
-                motion=motion,
-                hand=self.hand,
-                loop=Unguarded(compensator=compensator),
-                period=PERIOD,
-                delay=1e-3,
-                seed=seed,
-            )
-            for compensator in self.compensators().values()
-        ]
-
-    @property
-    def boundary(self) -> float:
-        """Speed alpha_H F/K below which the compensation is less than the friction [rad/s or m/s]."""
-        return self.fast * float(np.mean(intercepts(self.plant.law.rate))) / self.stiffness
-
-
-def joint_0(ratio: float, share: float = 1.0) -> Release:
-    """Return Joint 0 with K_c as so many times K = 5e4 N.m/rad."""
-    plant = setups()["joint_0"].replace(stiffness=ratio * 5e4)
-    return Release(
-        plant=plant,
-        stiffness=5e4,
-        threshold=0.005,
-        dither=0.2,
-        hand=Hand(stiffness=120.0, damping=6.0, noise=0.02),
-        stroke=0.3,
-        duration=0.8,
-        share=share,
-    )
-
-
-def setup_a(share: float = 1.0) -> Release:
-    """Return Setup A with K_c = 2K = 2.4e6 N/m."""
-    return Release(
-        plant=setups()["setup_a"],
-        stiffness=1.2e6,
-        threshold=0.01,
-        dither=0.5,
-        hand=Hand(stiffness=800.0, damping=40.0, noise=0.05),
-        stroke=0.06,
-        duration=0.7,
-        share=share,
-    )
-
-
-def _softer(release: Release) -> Release:
-    """Return the same with K_c = K."""
-    return replace(release, plant=release.plant.replace(stiffness=release.stiffness))
-
-
-def travel(record: Record) -> float:
-    """Return how far the load travelled at the end of a record, in counts of its encoder."""
-    end = record.load[-round(LOOKED / PERIOD) :]
-    return float(np.ptp(end) / record.scene.plant.encoder_count)
-
-
-def judge(release: Release, seeds: int, first: int) -> dict[str, Any]:
-    """Let go of a joint many times.
-
-    Args:
-        release: joint, hand and compensators.
-        seeds: how many hands.
-        first: seed of the first.
-
-    Returns:
-        `rest` (how many of the hands end at rest), `peak` (mean of the largest force of the hand) and `travel` (counts, by
-        hand), each by case; `records` of the first hand.
-    """
-    scenes = [scene for i in range(seeds) for scene in release.scenes(first + i)]
-    records = play(scenes)
-    result: dict[str, Any] = {"seeds": seeds, "records": dict(zip(CASES, records)), "release": release}
-    result["travel"] = {
-        case: np.array([travel(r) for r in records[i :: len(CASES)]]) for i, case in enumerate(CASES)
-    }
-    result["rest"] = {case: int(np.sum(counts < STILL)) for case, counts in result["travel"].items()}
-    result["peak"] = {
-        case: float(np.mean([np.abs(r.force).max() for r in records[i :: len(CASES)]]))
-        for i, case in enumerate(CASES)
-    }
-    return result
 
 
 def run(seed: int = 0) -> Outcome:
@@ -183,7 +39,7 @@ def run(seed: int = 0) -> Outcome:
     hasty = judge(replace(joint_0(1.0), hold=HASTY), SEEDS, first)
     axis = judge(setup_a(), SEEDS, first)
     lower = {share: judge(setup_a(share), FEWER, first) for share in SHARES}
-    soft = judge(_softer(setup_a(SHARES[0])), FEWER, first)
+    soft = judge(softer(setup_a(SHARES[0])), FEWER, first)
     wide = judge(replace(setup_a(), threshold=0.0025, fast=2500.0), SEEDS, first)
     numbers: dict[str, float] = {}
     for name, found in (
