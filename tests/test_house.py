@@ -8,8 +8,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 import backdrive
 
 SOURCE = Path(backdrive.__file__).parent
