@@ -21,7 +21,7 @@ def tree(folder: Path, commit: str = BEFORE) -> Path | None:
     """
     try:
         done = subprocess.run(
-            ["git", "-C", str(ROOT), "archive", commit, "src"], capture_output=True, check=False
+            ["git", "-C", str(ROOT), "archive", commit, "src", "benchmarks"], capture_output=True, check=False
         )
     except OSError:
         return None
