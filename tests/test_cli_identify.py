@@ -1,13 +1,11 @@
-"""Tests for the commands identify, validate and demo, as processes: exit codes, JSON, files."""
+"""Tests for the commands identify, validate and demo, as processes and in this one: exit codes, JSON, files."""
 
 import json
-import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 
+from _commands import called, started
 from _synthetic import any_motion
 from backdrive.plans import load_plan
 from backdrive.simulation.machines import joint_1
@@ -18,24 +16,13 @@ def dry(v):
     return 5.0 * np.sign(v) + 2.0 * v
 
 
-def backdrive(*arguments, cwd=None) -> subprocess.CompletedProcess:
-    return subprocess.run(
-        [sys.executable, "-m", "backdrive", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=cwd,
-        env=os.environ | {"NO_COLOR": "1", "COLUMNS": "200"},
-    )
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("logs")
     for name, seed in (("a", 0), ("b", 1)):
         log = any_motion(dry, seconds=15.0, seed=seed, phase=20.0 * seed)
         np.savez(path / f"{name}.npz", t=log.time, q=log.position, tau=log.torque)
-    done = backdrive("identify", path / "a.npz", "-o", path / "m.json", "--report", path / "r.html")
+    done = started("identify", path / "a.npz", "-o", path / "m.json", "--report", path / "r.html")
     assert done.returncode == 0, done.stdout + done.stderr
     return path
 
@@ -48,7 +35,7 @@ def test_identify_writes_model_and_report(folder):
 
 
 def test_json_is_one_document(folder):
-    done = backdrive("identify", folder / "a.npz", "--json")
+    done = called("identify", folder / "a.npz", "--json")
     answer = json.loads(done.stdout)
     assert answer["ok"]
     assert answer["method"] == "motion"
@@ -56,14 +43,14 @@ def test_json_is_one_document(folder):
 
 
 def test_validate_judges_and_gates(folder):
-    done = backdrive("validate", folder / "m.json", folder / "b.npz", "--json")
+    done = started("validate", folder / "m.json", folder / "b.npz", "--json")
     assert done.returncode == 0, done.stdout + done.stderr
     assert next(iter(json.loads(done.stdout)["joints"].values()))["residual_percent"] < 5.0
-    assert backdrive("validate", folder / "m.json", folder / "b.npz", "--gate", "0.001").returncode == 1
+    assert called("validate", folder / "m.json", folder / "b.npz", "--gate", "0.001").returncode == 1
 
 
 def test_below_the_gate_is_exit_code_1_and_files_are_written_all_the_same(folder, tmp_path):
-    done = backdrive("identify", folder / "a.npz", "-o", tmp_path / "m.json", "--gate", "0.0001")
+    done = started("identify", folder / "a.npz", "-o", tmp_path / "m.json", "--gate", "0.0001")
     assert done.returncode == 1
     assert "quality gate" in done.stderr
     assert (tmp_path / "m.json").exists()
@@ -90,17 +77,17 @@ def test_failures_are_one_sentence_and_an_exit_code(folder, arguments, code, sai
     import re
 
     (folder / "garbage.npz").write_bytes(b"PK\x03\x04 nonsense")
-    done = backdrive(*(a.format(a=folder / "a.npz", folder=folder) for a in arguments))
+    done = called(*(a.format(a=folder / "a.npz", folder=folder) for a in arguments))
     assert done.returncode == code, done.stdout + done.stderr
     assert "Traceback" not in done.stderr + done.stdout
     assert re.search(said, done.stderr)
-    as_json = backdrive(*(a.format(a=folder / "a.npz", folder=folder) for a in arguments), "--json")
+    as_json = called(*(a.format(a=folder / "a.npz", folder=folder) for a in arguments), "--json")
     assert as_json.returncode == code
 
 
 @pytest.mark.parametrize("name", ["demo", "inspect", "plan", "identify", "show", "validate"])
 def test_every_command_explains_itself_with_an_example(name):
-    done = backdrive(name, "--help")
+    done = called(name, "--help")
     assert done.returncode == 0
     assert f"Example: backdrive {name}" in " ".join(done.stdout.split())
     assert "--json" in done.stdout
@@ -110,14 +97,14 @@ def test_plans_are_named_one_a_log_by_file_or_folder(tmp_path):
     logs = []
     for name, center in (("one", "-1.047"), ("two", "1.047")):
         options = ("--center", center, "--stroke-deg", 20, "--top-speed", 2, "--cycles", 3)
-        done = backdrive("plan", "sweep", *options, "-o", tmp_path / name, "--draw", "none")
+        done = called("plan", "sweep", *options, "-o", tmp_path / name, "--draw", "none")
         assert done.returncode == 0, done.stdout + done.stderr
         plan = load_plan(tmp_path / name / "plan.json")
         log = simulate(joint_1(), plan)
         np.savez(tmp_path / f"{name}.npz", t=log.time, q=log.position, tau=log.torque)
         logs.append(tmp_path / f"{name}.npz")
     plans = ("--plan", tmp_path / "one", "--plan", tmp_path / "two" / "plan.json")
-    done = backdrive("identify", *logs, *plans, "--method", "sweep", "-o", tmp_path / "m.json")
+    done = called("identify", *logs, *plans, "--method", "sweep", "-o", tmp_path / "m.json")
     assert done.returncode == 0, done.stdout + done.stderr
     assert "did not follow" not in done.stdout
     kept = json.loads((tmp_path / "m.json").read_text())["provenance"]["options"]["plan"]
@@ -125,7 +112,7 @@ def test_plans_are_named_one_a_log_by_file_or_folder(tmp_path):
 
 
 def test_demo_compares_with_the_truth(tmp_path):
-    done = backdrive("demo", "--json", cwd=tmp_path)
+    done = started("demo", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     rows = json.loads(done.stdout)["friction"]
     assert max(abs(r["error"]) for r in rows) < 0.1
@@ -133,5 +120,5 @@ def test_demo_compares_with_the_truth(tmp_path):
     hand = json.loads(done.stdout)["hand"]
     assert hand["compensated"] < 0.7 * hand["bare"]
     assert "A hand moves the joint" in (tmp_path / "backdrive-demo" / "report.html").read_text()
-    again = backdrive("demo", "--json", cwd=tmp_path)
+    again = started("demo", "--json", cwd=tmp_path)
     assert json.loads(again.stdout)["friction"] == rows

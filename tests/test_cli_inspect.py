@@ -1,25 +1,17 @@
-"""Tests for `backdrive inspect`, as a process."""
+"""Tests for `backdrive inspect`."""
 
 import json
-import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 
+from _commands import called, started
 from _synthetic import any_motion
 from backdrive.cli.inspect import PLAIN, small_plot
 
 
-def inspect(*arguments, **environment) -> subprocess.CompletedProcess:
-    return subprocess.run(
-        [sys.executable, "-m", "backdrive", "inspect", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=os.environ | {"NO_COLOR": "1", "COLUMNS": "200", "PYTHONIOENCODING": "utf-8"} | environment,
-    )
+def inspect(*arguments):
+    return called("inspect", *arguments)
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +31,7 @@ def folder(tmp_path_factory):
 def test_a_clean_log_is_shown_and_called_clean(folder):
     done = inspect(folder / "good.npz")
     assert done.returncode == 0, done.stdout + done.stderr
+    assert started("inspect", folder / "good.npz").stdout == done.stdout
     for word in ("10000 samples", "500 Hz", "position", "rad", "torque", "N.m", "Nothing is the matter"):
         assert word in done.stdout
 
