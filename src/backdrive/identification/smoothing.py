@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backdrive.identification.signals import GAP, default_cutoff
+from backdrive.identification.signals import between_gaps, default_cutoff
 from backdrive.logs.filters import derivative, low_pass, squared_gain
 from backdrive.logs.log import Log
 from backdrive.logs.resolution import encoder_step
@@ -119,8 +119,7 @@ def _longest(log: Log) -> np.ndarray | None:
     good = np.flatnonzero(np.isfinite(log.position[:, 0]) & np.isfinite(log.time))
     if good.size < 50:
         return None
-    cuts = np.flatnonzero(np.diff(log.time[good]) > GAP * log.period) + 1
-    part = max(np.split(good, cuts), key=len)
+    part = max((good[rows] for rows in between_gaps(log.time[good], log.period, 1)), key=len)
     middle = max(0, (len(part) - LONGEST) // 2)
     return log.position[part[middle : middle + LONGEST], 0]
 

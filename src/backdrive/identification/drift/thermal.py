@@ -127,6 +127,8 @@ def identify_thermal(
         NotIdentifiable: the temperature, or the virtual one, hardly changes.
         InvalidInput: a temperature is wanted that the log does not hold, or knots that are not increasing.
     """
+    from scipy.optimize import minimize_scalar
+
     stretches = prepare(log, joint)
     measured = all(s.temperature is not None for s in stretches)
     if virtual is None:
@@ -163,7 +165,8 @@ def identify_thermal(
         cost = [_cost(shape, rest, virtual_temperature(power, interval, T), tau, weight) for T in grid]
         i = int(np.clip(np.argmin(cost), 1, GRID - 2))
         tried = partial(_cost_at, shape, rest, power, interval, tau, weight)
-        best = _golden(tried, float(np.log(grid[i - 1])), float(np.log(grid[i + 1])))
+        ends = np.log(grid[[i - 1, i + 1]])
+        best = float(np.exp(minimize_scalar(tried, bounds=ends, method="bounded", options={"xatol": 1e-6}).x))
         theta = virtual_temperature(power, interval, best)
         found = regression.solve(*_normal(np.hstack([shape, theta[:, None] * shape, rest]), tau, weight))
         power = (shape @ found[: V.size] + theta * (shape @ found[V.size : 2 * V.size])) * v
@@ -203,26 +206,9 @@ def _cost_at(shape, rest, power, interval, tau, weight, logarithm: float) -> flo
     return _cost(shape, rest, theta, tau, weight)
 
 
-def _golden(cost, low: float, high: float) -> float:
-    """Return exp of the place of the least cost between two ends."""
-    share = 0.5 * (np.sqrt(5.0) - 1.0)
-    a, b = high - share * (high - low), low + share * (high - low)
-    at_a, at_b = cost(a), cost(b)
-    for _ in range(28):
-        if at_a < at_b:
-            high, b, at_b = b, a, at_a
-            a = high - share * (high - low)
-            at_a = cost(a)
-        else:
-            low, a, at_a = a, b, at_b
-            b = low + share * (high - low)
-            at_b = cost(b)
-    return float(np.exp(0.5 * (low + high)))
-
-
 def _sandwich(X: np.ndarray, tau: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     blocks = regression.accumulate(X, tau, weight, regression.block_index(tau.size, BLOCKS), BLOCKS)
-    theta = regression.solve(blocks.gram.sum(axis=0), blocks.moment.sum(axis=0))
+    theta = blocks.solution()
     return theta, regression.sandwich(blocks, theta)
 
 
