@@ -9,9 +9,9 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from backdrive.errors import InvalidInput
+from backdrive.parameters import FINITE, NOT_NEGATIVE, POSITIVE, number, whole
 
 MOST_CYCLES = 10_000
-SMALLEST, LARGEST = 1e-12, 1e12  # any number of a plan that is not zero, in SI: beyond, no robot moves
 DEGREE = math.pi / 180.0
 
 
@@ -110,24 +110,10 @@ def settle(
     Raises:
         InvalidInput: names the field and its value.
     """
-    for name in (*positive, *not_negative, *finite):
-        value = getattr(plan, name)
-        try:
-            number = float(value)
-        except (TypeError, ValueError):
-            number = math.nan
-        where = f"{type(plan).__name__}.{name} is {value!r}"
-        if isinstance(value, bool) or not math.isfinite(number):
-            raise InvalidInput(f"{where}.", remedy="Give a finite number.", value=value)
-        if name in positive and number <= 0:
-            raise InvalidInput(f"{where}.", remedy="Give a number above zero.", value=value)
-        if name in not_negative and number < 0:
-            raise InvalidInput(f"{where}.", remedy="Give zero or more.", value=value)
-        if abs(number) > LARGEST or (name in positive and number < SMALLEST):
-            raise InvalidInput(
-                f"{where}.", remedy=f"Give a number from {SMALLEST:g} to {LARGEST:g}.", value=value
-            )
-        object.__setattr__(plan, name, number)
+    for names, bound in ((positive, POSITIVE), (not_negative, NOT_NEGATIVE), (finite, FINITE)):
+        for name in names:
+            value = number(f"{type(plan).__name__}.{name}", getattr(plan, name), bound)
+            object.__setattr__(plan, name, value)
     if plan.unit not in ("rad", "m"):
         raise InvalidInput(f"The unit of a joint is '{plan.unit}'.", remedy="Give rad or m.")
     check_name(plan.joint)
@@ -139,12 +125,8 @@ def settle_count(plan: Any, name: str, most: int = MOST_CYCLES) -> None:
     Raises:
         InvalidInput: it is not.
     """
-    value = getattr(plan, name)
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= most:
-        raise InvalidInput(
-            f"{type(plan).__name__}.{name} is {value!r}.", remedy=f"Give a whole number from 1 to {most}."
-        )
-    object.__setattr__(plan, name, int(value))
+    value = whole(f"{type(plan).__name__}.{name}", getattr(plan, name), most=most)
+    object.__setattr__(plan, name, value)
 
 
 def check_name(name: Any) -> None:

@@ -10,8 +10,9 @@ from typing import ClassVar
 import numpy as np
 
 from backdrive.errors import InvalidInput
+from backdrive.parameters import POSITIVE
 from backdrive.plans._pieces import Pieces
-from backdrive.plans.base import LARGEST, SMALLEST, MotionPlan, rounded, settle, spoken
+from backdrive.plans.base import MotionPlan, rounded, settle, spoken
 
 #: Least share of the stroke that a run must have at constant speed.
 STEADY = 0.2
@@ -48,7 +49,7 @@ class ConstantVelocity(MotionPlan):
             speeds = tuple(float(v) for v in self.speeds)
         except (TypeError, ValueError):
             speeds = ()
-        if not 1 <= len(speeds) <= MOST_SPEEDS or not all(SMALLEST <= v <= LARGEST for v in speeds):
+        if not 1 <= len(speeds) <= MOST_SPEEDS or not all(POSITIVE.holds(v) for v in speeds):
             raise InvalidInput(
                 f"ConstantVelocity.speeds is {str(self.speeds)[:60]}.",
                 remedy="Give at least one speed above zero; each is driven in both directions.",

@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from backdrive.errors import InvalidInput
+from backdrive.parameters import whole
 from backdrive.plans.base import MotionPlan, between, settle, settle_count
 
 MOST_HARMONICS = 500
@@ -66,9 +67,7 @@ class Multisine(MotionPlan):
                 f"No multiple of 1/{self.period:g} Hz lies in the band from {self.low:g} to {self.high:g} Hz.",
                 remedy="Give a wider band or a longer period.",
             )
-        if isinstance(self.seed, bool) or not isinstance(self.seed, (int, np.integer)) or self.seed < 0:
-            raise InvalidInput(f"Multisine.seed is {self.seed!r}.", remedy="Give a whole number from 0 on.")
-        object.__setattr__(self, "seed", int(self.seed))
+        object.__setattr__(self, "seed", whole("Multisine.seed", self.seed, 0))
         if self.lead_in is None:
             object.__setattr__(self, "lead_in", 1.0 / float(self.frequencies[0]))
         settle(self, positive=("lead_in",))

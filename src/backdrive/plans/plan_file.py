@@ -11,6 +11,7 @@ from typing import Any
 from backdrive._catalog import lookup
 from backdrive._files import numbers_in, read_whole, write_whole
 from backdrive.errors import BackdriveError, InvalidInput, ReadError, UnknownFormat
+from backdrive.parameters import NOT_NEGATIVE, POSITIVE
 from backdrive.plans.constant_velocity import ConstantVelocity
 from backdrive.plans.in_turn import Held, InTurn
 from backdrive.plans.multisine import Multisine
@@ -20,8 +21,7 @@ from backdrive.plans.torque import SawtoothTorque, SineTorque, TorqueRamp
 SCHEMA = 1
 FORMAT = "backdrive-plan"
 MAX_BYTES = 20_000_000
-LARGEST = 1e12  # of the numbers of a plan, in SI; a clock may count from 1970
-SMALLEST = 1e-12  # of those that something is divided by
+#: Numbers that something is divided by.
 DIVISORS = ("stroke", "top_speed", "speeds", "amplitude", "frequency", "low", "high", "period", "rate")
 
 #: Every plan of a single joint. A plan is one class, one line here and its options in the command line.
@@ -65,8 +65,8 @@ def plan_from_dict(data: Mapping[str, Any]) -> Any:
         )
     for where, number in numbers_in(data, "$"):
         key = where.rpartition(".")[2].partition("[")[0]
-        small = key in DIVISORS and 0 < abs(number) < SMALLEST
-        if (small or not abs(number) <= LARGEST) and key != "seed":
+        bound = POSITIVE if key in DIVISORS and number else NOT_NEGATIVE
+        if not bound.holds(abs(number)) and key != "seed":
             raise ReadError(
                 f"{where} is {str(number)[:40]}, which no plan holds.",
                 remedy="Make it again with `backdrive plan`.",

@@ -14,7 +14,8 @@ import msgspec
 from backdrive._files import read_whole, write_whole
 from backdrive.errors import BackdriveError, ModelFileError
 from backdrive.laws import rate_law
-from backdrive.tuning.bounds import BIG, BOUNDS, POSITIVE, Bound, fault
+from backdrive.parameters import NOT_NEGATIVE, POSITIVE, Bound, fault
+from backdrive.tuning.bounds import BOUNDS
 from backdrive.tuning.tuning import NAMES, Number, Tuning
 
 FORMAT, SCHEMA = "backdrive-tuning", 2
@@ -24,7 +25,6 @@ AGAIN = "Run `backdrive tune` again."
 #: Fields that a file holds as they are, and those that are tables of numbers.
 PLAIN = ("joint", "unit", "goal", "top_speed", "inertia", "interval", "encoder_count", "trip_speed", "limit", "seed")  # fmt: skip
 TABLES = ("scores", "margins", "region")
-NOT_NEGATIVE = Bound(0.0, BIG)
 #: Where the numbers may lie; those that are not named are positive.
 RANGES = {
     "share": Bound(0.0, 1.0),
