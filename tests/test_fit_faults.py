@@ -17,10 +17,11 @@ from backdrive.identification import identify, validate
 from backdrive.identification.dynamic import stopping
 from backdrive.identification.dynamic.choice import Candidate, choose
 from backdrive.identification.dynamic.judging import judge_motion
-from backdrive.identification.dynamic.smoothing import grid_step, smoothing
 from backdrive.identification.dynamic.unknowns import LawShape, Scales
+from backdrive.identification.smoothing import smoothing
 from backdrive.laws import M3, Law, LuGre, StribeckGauss
 from backdrive.logs.log import Drive, Joint, Log
+from backdrive.logs.resolution import encoder_step
 from backdrive.model import load_model
 
 WAVES = ((0.8, 0.5, 0.0), (0.3, 1.7, 1.0), (0.05, 6.3, 2.0), (0.5, 0.21, 0.3))  # rad, rad/s, rad
@@ -111,8 +112,8 @@ def test_a_fine_encoder_leaves_the_low_pass_alone_and_a_hopeless_one_is_said():
     creep = 20.0 / 651.9 * np.sin(0.3 * slow.time)
     coarse = slow.replace(position=np.round(creep * 651.9) / 651.9)
     assert "--cutoff" in smoothing([coarse], "j").warning
-    assert grid_step(coarse.position[:, 0]) == pytest.approx(1 / 651.9)
-    assert grid_step(slow.position[:, 0]) == 0.0
+    assert encoder_step(coarse) == pytest.approx(1 / 651.9)
+    assert encoder_step(slow) == 0.0
 
 
 def test_break_away_is_bounded_by_the_friction_that_was_seen():

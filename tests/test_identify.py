@@ -1,5 +1,7 @@
 """Tests for identification/__init__.py, auto.py and validate.py: the right method, the right joints, the right refusals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -217,3 +219,18 @@ def test_joints_that_move_in_turn_are_cut_to_their_turns_whatever_the_clock():
         np.testing.assert_allclose(
             result.model.torque(name, [0.6, 1.5]), plant.law.torque(np.array([0.6, 1.5])), atol=0.12
         )
+
+
+@pytest.mark.parametrize("rate", [500.0, 1000.0])
+@pytest.mark.parametrize("known", [True, False])
+def test_encoder_steps_lower_the_low_pass_of_any_motion_and_spare_the_inertia(rate, known):
+    step = 5e-4
+    fine = any_motion(lambda v: 1.5 * np.sign(v) + 0.8 * v, rate=rate, seed=1)
+    joint = replace(fine.joints[0], encoder_counts=1.0 / step if known else None)
+    coarse = fine.replace(position=step * np.round(fine.position / step), joints=(joint,))
+    result = identify(coarse, method="motion")
+    (friction,) = result.model.joints
+    assert friction.dynamics["inertia"].value == pytest.approx(0.5, rel=0.01)  # it was 0.38 and 0.28
+    assert friction.law.torque(np.array([0.5, -1.0])) == pytest.approx([1.9, -2.3], rel=0.01)
+    assert "--cutoff" in result.evidence[0].verdict
+    assert validate(result.model, [coarse])["j1"].residual == pytest.approx(friction.fitted.residual, rel=0.1)

@@ -10,12 +10,13 @@ from _synthetic import any_motion
 from backdrive import Joint, Log, check
 from backdrive.errors import UnhealthyLog
 from backdrive.logs.health import gate, passed, time_slip, torque_sign
-from backdrive.logs.health._exam import Exam, resolution, white_noise
+from backdrive.logs.health._exam import Exam
 from backdrive.logs.health._jumps import jumps
 from backdrive.logs.health._motion import _gain, _widths, folded, motion, running
 from backdrive.logs.health._runs import frozen_runs
 from backdrive.logs.health._survey import survey
 from backdrive.logs.health._velocity_fit import velocity_fit
+from backdrive.logs.resolution import resolution, white_noise
 
 RNG = np.random.default_rng(11)
 

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from _health import log_of
-from backdrive.logs.health._exam import Exam, white_noise
+from backdrive.logs.health._exam import Exam
 from backdrive.logs.health._runs import frozen_runs
 from backdrive.logs.health._velocity_fit import velocity_fit
+from backdrive.logs.resolution import white_noise
 
 
 class Rules:

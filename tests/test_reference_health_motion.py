@@ -5,9 +5,10 @@ import pytest
 
 from _health import about, log_of, named
 from backdrive.logs.health import degrees, encoder_wrap, gate, position_jump, velocity_mismatch
-from backdrive.logs.health._exam import Exam, white_noise
+from backdrive.logs.health._exam import Exam
 from backdrive.logs.health._jumps import jumps
 from backdrive.logs.health._velocity_fit import VelocityFit, velocity_fit
+from backdrive.logs.resolution import white_noise
 
 # ----------------------------------------------------------------------------------------------- jumps
 

@@ -6,9 +6,10 @@ import pytest
 from _health import about, log_of
 from backdrive import Joint, Log
 from backdrive.logs.health import time_slip, torque_sign
-from backdrive.logs.health._exam import Exam, white_noise
+from backdrive.logs.health._exam import Exam
 from backdrive.logs.health._motion import folded, motion, running, solvable
 from backdrive.logs.health.time_slip import Slip
+from backdrive.logs.resolution import white_noise
 
 # ------------------------------------------------------------------------------------- what is regressed
 

@@ -5,8 +5,9 @@ import pytest
 
 from _health import about, log_of, named, smooth
 from backdrive.logs.health import gate, jitter, repeated_time, unsorted_time
-from backdrive.logs.health._exam import Exam, resolution
+from backdrive.logs.health._exam import Exam
 from backdrive.logs.health._survey import survey
+from backdrive.logs.resolution import resolution
 
 N = 1000
 

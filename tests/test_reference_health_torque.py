@@ -5,7 +5,8 @@ import pytest
 
 from _health import about, log_of, named
 from backdrive.logs.health import gate, saturation, silent_torque, stuck
-from backdrive.logs.health._exam import Exam, white_noise
+from backdrive.logs.health._exam import Exam
+from backdrive.logs.resolution import white_noise
 
 N = 2000
 T = 1e-3 * np.arange(N)

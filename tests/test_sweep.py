@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.identification.function_a import function_a, long_run
+from backdrive.identification.function_a import function_a
+from backdrive.identification.regression import long_run
 from backdrive.identification.signals import prepare
 from backdrive.identification.sweep import find_windows, identify_sweep, sweep_knots, to_polyline
 from backdrive.identification.sweep_equations import equations

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.identification.signals import GAP, SHORTEST
+from backdrive.identification.signals import SHORTEST, between_gaps
 from backdrive.logs import filters
 from backdrive.logs.log import Log
 from backdrive.robot import Robot
@@ -82,14 +82,8 @@ def prepare_arm(log: Log, robot: Robot, *, cutoff: float = MOTION_CUTOFF) -> lis
     period = log.period
     if not period > 0 or np.any(np.diff(log.time) <= 0):
         raise InvalidInput("Time does not increase.", remedy="Repair the time channel (--repair).")
-    cuts = np.flatnonzero(np.diff(log.time) > GAP * period) + 1
-    bounds = [0, *cuts.tolist(), len(log)]
     least = max(SHORTEST, round(SHORTEST_TIME / period))
-    stretches = [
-        _stretch(log, order, slice(a, b), period, cutoff)
-        for a, b in zip(bounds, bounds[1:])
-        if b - a >= least
-    ]
+    stretches = [_stretch(log, order, rows, period, cutoff) for rows in between_gaps(log.time, period, least)]
     if not stretches:
         raise NotIdentifiable(
             f"No stretch between gaps lasts {least * period:.3g} s.",

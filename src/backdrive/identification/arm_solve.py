@@ -96,7 +96,7 @@ def solve_arm(
         fitted = _predict(rows, first, x)
         error = rows.torque - fitted
         noise = np.array([_noise(error[:, j], rows.weight[:, j], scale[j]) for j in range(J)])
-        huber = np.minimum(1.0, WILD * noise / np.maximum(np.abs(error), 1e-300))
+        huber = regression.huber_weights(error, WILD * noise)
         change = (fitted - before) * rows.weight / noise
         if np.sqrt(np.mean(change**2)) < SETTLED:
             break
@@ -129,8 +129,7 @@ def _rms(x: np.ndarray, weight: np.ndarray) -> float:
 
 def _noise(error: np.ndarray, weight: np.ndarray, scale: float) -> float:
     """Robust standard deviation, never below what a float64 fit can mean."""
-    used = np.abs(error[weight > 0])
-    return max(1.4826 * float(np.median(used)), 1e-6 * scale) if used.size else scale
+    return max(regression.robust_spread(error, weight), 1e-6 * scale) if np.any(weight > 0) else scale
 
 
 def _predict(rows: Rows, first: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -235,12 +234,9 @@ def _bounded(gram: np.ndarray, moment: np.ndarray, low: np.ndarray, high: np.nda
 
 def _covariance(gram: np.ndarray, precision: np.ndarray, scores: np.ndarray, free: np.ndarray) -> np.ndarray:
     """Return the sandwich covariance of the free coefficients; zero for those at a bound."""
-    pick = np.ix_(free, free)
-    total = (gram + precision)[pick]
-    size = np.sqrt(np.diag(total))
-    bread = np.linalg.inv(total / np.outer(size, size)) / np.outer(size, size)
-    covariance = np.zeros_like(gram)
-    covariance[pick] = bread @ (scores + precision)[pick] @ bread
+    pick, covariance = np.ix_(free, free), np.zeros_like(gram)
+    inverse = regression.inverted((gram + precision)[pick], 1e-15)
+    covariance[pick] = inverse @ (scores + precision)[pick] @ inverse
     return covariance
 
 
@@ -273,11 +269,6 @@ def _let_go(
 
 def _inflation(error: np.ndarray, rate: float) -> float:
     """Return how many correlated residuals count as one independent (Bartlett window), at least 1."""
-    n = error.size
-    lags = min(max(int(MEMORY * rate), 1), n - 1)
-    power = np.abs(np.fft.rfft(error, 2 * n)) ** 2
-    correlation = np.fft.irfft(power)[: lags + 1]
-    if correlation[0] <= 0:
-        return 1.0
-    taper = 1.0 - np.arange(1, lags + 1) / (lags + 1)
-    return max(1.0, 1.0 + 2.0 * float(taper @ (correlation[1:] / correlation[0])))
+    width = min(max(int(MEMORY * rate), 1), error.size - 1) + 1
+    power = float(error @ error)
+    return max(1.0, float(regression.long_run(error[None], width)[0, 0]) / power) if power > 0.0 else 1.0

@@ -101,7 +101,7 @@ def identify_constant_velocity(
     sections, said = _choose(losses)
     form, X, _ = tried[sections]
     blocks = regression.accumulate(X, y, np.ones(y.size), np.arange(y.size), y.size)
-    theta = regression.solve(blocks.gram.sum(axis=0), blocks.moment.sum(axis=0))
+    theta = blocks.solution()
     covariance = regression.sandwich(blocks, theta)
     r = form.spread.shape[1]
     curve_values, curve_covariance = theta[:r], covariance[:r, :r]

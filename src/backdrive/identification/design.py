@@ -137,7 +137,7 @@ def candidates(
 
 
 def _slip(option: Candidate, mapped: regression.Blocks) -> float:
-    theta = regression.solve(mapped.gram.sum(axis=0), mapped.moment.sum(axis=0))
+    theta = mapped.solution()
     inertia = theta[option.terms.index("inertia")]
     return float(theta[option.terms.index("jerk")] / inertia) if inertia else np.inf
 
@@ -173,21 +173,20 @@ def choose(blocks: regression.Blocks, options: list[Candidate]) -> Choice:
         judged, best = sound, min(loss for loss, _ in sound)
     chosen = next(option for loss, option in judged if loss <= TOLERANCE * best + 1e-300)
     mapped = blocks.mapped(chosen.spread)
-    gram = mapped.gram.sum(axis=0)
-    theta = regression.solve(gram, mapped.moment.sum(axis=0))
+    theta = mapped.solution()
     return Choice(
         candidate=chosen,
         coefficients=theta,
         covariance=regression.sandwich(mapped, theta),
         left_out=regression.left_out_solutions(mapped),
-        condition=regression.condition(gram),
+        condition=regression.condition(mapped.gram.sum(axis=0)),
         loss={f"{'+'.join(o.terms)} | {o.form.name}": loss for loss, o in judged},
     )
 
 
 def _vague(option: Candidate, mapped: regression.Blocks) -> bool:
     """Say whether the data hardly determine some knot: a curve would zigzag there."""
-    theta = regression.solve(mapped.gram.sum(axis=0), mapped.moment.sum(axis=0))
+    theta = mapped.solution()
     k = len(option.terms)
     errors = np.sqrt(np.maximum(np.diag(regression.sandwich(mapped, theta))[k:], 0.0))
     return bool(errors.max() > VAGUE * np.abs(theta[k:]).max())
@@ -196,7 +195,7 @@ def _vague(option: Candidate, mapped: regression.Blocks) -> bool:
 def _plausible(option: Candidate, blocks: regression.Blocks) -> bool:
     """Say whether friction opposes motion at every knot and the inertia is positive."""
     mapped = blocks.mapped(option.spread)
-    theta = regression.solve(mapped.gram.sum(axis=0), mapped.moment.sum(axis=0))
+    theta = mapped.solution()
     if "inertia" in option.terms and theta[option.terms.index("inertia")] < 0.0:
         return False
     curve, k = theta[len(option.terms) :], option.form.knots.size

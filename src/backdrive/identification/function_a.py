@@ -149,8 +149,8 @@ def corrected(
         mean = both[:, g].mean(axis=1)
         F = x[2, g].mean() - theta @ mean
         rows.append((x[1, g].mean(), F, errors[id(g)], g.size, mean, x[1, g].var()))
-    bread = np.linalg.pinv(gram, hermitian=True)
-    covariance = bread @ spread @ bread
+    inverse = regression.inverted(gram)
+    covariance = inverse @ spread @ inverse
     V, F, count, variance = (np.array([row[i] for row in rows]).reshape(-1, 2) for i in (0, 1, 3, 5))
     V, F = V * (1, -1), F * (1, -1)
     error = np.sqrt([row[2] + row[4] @ covariance @ row[4] for row in rows]).reshape(-1, 2)
@@ -231,18 +231,3 @@ def _within(z: np.ndarray, v: np.ndarray, t: np.ndarray) -> np.ndarray:
     cubic /= max(float(np.sqrt(cubic @ cubic)), 1e-300)
     z[1] = (z[1] @ line) * line + (z[1] @ cubic) * cubic
     return z[:-2]
-
-
-def long_run(z: np.ndarray) -> np.ndarray:
-    """Return the covariance of the sums of rows z over correlated samples, (k, k).
-
-    Newey & West, Econometrica 55, 1987, with as many lags as the square root of the samples.
-
-    Args:
-        z: rows of mean zero, (k, n).
-    """
-    width = int(np.sqrt(z.shape[1])) + 1
-    rest = np.zeros((z.shape[0], width))
-    total = np.cumsum(np.hstack([rest, z, rest]), axis=1)
-    sums = total[:, width:] - total[:, :-width]  # triangular weights are those of overlapping sums
-    return sums @ sums.T / width

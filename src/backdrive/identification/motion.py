@@ -21,6 +21,7 @@ from backdrive.identification.evidence import evidence
 from backdrive.identification.quality import judge
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
+from backdrive.identification.smoothing import smoothing
 from backdrive.logs.log import Joint, Log
 from backdrive.model import Estimate, JointFriction, Validity
 
@@ -49,7 +50,7 @@ def identify_motion(
         logs: of the same joint; each needs torque and position (or velocity).
         joint: name.
         held_out: logs to judge on; without any, blocks of the fitted logs are held out in turn.
-        cutoff: low pass of the motion before differentiation [Hz]; None: a tenth of the sampling rate.
+        cutoff: low pass of the motion before differentiation [Hz]; None: by sampling rate and encoder (`smoothing`).
         gravity: estimate gravity as sin q and cos q; None: where the data ask for it.
         symmetric: force one curve for both directions (True) or one each (False); None: what the data ask for.
         law: `coulomb-viscous` or `polyline` to allow only that; None: what the data ask for.
@@ -58,7 +59,8 @@ def identify_motion(
         InvalidInput: a log holds no torque.
         NotIdentifiable: the motion does not determine a curve.
     """
-    stretches = [s for log in logs for s in prepare(log, joint, cutoff=cutoff)]
+    smooth = smoothing([*logs, *held_out], joint, cutoff)
+    stretches = [s for log in logs for s in prepare(log, joint, cutoff=smooth.cutoff)]
     about = logs[0].select(joint).joints[0]
     speeds = np.concatenate([s.velocity[s.moving] for s in stretches])
     if not speeds.size or not np.max(np.abs(speeds)) > 0:
@@ -87,6 +89,8 @@ def identify_motion(
     choice = design.offset_apart(choice)
     friction = as_friction(choice, choice.coefficients, about, (float(speeds.min()), float(speeds.max())))
     friction = with_warnings(friction, choice, both)
+    if smooth.warning:
+        friction = replace(friction, warnings=(*friction.warnings, smooth.warning))
     duration = sum(float(np.count_nonzero(s.moving)) / s.rate for s in stretches)
     turns = sum(int(np.count_nonzero(np.diff(np.sign(s.velocity[s.moving])))) for s in stretches)
     if duration < SHORT or turns < FEW_TURNS:
@@ -102,7 +106,7 @@ def identify_motion(
         friction = replace(friction, warnings=(*friction.warnings, said))
     fitted = judge([(s.torque, predict(friction, s), s.rate, s.moving) for s in stretches])
     if held_out:
-        others = [s for log in held_out for s in prepare(log, joint, cutoff=cutoff)]
+        others = [s for log in held_out for s in prepare(log, joint, cutoff=smooth.cutoff)]
         held = judge([(s.torque, predict(friction, s), s.rate, s.moving) for s in others])
     else:
         others = []
@@ -111,7 +115,7 @@ def identify_motion(
     validity = replace(friction.validity, load=(float(carried.min()), float(carried.max())))
     friction = replace(friction, fitted=fitted, held_out=held, validity=validity)
     k = len(choice.candidate.terms)
-    return friction, evidence(
+    shown = evidence(
         friction,
         [
             (s, s.torque - rest_of_dynamics(friction, s), predict(friction, s), i < len(stretches))
@@ -119,6 +123,7 @@ def identify_motion(
         ],
         curves.error_of_curve(choice.candidate.form, choice.covariance[k:, k:]),
     )
+    return friction, replace(shown, verdict=f"{shown.verdict} {smooth.note}".rstrip())
 
 
 def slowest_sliding(stretches: Sequence[Signals], knots: np.ndarray) -> float:
@@ -250,20 +255,6 @@ def _left_out(stretches, choice, joint, velocity):
         for b in np.unique(of_sample):
             rows = np.flatnonzero(of_sample == b)
             part = slice(rows[0], rows[-1] + 1)
-            predicted[part] = predict(models[b], _part(s, part))
+            predicted[part] = predict(models[b], s.rows(part))
         pairs.append((s.torque, predicted, s.rate, s.moving))
     return pairs
-
-
-def _part(s: Signals, rows: slice) -> Signals:
-    return Signals(
-        time=s.time[rows],
-        velocity=s.velocity[rows],
-        acceleration=s.acceleration[rows],
-        jerk=s.jerk[rows],
-        torque=s.torque[rows],
-        rate=s.rate,
-        position=None if s.position is None else s.position[rows],
-        model_torque=None if s.model_torque is None else s.model_torque[rows],
-        moving=s.moving[rows],
-    )

@@ -12,11 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.identification.function_a import long_run
 from backdrive.identification.hysteresis import BRANCH, CUTOFF, loop
+from backdrive.identification.regression import long_run
+from backdrive.identification.signals import spans
 from backdrive.identification.sweep_windows import turning_points
 from backdrive.logs import filters
 from backdrive.logs.log import Log
+from backdrive.logs.resolution import encoder_step, white_noise
 
 SLIPS = 30.0  # a joint slips when it moves so many times faster than at the start of the ramp [-]
 FLICKER = 10.0  # and faster than so many counts in one period of the low pass [-]
@@ -123,7 +125,7 @@ def presliding(logs: Sequence[Log], joint: str | int) -> Presliding:
             raise InvalidInput(
                 f"Joint '{joint}': a ramp needs torque and position.", remedy="Name the channels with --map."
             )
-    count = max(_count(log) for log in singles)
+    count = max(encoder_step(log) or 3.0 * white_noise(log.need("position")[:, 0]) for log in singles)
     found = [_branches(log, count) for log in singles]
     branches = [b for each, _, _ in found for b in each]
     if not branches:
@@ -157,23 +159,6 @@ def presliding(logs: Sequence[Log], joint: str | int) -> Presliding:
     )
 
 
-def _count(log: Log) -> float:
-    """Return the smallest step of the readings [rad or m]; their noise where they come in no steps."""
-    counts = log.joints[0].encoder_counts
-    if counts:
-        return 1.0 / counts
-    position = log.position[:, 0]  # type: ignore[index]
-    steps = np.abs(np.diff(position))
-    steps = steps[steps > 1e-12 * max(float(np.abs(position).max()), 1e-300)]
-    if not steps.size:
-        return float("nan")
-    smallest = float(steps.min())
-    whole = steps / smallest
-    if float(np.mean(np.abs(whole - np.round(whole)) < 0.05)) > 0.95:
-        return smallest
-    return float(3.0 * 1.4826 * np.median(np.abs(np.diff(position, 2))) / np.sqrt(6.0))
-
-
 def _branches(log: Log, count: float) -> tuple[list[Branch], float, float]:
     """Return the branches of one log, the speed from which on it slips, and the torque before the first ramp."""
     torque, position = log.driving_torque[:, 0], log.need("position")[:, 0]
@@ -187,13 +172,13 @@ def _branches(log: Log, count: float) -> tuple[list[Branch], float, float]:
     first = slice(turns[0], turns[0] + max(2, (turns[1] - turns[0]) // 10))
     slips = max(SLIPS * float(np.median(np.abs(velocity[first]))), FLICKER * count * cutoff)
     stuck = np.abs(velocity) < slips
-    for start, stop in _runs(~stuck):
+    for start, stop in spans(~stuck):
         if np.ptp(position[start:stop]) < RESOLVED * count:
             stuck[start:stop] = True  # a count that flickers is no slip
     settle = round(rate / cutoff)  # as long as the low pass lets a slip shine into its neighbourhood
     result = []
     for a, b in zip(turns, turns[1:]):
-        for start, stop in a + _runs(stuck[a : b + 1]):
+        for start, stop in a + spans(stuck[a : b + 1]):
             after, before = start > a or not stuck[max(a - 1, 0)], stop <= b
             first, last = start + settle * after, stop - settle * before
             if last - first < SHORTEST or np.ptp(smooth[first:last]) < 0.5 * BRANCH * np.ptp(smooth):
@@ -208,11 +193,6 @@ def _branches(log: Log, count: float) -> tuple[list[Branch], float, float]:
                 )
             )
     return result, slips, float(torque[: turns[0] + 1].mean())
-
-
-def _runs(mask: np.ndarray) -> np.ndarray:
-    """Return first and past-last index of every stretch of True, (k, 2)."""
-    return np.flatnonzero(np.diff(np.r_[False, mask, False].astype(np.int8))).reshape(-1, 2)
 
 
 def _onset(

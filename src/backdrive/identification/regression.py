@@ -29,6 +29,10 @@ class Blocks:
     power: np.ndarray
     rows: np.ndarray
 
+    def solution(self) -> np.ndarray:
+        """Return the coefficients by all blocks together, (p,)."""
+        return solve(self.gram.sum(axis=0), self.moment.sum(axis=0))
+
     def mapped(self, spread: np.ndarray) -> Blocks:
         """Return the equations of the regressor X @ spread."""
         return Blocks(
@@ -80,13 +84,20 @@ def accumulate(X: np.ndarray, y: np.ndarray, w: np.ndarray, block: np.ndarray, b
     return Blocks(gram=gram, moment=moment, power=power, rows=rows)
 
 
-def huber_weights(residual: np.ndarray, w: np.ndarray) -> np.ndarray:
-    """Return Huber's weights for residuals whose spread is judged by their median."""
+def robust_spread(residual: np.ndarray, w: np.ndarray) -> float:
+    """Return the standard deviation of residuals with weight by the median of their sizes; 0 where there are none."""
     inside = np.abs(residual[w > 0])
-    spread = 1.4826 * np.median(inside) if inside.size else 0.0
-    if spread <= 0.0:
-        return np.ones_like(residual)
-    return np.minimum(1.0, HUBER * spread / np.maximum(np.abs(residual), 1e-300))
+    return 1.4826 * float(np.median(inside)) if inside.size else 0.0
+
+
+def huber_weights(residual: np.ndarray, width: float | np.ndarray) -> np.ndarray:
+    """Return Huber's weights [-].
+
+    Args:
+        residual: of the fit, (...).
+        width: beyond which a residual counts less [unit of the residual].
+    """
+    return np.minimum(1.0, width / np.maximum(np.abs(residual), 1e-300))
 
 
 def robust_weights(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int = 8) -> np.ndarray:
@@ -95,7 +106,9 @@ def robust_weights(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int = 8)
     for _ in range(rounds):
         weighted = X * weights[:, None]
         theta = solve(weighted.T @ X, weighted.T @ y)
-        weights = w * huber_weights(y - X @ theta, w)
+        residual = y - X @ theta
+        spread = robust_spread(residual, w)
+        weights = w * huber_weights(residual, HUBER * spread) if spread > 0.0 else w.copy()
     return weights
 
 
@@ -119,15 +132,39 @@ def sandwich(blocks: Blocks, theta: np.ndarray) -> np.ndarray:
 
     It is widened as Student's distribution is with that few blocks, so that two standard errors hold 95 %.
     """
-    gram = blocks.gram.sum(axis=0)
-    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    bread = np.linalg.pinv(gram / np.outer(scale, scale), rcond=1e-10, hermitian=True) / np.outer(
-        scale, scale
-    )
+    inverse = inverted(blocks.gram.sum(axis=0))
     scores = blocks.moment - blocks.gram @ theta
     used = max(int(np.sum(blocks.rows > 0)), 2)
     few = 1.0 + 1.22 / (used - 1)  # quantile of Student's distribution over that of the normal one, to 1 %
-    return bread @ (scores.T @ scores) @ bread * used / (used - 1) * few**2
+    return inverse @ (scores.T @ scores) @ inverse * used / (used - 1) * few**2
+
+
+def inverted(gram: np.ndarray, least: float = 1e-10) -> np.ndarray:
+    """Return the inverse of normal equations scaled to unit columns, 0 for what they leave open, (p, p).
+
+    Args:
+        gram: X'X, or Z'X with instruments Z, (p, p).
+        least: singular value, by the largest, below which they leave it open [-].
+    """
+    scale = np.sqrt(np.maximum(np.abs(np.diag(gram)), 1e-300))
+    size = np.outer(scale, scale)
+    return np.linalg.pinv(gram / size, rcond=least) / size
+
+
+def long_run(z: np.ndarray, width: int | None = None) -> np.ndarray:
+    """Return the covariance of the sums of rows z over correlated samples, (k, k).
+
+    Newey & West, Econometrica 55, 1987, with weights that fall to zero at the lag `width`.
+
+    Args:
+        z: rows of mean zero, (k, n).
+        width: [sample]; None: the square root of the samples.
+    """
+    width = width or int(np.sqrt(z.shape[1])) + 1
+    rest = np.zeros((z.shape[0], width))
+    total = np.cumsum(np.hstack([rest, z, rest]), axis=1)
+    sums = total[:, width:] - total[:, :-width]  # triangular weights are those of overlapping sums
+    return sums @ sums.T / width
 
 
 def condition(gram: np.ndarray) -> float:

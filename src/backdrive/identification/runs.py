@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from backdrive.identification import regression
+from backdrive.identification.signals import spans
+from backdrive.logs.filters import derivative
 from backdrive.logs.log import Log
 
 LEAST_RUNS = 4  # fewer runs do not make a curve
@@ -48,9 +50,8 @@ def _run(time: np.ndarray, velocity: np.ndarray, torque: np.ndarray, angle: np.n
     if angle is not None:
         columns = np.stack([np.sin(angle), np.cos(angle), torque])
         pull = (float(columns[0].mean()), float(columns[1].mean()))
-        within = (columns - columns.mean(axis=1, keepdims=True)) @ (
-            columns - columns.mean(axis=1, keepdims=True)
-        ).T
+        apart = columns - columns.mean(axis=1, keepdims=True)
+        within = apart @ apart.T
     return Run(
         velocity=level,
         torque=_robust_mean(torque),
@@ -93,8 +94,6 @@ def whole_run(log: Log, joint: str | int) -> bool:
 
 
 def _velocity(log: Log) -> np.ndarray:
-    from backdrive.logs.filters import derivative
-
     velocity = log.velocity if log.velocity is not None else derivative(log.need("position"), log.period)
     return velocity[:, 0]
 
@@ -120,10 +119,9 @@ def _plateaus(velocity: np.ndarray, period: float) -> list[tuple[int, int]]:
     spread = np.sqrt(np.maximum(square - level**2, 0.0))
     top = np.max(np.abs(level))
     steady = (np.abs(level) > 0.005 * top) & (spread < STEADY * np.abs(level) + 0.002 * top)
-    edges = np.flatnonzero(np.diff(np.r_[False, steady, False].astype(np.int8))).reshape(-1, 2)
     return [
         (int(a), int(b))
-        for a, b in edges
+        for a, b in spans(steady)
         if b - a >= width and np.ptp(level[a:b]) < 2 * STEADY * abs(np.mean(level[a:b]))
     ]
 
@@ -146,8 +144,8 @@ def gravity_of(runs: Sequence[Run]) -> tuple[np.ndarray, np.ndarray] | None:
     if theta @ moment < SEEN * power:
         return None
     scores = np.stack([s[:2, 2] - s[:2, :2] @ theta for s in scatter])
-    bread = np.linalg.inv(gram)
-    return theta, np.sqrt(np.diag(bread @ (scores.T @ scores) @ bread))
+    inverse = regression.inverted(gram)
+    return theta, np.sqrt(np.diag(inverse @ (scores.T @ scores) @ inverse))
 
 
 def without_gravity(log: Log, joint: str | int, gravity: np.ndarray) -> Log:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,6 +46,11 @@ class Signals:
     load: np.ndarray | None = None
     temperature: np.ndarray | None = None
 
+    def rows(self, part: slice) -> Signals:
+        """Return some of the samples."""
+        arrays = {k: v[part] for k, v in vars(self).items() if isinstance(v, np.ndarray)}
+        return replace(self, **arrays)
+
 
 def default_cutoff(rate: float) -> float:
     """Return the corner frequency that motion is low-passed at before differentiation [Hz]."""
@@ -75,19 +80,28 @@ def prepare(log: Log, joint: str | int, *, cutoff: float | None = None) -> list[
         raise InvalidInput(
             f"The median sampling interval is {period} s.", remedy="Repair the time channel (--repair)."
         )
-    cuts = np.flatnonzero(np.diff(log.time) > GAP * period) + 1
-    bounds = [0, *cuts.tolist(), len(log)]
     top = _top_speed(log)
     stretches = [
-        _segment(log.rows(slice(a, b)), period, cutoff, top)
-        for a, b in zip(bounds, bounds[1:])
-        if b - a >= SHORTEST
+        _segment(log.rows(rows), period, cutoff, top) for rows in between_gaps(log.time, period, SHORTEST)
     ]
     if not stretches:
         raise NotIdentifiable(
             f"No stretch between gaps has {SHORTEST} samples.", remedy="Record without dropping samples."
         )
     return stretches
+
+
+def between_gaps(time: np.ndarray, period: float, least: int) -> list[slice]:
+    """Return the stretches without a gap.
+
+    Args:
+        time: instants [s], (n,).
+        period: sampling interval [s].
+        least: samples that a stretch must have.
+    """
+    cuts = np.flatnonzero(np.diff(time) > GAP * period) + 1
+    bounds = [0, *cuts.tolist(), time.size]
+    return [slice(a, b) for a, b in zip(bounds, bounds[1:]) if b - a >= least]
 
 
 def _finite(log: Log) -> Log:
@@ -148,12 +162,16 @@ def _load(log: Log) -> np.ndarray | None:
     return np.column_stack([log.need("torque")[:, 0], external])
 
 
+def spans(mask: np.ndarray) -> np.ndarray:
+    """Return first and past-last index of every stretch of True, (k, 2)."""
+    return np.flatnonzero(np.diff(np.r_[False, mask, False].astype(np.int8))).reshape(-1, 2)
+
+
 def _moving(velocity: np.ndarray, rate: float, top: float) -> np.ndarray:
     """Mark the samples that are not part of a long rest."""
     resting = np.abs(velocity) < REST * top
-    edges = np.flatnonzero(np.diff(np.r_[False, resting, False].astype(np.int8)))
     moving = np.ones(velocity.size, dtype=bool)
-    for start, stop in edges.reshape(-1, 2):
+    for start, stop in spans(resting):
         if stop - start > REST_TIME * rate:
             moving[start:stop] = False
     return moving

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from backdrive.identification import regression
 from backdrive.identification.curves import basis
 from backdrive.identification.noise import noise_of
 from backdrive.identification.signals import Signals
@@ -62,7 +63,7 @@ def _solved(
     stretches: Sequence[Signals], parts: Sequence[Any], knots: np.ndarray, loaded: bool
 ) -> tuple[float, float, bool]:
     """Return delay and standard error [s], and whether friction grows with the load."""
-    delay, bread, theta, y = 0.0, np.zeros((1, 1)), np.zeros(2), []
+    delay, inverse, theta, y = 0.0, np.zeros((1, 1)), np.zeros(2), []
     plain = regressors = [
         (_regressor(real, knots), _regressor(wanted, knots)) for _, real, wanted, _ in parts
     ]
@@ -74,10 +75,8 @@ def _solved(
                 for (X, Z), (_, real, wanted, _) in zip(plain, parts)
             ]
         moments = [(Z.T @ X, Z.T @ f) for (X, Z), f in zip(regressors, y)]
-        gram, moment = sum(m[0] for m in moments), sum(m[1] for m in moments)
-        scale = np.sqrt(np.maximum(np.abs(np.diag(gram)), 1e-300))
-        bread = np.linalg.pinv(gram / np.outer(scale, scale), rcond=1e-10) / np.outer(scale, scale)
-        theta = bread @ moment
+        inverse = regression.inverted(np.sum([m[0] for m in moments], axis=0))
+        theta = inverse @ np.sum([m[1] for m in moments], axis=0)
         if not theta[0] > 0:
             return float("nan"), float("nan"), False
         delay -= float(theta[1] / theta[0])
@@ -89,7 +88,7 @@ def _solved(
     # a cubic more than was fitted: what straight sections miss of the curve is no noise
     noise = noise_of([left for left, _, _ in runs], [v for _, v, _ in runs], degree=3)
     spread = sum(noise.covariance(z, i) for i, (_, _, z) in enumerate(runs))
-    error = np.sqrt(np.diag(bread @ spread @ bread.T))
+    error = np.sqrt(np.diag(inverse @ spread @ inverse.T))
     grows = loaded and bool(theta[-2] > SIGNIFICANT * error[-2])
     return delay, float(error[1] / theta[0]), grows
 

@@ -50,7 +50,7 @@ def torque_timing(stretches: Sequence[Signals]) -> tuple[Timing | None, float, f
     w = regression.robust_weights(X, y, np.concatenate(ws))
     count = motion.block_count(stretches)
     blocks = regression.accumulate(X, y, w, regression.block_index(len(y), count), count)
-    theta = regression.solve(blocks.gram.sum(axis=0), blocks.moment.sum(axis=0))
+    theta = blocks.solution()
     if not theta[0] > 0:
         return None, float("nan"), float("nan")
     delay = float(theta[1] / theta[0])

@@ -11,6 +11,7 @@ from backdrive.identification.dynamics import predict
 from backdrive.identification.options import settings_of
 from backdrive.identification.quality import judge
 from backdrive.identification.signals import prepare
+from backdrive.identification.smoothing import smoothing
 from backdrive.logs.log import Log
 from backdrive.model import FrictionModel, Quality
 
@@ -70,7 +71,7 @@ def validate(
                     remedy="Map the torque (--map tau=COLUMN). A model of `identify --drive` is judged by motion: `backdrive "
                     "validate`, or `backdrive.identification.dynamic.judging.judge_motion`.",
                 )
-            stretches = prepare(log, name, cutoff=_cutoff(model, name))
+            stretches = prepare(log, name, cutoff=_cutoff(model, name, log))
             pairs += [(s.torque, predict(friction, s), s.rate, s.moving) for s in stretches]
             moved += [s.velocity for s in stretches]
         if not pairs:
@@ -84,10 +85,12 @@ def validate(
     return result
 
 
-def _cutoff(model: FrictionModel, name: str) -> float | None:
+def _cutoff(model: FrictionModel, name: str, log: Log) -> float | None:
     """Return the low pass of the motion that a joint was fitted with [Hz]; None: the usual one."""
     cutoff = settings_of(model, name).get("cutoff", model.options.get("cutoff"))
-    return float(cutoff) if isinstance(cutoff, (int, float)) and cutoff > 0 else None
+    if isinstance(cutoff, (int, float)) and cutoff > 0:
+        return float(cutoff)
+    return smoothing([log], name).cutoff if model.joint(name).method == "motion" else None
 
 
 def _runs(friction, log: Log, name: str, moved: list[np.ndarray]) -> list:

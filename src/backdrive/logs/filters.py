@@ -6,9 +6,13 @@ what the sampling cannot resolve without biasing the fit.
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from backdrive.errors import InvalidInput
+
+ODD = tuple(3**i * 5**j for i in range(20) for j in range(14))  # odd factors of lengths that transform fast
 
 
 def low_pass(x: np.ndarray, cutoff: float, rate: float, order: int = 4) -> np.ndarray:
@@ -43,10 +47,20 @@ def low_pass(x: np.ndarray, cutoff: float, rate: float, order: int = 4) -> np.nd
         raise InvalidInput(f"{x.shape[0]} samples are too few to filter.", remedy="Give a longer log.")
     pad = min(round(3 * rate / cutoff), x.shape[0] - 1)
     n = fft_length(x.shape[0] + 2 * pad)
-    frequency = np.arange(n // 2 + 1) / n
-    gain = 1.0 / (1.0 + (np.tan(np.pi * frequency) / np.tan(np.pi * cutoff / rate)) ** (2 * order))
+    gain = squared_gain(np.arange(n // 2 + 1) / n, cutoff / rate, order)
     columns = [_filtered(column, gain, pad, n) for column in x.reshape(x.shape[0], -1).T]
     return np.stack(columns, axis=1).reshape(x.shape)
+
+
+def squared_gain(frequency: np.ndarray, cutoff: float, order: int = 4) -> np.ndarray:
+    """Return what `low_pass` leaves of an amplitude [-].
+
+    Args:
+        frequency: by the sampling rate [-], any shape.
+        cutoff: by the sampling rate [-].
+        order: of one pass.
+    """
+    return 1.0 / (1.0 + (np.tan(np.pi * frequency) / np.tan(np.pi * cutoff)) ** (2 * order))
 
 
 def _filtered(x: np.ndarray, gain: np.ndarray, pad: int, n: int) -> np.ndarray:
@@ -58,19 +72,13 @@ def _filtered(x: np.ndarray, gain: np.ndarray, pad: int, n: int) -> np.ndarray:
     return np.fft.irfft(np.fft.rfft(circle) * gain, n)[pad : pad + x.size] + middle
 
 
+@cache
 def fft_length(n: int) -> int:
-    """Return the smallest even number >= n whose prime factors are 2, 3 and 5."""
-    best = 1 << (n - 1).bit_length()
-    five = 1
-    while five < best:
-        three = five
-        while three < best:
-            length = three * 2 ** max(1, (-(-n // three) - 1).bit_length())
-            if n <= length < best:
-                best = length
-            three *= 3
-        five *= 5
-    return best
+    """Return the smallest even number >= n whose prime factors are 2, 3 and 5.
+
+    `scipy.fft.next_fast_len` knows it too; to import it takes a fifteenth of the time of a whole identification.
+    """
+    return min(odd << max(1, (-(-n // odd) - 1).bit_length()) for odd in ODD)
 
 
 def derivative(x: np.ndarray, period: float) -> np.ndarray:

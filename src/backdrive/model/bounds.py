@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from backdrive._files import numbers_in
 from backdrive.errors import BackdriveError, ModelFileError
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ def check_document(document: dict[str, Any]) -> None:
         ModelFileError: names the first such place.
     """
     for part in ("joints", "arm"):
-        for where, value in _numbers(document[part], f"$.{part}"):
+        for where, value in numbers_in(document[part], f"$.{part}"):
             unsure = any(where.endswith(word) or f".{word}[" in where for word in _UNSURE)
             most = MOST_ERROR if unsure else BIG
             if not abs(value) <= most:
@@ -100,17 +101,6 @@ def check_document(document: dict[str, Any]) -> None:
         raise ModelFileError(
             f"$.provenance.options has more than {DEEPEST} levels.", remedy="Options are names and numbers."
         )
-
-
-def _numbers(value: Any, where: str) -> Iterator[tuple[str, float]]:
-    if isinstance(value, dict):
-        for key, inner in value.items():
-            yield from _numbers(inner, f"{where}.{key}")
-    elif isinstance(value, (list, tuple)):
-        for i, inner in enumerate(value):
-            yield from _numbers(inner, f"{where}[{i}]")
-    elif isinstance(value, (int, float)) and not isinstance(value, bool):
-        yield where, value
 
 
 def _deeper(value: Any, levels: int) -> bool:

@@ -3,48 +3,93 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from backdrive.errors import InvalidInput
+from backdrive.parameters import FINITE, NOT_NEGATIVE, POSITIVE, number, whole
 
 MOST_CYCLES = 10_000
-SMALLEST, LARGEST = 1e-12, 1e12  # any number of a plan that is not zero, in SI: beyond, no robot moves
 DEGREE = math.pi / 180.0
 
 
-class Plan(Protocol):
-    """What every plan offers.
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What every plan of one joint has, and what it offers besides: `duration` [s] and `windows()`, where the identification
+    takes its samples, begin and end [s], (k, 2).
 
-    A plan that commands a position also has `position(t)`, `velocity(t)`, `acceleration(t)`, `home` (where it begins and
-    ends at rest), `position_range`, `peak_velocity` and `peak_acceleration`; one that commands a torque has `torque(t)`
-    and `largest_torque`. Its windows are where the identification takes its samples.
+    Attributes:
+        start: instant at which the plan begins, on the log's clock [s].
+        joint: its name.
+        unit: `rad` or `m`.
+        kind: name of the kind of plan.
+        commands: what it commands, `position` or `torque`.
     """
 
-    @property
-    def kind(self) -> str:
-        """Name of the kind of plan."""
-        ...
+    start: float = 0.0
+    joint: str = "joint"
+    unit: Literal["rad", "m"] = "rad"
+
+    kind: ClassVar[str]
+    commands: ClassVar[str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionPlan(Plan):
+    """A plan of a stroke about a center; a kind of its own has `_motion(t, order)`, `peak_velocity` [rad/s or m/s] and
+    `peak_acceleration` [rad/s^2 or m/s^2].
+
+    Attributes:
+        stroke: full stroke, peak to peak [rad or m].
+        center: middle of the stroke [rad or m].
+        lead_in: duration of the way to where its windows begin [s]; None: a gentle one.
+    """
+
+    stroke: float
+    center: float = 0.0
+    lead_in: float | None = None
+
+    commands: ClassVar[str] = "position"
+    peak_acceleration: ClassVar[Any]
+    _motion: ClassVar[Any]
+
+    def position(self, t: Any) -> np.ndarray:
+        """Return the position [rad or m] at instants t [s], any shape."""
+        return self._motion(instants(t), 0)[()]
+
+    def velocity(self, t: Any) -> np.ndarray:
+        """Return the velocity [rad/s or m/s] at instants t [s], any shape."""
+        return self._motion(instants(t), 1)[()]
+
+    def acceleration(self, t: Any) -> np.ndarray:
+        """Return the acceleration [rad/s^2 or m/s^2] at instants t [s], any shape."""
+        return self._motion(instants(t), 2)[()]
 
     @property
-    def commands(self) -> str:
-        """What it commands: `position` or `torque`."""
-        ...
+    def _lead(self) -> float:
+        return self.lead_in or 0.0
 
     @property
-    def start(self) -> float:
-        """Instant at which it begins [s]."""
-        ...
+    def home(self) -> float:
+        """Position at which it begins and ends at rest [rad or m]."""
+        return self.center
 
     @property
-    def duration(self) -> float:
-        """From the first to the last instant at which anything changes [s]."""
-        ...
+    def position_range(self) -> tuple[float, float]:
+        """Bounds that the position does not leave [rad or m]."""
+        return self.center - 0.5 * self.stroke, self.center + 0.5 * self.stroke
 
-    def windows(self) -> np.ndarray:
-        """Return begin and end of the stretches to take samples from [s], (k, 2)."""
-        ...
+    def peak_torque(self, inertia: float, gravity: float = 0.0, friction: float = 0.0) -> float:
+        """Return a torque that the plan never exceeds: the sum of the largest of each part [N.m or N].
+
+        Args:
+            inertia: about the joint [kg.m^2 or kg].
+            gravity: largest gravity torque on the stroke [N.m or N].
+            friction: friction torque at the highest speed [N.m or N].
+        """
+        return inertia * self.peak_acceleration + abs(gravity) + abs(friction)
 
 
 def settle(
@@ -65,24 +110,10 @@ def settle(
     Raises:
         InvalidInput: names the field and its value.
     """
-    for name in (*positive, *not_negative, *finite):
-        value = getattr(plan, name)
-        try:
-            number = float(value)
-        except (TypeError, ValueError):
-            number = math.nan
-        where = f"{type(plan).__name__}.{name} is {value!r}"
-        if isinstance(value, bool) or not math.isfinite(number):
-            raise InvalidInput(f"{where}.", remedy="Give a finite number.", value=value)
-        if name in positive and number <= 0:
-            raise InvalidInput(f"{where}.", remedy="Give a number above zero.", value=value)
-        if name in not_negative and number < 0:
-            raise InvalidInput(f"{where}.", remedy="Give zero or more.", value=value)
-        if abs(number) > LARGEST or (name in positive and number < SMALLEST):
-            raise InvalidInput(
-                f"{where}.", remedy=f"Give a number from {SMALLEST:g} to {LARGEST:g}.", value=value
-            )
-        object.__setattr__(plan, name, number)
+    for names, bound in ((positive, POSITIVE), (not_negative, NOT_NEGATIVE), (finite, FINITE)):
+        for name in names:
+            value = number(f"{type(plan).__name__}.{name}", getattr(plan, name), bound)
+            object.__setattr__(plan, name, value)
     if plan.unit not in ("rad", "m"):
         raise InvalidInput(f"The unit of a joint is '{plan.unit}'.", remedy="Give rad or m.")
     check_name(plan.joint)
@@ -94,12 +125,8 @@ def settle_count(plan: Any, name: str, most: int = MOST_CYCLES) -> None:
     Raises:
         InvalidInput: it is not.
     """
-    value = getattr(plan, name)
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= most:
-        raise InvalidInput(
-            f"{type(plan).__name__}.{name} is {value!r}.", remedy=f"Give a whole number from 1 to {most}."
-        )
-    object.__setattr__(plan, name, int(value))
+    value = whole(f"{type(plan).__name__}.{name}", getattr(plan, name), most=most)
+    object.__setattr__(plan, name, value)
 
 
 def check_name(name: Any) -> None:
@@ -148,6 +175,11 @@ def spoken(value: float, unit: str, toward: float = 0.0) -> str:
     if not unit.startswith("rad"):
         return text
     return f"{text} ({rounded(value / DEGREE, toward):.4g} {unit.replace('rad', 'deg')})"
+
+
+def between(edges: np.ndarray) -> np.ndarray:
+    """Return begin and end of what lies between neighbouring edges (k + 1,) [s], (k, 2)."""
+    return np.column_stack([edges[:-1], edges[1:]])
 
 
 def rounded(value: float, toward: float) -> float:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 
 from backdrive.errors import InvalidInput
+from backdrive.parameters import POSITIVE
 from backdrive.plans._pieces import Pieces
-from backdrive.plans.base import LARGEST, SMALLEST, instants, rounded, settle, spoken
+from backdrive.plans.base import MotionPlan, rounded, settle, spoken
 
 #: Least share of the stroke that a run must have at constant speed.
 STEADY = 0.2
@@ -19,7 +20,7 @@ MOST_SPEEDS = 1000
 
 
 @dataclass(frozen=True)
-class ConstantVelocity:
+class ConstantVelocity(MotionPlan):
     """For each speed one run up and one run down the stroke, with a stretch of constant velocity in the middle.
 
     The classical way to a friction curve (the procedures that Iwatani 2017, 2.2 compares with). The speed rises and
@@ -30,27 +31,17 @@ class ConstantVelocity:
         stroke: full stroke, peak to peak [rad or m].
         speeds: of the runs, each driven in both directions [rad/s or m/s].
         ramp_acceleration: greatest acceleration [rad/s^2 or m/s^2]; by default 4 V^2 / A, with the highest speed V.
-        center: middle of the stroke, where the motion begins and ends [rad or m].
         pause: rest between runs [s].
-        start: instant at which the plan begins, on the log's clock [s].
         lead_in: duration of the ways from the center to the end of the stroke and back [s]; by default gentle.
-        joint: its name.
-        unit: `rad` or `m`.
     """
 
     stroke: float
     speeds: tuple[float, ...]
     _: KW_ONLY
     ramp_acceleration: float | None = None
-    center: float = 0.0
     pause: float = 0.2
-    start: float = 0.0
-    lead_in: float | None = None
-    joint: str = "joint"
-    unit: Literal["rad", "m"] = "rad"
 
     kind: ClassVar[str] = "constant-velocity"
-    commands: ClassVar[str] = "position"
 
     def __post_init__(self):
         settle(self, positive=("stroke",), not_negative=("pause",), finite=("center", "start"))
@@ -58,7 +49,7 @@ class ConstantVelocity:
             speeds = tuple(float(v) for v in self.speeds)
         except (TypeError, ValueError):
             speeds = ()
-        if not 1 <= len(speeds) <= MOST_SPEEDS or not all(SMALLEST <= v <= LARGEST for v in speeds):
+        if not 1 <= len(speeds) <= MOST_SPEEDS or not all(POSITIVE.holds(v) for v in speeds):
             raise InvalidInput(
                 f"ConstantVelocity.speeds is {str(self.speeds)[:60]}.",
                 remedy="Give at least one speed above zero; each is driven in both directions.",
@@ -88,10 +79,6 @@ class ConstantVelocity:
                 remedy=f"Give at least {rounded(gentle, 1):.4g} s, or nothing.",
             )
 
-    @property
-    def _lead(self) -> float:
-        return self.lead_in or 0.0
-
     @cached_property
     def _plan(self) -> tuple[Pieces, np.ndarray]:
         low, high = self.position_range
@@ -114,17 +101,8 @@ class ConstantVelocity:
         knots += [(t + self.pause, low, 0.0, 0.0), (t + self.pause + self._lead, self.center, 0.0, 0.0)]
         return Pieces.through(knots), np.array(windows)
 
-    def position(self, t: Any) -> np.ndarray:
-        """Return the position [rad or m] at instants t [s], any shape."""
-        return self._plan[0](instants(t))[()]
-
-    def velocity(self, t: Any) -> np.ndarray:
-        """Return the velocity [rad/s or m/s] at instants t [s], any shape."""
-        return self._plan[0](instants(t), 1)[()]
-
-    def acceleration(self, t: Any) -> np.ndarray:
-        """Return the acceleration [rad/s^2 or m/s^2] at instants t [s], any shape."""
-        return self._plan[0](instants(t), 2)[()]
+    def _motion(self, t: np.ndarray, order: int) -> np.ndarray:
+        return self._plan[0](t, order)
 
     @property
     def velocities(self) -> np.ndarray:
@@ -141,16 +119,6 @@ class ConstantVelocity:
         return float(self._plan[0].edges[-1] - self.start)
 
     @property
-    def home(self) -> float:
-        """Position at which it begins and ends at rest [rad or m]."""
-        return self.center
-
-    @property
-    def position_range(self) -> tuple[float, float]:
-        """Lowest and highest position [rad or m]."""
-        return self.center - 0.5 * self.stroke, self.center + 0.5 * self.stroke
-
-    @property
     def peak_velocity(self) -> float:
         """Highest speed [rad/s or m/s]."""
         return max(self.speeds)
@@ -159,13 +127,3 @@ class ConstantVelocity:
     def peak_acceleration(self) -> float:
         """Greatest acceleration [rad/s^2 or m/s^2]; the ways in and out stay below it."""
         return float(self.ramp_acceleration or 0.0)
-
-    def peak_torque(self, inertia: float, gravity: float = 0.0, friction: float = 0.0) -> float:
-        """Return a torque that the plan never exceeds: the sum of the largest of each part [N.m or N].
-
-        Args:
-            inertia: about the joint [kg.m^2 or kg].
-            gravity: largest gravity torque on the stroke [N.m or N].
-            friction: friction torque at the highest speed [N.m or N].
-        """
-        return inertia * self.peak_acceleration + abs(gravity) + abs(friction)

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from backdrive.errors import InvalidInput, UnknownName
+from backdrive.parameters import FINITE, NOT_NEGATIVE, number
 from backdrive.plans.base import check_name, instants, settle
 
 
@@ -56,11 +57,8 @@ class InTurn:
     def __post_init__(self):
         object.__setattr__(self, "plans", tuple(self.plans))
         object.__setattr__(self, "held", tuple(self.held))
-        for name in ("pause", "start"):
-            value = float(getattr(self, name))
-            if not np.isfinite(value) or (name == "pause" and value < 0):
-                raise InvalidInput(f"InTurn.{name} is {value!r}.", remedy="Give a finite time [s].")
-            object.__setattr__(self, name, value)
+        object.__setattr__(self, "pause", number("InTurn.pause", self.pause, NOT_NEGATIVE))
+        object.__setattr__(self, "start", number("InTurn.start", self.start, FINITE))
         if not self.plans or any(isinstance(p, InTurn) for p in self.plans):
             raise InvalidInput("InTurn needs plans of single joints.", remedy="Give at least one.")
         if len({p.commands for p in self.plans}) > 1:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.plans.base import instants, settle, settle_count
+from backdrive.parameters import whole
+from backdrive.plans.base import MotionPlan, between, settle, settle_count
 
 MOST_HARMONICS = 500
 _ROUNDS = 300  # of the search for phases
@@ -21,7 +22,7 @@ _MARGIN = 1.0 / (
 
 
 @dataclass(frozen=True)
-class Multisine:
+class Multisine(MotionPlan):
     """Sines at all multiples of 1/period inside a band, with equal velocity amplitudes, as large as the stroke allows.
 
     The joint visits many speeds and accelerations in one run, which suits the identification from any motion. The
@@ -36,13 +37,9 @@ class Multisine:
         high: highest frequency of the band [Hz].
         period: after which it repeats [s].
         periods: number of whole periods at full stroke.
-        center: middle of the stroke [rad or m].
-        start: instant at which the plan begins, on the log's clock [s].
         lead_in: duration of the swelling, and of the ebbing [s]; by default one period of the lowest frequency.
         seed: of the phases.
         phases: of the sines [rad], one each; empty: found from the seed.
-        joint: its name.
-        unit: `rad` or `m`.
     """
 
     stroke: float
@@ -51,16 +48,10 @@ class Multisine:
     period: float
     _: KW_ONLY
     periods: int = 3
-    center: float = 0.0
-    start: float = 0.0
-    lead_in: float | None = None
     seed: int = 0
     phases: tuple[float, ...] = ()
-    joint: str = "joint"
-    unit: Literal["rad", "m"] = "rad"
 
     kind: ClassVar[str] = "multisine"
-    commands: ClassVar[str] = "position"
 
     def __post_init__(self):
         settle(self, positive=("stroke", "low", "high", "period"), finite=("center", "start"))
@@ -76,9 +67,7 @@ class Multisine:
                 f"No multiple of 1/{self.period:g} Hz lies in the band from {self.low:g} to {self.high:g} Hz.",
                 remedy="Give a wider band or a longer period.",
             )
-        if isinstance(self.seed, bool) or not isinstance(self.seed, (int, np.integer)) or self.seed < 0:
-            raise InvalidInput(f"Multisine.seed is {self.seed!r}.", remedy="Give a whole number from 0 on.")
-        object.__setattr__(self, "seed", int(self.seed))
+        object.__setattr__(self, "seed", whole("Multisine.seed", self.seed, 0))
         if self.lead_in is None:
             object.__setattr__(self, "lead_in", 1.0 / float(self.frequencies[0]))
         settle(self, positive=("lead_in",))
@@ -89,10 +78,6 @@ class Multisine:
                 remedy="Give one finite phase a sine, or none.",
             )
         object.__setattr__(self, "phases", phases)
-
-    @property
-    def _lead(self) -> float:
-        return self.lead_in or 0.0
 
     @property
     def harmonics(self) -> np.ndarray:
@@ -132,8 +117,7 @@ class Multisine:
         second = np.where(inside, 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / self._lead**2, 0.0)
         return x**3 * (10.0 - 15.0 * x + 6.0 * x**2), first, second
 
-    def _motion(self, t: Any, order: int) -> np.ndarray:
-        t = instants(t)
+    def _motion(self, t: np.ndarray, order: int) -> np.ndarray:
         flat = np.clip(np.ravel(t) - self.start, 0.0, self.duration)
         factor, middle = self._shape
         e = self._swell(flat)
@@ -146,39 +130,16 @@ class Multisine:
             result = e[1] * y[0] + e[0] * y[1]
         else:
             result = e[2] * y[0] + 2.0 * e[1] * y[1] + e[0] * y[2]
-        return result.reshape(t.shape)[()]
-
-    def position(self, t: Any) -> np.ndarray:
-        """Return the position [rad or m] at instants t [s], any shape."""
-        return self._motion(t, 0)
-
-    def velocity(self, t: Any) -> np.ndarray:
-        """Return the velocity [rad/s or m/s] at instants t [s], any shape."""
-        return self._motion(t, 1)
-
-    def acceleration(self, t: Any) -> np.ndarray:
-        """Return the acceleration [rad/s^2 or m/s^2] at instants t [s], any shape."""
-        return self._motion(t, 2)
+        return result.reshape(np.shape(t))
 
     def windows(self) -> np.ndarray:
         """Return begin and end of each whole period on the log's clock [s], (periods, 2)."""
-        edges = self.start + self._lead + self.period * np.arange(self.periods + 1)
-        return np.column_stack([edges[:-1], edges[1:]])
+        return between(self.start + self._lead + self.period * np.arange(self.periods + 1))
 
     @property
     def duration(self) -> float:
         """From rest to rest [s]."""
         return 2.0 * self._lead + self.periods * self.period
-
-    @property
-    def home(self) -> float:
-        """Position at which it begins and ends at rest [rad or m]."""
-        return self.center
-
-    @property
-    def position_range(self) -> tuple[float, float]:
-        """Bounds that the position does not leave [rad or m]."""
-        return self.center - 0.5 * self.stroke, self.center + 0.5 * self.stroke
 
     @cached_property
     def _peaks(self) -> tuple[float, float]:
@@ -208,16 +169,6 @@ class Multisine:
         v = factor * self._sum(np.arange(n) * (self.period / n), 1)
         rms = factor * math.sqrt(0.5 * float(np.sum(self.harmonics**-2.0)))
         return 0.5 * self.stroke / rms, float(np.abs(v).max() / np.sqrt(np.mean(v**2)))
-
-    def peak_torque(self, inertia: float, gravity: float = 0.0, friction: float = 0.0) -> float:
-        """Return a torque that the plan never exceeds: the sum of the largest of each part [N.m or N].
-
-        Args:
-            inertia: about the joint [kg.m^2 or kg].
-            gravity: largest gravity torque on the stroke [N.m or N].
-            friction: friction torque at the highest speed [N.m or N].
-        """
-        return inertia * self.peak_acceleration + abs(gravity) + abs(friction)
 
 
 def _low_crest(harmonics: np.ndarray, seed: int) -> tuple[float, ...]:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
 from backdrive._catalog import lookup
-from backdrive._files import read_whole, write_whole
+from backdrive._files import numbers_in, read_whole, write_whole
 from backdrive.errors import BackdriveError, InvalidInput, ReadError, UnknownFormat
+from backdrive.parameters import NOT_NEGATIVE, POSITIVE
 from backdrive.plans.constant_velocity import ConstantVelocity
 from backdrive.plans.in_turn import Held, InTurn
 from backdrive.plans.multisine import Multisine
@@ -20,8 +21,7 @@ from backdrive.plans.torque import SawtoothTorque, SineTorque, TorqueRamp
 SCHEMA = 1
 FORMAT = "backdrive-plan"
 MAX_BYTES = 20_000_000
-LARGEST = 1e12  # of the numbers of a plan, in SI; a clock may count from 1970
-SMALLEST = 1e-12  # of those that something is divided by
+#: Numbers that something is divided by.
 DIVISORS = ("stroke", "top_speed", "speeds", "amplitude", "frequency", "low", "high", "period", "rate")
 
 #: Every plan of a single joint. A plan is one class, one line here and its options in the command line.
@@ -63,26 +63,15 @@ def plan_from_dict(data: Mapping[str, Any]) -> Any:
             f"The plan has schema {data.get('schema')!r}, this version reads {SCHEMA}.",
             remedy="Read it with the version that wrote it, or make it again.",
         )
-    for where, number in _numbers(data, "$"):
+    for where, number in numbers_in(data, "$"):
         key = where.rpartition(".")[2].partition("[")[0]
-        small = key in DIVISORS and 0 < abs(number) < SMALLEST
-        if (small or not abs(number) <= LARGEST) and key != "seed":
+        bound = POSITIVE if key in DIVISORS and number else NOT_NEGATIVE
+        if not bound.holds(abs(number)) and key != "seed":
             raise ReadError(
                 f"{where} is {str(number)[:40]}, which no plan holds.",
                 remedy="Make it again with `backdrive plan`.",
             )
     return _built({k: v for k, v in data.items() if k not in ("format", "schema")}, nested=False)
-
-
-def _numbers(value: Any, where: str) -> Iterator[tuple[str, float]]:
-    if isinstance(value, Mapping):
-        for key, inner in value.items():
-            yield from _numbers(inner, f"{where}.{key}")
-    elif isinstance(value, (list, tuple)):
-        for i, inner in enumerate(value):
-            yield from _numbers(inner, f"{where}[{i}]")
-    elif isinstance(value, (int, float)) and not isinstance(value, bool):
-        yield where, value
 
 
 def _built(data: Any, *, nested: bool) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from backdrive.errors import InvalidInput
+from backdrive.parameters import Bound, number
 
 #: Share c of a cycle's top speed from which samples are taken in the thesis, (2.7c).
 SHARE = 0.8
@@ -99,12 +100,10 @@ def stroke_for_bias(
 
 def _mean_cosine(share: float) -> float:
     """Mean of a sine over the part of its half-wave above `share` [-]."""
-    if not 0 <= share < 1:
-        raise InvalidInput(f"The share c is {share!r}.", remedy="Give 0 <= c < 1.")
+    number("The share c", share, Bound(0.0, 1.0, open_high=True))
     return math.sqrt(1.0 - share**2) / (0.5 * math.pi - math.asin(share))
 
 
 def _check(**values: float) -> None:
     for name, value in values.items():
-        if not (math.isfinite(value) and value > 0):
-            raise InvalidInput(f"{name} is {value!r}.", remedy="Give a finite number above zero.")
+        number(name, value)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 
 from backdrive.errors import InvalidInput
 from backdrive.plans._pieces import Pieces
-from backdrive.plans.base import instants, rounded, settle, settle_count
+from backdrive.plans.base import MotionPlan, between, rounded, settle, settle_count
 
 #: Share of a cycle's top speed above which the motion is the sine of (2.4) itself. At 0.5 the glides between the cycles
 #: stay below the peak acceleration of the last cycle, and windows from 0.8 on have room for a lagging joint.
@@ -21,7 +21,7 @@ _HALF = 3.0 / 16.0
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Sweep(MotionPlan):
     """N cycles between the same two turning points, the n-th with top speed n V / N.
 
     With the phase phi(t), which grows by 2 pi a cycle at the rate omega_n = 2 n V / (A N),
@@ -38,28 +38,18 @@ class Sweep:
         stroke: A, full stroke, peak to peak [rad or m].
         top_speed: V, speed that the last cycle reaches [rad/s or m/s].
         cycles: N, number of cycles, one a speed.
-        center: middle of the stroke [rad or m].
-        start: instant at which the plan begins, on the log's clock [s].
         lead_in: from `start` to the first cycle [s]: the way from the center to the lower turning point (literal: rest
             there). By default 1 s, longer where that would be hasty; literal: 0.
         smooth: False for the motion as printed.
-        joint: its name.
-        unit: `rad` or `m`.
     """
 
     stroke: float
     top_speed: float
     cycles: int
     _: KW_ONLY
-    center: float = 0.0
-    start: float = 0.0
-    lead_in: float | None = None
     smooth: bool = True
-    joint: str = "joint"
-    unit: Literal["rad", "m"] = "rad"
 
     kind: ClassVar[str] = "sweep"
-    commands: ClassVar[str] = "position"
 
     def __post_init__(self):
         settle(self, positive=("stroke", "top_speed"), finite=("center", "start"))
@@ -74,10 +64,6 @@ class Sweep:
                 f"Sweep.lead_in is {self.lead_in:g} s, too short to reach the first turning point gently.",
                 remedy=f"Give at least {rounded(least, 1):.4g} s, or nothing.",
             )
-
-    @property
-    def _lead(self) -> float:
-        return self.lead_in or 0.0
 
     @property
     def _gentlest(self) -> float:
@@ -132,26 +118,18 @@ class Sweep:
         knots += [(turns[-1], end, last, 0.0), (turns[-1] + np.pi / last, end + 0.5 * np.pi, 0.0, 0.0)]
         return Pieces.through(knots)
 
-    def position(self, t: Any) -> np.ndarray:
-        """Return the position [rad or m] at instants t [s], any shape; (2.2)."""
-        return (self.center - 0.5 * self.stroke * np.cos(self._phase(instants(t))))[()]
-
-    def velocity(self, t: Any) -> np.ndarray:
-        """Return the velocity [rad/s or m/s] at instants t [s], any shape; (2.4)."""
-        t = instants(t)
-        return (0.5 * self.stroke * np.sin(self._phase(t)) * self._phase(t, 1))[()]
-
-    def acceleration(self, t: Any) -> np.ndarray:
-        """Return the acceleration [rad/s^2 or m/s^2] at instants t [s], any shape."""
-        t = instants(t)
-        phase = self._phase(t)
-        return (
-            0.5 * self.stroke * (np.cos(phase) * self._phase(t, 1) ** 2 + np.sin(phase) * self._phase(t, 2))
-        )[()]
+    def _motion(self, t: np.ndarray, order: int) -> np.ndarray:
+        """Return (2.2), (2.4) or their derivative at instants t [s]."""
+        phase, half = self._phase(t), 0.5 * self.stroke
+        if order == 0:
+            return self.center - half * np.cos(phase)
+        if order == 1:
+            return half * np.sin(phase) * self._phase(t, 1)
+        return half * (np.cos(phase) * self._phase(t, 1) ** 2 + np.sin(phase) * self._phase(t, 2))
 
     def windows(self) -> np.ndarray:
         """Return begin and end of each cycle on the log's clock [s], (N, 2); (2.3)."""
-        return np.column_stack([self._turns[:-1], self._turns[1:]])
+        return between(self._turns)
 
     @property
     def duration(self) -> float:
@@ -165,11 +143,6 @@ class Sweep:
         return self.center if self.smooth else self.center - 0.5 * self.stroke
 
     @property
-    def position_range(self) -> tuple[float, float]:
-        """Lowest and highest position [rad or m]."""
-        return self.center - 0.5 * self.stroke, self.center + 0.5 * self.stroke
-
-    @property
     def peak_velocity(self) -> float:
         """Greatest speed, V [rad/s or m/s]."""
         return self.top_speed
@@ -178,15 +151,3 @@ class Sweep:
     def peak_acceleration(self) -> float:
         """Greatest acceleration, 2 V^2 / A, at the turning points of the last cycle [rad/s^2 or m/s^2]."""
         return 2.0 * self.top_speed**2 / self.stroke
-
-    def peak_torque(self, inertia: float, gravity: float = 0.0, friction: float = 0.0) -> float:
-        """Return a torque that the sweep never exceeds [N.m or N].
-
-        It adds the largest of each part, as if they met at one instant: I 2 V^2 / A + |gravity| + |friction|.
-
-        Args:
-            inertia: about the joint [kg.m^2 or kg].
-            gravity: largest gravity torque on the stroke [N.m or N].
-            friction: friction torque at the top speed [N.m or N].
-        """
-        return inertia * self.peak_acceleration + abs(gravity) + abs(friction)

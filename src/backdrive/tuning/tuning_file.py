@@ -14,14 +14,17 @@ import msgspec
 from backdrive._files import read_whole, write_whole
 from backdrive.errors import BackdriveError, ModelFileError
 from backdrive.laws import rate_law
-from backdrive.tuning.bounds import BIG, BOUNDS, POSITIVE, Bound, fault
+from backdrive.parameters import NOT_NEGATIVE, POSITIVE, Bound, fault
+from backdrive.tuning.bounds import BOUNDS
 from backdrive.tuning.tuning import NAMES, Number, Tuning
 
 FORMAT, SCHEMA = "backdrive-tuning", 2
 OLDER = 1  # which has no limits: `Tuning.loop` asks for them
 MAX_BYTES = 5_000_000
 AGAIN = "Run `backdrive tune` again."
-NOT_NEGATIVE = Bound(0.0, BIG)
+#: Fields that a file holds as they are, and those that are tables of numbers.
+PLAIN = ("joint", "unit", "goal", "top_speed", "inertia", "interval", "encoder_count", "trip_speed", "limit", "seed")  # fmt: skip
+TABLES = ("scores", "margins", "region")
 #: Where the numbers may lie; those that are not named are positive.
 RANGES = {
     "share": Bound(0.0, 1.0),
@@ -79,24 +82,10 @@ class _File(msgspec.Struct, forbid_unknown_fields=True):
 
 def plain(tuning: Tuning) -> dict[str, Any]:
     """Return a tuning as numbers and words alone."""
-    found = {
-        name: getattr(tuning, name)
-        for name in (
-            "joint",
-            "unit",
-            "goal",
-            "top_speed",
-            "inertia",
-            "interval",
-            "encoder_count",
-            "trip_speed",
-            "limit",
-            "seed",
-        )
-    }
+    found = {name: getattr(tuning, name) for name in PLAIN}
     found["rate"] = {"name": tuning.rate.NAME, "parameters": tuning.rate.values()}
     found["numbers"] = {name: asdict(number) for name, number in tuning.numbers.items()}
-    for name in ("scores", "margins", "region"):
+    for name in TABLES:
         found[name] = dict(getattr(tuning, name))
     found["notes"] = list(tuning.notes)
     return _finite(found)
@@ -179,22 +168,10 @@ def _tuning(joint: _Joint, where: str) -> Tuning:
     values = {k: tuple(v) if isinstance(v, list) else v for k, v in joint.rate.parameters.items()}
     try:
         tuning = Tuning(
-            joint=joint.joint,
-            unit=joint.unit,
-            goal=joint.goal,
+            **{name: getattr(joint, name) for name in (*PLAIN, *TABLES)},
             rate=rate_law(joint.rate.name)(**values),
-            top_speed=joint.top_speed,
-            inertia=joint.inertia,
-            interval=joint.interval,
-            encoder_count=joint.encoder_count,
-            trip_speed=joint.trip_speed,
-            limit=joint.limit,
             numbers=kept,
-            scores=joint.scores,
-            margins=joint.margins,
-            region=joint.region,
             notes=tuple(joint.notes),
-            seed=joint.seed,
         )
         _ = tuning.compensator(), tuning.external()  # each looks at its numbers
         if tuning.trip_speed is not None:

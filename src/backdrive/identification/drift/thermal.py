@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -127,6 +126,8 @@ def identify_thermal(
         NotIdentifiable: the temperature, or the virtual one, hardly changes.
         InvalidInput: a temperature is wanted that the log does not hold, or knots that are not increasing.
     """
+    from scipy.optimize import minimize_scalar
+
     stretches = prepare(log, joint)
     measured = all(s.temperature is not None for s in stretches)
     if virtual is None:
@@ -154,18 +155,29 @@ def identify_thermal(
         theta = temperature - reference
         return _solved(shape, rest, theta, tau, weight, V, (float("nan"), float("nan")), reference)
     interval = _width(stretches[0]) / stretches[0].rate
-    plain = regression.solve(*_normal(np.hstack([shape, rest]), tau, weight))
+    plain = _fitted(np.hstack([shape, rest]), tau, weight)
     power = (shape @ plain[: V.size]) * v
     length = interval * v.size
-    best, error = float("nan"), float("nan")
+    best = float("nan")
+
+    def cost(time_constant: float) -> float:
+        theta = virtual_temperature(power, interval, time_constant)
+        X = np.hstack([shape, theta[:, None] * shape, rest])
+        return float(weight @ (tau - X @ _fitted(X, tau, weight)) ** 2)
+
     for _ in range(ROUNDS):
         grid = np.geomspace(length / 100.0, 3.0 * length, GRID)
-        cost = [_cost(shape, rest, virtual_temperature(power, interval, T), tau, weight) for T in grid]
-        i = int(np.clip(np.argmin(cost), 1, GRID - 2))
-        tried = partial(_cost_at, shape, rest, power, interval, tau, weight)
-        best = _golden(tried, float(np.log(grid[i - 1])), float(np.log(grid[i + 1])))
+        i = int(np.clip(np.argmin([cost(T) for T in grid]), 1, GRID - 2))
+        ends = np.log(grid[[i - 1, i + 1]])
+        best = float(
+            np.exp(
+                minimize_scalar(
+                    lambda x: cost(float(np.exp(x))), bounds=ends, method="bounded", options={"xatol": 1e-6}
+                ).x
+            )
+        )
         theta = virtual_temperature(power, interval, best)
-        found = regression.solve(*_normal(np.hstack([shape, theta[:, None] * shape, rest]), tau, weight))
+        found = _fitted(np.hstack([shape, theta[:, None] * shape, rest]), tau, weight)
         power = (shape @ found[: V.size] + theta * (shape @ found[V.size : 2 * V.size])) * v
     theta = virtual_temperature(power, interval, best)
     error = _time_error(shape, rest, power, interval, best, tau, weight)
@@ -188,41 +200,13 @@ def _binned(s: Signals) -> list[np.ndarray]:
     return [*(b.mean(axis=1) for b in bins), least]
 
 
-def _normal(X: np.ndarray, y: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return X.T @ (w[:, None] * X), X.T @ (w * y)
-
-
-def _cost(shape, rest, theta, tau, weight) -> float:
-    X = np.hstack([shape, theta[:, None] * shape, rest])
-    left = tau - X @ regression.solve(*_normal(X, tau, weight))
-    return float(weight @ left**2)
-
-
-def _cost_at(shape, rest, power, interval, tau, weight, logarithm: float) -> float:
-    theta = virtual_temperature(power, interval, float(np.exp(logarithm)))
-    return _cost(shape, rest, theta, tau, weight)
-
-
-def _golden(cost, low: float, high: float) -> float:
-    """Return exp of the place of the least cost between two ends."""
-    share = 0.5 * (np.sqrt(5.0) - 1.0)
-    a, b = high - share * (high - low), low + share * (high - low)
-    at_a, at_b = cost(a), cost(b)
-    for _ in range(28):
-        if at_a < at_b:
-            high, b, at_b = b, a, at_a
-            a = high - share * (high - low)
-            at_a = cost(a)
-        else:
-            low, a, at_a = a, b, at_b
-            b = low + share * (high - low)
-            at_b = cost(b)
-    return float(np.exp(0.5 * (low + high)))
+def _fitted(X: np.ndarray, y: np.ndarray, w: np.ndarray) -> np.ndarray:
+    return regression.solve(X.T @ (w[:, None] * X), X.T @ (w * y))
 
 
 def _sandwich(X: np.ndarray, tau: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     blocks = regression.accumulate(X, tau, weight, regression.block_index(tau.size, BLOCKS), BLOCKS)
-    theta = regression.solve(blocks.gram.sum(axis=0), blocks.moment.sum(axis=0))
+    theta = blocks.solution()
     return theta, regression.sandwich(blocks, theta)
 
 
@@ -231,7 +215,7 @@ def _time_error(shape, rest, power, interval, T, tau, weight) -> float:
     K, step = shape.shape[1], 1e-3 * T
     theta = virtual_temperature(power, interval, T)
     X = np.hstack([shape, theta[:, None] * shape, rest])
-    found = regression.solve(*_normal(X, tau, weight))
+    found = _fitted(X, tau, weight)
     moved = virtual_temperature(power, interval, T + step) - virtual_temperature(power, interval, T - step)
     X = np.column_stack([X, (shape @ found[K : 2 * K]) * moved / (2.0 * step)])
     return float(np.sqrt(max(_sandwich(X, tau, weight)[1][-1, -1], 0.0)))
@@ -255,7 +239,7 @@ def _solved(shape, rest, theta, tau, weight, V, time_constant, reference) -> The
         )
     left = weight * (tau - X @ found)
     plain = np.hstack([shape, rest])
-    before = weight * (tau - plain @ regression.solve(*_normal(plain, tau, weight)))
+    before = weight * (tau - plain @ _fitted(plain, tau, weight))
     return Thermal(
         velocity=V,
         cold=found[:K],

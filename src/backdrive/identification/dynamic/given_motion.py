@@ -17,10 +17,10 @@ from backdrive.identification.dynamic.choice import Candidate
 from backdrive.identification.dynamic.law_fit import fit_law
 from backdrive.identification.dynamic.outcome import JointFit, check_bounds, interruption
 from backdrive.identification.dynamic.result import finish
-from backdrive.identification.dynamic.smoothing import Smoothing, smoothing
 from backdrive.identification.dynamic.stopping import unless_stopped
 from backdrive.identification.dynamics import unit_of
 from backdrive.identification.options import Options
+from backdrive.identification.smoothing import smoothing
 from backdrive.laws import rate_law
 from backdrive.logs.log import Log
 from backdrive.model import Estimate
@@ -50,9 +50,7 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, options: 
     for term in options.known:
         lookup(term, dict.fromkeys(TERMS, 0), "number that a fit of torque takes as known")
     info = logs[0].joints[logs[0].column(name)]
-    smooth = (
-        smoothing([*logs, *held_out], name) if options.cutoff is None else Smoothing(cutoff=options.cutoff)
-    )
+    smooth = smoothing([*logs, *held_out], name, options.cutoff)
     pairs = [pair for log in logs for pair in _stretches(log, name, smooth.cutoff)]
     unseen = [pair for log in held_out for pair in _stretches(log, name, smooth.cutoff)]
     stretches = [s for _, s in pairs]

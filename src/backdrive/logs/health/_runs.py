@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from backdrive.logs.health._exam import Exam, white_noise
+from backdrive.logs.health._exam import Exam
 from backdrive.logs.health._survey import RUN
 from backdrive.logs.health._velocity_fit import velocity_fit
+from backdrive.logs.resolution import white_noise
 
 #: A run is called frozen where chance would make one in a million logs like it.
 _CHANCE = 1e-6

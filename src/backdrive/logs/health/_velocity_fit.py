@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backdrive.logs.health._exam import Exam, white_noise
+from backdrive.logs.health._exam import Exam
+from backdrive.logs.resolution import white_noise
 
 #: Fewest samples a window, and how many steps of the encoder the joint should move in it.
 _WINDOW, _MOVED = 5, 24.0

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backdrive.logs.health._exam import Exam, resolution
+from backdrive.logs.health._exam import Exam
 from backdrive.logs.health._finding import Check, Finding, Repair, counted, keep_rows, with_columns
+from backdrive.logs.resolution import resolution
 
 NAME = "integer-wrap"
 CHANNELS = ("velocity", "torque", "drive_input", "external_torque", "load", "model_torque")

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from backdrive.logs.health._exam import Exam, white_noise
+from backdrive.logs.health._exam import Exam
 from backdrive.logs.health._finding import Check, Finding, Repair, counted, keep_rows
 from backdrive.logs.health._runs import frozen_runs
+from backdrive.logs.resolution import white_noise
 
 NAME = "stuck"
 CHANNELS = ("position", "velocity", "torque", "drive_input", "second_encoder", "external_torque")

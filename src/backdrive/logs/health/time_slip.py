@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backdrive.logs.health._exam import Exam, white_noise
+from backdrive.logs.health._exam import Exam
 from backdrive.logs.health._finding import Check, Finding, Repair, keep_rows, with_columns
 from backdrive.logs.health._motion import folded, motion, solvable
 from backdrive.logs.health.jitter import LIMIT
+from backdrive.logs.resolution import white_noise
 
 NAME = "time-slip"
 #: Slips up to this are looked for [sample].

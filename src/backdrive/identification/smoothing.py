@@ -13,9 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backdrive.identification.signals import GAP, default_cutoff
-from backdrive.logs.filters import derivative, low_pass
+from backdrive.identification.signals import between_gaps, default_cutoff
+from backdrive.logs.filters import derivative, low_pass, squared_gain
 from backdrive.logs.log import Log
+from backdrive.logs.resolution import encoder_step
 
 SHARE = 0.1  # of the encoder's error in acceleration that is borne: one hundredth of the inertia [-]
 SUSPECT = 0.3  # share of what is wrong with it, error and what is lost, from which on a person is warned [-]
@@ -41,13 +42,16 @@ class Smoothing:
     warning: str = ""
 
 
-def smoothing(logs: Sequence[Log], joint: str) -> Smoothing:
+def smoothing(logs: Sequence[Log], joint: str, cutoff: float | None = None) -> Smoothing:
     """Return the low pass for a fit of one joint.
 
     Args:
         logs: that hold it.
         joint: its name.
+        cutoff: that a person gave [Hz]; None: by sampling rate and encoder.
     """
+    if cutoff is not None:
+        return Smoothing(cutoff=cutoff)
     found = [_of_log(log.select(joint)) for log in logs]
     lowered = [one for one in found if one.cutoff is not None]
     if not lowered:
@@ -58,11 +62,7 @@ def smoothing(logs: Sequence[Log], joint: str) -> Smoothing:
 def _of_log(log: Log) -> Smoothing:
     position = _longest(log)
     period = log.period
-    counts = log.joints[0].encoder_counts
-    if position is None or not period > 0:
-        return Smoothing()
-    step = 1.0 / counts if counts else grid_step(position)
-    if step == 0.0:
+    if position is None or not period > 0 or not (step := encoder_step(log)) > 0.0:
         return Smoothing()
     rate = 1.0 / period
     cutoffs = [default_cutoff(rate)]
@@ -108,25 +108,8 @@ def noise(step: float, cutoff: float, rate: float) -> float:
         rate: of sampling [Hz].
     """
     f = (np.arange(GRID) + 0.5) / (2 * GRID)
-    gain = 1.0 / (1.0 + (np.tan(np.pi * f) / np.tan(np.pi * min(cutoff / rate, 0.49))) ** 8)
     twice = (rate * np.sin(2.0 * np.pi * f)) ** 4
-    return float(step**2 / 12.0 * np.mean(gain**2 * twice))
-
-
-def grid_step(position: np.ndarray) -> float:
-    """Return the step of an encoder whose positions lie on a grid [rad or m]; 0 where they do not.
-
-    Args:
-        position: as recorded, (n,).
-    """
-    moves = np.abs(np.diff(position))
-    moves = moves[moves > 0.0]
-    if moves.size < 50:
-        return 0.0
-    step = float(moves.min())
-    ratio = moves[moves < 20.0 * step] / step
-    on_grid = ratio.size >= 20 and np.mean(np.abs(ratio - np.round(ratio)) < 0.05) > 0.95
-    return step if on_grid else 0.0
+    return float(step**2 / 12.0 * np.mean(squared_gain(f, min(cutoff / rate, 0.49)) ** 2 * twice))
 
 
 def _longest(log: Log) -> np.ndarray | None:
@@ -136,8 +119,7 @@ def _longest(log: Log) -> np.ndarray | None:
     good = np.flatnonzero(np.isfinite(log.position[:, 0]) & np.isfinite(log.time))
     if good.size < 50:
         return None
-    cuts = np.flatnonzero(np.diff(log.time[good]) > GAP * log.period) + 1
-    part = max(np.split(good, cuts), key=len)
+    part = max((good[rows] for rows in between_gaps(log.time[good], log.period, 1)), key=len)
     middle = max(0, (len(part) - LONGEST) // 2)
     return log.position[part[middle : middle + LONGEST], 0]
 
