@@ -77,7 +77,12 @@ class MotionSearch(Search):
             if not under_way:
                 break
             slopes = self.slopes(under_way)
-            trials = [self.trials(w, J) for w, J in zip(under_way, slopes)]
+            trials = [
+                self.trials(
+                    w.point, w.residual, J, self.scale(w.residual), FACTORS * w.damping, LENGTHS, FARTHEST
+                )
+                for w, J in zip(under_way, slopes)
+            ]
             ends = self.evaluate(np.concatenate([points for points, _ in trials]))
             place = 0
             for w, (points, dampings) in zip(under_way, trials):
@@ -110,30 +115,6 @@ class MotionSearch(Search):
             for k, (w, s) in enumerate(zip(ways, steps))
         ]
 
-    def trials(self, way: Descent, J: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the ends of damped steps and their dampings, (T, P) and (T,); bounds are held where a step would leave."""
-        w = self.weights(way.residual, self.scale(way.residual))
-        usable = np.isfinite(J).all(axis=0)
-        J = np.where(usable, J, 0.0)
-        gradient = J.T @ (w * way.residual)
-        normal = J.T @ (w[:, None] * J)
-        free = usable & ~(
-            ((way.point <= self.lower) & (gradient > 0)) | ((way.point >= self.upper) & (gradient < 0))
-        )
-        size = np.sqrt(np.maximum(np.diag(normal), 1e-30))
-        points, dampings = [], []
-        for damping in FACTORS * way.damping:
-            move = np.zeros_like(way.point)
-            if free.any():
-                A = normal[np.ix_(free, free)] / np.outer(size[free], size[free])
-                A[np.diag_indices_from(A)] += damping
-                move[free] = -np.linalg.lstsq(A, gradient[free] / size[free], rcond=None)[0] / size[free]
-            move = np.clip(move, -FARTHEST, FARTHEST)
-            for length in LENGTHS:
-                points.append(np.clip(way.point + length * move, self.lower, self.upper))
-                dampings.append(damping)
-        return np.array(points), np.array(dampings)
-
     def found(self, ways: list[Descent], interrupted: bool) -> Found:
         """Return the best of the ends."""
         costs = [w.cost for w in ways]
@@ -148,7 +129,6 @@ class MotionSearch(Search):
             converged=ways[k].done,
             evaluations=self.evaluations,
             interrupted=interrupted,
-            others=tuple(c for i, c in enumerate(costs) if i != k),
         )
 
 
