@@ -7,7 +7,8 @@ import pytest
 
 from backdrive.engine import rollout
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.identification.dynamic.law_fit import conclude, fit_law
+from backdrive.identification.dynamic.fit import conclude
+from backdrive.identification.dynamic.law_fit import fit_law
 from backdrive.identification.dynamic.search import Search, screen
 from backdrive.identification.dynamic.starts import scales, starts
 from backdrive.identification.dynamic.torque import Stretch, TorqueProblem, earlier, stretch

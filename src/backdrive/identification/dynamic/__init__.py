@@ -6,17 +6,20 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from backdrive.errors import BackdriveError, NotIdentifiable
-from backdrive.identification.dynamic import given_drive, given_motion, stopping
+from backdrive.identification.dynamic import stopping
 from backdrive.identification.dynamic.choice import Candidate as Candidate
 from backdrive.identification.dynamic.choice import Choice as Choice
 from backdrive.identification.dynamic.choice import shortlist
 from backdrive.identification.dynamic.drive_of_log import model_of, sought_of
+from backdrive.identification.dynamic.fit import Fit as Fit
+from backdrive.identification.dynamic.given_drive import MotionTask
+from backdrive.identification.dynamic.given_motion import TorqueTask
+from backdrive.identification.dynamic.joint_fit import JointFit, fit_joint
 from backdrive.identification.dynamic.law_fit import LawFit as LawFit
 from backdrive.identification.dynamic.law_fit import fit_law as fit_law
 from backdrive.identification.dynamic.motion import MotionFit as MotionFit
 from backdrive.identification.dynamic.motion import fit_motion as fit_motion
 from backdrive.identification.dynamic.motion_log import MotionLog as MotionLog
-from backdrive.identification.dynamic.outcome import JointFit
 from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.identification.options import Options, moments_without_drive
 from backdrive.logs.log import Drive, Log
@@ -59,9 +62,9 @@ def fit_joints(
     if isinstance(options.drive, Drive):
         options = replace(options, drive=model_of(options.drive, sought_of(options.bounds)))
     options = replace(options, law=options.law or "auto")
-    fit_joint = given_motion.fit_joint
+    task = TorqueTask
     if is_driven(logs, options):
-        fit_joint = given_drive.fit_joint
+        task = MotionTask
         warnings += moments_without_drive(logs)
     fits: list[JointFit] = []
     stopped = False
@@ -69,7 +72,7 @@ def fit_joints(
         for name in names:
             try:
                 stopping.check()
-                fits.append(fit_joint(logs, held_out, name, options))
+                fits.append(fit_joint(task(logs, held_out, name, options)))
             except BackdriveError as error:
                 if len(names) == 1:
                     raise

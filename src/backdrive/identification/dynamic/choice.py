@@ -10,10 +10,9 @@ import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive.errors import BackdriveError, InvalidInput
-from backdrive.identification.dynamic.law_fit import LawFit
+from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.torque import Stretch
 from backdrive.identification.dynamic.unknowns import LawShape
-from backdrive.laws import ELEMENTS, RATES
 
 WINDOWS = 15  # of time; every third is held out
 WORTH = 0.02  # a richer law must lower the held-out error by this share [-]
@@ -37,7 +36,7 @@ class Candidate:
         aic: Akaike's information criterion, less the smallest of the choice.
         seconds: that the fit took.
         remark: why it failed, or what it could not see.
-        fit: the fit of torque; None where it failed, or where motion was fitted.
+        fit: None where it failed.
         windows: mean squared error of each held-out window, for paired comparison.
         shown: the data show its presliding, where it has any; where they do not, it is not chosen over a law without.
     """
@@ -49,7 +48,7 @@ class Candidate:
     aic: float
     seconds: float
     remark: str = ""
-    fit: LawFit | None = None
+    fit: Fit | None = None
     windows: np.ndarray | None = None
     shown: bool = True
 
@@ -127,11 +126,17 @@ def without(stretches: Sequence[Stretch], masks: Sequence[np.ndarray]) -> list[S
     return [replace(s, judged=s.judged & ~mask) for s, mask in zip(stretches, masks)]
 
 
-def judged(fit: LawFit, stretches: Sequence[Stretch], masks: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the mean squared error of each held-out window [N.m or N, squared], (W,)."""
+def judged(fit: Fit, records: Sequence[Any], masks: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the mean squared error of each held-out window, in the unit of what was measured, squared, (W,).
+
+    Args:
+        fit: that has not seen them.
+        records: stretches or motion logs.
+        masks: samples of each that are held out, (n,).
+    """
     found = []
-    for s, miss, mask in zip(stretches, fit.misses(stretches), masks):
-        found += squares(miss**2, mask, s.judged)
+    for (_, counts), miss, mask in zip(fit.problem.series(records), fit.misses(records), masks):
+        found += squares(miss**2, mask, counts)
     return np.array(found)
 
 
@@ -142,7 +147,7 @@ def squares(squared: np.ndarray, mask: np.ndarray, counts: np.ndarray) -> list[f
     return [float(run.mean()) for run in runs if run.size]
 
 
-def seen(fit: LawFit, stretches: Sequence[Stretch]) -> tuple[float, int]:
+def seen(fit: Fit, stretches: Sequence[Stretch]) -> tuple[float, int]:
     """Return the mean squared error on what was fitted [N.m or N, squared], rests included, and the number of samples."""
     squared = [(miss**2)[s.judged] for s, miss in zip(stretches, fit.misses(stretches))]
     joined = np.concatenate(squared)
@@ -160,11 +165,6 @@ def failed(name: str, error: BackdriveError, seconds: float) -> Candidate:
         seconds=seconds,
         remark=error.message,
     )
-
-
-def shape_of(name: str) -> LawShape:
-    """Return the shape of a law by name."""
-    return LawShape.named(name)
 
 
 def is_shown(shape: LawShape, unseen: Iterable[str], at_bound: Iterable[str]) -> bool:
@@ -243,9 +243,3 @@ def _worth(simple: Candidate, best: Candidate) -> bool:
     gain = simple.windows - best.windows
     error = float(gain.std(ddof=1) / np.sqrt(len(gain))) if len(gain) > 1 else 0.0
     return float(gain.mean()) > error
-
-
-def known(name: str) -> bool:
-    """Say whether this is the name of a law."""
-    rate, _, element = name.partition("+")
-    return (rate in RATES or rate in ELEMENTS) and (not element or element in ELEMENTS)

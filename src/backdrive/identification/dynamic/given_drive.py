@@ -1,4 +1,4 @@
-"""Motion given the drive's input: laws fitted to one joint through forward dynamics, its drive in the loop.
+"""Motion given the drive's input: one joint with its drive in the loop, prepared for the fit of a shortlist.
 
 No torque is needed. What the drive must have given along the measured motion follows from its own gains; a fit to that torque
 (`law_fit`) gives the start, and the motion itself decides (`motion`): the joint is let go from the measured start of every
@@ -7,7 +7,6 @@ window under the recorded input. Every third window is held out.
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -15,40 +14,38 @@ from typing import Any
 import numpy as np
 
 from backdrive._catalog import lookup
-from backdrive.engine import Axis, DriveModel
-from backdrive.errors import BackdriveError, NotIdentifiable
-from backdrive.identification.dynamic import choice as choice_
-from backdrive.identification.dynamic import starts
-from backdrive.identification.dynamic.choice import Candidate
+from backdrive.engine import Axis
+from backdrive.identification.dynamic import choice, starts
 from backdrive.identification.dynamic.drive_of_log import drive_of, sought_of
-from backdrive.identification.dynamic.driven import Driven, driven, split, whole
-from backdrive.identification.dynamic.given_motion import gravity_terms
-from backdrive.identification.dynamic.intervals import intervals
+from backdrive.identification.dynamic.driven import driven, held_out_masks, split, whole
+from backdrive.identification.dynamic.fit import Fit, conclude
+from backdrive.identification.dynamic.given_motion import TERMS, gravity_terms
+from backdrive.identification.dynamic.joint_fit import Task
 from backdrive.identification.dynamic.law_fit import fit_law
-from backdrive.identification.dynamic.motion import MotionFit, fit_motion
+from backdrive.identification.dynamic.motion import fit_motion
 from backdrive.identification.dynamic.motion_log import MotionLog
 from backdrive.identification.dynamic.motion_problem import MotionProblem
-from backdrive.identification.dynamic.motion_result import finish_motion
-from backdrive.identification.dynamic.motion_terms import NAMES, OF_AXIS
-from backdrive.identification.dynamic.outcome import JointFit, check_bounds, interruption
-from backdrive.identification.dynamic.stopping import unless_stopped
+from backdrive.identification.dynamic.motion_terms import NAMES, OF_AXIS, UNITS
+from backdrive.identification.dynamic.result import finish
+from backdrive.identification.dynamic.search import Search
+from backdrive.identification.dynamic.torque import Stretch, TorqueProblem
 from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.identification.options import Options, describe_drive
+from backdrive.identification.result import JointEvidence
 from backdrive.laws import Coulomb, Law
-from backdrive.logs.log import Drive, Joint, Log
+from backdrive.logs.log import Drive, Log
+from backdrive.model import Estimate, JointFriction
 
 STEP = 1e-3  # longest integration step [s]
 QUICK = 0.08  # of the fastest time constant of the drive with the inertia, that a step may be [-]
 FINEST = 20  # steps a sample, at most, unless a person asks for more
-STARTS = (
-    12  # stretches whose velocity at the start is sought too, which a low pass tells badly there, at most
-)
+STARTS = 12  # stretches at most whose velocity at the start, which a low pass tells badly, is sought too
 LATEST = 0.03  # longest delay that is sought [s]
 PLAIN = "coulomb-viscous"  # fitted to the drive's torque for starts of laws that need the load
 
 
-def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, options: Options) -> JointFit:
-    """Return the fit of one joint.
+class MotionTask(Task):
+    """One joint's motion given the input of its drive.
 
     Args:
         logs: with the drive's input, to fit.
@@ -58,149 +55,77 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, options: 
 
     Raises:
         InvalidInput: the drive is not known, or the logs do not fit together.
-        NotIdentifiable: no law can be fitted or judged.
+        UnknownName: what is known is no number of an axis.
+        NotIdentifiable: the joint never moves.
     """
-    info = logs[0].joints[logs[0].column(name)]
-    assert not isinstance(options.drive, Drive)
-    template = options.drive or drive_of(logs[0], sought_of(options.bounds))
-    fitted = [d for log in logs for d in driven(log, name, template, options)]
-    unseen = [d for log in held_out for d in driven(log, name, template, options)]
-    problem = _Problem(info, template, fitted, options)
-    held = template.controller != "open"
-    pieces = whole(fitted, held)
-    shown, judges = (pieces, whole(unseen, held)) if unseen else split(fitted, held)
-    candidates: list[Candidate] = []
-    fits: dict[str, MotionFit] = {}
-    failure: BackdriveError | None = None
-    listed = choice_.shortlist(options.law or "auto", presliding=False, load=False, warm=False)
-    check_bounds(options.bounds, listed, NAMES)
-    stopped = False
-    for candidate in listed:
-        options.say(f"{name}: fitting {candidate}")
-        begun = clock.perf_counter()
-        try:
-            one = problem.fit(candidate, shown, options.ticker(name))
-            squares = _squares(one, judges)
-        except BackdriveError as error:
-            candidates.append(choice_.failed(candidate, error, clock.perf_counter() - begun))
-            failure = error
-            continue
-        except KeyboardInterrupt:
-            if not fits:
-                raise
-            stopped = True
-            break
-        fits[one.name] = one
-        candidates.append(
-            Candidate(
-                name=one.name,
-                parameters=len(one.problem.unknowns),
-                error=one.rms,
-                held_out=float(np.sqrt(squares.mean())),
-                aic=one.samples * np.log(max(one.rms**2, 1e-300)) + 2 * len(one.problem.unknowns),
-                seconds=clock.perf_counter() - begun,
-                remark=choice_.remark(one.unseen),
-                windows=squares,
-            )
-        )
-        if one.interrupted:
-            stopped = True
-            break
-    if not any(np.isfinite(c.held_out) for c in candidates):
-        raise failure or NotIdentifiable("No law could be judged.", remedy="Record a longer log.")
-    position = np.concatenate([d.log.position - d.log.position.mean() for d in fitted])
-    size = float(np.sqrt(np.mean(position**2)))
-    choice = choice_.choose(name, candidates, info.unit, size, "motion")
-    best = fits[choice.chosen]
-    final = best
-    if not unseen and not stopped:
-        options.say(f"{name}: fitting {best.name} to everything")
-        again = unless_stopped(lambda: problem.fit(best.name, pieces, options.ticker(name), best.values))
-        stopped = again is None or again.interrupted
-        final = best if again is None or (again.interrupted and again.rms > best.rms) else again
-    numbers, done = intervals(
-        final.problem,
-        final.found,
-        final.standard_errors,
-        "covariance" if stopped else options.interval,
-        loss=options.loss,
-        step=1e-4,
-        seed=options.seed,
-        tick=lambda number: options.say(f"{name}: profile of {number}"),
-    )
-    numbers = {n: ends for n, ends in numbers.items() if not n.startswith("start.")}
-    stopped = stopped or not done
-    friction, evidence = finish_motion(info, final, best, choice, fitted, unseen, options, problem.scales)
-    if stopped:
-        said = interruption(listed, candidates, done)
-        friction = replace(friction, warnings=(said, *friction.warnings))
-    judged = choice.candidate()
-    return JointFit(
-        friction=friction,
-        evidence=evidence,
-        choice=choice,
-        intervals=final.problem.shape.complete(numbers),
-        stopped=stopped,
-        settings={
-            "drive": describe_drive(final.axis.drive),
-            "step": final.problem.logs[0].dt / final.problem.substeps,
-            "motion": {"error": final.rms, "held_out": judged.held_out, "unit": info.unit},
-        },
-    )
 
+    others = NAMES
 
-class _Problem:
-    """What stays the same from law to law."""
-
-    def __init__(self, info: Joint, drive: DriveModel, driven: Sequence[Driven], options: Options):
-        for name in options.known:
-            lookup(name, dict.fromkeys(OF_AXIS, 0), "number of an axis")
-        self.info, self.drive, self.options = info, drive, options
-        self.bounds: dict[str, Any] = dict(options.bounds)
-        self.middle = drive.replace(
-            **{
-                n[6:]: _middle(r)
-                for n, r in self.bounds.items()
-                if n.startswith("drive.") and n != "drive.proportional_factor"
-            }
-        )
-        self.stretches = [d.stretch(self.middle) for d in driven]
+    def __init__(self, logs: Sequence[Log], held_out: Sequence[Log], name: str, options: Options):
+        info = self.info = logs[0].joints[logs[0].column(name)]
+        assert not isinstance(options.drive, Drive)
+        drive = self.drive = options.drive or drive_of(logs[0], sought_of(options.bounds))
+        self.fitted = [d for log in logs for d in driven(log, name, drive, options)]
+        self.unseen = [d for log in held_out for d in driven(log, name, drive, options)]
+        for number in options.known:
+            lookup(number, dict.fromkeys(OF_AXIS, 0), "number of an axis")
+        self.options, self.bounds = options, dict[str, Any](options.bounds)
+        sought = {
+            n[6:]: _middle(r)
+            for n, r in self.bounds.items()
+            if n.startswith("drive.") and n != "drive.proportional_factor"
+        }
+        self.middle = drive.replace(**sought)
+        self.stretches = [d.stretch(self.middle) for d in self.fitted]
         gravity = gravity_terms(self.stretches, info.unit, options.gravity)
-        sought = [t for t in ("inertia", "offset", *gravity) if t not in options.known]
+        terms = [t for t in ("inertia", "offset", *gravity) if t not in options.known]
         self.terms = [
-            *sought,
-            *(n for n in self.bounds if n in ("gravity_sin", "gravity_cos") and n not in sought),
+            *terms,
+            *(n for n in self.bounds if n in ("gravity_sin", "gravity_cos") and n not in terms),
         ]
-        self.scales = starts.scales(
-            self.stretches, ("inertia", "offset", *gravity), info.unit, info.encoder_counts
-        )
+        terms = ("inertia", "offset", *gravity)
+        self.scales = starts.scales(self.stretches, terms, info.unit, info.encoder_counts)
         self.axis = Axis(
             **{"law": Law(rate=Coulomb(coulomb=0.0)), "inertia": 1.0, "drive": drive, **options.known}  # type: ignore[arg-type]
         )
-        self.dt = driven[0].log.dt
-        self.dampings = drive.proportional if drive.controller == "velocity" else drive.derivative
-        self.stiffness = drive.proportional if drive.controller == "position" else 0.0
-        if drive.actuator == "motor":
-            volts = self.middle.supply * self.middle.torque_constant / self.middle.resistance
-            self.dampings = self.dampings * volts + self.middle.torque_constant**2 / self.middle.resistance
-            self.stiffness *= volts
+        self.held = drive.controller != "open"
+        self.shown = self.whole = whole(self.fitted, self.held)
+        if self.unseen:
+            self.judges, self.whole = whole(self.unseen, self.held), None
+        else:
+            self.shown, self.judges = split(self.fitted, self.held)
+        self.masks = [log.counts for log in self.judges]
+        self.laws = choice.shortlist(options.law or "auto", presliding=False, load=False, warm=False)
+        position = np.concatenate([d.log.position - d.log.position.mean() for d in self.fitted])
+        self.what = ("motion", info.unit, float(np.sqrt(np.mean(position**2))))
 
     def substeps(self, inertia: float) -> int:
         """Return the integration steps a sample: short against the time in which the drive settles the inertia."""
+        dt, drive = self.fitted[0].log.dt, self.drive
         if self.options.step is not None:
-            return max(1, int(np.ceil(self.dt / self.options.step - 1e-6)))
-        rates = (self.dampings / inertia, np.sqrt(self.stiffness / inertia))
-        step = min(STEP, QUICK / max(*rates, 1e-9))
-        return min(max(1, int(np.ceil(self.dt / step - 1e-6))), max(FINEST, int(np.ceil(self.dt / STEP))))
+            return max(1, int(np.ceil(dt / self.options.step - 1e-6)))
+        damping = drive.proportional if drive.controller == "velocity" else drive.derivative
+        stiffness = drive.proportional if drive.controller == "position" else 0.0
+        if drive.actuator == "motor":
+            volts = self.middle.supply * self.middle.torque_constant / self.middle.resistance
+            damping = damping * volts + self.middle.torque_constant**2 / self.middle.resistance
+            stiffness *= volts
+        step = min(STEP, QUICK / max(damping / inertia, np.sqrt(stiffness / inertia), 1e-9))
+        return min(max(1, int(np.ceil(dt / step - 1e-6))), max(FINEST, int(np.ceil(dt / STEP))))
 
-    def fit(self, law: str, logs, tick, begin_at: Mapping[str, float] | None = None) -> MotionFit:
-        """Return the fit of one law, begun at a fit to the drive's torque."""
+    def fit(self, law: str, records: Sequence[MotionLog], begin_at: Mapping[str, float] | None = None) -> Fit:
+        """Return the fit of one law to motion logs, begun at a fit to the drive's torque or at values by name [SI]."""
         shape = LawShape.named(law).beside(self.terms)
         start = dict(begin_at) if begin_at else self._start(shape)
         free = self._free(shape, start)
-        substeps = self.substeps(start.get("inertia", self.axis.inertia))
         problem = MotionProblem(
-            shape, logs, self.axis, free, substeps=substeps, scales=self.scales, unit=self.info.unit
+            shape,
+            records,
+            self.axis,
+            free,
+            substeps=self.substeps(start.get("inertia", self.axis.inertia)),
+            scales=self.scales,
+            unit=self.info.unit,
         )
         wide = bool(shape.rate.NEEDS)
         return fit_motion(
@@ -211,21 +136,26 @@ class _Problem:
             finish=2 if wide else 1,
             begin_at=start,
             seed=self.options.seed,
-            tick=tick,
+            tick=self.options.ticker(self.info.name),
         )
 
+    def error(self, one: Fit) -> tuple[float, int]:
+        """Return the mean squared error of the motion that was fitted, and the number of its samples."""
+        return float(np.mean(one.found.residual**2)), one.samples
+
+    def explains(self, final: Fit, judged: Fit) -> bool:
+        """Return whether a fit to everything is to be taken: always, but where it was cut short before it was as good."""
+        return not (final.interrupted and final.rms > judged.rms)
+
     def _start(self, shape: LawShape) -> dict[str, float]:
-        law_bounds = {
-            n: r for n, r in self.bounds.items() if n in {**shape.rate.PARAMETERS, **shape.element.PARAMETERS}
-        }
+        law_bounds = {n: r for n, r in self.bounds.items() if n in numbers_of(shape)}
         found = fit_law(
             PLAIN if shape.rate.NEEDS else shape,
             self.stretches,
             unit=self.info.unit,
             counts=self.info.encoder_counts,
-            terms=[t for t in self.terms if t in ("inertia", "offset", "gravity_sin", "gravity_cos")],
-            delay=self.options.delay
-            and self.drive.controller == "open",  # a controller's input alone is late
+            terms=self.terms,
+            delay=self.options.delay and not self.held,  # a controller's input alone is late
             bounds=None if shape.rate.NEEDS else law_bounds,
             scales=self.scales,
             begin=24,
@@ -251,32 +181,84 @@ class _Problem:
             else:
                 reach = 2.0 * force
                 free[term] = (-reach, reach, float(np.clip(value, -reach, reach)))
-        if self.drive.controller != "open" and len(self.stretches) <= STARTS:
+        if self.held and len(self.stretches) <= STARTS:
             free["start.velocity"] = (-self.scales.speed, self.scales.speed, 0.0)
         if self.options.delay:
             free["drive.delay"] = (0.0, LATEST, float(np.clip(start.get("drive.delay", 0.0), 0.0, LATEST)))
         for n, r in self.bounds.items():
-            if n in shape.fixed or (n.startswith("drive.") or n in NAMES or n in self._numbers(shape)):
+            if n in shape.fixed or (n.startswith("drive.") or n in NAMES or n in numbers_of(shape)):
                 free[n] = r
         for n, r in free.items():
             if n in start:
                 start[n] = float(np.clip(start[n], r[0], r[1]))
         return free
 
-    @staticmethod
-    def _numbers(shape: LawShape) -> set[str]:
-        return {*shape.rate.PARAMETERS, *shape.element.PARAMETERS}
-
-
-def _squares(one: MotionFit, judges: Sequence[MotionLog]) -> np.ndarray:
-    """Return the mean squared error of each window that is judged on [rad^2 or m^2], (W,)."""
-    found = []
-    for log, motion in zip(judges, one.predict(judges)):
-        counts = np.ones(len(motion), dtype=bool)
-        found += choice_.squares(
-            (motion - log.position) ** 2, counts if log.judged is None else log.judged, counts
+    def finish(self, final: Fit, judged: Fit) -> tuple[JointFriction, JointEvidence]:
+        """Return friction and evidence in torque, as the drive must have given it."""
+        stretches = [d.stretch(final.axis.drive) for d in self.fitted]
+        tests = [d.stretch(final.axis.drive) for d in self.unseen]
+        masks = [np.ones(len(s.torque), dtype=bool) for s in tests] or held_out_masks(self.fitted, self.held)
+        return finish(
+            self.info,
+            self._in_torque(final, stretches),
+            self._in_torque(judged, stretches),
+            [(d.signals, s) for d, s in zip(self.fitted, stretches)],
+            [(d.signals, s) for d, s in zip(self.unseen, tests)],
+            masks,
+            self._given(final),
+            "motion given the drive's input",
         )
-    return np.array(found)
+
+    def settings(self, final: Fit, held_out: float) -> dict[str, Any]:
+        """Return the drive, the integration step and the error of the motion, by which the model can be run again."""
+        assert isinstance(final.problem, MotionProblem)
+        return {
+            "drive": describe_drive(final.axis.drive),
+            "step": final.problem.logs[0].dt / final.problem.substeps,
+            "motion": {"error": final.rms, "held_out": held_out, "unit": self.info.unit},
+        }
+
+    def _in_torque(self, one: Fit, stretches: Sequence[Stretch]) -> Fit:
+        """Return a fit of motion as one of the torque that its drive must have given."""
+        values, shape = {**self.options.known, **one.values}, one.problem.shape
+        terms = [t for t in TERMS if t in values and t not in numbers_of(shape)]
+        problem = TorqueProblem(shape, stretches, self.scales, terms=terms)
+        search = Search(problem.residuals, problem.lower, problem.upper, loss=self.options.loss)
+        point = problem.point(values)
+        found = search.at(point, search.evaluate(point[None])[0])
+        seen = conclude(problem, found, self.options.loss)
+        return replace(
+            seen,
+            values={n: values.get(n, v) for n, v in seen.values.items()},
+            standard_errors={n: one.standard_errors.get(n, np.nan) for n in seen.values},
+            at_bound=one.at_bound,
+            unseen=one.unseen,
+            warnings=one.warnings,
+        )
+
+    def _given(self, final: Fit) -> dict[str, Estimate]:
+        """Return the numbers of the drive and the axis, given ones before sought ones, so that the model can be run again."""
+        side, numbers = 0 if self.info.unit == "rad" else 1, {*numbers_of(final.problem.shape), *TERMS}
+        given = {
+            f"drive.{n}": v
+            for n, v in describe_drive(final.axis.drive).items()
+            if isinstance(v, float) and np.isfinite(v)
+        } | {n: float(v) for n, v in self.options.known.items() if n not in numbers}
+        found = {
+            n: Estimate(value=v, unit=UNITS[n][side] if n in UNITS else "SI", standard_error=float("nan"))
+            for n, v in given.items()
+        }
+        units = {u.name: u.unit for u in final.problem.unknowns}
+        return found | {
+            n: Estimate(value=v, unit=units[n], standard_error=final.standard_errors[n])
+            for n, v in final.values.items()
+            if n.startswith("drive.") or (n in OF_AXIS and n not in numbers)
+        }
+
+
+def numbers_of(shape: LawShape) -> set[str]:
+    """Return the names of a law's parameters."""
+    return {*shape.rate.PARAMETERS, *shape.element.PARAMETERS}
 
 
 def _middle(given: Any) -> float:

@@ -1,29 +1,27 @@
-"""Torque given motion: every law of a shortlist fitted to one joint, judged, and the chosen one fitted to everything."""
+"""Torque given motion: one joint's stretches, with what is sought beside a law, prepared for the fit of a shortlist."""
 
 from __future__ import annotations
 
-import time as clock
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from backdrive._catalog import lookup
-from backdrive.errors import BackdriveError, NotIdentifiable
-from backdrive.identification.dynamic import choice as choice_
-from backdrive.identification.dynamic import starts
-from backdrive.identification.dynamic.choice import Candidate
+from backdrive.errors import NotIdentifiable
+from backdrive.identification.dynamic import choice, starts
+from backdrive.identification.dynamic.fit import Fit
+from backdrive.identification.dynamic.joint_fit import Task
 from backdrive.identification.dynamic.law_fit import fit_law
-from backdrive.identification.dynamic.outcome import JointFit, check_bounds, interruption
 from backdrive.identification.dynamic.result import finish
-from backdrive.identification.dynamic.stopping import unless_stopped
 from backdrive.identification.dynamics import unit_of
 from backdrive.identification.options import Options
+from backdrive.identification.result import JointEvidence
 from backdrive.identification.smoothing import smoothing
-from backdrive.laws import rate_law
+from backdrive.laws import RATES, rate_law
 from backdrive.logs.log import Log
-from backdrive.model import Estimate
+from backdrive.model import Estimate, JointFriction
 
 if TYPE_CHECKING:
     from backdrive.identification.dynamic.torque import Stretch
@@ -35,8 +33,8 @@ WORSE = 1.1  # mean square of a fit to everything by that of the one that was ju
 TURNS = 0.5  # a joint that turns by less shows little of gravity [rad]
 
 
-def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, options: Options) -> JointFit:
-    """Return the fit of one joint.
+class TorqueTask(Task):
+    """One joint's torque given its motion.
 
     Args:
         logs: to fit.
@@ -45,138 +43,96 @@ def fit_joint(logs: Sequence[Log], held_out: Sequence[Log], name: str, options: 
         options: everything else.
 
     Raises:
-        NotIdentifiable: no law can be fitted or judged.
+        UnknownName: what is known is no term of the dynamics.
+        NotIdentifiable: the joint never moves, or its torque never changes.
     """
-    for term in options.known:
-        lookup(term, dict.fromkeys(TERMS, 0), "number that a fit of torque takes as known")
-    info = logs[0].joints[logs[0].column(name)]
-    smooth = smoothing([*logs, *held_out], name, options.cutoff)
-    pairs = [pair for log in logs for pair in _stretches(log, name, smooth.cutoff)]
-    unseen = [pair for log in held_out for pair in _stretches(log, name, smooth.cutoff)]
-    stretches = [s for _, s in pairs]
-    terms = ["inertia", "offset", *gravity_terms(stretches, info.unit, options.gravity)]
-    terms += [term for term in TERMS if term in options.bounds and term not in terms]
-    terms = [term for term in terms if term not in options.known]
-    load = all(s.load.shape[0] > 1 and _varies(s.load[:, 1]) for s in stretches)
-    warm = all(s.temperature.size > 1 and _varies(s.temperature) for s in stretches)
-    sizes = starts.scales(stretches, terms, info.unit, info.encoder_counts, options.known)
-    shown = sizes.length * (info.encoder_counts or np.inf) >= 5.0 and _slow_reversals(stretches, sizes.length)
-    masks = (
-        [np.zeros(len(s.torque), dtype=bool) for s in stretches]
-        if unseen
-        else choice_.windows([len(s.torque) for s in stretches])
-    )
-    fitted = choice_.without(stretches, masks)
-    judges = [s for _, s in unseen] if unseen else stretches
-    judged_on = [np.ones(len(s.torque), dtype=bool) for s in judges] if unseen else masks
-    candidates: list[Candidate] = []
-    failure: BackdriveError | None = None
-    common: dict[str, Any] = {
-        "unit": info.unit,
-        "counts": info.encoder_counts,
-        "terms": terms,
-        "delay": options.delay,
-        "known": options.known,
-        "scales": sizes,
-        "loss": options.loss,
-        "seed": options.seed,
-    }
-    listed = choice_.shortlist(options.law or "auto", presliding=shown, load=load, warm=warm)
-    check_bounds(options.bounds, listed, (*TERMS, *(("delay",) if options.delay else ())))
-    stopped = False
-    for candidate in listed:
-        options.say(f"{name}: fitting {candidate}")
-        begun = clock.perf_counter()
-        try:
-            _supported(candidate, load=load, warm=warm)
-            one = fit_law(candidate, fitted, bounds=options.bounds, tick=options.ticker(name), **common)
-            squares = choice_.judged(one, judges, judged_on)
-            seen, count = choice_.seen(one, fitted)
-        except BackdriveError as error:
-            candidates.append(choice_.failed(candidate, error, clock.perf_counter() - begun))
-            failure = error
-            continue
-        except KeyboardInterrupt:
-            if not candidates:
-                raise
-            stopped = True
-            break
-        candidates.append(
-            Candidate(
-                name=one.name,
-                parameters=len(one.problem.unknowns),
-                error=float(np.sqrt(seen)),
-                held_out=float(np.sqrt(squares.mean())) if squares.size else np.nan,
-                aic=count * np.log(max(seen, 1e-300)) + 2 * len(one.problem.unknowns),
-                seconds=clock.perf_counter() - begun,
-                remark=choice_.remark(one.unseen),
-                shown=choice_.is_shown(one.problem.shape, one.unseen, one.at_bound),
-                fit=one,
-                windows=squares,
-            )
-        )
-        if one.interrupted:
-            stopped = True
-            break
-    if not any(np.isfinite(c.held_out) for c in candidates):
-        if stopped:
-            raise KeyboardInterrupt
-        raise failure or NotIdentifiable("No law could be judged.", remedy="Record a longer log.")
-    size = float(np.sqrt(np.mean(np.concatenate([s.torque for s in stretches]) ** 2)))
-    choice = choice_.choose(name, candidates, info.torque_unit, size)
-    best = choice.candidate().fit
-    assert best is not None
-    final, remarks = best, [smooth.warning] if smooth.warning else []
-    if not unseen and not stopped:
-        options.say(f"{name}: fitting {best.name} to everything")
-        again = unless_stopped(
-            lambda: fit_law(
-                best.problem.shape,
-                stretches,
-                begin=8,
-                descend=1,
-                begin_at=best.values,
-                bounds=options.bounds,
-                **common,
-            )
-        )
-        stopped = again is None or again.interrupted
-        if again is not None and choice_.seen(again, stretches)[0] <= (
-            WORSE * choice_.seen(best, stretches)[0]
-        ):
-            final = again
-        elif again is not None and not again.interrupted:
-            remarks.append(
-                "Fitted to everything, the law explains the log worse than without the windows that it was judged on: the "
-                "numbers are those of the fit that was judged."
-            )
-    intervals, done = final.intervals_until_stopped(
-        "covariance" if stopped else options.interval,
-        seed=options.seed,
-        tick=lambda number: options.say(f"{name}: profile of {number}"),
-    )
-    stopped = stopped or not done
-    if stopped:
-        remarks.append(interruption(listed, candidates, done))
-    friction, evidence = finish(info, final, best, choice, pairs, unseen, masks)
-    given = {
-        term: Estimate(value=value, unit=unit_of(term, info), standard_error=float("nan"))
-        for term, value in options.known.items()
-    }
-    if any(log.model_torque is not None for log in logs):
-        given["model_torque"] = Estimate(value=1.0, unit="1", standard_error=float("nan"))
-    friction = replace(
-        friction, dynamics=dict(friction.dynamics) | given, warnings=(*remarks, *friction.warnings)
-    )
-    return JointFit(
-        friction=friction,
-        evidence=evidence,
-        choice=choice,
-        intervals=intervals,
-        stopped=stopped,
-        notes=(smooth.note,) if smooth.note else (),
-        settings={"cutoff": smooth.cutoff},
-    )
+
+    def __init__(self, logs: Sequence[Log], held_out: Sequence[Log], name: str, options: Options):
+        for term in options.known:
+            lookup(term, dict.fromkeys(TERMS, 0), "number that a fit of torque takes as known")
+        self.options, self.logs = options, logs
+        info = self.info = logs[0].joints[logs[0].column(name)]
+        smooth = smoothing([*logs, *held_out], name, options.cutoff)
+        self.cutoff = smooth.cutoff
+        self.remarks, self.notes = ((s,) if s else () for s in (smooth.warning, smooth.note))
+        self.pairs = [pair for log in logs for pair in _stretches(log, name, smooth.cutoff)]
+        self.unseen = [pair for log in held_out for pair in _stretches(log, name, smooth.cutoff)]
+        stretches = [s for _, s in self.pairs]
+        terms = ["inertia", "offset", *gravity_terms(stretches, info.unit, options.gravity)]
+        terms += [term for term in TERMS if term in options.bounds and term not in terms]
+        terms = [term for term in terms if term not in options.known]
+        self.load = all(s.load.shape[0] > 1 and _varies(s.load[:, 1]) for s in stretches)
+        self.warm = all(s.temperature.size > 1 and _varies(s.temperature) for s in stretches)
+        sizes = starts.scales(stretches, terms, info.unit, info.encoder_counts, options.known)
+        presliding = sizes.length * (info.encoder_counts or np.inf) >= 5.0
+        presliding = presliding and _slow_reversals(stretches, sizes.length)
+        if self.unseen:
+            self.shown, self.judges, self.whole = stretches, [s for _, s in self.unseen], None
+            self.masks = [np.ones(len(s.torque), dtype=bool) for s in self.judges]
+        else:
+            self.masks = choice.windows([len(s.torque) for s in stretches])
+            self.shown = choice.without(stretches, self.masks)
+            self.judges = self.whole = stretches
+        self.asked: dict[str, Any] = {
+            "unit": info.unit,
+            "counts": info.encoder_counts,
+            "terms": terms,
+            "delay": options.delay,
+            "bounds": options.bounds,
+            "known": options.known,
+            "scales": sizes,
+            "loss": options.loss,
+            "seed": options.seed,
+        }
+        asked = options.law or "auto"
+        self.laws = choice.shortlist(asked, presliding=presliding, load=self.load, warm=self.warm)
+        self.others = (*TERMS, *(("delay",) if options.delay else ()))
+        size = float(np.sqrt(np.mean(np.concatenate([s.torque for s in stretches]) ** 2)))
+        self.what = ("torque", info.torque_unit, size)
+
+    def fit(self, law: str, records: Sequence[Stretch], begin_at: Mapping[str, float] | None = None) -> Fit:
+        """Return the fit of one law to stretches, from a cold start or from values by name [SI].
+
+        Raises:
+            NotIdentifiable: the law depends on a load or a temperature that does not vary.
+        """
+        first = law.partition("+")[0]
+        needs = rate_law(first).NEEDS if first in RATES else ()
+        for need, there in (("load", self.load), ("temperature", self.warm)):
+            if need in needs and not there:
+                raise NotIdentifiable(
+                    f"'{law}' depends on the {need}, and the log holds none that varies.",
+                    remedy=f"Name the channel, for example --map {need[:4]}=COLUMN.",
+                )
+        warm_start = {"begin": 8, "descend": 1, "begin_at": begin_at} if begin_at else {}
+        return fit_law(law, records, tick=self.options.ticker(self.info.name), **self.asked, **warm_start)
+
+    def error(self, one: Fit) -> tuple[float, int]:
+        """Return the mean squared error on what was fitted, rests included, and the number of its samples."""
+        return choice.seen(one, self.shown)
+
+    def shows(self, one: Fit) -> bool:
+        """Return whether the motion shows a law's presliding."""
+        return choice.is_shown(one.problem.shape, one.unseen, one.at_bound)
+
+    def explains(self, final: Fit, judged: Fit) -> bool:
+        """Return whether a fit to everything explains everything about as well as the one that was judged."""
+        stretches = [s for _, s in self.pairs]
+        return choice.seen(final, stretches)[0] <= WORSE * choice.seen(judged, stretches)[0]
+
+    def finish(self, final: Fit, judged: Fit) -> tuple[JointFriction, JointEvidence]:
+        """Return friction and evidence of the last fit and the one that was judged."""
+        given = {
+            term: Estimate(value=value, unit=unit_of(term, self.info), standard_error=float("nan"))
+            for term, value in self.options.known.items()
+        }
+        if any(log.model_torque is not None for log in self.logs):
+            given["model_torque"] = Estimate(value=1.0, unit="1", standard_error=float("nan"))
+        return finish(self.info, final, judged, self.pairs, self.unseen, self.masks, given)
+
+    def settings(self, final: Fit, held_out: float) -> dict[str, Any]:
+        """Return the low pass."""
+        return {"cutoff": self.cutoff}
 
 
 def gravity_terms(stretches: Sequence[Stretch], unit: str, wanted: bool | None) -> tuple[str, ...]:
@@ -184,17 +140,6 @@ def gravity_terms(stretches: Sequence[Stretch], unit: str, wanted: bool | None) 
     turns = unit == "rad" and all(s.position is not None for s in stretches)
     far = turns and max(float(np.ptp(s.position)) for s in stretches) > TURNS  # type: ignore[arg-type]
     return ("gravity_sin", "gravity_cos") if wanted or (wanted is None and far) else ()
-
-
-def _supported(candidate: str, *, load: bool, warm: bool) -> None:
-    first = candidate.partition("+")[0]
-    needs = rate_law(first).NEEDS if first in choice_.RATES else ()
-    for need, there in (("load", load), ("temperature", warm)):
-        if need in needs and not there:
-            raise NotIdentifiable(
-                f"'{candidate}' depends on the {need}, and the log holds none that varies.",
-                remedy=f"Name the channel, for example --map {need[:4]}=COLUMN.",
-            )
 
 
 def _stretches(log: Log, name: str, cutoff: float | None) -> list[tuple[Signals, Stretch]]:

@@ -11,20 +11,11 @@ import numpy as np
 from backdrive.engine import Axis, DriveModel, forward
 from backdrive.errors import BackdriveError, InvalidInput
 from backdrive.identification.dynamic.driven import driven, whole
+from backdrive.identification.dynamic.motion_terms import OF_AXIS
 from backdrive.identification.options import Options, settings_of
 from backdrive.logs.log import Log
 from backdrive.model import FrictionModel
 
-OF_AXIS = (
-    "inertia",
-    "load_inertia",
-    "stiffness",
-    "damping",
-    "gravity_sin",
-    "gravity_cos",
-    "offset",
-    "load_dependence",
-)
 LEAST_STEP = 1e-7  # of an integration that a model file may ask for [s]
 
 

@@ -74,6 +74,11 @@ class MotionLog:
         k = min(5, len(self.position) - 1)
         return float(self.position[k] - self.position[0]) / (k * self.dt)
 
+    @property
+    def counts(self) -> np.ndarray:
+        """Samples that count, (n,)."""
+        return np.ones(len(self.position), dtype=bool) if self.judged is None else self.judged
+
     def windows(self, length: float, velocity: np.ndarray | None = None) -> list[MotionLog]:
         """Return the motion in pieces of a length, each from its own measured start.
 

@@ -7,7 +7,7 @@ what was measured. A batch of candidates on all logs is one call of the engine.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -18,11 +18,14 @@ from backdrive.engine.forward import lanes
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.dynamic.motion_log import MotionLog
 from backdrive.identification.dynamic.motion_terms import Range, assemble, column
+from backdrive.identification.dynamic.problem import Problem
 from backdrive.identification.dynamic.unknowns import LawShape, Scales, Unknown
 from backdrive.laws import REFERENCE
 
+FLEXIBLE = ("offset", "gravity_sin", "gravity_cos", "drive.delay")  # may be 0: judged by their range
 
-class MotionProblem:
+
+class MotionProblem(Problem):
     """Residuals of measured motion by forward dynamics, for batches of candidates.
 
     Args:
@@ -41,6 +44,8 @@ class MotionProblem:
         InvalidInput: no logs, velocity asked for and not recorded, or ranges that are none.
         NotIdentifiable: the axis never moves.
     """
+
+    STEP: ClassVar[float] = 1e-4
 
     def __init__(
         self,
@@ -70,19 +75,15 @@ class MotionProblem:
                 "The axis never moves, so that its friction cannot be seen.",
                 remedy="Record a motion with reversals.",
             )
-        self.shape, self.axis, self.free, self.unit = shape, axis, dict(free or {}), unit
+        self.axis, self.free, self.unit = axis, dict(free or {}), unit
         self.signal: Literal["position", "velocity"] = signal
         self.substeps, self.workers = substeps, workers
         self.scales = scales_of(logs, axis, unit) if scales is None else scales
         courses = sorted({name for log in logs for name in log.shapes})
         self.terms = assemble(shape, self.scales, self.free, len(logs), courses)
-        self.unknowns = self.terms.unknowns
-        self.names = tuple(u.name for u in self.unknowns)
-        self.lower = np.array([float(u.inward(u.lower)) for u in self.unknowns])
-        self.upper = np.array([float(u.inward(u.upper)) for u in self.unknowns])
+        super().__init__(shape, self.terms.unknowns, self.terms.start)
         self.setters = [self._setter(u) for u in self.unknowns[self.terms.of_law :]]
         self.logs = list(logs)
-        self.size = sum(len(log.position) if log.judged is None else int(log.judged.sum()) for log in logs)
         self._groups = self._grouped()
 
     def on(self, logs: Sequence[MotionLog]) -> MotionProblem:
@@ -143,18 +144,16 @@ class MotionProblem:
             )
         return groups
 
-    def values(self, point: np.ndarray) -> dict[str, float]:
-        """Return the numbers of a search point by name."""
-        return {u.name: float(u.outward(x)) for u, x in zip(self.unknowns, point)}
+    def series(self, records: Sequence[MotionLog] | None = None) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Return measured motion [rad, m, rad/s or m/s] and which samples count, (n,) each."""
+        return [
+            (getattr(log, self.signal), log.counts) for log in (self.logs if records is None else records)
+        ]
 
-    def point(self, values: Mapping[str, float]) -> np.ndarray:
-        """Return the search point of numbers by name; what is missing starts where it is drawn from."""
-        return np.array(
-            [
-                float(u.inward(values[u.name])) if u.name in values else s
-                for u, s in zip(self.unknowns, self.terms.start)
-            ]
-        )
+    def yardstick(self, unknown: Unknown) -> tuple[float, float]:
+        """Return the least and the largest size that the error of a number is compared with [SI]."""
+        loose = unknown.name in FLEXIBLE or unknown.name.startswith("start.")
+        return 0.1 * (unknown.upper - unknown.lower) if loose else 0.0, np.inf
 
     def axis_of(self, values: Mapping[str, float]) -> Axis:
         """Return the axis with its law and drive of these values."""
@@ -169,8 +168,21 @@ class MotionProblem:
             drive=drive.replace(proportional=drive.proportional * factor),
         )
 
-    def predict(self, values: Sequence[Mapping[str, float]]) -> list[np.ndarray]:
-        """Return what candidates predict for every log [rad, m, rad/s or m/s], each (B, n)."""
+    def predict(
+        self,
+        values: Sequence[Mapping[str, float]],
+        records: Sequence[MotionLog] | None = None,
+        *,
+        friction: bool = False,
+    ) -> list[np.ndarray]:
+        """Return the motion that parameter sets predict for every log [rad, m, rad/s or m/s], each (B, n).
+
+        Other logs than those of the fit start from where they were measured.
+        """
+        if records is not None:
+            other = self.on(records)
+            measured = {n: 0.0 for n in other.names if n.startswith("start.")}
+            return other.predict([{**v, **measured} for v in values])
         B = len(values)
         J, D = np.tile(self.axis.row(), (B, 1)), np.tile(self.axis.drive.row(), (B, 1))
         factor, start = np.ones(B), np.zeros((B, len(self.logs), 2))
@@ -267,16 +279,6 @@ class MotionProblem:
             np.asarray(self.logs[k].shapes.get(name, np.zeros(1)), dtype=float) for k in group["which"]
         ]
         return np.array([np.pad(c, (0, group["n"] - len(c)), "edge") for c in courses])
-
-    def residuals(self, points: np.ndarray) -> np.ndarray:
-        """Return predicted less measured motion of a batch of search points [rad, m, rad/s or m/s], (B, m)."""
-        predicted = self.predict([self.values(p) for p in points])
-        parts = []
-        for log, motion in zip(self.logs, predicted):
-            measured = log.position if self.signal == "position" else log.velocity
-            error = motion - measured
-            parts.append(error if log.judged is None else error[:, log.judged])
-        return np.concatenate(parts, axis=1)
 
 
 def scales_of(logs: Sequence[MotionLog], axis: Axis, unit: str) -> Scales:

@@ -77,7 +77,12 @@ class MotionSearch(Search):
             if not under_way:
                 break
             slopes = self.slopes(under_way)
-            trials = [self.trials(w, J) for w, J in zip(under_way, slopes)]
+            trials = [
+                self.trials(
+                    w.point, w.residual, J, self.scale(w.residual), FACTORS * w.damping, LENGTHS, FARTHEST
+                )
+                for w, J in zip(under_way, slopes)
+            ]
             ends = self.evaluate(np.concatenate([points for points, _ in trials]))
             place = 0
             for w, (points, dampings) in zip(under_way, trials):
@@ -110,30 +115,6 @@ class MotionSearch(Search):
             for k, (w, s) in enumerate(zip(ways, steps))
         ]
 
-    def trials(self, way: Descent, J: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the ends of damped steps and their dampings, (T, P) and (T,); bounds are held where a step would leave."""
-        w = self.weights(way.residual, self.scale(way.residual))
-        usable = np.isfinite(J).all(axis=0)
-        J = np.where(usable, J, 0.0)
-        gradient = J.T @ (w * way.residual)
-        normal = J.T @ (w[:, None] * J)
-        free = usable & ~(
-            ((way.point <= self.lower) & (gradient > 0)) | ((way.point >= self.upper) & (gradient < 0))
-        )
-        size = np.sqrt(np.maximum(np.diag(normal), 1e-30))
-        points, dampings = [], []
-        for damping in FACTORS * way.damping:
-            move = np.zeros_like(way.point)
-            if free.any():
-                A = normal[np.ix_(free, free)] / np.outer(size[free], size[free])
-                A[np.diag_indices_from(A)] += damping
-                move[free] = -np.linalg.lstsq(A, gradient[free] / size[free], rcond=None)[0] / size[free]
-            move = np.clip(move, -FARTHEST, FARTHEST)
-            for length in LENGTHS:
-                points.append(np.clip(way.point + length * move, self.lower, self.upper))
-                dampings.append(damping)
-        return np.array(points), np.array(dampings)
-
     def found(self, ways: list[Descent], interrupted: bool) -> Found:
         """Return the best of the ends."""
         costs = [w.cost for w in ways]
@@ -148,7 +129,6 @@ class MotionSearch(Search):
             converged=ways[k].done,
             evaluations=self.evaluations,
             interrupted=interrupted,
-            others=tuple(c for i, c in enumerate(costs) if i != k),
         )
 
 
@@ -212,26 +192,29 @@ def seek(
 
 
 def evolved(search, best, boxes, generations, seed, tick, *, population=24, spread=0.05) -> Descent:
-    """Return what differential evolution (current to p-best, 1 difference) finds around a point."""
+    """Return what differential evolution finds around a point."""
+    from scipy.optimize import differential_evolution
+
     rng = np.random.default_rng(seed)
-    N, P = population, len(best.point)
     reach = spread * (boxes[1] - boxes[0])
-    X = np.clip(best.point + reach * rng.standard_normal((N, P)), search.lower, search.upper)
-    X[0] = best.point
-    R = search.evaluate(X)
+    first = best.point + reach * rng.standard_normal((population, len(best.point)))
+    first[0] = best.point
     sigma = search.scale(best.residual)
-    F = np.array([search.cost(r, sigma) for r in R])
-    for g in range(1, generations + 1):
-        leaders = np.argsort(F, kind="stable")[rng.integers(0, max(2, N // 6), N)]
-        a, b = rng.integers(0, N, N), rng.integers(0, N, N)
-        f, crossed = rng.uniform(0.4, 0.9, (N, 1)), rng.random((N, P)) < rng.uniform(0.5, 1.0, (N, 1))
-        tried = np.clip(X + f * (X[leaders] - X) + f * (X[a] - X[b]), search.lower, search.upper)
-        tried = np.where(crossed, tried, X)
-        residuals = search.evaluate(tried)
-        costs = np.array([search.cost(r, sigma) for r in residuals])
-        better = costs < F
-        X[better], R[better], F[better] = tried[better], residuals[better], costs[better]
-        if tick is not None:
-            tick(g, float(F.min()))
-    k = int(np.argmin(F))
-    return Descent(X[k], R[k], float(F[k]), wide=0.5 * WIDE)
+    ended = differential_evolution(
+        lambda X: np.array([search.cost(r, sigma) for r in search.evaluate(X.T)]),
+        list(zip(search.lower, search.upper)),
+        mutation=(0.4, 0.9),
+        recombination=0.75,
+        init=np.clip(first, search.lower, search.upper),
+        maxiter=generations,
+        tol=0.0,
+        rng=rng,
+        polish=False,
+        vectorized=True,
+        updating="deferred",
+        callback=None
+        if tick is None
+        else lambda intermediate_result: tick(intermediate_result.nit, float(intermediate_result.fun)),
+    )
+    residual = search.evaluate(ended.x[None])[0]
+    return Descent(ended.x, residual, search.cost(residual, sigma), wide=0.5 * WIDE)

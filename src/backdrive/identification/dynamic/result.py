@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from backdrive.identification.dynamic.choice import Choice
-from backdrive.identification.dynamic.law_fit import LawFit
+from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.torque import Stretch
 from backdrive.identification.dynamic.unknowns import shares
 from backdrive.identification.dynamics import unit_of
@@ -19,35 +18,30 @@ from backdrive.identification.signals import Signals
 from backdrive.logs.log import Joint
 from backdrive.model import Estimate, JointFriction, Validity
 
-#: Term of a fit -> term of a model's dynamics.
-DYNAMICS = {
-    "inertia": "inertia",
-    "offset": "offset",
-    "gravity_sin": "gravity_sin",
-    "gravity_cos": "gravity_cos",
-    "delay": "delay",
-}
+DYNAMICS = ("inertia", "offset", "gravity_sin", "gravity_cos", "delay")
 
 
 def finish(
     joint: Joint,
-    final: LawFit,
-    judged: LawFit,
-    choice: Choice,
+    final: Fit,
+    judged: Fit,
     pairs: Sequence[tuple[Signals, Stretch]],
     unseen: Sequence[tuple[Signals, Stretch]],
     masks: Sequence[np.ndarray],
+    given: Mapping[str, Estimate],
+    how: str = "torque given motion",
 ) -> tuple[JointFriction, JointEvidence]:
-    """Return a joint's friction and its evidence.
+    """Return a joint's friction and its evidence, from a fit of torque.
 
     Args:
         joint: whose friction it is.
         final: fitted to everything.
         judged: fitted without what it is judged on.
-        choice: of the law.
         pairs: signals and stretches that were fitted.
-        unseen: the same of held-out logs.
-        masks: samples of the fitted stretches that `judged` had not seen.
+        unseen: the same of held-out logs, to judge on; none: the fitted ones.
+        masks: samples of what it is judged on that `judged` had not seen, (n,) each.
+        given: numbers of the dynamics beside those of the fit, by name.
+        how: the law was fitted.
     """
     stretches = [s for _, s in pairs]
     v = np.concatenate([s.velocity for s in stretches])
@@ -55,6 +49,8 @@ def finish(
     load = [s.load[:, 1] for s in stretches if s.load.shape[0] > 1]
     warmth = [s.temperature for s in stretches if s.temperature.size > 1]
     predicted = final.predict(stretches)
+    tests = [s for _, s in unseen]
+    judges = tests or stretches
     friction = JointFriction(
         joint=joint,
         law=final.law,
@@ -62,25 +58,28 @@ def finish(
         at_bound=tuple(sorted({n.partition("[")[0] for n in final.at_bound if n not in DYNAMICS})),
         dynamics={
             term: Estimate(
-                value=final.values[name],
+                value=final.values[term],
                 unit=unit_of(term, joint),
-                standard_error=final.standard_errors[name],
+                standard_error=final.standard_errors[term],
             )
-            for name, term in DYNAMICS.items()
-            if name in final.values
-        },
+            for term in DYNAMICS
+            if term in final.values
+        }
+        | dict(given),
         validity=Validity(
             velocity=(float(min(low, 0.0)), float(max(high, 0.0))),
             load=_span(load),
             temperature=_span(warmth),
         ),
         fitted=judge((s.torque, tau, 1.0 / s.dt, s.judged) for s, tau in zip(stretches, predicted)),
-        held_out=judge(_held_out(judged, stretches, unseen, masks)),
-        method=f"fit of {final.name}: torque given motion",
+        held_out=judge(
+            (s.torque, tau, 1.0 / s.dt, s.judged & mask)
+            for s, tau, mask in zip(judges, judged.predict(judges), masks)
+        ),
+        method=f"fit of {final.name}: {how}",
         warnings=final.warnings,
     )
     parts: list[tuple[Signals, np.ndarray, np.ndarray, bool]] = []
-    tests = [s for _, s in unseen]
     series = zip(
         [*pairs, *unseen], [*predicted, *final.predict(tests)], [True] * len(pairs) + [False] * len(tests)
     )
@@ -91,17 +90,7 @@ def finish(
     return friction, evidence(friction, parts, lambda velocity: band(final, velocity))
 
 
-def _held_out(judged, stretches, unseen, masks):
-    if unseen:
-        tests = [s for _, s in unseen]
-        return [(s.torque, tau, 1.0 / s.dt, s.judged) for s, tau in zip(tests, judged.predict(tests))]
-    return [
-        (s.torque, tau, 1.0 / s.dt, s.judged & mask)
-        for s, tau, mask in zip(stretches, judged.predict(stretches), masks)
-    ]
-
-
-def errors(final: LawFit) -> dict[str, Any]:
+def errors(final: Fit) -> dict[str, Any]:
     """Return the standard errors by parameter of the law, one number or one an element."""
     found: dict[str, Any] = {}
     for rows in (final.law.rate, final.law.element):
@@ -118,7 +107,7 @@ def errors(final: LawFit) -> dict[str, Any]:
     return found
 
 
-def _share_errors(final: LawFit, count: int) -> tuple[float, ...]:
+def _share_errors(final: Fit, count: int) -> tuple[float, ...]:
     """Return the errors of shares from those of their logarithmic ratios, taken as independent."""
     ratios = np.array([final.values[f"share[{i}]"] for i in range(count - 1)])
     sigma = np.array([final.standard_errors[f"share[{i}]"] for i in range(count - 1)])
@@ -131,13 +120,12 @@ def _share_errors(final: LawFit, count: int) -> tuple[float, ...]:
     return tuple(np.sqrt(total).tolist())
 
 
-def band(final: LawFit, velocity: np.ndarray) -> np.ndarray:
+def band(final: Fit, velocity: np.ndarray) -> np.ndarray:
     """Return the standard error of the steady curve at velocities [N.m or N]."""
     from backdrive.identification.dynamic.uncertainty import covariance
 
     at = np.isfinite([final.standard_errors[n] for n in final.problem.names])
-    edges = np.cumsum([int(s.judged.sum()) for s in final.problem.stretches]).tolist()
-    cov = covariance(final.found.jacobian, final.found.residual, final.found.weight, at, edges)
+    cov = covariance(final.found.jacobian, final.found.residual, final.found.weight, at, final.problem.edges)
     centre, columns = final.law.torque(velocity), []
     for i in np.flatnonzero(at):
         moved = final.found.point.copy()

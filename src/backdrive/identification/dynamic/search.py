@@ -43,7 +43,6 @@ class Found:
         converged: the last steps no longer lowered the cost.
         evaluations: of the model.
         interrupted: a person stopped it; this is the best so far.
-        others: costs that the other starts ended with.
     """
 
     point: np.ndarray
@@ -54,7 +53,6 @@ class Found:
     converged: bool
     evaluations: int
     interrupted: bool = False
-    others: tuple[float, ...] = ()
 
 
 class Search:
@@ -75,9 +73,8 @@ class Search:
         self.evaluations = 0
         self.best: Found | None = None
         self.stopped = False
-        self.ended: dict[
-            bytes, tuple[int, Found]
-        ] = {}  # start, or end where one came to rest -> iterations, end
+        #: Start, or end where a search came to rest -> iterations, end.
+        self.ended: dict[bytes, tuple[int, Found]] = {}
 
     def evaluate(self, points: np.ndarray) -> np.ndarray:
         """Return the residuals of a batch, (B, m)."""
@@ -116,115 +113,132 @@ class Search:
             J[k] = ((self.evaluate(moved) - at[k]) / steps[k][:, None]).T
         return J
 
+    def at(self, point: np.ndarray, residual: np.ndarray) -> Found:
+        """Return what a search would that came to rest at a point, (P,), with this residual, (m,)."""
+        sigma = self.scale(residual)
+        return Found(
+            point=point,
+            cost=self.cost(residual, sigma),
+            residual=residual,
+            jacobian=self.jacobian(point[None], residual[None])[0],
+            weight=self.weights(residual, sigma),
+            converged=True,
+            evaluations=self.evaluations,
+        )
+
     def run(
         self,
-        starts: np.ndarray,
+        start: np.ndarray,
         *,
         iterations: int = 40,
         tolerance: float = 1e-8,
         tick: Callable[[int, float], None] | None = None,
     ) -> Found:
-        """Descend from every start and return the best end.
+        """Descend from a start and return the end.
 
         Args:
-            starts: search coordinates, (K, P).
+            start: search coordinates, (P,).
             iterations: at most.
-            tolerance: relative fall of the cost below which a start is done.
-            tick: called with the iteration and the best cost.
+            tolerance: relative fall of the cost below which the search is done.
+            tick: called with the iteration and the cost.
 
         From where a search has started or come to rest before, none is made again. An interruption ends this search and later
         ones with the best that any of them found; before there is one, it passes on.
         """
         if self.stopped and self.best is not None:
             return replace(self.best, interrupted=True)
-        points = np.clip(np.atleast_2d(starts), self.lower, self.upper)
-        key = points.tobytes()
+        point = np.clip(start, self.lower, self.upper)
+        key = point.tobytes()
         allowed, before = self.ended.get(key, (-1, None))
         if before is not None and (before.converged or iterations <= allowed):
             if tick is not None:
                 tick(0, before.cost)
             return before
         try:
-            at = self.evaluate(points)
+            residual = self.evaluate(point[None])[0]
         except KeyboardInterrupt:
             self.stopped = True
             if self.best is None:
                 raise
             return replace(self.best, interrupted=True)
         stopping.keep()
-        sigma = [self.scale(r) if np.all(np.isfinite(r)) else 1.0 for r in at]
-        costs = np.array([self.cost(r, s) for r, s in zip(at, sigma)])
-        damping, still = np.full(len(points), 1e-2), np.zeros(len(points), dtype=int)
-        interrupted, done = False, 0
+        cost, damping, still = self.cost(residual, self.scale(residual)), 1e-2, 0
+        interrupted = False
         try:
             for done in range(1, iterations + 1):
-                for k in np.nonzero((still < 2) & np.isfinite(costs))[0]:
-                    s = sigma[k] = self.scale(at[k])
-                    costs[k] = self.cost(at[k], s)
-                    J = self.jacobian(points[k : k + 1], at[k : k + 1])[0]
-                    trials, dampings = self._trials(points[k], at[k], J, s, damping[k])
-                    ends = self.evaluate(trials)
-                    ended = [self.cost(r, s) for r in ends]
-                    best = int(np.argmin(ended))
-                    if ended[best] < costs[k]:
-                        still[k] = still[k] + 1 if costs[k] - ended[best] <= tolerance * costs[k] else 0
-                        points[k], at[k], costs[k] = trials[best], ends[best], ended[best]
-                        damping[k] = np.clip(dampings[best], 1e-12, 1e8)
-                    else:
-                        damping[k] = min(damping[k] * 100.0, 1e8)
-                        still[k] += 1
-                if tick is not None:
-                    tick(done, float(np.min(costs)))
-                if np.all((still >= 2) | ~np.isfinite(costs)):
+                if still == 2 or not np.isfinite(cost):
                     break
+                sigma = self.scale(residual)
+                cost = self.cost(residual, sigma)
+                J = self.jacobian(point[None], residual[None])[0]
+                trials, dampings = self.trials(point, residual, J, sigma, DAMPINGS * damping)
+                ends = self.evaluate(trials)
+                costs = [self.cost(r, sigma) for r in ends]
+                best = int(np.argmin(costs))
+                if costs[best] < cost:
+                    still = still + 1 if cost - costs[best] <= tolerance * cost else 0
+                    point, residual, cost = trials[best], ends[best].copy(), costs[best]
+                    damping = float(np.clip(dampings[best], 1e-12, 1e8))
+                else:
+                    damping = min(damping * 100.0, 1e8)
+                    still += 1
+                if tick is not None:
+                    tick(done, cost)
         except KeyboardInterrupt:
             interrupted = self.stopped = True
-        common = min((self.scale(r) for r in at if np.all(np.isfinite(r))), default=1.0)
-        costs = np.array([self.cost(r, common) for r in at])
-        k = int(np.argmin(costs))
         try:
-            J = self.jacobian(points[k : k + 1], at[k : k + 1])[0]
+            found = self.at(point, residual)
         except KeyboardInterrupt:
             interrupted = self.stopped = True
-            J = self.jacobian(points[k : k + 1], at[k : k + 1])[0]
-        found = Found(
-            point=points[k],
-            cost=float(costs[k]),
-            residual=at[k],
-            jacobian=J,
-            weight=self.weights(at[k], self.scale(at[k])),
-            converged=bool(still[k] >= 2),
-            evaluations=self.evaluations,
-            interrupted=interrupted,
-            others=tuple(float(c) for i, c in enumerate(costs) if i != k),
-        )
+            found = self.at(point, residual)
+        found = replace(found, converged=still == 2, interrupted=interrupted)
         if self.best is None or found.cost < self.best.cost:
             self.best = found
         if interrupted:
             return replace(self.best, interrupted=True)
         self.ended[key] = (iterations, found)
         if found.converged:
-            self.ended[found.point[None].tobytes()] = (iterations, found)
+            self.ended[found.point.tobytes()] = (iterations, found)
         return found
 
-    def _trials(self, point, residual, J, sigma, damping):
-        """Return the ends of damped steps, bounds held where the descent would leave them."""
+    def trials(
+        self,
+        point: np.ndarray,
+        residual: np.ndarray,
+        jacobian: np.ndarray,
+        sigma: float,
+        dampings: np.ndarray,
+        lengths: tuple[float, ...] = (1.0,),
+        farthest: float = 3.0,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the ends of damped steps and their dampings, (T, P) and (T,); bounds are held where a step would leave.
+
+        Args:
+            point: search coordinates, (P,).
+            residual: there, (m,).
+            jacobian: there, (m, P).
+            sigma: standard deviation that the loss counts in.
+            dampings: that are tried.
+            lengths: of each step that are tried.
+            farthest: that a step goes, in search coordinates.
+        """
         w = self.weights(residual, sigma)
-        usable = np.isfinite(J).all(axis=0)
-        J = np.where(usable, J, 0.0)
+        usable = np.isfinite(jacobian).all(axis=0)
+        J = np.where(usable, jacobian, 0.0)
         gradient = J.T @ (w * residual)
         normal = J.T @ (w[:, None] * J)
         free = usable & ~(((point <= self.lower) & (gradient > 0)) | ((point >= self.upper) & (gradient < 0)))
         size = np.sqrt(np.maximum(np.diag(normal), 1e-30))
-        trials, dampings = [], DAMPINGS * damping
-        for d in dampings:
+        ends = []
+        for damping in dampings:
             move = np.zeros_like(point)
             if free.any():
                 A = normal[np.ix_(free, free)] / np.outer(size[free], size[free])
-                A[np.diag_indices_from(A)] += d
+                A[np.diag_indices_from(A)] += damping
                 move[free] = -np.linalg.lstsq(A, gradient[free] / size[free], rcond=None)[0] / size[free]
-            trials.append(np.clip(point + np.clip(move, -3.0, 3.0), self.lower, self.upper))
-        return np.array(trials), dampings
+            move = np.clip(move, -farthest, farthest)
+            ends += [np.clip(point + length * move, self.lower, self.upper) for length in lengths]
+        return np.array(ends), np.repeat(dampings, len(lengths))
 
 
 def screen(search: Search, points: np.ndarray, keep: int) -> np.ndarray:

@@ -14,8 +14,9 @@ import numpy as np
 
 from backdrive.engine import Lanes
 from backdrive.errors import NotIdentifiable
+from backdrive.identification.dynamic.problem import Problem
 from backdrive.identification.dynamic.unknowns import LawShape, Scales, Unknown
-from backdrive.identification.dynamics import earlier, increments
+from backdrive.identification.dynamics import TERMS, earlier, increments
 from backdrive.identification.signals import Signals
 from backdrive.laws import REFERENCE, DeadZone, Law
 
@@ -30,6 +31,8 @@ BESIDE = 6  # samples next to a rest or a reversal do not count where friction j
 DRAWS = 8  # of the encoder's steps, by which its share in an error is estimated
 BLUR = 1.5  # pi sqrt(2)/3: speed error of a low-passed encoder, in steps a sample by (bandwidth dt)^(3/2)
 SLOW = 0.03  # of the top speed: below it a motion shows presliding and break-away
+#: What may be 0 -> times its scale, below which an error counts as small however small the value.
+LOOSE = {"delay": 50.0, "offset": 1.0, "gravity_sin": 1.0, "gravity_cos": 1.0}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -96,7 +99,7 @@ def stretch(
     )
 
 
-class TorqueProblem:
+class TorqueProblem(Problem):
     """Residuals of measured torque by a law, rigid-body terms and a delay, for batches of candidates.
 
     Args:
@@ -122,22 +125,20 @@ class TorqueProblem:
         known: Mapping[str, float] | None = None,
         about: float = 0.0,
     ):
-        self.shape, self.stretches, self.terms = shape, list(stretches), tuple(terms)
+        self.stretches, self.terms = list(stretches), tuple(terms)
         self.known, self.about, bounds = dict(known or {}), about, dict(bounds or {})
-        self.unknowns: list[Unknown] = shape.unknowns(scales, bounds)
+        unknowns = shape.unknowns(scales, bounds)
         top = max(float(np.abs(s.acceleration).max()) for s in self.stretches)
         for term in self.terms:
             size = scales.force / max(top, 1e-12) if term == "inertia" else scales.force
-            unit = {"inertia": "kg.m^2" if scales.unit == "rad" else "kg"}.get(
-                term, "N.m" if scales.unit == "rad" else "N"
-            )
+            unit = TERMS[term][0 if scales.unit == "rad" else 1]
             low, high = bounds.get(term, (0.0 if term == "inertia" else -1e3 * size, 1e3 * size))
-            self.unknowns.append(Unknown(name=term, unit=unit, lower=low, upper=high, scale=size))
+            unknowns.append(Unknown(name=term, unit=unit, lower=low, upper=high, scale=size))
         if delay:
             dt = max(s.dt for s in self.stretches)
             reach = max(LONGEST_DELAY, 2.0 * dt)
             low, high = bounds.get("delay", (-reach, reach))
-            self.unknowns.append(Unknown(name="delay", unit="s", lower=low, upper=high, scale=dt))
+            unknowns.append(Unknown(name="delay", unit="s", lower=low, upper=high, scale=dt))
         if shape.element.SET_VALUED:  # at rest its torque is whatever holds the joint
             self.stretches = [
                 moving(s, max(2.0 * scales.slowest * s.dt * s.bandwidth, RESTS * scales.speed), about / s.dt)
@@ -147,10 +148,8 @@ class TorqueProblem:
         self.count = scales.slowest * dt
         self.blur = max(BLUR * scales.slowest * band * dt * np.sqrt(band * dt), 1e-5 * scales.speed)
         self.regressors = [self._regressors(s) for s in self.stretches]
-        self.names = tuple(u.name for u in self.unknowns)
-        self.lower = np.array([float(u.inward(u.lower)) for u in self.unknowns])
-        self.upper = np.array([float(u.inward(u.upper)) for u in self.unknowns])
-        self.size = sum(int(s.judged.sum()) for s in self.stretches)
+        super().__init__(shape, unknowns)
+        self.largest = max(float(np.abs(s.torque).max()) for s in self.stretches)
         if self.size < FEWEST:
             whole = sum(len(s.torque) for s in stretches)
             raise NotIdentifiable(
@@ -168,37 +167,22 @@ class TorqueProblem:
         """Whether elements side by side are sought."""
         return any(name.startswith("stiffness[") for name in self.names)
 
-    def values(self, point: np.ndarray) -> dict[str, float]:
-        """Return the numbers of a search point by name."""
-        return {u.name: float(u.outward(x)) for u, x in zip(self.unknowns, point)}
-
-    def point(self, values: Mapping[str, float]) -> np.ndarray:
-        """Return the search point of numbers by name; what is missing is put in the middle of its range."""
-        return np.array(
-            [
-                float(u.inward(values[u.name])) if u.name in values else 0.5 * (lo + hi)
-                for u, lo, hi in zip(self.unknowns, self.lower, self.upper)
-            ]
-        )
+    def series(self, records: Sequence[Stretch] | None = None) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Return measured torque [N.m or N] and which samples count, (n,) each."""
+        return [(s.torque, s.judged) for s in (self.stretches if records is None else records)]
 
     def predict(
         self,
         values: Sequence[Mapping[str, float]],
-        stretches: Sequence[Stretch] | None = None,
+        records: Sequence[Stretch] | None = None,
         *,
         friction: bool = False,
     ) -> list[np.ndarray]:
-        """Return the torque that candidates predict for every stretch [N.m or N], each (B, n).
-
-        Args:
-            values: numbers by name, a candidate each.
-            stretches: motions to predict for; None: those of the problem.
-            friction: alone, without the terms of the dynamics.
-        """
-        if stretches is None:
+        """Return the torque that parameter sets predict for every stretch [N.m or N], each (B, n)."""
+        if records is None:
             pairs = list(zip(self.stretches, self.regressors))
         else:
-            pairs = [(s, self._regressors(s)) for s in stretches]
+            pairs = [(s, self._regressors(s)) for s in records]
         laws = [self.shape.law(v) for v in values]
         zones = None
         if self.shape.element is DeadZone:
@@ -242,12 +226,29 @@ class TorqueProblem:
             return found
         return replace(found, point=T @ found.point, jacobian=found.jacobian @ np.linalg.inv(T))
 
-    def residuals(self, points: np.ndarray) -> np.ndarray:
-        """Return predicted less measured torque of a batch of search points [N.m or N], (B, m)."""
-        predicted = self.predict([self.values(p) for p in points])
-        return np.concatenate(
-            [(tau - s.torque)[:, s.judged] for tau, s in zip(predicted, self.stretches)], axis=1
-        )
+    def yardstick(self, unknown: Unknown) -> tuple[float, float]:
+        """Return the least and the largest size that the error of a number is compared with [SI]."""
+        if unknown.name not in LOOSE:
+            return 0.0, np.inf
+        most = np.inf if unknown.name == "delay" else max(self.largest, unknown.scale)
+        return LOOSE[unknown.name] * unknown.scale, most
+
+    def bracket(
+        self, values: Mapping[str, float], record: Stretch, predicted: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return what the torque may lie between without an error [N.m or N], (n,) each.
+
+        Friction that jumps at a reversal is at that sample anything between what it is before and after: when within the
+        sampling time the joint turned, no law can say.
+        """
+        low, high = predicted.copy(), predicted.copy()
+        if self.shape.element.SET_VALUED and len(predicted) > 2:
+            way = np.sign(earlier(record.velocity, values.get("delay", 0.0) / record.dt))
+            turns = np.flatnonzero(way[1:] != way[:-1])
+            near = np.unique(np.clip(turns[:, None] + np.arange(-1, 3), 1, len(predicted) - 2))
+            around = np.array([predicted[near - 1], predicted[near], predicted[near + 1]])
+            low[near], high[near] = around.min(axis=0), around.max(axis=0)
+        return low, high
 
     def encoder(self, point: np.ndarray, draws: int = DRAWS, seed: int = 0) -> np.ndarray:
         """Return how the residuals change when the encoder's steps fall otherwise [N.m or N], (draws, m).

@@ -10,6 +10,7 @@ import numpy as np
 BLOCKS = 60  # of time, whose scores are taken as independent
 UNSEEN = 1e4  # standard error [search coordinate] beyond which a number does not act on the residuals at all
 RISE = 1.96  # root of the rise of the cost at the end of a 95 % profile interval [standard deviations]
+CLOSE = 0.003  # of that rise: so near to it an end is taken [-]
 WEAK = 0.10  # a standard error beyond this share of the value is called weak [-]
 
 
@@ -122,34 +123,26 @@ def profile(
     Returns:
         Where the cost has risen by 1.96^2 variances on either side; a bound where it never does.
     """
+    from scipy.optimize import brentq
+
+    risen = {best: -RISE}
 
     def rise(at: float) -> float:
-        return float(np.sqrt(max(cost(at) - least, 0.0) / variance)) - RISE
+        if at not in risen:
+            risen[at] = float(np.sqrt(max(cost(at) - least, 0.0) / variance)) - RISE
+        return 0.0 if abs(risen[at]) < CLOSE * RISE else risen[at]
 
     ends = []
     for way, bound in ((-1.0, lower), (1.0, upper)):
-        inside, below, at, above = best, -RISE, best, -RISE
+        inside = at = best
         step = RISE * max(error, 1e-9)
         for _ in range(12):
-            at = float(np.clip(at + way * step, lower, upper))
-            above = rise(at)
-            if above > 0.0 or at == bound:
+            inside, at = at, float(np.clip(at + way * step, lower, upper))
+            if rise(at) >= 0.0 or at == bound:
                 break
-            inside, below = at, above
             step *= 1.6
-        if above <= 0.0:
-            ends.append(bound)
-            continue
-        for _ in range(6):  # the root of the rise is nearly a straight line
-            middle = at - above * (at - inside) / (above - below)
-            value = rise(middle)
-            if value > 0.0:
-                at, above = middle, value
-            else:
-                inside, below = middle, value
-            if abs(value) < 0.01 * RISE:
-                break
-        ends.append(at - above * (at - inside) / (above - below))
+        root = rise(at) >= 0.0  # and nearly a straight line up to it
+        ends.append(float(brentq(rise, inside, at, xtol=1e-3 * step)) if root else bound)  # type: ignore[arg-type]
     return ends[0], ends[1]
 
 

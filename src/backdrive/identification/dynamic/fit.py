@@ -1,0 +1,199 @@
+"""What a search's end says: one law's numbers with their errors, what was at a bound and what the motion does not show."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from backdrive._catalog import lookup
+from backdrive.engine import Axis
+from backdrive.identification.dynamic import words
+from backdrive.identification.dynamic.intervals import intervals
+from backdrive.identification.dynamic.problem import Problem
+from backdrive.identification.dynamic.search import Found
+from backdrive.identification.dynamic.uncertainty import WEAK, covariance
+from backdrive.identification.options import Interval
+from backdrive.laws import Law
+
+NEAR = 1e-6  # a search coordinate so near to its bound is at it
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fit:
+    """One law fitted to one joint: to its torque given motion, or with axis and drive to its motion given the drive's input.
+
+    Attributes:
+        law: the law that was found.
+        name: of the law.
+        values: every number that was sought, by name [SI].
+        standard_errors: of them [SI]; NaN where there is none.
+        at_bound: names of those that ended at a bound of their range.
+        unseen: those that these motions do not show, each with a sentence.
+        rms: of measured less predicted on what was fitted [N.m or N; rad, m, rad/s or m/s where motion was].
+        mean_absolute: of the same.
+        samples: that were fitted.
+        aic: Akaike's information criterion for independent residuals; smaller is better.
+        evaluations: of the whole set of records.
+        converged: the search came to rest.
+        interrupted: a person stopped it.
+        warnings: what makes the result suspect, in sentences.
+        problem: what was fitted, for predictions.
+        found: where the search ended, for profiles and bootstraps.
+        loss: that was minimised.
+    """
+
+    law: Law
+    name: str
+    values: Mapping[str, float]
+    standard_errors: Mapping[str, float]
+    at_bound: tuple[str, ...]
+    unseen: Mapping[str, str]
+    rms: float
+    mean_absolute: float
+    samples: int
+    aic: float
+    evaluations: int
+    converged: bool
+    interrupted: bool
+    warnings: tuple[str, ...]
+    problem: Problem = field(repr=False)
+    found: Found = field(repr=False)
+    loss: str
+
+    @property
+    def axis(self) -> Axis:
+        """The axis with the law and the drive that were found; for logs with gains of their own, those are not in it.
+
+        Raises:
+            InvalidInput: torque was fitted, which tells no axis with its drive.
+        """
+        return self.problem.axis_of(self.values)
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """Return the 95 % interval of a number; for what is sought in its logarithm it is asymmetric.
+
+        Raises:
+            UnknownName: the fit has no such number.
+        """
+        return lookup(name, self.intervals(), "number of this fit")
+
+    def intervals(
+        self, method: Interval = "covariance", *, seed: int = 0, tick: Callable[[str], None] | None = None
+    ) -> dict[str, tuple[float, float]]:
+        """Return the 95 % interval of every number; see `dynamic.intervals`.
+
+        Args:
+            method: `covariance`, `profile` (all others are fitted again along the number) or `bootstrap` (over windows).
+            seed: of the bootstrap.
+            tick: called with the name before the profile of each number.
+
+        Raises:
+            UnknownName: no such method.
+            InvalidInput: a profile of absolute deviations.
+        """
+        return self.intervals_until_stopped(method, seed=seed, tick=tick)[0]
+
+    def intervals_until_stopped(
+        self, method: Interval = "covariance", *, seed: int = 0, tick: Callable[[str], None] | None = None
+    ) -> tuple[dict[str, tuple[float, float]], bool]:
+        """Return the same, and whether no interruption left numbers with the interval of the covariance."""
+        ends, done = intervals(
+            self.problem,
+            self.found,
+            self.standard_errors,
+            method,
+            loss=self.loss,
+            step=self.problem.STEP,
+            seed=seed,
+            tick=tick,
+        )
+        return self.problem.shape.complete(ends), done
+
+    def predict(self, records: Sequence[Any] | None = None, *, friction: bool = False) -> list[np.ndarray]:
+        """Return what the fit predicts, each (n,): torque [N.m or N], or motion from its measured start [rad, m, rad/s or m/s].
+
+        Args:
+            records: stretches, or motion logs, of the joint; None: those of the fit.
+            friction: alone, without the terms of the dynamics (of torque).
+        """
+        return [x[0] for x in self.problem.predict([self.values], records, friction=friction)]
+
+    def errors(self, records: Sequence[Any] | None = None) -> list[np.ndarray]:
+        """Return predicted less measured of every record's samples that count, each (m,).
+
+        Args:
+            records: stretches, or motion logs, of the joint; None: those of the fit.
+        """
+        series = self.problem.series(records)
+        return [(x - y)[counts] for x, (y, counts) in zip(self.predict(records), series)]
+
+    def misses(self, records: Sequence[Any]) -> list[np.ndarray]:
+        """Return measured less predicted, as far as no law can make up for it, each (n,).
+
+        Args:
+            records: stretches, or motion logs, of the joint.
+        """
+        found = []
+        for record, x, (y, _) in zip(records, self.predict(records), self.problem.series(records)):
+            found.append(y - np.clip(y, *self.problem.bracket(self.values, record, x)))
+        return found
+
+
+def conclude(problem: Problem, found: Found, loss: str = "huber") -> Fit:
+    """Return what a search's end says: values, errors, what is at a bound and what was not seen."""
+    found = problem.ordered(found)
+    values = problem.values(found.point)
+    low = found.point <= problem.lower + NEAR
+    at_bound = low | (found.point >= problem.upper - NEAR)
+    cov = covariance(
+        found.jacobian, found.residual, found.weight, ~at_bound, problem.edges, problem.encoder(found.point)
+    )
+    root = np.sqrt(np.diag(cov.matrix))
+    errors, relative = {}, np.full(len(root), np.inf)
+    for i, u in enumerate(problem.unknowns):
+        errors[u.name] = float(root[i] * u.slope(values[u.name]))
+        least, most = problem.yardstick(u)
+        size = min(max(1.0 if u.ratio else abs(values[u.name]), least), most)
+        if u.name == "delay" and at_bound[i]:
+            relative[i] = 0.0  # the bound says it
+        elif np.isfinite(root[i]) and size > 0.0:
+            relative[i] = errors[u.name] / size
+    asked = [i for i, name in enumerate(problem.names) if not name.startswith("start.")]
+    unseen, notes = words.unseen(
+        [problem.names[i] for i in asked], relative[asked], cov.correlation[np.ix_(asked, asked)], WEAK
+    )
+    law = problem.shape.law(values)
+    for i in np.flatnonzero(at_bound):
+        u, end = problem.unknowns[i], "lower" if low[i] else "upper"
+        notes.append(f"'{u.name}' ended at the {end} bound of its range, {values[u.name]:.3g} {u.unit}.")
+    if advice := law.element.advice(law.rate):
+        notes.append(advice)
+    if found.interrupted:
+        notes.append("The search was interrupted; this is the best that it had found.")
+    elif not found.converged:
+        notes.append("The search did not come to rest in its iterations; the best point is given.")
+    if problem.shape.ties:
+        notes.append(words.alike(problem.shape.ties))
+    m, rms = len(found.residual), float(np.sqrt(np.mean(found.residual**2)))
+    return Fit(
+        law=law,
+        name=problem.shape.name,
+        values=problem.shape.complete(values),
+        standard_errors=problem.shape.complete(errors),
+        at_bound=tuple(problem.names[i] for i in np.flatnonzero(at_bound)),
+        unseen=unseen,
+        rms=rms,
+        mean_absolute=float(np.abs(found.residual).mean()),
+        samples=m,
+        aic=float(m * np.log(max(rms**2, 1e-300)) + 2 * len(problem.unknowns)),
+        evaluations=found.evaluations,
+        converged=found.converged,
+        interrupted=found.interrupted,
+        warnings=tuple(notes),
+        problem=problem,
+        found=found,
+        loss=loss,
+    )

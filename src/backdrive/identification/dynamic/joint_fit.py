@@ -1,0 +1,223 @@
+"""Every law of a shortlist fitted to one joint, judged on windows that none has seen, and the chosen one fitted to everything.
+
+What is fitted is a `Task`: torque given motion (`given_motion`), or motion given the drive's input (`given_drive`).
+"""
+
+from __future__ import annotations
+
+import time as clock
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
+from backdrive.identification.dynamic import choice as choice_
+from backdrive.identification.dynamic.choice import Candidate, Choice
+from backdrive.identification.dynamic.fit import Fit
+from backdrive.identification.dynamic.stopping import unless_stopped
+from backdrive.identification.dynamic.unknowns import LawShape
+from backdrive.identification.options import Options
+from backdrive.identification.result import JointEvidence
+from backdrive.logs.log import Joint
+from backdrive.model import JointFriction
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class JointFit:
+    """The outcome for one joint.
+
+    Attributes:
+        friction: for the model.
+        evidence: for the report.
+        choice: the laws that were tried.
+        intervals: of every number that was sought in the end [SI].
+        stopped: a person interrupted it; this is the best so far.
+        notes: what was done to the data, in sentences.
+        settings: that the fit chose, for the model's options.
+    """
+
+    friction: JointFriction
+    evidence: JointEvidence
+    choice: Choice
+    intervals: Mapping[str, tuple[float, float]]
+    stopped: bool = False
+    notes: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+
+class Task(ABC):
+    """One joint's records, how a law is fitted to them, and what is made of the fit.
+
+    Attributes:
+        info: the joint.
+        options: what is asked.
+        laws: names of those to try.
+        others: names that may be bounded beside the laws' own.
+        shown: records that the laws are fitted to.
+        judges: records that they are judged on.
+        masks: samples of these that count, (n,) each.
+        whole: all records, for the last fit; None where the judges are logs of their own.
+        what: is measured, its unit and its root mean square, for the reason of the choice.
+        remarks: on the data, that come before a fit's warnings.
+        notes: what was done to the data.
+    """
+
+    info: Joint
+    options: Options
+    laws: Sequence[str]
+    others: Sequence[str]
+    shown: Sequence[Any]
+    judges: Sequence[Any]
+    masks: Sequence[np.ndarray]
+    whole: Sequence[Any] | None
+    what: tuple[str, str, float]
+    remarks: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @abstractmethod
+    def fit(self, law: str, records: Sequence[Any], begin_at: Mapping[str, float] | None = None) -> Fit:
+        """Return the fit of one law to records, from a cold start or from values by name [SI]."""
+
+    @abstractmethod
+    def error(self, one: Fit) -> tuple[float, int]:
+        """Return the mean squared error on what was fitted, and the number of its samples."""
+
+    def shows(self, one: Fit) -> bool:
+        """Return whether the records show a law's presliding; where they do not, a law without is preferred."""
+        return True
+
+    @abstractmethod
+    def explains(self, final: Fit, judged: Fit) -> bool:
+        """Return whether a fit to everything is to be taken, and not the one that was judged."""
+
+    @abstractmethod
+    def finish(self, final: Fit, judged: Fit) -> tuple[JointFriction, JointEvidence]:
+        """Return friction and evidence of the last fit and the one that was judged."""
+
+    @abstractmethod
+    def settings(self, final: Fit, held_out: float) -> dict[str, Any]:
+        """Return what the fit chose, for the model's options."""
+
+
+def fit_joint(task: Task) -> JointFit:
+    """Return the fit of one joint.
+
+    Raises:
+        InvalidInput: a number is bounded that nothing has.
+        NotIdentifiable: no law can be fitted or judged.
+        KeyboardInterrupt: a person asked for the end before there was anything to keep.
+    """
+    name, options = task.info.name, task.options
+    check_bounds(options.bounds, task.laws, task.others)
+    candidates: list[Candidate] = []
+    failure: BackdriveError | None = None
+    stopped = False
+    for law in task.laws:
+        options.say(f"{name}: fitting {law}")
+        begun = clock.perf_counter()
+        try:
+            one = _candidate(task, law, begun)
+            candidates.append(one)
+            stopped = bool(one.fit and one.fit.interrupted)
+        except BackdriveError as error:
+            candidates.append(choice_.failed(law, error, clock.perf_counter() - begun))
+            failure = error
+        except KeyboardInterrupt:
+            stopped = True
+        if stopped:
+            break
+    if not any(np.isfinite(c.held_out) for c in candidates):
+        if stopped:
+            raise KeyboardInterrupt
+        raise failure or NotIdentifiable("No law could be judged.", remedy="Record a longer log.")
+    what, unit, size = task.what
+    choice = choice_.choose(name, candidates, unit, size, what)
+    best = choice.candidate().fit
+    assert best is not None
+    final, remarks, whole = best, list(task.remarks), task.whole
+    if whole is not None and not stopped:
+        options.say(f"{name}: fitting {best.name} to everything")
+        again = unless_stopped(lambda: task.fit(best.name, whole, best.values))
+        stopped = again is None or again.interrupted
+        if again is not None and task.explains(again, best):
+            final = again
+        elif not stopped:
+            remarks.append(
+                "Fitted to everything, the law explains the log worse than without the windows that it was judged on: the "
+                "numbers are those of the fit that was judged."
+            )
+    ends, done = final.intervals_until_stopped(
+        "covariance" if stopped else options.interval,
+        seed=options.seed,
+        tick=lambda number: options.say(f"{name}: profile of {number}"),
+    )
+    if stopped or not done:
+        stopped = True
+        remarks.append(interruption(task.laws, candidates, done))
+    friction, evidence = task.finish(final, best)
+    return JointFit(
+        friction=replace(friction, warnings=(*remarks, *friction.warnings)),
+        evidence=evidence,
+        choice=choice,
+        intervals={number: e for number, e in ends.items() if not number.startswith("start.")},
+        stopped=stopped,
+        notes=task.notes,
+        settings=task.settings(final, choice.candidate().held_out),
+    )
+
+
+def _candidate(task: Task, law: str, begun: float) -> Candidate:
+    """Return one law fitted without what it is judged on, and judged."""
+    one = task.fit(law, task.shown)
+    squares = choice_.judged(one, task.judges, task.masks)
+    square, count = task.error(one)
+    return Candidate(
+        name=one.name,
+        parameters=len(one.problem.unknowns),
+        error=float(np.sqrt(square)),
+        held_out=float(np.sqrt(squares.mean())) if squares.size else np.nan,
+        aic=count * np.log(max(square, 1e-300)) + 2 * len(one.problem.unknowns),
+        seconds=clock.perf_counter() - begun,
+        remark=choice_.remark(one.unseen),
+        shown=task.shows(one),
+        fit=one,
+        windows=squares,
+    )
+
+
+def check_bounds(bounds: Mapping[str, Any], laws: Sequence[str], others: Sequence[str]) -> None:
+    """Refuse a bound that nothing would heed.
+
+    Args:
+        bounds: of what is sought, by name.
+        laws: that are fitted.
+        others: names beyond those of the laws.
+
+    Raises:
+        InvalidInput: neither a law nor the joint has such a number.
+    """
+    shapes = [LawShape.named(law) for law in laws]
+    names = dict.fromkeys(n for s in shapes for n in (*s.rate.PARAMETERS, *s.element.PARAMETERS))
+    for name in bounds:
+        if name.partition("[")[0] not in {*names, *others}:
+            raise InvalidInput(
+                f"'{name}' is bounded, and neither {', '.join(laws)} nor the joint has it.",
+                remedy=f"There is {', '.join(names)}; and {', '.join(others)}.",
+            )
+
+
+def interruption(listed: Sequence[str], candidates: Sequence[Candidate], done: bool) -> str:
+    """Return what is to be said of a fit that was interrupted.
+
+    Args:
+        listed: laws that were to be fitted.
+        candidates: that were.
+        done: the intervals asked for were reached.
+    """
+    left = [LawShape.named(name).name for name in listed[len(candidates) :]]
+    said = "The fit was interrupted; this is the best that had been found."
+    said += f" Not tried: {', '.join(left)}." if left else ""
+    return said + ("" if done else " Intervals that were not reached are those of the covariance.")

@@ -1,0 +1,125 @@
+"""What a search needs to know of a fit: names, bounds, residuals of many points at once, and what an error is measured by.
+
+There are two: torque given motion (`torque`), and motion given the drive's input (`motion_problem`). Each states what is
+sought, what is measured and how it is predicted; the way between search points and numbers and the residuals are here.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+from backdrive.identification.dynamic.unknowns import LawShape, Unknown
+
+if TYPE_CHECKING:
+    from backdrive.engine import Axis
+    from backdrive.identification.dynamic.search import Found
+
+
+class Problem(ABC):
+    """Residuals of a law on records of one joint, for batches of parameter sets.
+
+    Args:
+        shape: the law that is sought.
+        unknowns: everything that is sought, in the order of the search coordinates.
+        start: where what has no value starts, (P,); None: in the middle of its range.
+
+    Attributes:
+        names: of the unknowns.
+        lower: bounds in search coordinates, (P,).
+        upper: the same, (P,).
+        STEP: of the forward differences of a profile, in search coordinates.
+    """
+
+    STEP: ClassVar[float] = 1e-5
+
+    def __init__(self, shape: LawShape, unknowns: Sequence[Unknown], start: np.ndarray | None = None):
+        self.shape, self.unknowns = shape, tuple(unknowns)
+        self.names = tuple(u.name for u in self.unknowns)
+        self.lower = np.array([float(u.inward(u.lower)) for u in self.unknowns])
+        self.upper = np.array([float(u.inward(u.upper)) for u in self.unknowns])
+        self.start = 0.5 * (self.lower + self.upper) if start is None else start
+
+    @abstractmethod
+    def series(self, records: Sequence[Any] | None = None) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Return what was measured and which samples count, (n,) each; of other records, or of those that are fitted."""
+
+    @abstractmethod
+    def predict(
+        self,
+        values: Sequence[Mapping[str, float]],
+        records: Sequence[Any] | None = None,
+        *,
+        friction: bool = False,
+    ) -> list[np.ndarray]:
+        """Return what parameter sets predict for every record, each (B, n).
+
+        Args:
+            values: numbers by name, one mapping a parameter set.
+            records: other records of the joint; None: those that are fitted.
+            friction: alone, without the terms of the dynamics (of torque).
+        """
+
+    @property
+    def edges(self) -> list[int]:
+        """Where records end within the residuals."""
+        return np.cumsum([int(counts.sum()) for _, counts in self.series()]).tolist()
+
+    @property
+    def size(self) -> int:
+        """Number of residuals."""
+        return self.edges[-1]
+
+    def values(self, point: np.ndarray) -> dict[str, float]:
+        """Return the numbers of a search point by name."""
+        return {u.name: float(u.outward(x)) for u, x in zip(self.unknowns, point)}
+
+    def point(self, values: Mapping[str, float]) -> np.ndarray:
+        """Return the search point of numbers by name; what is missing is put where it starts."""
+        given = [
+            float(u.inward(values[u.name])) if u.name in values else s
+            for u, s in zip(self.unknowns, self.start)
+        ]
+        return np.array(given)
+
+    def residuals(self, points: np.ndarray) -> np.ndarray:
+        """Return predicted less measured of a batch of search points, in the unit of what was measured, (B, m)."""
+        predicted = self.predict([self.values(p) for p in points])
+        pairs = [(x - y, counts) for x, (y, counts) in zip(predicted, self.series())]
+        return np.concatenate([e if counts.all() else e[:, counts] for e, counts in pairs], axis=1)
+
+    def encoder(self, point: np.ndarray) -> np.ndarray:
+        """Return how the residuals change when the encoder's steps fall otherwise, a draw a row, (draws, m); none by default.
+
+        Args:
+            point: search coordinates, (P,).
+        """
+        return np.zeros((0, self.size))
+
+    def ordered(self, found: Found) -> Found:
+        """Return where a search ended with what may be exchanged in a fixed order."""
+        return found
+
+    def yardstick(self, unknown: Unknown) -> tuple[float, float]:
+        """Return the least and the largest size that the error of a number is compared with [SI]."""
+        return 0.0, np.inf
+
+    def bracket(
+        self, values: Mapping[str, float], record: Any, predicted: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return what a measurement may lie between without an error, (n,) each: the prediction itself by default."""
+        return predicted, predicted
+
+    def axis_of(self, values: Mapping[str, float]) -> Axis:
+        """Return the axis with its law and drive of these values.
+
+        Raises:
+            InvalidInput: torque was fitted, which tells no axis with its drive.
+        """
+        raise InvalidInput(
+            "A fit of torque given motion has no axis with a drive.", remedy="Use its `law` and `values`."
+        )
