@@ -16,9 +16,8 @@ import errno
 import os
 import secrets
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from backdrive.errors import FileTooLarge, ReadError, WriteError
 
@@ -151,23 +150,6 @@ def read_whole(
         kind = FileTooLarge if error is ReadError else error
         raise kind(f"{path} is larger than {most} bytes.", remedy=remedy)
     return bytes(data)
-
-
-def numbers_in(value: Any, where: str) -> Iterator[tuple[str, float]]:
-    """Yield every number of a document and its place.
-
-    Args:
-        value: plain values, as JSON holds them.
-        where: the place of the whole, such as `$`.
-    """
-    if isinstance(value, Mapping):
-        for key, inner in value.items():
-            yield from numbers_in(inner, f"{where}.{key}")
-    elif isinstance(value, (list, tuple)):
-        for i, inner in enumerate(value):
-            yield from numbers_in(inner, f"{where}[{i}]")
-    elif isinstance(value, (int, float)) and not isinstance(value, bool):
-        yield where, value
 
 
 def check_regular(path: str | Path, *, error: type[ReadError] = ReadError) -> os.stat_result:

@@ -76,7 +76,7 @@ def whole(where: str, value: Any, least: int = 1, most: float = math.inf) -> int
     Raises:
         InvalidInput: it is none, or outside.
     """
-    if isinstance(value, bool) or not isinstance(value, Integral) or not least <= value <= most:
+    if isinstance(value, bool) or not isinstance(value, Integral) or not least <= int(value) <= most:
         end = f" to {most:g}" if math.isfinite(most) else " on"
         raise InvalidInput(f"{where} is {value!r}.", remedy=f"Give a whole number from {least}{end}.")
     return int(value)

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import io
 import json
-import math
 import os
 from typing import Any
 
 import typer
 
+from backdrive._documents import plain
 from backdrive._visible import visible
 from backdrive.errors import BackdriveError
 
@@ -88,17 +88,5 @@ def fail(error: Exception, *, as_json: bool) -> int:
 
 def print_json(value: Any) -> None:
     """Print one JSON document; numbers that are not finite become null, and what would steer a terminal is escaped."""
-    text = json.dumps(_plain(value), indent=2, ensure_ascii=False)
-    typer.echo(text if visible(text, keep="\n") == text else json.dumps(_plain(value), indent=2))
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(v) for v in value]
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+    text = json.dumps(plain(value), indent=2, ensure_ascii=False)
+    typer.echo(text if visible(text, keep="\n") == text else json.dumps(plain(value), indent=2))

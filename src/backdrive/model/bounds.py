@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from backdrive._files import numbers_in
+from backdrive._documents import numbers_in
 from backdrive.errors import BackdriveError, ModelFileError
 
 if TYPE_CHECKING:

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from backdrive._catalog import lookup
-from backdrive._files import numbers_in, read_whole, write_whole
+from backdrive._documents import numbers_in
+from backdrive._files import read_whole, write_whole
 from backdrive.errors import BackdriveError, InvalidInput, ReadError, UnknownFormat
 from backdrive.parameters import NOT_NEGATIVE, POSITIVE
 from backdrive.plans.constant_velocity import ConstantVelocity

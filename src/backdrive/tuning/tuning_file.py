@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
 
+from backdrive import _documents as documents
 from backdrive._files import read_whole, write_whole
 from backdrive.errors import BackdriveError, ModelFileError
 from backdrive.laws import rate_law
@@ -88,17 +89,7 @@ def plain(tuning: Tuning) -> dict[str, Any]:
     for name in TABLES:
         found[name] = dict(getattr(tuning, name))
     found["notes"] = list(tuning.notes)
-    return _finite(found)
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(k): _finite(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(v) for v in value]
-    if hasattr(value, "tolist"):
-        return _finite(value.tolist())
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return documents.plain(found)
 
 
 def save_tunings(tunings: Sequence[Tuning], path: str | Path) -> Path:

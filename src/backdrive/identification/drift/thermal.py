@@ -160,25 +160,19 @@ def identify_thermal(
     length = interval * v.size
     best = float("nan")
 
-    def cost(time_constant: float) -> float:
-        theta = virtual_temperature(power, interval, time_constant)
+    def cost(logarithm: float) -> float:
+        theta = virtual_temperature(power, interval, float(np.exp(logarithm)))
         X = np.hstack([shape, theta[:, None] * shape, rest])
         return float(weight @ (tau - X @ _fitted(X, tau, weight)) ** 2)
 
     for _ in range(ROUNDS):
-        grid = np.geomspace(length / 100.0, 3.0 * length, GRID)
-        i = int(np.clip(np.argmin([cost(T) for T in grid]), 1, GRID - 2))
-        ends = np.log(grid[[i - 1, i + 1]])
-        best = float(
-            np.exp(
-                minimize_scalar(
-                    lambda x: cost(float(np.exp(x))), bounds=ends, method="bounded", options={"xatol": 1e-6}
-                ).x
-            )
-        )
+        grid = np.log(np.geomspace(length / 100.0, 3.0 * length, GRID))
+        i = int(np.clip(np.argmin([cost(x) for x in grid]), 1, GRID - 2))
+        found = minimize_scalar(cost, bounds=grid[[i - 1, i + 1]], method="bounded", options={"xatol": 1e-6})
+        best = float(np.exp(found.x))
         theta = virtual_temperature(power, interval, best)
-        found = _fitted(np.hstack([shape, theta[:, None] * shape, rest]), tau, weight)
-        power = (shape @ found[: V.size] + theta * (shape @ found[V.size : 2 * V.size])) * v
+        curve = _fitted(np.hstack([shape, theta[:, None] * shape, rest]), tau, weight)
+        power = (shape @ curve[: V.size] + theta * (shape @ curve[V.size : 2 * V.size])) * v
     theta = virtual_temperature(power, interval, best)
     error = _time_error(shape, rest, power, interval, best, tau, weight)
     return _solved(shape, rest, theta, tau, weight, V, (best, error), float("nan"))

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from backdrive.errors import InvalidInput
+from backdrive.identification.evidence import curve
 from backdrive.identification.result import Curve
 from backdrive.laws import Law, Polyline
 from backdrive.model import JointFriction
@@ -35,16 +37,7 @@ def model_curve(friction: JointFriction, points: int = 121) -> Curve:
         friction: of the joint.
         points: velocities a direction.
     """
-    low, high = friction.validity.velocity
-    top = max(abs(low), abs(high))
-    one = top * np.linspace(0.0, 1.0, points) ** 2
-    one[0] = 1e-6 * top
-    velocity = np.concatenate([-one[::-1][one[::-1] <= -low], one[one <= high]])
-    return Curve(
-        velocity=velocity,
-        torque=friction.law.torque(velocity),
-        standard_error=largest_error(friction, velocity),
-    )
+    return curve(friction, partial(largest_error, friction), points)
 
 
 def largest_error(friction: JointFriction, velocity: np.ndarray) -> np.ndarray:

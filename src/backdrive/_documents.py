@@ -1,0 +1,35 @@
+"""Documents of plain values, as JSON holds them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+
+def numbers_in(value: Any, where: str) -> Iterator[tuple[str, float]]:
+    """Yield every number of a document and its place.
+
+    Args:
+        value: plain values, as JSON holds them.
+        where: the place of the whole, such as `$`.
+    """
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from numbers_in(inner, f"{where}.{key}")
+    elif isinstance(value, (list, tuple)):
+        for i, inner in enumerate(value):
+            yield from numbers_in(inner, f"{where}[{i}]")
+    elif isinstance(value, (int, float)) and not isinstance(value, bool):
+        yield where, value
+
+
+def plain(value: Any) -> Any:
+    """Return what JSON can hold of a value: arrays as lists, names as texts, None for numbers that are not finite."""
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(v) for v in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value
