@@ -13,7 +13,7 @@ import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.dynamics import growth_with_load
-from backdrive.laws import REFERENCE, Law, Polyline, kernels
+from backdrive.laws import REFERENCE, Law, Polyline
 from backdrive.laws.base import Rate
 from backdrive.model import JointFriction
 from backdrive.tuning import rules
@@ -132,9 +132,8 @@ def curve_of(law: Law, top: float, *, factor: float = 1.0, temperature: float = 
     speeds = np.concatenate([[top / 500.0], np.geomspace(top / 100.0, top, SPEEDS - 1)])
     branches = []
     for way in (1.0, -1.0):
-        out = np.empty(speeds.size)
-        kernels.steady(law.rate.KIND, law.row(), way * speeds, (0.0, 0.0), temperature, out)
-        branches.append(tuple(np.maximum(factor * way * out, 0.0).tolist()))
+        torque = way * law.torque(way * speeds, temperature=temperature)
+        branches.append(tuple(np.maximum(factor * torque, 0.0).tolist()))
     return Polyline(velocity=tuple(speeds.tolist()), positive=branches[0], negative=branches[1])
 
 
