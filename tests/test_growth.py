@@ -146,7 +146,10 @@ def test_temperature_reaches_the_law():
 
 @pytest.mark.parametrize(
     ("rate", "growth", "says"),
-    [(GearLoad(coulomb=1.0), GROWTH, "grows with the load by itself"), (RATE, 0.1, "growth of a law is a float")],
+    [
+        (GearLoad(coulomb=1.0), GROWTH, "grows with the load by itself"),
+        (RATE, 0.1, "growth of a law is a float"),
+    ],
 )
 def test_a_growth_that_makes_no_sense_is_refused(rate, growth, says):
     with pytest.raises(InvalidInput, match=says):

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive.errors import InvalidInput
-from backdrive.laws.base import Element, Rate
+from backdrive.laws.base import Element, Rate, Rows
 from backdrive.laws.base import Parameter as Parameter
 from backdrive.laws.elements.bliman_sorine import BlimanSorine as BlimanSorine
 from backdrive.laws.elements.dahl import Dahl as Dahl
@@ -144,6 +144,11 @@ class Law:
         """Return `rate`, or `rate+element` where there is presliding."""
         return self.rate.NAME if isinstance(self.element, Rigid) else f"{self.rate.NAME}+{self.element.NAME}"
 
+    @property
+    def parts(self) -> tuple[Rows, ...]:
+        """Return what holds the law's numbers: rate law, element, and its growth where it has one."""
+        return (self.rate, self.element) if self.growth is None else (self.rate, self.element, self.growth)
+
     def state(self) -> np.ndarray:
         """Return the state of a joint at rest and relaxed, with as much room for `solve`, (2 S,)."""
         return np.zeros(2 * max(self.element.states(), 1))
@@ -189,7 +194,7 @@ class Law:
             temps = None if temperature is None else np.broadcast_to(np.asarray(temperature, float), v.shape)
         except ValueError as error:
             raise InvalidInput(
-                f"Velocities of shape {v.shape}, but load of {np.shape(load)}, temperature of {np.shape(temperature)}.",
+                f"Load or temperature do not have the shape of the velocities, {v.shape}: {error}.",
                 remedy="Give one number, or one a velocity.",
             ) from error
         loads = np.array([self.usual_load] if loads is None else loads.reshape(-1, 2))
@@ -217,6 +222,11 @@ class Law:
         v = np.asarray(velocity, dtype=np.float64)
         forwards, backwards = self.coulomb()
         return self.torque(v) - np.where(v > 0.0, forwards, np.where(v < 0.0, -backwards, 0.0))
+
+
+def carried(law: Rate | Law, element: Element) -> Law:
+    """Return a rate law, or that of a law and its growth with the load, carried by a presliding element."""
+    return replace(law, element=element) if isinstance(law, Law) else Law(rate=law, element=element)
 
 
 def rate_law(name: str) -> type[Rate]:

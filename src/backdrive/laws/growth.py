@@ -11,7 +11,7 @@ power: Wang, Kim, ICRA 2015.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -78,12 +78,17 @@ class Growth(Rows):
         """Mean of lifting and being driven back [-]."""
         return 0.5 * (self.load_driving + self.load_driven)
 
+    def scaled(self, factor: float) -> Growth:
+        """Return the growth of a share of the friction."""
+        up, down = factor * self.load_driving, factor * self.load_driven
+        return replace(self, load_driving=up, load_driven=down)
+
 
 def pairs(load: np.ndarray | float | None, shape: tuple[int, ...]) -> np.ndarray | None:
     """Return loads as pairs of motor-side and external torque, of the shape of the velocities and a last axis of two.
 
     Args:
-        load: that a joint carries [N.m or N], one number or of the shape; or pairs already, of the shape and (2,); None for unknown.
+        load: that a joint carries [N.m or N], one number or of the shape; or pairs already, of the shape and (2,); None: unknown.
         shape: of the velocities.
 
     Raises:

@@ -1,10 +1,11 @@
 """The ladder: one compiled entry for every law, chosen by an integer.
 
-A law is a row `p`: p[0] is the number m of rate-law parameters, p[1:1+m] the rate law's row, p[1+m:] the element's. Where friction
-grows with the load, p[0] is m + 1/2, and the last of the m numbers say how (`growth`). A rate law reads its row from p[1] on, an element from p[e] on: a slice would cost more than the law. `rate` and `element` are
-the integers of their classes; `x` is the element's state, followed by as much room for `solve` to keep it while it tries
-steps; `load` is the pair of motor-side and external torque, a tuple, `temp` the temperature. `limits`, `step` and `solve` are
-the three kernels that a law offers.
+A law is a row `p`: p[0] is the number m of rate-law parameters, p[1:1+m] the rate law's row, p[1+m:] the element's. Where
+friction grows with the load, p[0] is m + 1/2, and the last of the m numbers say how (`growth`). A rate law reads its row from
+p[1] on, an element from p[e] on: a slice would cost more than the law. `rate` and `element` are the integers of their
+classes; `x` is the element's state, followed by as much room for `solve` to keep it while it tries steps; `load` is the pair
+of motor-side and external torque, a tuple, `temp` the temperature. `limits`, `step` and `solve` are the three kernels that a
+law offers.
 """
 
 from __future__ import annotations

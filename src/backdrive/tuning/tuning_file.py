@@ -13,7 +13,7 @@ import msgspec
 
 from backdrive._files import read_whole, write_whole
 from backdrive.errors import BackdriveError, ModelFileError
-from backdrive.laws import rate_law
+from backdrive.laws import Growth, rate_law
 from backdrive.tuning.bounds import BIG, BOUNDS, POSITIVE, Bound, fault
 from backdrive.tuning.tuning import NAMES, Number, Tuning
 
@@ -56,6 +56,7 @@ class _Joint(msgspec.Struct, forbid_unknown_fields=True):
     inertia: float
     interval: float
     numbers: dict[str, _Number]
+    growth: dict[str, float] | None = None
     encoder_count: float | None = None
     trip_speed: float | None = None
     limit: float | None = None
@@ -95,6 +96,8 @@ def plain(tuning: Tuning) -> dict[str, Any]:
         )
     }
     found["rate"] = {"name": tuning.rate.NAME, "parameters": tuning.rate.values()}
+    if tuning.growth is not None:
+        found["growth"] = tuning.growth.values()
     found["numbers"] = {name: asdict(number) for name, number in tuning.numbers.items()}
     for name in ("scores", "margins", "region"):
         found[name] = dict(getattr(tuning, name))
@@ -183,6 +186,7 @@ def _tuning(joint: _Joint, where: str) -> Tuning:
             unit=joint.unit,
             goal=joint.goal,
             rate=rate_law(joint.rate.name)(**values),
+            growth=None if joint.growth is None else Growth(**joint.growth),
             top_speed=joint.top_speed,
             inertia=joint.inertia,
             interval=joint.interval,
