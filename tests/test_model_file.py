@@ -210,3 +210,11 @@ def test_a_growth_that_makes_no_sense_is_located():
         change(document["joints"][0]["growth"])
         with pytest.raises(ModelFileError, match=where):
             decode(json.dumps(document).encode())
+
+
+def test_growth_of_an_axis_with_a_drive_stays_the_axis():
+    document = json.loads(encode(model()))
+    for name in ("load_dependence", "drive.delay"):
+        document["joints"][0]["dynamics"][name] = {"value": 0.1, "unit": "1"}
+    found = decode(json.dumps(document).encode()).joint("shoulder")
+    assert found.law.growth is None and found.dynamics["load_dependence"].value == 0.1

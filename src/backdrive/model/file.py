@@ -16,7 +16,7 @@ from backdrive.laws import Growth, Law, element, rate_law
 from backdrive.laws.base import Rows
 from backdrive.logs.log import Joint, Source
 from backdrive.model.bounds import check_document, check_errors, check_law, check_twice, placed
-from backdrive.model.former import growth_of
+from backdrive.model.former import beside_the_law, growth_of
 
 FORMAT, SCHEMA = "backdrive-friction-model", 1
 MAX_BYTES = 10_000_000
@@ -250,7 +250,7 @@ def _joint(j: _Joint, where: str) -> m.JointFriction:
         numbers = numbers | j.growth
     with placed(where):
         errors = _errors(numbers)
-        if growth is None and "load" not in rate.NEEDS:
+        if growth is None and beside_the_law(rate, dynamics):
             growth, dynamics, more = growth_of(dynamics)
             errors = errors | more
         friction = m.JointFriction(

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from backdrive.laws import Growth
+from backdrive.laws.base import Rate
 
 if TYPE_CHECKING:
     from backdrive.model import Estimate
@@ -13,6 +14,14 @@ if TYPE_CHECKING:
 #: Growth of friction with the load stood among the dynamics: term -> where it holds.
 BOTH_WAYS = ("load_dependence", "load_friction")
 TERMS = (*BOTH_WAYS, "load_carried", "load_driving", "load_driven")
+
+
+def beside_the_law(rate: Rate, dynamics: Mapping[str, Estimate]) -> bool:
+    """Return whether growth among the dynamics is the law's.
+
+    It is the axis' own in a model of a drive, which is judged by motion with it, and where the law sees the load by itself.
+    """
+    return "load" not in rate.NEEDS and not any(name.startswith("drive.") for name in dynamics)
 
 
 def growth_of(
