@@ -249,23 +249,24 @@ def test_growth_is_told_from_a_delay_where_inertia_outweighs_gravity():
     joint = joint_1().replace(load_dependence=0.05, torque_noise=0.2, delay=1.3e-3)
     friction, _ = identify_sweep(made(joint, (-82, 0, 82)), "joint_1")
     assert friction.dynamics["time_slip"].value == pytest.approx(-1.8e-3, abs=0.3e-3)
-    assert friction.dynamics["load_dependence"].value == pytest.approx(0.05, abs=0.002)
+    growth = friction.law.growth
+    assert growth.load_driving == growth.load_driven == pytest.approx(0.05, abs=0.002)
     v = np.array(friction.law.rate.velocity)
-    carried = friction.dynamics["load_carried"].value
+    carried = growth.load_carried
     assert friction.law.torque(v) == pytest.approx(joint.law.torque(v) + 0.05 * carried, abs=0.15)
 
 
 def test_a_posture_that_was_not_swept_is_predicted_with_the_growth():
     joint = joint_1().replace(load_dependence=0.05, torque_noise=0.1)
     friction, _ = identify_sweep(made(joint, (-60, 0, 60)), "joint_1")
-    assert friction.dynamics["load_carried"].unit == "N.m"
-    without = {k: e for k, e in friction.dynamics.items() if not k.startswith("load_")}
+    assert 15.0 < friction.law.growth.load_carried < 30.0
+    without = replace(friction.law, growth=None)
     for center in (-30, 25):
         s = prepare(made(joint, (center,), seed=9)[0], 0)[0]
         slides = np.abs(s.velocity) > 0.2
         off = [
             float(np.mean(((s.torque - predict(f, s)) * np.sign(s.velocity))[slides]))
-            for f in (friction, replace(friction, dynamics=without))
+            for f in (friction, replace(friction, law=without))
         ]
         assert abs(off[0]) < 0.1
         assert abs(off[1]) > 0.2
@@ -289,7 +290,7 @@ def test_lifting_and_being_driven_back_need_a_known_payload():
         for log in made(joint.replace(gravity_cos=30.0 + w), (-60, 0, 60), seed=int(w))
     ]
     friction, shown = identify_payload(logs, "joint_1", payloads, timing="command")
-    assert friction.dynamics["load_driving"].value == found.driving[0]
+    assert friction.law.growth.load_driving == found.driving[0]
     assert friction.dynamics["inertia"].value == pytest.approx(
         1.6, abs=0.06
     )  # what accelerates loads the gear too

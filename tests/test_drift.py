@@ -14,9 +14,9 @@ from backdrive.identification.drift import (
     virtual_temperature,
 )
 from backdrive.identification.drift.change import REPEAT, chance, kind_of
-from backdrive.laws import M1, CoulombViscous, Law, Polyline
+from backdrive.laws import M1, CoulombViscous, Growth, Law, Polyline
 from backdrive.logs.log import Joint, Log
-from backdrive.model import Estimate, JointFriction, Validity
+from backdrive.model import JointFriction, Validity
 
 V = np.linspace(0.2, 2.0, 10)
 
@@ -166,15 +166,14 @@ def test_what_is_not_finite_is_refused():
 
 def test_curves_that_hold_under_different_loads_are_brought_to_one():
     def under(carried, mu=0.05):
-        loads = {"load_dependence": (mu, "1"), "load_carried": (carried, "N.m")}
-        terms = {k: Estimate(value=v, unit=u, standard_error=0.0) for k, (v, u) in loads.items()}
         found = friction(noise=np.full(20, mu * carried))
-        return replace(found, dynamics=terms)
+        growth = Growth(load_driving=mu, load_driven=mu, load_carried=carried)
+        return replace(found, law=replace(found.law, growth=growth))
 
     assert not change_of(under(20.0), under(5.0)).changed
     assert "brought to the first one's load, 20 N.m" in change_of(under(20.0), under(5.0)).remarks[0]
-    bare = {k: Estimate(value=0.05, unit="1", standard_error=0.0) for k in ("load_driving", "load_driven")}
-    assert not change_of(under(20.0), replace(friction(), dynamics=bare)).changed
+    bare = replace(friction().law, growth=Growth(load_driving=0.05, load_driven=0.05))
+    assert not change_of(under(20.0), replace(friction(), law=bare)).changed
     one = change_of(under(20.0), friction())
     assert one.changed
     assert "may be that" in one.remarks[0]

@@ -1,6 +1,7 @@
 """Tests for model.py and model_file.py: what is written is what is read, and damage is located."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 
 from backdrive import FrictionModel, Joint, load_model
 from backdrive.errors import InvalidInput, ModelFileError, UnknownName
-from backdrive.laws import CoulombViscous, Law, Polyline
+from backdrive.laws import CoulombViscous, Growth, Law, Polyline
 from backdrive.logs.log import Source
 from backdrive.model import ArmModel, Estimate, JointFriction, Quality, Validity
 from backdrive.model.file import decode, encode
@@ -132,3 +133,88 @@ def test_a_failed_write_leaves_the_old_file(tmp_path):
         model().save(tmp_path / "no" / "such" / "m.json")
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["m.json"]
+
+
+GROWN = Growth(load_driving=0.2, load_driven=0.05, load_carried=10.0)
+
+
+def growing(growth=GROWN, **more) -> FrictionModel:
+    first, *rest = model().joints
+    errors = dict(first.standard_errors) | {"load_driving": 0.01, "load_driven": 0.02}
+    first = replace(first, law=replace(first.law, growth=growth), standard_errors=errors, **more)
+    return replace(model(), joints=(first, *rest))
+
+
+def test_growth_with_the_load_stands_in_the_file_with_the_law():
+    text = encode(growing())
+    first, second = json.loads(text)["joints"]
+    assert {n: (v["value"], v["unit"]) for n, v in first["growth"].items()} == {
+        "load_driving": (0.2, "1"), "load_driven": (0.05, "1"), "load_carried": (10.0, "N.m"),
+    }  # fmt: skip
+    assert first["growth"]["load_driven"]["standard_error"] == 0.02 and "growth" not in second
+    read = decode(text)
+    assert read.joint("shoulder").law.growth == GROWN and read.joint("rail").law.growth is None
+    assert encode(read) == text
+    for load in (25.0, -25.0):
+        assert read.torque("shoulder", 0.5, load=load) == growing().torque("shoulder", 0.5, load=load)
+
+
+def test_the_torque_of_a_model_knows_load_and_temperature():
+    m = growing()
+    # 5.5 at 0.5 rad/s under 10 N.m, which the motor lifts, or which drives it back
+    assert m.torque("shoulder", 0.5) == m.torque("shoulder", 0.5, load=10.0) == 5.5
+    assert m.torque("shoulder", 0.5, load=30.0) == pytest.approx(5.5 + 0.2 * 20.0)
+    assert m.torque("shoulder", 0.5, load=-30.0) == pytest.approx(5.5 + 0.05 * 20.0)
+    np.testing.assert_allclose(m.torque("shoulder", [0.5, -0.5], load=[4.0, 30.0]), [5.5 - 1.2, -5.5 - 1.0])
+    with pytest.raises(InvalidInput, match="A load is NaN"):
+        m.torque("shoulder", 0.5, load=np.nan)
+    with pytest.raises(InvalidInput, match="A temperature is NaN"):
+        m.torque("shoulder", 0.5, temperature=np.inf)
+    with pytest.raises(InvalidInput, match="shape"):
+        m.torque("shoulder", [0.5, 0.6], load=[1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize(
+    ("terms", "growth", "errors"),
+    [
+        ({"load_dependence": 0.1, "load_carried": 20.0}, (0.1, 0.1, 20.0), {"load_driving", "load_driven"}),
+        ({"load_driving": 0.2, "load_driven": -0.01}, (0.2, -0.01, 0.0), {"load_driving", "load_driven"}),
+        ({"load_driving": 0.2}, (0.2, 0.0, 0.0), {"load_driving"}),
+        ({"load_friction": 0.3}, (0.3, 0.3, 0.0), {"load_driving", "load_driven"}),
+        ({}, None, set()),
+    ],
+)
+def test_growth_that_stands_among_the_dynamics_becomes_the_laws(terms, growth, errors):
+    document = json.loads(encode(model()))
+    for name, value in terms.items():
+        unit = "N.m" if name == "load_carried" else "1"
+        document["joints"][0]["dynamics"][name] = {"value": value, "unit": unit, "standard_error": 0.04}
+    found = decode(json.dumps(document).encode()).joint("shoulder")
+    assert set(found.dynamics) == {"inertia"}
+    assert (None if found.law.growth is None else tuple(found.law.growth.values().values())) == growth
+    assert {n: e for n, e in found.standard_errors.items() if n.startswith("load_")} == dict.fromkeys(
+        errors, 0.04
+    )
+    assert encode(decode(encode(decode(json.dumps(document).encode())))) == encode(
+        decode(json.dumps(document).encode())
+    )
+
+
+def test_a_growth_that_makes_no_sense_is_located():
+    for change, where in (
+        (lambda g: g.pop("load_driven"), "load_driven"),
+        (lambda g: g["load_driving"].update(value=99.0), r"joints\[0\].growth"),
+        (lambda g: g["load_carried"].update(unit="1"), "unit is '1'"),
+    ):
+        document = json.loads(encode(growing()))
+        change(document["joints"][0]["growth"])
+        with pytest.raises(ModelFileError, match=where):
+            decode(json.dumps(document).encode())
+
+
+def test_growth_of_an_axis_with_a_drive_stays_the_axis():
+    document = json.loads(encode(model()))
+    for name in ("load_dependence", "drive.delay"):
+        document["joints"][0]["dynamics"][name] = {"value": 0.1, "unit": "1"}
+    found = decode(json.dumps(document).encode()).joint("shoulder")
+    assert found.law.growth is None and found.dynamics["load_dependence"].value == 0.1

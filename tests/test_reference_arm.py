@@ -119,7 +119,9 @@ def test_friction_of_a_whole_arm_comes_back(found):
         assert friction.law.torque(v) == pytest.approx(curve(j, v), rel=0.05)
         value = {name: e.value for name, e in friction.dynamics.items()}
         error = {name: e.standard_error for name, e in friction.dynamics.items()}
-        for name, truth in (("inertia", MOTOR[j]), ("offset", OFFSET[j]), ("load_friction", LOAD[j])):
+        value, error = value | friction.law.growth.values(), error | dict(friction.standard_errors)
+        assert value["load_driven"] == value["load_driving"] and value["load_carried"] == 0.0
+        for name, truth in (("inertia", MOTOR[j]), ("offset", OFFSET[j]), ("load_driving", LOAD[j])):
             assert abs(value[name] - truth) < max(5.0 * error[name], 0.02), name
             if (j, name) != (
                 0,
@@ -184,7 +186,7 @@ def test_the_order_of_joints_the_side_of_the_gear_and_a_wrong_description_do_not
         assert friction.law.torque(v) == pytest.approx(curve(j, v), rel=0.06)
         assert friction.held_out.samples == 1000 and friction.held_out.residual < 5.0
     without, _, _ = identify_arm(made(), parse_robot(description()), load_friction=False)
-    assert all("load_friction" not in f.dynamics for f in without)
+    assert all(f.law.growth is None for f in without)
 
 
 def test_what_is_no_arm_is_refused(robot):
@@ -611,7 +613,7 @@ def test_the_numbers_of_an_arm_stand_where_they_belong(found):
             assert len(friction.standard_errors[name]) == len(law.velocity)
         assert (friction.joint.torque_side, friction.warnings, friction.at_bound) == ("joint", (), ())
         assert {n: e.unit for n, e in friction.dynamics.items()} == {
-            "inertia": "kg.m^2", "offset": "N.m", "load_friction": "1", "transition": "rad/s",
+            "inertia": "kg.m^2", "offset": "N.m", "transition": "rad/s",
         }  # fmt: skip
         assert np.isnan(friction.dynamics["transition"].standard_error)
         low, high = friction.validity.load
@@ -635,10 +637,7 @@ def test_the_numbers_of_an_arm_stand_where_they_belong(found):
 
 def test_load_friction_that_is_not_there_is_left_out(robot):
     one, other = identify_arm(made(load=(0.1, 0.0)), robot)[0]
-    assert (
-        one.dynamics["load_friction"].value == pytest.approx(0.1, abs=0.02)
-        and "load_friction" not in other.dynamics
-    )
+    assert one.law.growth.load_driving == pytest.approx(0.1, abs=0.02) and other.law.growth is None
 
 
 def test_an_arm_needs_two_rows_a_coefficient(robot):

@@ -21,7 +21,7 @@ from backdrive.identification.signals import Signals, prepare
 from backdrive.identification.sweep_knots import clamped
 from backdrive.identification.sweep_shown import _bend, error_of_curve
 from backdrive.identification.sweep_windows import Windows, _grows, turning_points
-from backdrive.laws import CoulombViscous, Decaying, GearLoad, Law, Polyline
+from backdrive.laws import CoulombViscous, Decaying, GearLoad, Growth, Law, Polyline
 from backdrive.logs.log import Joint, Log
 from backdrive.model import Estimate, JointFriction, Quality, Validity
 
@@ -51,6 +51,10 @@ def friction(law=LINE, element=None, warnings=(), residual=5.0, held_out=None, v
     )  # fmt: skip
 
 
+def growing(one, growth):
+    return replace(one, law=replace(one.law, growth=growth))
+
+
 def line(v):
     return np.where(v > 0.0, 5.0 + v, np.where(v < 0.0, -4.0 + 2.0 * v, 0.0))
 
@@ -73,17 +77,17 @@ def test_the_torque_of_a_model_is_the_sum_of_its_terms():
     assert dynamics.rest_of_dynamics(friction(**terms), s) == pytest.approx(rest)
     assert dynamics.predict(friction(**terms), s) == pytest.approx(rest + line(v))
     load = 6.0 * np.sin(q) - 2.0 * np.cos(q) + 0.7 * a
-    grown = {"load_dependence": 0.1, "load_carried": 2.5}
-    assert dynamics.predict(friction(**terms, **grown), s) == pytest.approx(
-        rest + line(v) + np.sign(v) * 0.1 * (np.abs(load) - 2.5)
+    grown = Growth(load_driving=0.1, load_driven=0.1, load_carried=2.5)
+    assert dynamics.predict(growing(friction(**terms), grown), s) == pytest.approx(
+        rest + line(v) + np.sign(v) * 0.1 * (np.abs(load) - 2.5), rel=1e-12, abs=1e-12
     )
-    ways = {"load_driving": 0.2, "load_driven": 0.05}
+    ways = Growth(load_driving=0.2, load_driven=0.05)
     mu = np.where(v * load > 0.0, 0.2, 0.05)
-    assert dynamics.predict(friction(**terms, **ways), s) == pytest.approx(
+    assert dynamics.predict(growing(friction(**terms), ways), s) == pytest.approx(
         rest + line(v) + np.sign(v) * mu * np.abs(load)
     )
-    assert dynamics.growth_with_load(friction(**grown)) == (0.1, 2.5)
-    assert dynamics.growth_with_load(friction(**ways)) == (pytest.approx(0.125), 0.0)
+    assert dynamics.growth_with_load(growing(friction(), grown)) == (0.1, 2.5)
+    assert dynamics.growth_with_load(growing(friction(), ways)) == (pytest.approx(0.125), 0.0)
     assert dynamics.growth_with_load(friction()) is None
     for missing, kind in (("position", {"gravity_sin": 1.0}), ("model_torque", {"model_torque": 1.0})):
         with pytest.raises(InvalidInput, match="holds no"):

@@ -614,7 +614,8 @@ def test_the_whole_way_with_a_known_payload():
     wanted = {"inertia": 1.6, "time_slip": -0.001, "gravity_sin": 3.0, "gravity_cos": 11.0}
     for name, truth in wanted.items():
         assert value[name] == pytest.approx(truth, rel=0.02, abs=2e-5), name
-    assert (value["load_driving"], value["load_driven"]) == (
+    grown = friction_.law.growth.values()
+    assert (grown["load_driving"], grown["load_driven"]) == (
         pytest.approx(mu, abs=0.004),
         pytest.approx(mu, abs=0.004),
     )
@@ -622,7 +623,7 @@ def test_the_whole_way_with_a_known_payload():
     assert friction_.fitted.residual < 5.0 and friction_.validity.velocity == pytest.approx(
         (-2.0, 2.0), abs=0.02
     )
-    assert f"{value['load_driving']:.4f} +- " in shown.verdict and friction_.fitted.samples == sum(
+    assert f"{grown['load_driving']:.4f} +- " in shown.verdict and friction_.fitted.samples == sum(
         len(log) for log in logs[::2]
     )
     for wrong, said in (

@@ -434,7 +434,7 @@ def test_the_literal_way_knows_no_errors(three):
     assert found.dynamics["time_slip"].value == pytest.approx(-0.5 / RATE)
 
 
-def test_growth_with_the_load_becomes_terms():
+def test_growth_with_the_load_becomes_the_laws():
     logs = [
         made(Sweep(A, V, 4, center=c), gravity=(6.0, 20.0), noise=0.01, seed=k, mu=0.1)
         for k, c in enumerate((-1.9, -0.4, 0.8, 1.6))
@@ -442,11 +442,10 @@ def test_growth_with_the_load_becomes_terms():
     found, _ = identify_sweep(logs, "a", timing="command")
     one = fit([sweep_knots(log, "a") for log in logs], unit="rad", name="a")
     assert one.load is not None
-    got = {n: (e.value, e.standard_error, e.unit) for n, e in found.dynamics.items()}
-    assert got["load_dependence"] == (one.load[0], one.load[1], "1") and got["load_carried"] == (
-        one.load[2],
-        0.0,
-        "N.m",
+    growth, errors = found.law.growth, found.standard_errors
+    assert growth is not None and growth.load_driving == growth.load_driven == one.load[0]
+    assert (
+        errors["load_driving"] == errors["load_driven"] == one.load[1] and growth.load_carried == one.load[2]
     )
     assert one.load[0] == pytest.approx(0.1, rel=0.05)
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from backdrive.errors import NotIdentifiable
-from backdrive.laws import CoulombViscous, HaywardArmstrong, Law
+from backdrive.laws import CoulombViscous, Growth, HaywardArmstrong, Law
 from backdrive.logs.log import Joint
 from backdrive.model import Estimate, JointFriction, Validity
 from backdrive.tuning import facts_of
@@ -15,11 +15,11 @@ RATE = CoulombViscous(
 )
 
 
-def known(**terms):
-    units = {"inertia": "kg.m^2", "gravity_sin": "N.m", "gravity_cos": "N.m", "load_carried": "N.m"}
+def known(growth=None, **terms):
+    units = {"inertia": "kg.m^2", "gravity_sin": "N.m", "gravity_cos": "N.m"}
     return JointFriction(
         joint=Joint(name="j0", encoder_counts=1e6),
-        law=Law(rate=RATE, element=HaywardArmstrong(stiffness=1e5)),
+        law=Law(rate=RATE, element=HaywardArmstrong(stiffness=1e5), growth=growth),
         validity=Validity(velocity=(-1.0, 1.0)),
         dynamics={
             k: Estimate(value=v, unit=units.get(k, "1"), standard_error=0.0)
@@ -28,17 +28,21 @@ def known(**terms):
     )
 
 
+def even(mu, carried):
+    return Growth(load_driving=mu, load_driven=mu, load_carried=carried)
+
+
 def test_the_interval_takes_in_what_the_load_does():
-    facts = facts_of(known(gravity_sin=0.0, gravity_cos=30.0, load_dependence=0.05, load_carried=20.0))
+    facts = facts_of(known(even(0.05, 20.0), gravity_sin=0.0, gravity_cos=30.0))
     assert facts.friction == pytest.approx((0.9 - 0.1, 1.1 + 0.05))
     assert any("10 % less than the curve, under 30 N.m 5 % more" in note for note in facts.notes)
-    bare = facts_of(known(gravity_sin=0.0, gravity_cos=30.0, load_driving=0.06, load_driven=0.04))
+    bare = facts_of(known(Growth(load_driving=0.06, load_driven=0.04), gravity_sin=0.0, gravity_cos=30.0))
     assert bare.friction == pytest.approx((0.9, 1.1 + 0.15))
     assert facts_of(known()).friction == pytest.approx((0.9, 1.1))
 
 
 def test_a_curve_that_is_mostly_load_is_refused():
-    friction = known(gravity_sin=0.0, gravity_cos=30.0, load_dependence=0.4, load_carried=20.0)
+    friction = known(even(0.4, 20.0), gravity_sin=0.0, gravity_cos=30.0)
     with pytest.raises(NotIdentifiable, match="less than a fifth"):
         facts_of(friction)
-    assert facts_of(replace(friction, dynamics=known().dynamics)).friction[0] == pytest.approx(0.9)
+    assert facts_of(replace(friction, law=known().law)).friction[0] == pytest.approx(0.9)

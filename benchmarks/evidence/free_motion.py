@@ -150,7 +150,8 @@ def known_parts(arm: FrictionModel, robot: Robot, s: ArmSignals) -> tuple[np.nda
     for j, friction in enumerate(frictions):
         value = {name: e.value for name, e in friction.dynamics.items()}
         way = np.tanh(s.velocity[:, j] / value["transition"])
-        grown[:, j] = value.get("load_friction", 0.0) * np.abs(bodies[:, j]) * way
+        slope = friction.law.growth.mean if friction.law.growth else 0.0
+        grown[:, j] = slope * np.abs(bodies[:, j]) * way
     return rest - grown, grown, whole - rest
 
 

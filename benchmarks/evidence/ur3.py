@@ -80,7 +80,7 @@ def main() -> None:
     row("at most", LIMITS)
     row(
         "load friction [% of torque]",
-        [100 * f.dynamics["load_friction"].value if "load_friction" in f.dynamics else 0 for f in joints],
+        [100 * f.law.growth.mean if f.law.growth else 0 for f in joints],
     )
     if not short:
         plain = identify_arm(seen, urdf, held_out=[unseen], load_friction=False)[0]

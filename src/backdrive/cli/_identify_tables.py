@@ -138,7 +138,7 @@ def _numbers(friction: JointFriction, intervals: Any) -> Any:
             ends = f"{low:.4g} to {high:.4g}"
         table.add_row(name.replace("[", r"\["), f"{value:.4g}", f"{error:.2g}", ends, unit)
 
-    for rows in (friction.law.rate, friction.law.element):
+    for rows in friction.law.parts:
         for name, parameter in rows.PARAMETERS.items():
             value, error = getattr(rows, name), friction.standard_errors.get(name, float("nan"))
             values = value if parameter.many else (value,)

@@ -22,6 +22,7 @@ from backdrive.control.table import (
     ELSEWHERE,
     ESTIMATES,
     FADE,
+    GROWS,
     HOLD,
     LATCHING,
     LEARNS,
@@ -275,6 +276,8 @@ def rows(joints: Sequence[JointLoop], positions: np.ndarray, dt: float) -> tuple
         for row, value in joint.guards().items():
             table[row, k] = value
         table[ESTIMATES, k] = float(joint.external is not None)
+        laws = (joint.compensator.friction.law, estimator.friction.law)
+        table[GROWS, k] = float(any(law.growth is not None for law in laws))
         if joint.adaptation is not None:
             table[LEARNS : UPPER + 1, k] = joint.adaptation.row(estimator.friction.law)
             table[LEVEL, k] = joint.adaptation.start

@@ -43,6 +43,7 @@ from backdrive.control.table import (
     EXTERNAL,
     FLOOR,
     FRICTION,
+    GROWS,
     HOLD,
     KNOWN,
     LEARNS,
@@ -118,6 +119,8 @@ def joint(c, i, p, x, s, ce, pe, xe, se, g, j, q, dt):
     if readings.believed(code):
         dp, u, level = q - g[BEFORE, j], g[APPLIED, j], g[LEVEL, j]
         load, temp = (g[MOTOR, j], g[LOAD, j]), g[TEMPERATURE, j]
+        if g[GROWS, j] > 0.0 and load[0] == 0.0 and load[1] == 0.0:  # nobody has given one
+            load = (u, -g[KNOWN, j] if g[KNOWN, j] != 0.0 else np.nan)
         left = standing(c, x, s, g, j, q, T)
         push, dither = compensator_.tick(
             c, i, p, x, s, 0, q, dp, T, g[TIME, j], g[ERROR, j], g[SLOPE, j], u - g[KNOWN, j], load, temp,
@@ -262,7 +265,10 @@ class Loop:
 
     @property
     def known(self) -> np.ndarray:
-        """Gravity and the other joints' pull, to be written before `update` [N.m or N], (J,)."""
+        """Gravity and the other joints' pull, to be written before `update` [N.m or N], (J,).
+
+        Where it is not 0, it is the load of laws that grow with it and are given none.
+        """
         return self._table[KNOWN]
 
     @known.setter
@@ -271,7 +277,10 @@ class Loop:
 
     @property
     def load(self) -> np.ndarray:
-        """Motor-side and external torque for laws that depend on load, to be written before `update` [N.m or N], (J, 2)."""
+        """Motor-side and external torque for laws that depend on load, to be written before `update` [N.m or N], (J, 2).
+
+        Where both are 0, that of a law that grows with the load is what is `known`, or the one under which it was identified.
+        """
         return self._load
 
     @load.setter

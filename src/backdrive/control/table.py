@@ -11,7 +11,7 @@ from __future__ import annotations
     # output
     TORQUE, EXTERNAL, FRICTION, LEVEL, CALLS,
     # settings
-    TOP, LIMIT, RATE, RAMP, LATCHING, HOLD, FADE, PATIENCE, COUNT, ESTIMATES,
+    TOP, LIMIT, RATE, RAMP, LATCHING, HOLD, FADE, PATIENCE, COUNT, ESTIMATES, GROWS,
     LEARNS, CREEP, SETTLE, FLOOR, DEAD, LOWER, UPPER,
     # readings: the last that was believed, and where a jump has led
     BEGUN, BEFORE, ELSEWHERE, LEAP, SETTLED, PENDING,
@@ -19,5 +19,5 @@ from __future__ import annotations
     FAULTY, OLDER, OLDER_AGE, NEWER, NEWER_AGE, FAST, CAUSE, STOP, CAP, BAD,
     # standing still, learning
     ANCHOR, STILL, SLID,
-) = range(52)  # fmt: skip
-TABLE = 52
+) = range(53)  # fmt: skip
+TABLE = 53

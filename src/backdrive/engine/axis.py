@@ -8,9 +8,9 @@ one side or on the other (Iwatani 2017, Fig. 3.2: on the load's). A rigid transm
 Gravity is (2.10), which has a = 0, b = M L g for a joint angle measured from the horizontal; o is a constant torque.
 
 A step drifts half a step, kicks, and drifts half a step again; the kick is implicit in the friction
-(`laws.kernels.solve`), so that a held mass rests exactly. Friction may grow with the load that the transmission carries:
-its bounds are widened by mu |c|, which in an implicit step is a shrinkage of the free velocity. Laws that see the load get
-the motor's torque and the negative of c, which for a rigid axis is gravity and what accelerates the load.
+(`laws.kernels.solve`), so that a held mass rests exactly. Laws that see the load, and those that grow with it (`laws.growth`),
+get the motor's torque and the negative of c, which for a rigid axis is gravity and what accelerates the load. Beside any law the
+axis itself may have Coulomb friction mu |c|, of the same growth, which in an implicit step is a shrinkage of the free velocity.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from backdrive._jit import jit
-from backdrive.laws import kernels
+from backdrive.laws import growth, kernels
 
 STATES = 5  # p, w, q, v, c
 
@@ -57,7 +57,7 @@ def advance(j, s, rate, element, p, x, u, h, temp):
     M, L, K_c, D_c, rigid, on_load, mu = j[0], j[1], j[2], j[3], j[6], j[7], j[8]
     half = 0.5 * h
     load = (u, -s[4])
-    widening = mu * abs(s[4])
+    widening = mu * growth.beyond(0.0, load)
     w = s[1]
     if rigid > 0.0:
         middle = s[0] + half * w

@@ -81,7 +81,8 @@ class Axis:
         gravity_cos: b of the same [N.m or N].
         offset: a constant torque on the side of friction [N.m or N].
         friction_side: which mass the friction acts on.
-        load_dependence: mu, growth of the Coulomb bounds with the transmitted torque [-].
+        load_dependence: mu, Coulomb friction beside the law in proportion to the transmitted torque [-]; `Law.growth` is that
+            within it, by direction.
     """
 
     law: Law

@@ -64,6 +64,7 @@ class Lanes:
         elements: kind of the element, (L,).
         rows: parameters, zero behind the end of shorter ones, (L, P).
         states: number of columns of the state.
+        usual_loads: motor-side and external torque where no load is given [N.m or N], (L, 2).
     """
 
     def __init__(self, laws: Sequence[Law]):
@@ -74,12 +75,14 @@ class Lanes:
         for i, row in enumerate(rows):
             self.rows[i, : row.size] = row
         self.states = 2 * max(max(law.element.states(), 1) for law in laws)
-        #: for every law its kinds, its lanes, and how many lanes come before
-        self._groups: list[tuple[int, int, np.ndarray, int]] = []
-        place = 0
-        for rate, element in sorted(set(zip(self.rates.tolist(), self.elements.tolist()))):
-            lanes = np.flatnonzero((self.rates == rate) & (self.elements == element))
-            self._groups.append((rate, element, lanes, place))
+        self.usual_loads = np.array([law.usual_load for law in laws])
+        #: for every law its kinds, its lanes, how many lanes come before, and the load where none is given
+        self._groups: list[tuple[int, int, np.ndarray, int, np.ndarray]] = []
+        grows, place = np.isnan(self.usual_loads[:, 1]), 0
+        kinds = zip(self.rates.tolist(), self.elements.tolist(), grows.tolist())
+        for rate, element, grown in sorted(set(kinds)):
+            lanes = np.flatnonzero((self.rates == rate) & (self.elements == element) & (grows == grown))
+            self._groups.append((rate, element, lanes, place, self.usual_loads[lanes[0]]))
             place += len(lanes)
 
     def torque(
@@ -99,7 +102,7 @@ class Lanes:
             motion: which motion a lane runs on, (L,).
             dp: position increments of the motions [rad or m], (M, n).
             dt: sampling time [s].
-            load: motor-side and external torque [N.m or N], (M, n, 2) or (M, 1, 2).
+            load: motor-side and external torque [N.m or N], (M, n, 2) or (M, 1, 2); None: the usual one of each law.
             temperature: [degC], (M, n) or (M, 1).
             state: of the elements, advanced in place, (L, S); None: at rest and relaxed.
             workers: threads; None: one a core.
@@ -115,7 +118,6 @@ class Lanes:
                 f"{len(motion)} lanes have a motion, there are {len(self.rates)}.", remedy="Name one a lane."
             )
         M, n = dp.shape
-        load = np.zeros((M, 1, 2)) if load is None else load
         temperature = np.full((M, 1), REFERENCE) if temperature is None else temperature
         X = np.zeros((len(motion), self.states)) if state is None else state
         out = np.empty((len(motion), n))
@@ -123,14 +125,15 @@ class Lanes:
         motion = np.ascontiguousarray(motion, dtype=np.int64)
         tame = wild(dp, 0.5 * kernels.FASTEST * dt) == 0
         loops = [
-            (lanes_of(rate, element, tame), lanes, place) for rate, element, lanes, place in self._groups
+            (lanes_of(rate, element, tame), lanes, place, np.full((M, 1, 2), usual) if load is None else load)
+            for rate, element, lanes, place, usual in self._groups
         ]
 
         def work(first: int, last: int) -> None:
-            for loop, lanes, place in loops:
+            for loop, lanes, place, loads in loops:
                 a, b = max(first - place, 0), min(last - place, len(lanes))
                 if a < b:
-                    loop(lanes[a:b], self.rows, X, motion, dp, dt, load, temperature, out)
+                    loop(lanes[a:b], self.rows, X, motion, dp, dt, loads, temperature, out)
 
         spread(work, len(motion), workers)
         return out
@@ -177,7 +180,8 @@ def rollout(
         dt: sampling time [s].
         q: joint positions [rad or m], (n,) or (n, J); either these or `dq`.
         dq: joint velocities, held over a step [rad/s or m/s], the same shapes.
-        load: motor-side and external torque, for laws that depend on load [N.m or N], (n, 2) or (n, J, 2).
+        load: motor-side and external torque, for laws that depend on load or grow with it [N.m or N], (n, 2) or (n, J, 2). None:
+            none, and for laws that grow, that under which their curve was identified.
         temperature: [degC], one number or (n,); 20 when not given.
         workers: threads; None: one a core. The numbers do not depend on it.
 

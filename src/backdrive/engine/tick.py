@@ -56,7 +56,8 @@ class Tick:
     Attributes:
         torque: friction torque [N.m or N], updated in place (J,).
         codes: `Status` of every joint, updated in place (J,).
-        load: motor-side and external torque for laws that depend on load [N.m or N], to be written before `tick` (J, 2).
+        load: motor-side and external torque for laws that depend on load or grow with it [N.m or N], to be written before `tick`
+            (J, 2); before that of a law that grows, NaN: that under which its curve was identified.
         temperature: for laws that depend on it [degC], to be written before `tick` (J,).
     """
 
@@ -78,6 +79,7 @@ class Tick:
         rows = Lanes(laws)
         S = np.zeros((7, len(laws)))
         S[RATE], S[ELEMENT], S[DT], S[TEMPERATURE] = rows.rates, rows.elements, dt, REFERENCE
+        S[MOTOR : EXTERNAL + 1] = rows.usual_loads.T
         self.load, self.temperature, self.torque = S[MOTOR : EXTERNAL + 1].T, S[TEMPERATURE], S[TORQUE]
         self.codes = np.zeros(len(laws), dtype=np.int64)
         self._states = np.zeros((len(laws), rows.states))

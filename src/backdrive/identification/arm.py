@@ -15,7 +15,7 @@ import numpy as np
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification import curves
 from backdrive.identification.arm_checks import refuse_inverted, remarks
-from backdrive.identification.arm_predict import DYNAMICS, explained, judged, predict_arm, validate_arm
+from backdrive.identification.arm_predict import explained, judged, predict_arm, validate_arm
 from backdrive.identification.arm_signals import (
     MOTION_CUTOFF,
     ArmSignals,
@@ -30,7 +30,8 @@ from backdrive.identification.evidence import evidence
 from backdrive.identification.quality import JUDGED_BELOW
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals
-from backdrive.laws import Law, Polyline
+from backdrive.identification.terms import unit_of
+from backdrive.laws import Growth, Law, Polyline
 from backdrive.logs.filters import derivative, low_pass
 from backdrive.logs.log import Joint, Log
 from backdrive.model import ArmModel, Estimate, JointFriction, Validity
@@ -60,9 +61,9 @@ def identify_arm(
 
     Returns:
         Friction and evidence by joint, in the log's order; and the bodies, in the URDF's. `dynamics` of a joint holds
-        the keys of `DYNAMICS`: `inertia` that the motor adds, `offset` of the torque, `load_friction` (friction per
-        transmitted torque, absent where there is none), and `transition`, the velocity within which friction changes
-        sign. The evidence's torques are low-passed at 5 Hz, as they are judged.
+        `inertia` that the motor adds, `offset` of the torque, and `transition`, the velocity within which friction changes
+        sign; friction per transmitted torque is the growth of its law, absent where there is none. The evidence's torques
+        are low-passed at 5 Hz, as they are judged.
 
     Raises:
         InvalidInput: joints, units or channels do not fit.
@@ -158,18 +159,22 @@ def _friction(
         velocity=(*terms.knots.tolist(), terms.top),
         **{name: (*v.tolist(), float(v[-1])) for name, v in values.items()},
     )
-    found = {"offset": (own[2 * k], error[2 * k]), "inertia": (own[2 * k + 1], error[2 * k + 1])}
+    growth, with_load = None, {}
     if own[2 * k + 2] > 1e-9:
-        found["load_friction"] = (own[2 * k + 2], error[2 * k + 2])
-    found["transition"] = (terms.transition, np.nan)
-    linear = joint.unit == "m"
+        growth = Growth(load_driving=float(own[2 * k + 2]), load_driven=float(own[2 * k + 2]))
+        with_load = dict.fromkeys(("load_driving", "load_driven"), float(error[2 * k + 2]))
+    found = {
+        "offset": (own[2 * k], error[2 * k]),
+        "inertia": (own[2 * k + 1], error[2 * k + 1]),
+        "transition": (terms.transition, np.nan),
+    }
     return JointFriction(
         joint=replace(joint, torque_side="joint"),
-        law=Law(rate=law),
-        standard_errors={name: (*e.tolist(), float(e[-1])) for name, e in errors.items()},
+        law=Law(rate=law, growth=growth),
+        standard_errors={name: (*e.tolist(), float(e[-1])) for name, e in errors.items()} | with_load,
         at_bound=tuple(name for name, v in values.items() if np.any(v == 0)),
         dynamics={
-            name: Estimate(value=float(v), unit=DYNAMICS[name][linear], standard_error=float(e))
+            name: Estimate(value=float(v), unit=unit_of(name, joint), standard_error=float(e))
             for name, (v, e) in found.items()
         },
         validity=Validity(velocity=(-terms.top, terms.top), load=loads),

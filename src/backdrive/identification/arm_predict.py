@@ -15,13 +15,8 @@ from backdrive.logs.log import Log
 from backdrive.model import ArmModel, FrictionModel, JointFriction, Quality
 from backdrive.robot import Robot, load_robot
 
-#: Names of `JointFriction.dynamics` -> unit for a rotary and for a linear joint.
-DYNAMICS: dict[str, tuple[str, str]] = {
-    "inertia": ("kg.m^2", "kg"),
-    "offset": ("N.m", "N"),
-    "load_friction": ("1", "1"),
-    "transition": ("rad/s", "m/s"),
-}
+#: Terms that the model of an arm has of every joint.
+DYNAMICS = ("inertia", "offset", "transition")
 
 
 def predict_arm(model: FrictionModel, log: Log, urdf: str | Path | Robot) -> np.ndarray:
@@ -102,22 +97,26 @@ def _arm_of(model: FrictionModel, urdf: str | Path | Robot) -> tuple[ArmModel, R
 def explained(
     s: ArmSignals, robot: Robot, arm: ArmModel, frictions: Sequence[JointFriction]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the predicted torque along a stretch, and its part that is not the friction curve, each (n, J)."""
+    """Return the predicted torque along a stretch, and its part that is not the friction curve, each (n, J).
+
+    The load that a joint carries is what moves and holds the bodies: what friction grows by with it is not of the curve.
+    """
     bodies = Regressor(robot, [s]).bodies(0, robot.base.relation @ np.array(arm.parameters))
     rest, curve = np.empty_like(bodies), np.empty_like(bodies)
     for j, friction in enumerate(frictions):
         value = {name: e.value for name, e in friction.dynamics.items()}
         velocity = s.velocity[:, j]
-        missing = [term for term in ("inertia", "offset", "transition") if term not in value]
+        missing = [term for term in DYNAMICS if term not in value]
         if missing:
             raise InvalidInput(
                 f"Joint '{friction.joint.name}': the arm's model lacks {', '.join(missing)}.",
                 remedy="Identify it again.",
             )
-        sign = np.tanh(velocity / value["transition"])
+        slides = np.abs(np.tanh(velocity / value["transition"]))
         rest[:, j] = bodies[:, j] + value["inertia"] * s.acceleration[:, j] + value["offset"]
-        rest[:, j] += value.get("load_friction", 0.0) * np.abs(bodies[:, j]) * sign
-        curve[:, j] = np.abs(sign) * friction.law.torque(velocity)
+        alone = friction.law.torque(velocity)
+        rest[:, j] += slides * (friction.law.torque(velocity, bodies[:, j]) - alone)
+        curve[:, j] = slides * alone
     return rest + curve, rest
 
 

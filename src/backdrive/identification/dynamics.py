@@ -1,13 +1,9 @@
 """The rest of a joint's inverse dynamics, by term, and the torque that it all adds up to.
 
     tau = inertia (ddq - time_slip dddq) + offset + gravity_sin sin q + gravity_cos cos q
-          + model_torque tau_model + tau_f(dq)
+          + model_torque tau_model + tau_f(dq, l)
 
-and what friction grows by with the load l = g(q) + inertia ddq that the joint carries, where that was found:
-
-    tau_f += sgn(dq) load_dependence (|l| - load_carried)               the law is that under load_carried
-    tau_f += sgn(dq) (load_driving or load_driven) |l|                  where the motor drives (dq l > 0), or is driven back
-
+l = g(q) + inertia ddq is the load that the joint carries, under which friction grows where its law knows how (`laws.growth`).
 `time_slip` is the delay of the measured torque behind the motion as `identify` estimates it: to first order it shows as jerk
 times inertia, which is where an unnoticed slip spoils a friction curve. `delay` is the same as a search estimates it: all of the
 motion, in friction, inertia and gravity, is that of a moment before.
@@ -22,30 +18,12 @@ import numpy as np
 from backdrive.engine import rollout
 from backdrive.errors import InvalidInput
 from backdrive.identification.signals import Signals
+from backdrive.identification.terms import GRAVITY, unit_of
 from backdrive.laws import Rigid
-from backdrive.logs.log import Joint
+from backdrive.laws.growth import pairs
 from backdrive.model import JointFriction
 
-#: Term -> unit for a rotary and for a linear joint.
-TERMS: dict[str, tuple[str, str]] = {
-    "inertia": ("kg.m^2", "kg"),
-    "time_slip": ("s", "s"),
-    "delay": ("s", "s"),
-    "offset": ("N.m", "N"),
-    "gravity_sin": ("N.m", "N"),
-    "gravity_cos": ("N.m", "N"),
-    "model_torque": ("1", "1"),
-    "load_dependence": ("1", "1"),
-    "load_carried": ("N.m", "N"),
-    "load_driving": ("1", "1"),
-    "load_driven": ("1", "1"),
-}
-
-
-def unit_of(term: str, joint: Joint) -> str:
-    """Return the SI unit of a term for this joint."""
-    rotary, linear = TERMS[term]
-    return rotary if joint.unit == "rad" else linear
+__all__ = ["carried", "earlier", "growth_with_load", "increments", "predict", "rest_of_dynamics", "unit_of"]
 
 
 def rest_of_dynamics(friction: JointFriction, signals: Signals) -> np.ndarray:
@@ -71,7 +49,7 @@ def _rest(friction: JointFriction, signals: Signals) -> np.ndarray:
 
 
 def _gravity(friction: JointFriction, signals: Signals) -> np.ndarray | float:
-    value = {k: e.value for k, e in friction.dynamics.items() if k in ("gravity_sin", "gravity_cos")}
+    value = {k: e.value for k, e in friction.dynamics.items() if k in GRAVITY}
     if not value:
         return 0.0
     if signals.position is None:
@@ -80,17 +58,21 @@ def _gravity(friction: JointFriction, signals: Signals) -> np.ndarray | float:
     return value.get("gravity_sin", 0.0) * np.sin(q) + value.get("gravity_cos", 0.0) * np.cos(q)
 
 
-def _growth(friction: JointFriction, signals: Signals) -> np.ndarray | float:
-    """Return what friction grows by with the load that the joint carries [N.m], (n,)."""
-    value = {k: e.value for k, e in friction.dynamics.items() if k.startswith("load_")}
-    if not value:
-        return 0.0
-    inertia = friction.dynamics["inertia"].value if "inertia" in friction.dynamics else 0.0
-    load = _gravity(friction, signals) + inertia * signals.acceleration
-    way = np.sign(signals.velocity)
-    mu = np.where(way * load > 0.0, value.get("load_driving", 0.0), value.get("load_driven", 0.0))
-    even = value.get("load_dependence", 0.0) * (np.abs(load) - value.get("load_carried", 0.0))
-    return way * (mu * np.abs(load) + even)
+def carried(friction: JointFriction, signals: Signals) -> np.ndarray | None:
+    """Return the load that the joint carries [N.m or N], (n,): gravity and what accelerates it; None where nothing tells it.
+
+    Where the model knows neither gravity nor inertia it is the negative of the log's external torque.
+
+    Raises:
+        InvalidInput: the model needs a channel that the log does not hold.
+    """
+    if friction.law.growth is None:
+        return None
+    inertia = friction.dynamics.get("inertia")
+    if inertia is None and not any(term in friction.dynamics for term in GRAVITY):
+        return None if signals.load is None else -signals.load[:, 1]
+    accelerating = 0.0 if inertia is None else inertia.value
+    return _gravity(friction, signals) + accelerating * signals.acceleration
 
 
 def growth_with_load(friction: JointFriction) -> tuple[float, float] | None:
@@ -98,12 +80,8 @@ def growth_with_load(friction: JointFriction) -> tuple[float, float] | None:
 
     None where the model does not say.
     """
-    value = {k: e.value for k, e in friction.dynamics.items() if k.startswith("load_")}
-    if "load_dependence" in value:
-        return value["load_dependence"], value.get("load_carried", 0.0)
-    if "load_driving" in value:
-        return 0.5 * (value["load_driving"] + value.get("load_driven", 0.0)), 0.0
-    return None
+    growth = friction.law.growth
+    return None if growth is None else (growth.mean, growth.load_carried)
 
 
 def _cannot(friction: JointFriction, term: str, channel: str, short: str) -> InvalidInput:
@@ -120,8 +98,8 @@ def predict(friction: JointFriction, signals: Signals) -> np.ndarray:
         InvalidInput: the model needs a channel that the log does not hold.
     """
     then = _then(friction, signals)
-    rest, law, dt = _rest(friction, then) + _growth(friction, then), friction.law, 1.0 / then.rate
-    load = temperature = None
+    rest, law, dt = _rest(friction, then), friction.law, 1.0 / then.rate
+    load, temperature = pairs(carried(friction, then), then.velocity.shape), None
     if "load" in law.rate.NEEDS:
         if then.load is None:
             raise _cannot(friction, "friction that depends on the load", "load", "load")
@@ -131,9 +109,7 @@ def predict(friction: JointFriction, signals: Signals) -> np.ndarray:
             raise _cannot(friction, "friction that depends on the temperature", "temperature", "temp")
         temperature = then.temperature
     if isinstance(law.element, Rigid):
-        if load is None and temperature is None:
-            return rest + law.torque(then.velocity)
-        return rest + rollout(law, dq=then.velocity, dt=dt, load=load, temperature=temperature)
+        return rest + law.torque(then.velocity, load, temperature)
     moved = increments(then.position, then.velocity, dt) / dt
     return rest + rollout(law, dq=moved, dt=dt, load=load, temperature=temperature)
 

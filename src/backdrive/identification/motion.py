@@ -16,12 +16,13 @@ import numpy as np
 
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, design, regression
-from backdrive.identification.dynamics import predict, rest_of_dynamics, unit_of
+from backdrive.identification.dynamics import predict, rest_of_dynamics
 from backdrive.identification.evidence import evidence
 from backdrive.identification.quality import judge
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
 from backdrive.identification.smoothing import smoothing
+from backdrive.identification.terms import unit_of
 from backdrive.logs.log import Joint, Log
 from backdrive.model import Estimate, JointFriction, Validity
 

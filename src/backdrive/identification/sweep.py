@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.identification.dynamics import unit_of
 from backdrive.identification.evidence import evidence
 from backdrive.identification.function_a import SHARE, corrected, function_a
 from backdrive.identification.function_a import literal as literal_pairs
@@ -24,8 +23,9 @@ from backdrive.identification.sweep_fit import SweepFit, fit
 from backdrive.identification.sweep_knots import SweepKnots, ordered, to_polyline
 from backdrive.identification.sweep_shown import error_of_curve, judged, part, verdict
 from backdrive.identification.sweep_windows import find_windows, windows
+from backdrive.identification.terms import unit_of
 from backdrive.identification.timing import Timing
-from backdrive.laws import Law
+from backdrive.laws import Growth, Law
 from backdrive.logs.log import Joint, Log
 from backdrive.model import Estimate, JointFriction, Validity
 
@@ -203,16 +203,19 @@ def _friction(
         term: Estimate(value=value, unit=unit_of(term, joint), standard_error=error)
         for term, (value, error) in {"inertia": inertia, "time_slip": slip, **found.terms}.items()
     }
-    if found.load is not None:
-        for term, value, error in zip(
-            ("load_dependence", "load_carried"), (found.load[0], found.load[2]), (found.load[1], 0.0)
-        ):
-            dynamics[term] = Estimate(value=value, unit=unit_of(term, joint), standard_error=error)
     speeds = np.concatenate([s.velocity for s in flat])
-    errors = {"positive": tuple(found.error_pos.tolist()), "negative": tuple(found.error_neg.tolist())}
+    errors: dict[str, Any] = {
+        "positive": tuple(found.error_pos.tolist()),
+        "negative": tuple(found.error_neg.tolist()),
+    }
+    growth = None
+    if found.load is not None:
+        slope, error, carried = found.load
+        growth = Growth(load_driving=slope, load_driven=slope, load_carried=carried)
+        errors |= {"load_driving": error, "load_driven": error}
     return JointFriction(
         joint=joint,
-        law=Law(rate=found.law),
+        law=Law(rate=found.law, growth=growth),
         standard_errors={} if literal else errors,
         dynamics=dynamics,
         validity=Validity(velocity=(float(speeds.min()), float(speeds.max()))),

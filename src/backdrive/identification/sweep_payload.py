@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.identification.dynamics import unit_of
 from backdrive.identification.evidence import evidence, explained
 from backdrive.identification.load_fit import PayloadGrowth, payload_growth
 from backdrive.identification.result import JointEvidence
@@ -17,8 +16,9 @@ from backdrive.identification.sweep import pairs
 from backdrive.identification.sweep_delay import drive_delays
 from backdrive.identification.sweep_knots import clamped
 from backdrive.identification.sweep_shown import error_of_curve, judged, part
+from backdrive.identification.terms import unit_of
 from backdrive.identification.timing import Timing
-from backdrive.laws import Law
+from backdrive.laws import Growth, Law
 from backdrive.logs.log import Log
 from backdrive.model import Estimate, JointFriction, Validity
 
@@ -43,7 +43,7 @@ def identify_payload(
         timing: as in `identify_sweep`.
 
     Returns:
-        The friction without load, with the terms `load_driving` and `load_driven`, and what is shown of it.
+        The friction without load, whose law grows with it in both directions of power, and what is shown of it.
 
     Raises:
         InvalidInput: the joint is linear; there is not one payload a log, or none that differs.
@@ -74,14 +74,17 @@ def identify_payload(
         "time_slip": (slip, errors[light[0]]),
         "gravity_sin": (float(found.gravity[0]), float(found.gravity_error[0])),
         "gravity_cos": (float(found.gravity[1]), float(found.gravity_error[1])),
-        "load_driving": found.driving,
-        "load_driven": found.driven,
     }
     speeds = np.concatenate([s.velocity for log in stretches for s in log])
     friction = JointFriction(
         joint=about,
-        law=Law(rate=clamped(found.velocity, found.positive, found.negative)),
+        law=Law(
+            rate=clamped(found.velocity, found.positive, found.negative),
+            growth=Growth(load_driving=found.driving[0], load_driven=found.driven[0]),
+        ),
         standard_errors={
+            "load_driving": found.driving[1],
+            "load_driven": found.driven[1],
             "positive": tuple(found.error_pos.tolist()),
             "negative": tuple(found.error_neg.tolist()),
         },

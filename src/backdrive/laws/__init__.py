@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive.errors import InvalidInput
-from backdrive.laws.base import Element, Rate
+from backdrive.laws.base import Element, Rate, Rows
 from backdrive.laws.base import Parameter as Parameter
 from backdrive.laws.elements.bliman_sorine import BlimanSorine as BlimanSorine
 from backdrive.laws.elements.dahl import Dahl as Dahl
@@ -26,6 +26,8 @@ from backdrive.laws.elements.smoothed_gms import SmoothedGMS as SmoothedGMS
 from backdrive.laws.elements.xiong_kikuuwe import ViscoElastoplastic as ViscoElastoplastic
 from backdrive.laws.elements.xiong_kikuuwe import XiongKikuuwe as XiongKikuuwe
 from backdrive.laws.elements.xiong_kikuuwe import XiongKikuuweMulti as XiongKikuuweMulti
+from backdrive.laws.growth import MARK, pairs
+from backdrive.laws.growth import Growth as Growth
 from backdrive.laws.rates.coulomb_viscous import Coulomb as Coulomb
 from backdrive.laws.rates.coulomb_viscous import CoulombViscous as CoulombViscous
 from backdrive.laws.rates.degressive import Degressive as Degressive
@@ -102,10 +104,12 @@ class Law:
     Attributes:
         rate: what the joint resists with at a velocity.
         element: how that torque builds up and lets go.
+        growth: with the load that the joint carries, beside a rate law that does not depend on it itself; None for none.
     """
 
     rate: Rate
     element: Element = field(default_factory=Rigid)
+    growth: Growth | None = None
 
     def __post_init__(self):
         for name, kind, remedy in (
@@ -121,11 +125,29 @@ class Law:
                 "there is no Coulomb torque that a presliding element could build up to.",
                 remedy="Use element 'none' with it, or a Stribeck rate law with this element.",
             )
+        if self.growth is None:
+            return
+        if not isinstance(self.growth, Growth):
+            what = type(self.growth).__name__
+            raise InvalidInput(
+                f"The growth of a law is a {what}.",
+                remedy="Give Growth(load_driving=..., load_driven=..., load_carried=...).",
+            )
+        if "load" in self.rate.NEEDS:
+            raise InvalidInput(
+                f"'{self.rate.NAME}' grows with the load by itself.",
+                remedy="Leave `growth` out, or give it to a law that does not know the load.",
+            )
 
     @property
     def name(self) -> str:
         """Return `rate`, or `rate+element` where there is presliding."""
         return self.rate.NAME if isinstance(self.element, Rigid) else f"{self.rate.NAME}+{self.element.NAME}"
+
+    @property
+    def parts(self) -> tuple[Rows, ...]:
+        """Return what holds the law's numbers: rate law, element, and its growth where it has one."""
+        return (self.rate, self.element) if self.growth is None else (self.rate, self.element, self.growth)
 
     def state(self) -> np.ndarray:
         """Return the state of a joint at rest and relaxed, with as much room for `solve`, (2 S,)."""
@@ -134,29 +156,58 @@ class Law:
     def row(self) -> np.ndarray:
         """Return the row that `kernels` reads, (1 + m + e,)."""
         rate = self.rate.row()
-        return np.concatenate([[rate.size], rate, self.element.row()])
+        if self.growth is None:
+            return np.concatenate([[rate.size], rate, self.element.row()])
+        grown = self.growth.row()
+        return np.concatenate([[rate.size + grown.size + MARK], rate, grown, self.element.row()])
 
-    def torque(self, velocity: np.ndarray | float) -> np.ndarray:
-        """Return the steady friction torque of the rate law at a velocity, without load and, where it counts, at 20 degC.
+    @property
+    def usual_load(self) -> tuple[float, float]:
+        """Return the pair that stands where no load is given: none; of a law that grows, an unknown one, that of its curve."""
+        return (0.0, 0.0) if self.growth is None else (0.0, float("nan"))
+
+    def torque(
+        self,
+        velocity: np.ndarray | float,
+        load: np.ndarray | float | None = None,
+        temperature: np.ndarray | float | None = None,
+    ) -> np.ndarray:
+        """Return the steady friction torque of the rate law at a velocity.
 
         Args:
             velocity: joint velocity [rad/s or m/s], any shape.
+            load: that the joint carries [N.m or N], one number or the shape of `velocity`; or pairs of motor-side and external
+                torque, that shape and (2,). None: that under which the curve was identified, or none.
+            temperature: [degC], one number or the shape of `velocity`; None: 20.
 
         Returns:
             Friction torque [N.m or N], the shape of `velocity`; 0 at zero velocity.
+
+        Raises:
+            InvalidInput: shapes do not match.
         """
         from backdrive.laws import kernels
 
         v = np.asarray(velocity, dtype=np.float64)
+        try:
+            loads = pairs(load, v.shape)
+            temps = None if temperature is None else np.broadcast_to(np.asarray(temperature, float), v.shape)
+        except ValueError as error:
+            raise InvalidInput(
+                f"Load or temperature do not have the shape of the velocities, {v.shape}: {error}.",
+                remedy="Give one number, or one a velocity.",
+            ) from error
+        loads = np.array([self.usual_load] if loads is None else loads.reshape(-1, 2))
+        temps = np.array([REFERENCE] if temps is None else np.ravel(temps))
         out = np.empty(v.size)
-        kernels.steady(self.rate.KIND, self.row(), np.ravel(v), (0.0, 0.0), REFERENCE, out)
+        kernels.steady(self.rate.KIND, self.row(), np.ravel(v), loads, temps, out)
         return out.reshape(v.shape)
 
     def coulomb(self) -> tuple[float, float]:
         """Return F_p and F_n of Iwatani 2017, (3.1): friction at the slowest motion along +q and along -q [N.m or N]."""
         from backdrive.laws import kernels
 
-        lo, hi, _ = kernels.limits(self.rate.KIND, self.row(), 0.0, (0.0, 0.0), REFERENCE)
+        lo, hi, _ = kernels.limits(self.rate.KIND, self.row(), 0.0, self.usual_load, REFERENCE)
         return float(hi), float(-lo)
 
     def phi(self, velocity: np.ndarray | float) -> np.ndarray:
@@ -171,6 +222,11 @@ class Law:
         v = np.asarray(velocity, dtype=np.float64)
         forwards, backwards = self.coulomb()
         return self.torque(v) - np.where(v > 0.0, forwards, np.where(v < 0.0, -backwards, 0.0))
+
+
+def carried(law: Rate | Law, element: Element) -> Law:
+    """Return a rate law, or that of a law and its growth with the load, carried by a presliding element."""
+    return replace(law, element=element) if isinstance(law, Law) else Law(rate=law, element=element)
 
 
 def rate_law(name: str) -> type[Rate]:

@@ -1,10 +1,11 @@
 """The ladder: one compiled entry for every law, chosen by an integer.
 
-A law is a row `p`: p[0] is the number m of rate-law parameters, p[1:1+m] the rate law's row, p[1+m:] the element's.
-A rate law reads its row from p[1] on, an element from p[e] on: a slice would cost more than the law. `rate` and `element` are
-the integers of their classes; `x` is the element's state, followed by as much room for `solve` to keep it while it tries
-steps; `load` is the pair of motor-side and external torque, a tuple, `temp` the temperature. `limits`, `step` and `solve` are
-the three kernels that a law offers.
+A law is a row `p`: p[0] is the number m of rate-law parameters, p[1:1+m] the rate law's row, p[1+m:] the element's. Where
+friction grows with the load, p[0] is m + 1/2, and the last of the m numbers say how (`growth`). A rate law reads its row from
+p[1] on, an element from p[e] on: a slice would cost more than the law. `rate` and `element` are the integers of their
+classes; `x` is the element's state, followed by as much room for `solve` to keep it while it tries steps; `load` is the pair
+of motor-side and external torque, a tuple, `temp` the temperature. `limits`, `step` and `solve` are the three kernels that a
+law offers.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from backdrive._jit import jit, ladder
+from backdrive.laws import growth
 from backdrive.laws.elements import (
     bliman_sorine,
     dahl,
@@ -47,8 +49,8 @@ FASTEST = 1e100  # beyond this speed [rad/s or m/s] a velocity counts as this on
 
 
 @ladder
-def limits(rate, p, v, load, temp):
-    """Rate law at velocity v: (lo, hi, viscous)."""
+def curve(rate, p, v, load, temp):
+    """Rate law at velocity v, without its growth with the load: (lo, hi, viscous)."""
     if rate == 0:
         return coulomb_viscous.limits(p, v, load, temp)
     if rate == 1:
@@ -70,6 +72,16 @@ def limits(rate, p, v, load, temp):
     if rate == 9:
         return gear_load.limits(p, v, load, temp)
     return np.nan, np.nan, np.nan
+
+
+@ladder
+def limits(rate, p, v, load, temp):
+    """Rate law at velocity v under a load: (lo, hi, viscous)."""
+    lo, hi, viscous = curve(rate, p, v, load, temp)
+    m = int(p[0])
+    if p[0] > m:
+        lo, hi = growth.grown(p, m + 1 - growth.ROW, v, load, lo, hi, viscous)
+    return lo, hi, viscous
 
 
 @ladder
@@ -219,7 +231,9 @@ def _excess(rate, element, p, x, speed, toward, v_free, dt, dt_over_m, load, tem
 
 @jit
 def steady(rate, p, v, load, temp, out):
-    """Fill `out` with the steady friction torque at the velocities `v`; 0 at v = 0."""
+    """Fill `out` with the steady friction torque at the velocities `v` (n,), under loads (n, 2) or (1, 2); 0 at v = 0."""
+    loads, temps = load.shape[0] > 1, temp.size > 1
     for i in range(v.size):
-        lo, hi, viscous = limits(rate, p, v[i], load, temp)
+        j = i if loads else 0
+        lo, hi, viscous = limits(rate, p, v[i], (load[j, 0], load[j, 1]), temp[i if temps else 0])
         out[i] = none.step(lo, hi, v[i]) + viscous

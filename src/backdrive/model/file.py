@@ -12,10 +12,11 @@ from msgspec import Meta
 from backdrive import model as m
 from backdrive._files import read_whole, write_whole
 from backdrive.errors import BackdriveError, ModelFileError
-from backdrive.laws import Law, element, rate_law
+from backdrive.laws import Growth, Law, element, rate_law
 from backdrive.laws.base import Rows
 from backdrive.logs.log import Joint, Source
 from backdrive.model.bounds import check_document, check_errors, check_law, check_twice, placed
+from backdrive.model.former import beside_the_law, growth_of
 
 FORMAT, SCHEMA = "backdrive-friction-model", 1
 MAX_BYTES = 10_000_000
@@ -70,6 +71,7 @@ class _Joint(msgspec.Struct, forbid_unknown_fields=True):
     validity: _Validity
     encoder_counts: Number = None
     element_parameters: _Values = {}
+    growth: _Values | msgspec.UnsetType = msgspec.UNSET  # with the load; absent where the law has none
     dynamics: _Values = {}
     fitted: _Quality | None = None
     held_out: _Quality | None = None
@@ -148,6 +150,9 @@ def encode(model: m.FrictionModel) -> bytes:
             law=_Law(j.law.rate.NAME, j.law.element.NAME),
             parameters=_values(j.law.rate, j.joint.unit, dict(j.standard_errors), j.at_bound),
             element_parameters=_values(j.law.element, j.joint.unit, dict(j.standard_errors), j.at_bound),
+            growth=_values(j.law.growth, j.joint.unit, dict(j.standard_errors), j.at_bound)
+            if j.law.growth
+            else msgspec.UNSET,
             validity=_Validity(j.validity.velocity, j.validity.load, j.validity.temperature),
             dynamics={
                 k: _Value(e.value, e.unit, _null(e.standard_error)) for k, e in sorted(j.dynamics.items())
@@ -238,7 +243,16 @@ def _joint(j: _Joint, where: str) -> m.JointFriction:
         kinds = rate_law(j.law.rate), element(j.law.element)
     rate = _rows(kinds[0], j.parameters, f"{where}.parameters", j.unit)
     carrier = _rows(kinds[1], j.element_parameters, f"{where}.element_parameters", j.unit)
+    dynamics = _dynamics(j.dynamics, f"{where}.dynamics")
+    numbers, growth = j.parameters | j.element_parameters, None
+    if j.growth is not msgspec.UNSET:
+        growth = _rows(Growth, j.growth, f"{where}.growth", j.unit)
+        numbers = numbers | j.growth
     with placed(where):
+        errors = _errors(numbers)
+        if growth is None and beside_the_law(rate, dynamics):
+            growth, dynamics, more = growth_of(dynamics)
+            errors = errors | more
         friction = m.JointFriction(
             joint=Joint(
                 name=j.name,
@@ -247,10 +261,10 @@ def _joint(j: _Joint, where: str) -> m.JointFriction:
                 gear_ratio=j.gear_ratio,
                 encoder_counts=j.encoder_counts,
             ),
-            law=Law(rate=rate, element=carrier),
-            standard_errors=_errors(j.parameters) | _errors(j.element_parameters),
-            at_bound=tuple(k for k, v in (j.parameters | j.element_parameters).items() if v.at_bound),
-            dynamics=_dynamics(j.dynamics, f"{where}.dynamics"),
+            law=Law(rate=rate, element=carrier, growth=growth),
+            standard_errors=errors,
+            at_bound=tuple(k for k, v in numbers.items() if v.at_bound),
+            dynamics=dynamics,
             validity=m.Validity(
                 velocity=j.validity.velocity, load=j.validity.load, temperature=j.validity.temperature
             ),

@@ -81,7 +81,7 @@ class JointFriction:
     Attributes:
         joint: whose friction it is.
         law: rate law and presliding element with their values.
-        standard_errors: by parameter of the rate law, one number or one a knot [its unit].
+        standard_errors: by parameter of the law (rate law, element, growth), one number or one a knot [its unit].
         at_bound: names of parameters that ended at a bound of their range.
         dynamics: the rest of the inverse dynamics found beside the friction, by term (see
             `identification.dynamics`): inertia, offset, gravity_sin, gravity_cos, ...
@@ -203,29 +203,44 @@ class FrictionModel:
             joint = dict(enumerate(self.names)).get(int(joint), str(joint))
         return lookup(str(joint), dict(zip(self.names, self.joints)), "joint of this model")
 
-    def torque(self, joint: str | int, dq: np.ndarray | float) -> np.ndarray:
-        """Return a joint's steady friction torque at a velocity.
+    def torque(
+        self,
+        joint: str | int,
+        dq: np.ndarray | float,
+        load: np.ndarray | float | None = None,
+        temperature: np.ndarray | float | None = None,
+    ) -> np.ndarray:
+        """Return a joint's steady friction torque at a velocity, under a load and at a temperature.
 
         Args:
             joint: name or position.
             dq: joint velocity [rad/s or m/s], any shape.
+            load: that the joint carries, gravity and what accelerates it, positive along +q [N.m or N], one number or the shape of
+                `dq`; or pairs of motor-side and external torque, that shape and (2,). None: the load under which the curve was
+                identified, or none where the model does not know how friction grows with it.
+            temperature: for laws that depend on it [degC], one number or the shape of `dq`; None: 20.
 
         Returns:
             tau_f [N.m or N], positive for positive velocity, 0 at rest; the shape of `dq`.
 
         Raises:
             UnknownName: no such joint.
-            InvalidInput: a velocity is not finite.
+            InvalidInput: a velocity, load or temperature is not finite, or their shapes do not match.
 
         Warns:
             ExtrapolationWarning: a velocity is outside the validity range.
             NegativeFrictionWarning: at a velocity friction drives the motion instead of resisting it.
         """
         velocity = np.asarray(dq, dtype=np.float64)
-        if not np.all(np.isfinite(velocity)):
-            raise InvalidInput("A velocity is NaN or infinite.", remedy="Give finite velocities.")
+        for name, plural, value in (
+            ("velocity", "velocities", velocity),
+            ("load", "loads", load),
+            ("temperature", "temperatures", temperature),
+        ):
+            if value is not None and not np.all(np.isfinite(value)):
+                raise InvalidInput(f"A {name} is NaN or infinite.", remedy=f"Give finite {plural}.")
         friction = self.joint(joint)
-        torque = friction.law.torque(velocity)
+        torque = friction.law.torque(velocity, load, temperature)
         if said := friction.extrapolated(velocity):
             warnings.warn(said, ExtrapolationWarning, stacklevel=2)
         if np.any(wrong := torque * velocity < 0.0):

@@ -100,7 +100,7 @@ def _grouped(count: float) -> str:
 
 
 def _laws(friction: JointFriction):
-    for rows in (friction.law.rate, friction.law.element):
+    for rows in friction.law.parts:
         for name, parameter in rows.PARAMETERS.items():
             yield name, parameter, getattr(rows, name)
 

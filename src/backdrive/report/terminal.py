@@ -67,7 +67,7 @@ def _parameters(friction: JointFriction) -> Any:
     table = _new_table(
         ("parameter", "left"), ("value ± std. error", "right"), ("unit", "left"), ("bounds", "left")
     )
-    for rows in (friction.law.rate, friction.law.element):
+    for rows in friction.law.parts:
         for name, parameter in rows.PARAMETERS.items():
             if parameter.many:
                 continue
@@ -87,7 +87,7 @@ def _parameters(friction: JointFriction) -> Any:
 def _knots(friction: JointFriction) -> Any:
     many = [
         (name, parameter, getattr(rows, name))
-        for rows in (friction.law.rate, friction.law.element)
+        for rows in friction.law.parts
         for name, parameter in rows.PARAMETERS.items()
         if parameter.many
     ]

@@ -21,8 +21,6 @@ TERMS = {
     "gravity_sin": "gravity, sin q part",
     "gravity_cos": "gravity, cos q part",
     "model_torque": "share of the modelled torque",
-    "load_friction": "friction per transmitted torque",
-    "load_dependence": "friction per carried load",
     "load_carried": "load at which the curve holds",
     "load_driving": "friction per carried load, lifting",
     "load_driven": "friction per carried load, driven back",

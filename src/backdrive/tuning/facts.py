@@ -13,7 +13,7 @@ import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.dynamics import growth_with_load
-from backdrive.laws import REFERENCE, Law, Polyline, kernels
+from backdrive.laws import REFERENCE, Growth, Law, Polyline
 from backdrive.laws.base import Rate
 from backdrive.model import JointFriction
 from backdrive.tuning import rules
@@ -43,6 +43,7 @@ class Facts:
         name: of the joint.
         unit: `rad` or `m`.
         rate: rate law that the compensator runs.
+        growth: of friction with the load that the joint carries; None where the model does not know it.
         coulomb: F, the mean of both directions [N.m or N].
         friction: interval of the factor on friction [-].
         stiffness: K_c, what the encoder sees of presliding: transmission and contact in series, the likely value
@@ -76,6 +77,7 @@ class Facts:
     motor_share: float = MOTOR_SHARE
     damping: Interval = DAMPING
     contact: Interval = CONTACT
+    growth: Growth | None = None
     noise: float = 0.0
     delay: float = 1e-3
     interval: float = 1e-3
@@ -132,9 +134,8 @@ def curve_of(law: Law, top: float, *, factor: float = 1.0, temperature: float = 
     speeds = np.concatenate([[top / 500.0], np.geomspace(top / 100.0, top, SPEEDS - 1)])
     branches = []
     for way in (1.0, -1.0):
-        out = np.empty(speeds.size)
-        kernels.steady(law.rate.KIND, law.row(), way * speeds, (0.0, 0.0), temperature, out)
-        branches.append(tuple(np.maximum(factor * way * out, 0.0).tolist()))
+        torque = way * law.torque(way * speeds, temperature=temperature)
+        branches.append(tuple(np.maximum(factor * torque, 0.0).tolist()))
     return Polyline(velocity=tuple(speeds.tolist()), positive=branches[0], negative=branches[1])
 
 
@@ -244,6 +245,7 @@ def facts_of(
         name=joint.name,
         unit=joint.unit,
         rate=law.rate,
+        growth=law.growth,
         coulomb=coulomb,
         friction=(1.0 - error - low, 1.0 + error + high),
         stiffness=K_c,

@@ -124,6 +124,7 @@ def tune(
         unit=facts.unit,
         goal=goal,
         rate=facts.rate,
+        growth=facts.growth,
         top_speed=facts.top_speed,
         inertia=facts.inertia,
         interval=facts.interval,

@@ -15,7 +15,7 @@ from backdrive.control.estimators.external import ExternalForce
 from backdrive.control.estimators.friction import alg_fe
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput
-from backdrive.laws import Law
+from backdrive.laws import Growth, Law
 from backdrive.laws.base import Rate
 from backdrive.tuning.facts import shared
 
@@ -65,6 +65,7 @@ class Tuning:
         unit: `rad` or `m`.
         goal: what they were chosen for.
         rate: rate law of the model, all of it: compensator and, for `admit`, estimator take `share` of it.
+        growth: of friction with the load, of which they take as much; None where the model does not know it.
         top_speed: fastest that the model has seen, no limit of the joint [rad/s or m/s].
         inertia: of the joint [kg.m^2 or kg].
         interval: sampling time that they are for [s].
@@ -87,6 +88,7 @@ class Tuning:
     top_speed: float
     inertia: float
     interval: float
+    growth: Growth | None = None
     encoder_count: float | None = None
     trip_speed: float | None = None
     limit: float | None = None
@@ -114,13 +116,13 @@ class Tuning:
         """
         if self.goal in ("estimate", "admit"):
             return nothing()
-        sine = None
+        law, sine = Law(rate=self.rate, growth=self.growth), None
         if dither and self["dither_share"] > 0.0:
             sine = Dither(share=self["dither_share"], frequency=self["dither_frequency"], mode="reset")
         if not switching:
-            return alg_fc(self.rate, self["stiffness"], self["decay_rate"], sine, self["share"])
+            return alg_fc(law, self["stiffness"], self["decay_rate"], sine, self["share"])
         return alg_fc2(
-            self.rate,
+            law,
             self["stiffness"],
             self["threshold"],
             self["decay_rate"],
@@ -133,9 +135,11 @@ class Tuning:
     def external(self) -> ExternalForce:
         """Return the estimator of the external force; for `admit` it takes `share` of the friction."""
         share = self["share"] if self.goal == "admit" else 1.0
+        growth = None if self.growth is None else self.growth.scaled(share)
+        law = Law(rate=shared(self.rate, share, self.top_speed), growth=growth)
         return ExternalForce(
             inertia=self.inertia,
-            friction=alg_fe(shared(self.rate, share, self.top_speed), self["stiffness"], self["decay_rate"]),
+            friction=alg_fe(law, self["stiffness"], self["decay_rate"]),
             filter=MotionFilter(
                 gain=self["filter_gain"],
                 ratio=self["filter_ratio"],

@@ -14,7 +14,7 @@ import msgspec
 from backdrive import _documents as documents
 from backdrive._files import read_whole, write_whole
 from backdrive.errors import BackdriveError, ModelFileError
-from backdrive.laws import rate_law
+from backdrive.laws import Growth, rate_law
 from backdrive.parameters import NOT_NEGATIVE, POSITIVE, Bound, fault
 from backdrive.tuning.bounds import BOUNDS
 from backdrive.tuning.tuning import NAMES, Number, Tuning
@@ -60,6 +60,7 @@ class _Joint(msgspec.Struct, forbid_unknown_fields=True):
     inertia: float
     interval: float
     numbers: dict[str, _Number]
+    growth: dict[str, float] | None = None
     encoder_count: float | None = None
     trip_speed: float | None = None
     limit: float | None = None
@@ -85,6 +86,8 @@ def plain(tuning: Tuning) -> dict[str, Any]:
     """Return a tuning as numbers and words alone."""
     found = {name: getattr(tuning, name) for name in PLAIN}
     found["rate"] = {"name": tuning.rate.NAME, "parameters": tuning.rate.values()}
+    if tuning.growth is not None:
+        found["growth"] = tuning.growth.values()
     found["numbers"] = {name: asdict(number) for name, number in tuning.numbers.items()}
     for name in TABLES:
         found[name] = dict(getattr(tuning, name))
@@ -161,6 +164,7 @@ def _tuning(joint: _Joint, where: str) -> Tuning:
         tuning = Tuning(
             **{name: getattr(joint, name) for name in (*PLAIN, *TABLES)},
             rate=rate_law(joint.rate.name)(**values),
+            growth=None if joint.growth is None else Growth(**joint.growth),
             numbers=kept,
             notes=tuple(joint.notes),
         )

@@ -6,7 +6,7 @@ from backdrive.control.compensators.compensator import SHARE, Compensator
 from backdrive.control.compensators.dither import Dither
 from backdrive.control.compensators.extras import BristleObserver, DisturbanceObserver, Pulses
 from backdrive.control.estimators.friction import FrictionEstimator, alg_fe, alg_fe2
-from backdrive.laws import Decaying, Law, LuGre, ViscoElastoplastic
+from backdrive.laws import Decaying, Law, LuGre, ViscoElastoplastic, carried
 from backdrive.laws.base import Rate
 
 
@@ -15,23 +15,23 @@ def nothing() -> Compensator:
     return Compensator()
 
 
-def mahvash_okamura(rate: Rate, stiffness: float, share: float = SHARE) -> Compensator:
+def mahvash_okamura(rate: Rate | Law, stiffness: float, share: float = SHARE) -> Compensator:
     """Return Mahvash and Okamura's compensator with a rate law: Iwatani 2017, (2.22).
 
     With Coulomb friction alone it is the thesis' MO, (2.24); with a linear viscosity MOL, (2.25); with an identified curve MOP. The
     viscous part sees the encoder's velocity, as in (2.22b); in algFC, (3.27j), it sees the slider's.
 
     Args:
-        rate: rate law.
+        rate: rate law, or the law whose rate law and growth with the load are taken.
         stiffness: K [N.m/rad or N/m].
         share: R [-].
     """
-    law = Law(rate=rate, element=ViscoElastoplastic(stiffness=stiffness, damping=0.0))
+    law = carried(rate, ViscoElastoplastic(stiffness=stiffness, damping=0.0))
     return Compensator(friction=FrictionEstimator(law=law), share=share)
 
 
 def alg_fc(
-    rate: Rate,
+    rate: Rate | Law,
     stiffness: float,
     decay_rate: float = 20.0,
     dither: Dither | None = None,
@@ -40,7 +40,7 @@ def alg_fc(
     """Return algFC, Iwatani 2017, (3.27): with `decay_rate` 0 its C and CD, otherwise P and PD.
 
     Args:
-        rate: rate law.
+        rate: rate law, or the law whose rate law and growth with the load are taken.
         stiffness: K [N.m/rad or N/m].
         decay_rate: alpha [1/s].
         dither: for CD and PD.
@@ -50,7 +50,7 @@ def alg_fc(
 
 
 def alg_fc2(
-    rate: Rate,
+    rate: Rate | Law,
     stiffness: float,
     threshold: float,
     decay_rate: float = 20.0,
@@ -62,7 +62,7 @@ def alg_fc2(
     """Return algFC2, Iwatani 2017, (3.28) corrected: the decay rate goes up in motion.
 
     Args:
-        rate: rate law.
+        rate: rate law, or the law whose rate law and growth with the load are taken.
         stiffness: K [N.m/rad or N/m].
         threshold: V_W, put between two counts [rad/s or m/s].
         decay_rate: alpha_N [1/s].
@@ -76,38 +76,43 @@ def alg_fc2(
 
 
 def aung(
-    rate: Rate, stiffness: float, damping: float, count: float, share: float = SHARE, frequency: float = 15.0
+    rate: Rate | Law,
+    stiffness: float,
+    damping: float,
+    count: float,
+    share: float = SHARE,
+    frequency: float = 15.0,
 ) -> Compensator:
     """Return a compensator of three parts after Aung, Kikuuwe and Yamamoto (ASME JDSMC 137(5), 2015).
 
     A dither held to a few counts at rest, the rate law in motion, and a visco-elastic contact between them.
 
     Args:
-        rate: rate law.
+        rate: rate law, or the law whose rate law and growth with the load are taken.
         stiffness: K [N.m/rad or N/m].
         damping: B [N.m.s/rad or N.s/m].
         count: of the encoder [rad or m].
         share: R [-].
         frequency: of the dither [Hz].
     """
-    law = Law(rate=rate, element=ViscoElastoplastic(stiffness=stiffness, damping=damping))
+    law = carried(rate, ViscoElastoplastic(stiffness=stiffness, damping=damping))
     dither = Dither(share=0.9, frequency=frequency, mode="adaptive", count=count, window=1.05 / frequency)
     return Compensator(friction=FrictionEstimator(law=law), share=share, dither=dither)
 
 
 def impulsive(
-    rate: Rate, stiffness: float, pulses: Pulses, decay_rate: float = 20.0, share: float = SHARE
+    rate: Rate | Law, stiffness: float, pulses: Pulses, decay_rate: float = 20.0, share: float = SHARE
 ) -> Compensator:
     """Return algFC with pulses where the joint is stuck off its reference."""
-    law = Law(rate=rate, element=Decaying(stiffness=stiffness, decay_rate=decay_rate))
+    law = carried(rate, Decaying(stiffness=stiffness, decay_rate=decay_rate))
     return Compensator(friction=FrictionEstimator(law=law), share=share, extra=pulses)
 
 
 def lugre_observer(
-    rate: Rate, element: LuGre, observer: BristleObserver | None = None, share: float = SHARE
+    rate: Rate | Law, element: LuGre, observer: BristleObserver | None = None, share: float = SHARE
 ) -> Compensator:
     """Return the LuGre observer of Canudas de Wit and Lischinsky (1997), adaptive where its `adaptation` is not 0."""
-    law = Law(rate=rate, element=element)
+    law = carried(rate, element)
     return Compensator(friction=FrictionEstimator(law=law), share=share, extra=observer or BristleObserver())
 
 

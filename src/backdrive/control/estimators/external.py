@@ -179,7 +179,8 @@ class ExternalForce:
             position: encoder readings [rad or m], (n,).
             torque: commands of the ticks; command k acts after reading k [N.m or N], (n,).
             dt: sampling time [s].
-            known: torque of gravity and other joints [N.m or N], (n,); None: that of `gravity_sin`, `gravity_cos` alone.
+            known: torque of gravity and other joints [N.m or N], (n,); None: that of `gravity_sin`, `gravity_cos` alone. All of
+                it is the load of a law that grows.
 
         Returns:
             External force and friction [N.m or N], (n,) each.
@@ -196,14 +197,19 @@ class ExternalForce:
             )
         out = np.empty((q.size, 2))
         law = self.friction.law
-        along(self.row(dt), law.row(), law.state(), self.start(float(q[0])), q, u, g, dt, out)
+        outside = np.zeros(1)
+        if law.growth is not None:
+            carried = g + self.gravity_sin * np.sin(q) + self.gravity_cos * np.cos(q)
+            told = known is not None or self.gravity_sin != 0.0 or self.gravity_cos != 0.0
+            outside = -carried if told else np.full(1, np.nan)
+        along(self.row(dt), law.row(), law.state(), self.start(float(q[0])), q, u, g, outside, dt, out)
         force, friction = out.T
         return force, friction
 
 
 @jit
-def along(c, p, x, s, q, u, known, dt, out):
-    """Fill `out` with external force and friction along a log."""
+def along(c, p, x, s, q, u, known, outside, dt, out):
+    """Fill `out` with external force and friction along a log; `outside`: external torque that laws see, (n,) or (1,)."""
     for k in range(q.size):
         before = k - 1 if k > 0 else 0
         out[k, 0], out[k, 1] = tick(
@@ -218,7 +224,7 @@ def along(c, p, x, s, q, u, known, dt, out):
             dt,
             u[before] if k > 0 else known[0],
             known[k],
-            (u[before], 0.0),
+            (u[before], outside[k if outside.size > 1 else 0]),
             20.0,
             1.0,
         )

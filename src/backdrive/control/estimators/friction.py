@@ -19,7 +19,7 @@ import numpy as np
 
 from backdrive._jit import jit
 from backdrive.errors import InvalidInput
-from backdrive.laws import Coulomb, DeadZone, Decaying, HaywardArmstrong, Law, kernels
+from backdrive.laws import Coulomb, DeadZone, Decaying, HaywardArmstrong, Law, carried, kernels
 from backdrive.laws.base import Rate
 
 ROW = 7  # rate, element, place of alpha in the row or 0, alpha_N, alpha_H, r_W, V_W
@@ -98,23 +98,23 @@ def between_counts(threshold: float, count: float, dt: float) -> float:
     return threshold if count == 0.0 else (np.floor(threshold * dt / count + 1e-6) + 0.5) * count / dt
 
 
-def ct(rate: Rate, threshold: float) -> FrictionEstimator:
+def ct(rate: Rate | Law, threshold: float) -> FrictionEstimator:
     """Return CT, the rate law with a dead zone of velocity: Iwatani 2017, (4.17)."""
-    return FrictionEstimator(law=Law(rate=rate, element=DeadZone(threshold=threshold)))
+    return FrictionEstimator(law=carried(rate, DeadZone(threshold=threshold)))
 
 
-def ha(rate: Rate, stiffness: float) -> FrictionEstimator:
+def ha(rate: Rate | Law, stiffness: float) -> FrictionEstimator:
     """Return HA, Hayward and Armstrong's contact: Iwatani 2017, (4.8)."""
-    return FrictionEstimator(law=Law(rate=rate, element=HaywardArmstrong(stiffness=stiffness)))
+    return FrictionEstimator(law=carried(rate, HaywardArmstrong(stiffness=stiffness)))
 
 
-def alg_fe(rate: Rate, stiffness: float, decay_rate: float = 20.0) -> FrictionEstimator:
+def alg_fe(rate: Rate | Law, stiffness: float, decay_rate: float = 20.0) -> FrictionEstimator:
     """Return algFE, the decaying contact: Iwatani 2017, (4.16)."""
-    return FrictionEstimator(law=Law(rate=rate, element=Decaying(stiffness=stiffness, decay_rate=decay_rate)))
+    return FrictionEstimator(law=carried(rate, Decaying(stiffness=stiffness, decay_rate=decay_rate)))
 
 
 def alg_fe2(
-    rate: Rate,
+    rate: Rate | Law,
     stiffness: float,
     threshold: float,
     decay_rate: float = 20.0,
@@ -122,7 +122,7 @@ def alg_fe2(
     switch_rate: float = 10.0,
 ) -> FrictionEstimator:
     """Return algFE2, the decaying contact that lets go faster in motion: Iwatani 2017, (4.20), corrected."""
-    law = Law(rate=rate, element=Decaying(stiffness=stiffness, decay_rate=decay_rate))
+    law = carried(rate, Decaying(stiffness=stiffness, decay_rate=decay_rate))
     return FrictionEstimator(law=law, fast_decay=fast_decay, switch_rate=switch_rate, threshold=threshold)
 
 

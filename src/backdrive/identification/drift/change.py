@@ -221,12 +221,15 @@ def _under_the_same_load(first: JointFriction, second: JointFriction) -> tuple[J
             f"Only the {says} model says how friction grows with the load; the {other} does not say under which load its curve "
             "holds, and the difference may be that."
         ]
+    growth = second.law.growth
+    assert growth is not None
     moved, rate = after[0] * (before[1] - after[1]), second.law.rate
     if abs(moved) <= 1e-9 * max(before[1], after[1], 1.0) or not isinstance(rate, Polyline):
         return second, []
     up, down = (tuple(max(f + moved, 0.0) for f in side) for side in (rate.positive, rate.negative))
     said = f"The second curve, which holds under {after[1]:.3g} {first.joint.torque_unit}, was brought to the first one's load, "
-    law = replace(second.law, rate=replace(rate, positive=up, negative=down))
+    growth = replace(growth, load_carried=before[1])
+    law = replace(second.law, rate=replace(rate, positive=up, negative=down), growth=growth)
     return replace(second, law=law), [f"{said}{before[1]:.3g} {first.joint.torque_unit}."]
 
 

@@ -15,10 +15,10 @@ from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.joint_fit import Task
 from backdrive.identification.dynamic.law_fit import fit_law
 from backdrive.identification.dynamic.result import finish
-from backdrive.identification.dynamics import unit_of
 from backdrive.identification.options import Options
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.smoothing import smoothing
+from backdrive.identification.terms import unit_of
 from backdrive.laws import RATES, rate_law
 from backdrive.logs.log import Log
 from backdrive.model import Estimate, JointFriction

@@ -10,11 +10,11 @@ import numpy as np
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.torque import Stretch
 from backdrive.identification.dynamic.unknowns import shares
-from backdrive.identification.dynamics import unit_of
 from backdrive.identification.evidence import evidence
 from backdrive.identification.quality import judge
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals
+from backdrive.identification.terms import unit_of
 from backdrive.logs.log import Joint
 from backdrive.model import Estimate, JointFriction, Validity
 

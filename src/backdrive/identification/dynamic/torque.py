@@ -16,8 +16,9 @@ from backdrive.engine import Lanes
 from backdrive.errors import NotIdentifiable
 from backdrive.identification.dynamic.problem import Problem
 from backdrive.identification.dynamic.unknowns import LawShape, Scales, Unknown
-from backdrive.identification.dynamics import TERMS, earlier, increments
+from backdrive.identification.dynamics import earlier, increments
 from backdrive.identification.signals import Signals
+from backdrive.identification.terms import TERMS
 from backdrive.laws import REFERENCE, DeadZone, Law
 
 if TYPE_CHECKING:

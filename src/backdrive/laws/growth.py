@@ -1,0 +1,103 @@
+"""Growth with the load, which any rate law may carry: what the gears transmit presses them together.
+
+    hi += mu (|l| - l_0),   lo -= mu (|l| - l_0),   mu = mu_d where l v > 0,   mu_b elsewhere
+
+l: load that the joint carries, gravity and what accelerates it: the negative of the external torque of the pair `load` [N.m or N].
+mu_d: growth where the motor drives the load, mu_b: where the load drives the motor back [-]. l_0: load under which the curve was
+identified, and which holds where nobody knows the load (NaN): then nothing grows. Less load narrows the bounds, but never so far
+that friction would drive. Friction in proportion to the transmitted torque: Dohring, Lee, Newman, ICRA 1993; two directions of
+power: Wang, Kim, ICRA 2015.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from backdrive._jit import leaf
+from backdrive.laws.base import Parameter, Rows
+
+ROW = 3  # numbers, behind those of the rate law
+MARK = 0.5  # added to p[0], the number of parameters before the element, where the last of them are these
+
+
+@leaf
+def beyond(carried, load):
+    """How much more a joint carries than the load `carried`; 0 where the load is unknown."""
+    excess = abs(load[1]) - carried
+    return 0.0 if np.isnan(excess) else excess
+
+
+@leaf
+def widened(bound, by, weakening):
+    """A bound >= 0 grown by `by`, which may be negative, but not to less than the torque that weakens with speed."""
+    least = min(bound, weakening)
+    after = bound + by
+    return least if after < least else after
+
+
+@leaf
+def grown(p, i, v, load, lo, hi, viscous):
+    """Bounds of a rate law under a load; p[i:]: mu_d, mu_b, l_0."""
+    by = beyond(p[i + 2], load)
+    if by == 0.0:
+        return lo, hi
+    forwards = p[i] if load[1] < 0.0 else p[i + 1]
+    backwards = p[i] if load[1] > 0.0 else p[i + 1]
+    hi = widened(hi, forwards * by, max(-viscous, 0.0) if v > 0.0 else 0.0)
+    lo = -widened(-lo, backwards * by, max(viscous, 0.0) if v < 0.0 else 0.0)
+    return lo, hi
+
+
+@dataclass(frozen=True, kw_only=True)
+class Growth(Rows):
+    """How the Coulomb torque of a law grows with the load that the joint carries.
+
+    Attributes:
+        load_driving: mu_d, where the motor drives the load [-].
+        load_driven: mu_b, where the load drives the motor back [-].
+        load_carried: l_0, load under which the curve of the law holds [N.m or N].
+    """
+
+    NAME: ClassVar[str] = "growth"
+    KIND: ClassVar[int] = 0
+    PARAMETERS: ClassVar[dict[str, Parameter]] = {
+        "load_driving": Parameter(symbol="mu_d", unit="1", lower=-10.0, upper=10.0),
+        "load_driven": Parameter(symbol="mu_b", unit="1", lower=-10.0, upper=10.0),
+        "load_carried": Parameter(symbol="l_0", unit="force", lower=0.0),
+    }
+
+    load_driving: float
+    load_driven: float
+    load_carried: float = 0.0
+
+    @property
+    def mean(self) -> float:
+        """Mean of lifting and being driven back [-]."""
+        return 0.5 * (self.load_driving + self.load_driven)
+
+    def scaled(self, factor: float) -> Growth:
+        """Return the growth of a share of the friction."""
+        up, down = factor * self.load_driving, factor * self.load_driven
+        return replace(self, load_driving=up, load_driven=down)
+
+
+def pairs(load: np.ndarray | float | None, shape: tuple[int, ...]) -> np.ndarray | None:
+    """Return loads as pairs of motor-side and external torque, of the shape of the velocities and a last axis of two.
+
+    Args:
+        load: that a joint carries [N.m or N], one number or of the shape; or pairs already, of the shape and (2,); None: unknown.
+        shape: of the velocities.
+
+    Raises:
+        ValueError: the shapes do not match.
+    """
+    if load is None:
+        return None
+    load = np.asarray(load, dtype=np.float64)
+    if load.shape == (*shape, 2):
+        return load
+    carried = np.broadcast_to(load, shape)
+    return np.stack([carried, -carried], axis=-1)

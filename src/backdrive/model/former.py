@@ -1,0 +1,50 @@
+"""What former model files said otherwise, in today's words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from backdrive.laws import Growth
+from backdrive.laws.base import Rate
+
+if TYPE_CHECKING:
+    from backdrive.model import Estimate
+
+#: Growth of friction with the load stood among the dynamics: term -> where it holds.
+BOTH_WAYS = ("load_dependence", "load_friction")
+TERMS = (*BOTH_WAYS, "load_carried", "load_driving", "load_driven")
+
+
+def beside_the_law(rate: Rate, dynamics: Mapping[str, Estimate]) -> bool:
+    """Return whether growth among the dynamics is the law's.
+
+    It is the axis' own in a model of a drive, which is judged by motion with it, and where the law sees the load by itself.
+    """
+    return "load" not in rate.NEEDS and not any(name.startswith("drive.") for name in dynamics)
+
+
+def growth_of(
+    dynamics: Mapping[str, Estimate],
+) -> tuple[Growth | None, dict[str, Estimate], dict[str, float]]:
+    """Return the growth with the load that stands among dynamics terms, the terms without it, and its standard errors.
+
+    Args:
+        dynamics: by term; `load_dependence` about the load `load_carried`, or `load_friction`, alike in both directions of power;
+            or `load_driving` and `load_driven`, from no load on.
+
+    Raises:
+        InvalidInput: a number is out of its bounds.
+    """
+    value = {name: dynamics[name] for name in TERMS if name in dynamics}
+    rest = {name: estimate for name, estimate in dynamics.items() if name not in TERMS}
+    ways = {name: value.get(name) for name in ("load_driving", "load_driven")}
+    for name in BOTH_WAYS:
+        if name in value:
+            ways = {"load_driving": value[name], "load_driven": value[name]}
+    if all(estimate is None for estimate in ways.values()):
+        return None, rest, {}
+    slopes = {name: 0.0 if estimate is None else estimate.value for name, estimate in ways.items()}
+    carried = value["load_carried"].value if "load_carried" in value else 0.0
+    errors = {name: estimate.standard_error for name, estimate in ways.items() if estimate is not None}
+    return Growth(**slopes, load_carried=carried), rest, errors
