@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from backdrive._catalog import lookup
-from backdrive.errors import BackdriveError, InvalidInput
+from backdrive.errors import InvalidInput
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.torque import Stretch
 from backdrive.identification.dynamic.unknowns import LawShape
@@ -42,10 +42,10 @@ class Candidate:
     """
 
     name: str
-    parameters: int
-    error: float
-    held_out: float
-    aic: float
+    parameters: int = 0
+    error: float = np.nan
+    held_out: float = np.nan
+    aic: float = np.nan
     seconds: float
     remark: str = ""
     fit: Fit | None = None
@@ -152,19 +152,6 @@ def seen(fit: Fit, stretches: Sequence[Stretch]) -> tuple[float, int]:
     squared = [(miss**2)[s.judged] for s, miss in zip(stretches, fit.misses(stretches))]
     joined = np.concatenate(squared)
     return float(joined.mean()), joined.size
-
-
-def failed(name: str, error: BackdriveError, seconds: float) -> Candidate:
-    """Return the candidate of a law that could not be fitted."""
-    return Candidate(
-        name=name,
-        parameters=0,
-        error=np.nan,
-        held_out=np.nan,
-        aic=np.nan,
-        seconds=seconds,
-        remark=error.message,
-    )
 
 
 def is_shown(shape: LawShape, unseen: Iterable[str], at_bound: Iterable[str]) -> bool:

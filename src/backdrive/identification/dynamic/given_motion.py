@@ -171,7 +171,6 @@ def _slow_reversals(stretches, length: float) -> bool:
     for s in stretches:
         path = np.cumsum(np.abs(s.dp))
         turns = np.flatnonzero(np.diff(np.sign(s.velocity)) != 0)
-        for k in turns:
-            if k + 6 < len(path) and path[k + 5] - path[k] < 2.0 * length:
-                count += 1
-    return count >= 3
+        turns = turns[turns + 6 < len(path)]
+        count += np.count_nonzero(path[turns + 5] - path[turns] < 2.0 * length)
+    return bool(count >= 3)

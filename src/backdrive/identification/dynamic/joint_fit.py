@@ -123,7 +123,7 @@ def fit_joint(task: Task) -> JointFit:
             candidates.append(one)
             stopped = bool(one.fit and one.fit.interrupted)
         except BackdriveError as error:
-            candidates.append(choice_.failed(law, error, clock.perf_counter() - begun))
+            candidates.append(Candidate(name=law, seconds=clock.perf_counter() - begun, remark=error.message))
             failure = error
         except KeyboardInterrupt:
             stopped = True
