@@ -8,66 +8,45 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive.errors import UnhealthyLog
-from backdrive.logs.health import (
-    degrees,
-    encoder_wrap,
-    few_samples,
-    gaps,
-    infinite,
-    integer_wrap,
-    jitter,
-    nan,
-    no_friction,
-    no_motion,
-    outlier,
-    plan_mismatch,
-    position_jump,
-    repeated_time,
-    saturation,
-    silent_torque,
-    stuck,
-    time_slip,
-    torque_sign,
-    unsorted_time,
-    velocity_mismatch,
-)
+from backdrive.logs.health import few_samples, unsorted_time
 from backdrive.logs.health._exam import Exam
 from backdrive.logs.health._finding import Check, Finding, Repair, Severity
 from backdrive.logs.log import Log
 
 __all__ = ["CHECKS", "Check", "Finding", "Repair", "Severity", "check", "gate"]
 
-#: The clock first, then single samples, then channels, then what channels say of one another.
+#: The clock first, then single samples, then channels, then what channels say of one another: a module and a line each.
 CHECKS: tuple[Check, ...] = tuple(
-    module.CHECK
-    for module in (
-        few_samples,
-        nan,
-        infinite,
-        unsorted_time,
-        repeated_time,
-        jitter,
-        gaps,
-        integer_wrap,
-        stuck,
-        encoder_wrap,
-        silent_torque,
-        position_jump,
-        outlier,
-        saturation,
-        no_motion,
-        degrees,
-        velocity_mismatch,
-        torque_sign,
-        no_friction,
-        time_slip,
-        plan_mismatch,
+    import_module(f"{__name__}.{name}").CHECK
+    for name in (
+        "few_samples",
+        "nan",
+        "infinite",
+        "unsorted_time",
+        "repeated_time",
+        "jitter",
+        "gaps",
+        "integer_wrap",
+        "stuck",
+        "encoder_wrap",
+        "silent_torque",
+        "position_jump",
+        "outlier",
+        "saturation",
+        "no_motion",
+        "degrees",
+        "velocity_mismatch",
+        "torque_sign",
+        "no_friction",
+        "time_slip",
+        "plan_mismatch",
     )
 )
 
