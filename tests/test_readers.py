@@ -23,7 +23,7 @@ from backdrive.errors import (
     UnknownFormat,
     UnknownName,
 )
-from backdrive.logs.log import digest
+from backdrive.logs.joint import digest
 from backdrive.logs.readers import READERS, peek, read_columns, read_log, read_logs
 from backdrive.logs.readers._jointstate import Gatherer
 from backdrive.logs.readers.columns import ReadOptions

@@ -10,6 +10,7 @@ from backdrive.control import Unguarded
 from backdrive.control.compensators import Dither
 from backdrive.laws import Coulomb, Decaying, HaywardArmstrong, Law, kernels
 from backdrive.simulation.closed_loop import play
+from backdrive.tuning import members as members_
 from backdrive.tuning import rules, scenes
 from backdrive.tuning.facts import Facts
 from backdrive.tuning.goals import compensator
@@ -192,7 +193,7 @@ def joint(*, damping=0.05, delay=T, count=1e-6, friction=1.0):
         count=count,
         top_speed=1.0,
     )
-    return facts, replace(scenes.likely(facts), damping=damping, delay=delay, friction=friction)
+    return facts, replace(members_.likely(facts), damping=damping, delay=delay, friction=friction)
 
 
 def knocked(z, dither=None, length=2.5, **changes):

@@ -21,10 +21,11 @@ from backdrive.tuning import facts_of, load_tunings, save_tunings, tune
 from backdrive.tuning.facts import curve_of, shared
 from backdrive.tuning.goals import goal_of
 from backdrive.tuning.margins import least_breaking, with_value
+from backdrive.tuning.members import corners, drawn, likely
 from backdrive.tuning.propose import _rows, fixed_rule
 from backdrive.tuning.reasons import origin
 from backdrive.tuning.safety import calmed, ends, safe
-from backdrive.tuning.scenes import corners, drawn, likely, stated
+from backdrive.tuning.scenes import stated
 from backdrive.tuning.search import inverse, place, search
 
 TAKEN = "Friction is taken to vary by up to 10 % from day to day (--friction-error)."

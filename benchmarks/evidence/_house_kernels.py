@@ -50,7 +50,7 @@ EDITS = {
         "m.tick(np.array([1.0, 1.0, 5.0, 1.0, 9.0]), 0, np.zeros(3), 0, 2.0, 0.0, 0.1)",
     ),
     "simulation": Edit(
-        "simulation/open_loop.py",
+        "simulation/kernel.py",
         "count * np.floor(p / count + 0.5)",
         "count * np.floor(p / count)",
         "m.encoder(0.7, 1.0)",

@@ -40,8 +40,8 @@ PATIENCE = 30.0, 4.0  # with one they are stopped after this, or after so many t
 #: (`identification/dynamic`) are not drawn from: `recover_laws` and `xl330` judge those.
 ROOMS: dict[str, dict[tuple[str, ...], tuple[str, ...]]] = {
     "kernels": {
-        ("laws/rates/*.py", "laws/elements/*.py", "laws/kernels.py", "laws/base.py"): (
-            "test_reference_rows.py", "test_reference_laws.py", "test_reference_solve.py", "test_laws_rates.py",
+        ("laws/rates/*.py", "laws/elements/*.py", "laws/kernels.py", "laws/base.py", "laws/growth.py"): (
+            "test_reference_rows.py", "test_reference_laws.py", "test_growth.py", "test_reference_solve.py", "test_laws_rates.py",
             "test_laws_elements.py", "test_laws_forms.py", "test_laws.py",
         ),
         ("engine/*.py",): (
@@ -83,6 +83,7 @@ ROOMS: dict[str, dict[tuple[str, ...], tuple[str, ...]]] = {
         ),
         (
             "identification/[cde]*.py", "identification/grade.py", "identification/motion.py", "identification/quality.py",
+            "identification/terms.py",
             "identification/regression.py", "identification/runs.py", "identification/signals.py",
         ): (
             "test_reference_motion.py", "test_reference_runs.py", "test_reference_fits.py", "test_regression.py",
@@ -90,7 +91,7 @@ ROOMS: dict[str, dict[tuple[str, ...], tuple[str, ...]]] = {
         ),
     },
     "health": {
-        ("logs/health/*.py",): (
+        ("logs/health/*.py", "logs/resolution.py"): (
             "test_reference_health_gate.py", "test_reference_health_time.py", "test_reference_health_samples.py",
             "test_reference_health_motion.py", "test_reference_health_torque.py", "test_reference_health_slip.py",
             "test_reference_health.py", "test_reference_health_frozen.py", "test_health.py",
@@ -123,7 +124,7 @@ ROOMS: dict[str, dict[tuple[str, ...], tuple[str, ...]]] = {
         ),
     },
     "model file": {
-        ("model/friction_model.py", "model/file.py"): (
+        ("model/friction_model.py", "model/file.py", "model/former.py"): (
             "test_reference_model.py", "test_reference_readers.py", "test_model_file.py", "test_presets.py",
         ),
     },

@@ -31,12 +31,13 @@ from backdrive.control.joint_loop import BRISK, LATCH_TIME, friction_of, torque_
 from backdrive.errors import NotIdentifiable
 from backdrive.laws import CoulombViscous
 from backdrive.simulation.closed_loop import play
+from backdrive.tuning import members as members_
 from backdrive.tuning import rules, scenes
 from backdrive.tuning.facts import Facts
 from backdrive.tuning.goals import compensator, goal_of
+from backdrive.tuning.members import Member
 from backdrive.tuning.propose import calmed, fixed_rule, thesis_numbers
 from backdrive.tuning.reasons import presliding_radius
-from backdrive.tuning.scenes import Member
 from backdrive.tuning.search import best_safe, search
 
 JOINTS, COMPARED = 200, 200
@@ -255,7 +256,7 @@ def choice(judge: Judge, joints: int) -> None:
                 safe["proposal"].append(False)
             continue
         try:
-            kept = calmed(goal, found.numbers, scenes.drawn(facts, 64, seed))
+            kept = calmed(goal, found.numbers, members_.drawn(facts, 64, seed))
         except NotIdentifiable:  # refused: neither safe nor near the grid's best
             none += 1
             print(f"  joint {seed}: the search's numbers cannot be made safe")
@@ -273,7 +274,7 @@ def choice(judge: Judge, joints: int) -> None:
         for name, s, w in zip(rows, goal.scores(list(rows.values())), goal.worst(list(rows.values()))):
             ratios[name].append(float(s / scores[at]))
             safe[name].append(bool(w <= 1.0))
-        unrest = goal.unrests([kept], scenes.drawn(facts, 64, 1000 + seed))[0]
+        unrest = goal.unrests([kept], members_.drawn(facts, 64, 1000 + seed))[0]
         rest.append(float(np.mean(unrest <= 1.0)))
     for name, values in ratios.items():
         r, ok = np.array(values), np.array(safe[name])

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any, Literal
 
-from backdrive._catalog import lookup
 from backdrive.errors import InvalidInput
 from backdrive.identification.timing import Timing
 from backdrive.logs.log import Drive, Log
@@ -16,9 +15,6 @@ from backdrive.plans import plan_to_dict
 if TYPE_CHECKING:
     from backdrive.engine import DriveModel
     from backdrive.model import FrictionModel
-
-POSITIVE = ("inertia", "stiffness")
-NOT_NEGATIVE = ("load_inertia", "damping", "load_dependence")
 
 Interval = Literal["covariance", "profile", "bootstrap"]
 
@@ -115,45 +111,6 @@ class Options:
             if value is not None and not 0.0 < value < math.inf:
                 raise InvalidInput(
                     f"{name} = {value} {unit}.", remedy="Give a positive number, or leave it out."
-                )
-
-    def check_search(self) -> None:
-        """Refuse numbers of a search that contradict each other.
-
-        Raises:
-            InvalidInput: one of them makes no sense, or two contradict each other.
-            UnknownName: no such loss or kind of interval.
-        """
-        from backdrive.engine import DriveModel
-        from backdrive.identification.dynamic import intervals
-        from backdrive.identification.dynamic.search import LOSSES
-        from backdrive.identification.dynamic.unknowns import range_asked
-
-        lookup(self.loss, LOSSES, "loss")
-        intervals.check(self.interval, self.loss)
-        if self.drive is not None and not isinstance(self.drive, (Drive, DriveModel)):
-            raise InvalidInput(
-                f"drive = {self.drive!r}.",
-                remedy="Give Drive(law=..., gains={...}) of backdrive, or a DriveModel of backdrive.engine.",
-            )
-        for name, given in self.bounds.items():
-            plain = name.partition("[")[0]
-            if plain in self.known:
-                raise InvalidInput(
-                    f"'{name}' is known ({self.known[plain]:g}) and bounded at once.",
-                    remedy="Leave one of the two out: what is bounded is sought.",
-                )
-            low, high = range_asked(name, given[:2] if isinstance(given, (list, tuple)) else given)
-            if not low < high:
-                raise InvalidInput(
-                    f"The bounds {low:g} to {high:g} of '{name}' are no range.",
-                    remedy="Give a lower and a higher bound, in SI units.",
-                )
-        for name, value in self.known.items():
-            number = isinstance(value, (int, float)) and math.isfinite(value)
-            if not number or (name in POSITIVE and value <= 0.0) or (name in NOT_NEGATIVE and value < 0.0):
-                raise InvalidInput(
-                    f"{name} = {value!r} is taken as known.", remedy="Give a finite SI value in its range."
                 )
 
     def remembered(self, method: str, plan: Any, held_out: Sequence[Log], **others: Any) -> dict[str, Any]:

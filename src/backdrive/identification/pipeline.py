@@ -224,10 +224,9 @@ def _searches(logs: Sequence[Log], options: Options) -> bool:
 
 
 def _check_search(options: Options) -> None:
-    from backdrive.identification.dynamic import check_laws
+    from backdrive.identification import dynamic
 
-    options.check_search()
-    check_laws(options)
+    dynamic.check(options)
 
 
 def _method(logs: Sequence[Log], names: Sequence[str], options: Options) -> tuple[str, str]:

@@ -9,13 +9,13 @@ square could not be told from infinity.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
-from pathlib import Path
-from typing import Any, Literal
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
 from backdrive.errors import InvalidInput
+from backdrive.logs.joint import Drive, Joint, Source
 
 #: Beyond, a number is no measurement in any unit, and products of a few of them overflow; an infinity is a hole in a log.
 LARGEST = 1e60
@@ -34,72 +34,6 @@ CHANNELS: dict[str, tuple[str, str]] = {
     "load": ("N.m", "N"),
     "temperature": ("degC", "degC"),
 }
-
-
-@dataclass(frozen=True, kw_only=True)
-class Joint:
-    """What a log knows of one joint.
-
-    Attributes:
-        name: as in the robot's description.
-        unit: `rad` (torque in N.m) or `m` (force in N).
-        torque_side: side of the gear that the torque channel is measured on.
-        gear_ratio: motor turns per joint turn [1]; with `torque_side="motor"`, joint torque = ratio * torque.
-        encoder_counts: counts per rad or per m at the joint [1/rad or 1/m], if known.
-    """
-
-    name: str
-    unit: Literal["rad", "m"] = "rad"
-    torque_side: Literal["joint", "motor"] = "joint"
-    gear_ratio: float = 1.0
-    encoder_counts: float | None = None
-
-    def __post_init__(self):
-        if self.unit not in ("rad", "m"):
-            raise InvalidInput(
-                f"Joint '{self.name}': the unit is '{self.unit}'.", remedy="It must be rad or m."
-            )
-        if not 0.0 < abs(self.gear_ratio) < np.inf:
-            raise InvalidInput(
-                f"Joint '{self.name}': the gear ratio is {self.gear_ratio}.",
-                remedy="Give motor turns per joint turn.",
-            )
-        if self.encoder_counts is not None and not 0.0 < self.encoder_counts < np.inf:
-            raise InvalidInput(
-                f"Joint '{self.name}': {self.encoder_counts} encoder counts per {self.unit}.",
-                remedy="Give a positive number.",
-            )
-
-    @property
-    def torque_unit(self) -> str:
-        """N.m for a rotary joint, N for a linear one."""
-        return "N.m" if self.unit == "rad" else "N"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Drive:
-    """The law by which `drive_input` moves the joint.
-
-    Attributes:
-        law: `torque`, `velocity`, `position`, `voltage` or `duty`.
-        gains: by name, SI units [-].
-    """
-
-    law: Literal["torque", "velocity", "position", "voltage", "duty"]
-    gains: Mapping[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Source:
-    """The file a log came from.
-
-    Attributes:
-        path: as the person named it.
-        sha256: digest of the file's bytes.
-    """
-
-    path: str
-    sha256: str
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -353,14 +287,6 @@ def checked_period(period: float) -> float:
             remedy="Bring the time to seconds, for example --map t=0.001*COLUMN.",
         )
     return period
-
-
-def digest(path: str | Path) -> str:
-    """Return the sha256 of a file's bytes, as hexadecimal text."""
-    import hashlib
-
-    with open(path, "rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def channel_unit(channel: str, joint: Joint) -> str:

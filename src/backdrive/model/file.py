@@ -9,12 +9,12 @@ from typing import Annotated, Any, Literal, TypeVar
 import msgspec
 from msgspec import Meta
 
-from backdrive import model as m
 from backdrive._files import read_whole, write_whole
 from backdrive.errors import BackdriveError, ModelFileError
 from backdrive.laws import Growth, Law, element, rate_law
 from backdrive.laws.base import Rows
 from backdrive.logs.log import Joint, Source
+from backdrive.model import friction_model as m
 from backdrive.model.bounds import check_document, check_errors, check_law, check_twice, placed
 from backdrive.model.former import beside_the_law, growth_of
 

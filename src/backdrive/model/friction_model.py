@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from backdrive._catalog import lookup
+from backdrive._upper import upper
 from backdrive.errors import ExtrapolationWarning, InvalidInput, NegativeFrictionWarning
 from backdrive.laws import Law
 from backdrive.logs.log import Joint, Source
@@ -265,9 +266,7 @@ class FrictionModel:
 
     def save(self, path) -> None:
         """Write the model file (JSON), whole or not at all."""
-        from backdrive.model.file import save
-
-        save(self, path)
+        upper("model.file", "save")(self, path)
 
 
 def load_model(path) -> FrictionModel:
@@ -281,8 +280,7 @@ def load_model(path) -> FrictionModel:
             no joint has; the message says where and why.
         UnknownName: there is no such preset; the message lists them.
     """
-    from backdrive.model.file import load
-    from backdrive.model.presets import load_preset, preset_name
-
-    preset = preset_name(path)
-    return load(path) if preset is None else load_preset(preset)
+    preset = upper("model.presets", "preset_name")(path)
+    return (
+        upper("model.file", "load")(path) if preset is None else upper("model.presets", "load_preset")(preset)
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from backdrive._jit import jit
-from backdrive.control import admittance, loop, table
+from backdrive.control import admittance, loop_kernel, table
 from backdrive.engine import axis as axis_
 from backdrive.engine import servo as servo_
 
@@ -89,7 +89,7 @@ def run(
             if kind == 1:
                 g[table.ERROR, 0], g[table.SLOPE, 0] = target[k, 0] - reading, target[k, 1] - v
             if noise[k, 3] == 0.0:
-                code = loop.joint(C, 0, cp, cx, cs, E, ep, ex, es, g, 0, read, passed)
+                code = loop_kernel.joint(C, 0, cp, cx, cs, E, ep, ex, es, g, 0, read, passed)
             f = g[table.TORQUE, 0]
         command, wanted = last, target[k, 0]
         if noise[k, 3] == 0.0:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
-from backdrive.errors import InvalidInput
+import numpy as np
+
+from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.parameters import NOT_NEGATIVE, POSITIVE, Bound, fault
 
 BOUNDS = {
@@ -49,3 +52,39 @@ def check(where: str, **values: float | Sequence[float] | None) -> None:
     ]
     if wrong:
         raise InvalidInput(f"{where}: {'; '.join(wrong)}.", remedy="Numbers are in SI units of the joint.")
+
+
+def between(
+    given: Any, known: tuple[float, float] | None, error: float, what: str, joint: str, notes: list[str]
+) -> tuple[float, tuple[float, float]]:
+    """Return a likely value and its interval.
+
+    Args:
+        given: by a person: the value, or its two ends; None: as `known`.
+        known: from the model, value and standard error; None: it is not there.
+        error: relative, where nobody knows an error [-].
+        what: name of the number.
+        joint: name.
+        notes: joined by what was assumed.
+
+    Raises:
+        NotIdentifiable: neither the person nor the model knows it.
+    """
+    if given is None:
+        if known is None:
+            raise NotIdentifiable(
+                f"Joint '{joint}': its {what} is not in the model.", remedy=f"Give --{what} LOW:HIGH."
+            )
+        value, spread = known
+        if np.isfinite(spread) and spread > 0.0:
+            half = min(1.96 * spread, 0.9 * value)
+            return value, (value - half, value + half)
+        given = value
+    ends = np.atleast_1d(np.asarray(given, dtype=float))
+    if ends.size == 2:
+        return float(np.sqrt(abs(ends[0] * ends[1]))), (float(ends[0]), float(ends[1]))
+    value = float(ends[0])
+    notes.append(
+        f"The {what} has no interval: it is taken as known within {100 * error:.0f} % (--{what} LOW:HIGH)."
+    )
+    return value, ((1.0 - error) * value, (1.0 + error) * value)

@@ -17,7 +17,7 @@ from backdrive.laws import REFERENCE, Growth, Law, Polyline
 from backdrive.laws.base import Rate
 from backdrive.model import JointFriction
 from backdrive.tuning import rules
-from backdrive.tuning.bounds import BOUNDS, check
+from backdrive.tuning.bounds import BOUNDS, between, check
 
 Interval = tuple[float, float]  # lower and upper end
 
@@ -232,7 +232,7 @@ def facts_of(
     K_c, K_ends = _stiffness(friction, stiffness, notes)
     found = friction.dynamics.get("inertia")
     known_inertia = (found.value, found.standard_error) if found is not None else None
-    inertia_value, I_ends = _between(inertia, known_inertia, INERTIA_ERROR, "inertia", joint.name, notes)
+    inertia_value, I_ends = between(inertia, known_inertia, INERTIA_ERROR, "inertia", joint.name, notes)
     if motor_share is None:
         notes.append(f"The motor's share of the inertia is taken as {MOTOR_SHARE:g} (--motor-share).")
     counts = joint.encoder_counts if counts is None else counts
@@ -321,34 +321,10 @@ def _stiffness(friction: JointFriction, given: Any, notes: list[str]) -> tuple[f
                 "`backdrive identify --law auto`. Without it the friction curve can still be compensated in motion, "
                 "R of the torque at a velocity that is wanted.",
             )
-        return _between(given, None, STIFFNESS_ERROR, "stiffness", name, notes)
+        return between(given, None, STIFFNESS_ERROR, "stiffness", name, notes)
     error = friction.standard_errors.get("stiffness")
     K = float(np.sum(value))  # elements side by side
     spread = None if error is None else float(np.sqrt(np.sum(np.square(np.atleast_1d(error)))))
-    return _between(
+    return between(
         None, (K, float("nan") if spread is None else spread), STIFFNESS_ERROR, "stiffness", name, notes
     )
-
-
-def _between(
-    given: Any, known: tuple[float, float] | None, error: float, what: str, joint: str, notes: list[str]
-) -> tuple[float, Interval]:
-    """Return a likely value and its interval."""
-    if given is None:
-        if known is None:
-            raise NotIdentifiable(
-                f"Joint '{joint}': its {what} is not in the model.", remedy=f"Give --{what} LOW:HIGH."
-            )
-        value, spread = known
-        if np.isfinite(spread) and spread > 0.0:
-            half = min(1.96 * spread, 0.9 * value)
-            return value, (value - half, value + half)
-        given = value
-    ends = np.atleast_1d(np.asarray(given, dtype=float))
-    if ends.size == 2:
-        return float(np.sqrt(abs(ends[0] * ends[1]))), (float(ends[0]), float(ends[1]))
-    value = float(ends[0])
-    notes.append(
-        f"The {what} has no interval: it is taken as known within {100 * error:.0f} % (--{what} LOW:HIGH)."
-    )
-    return value, ((1.0 - error) * value, (1.0 + error) * value)

@@ -19,10 +19,12 @@ from backdrive.control.estimators.friction import alg_fe
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput
 from backdrive.simulation.closed_loop import Record, Scene
+from backdrive.tuning import members as members_
 from backdrive.tuning import rules, scenes
 from backdrive.tuning.facts import SOFTEST, Facts, shared
 from backdrive.tuning.judging import judged
-from backdrive.tuning.scenes import SUBSTEP, Member, Stroke
+from backdrive.tuning.members import Member
+from backdrive.tuning.scenes import SUBSTEP, Stroke
 from backdrive.tuning.tuning import LEADING
 
 Numbers = Mapping[str, float]
@@ -160,7 +162,7 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
         raise InvalidInput(f"There is no goal '{name}'.", remedy=f"Goals are {', '.join(GOALS)}.")
     K_low, K_c = facts.stiffness_interval[0], facts.stiffness
     spring = {"stiffness": (SOFTEST * K_low / K_c, facts.stiffest / K_c), "decay": (5.0, 500.0)}
-    corners, middle = scenes.corners(facts), scenes.likely(facts)
+    corners, middle = members_.corners(facts), members_.likely(facts)
     force = "N.m" if facts.unit == "rad" else "N"
     if name in ("backdrive", "track"):
 

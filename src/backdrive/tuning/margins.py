@@ -10,12 +10,14 @@ import numpy as np
 
 from backdrive.control import Unguarded
 from backdrive.control.compensators import Compensator, Dither, nothing
+from backdrive.tuning import members as members_
 from backdrive.tuning import rules, scenes
 from backdrive.tuning.facts import Facts
 from backdrive.tuning.goals import AT_REST, Goal, Numbers, compensator
 from backdrive.tuning.judging import judged
+from backdrive.tuning.members import Member
 from backdrive.tuning.safety import ends
-from backdrive.tuning.scenes import Member, Stroke
+from backdrive.tuning.scenes import Stroke
 
 SHARES = (0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05)
 SPRINGS = (0.1, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0, 1.2, 1.4)
@@ -113,7 +115,7 @@ def left_over(
         return np.array(judged(made, lambda r: scenes.breakaway(r, stroke, facts.coulomb)))
 
     left = freed(compensator(facts, z, dither), members[:FEW])
-    bare = freed(nothing(), [scenes.likely(facts)])
+    bare = freed(nothing(), [members_.likely(facts)])
     return {
         "breakaway": float(left.mean()),
         "breakaway_worst": float(left.max()),

@@ -13,15 +13,17 @@ from backdrive._blas import on_one_thread
 from backdrive.control import JointLoop, Unguarded, torque_limit
 from backdrive.control.compensators import Dither
 from backdrive.errors import InvalidInput, LimitWarning, NotIdentifiable
+from backdrive.tuning import members as members_
 from backdrive.tuning import rules, safety, scenes
 from backdrive.tuning.bounds import check
 from backdrive.tuning.facts import Facts
 from backdrive.tuning.goals import GOALS, Goal, Numbers, compensator, filter_gains, goal_of
 from backdrive.tuning.judging import judged
 from backdrive.tuning.margins import left_over, margins, region
+from backdrive.tuning.members import Member
 from backdrive.tuning.reasons import dither_bound, dither_frequency, numbers_of
 from backdrive.tuning.safety import calmed
-from backdrive.tuning.scenes import Member, Stroke
+from backdrive.tuning.scenes import Stroke
 from backdrive.tuning.search import search
 from backdrive.tuning.tuning import Tuning
 
@@ -91,8 +93,8 @@ def tune(
     if trip_speed is not None:
         JointLoop(limit=0.0, top_speed=trip_speed, encoder_count=facts.count)
     stroke = stroke or scenes.stated(facts)
-    members = scenes.drawn(facts, joints, seed)
-    scenes.check_step(facts, [*scenes.corners(facts), *members])
+    members = members_.drawn(facts, joints, seed)
+    scenes.check_step(facts, [*members_.corners(facts), *members])
     notes = [*facts.notes, *_noted(facts, stroke)]
     loops = goal in ("backdrive", "track")
     searched = _chosen(facts, goal, stroke, seed, say)

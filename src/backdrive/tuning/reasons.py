@@ -6,10 +6,12 @@ import numpy as np
 
 from backdrive.control.compensators import Dither
 from backdrive.control.estimators.friction import between_counts
-from backdrive.tuning import rules, scenes
+from backdrive.tuning import members as members_
+from backdrive.tuning import rules
 from backdrive.tuning.facts import Facts
 from backdrive.tuning.goals import Numbers, admittance, filter_gains
-from backdrive.tuning.scenes import Member, Stroke
+from backdrive.tuning.members import Member
+from backdrive.tuning.scenes import Stroke
 from backdrive.tuning.tuning import NAMES, Number
 
 FAST_DECAY, SWITCH_RATE = 500.0, 10.0  # Iwatani 2017, (3.28), R_W as a rate [1/s]
@@ -107,7 +109,7 @@ def numbers_of(
     motor = facts.motor_share * facts.inertia
     damping = 2.0 * facts.damping[0] * float(np.sqrt(K_low * motor))
     held = rules.routh(motor, damping, K_low, R * K, alpha) > 0.0
-    radius = max(presliding_radius(facts, m, z) for m in scenes.corners(facts))
+    radius = max(presliding_radius(facts, m, z) for m in members_.corners(facts))
     fast = max(alpha, min(FAST_DECAY, 0.5 / T))
     V_W = between_counts(max(3.0 * facts.count / T, rules.threshold_speed(F, K, fast)), facts.count, T)
     gains = {**filter_gains(stroke), **z}

@@ -15,7 +15,8 @@ import numpy as np
 from backdrive.errors import NotIdentifiable
 from backdrive.tuning.goals import AT_REST, LEFT_OVER, RESTLESS, Goal, Numbers
 from backdrive.tuning.judging import judged
-from backdrive.tuning.scenes import FINE, SUBSTEP, Member
+from backdrive.tuning.members import Member
+from backdrive.tuning.scenes import FINE, SUBSTEP
 
 NUDGE = 1.03  # on R and K, with which the ends of the intervals have to rest too
 MOST_DELAYS = 8  # steps of half an interval, or longer ones, between no delay and the longest

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from backdrive.errors import BackdriveError, NotIdentifiable
-from backdrive.identification.dynamic import stopping
+from backdrive._catalog import lookup
+from backdrive.engine import DriveModel
+from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
+from backdrive.identification.dynamic import intervals, stopping
 from backdrive.identification.dynamic.choice import Candidate as Candidate
 from backdrive.identification.dynamic.choice import Choice as Choice
 from backdrive.identification.dynamic.choice import shortlist
@@ -20,9 +23,13 @@ from backdrive.identification.dynamic.law_fit import fit_law as fit_law
 from backdrive.identification.dynamic.motion import MotionFit as MotionFit
 from backdrive.identification.dynamic.motion import fit_motion as fit_motion
 from backdrive.identification.dynamic.motion_log import MotionLog as MotionLog
-from backdrive.identification.dynamic.unknowns import LawShape
+from backdrive.identification.dynamic.search import LOSSES
+from backdrive.identification.dynamic.unknowns import LawShape, range_asked
 from backdrive.identification.options import Options, moments_without_drive
 from backdrive.logs.log import Drive, Log
+
+POSITIVE = ("inertia", "stiffness")
+NOT_NEGATIVE = ("load_inertia", "damping", "load_dependence")
 
 
 def is_driven(logs: Sequence[Log], options: Options) -> bool:
@@ -32,13 +39,39 @@ def is_driven(logs: Sequence[Log], options: Options) -> bool:
     )
 
 
-def check_laws(options: Options) -> None:
-    """Refuse laws that there are not, before anything long begins.
+def check(options: Options) -> None:
+    """Refuse what no search can heed, before anything long begins: numbers that contradict each other, laws that there are not.
 
     Raises:
-        UnknownName: there is no such law.
-        InvalidInput: a rate law and an element do not go together.
+        InvalidInput: a number makes no sense, two contradict each other, or a rate law and an element do not go together.
+        UnknownName: no such law, loss or kind of interval.
     """
+    lookup(options.loss, LOSSES, "loss")
+    intervals.check(options.interval, options.loss)
+    if options.drive is not None and not isinstance(options.drive, (Drive, DriveModel)):
+        raise InvalidInput(
+            f"drive = {options.drive!r}.",
+            remedy="Give Drive(law=..., gains={...}) of backdrive, or a DriveModel of backdrive.engine.",
+        )
+    for name, given in options.bounds.items():
+        plain = name.partition("[")[0]
+        if plain in options.known:
+            raise InvalidInput(
+                f"'{name}' is known ({options.known[plain]:g}) and bounded at once.",
+                remedy="Leave one of the two out: what is bounded is sought.",
+            )
+        low, high = range_asked(name, given[:2] if isinstance(given, (list, tuple)) else given)
+        if not low < high:
+            raise InvalidInput(
+                f"The bounds {low:g} to {high:g} of '{name}' are no range.",
+                remedy="Give a lower and a higher bound, in SI units.",
+            )
+    for name, value in options.known.items():
+        number = isinstance(value, (int, float)) and math.isfinite(value)
+        if not number or (name in POSITIVE and value <= 0.0) or (name in NOT_NEGATIVE and value < 0.0):
+            raise InvalidInput(
+                f"{name} = {value!r} is taken as known.", remedy="Give a finite SI value in its range."
+            )
     if options.law not in (None, "auto"):
         for name in shortlist(options.law, presliding=True, load=True, warm=True):
             LawShape.named(name)

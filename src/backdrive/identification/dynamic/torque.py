@@ -329,8 +329,7 @@ def _late(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return increments, load and regressors of a motion that the torque lags behind by so many samples.
 
-    A law without a state knows nothing but the velocity at the instant of the torque: the increments of a `rigid` one are those
-    around a sample. What builds up over the path takes those of the interval that ends at it.
+    A `rigid` law knows the velocity at the instant alone: its increments are those around a sample, others' of the interval before.
     """
     if samples == 0.0 and not rigid:
         return s.dp, s.load, X

@@ -65,7 +65,7 @@ def read_log(
         guard.shared().start()  # it loads its libraries while this process loads the same
     from threading import Thread
 
-    from backdrive.logs.log import Source, digest
+    from backdrive.logs.joint import Source, digest
     from backdrive.logs.readers.mapping import to_log
 
     files, form = _files(Path(path), format)

@@ -16,7 +16,7 @@ from backdrive._catalog import lookup
 if TYPE_CHECKING:
     from importlib.resources.abc import Traversable
 
-    from backdrive.model import FrictionModel
+    from backdrive.model.friction_model import FrictionModel
 
 PREFIX = "preset:"
 

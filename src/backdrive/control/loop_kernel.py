@@ -1,0 +1,139 @@
+"""One tick of the fused loop in compiled time: readings, compensation and estimate, watch, limits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from backdrive._jit import jit, ladder
+from backdrive.control import guard, readings
+from backdrive.control.compensators import compensator as compensator_
+from backdrive.control.estimators import external as external_
+from backdrive.control.estimators.level import learned
+from backdrive.control.table import (
+    ANCHOR,
+    APPLIED,
+    BEFORE,
+    CALLS,
+    COUNT,
+    CREEP,
+    DEAD,
+    ELSEWHERE,
+    ERROR,
+    ESTIMATES,
+    EXTERNAL,
+    FLOOR,
+    FRICTION,
+    GROWS,
+    HOLD,
+    KNOWN,
+    LEARNS,
+    LEVEL,
+    LIMIT,
+    LOAD,
+    LOWER,
+    MOTOR,
+    PENDING,
+    SETTLE,
+    SINCE,
+    SLID,
+    SLOPE,
+    STILL,
+    TEMPERATURE,
+    TIME,
+    UPPER,
+)  # fmt: skip
+from backdrive.status import Status
+
+OK, NOT_FINITE, NO_MOTION = int(Status.OK), int(Status.NOT_FINITE), int(Status.NO_MOTION)
+SEVERITY = tuple(status.severity for status in Status)
+STANDING = 0.1  # share of the hold time after which a joint stands still
+MOVED = 2.5  # encoder steps from where it stood beyond which a joint has moved: noise of one step to either side has not
+NOTABLE = 0.01  # share of the limit from which a torque is one
+
+
+@jit
+def restart(c, x, s, ce, xe, se, g, j, q):
+    """Forget what a joint has run into: it rests at q."""
+    for k in range(x.size):
+        x[k] = 0.0
+    for k in range(xe.size):
+        xe[k] = 0.0
+    compensator_.restart(c, 0, s, 0, q)
+    external_.restart(ce, 0, se, 0, q)
+    g[BEFORE, j] = g[ELSEWHERE, j] = g[ANCHOR, j] = q
+    g[SINCE, j], g[PENDING, j], g[STILL, j] = 0.0, 0.0, 0.0
+    g[EXTERNAL, j], g[FRICTION, j] = 0.0, 0.0
+    guard.forget_speed(g, j)
+
+
+@jit
+def standing(c, x, s, g, j, q, T):
+    """Return the share of the push that is left while the encoder stands still; past the hold time the contact is relaxed."""
+    hold = g[HOLD, j]
+    if abs(q - g[ANCHOR, j]) > MOVED * g[COUNT, j]:
+        g[ANCHOR, j], g[STILL, j] = q, 0.0
+        return 1.0
+    before = g[STILL, j]
+    g[STILL, j] = before + T
+    if before + T < hold:
+        late = before + T - 0.5 * hold
+        return 1.0 if late <= 0.0 else np.exp(-6.0 * late / hold)
+    if before < hold:
+        compensator_.relax(c, 0, x, s, 0)
+    return 1.0
+
+
+@ladder
+def joint(c, i, p, x, s, ce, pe, xe, se, g, j, q, dt):
+    """Advance one joint by one tick and return its status.
+
+    `c[i:]`, `p`, `x`, `s`: compensator; `ce`, `pe`, `xe`, `se`: estimator; `g[:, j]`: table.
+    """
+    g[CALLS, j] += 1.0
+    code = readings.judge(c, s, ce, se, g, j, q, dt)
+    f, T = 0.0, g[SINCE, j]
+    if readings.believed(code):
+        dp, u, level = q - g[BEFORE, j], g[APPLIED, j], g[LEVEL, j]
+        load, temp = (g[MOTOR, j], g[LOAD, j]), g[TEMPERATURE, j]
+        if g[GROWS, j] > 0.0 and load[0] == 0.0 and load[1] == 0.0:  # nobody has given one
+            load = (u, -g[KNOWN, j] if g[KNOWN, j] != 0.0 else np.nan)
+        left = standing(c, x, s, g, j, q, T)
+        push, dither = compensator_.tick(
+            c, i, p, x, s, 0, q, dp, T, g[TIME, j], g[ERROR, j], g[SLOPE, j], u - g[KNOWN, j], load, temp,
+            g[STILL, j] >= g[HOLD, j],
+        )  # fmt: skip
+        push *= left
+        f = level * (push + dither)
+        tau_e, tau_f = 0.0, 0.0
+        if g[ESTIMATES, j] > 0.0:
+            tau_e, tau_f = external_.tick(ce, 0, pe, xe, se, 0, q, dp, T, u, g[KNOWN, j], load, temp, level)
+        if not np.isfinite(f + tau_e + tau_f):  # finite, but beyond what numbers hold
+            restart(c, x, s, ce, xe, se, g, j, q)
+            code = NOT_FINITE
+        else:
+            if g[LEARNS, j] > 0.0:
+                slid = g[SLID, j] + T if abs(dp) >= g[CREEP, j] * T else 0.0
+                numbers = g[LEARNS, j], g[SETTLE, j], g[FLOOR, j], g[DEAD, j], g[LOWER, j], g[UPPER, j]
+                g[LEVEL, j], g[SLID, j] = learned(level, tau_f / level, tau_e, slid, T, *numbers), slid
+            g[EXTERNAL, j], g[FRICTION, j] = tau_e, tau_f
+            g[BEFORE, j], g[SINCE, j], g[PENDING, j] = q, 0.0, 0.0
+            if g[STILL, j] >= STANDING * g[HOLD, j] and abs(level * push) > NOTABLE * g[LIMIT, j]:
+                code = NO_MOTION
+    return guard.act(g, j, code, f, T, dt)
+
+
+@jit
+def tick(A, o, g, codes, q, dt):
+    """Advance every joint by one tick and return the worst status.
+
+    `A[j]`: what `rows` returns of a joint, one after the other, `o`: where each begins (9,), `g`: table.
+    """
+    worst = OK
+    for j in range(codes.size):
+        a = A[j]
+        c, p, x, s = a[: o[1]], a[o[1] : o[2]], a[o[2] : o[3]], a[o[3] : o[4]]
+        ce, pe, xe, se = a[o[4] : o[5]], a[o[5] : o[6]], a[o[6] : o[7]], a[o[7] :]
+        codes[j] = joint(c, 0, p, x, s, ce, pe, xe, se, g, j, q[j], dt)
+        if SEVERITY[codes[j]] > SEVERITY[worst]:
+            worst = codes[j]
+    return worst
