@@ -326,6 +326,23 @@ def test_what_a_killed_process_left_is_removed_and_what_a_living_one_writes_is_n
             writer.stdout.close()
 
 
+def test_a_name_that_a_cleaner_has_seen_is_not_used_again(tmp_path, monkeypatch):
+    """A cleaner that holds the lock of a file removes it by its name: what came to stand there since would go with it."""
+    from backdrive import _files
+
+    lock, seen = _files._lock, []
+
+    def held_by_a_cleaner(handle):
+        seen.append(names(tmp_path))
+        return len(seen) > 1 and lock(handle)
+
+    monkeypatch.setattr(_files, "_lock", held_by_a_cleaner)
+    write_whole(tmp_path / "m.json", "whole")
+    assert len(seen) == 2
+    assert not set(seen[0]) & set(seen[1])
+    assert names(tmp_path) == ["m.json"]
+
+
 def test_many_writers_of_one_file_never_mix(tmp_path):
     path, wrong = tmp_path / "m.json", []
     contents = [bytes([i]) * 20_000 for i in range(4)]

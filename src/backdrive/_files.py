@@ -228,8 +228,11 @@ class _Part:
 
     def __init__(self, target: Path):
         self.target = target
-        self.path = target.parent / f"{_HEAD}{secrets.token_hex(8)}{_TAIL}"
+        self.path = self._new_path()
         self.handle = -1
+
+    def _new_path(self) -> Path:
+        return self.target.parent / f"{_HEAD}{secrets.token_hex(8)}{_TAIL}"
 
     def open(self) -> None:
         """Create it with the mode and owner of the target, and lock it."""
@@ -238,10 +241,12 @@ class _Part:
         mode = 0o666 if old is None else stat.S_IMODE(old.st_mode) & 0o777
         for _ in range(_TRIES):
             self.handle = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _QUIET, mode)
-            # whoever cleans up may have taken it for a leftover before it was locked: then once more
+            # whoever cleans up may have taken it for a leftover before it was locked: then once more, and under another name, for
+            # the old one may be about to be removed
             if _lock(self.handle) and os.fstat(self.handle).st_nlink:
                 break
             self.close()
+            self.path = self._new_path()
         else:
             raise OSError(errno.EAGAIN, "other processes keep removing its temporary file")
         if old is not None:
