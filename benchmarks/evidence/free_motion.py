@@ -18,6 +18,7 @@ model has offsets already.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -164,7 +165,7 @@ def judged(arm: FrictionModel, robot: Robot, seen: ArmSignals, s: ArmSignals, me
     for j, name in enumerate(robot.joints):
         friction = arm.joint(name)
         inertia = float(own[j]) + max(friction.dynamics["inertia"].value, 0.0)
-        laws = {"none": NOTHING.law, "best law": friction.law}
+        laws = {"none": NOTHING.law, "best law": replace(friction.law, growth=None)}  # `grown` has its growth
         laws |= plainer(residual[:, j], seen.velocity[:, j], friction.dynamics["transition"].value)
         for i, model in enumerate(MODELS):
             known = (
