@@ -79,7 +79,7 @@ def test_a_mass_is_held_within_the_grown_bounds():
         for share, held in ((0.999, True), (1.001, False)):
             free = sign * share * bound * dt / m
             v = kernels.solve(0, 0, row, x, free, dt, dt / m, (load, -load), 20.0)
-            assert (v == 0.0) is held and v * sign >= 0.0
+            assert bool(v == 0.0) is held and v * sign >= 0.0
 
 
 @pytest.mark.parametrize(
