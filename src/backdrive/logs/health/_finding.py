@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import wraps
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -89,11 +90,35 @@ class Check:
     repair: Callable[[Exam, Sequence[Finding]], Repair] | None = None
 
 
+def findings(find: Callable[[Exam], Iterator[Finding]]) -> Callable[[Exam], list[Finding]]:
+    """Have a check that yields its findings return them as a list."""
+
+    @wraps(find)
+    def list_of(exam: Exam) -> list[Finding]:
+        return list(find(exam))
+
+    return list_of
+
+
+def columns_of(exam: Exam, findings: Sequence[Finding]) -> Iterator[tuple[Finding, str, int, np.ndarray]]:
+    """Yield each finding with its channel, the column of its joint and its rows, (m,)."""
+    for finding in findings:
+        rows = np.empty(0, np.intp) if finding.where is None else finding.where
+        yield finding, str(finding.channel), exam.log.names.index(str(finding.joint)), rows
+
+
 def keep_rows(log: Log, rows: np.ndarray, sentence: str) -> Repair:
     """Return the repair that keeps the rows of an index array or mask, in that order, with a note."""
     rows = np.flatnonzero(rows) if rows.dtype == bool else rows
     arrays = {name: value[rows] for name, value in log.channels.items()}
     return Repair(log.replace(time=log.time[rows], notes=(*log.notes, sentence), **arrays), rows)
+
+
+def without_rows(log: Log, rows: np.ndarray, noun: str, reason: str) -> Repair:
+    """Return the repair that drops the rows of a mask (n,), if there are any, with a note: `2 samples with NaN were dropped.`"""
+    if not rows.any():
+        return Repair(log)
+    return keep_rows(log, ~rows, f"{counted(int(rows.sum()), noun)} {reason}")
 
 
 def with_columns(log: Log, changes: dict[tuple[str, int], np.ndarray], sentences: Sequence[str]) -> Log:

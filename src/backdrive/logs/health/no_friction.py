@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding
+from backdrive.logs.health._finding import Check, Finding, findings
 from backdrive.logs.health.torque_sign import friction
 
 NAME = "no-friction"
@@ -11,9 +13,9 @@ NAME = "no-friction"
 SHARE = 0.02
 
 
-def find(exam: Exam) -> list[Finding]:
+@findings
+def find(exam: Exam) -> Iterator[Finding]:
     """Remark on joints whose friction torque, with three standard errors, is below `SHARE` of the torque's scatter."""
-    findings = []
     for j, joint in exam:
         estimate = friction(exam, j)
         if estimate is None:
@@ -22,21 +24,18 @@ def find(exam: Exam) -> list[Finding]:
         if not abs(mean) + 3 * error < SHARE * scatter:
             continue
         unit = exam.log.joints[j].torque_unit
-        findings.append(
-            Finding(
-                name=NAME,
-                joint=joint,
-                channel="torque",
-                severity="note",
-                sentence=(
-                    f"torque of {joint} shows no friction: {mean:.2g} {unit} (standard error {error:.1g}) in a torque that "
-                    f"scatters by {scatter:.3g} {unit}."
-                ),
-                remedy="Make sure that the torque was measured, not computed from a model of the robot.",
-                value=mean,
-            )
+        yield Finding(
+            name=NAME,
+            joint=joint,
+            channel="torque",
+            severity="note",
+            sentence=(
+                f"torque of {joint} shows no friction: {mean:.2g} {unit} (standard error {error:.1g}) in a torque that "
+                f"scatters by {scatter:.3g} {unit}."
+            ),
+            remedy="Make sure that the torque was measured, not computed from a model of the robot.",
+            value=mean,
         )
-    return findings
 
 
 CHECK = Check(NAME, "a torque without friction", find)

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, Repair, counted, keep_rows
+from backdrive.logs.health._finding import Check, Finding, Repair, counted, findings, keep_rows
 
 NAME = "repeated-time"
 #: Above this share of repeated stamps the clock is too coarse; below, samples were sent twice.
 COARSE = 0.2
 
 
-def find(exam: Exam) -> list[Finding]:
+@findings
+def find(exam: Exam) -> Iterator[Finding]:
     """Report every sample that has the stamp of the one before."""
     rows = np.flatnonzero(exam.steps == 0) + 1
     if not rows.size:
-        return []
+        return
     n = len(exam.log)
     if rows.size > COARSE * n:
         sentence = (
@@ -28,17 +29,15 @@ def find(exam: Exam) -> list[Finding]:
     else:
         sentence = f"{counted(rows.size, 'sample')} repeat the stamp before, first at sample {rows[0]}."
         remedy = "Drop the repetitions (--repair keeps the first of each)."
-    return [
-        Finding(
-            name=NAME,
-            severity="spoils",
-            sentence=sentence,
-            remedy=remedy,
-            value=rows.size,
-            where=rows,
-            repairable=exam.period > 0,
-        )
-    ]
+    yield Finding(
+        name=NAME,
+        severity="spoils",
+        sentence=sentence,
+        remedy=remedy,
+        value=rows.size,
+        where=rows,
+        repairable=exam.period > 0,
+    )
 
 
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:

@@ -20,35 +20,27 @@ _BAND, _STEPS = 0.02, 3.5
 
 def find(exam: Exam) -> list[Finding]:
     """Report limits that are reached often, in a row, and far more often than the values just below them."""
-    findings = []
-    for channel in CHANNELS:
-        for j, joint in exam:
-            for side in (1.0, -1.0):
-                finding = _side(exam, channel, j, joint, side)
-                if finding is not None:
-                    findings.append(finding)
-    return findings
+    sides = [_side(exam, *column, side) for column in exam.columns(*CHANNELS) for side in (1.0, -1.0)]
+    return [finding for finding in sides if finding is not None]
 
 
 def _side(exam: Exam, channel: str, j: int, joint: str, side: float) -> Finding | None:
-    if not exam.usable(channel, j):
+    survey = exam.survey(channel)
+    span = float(survey.high[j] - survey.low[j])
+    if not span > 0 or not survey.equal[j] > 0:
         return None
-    seen = exam.survey(channel)
-    span = float(seen.high[j] - seen.low[j])
-    if not span > 0 or not seen.equal[j] > 0:
-        return None
-    limit = float(seen.high[j] if side > 0 else seen.low[j])
+    limit = float(survey.high[j] if side > 0 else survey.low[j])
     x = exam.column(channel, j)
     at = x == limit
     count = int(np.count_nonzero(at))
     if count < _COUNT or limit == 0:
         return None
-    lively = np.std(np.diff(exam.sample(channel, j))) > _LIVELY * exam.resolution(channel, j)
+    lively = np.std(np.diff(exam.sample(channel, j))) > _LIVELY * exam.quantum(channel, j)
     start, stop = _longest(at)
     # noise never holds a value; a joint at rest may
     if lively and stop - start >= _LONG_ROW and moves(exam, channel, j, start, stop):
         return _finding(exam, channel, j, joint, side, limit, at)
-    inner = limit - side * max(_BAND * span, _STEPS * exam.resolution(channel, j))
+    inner = limit - side * max(_BAND * span, _STEPS * exam.quantum(channel, j))
     below = int(np.count_nonzero((x > inner) if side > 0 else (x < inner))) - count
     if count < _MORE * below or stop - start < _ROW:
         return None

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, Repair, with_columns
-from backdrive.logs.health._motion import folded, motion, solvable
+from backdrive.logs.health._exam import Exam, once
+from backdrive.logs.health._finding import Check, Finding, Repair, columns_of, with_columns
+from backdrive.logs.health._motion import folded, jackknife, motion, solvable
 from backdrive.logs.health.time_slip import REACH
 
 NAME = "torque-sign"
@@ -69,15 +69,9 @@ def _finding(
     )
 
 
+@once
 def friction(exam: Exam, j: int) -> tuple[float, float, float] | None:
     """Return mean friction torque, its standard error and the torque's standard deviation [N.m or N]; None if undetermined."""
-    key = (NAME, j)
-    if key not in exam.shared:
-        exam.shared[key] = _friction(exam, j)
-    return exam.shared[key]
-
-
-def _friction(exam: Exam, j: int) -> tuple[float, float, float] | None:
     m = motion(exam, j, REACH)
     if m is None:
         return None
@@ -97,17 +91,13 @@ def _friction(exam: Exam, j: int) -> tuple[float, float, float] | None:
     total, right = solvable(gram.sum(axis=0)), cross.sum(axis=0)
     mean = float(weight @ np.linalg.solve(total, right)[:, 0])
     left = np.linalg.solve(total - gram, right - cross)[:, :, 0] @ weight
-    count = left.size
-    error = float(np.sqrt((count - 1) / count * np.sum((left - left.mean()) ** 2)))
-    return mean, error, float(np.std(y))
+    return mean, jackknife(left), float(np.std(y))
 
 
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Turn the sign of the torque, and of a model torque only if it goes with it."""
     changes, notes = {}, []
-    for finding in findings:
-        assert finding.joint is not None
-        j = exam.log.names.index(finding.joint)
+    for finding, _, j, _ in columns_of(exam, findings):
         changes["torque", j] = -exam.column("torque", j)
         notes.append(f"torque of {finding.joint} was multiplied by -1.")
     return Repair(with_columns(exam.log, changes, notes))

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, Repair, Severity
+from backdrive.logs.health._finding import Check, Finding, Repair, Severity, findings
 from backdrive.logs.health._velocity_fit import VelocityFit, velocity_fit
 from backdrive.logs.health.degrees import unlike
 
@@ -18,9 +18,9 @@ DELAY_SAMPLES, DELAY = 6.0, 0.025
 _HELPS = 1.5
 
 
-def find(exam: Exam) -> list[Finding]:
+@findings
+def find(exam: Exam) -> Iterator[Finding]:
     """Report a velocity of wrong sign or scale, one that lags far behind, and one that is something else."""
-    findings = []
     for j, joint in exam:
         fit = velocity_fit(exam, j)
         if fit is None or unlike(exam, j) is not None:
@@ -31,19 +31,16 @@ def find(exam: Exam) -> list[Finding]:
         severity, value, sentence = said
         mend = "Leave velocity out, so that it is derived from position (--repair does), or correct it with --map."
         keep = "Nothing need be done; to be rid of the delay, leave velocity out, so that it is derived from position."
-        findings.append(
-            Finding(
-                name=NAME,
-                joint=joint,
-                channel="velocity",
-                severity=severity,
-                sentence=sentence,
-                remedy=keep if severity == "note" else mend,
-                value=value,
-                repairable=severity != "note",
-            )
+        yield Finding(
+            name=NAME,
+            joint=joint,
+            channel="velocity",
+            severity=severity,
+            sentence=sentence,
+            remedy=keep if severity == "note" else mend,
+            value=value,
+            repairable=severity != "note",
         )
-    return findings
 
 
 def _say(fit: VelocityFit, period: float, what: str) -> tuple[Severity, float, str] | None:
