@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import wraps
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -23,7 +22,7 @@ class Finding:
     """One thing that is the matter with a log.
 
     Attributes:
-        name: of the check, as `--accept NAME` takes it.
+        name: of the check, as `--accept NAME` takes it; the check fills it in.
         joint: name of the joint; None when the whole log is meant.
         channel: name of the channel, such as `torque`; None when the clock or the whole log is meant.
         severity: `note`, `warn` or `spoils`.
@@ -34,7 +33,7 @@ class Finding:
         repairable: an honest repair exists, and `gate(..., repair=True)` would make it.
     """
 
-    name: str
+    name: str = ""
     severity: Severity
     sentence: str
     remedy: str
@@ -73,31 +72,38 @@ class Repair:
     rows: np.ndarray | None = None
 
 
-@dataclass(frozen=True)
+Mend = Callable[["Exam", Sequence[Finding]], Repair]
+
+
+@dataclass(eq=False)
 class Check:
-    """One thing that can be the matter with a log.
+    """One thing that can be the matter with a log; called with an exam it returns its findings.
 
     Attributes:
         name: stable, kebab-case.
         about: what it looks for, in half a sentence.
-        find: looks at an `Exam` and returns findings.
+        search: looks at an `Exam` and yields findings, which need not say the name.
         repair: mends the repairable ones among its own findings; None when nothing honest can be done.
     """
 
     name: str
     about: str
-    find: Callable[[Exam], list[Finding]]
-    repair: Callable[[Exam, Sequence[Finding]], Repair] | None = None
+    search: Callable[[Exam], Iterable[Finding]]
+    repair: Mend | None = None
+
+    def __call__(self, exam: Exam) -> list[Finding]:
+        """Return what is the matter."""
+        return [replace(finding, name=self.name) for finding in self.search(exam)]
+
+    def mended_by(self, repair: Mend) -> Mend:
+        """Have a function mend the check's findings."""
+        self.repair = repair
+        return repair
 
 
-def findings(find: Callable[[Exam], Iterator[Finding]]) -> Callable[[Exam], list[Finding]]:
-    """Have a check that yields its findings return them as a list."""
-
-    @wraps(find)
-    def list_of(exam: Exam) -> list[Finding]:
-        return list(find(exam))
-
-    return list_of
+def check(name: str, about: str) -> Callable[[Callable[[Exam], Iterable[Finding]]], Check]:
+    """Make a check of a function that yields findings."""
+    return lambda search: Check(name, about, search)
 
 
 def columns_of(exam: Exam, findings: Sequence[Finding]) -> Iterator[tuple[Finding, str, int, np.ndarray]]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, Repair, counted, findings, without_rows
+from backdrive.logs.health._finding import Check, Finding, Repair, counted, without_rows
 from backdrive.logs.log import Log
 
 #: Channels that nothing can replace; of the others an empty one is left out.
@@ -26,13 +26,11 @@ def check_holes(name: str, about: str, word: str, is_hole: Callable[[np.ndarray]
         is_hole: array to mask.
     """
 
-    @findings
-    def find(exam: Exam) -> Iterator[Finding]:
+    def search(exam: Exam) -> Iterator[Finding]:
         log = exam.log
         rows = np.flatnonzero(is_hole(log.time))
         if rows.size:
             yield Finding(
-                name=name,
                 severity="spoils",
                 sentence=f"The clock is {word} at {counted(rows.size, 'sample')}, first at sample {rows[0]}.",
                 remedy="Drop those samples (--repair does), or take the time from another column with --map t=COLUMN.",
@@ -44,15 +42,14 @@ def check_holes(name: str, about: str, word: str, is_hole: Callable[[np.ndarray]
             for j in np.flatnonzero(~exam.survey(channel).finite):
                 rows = np.flatnonzero(is_hole(array[:, j]))
                 if rows.size:
-                    yield _finding(log, channel, log.names[j], name, word, rows)
+                    yield _finding(log, channel, log.names[j], word, rows)
 
-    return Check(name, about, find, _drop_holes)
+    return Check(name, about, search, _drop_holes)
 
 
-def _finding(log: Log, channel: str, joint: str, name: str, word: str, rows: np.ndarray) -> Finding:
+def _finding(log: Log, channel: str, joint: str, word: str, rows: np.ndarray) -> Finding:
     empty = rows.size > EMPTY * len(log)
     return Finding(
-        name=name,
         joint=joint,
         channel=channel,
         severity="spoils",

@@ -7,10 +7,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, Repair, columns_of, findings, with_columns
+from backdrive.logs.health._finding import Finding, Repair, check, columns_of, with_columns
 from backdrive.logs.health._velocity_fit import velocity_fit
 
-NAME = "degrees"
 #: How far a ratio may be from the ratio of two units [1].
 TOLERANCE = 0.12
 #: A joint that goes to and fro within more than this is suspected of another unit [rad or m].
@@ -18,7 +17,7 @@ SPAN = 25.0
 _DEGREE = 180 / np.pi
 
 
-@findings
+@check("degrees", "degrees where radians are claimed")
 def find(exam: Exam) -> Iterator[Finding]:
     """Report a position and a velocity in different units, and strokes that no joint has."""
     for j, joint in exam:
@@ -29,7 +28,6 @@ def find(exam: Exam) -> Iterator[Finding]:
             fit = velocity_fit(exam, j)
             assert fit is not None
             yield Finding(
-                name=NAME,
                 joint=joint,
                 channel=channel,
                 severity="spoils",
@@ -45,7 +43,6 @@ def find(exam: Exam) -> Iterator[Finding]:
         wide = _wide(exam, j)
         if wide > SPAN:
             yield Finding(
-                name=NAME,
                 joint=joint,
                 channel="position",
                 severity="warn",
@@ -79,6 +76,7 @@ def _wide(exam: Exam, j: int) -> float:
     return 0.0
 
 
+@find.mended_by
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Turn the channel that is certainly in the larger unit into SI, with its reference and second encoder if position."""
     changes, notes = {}, []
@@ -91,6 +89,3 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
                 changes[channel, j] = exam.column(channel, j) / finding.value
                 notes.append(f"{channel} of {finding.joint} was divided by {finding.value:.6g}.")
     return Repair(with_columns(exam.log, changes, notes))
-
-
-CHECK = Check(NAME, "degrees where radians are claimed", find, repair)

@@ -7,10 +7,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, Repair, columns_of, counted, findings, with_columns
+from backdrive.logs.health._finding import Finding, Repair, check, columns_of, counted, with_columns
 from backdrive.logs.health._jumps import Jumps, jumps
 
-NAME = "encoder-wrap"
 CHANNELS = ("position", "second_encoder")
 #: Turns at the joint, half a turn, and turns that are still in degrees [rad or m].
 _TURNS = (2 * np.pi, np.pi, 4 * np.pi, 360.0)
@@ -19,7 +18,7 @@ _COUNTERS = tuple(2.0**bits for bits in range(8, 33))
 _GLITCH_COUNTERS = (2.0**12, 2.0**16, 2.0**32)
 
 
-@findings
+@check("encoder-wrap", "a position that falls back by a turn or by its counter's range")
 def find(exam: Exam) -> Iterator[Finding]:
     """Report jumps of a turn or of a counter's range."""
     for channel, j, joint in exam.columns(*CHANNELS):
@@ -28,7 +27,6 @@ def find(exam: Exam) -> Iterator[Finding]:
             continue
         turn = " (one turn)" if abs(period - 2 * np.pi) < 0.01 and exam.log.joints[j].unit == "rad" else ""
         yield Finding(
-            name=NAME,
             joint=joint,
             channel=channel,
             severity="spoils",
@@ -43,6 +41,7 @@ def find(exam: Exam) -> Iterator[Finding]:
         )
 
 
+@find.mended_by
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Add the period back at each wrap; a reference that wraps by the same period is unwrapped with it."""
     changes, notes = {}, []
@@ -86,6 +85,3 @@ def wraps(exam: Exam, channel: str, j: int) -> tuple[float, np.ndarray]:
 def _matches(found: Jumps, period: float) -> np.ndarray:
     left = np.abs(np.abs(found.sizes) - period)
     return left <= np.minimum(0.02 * period, found.slack)
-
-
-CHECK = Check(NAME, "a position that falls back by a turn or by its counter's range", find, repair)

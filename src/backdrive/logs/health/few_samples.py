@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, counted, findings
+from backdrive.logs.health._finding import Finding, check, counted
 
 #: Below this nothing can be identified.
 FEWEST = 20
 
-NAME = "few-samples"
 
-
-@findings
+@check("few-samples", f"fewer than {FEWEST} samples")
 def find(exam: Exam) -> Iterator[Finding]:
     """Report an empty log, or one below `FEWEST` samples."""
     n = len(exam.log)
@@ -25,12 +23,8 @@ def find(exam: Exam) -> Iterator[Finding]:
         else f"The log has {counted(n, 'sample')}; at least {FEWEST} are needed."
     )
     yield Finding(
-        name=NAME,
         severity="spoils",
         sentence=what,
         remedy="Check that the recording was not cut off and that the right file or time range was chosen.",
         value=n,
     )
-
-
-CHECK = Check(NAME, f"fewer than {FEWEST} samples", find)

@@ -7,12 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from backdrive.logs.health._exam import GAP, Exam
-from backdrive.logs.health._finding import Check, Finding, counted, findings
-
-NAME = "gaps"
+from backdrive.logs.health._finding import Finding, check, counted
 
 
-@findings
+@check("gaps", f"intervals longer than {GAP} periods")
 def find(exam: Exam) -> Iterator[Finding]:
     """Report intervals longer than `GAP` times the usual one."""
     rows = exam.gaps
@@ -22,7 +20,6 @@ def find(exam: Exam) -> Iterator[Finding]:
     lost = int(np.round(steps / exam.period - 1).sum())
     longest = int(np.argmax(steps))
     yield Finding(
-        name=NAME,
         severity="warn",
         sentence=(
             f"{counted(rows.size, 'gap')}, {counted(lost, 'sample')} missing; the longest is {steps[longest]:.3g} s "
@@ -32,6 +29,3 @@ def find(exam: Exam) -> Iterator[Finding]:
         value=lost,
         where=rows,
     )
-
-
-CHECK = Check(NAME, f"intervals longer than {GAP} periods", find)

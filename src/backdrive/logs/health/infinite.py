@@ -6,4 +6,4 @@ import numpy as np
 
 from backdrive.logs.health._holes import check_holes
 
-CHECK = check_holes("infinite", "infinite values", "infinite", np.isinf)
+find = check_holes("infinite", "infinite values", "infinite", np.isinf)

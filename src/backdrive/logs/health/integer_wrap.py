@@ -15,18 +15,16 @@ import numpy as np
 
 from backdrive.logs.health._exam import Exam, once
 from backdrive.logs.health._finding import (
-    Check,
     Finding,
     Repair,
+    check,
     columns_of,
     counted,
-    findings,
     with_columns,
     without_rows,
 )
 from backdrive.logs.resolution import resolution
 
-NAME = "integer-wrap"
 CHANNELS = ("velocity", "torque", "drive_input", "external_torque", "load", "model_torque")
 _BITS = (16, 32)
 #: What is left of a jump without the period may be this share of the period.
@@ -44,7 +42,7 @@ class _Wrap:
     lost: np.ndarray
 
 
-@findings
+@check("integer-wrap", "values wrapped by a wrong integer type")
 def find(exam: Exam) -> Iterator[Finding]:
     """Report every channel that jumps by 2^16 or 2^32 of its own steps."""
     for channel, j, joint in exam.columns(*CHANNELS):
@@ -53,7 +51,6 @@ def find(exam: Exam) -> Iterator[Finding]:
             continue
         between = f", {wrap.lost.size} of them between the levels and lost" if wrap.lost.size else ""
         yield Finding(
-            name=NAME,
             joint=joint,
             channel=channel,
             severity="spoils",
@@ -68,6 +65,7 @@ def find(exam: Exam) -> Iterator[Finding]:
         )
 
 
+@find.mended_by
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Take the period off; drop samples that were interpolated between the two levels."""
     changes, notes, lost = {}, [], np.zeros(len(exam.log), bool)
@@ -149,6 +147,3 @@ def _split(x: np.ndarray, period: float, bits: int) -> _Wrap | None:
     lost[turn] = lost[turn + 1] = True  # either neighbour of a crossing may be an interpolated value
     mended = np.where(top, x - period, x)
     return _Wrap(period, bits, mended, np.flatnonzero(top | lost), np.flatnonzero(lost))
-
-
-CHECK = Check(NAME, "values wrapped by a wrong integer type", find, repair)

@@ -7,14 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, findings
+from backdrive.logs.health._finding import Finding, check
 
-NAME = "jitter"
 #: Standard deviation of the interval over its mean from which on derivatives suffer [1].
 LIMIT = 0.10
 
 
-@findings
+@check("jitter", f"sampling intervals that vary by more than {LIMIT:.0%}")
 def find(exam: Exam) -> Iterator[Finding]:
     """Report a standard deviation of the interval above `LIMIT` of its mean, gaps aside."""
     steps = np.delete(exam.steps, exam.gaps - 1)
@@ -25,7 +24,6 @@ def find(exam: Exam) -> Iterator[Finding]:
     if spread <= LIMIT * mean:
         return
     yield Finding(
-        name=NAME,
         severity="warn",
         sentence=(
             f"The sampling interval varies by {100 * spread / mean:.0f} % (standard deviation over mean, "
@@ -34,6 +32,3 @@ def find(exam: Exam) -> Iterator[Finding]:
         remedy="Use the sender's clock rather than the receiver's; otherwise differentiate over a wider window.",
         value=spread / mean,
     )
-
-
-CHECK = Check(NAME, f"sampling intervals that vary by more than {LIMIT:.0%}", find)

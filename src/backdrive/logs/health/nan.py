@@ -6,4 +6,4 @@ import numpy as np
 
 from backdrive.logs.health._holes import check_holes
 
-CHECK = check_holes("nan", "values that are not a number", "NaN", np.isnan)
+find = check_holes("nan", "values that are not a number", "NaN", np.isnan)

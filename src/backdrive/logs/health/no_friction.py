@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, findings
+from backdrive.logs.health._finding import Finding, check
 from backdrive.logs.health.torque_sign import friction
 
-NAME = "no-friction"
 #: Friction surely below this share of the torque's scatter cannot be seen [1].
 SHARE = 0.02
 
 
-@findings
+@check("no-friction", "a torque without friction")
 def find(exam: Exam) -> Iterator[Finding]:
     """Remark on joints whose friction torque, with three standard errors, is below `SHARE` of the torque's scatter."""
     for j, joint in exam:
@@ -25,7 +24,6 @@ def find(exam: Exam) -> Iterator[Finding]:
             continue
         unit = exam.log.joints[j].torque_unit
         yield Finding(
-            name=NAME,
             joint=joint,
             channel="torque",
             severity="note",
@@ -36,6 +34,3 @@ def find(exam: Exam) -> Iterator[Finding]:
             remedy="Make sure that the torque was measured, not computed from a model of the robot.",
             value=mean,
         )
-
-
-CHECK = Check(NAME, "a torque without friction", find)

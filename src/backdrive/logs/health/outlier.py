@@ -13,17 +13,15 @@ import numpy as np
 
 from backdrive.logs.health._exam import Exam
 from backdrive.logs.health._finding import (
-    Check,
     Finding,
     Repair,
+    check,
     columns_of,
     counted,
-    findings,
     with_columns,
     without_rows,
 )
 
-NAME = "outlier"
 CHANNELS = ("position", "velocity", "torque", "drive_input", "second_encoder", "external_torque", "load")
 #: Times the largest usual excess; times the differences around it, or times what a smooth signal leaves around it; steps of the
 #: channel; share of the channel's range.
@@ -32,7 +30,7 @@ _USUAL, _LOCAL, _SMOOTH, _STEPS, _RANGE = 2.5, 3.0, 8.0, 4.0, 1e-2
 _SPOILS = 2.0
 
 
-@findings
+@check("outlier", "single samples far from both their neighbours")
 def find(exam: Exam) -> Iterator[Finding]:
     """Report single-sample outliers of every channel."""
     for channel, j, joint in exam.columns(*CHANNELS):
@@ -44,7 +42,6 @@ def find(exam: Exam) -> Iterator[Finding]:
         worst = int(np.argmax(away))
         wild = away[worst] > _SPOILS * np.ptp(np.delete(x, rows))
         yield Finding(
-            name=NAME,
             joint=joint,
             channel=channel,
             severity="spoils" if wild else "warn",
@@ -59,6 +56,7 @@ def find(exam: Exam) -> Iterator[Finding]:
         )
 
 
+@find.mended_by
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Replace outliers by the mean of their neighbours; drop those at the ends of the log."""
     n = len(exam.log)
@@ -163,6 +161,3 @@ def _ends(exam: Exam, channel: str, j: int) -> np.ndarray:
         if max(low - x[row], x[row] - high) > max(high - low, 4 * exam.quantum(channel, j)):
             found.append(row)
     return np.array(found, np.intp)
-
-
-CHECK = Check(NAME, "single samples far from both their neighbours", find, repair)

@@ -7,21 +7,19 @@ from collections.abc import Iterator
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, findings
+from backdrive.logs.health._finding import Finding, check
 
-NAME = "plan-mismatch"
 #: Stroke may differ by this share; the log may be shorter than the plan by this share.
 STROKE, DURATION = 0.2, 0.1
 
 
-@findings
+@check("plan-mismatch", "a log that does not hold the motion of its plan")
 def find(exam: Exam) -> Iterator[Finding]:
     """Report a stroke that differs from the plan's, and a log that ends before the plan."""
     plan = exam.plan
     duration = getattr(plan, "duration", None)
     if duration is not None and exam.log.duration < (1 - DURATION) * duration:
         yield Finding(
-            name=NAME,
             severity="warn",
             sentence=f"The log is {exam.log.duration:.1f} s long, its plan {duration:.1f} s.",
             remedy="Record the whole motion, or link the log to the plan that was run.",
@@ -36,7 +34,6 @@ def find(exam: Exam) -> Iterator[Finding]:
     if abs(spans[nearest] - stroke) > STROKE * stroke:
         unit = exam.log.joints[nearest].unit
         yield Finding(
-            name=NAME,
             joint=exam.log.names[nearest],
             channel="position",
             severity="warn",
@@ -44,6 +41,3 @@ def find(exam: Exam) -> Iterator[Finding]:
             remedy="Link the log to the plan that was run, and look for a joint limit or a lagging controller.",
             value=float(spans[nearest]),
         )
-
-
-CHECK = Check(NAME, "a log that does not hold the motion of its plan", find)

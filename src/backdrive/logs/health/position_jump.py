@@ -7,14 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, counted, findings
+from backdrive.logs.health._finding import Finding, check, counted
 from backdrive.logs.health._jumps import jumps
 from backdrive.logs.health.encoder_wrap import CHANNELS, wraps
 
-NAME = "position-jump"
 
-
-@findings
+@check("position-jump", "a position that jumps and stays there")
 def find(exam: Exam) -> Iterator[Finding]:
     """Report jumps that are no wrap and no single wrong sample."""
     for channel, j, joint in exam.columns(*CHANNELS):
@@ -28,7 +26,6 @@ def find(exam: Exam) -> Iterator[Finding]:
         rows, sizes = found.rows[stays], found.sizes[stays]
         size = float(sizes[np.argmax(np.abs(sizes))])
         yield Finding(
-            name=NAME,
             joint=joint,
             channel=channel,
             severity="spoils",
@@ -40,6 +37,3 @@ def find(exam: Exam) -> Iterator[Finding]:
             value=abs(size),
             where=rows,
         )
-
-
-CHECK = Check(NAME, "a position that jumps and stays there", find)

@@ -7,14 +7,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, Repair, counted, findings, keep_rows
+from backdrive.logs.health._finding import Finding, Repair, check, counted, keep_rows
 
-NAME = "repeated-time"
 #: Above this share of repeated stamps the clock is too coarse; below, samples were sent twice.
 COARSE = 0.2
 
 
-@findings
+@check("repeated-time", "several samples with one stamp")
 def find(exam: Exam) -> Iterator[Finding]:
     """Report every sample that has the stamp of the one before."""
     rows = np.flatnonzero(exam.steps == 0) + 1
@@ -30,7 +29,6 @@ def find(exam: Exam) -> Iterator[Finding]:
         sentence = f"{counted(rows.size, 'sample')} repeat the stamp before, first at sample {rows[0]}."
         remedy = "Drop the repetitions (--repair keeps the first of each)."
     yield Finding(
-        name=NAME,
         severity="spoils",
         sentence=sentence,
         remedy=remedy,
@@ -40,6 +38,7 @@ def find(exam: Exam) -> Iterator[Finding]:
     )
 
 
+@find.mended_by
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Keep the first sample of each stamp, or spread the samples of a coarse clock."""
     rows = findings[0].where
@@ -70,6 +69,3 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
             f"{rows.size} repeated stamps were spread evenly between their neighbours."
         )
     )
-
-
-CHECK = Check(NAME, "several samples with one stamp", find, repair)

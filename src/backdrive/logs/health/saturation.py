@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding
+from backdrive.logs.health._finding import Finding, check
 from backdrive.logs.health._runs import moves
 
-NAME = "saturation"
 CHANNELS = ("torque", "drive_input")
 #: Fewest samples at the limit; fewest in a row; how many times more than just below it.
 _COUNT, _ROW, _MORE = 10, 5, 4.0
@@ -18,6 +17,7 @@ _LONG_ROW, _LIVELY = 8, 1.5
 _BAND, _STEPS = 0.02, 3.5
 
 
+@check("saturation", "a torque that is flat at its extreme")
 def find(exam: Exam) -> list[Finding]:
     """Report limits that are reached often, in a row, and far more often than the values just below them."""
     sides = [_side(exam, *column, side) for column in exam.columns(*CHANNELS) for side in (1.0, -1.0)]
@@ -52,7 +52,6 @@ def _finding(
 ) -> Finding:
     unit = exam.log.joints[j].torque_unit if channel == "torque" else "of the drive input's unit"
     return Finding(
-        name=NAME,
         joint=joint,
         channel=channel,
         severity="warn",
@@ -72,6 +71,3 @@ def _longest(at: np.ndarray) -> tuple[int, int]:
     starts, stops = edges[::2], edges[1::2]
     k = int(np.argmax(stops - starts))
     return int(starts[k]), int(stops[k])
-
-
-CHECK = Check(NAME, "a torque that is flat at its extreme", find)

@@ -7,20 +7,17 @@ from collections.abc import Iterator
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, counted, findings
+from backdrive.logs.health._finding import Finding, check, counted
 from backdrive.logs.health._runs import frozen_runs
 
-NAME = "silent-torque"
 
-
-@findings
+@check("silent-torque", "a torque that is exactly zero while the joint moves")
 def find(exam: Exam) -> Iterator[Finding]:
     """Report torques and drive inputs that are zero throughout, and stretches of zeros during motion."""
     for channel, j, joint in exam.columns("torque", "drive_input"):
         survey = exam.survey(channel)
         if survey.low[j] == 0 == survey.high[j]:
             yield Finding(
-                name=NAME,
                 joint=joint,
                 channel=channel,
                 severity="spoils" if channel == "torque" else "warn",
@@ -33,7 +30,6 @@ def find(exam: Exam) -> Iterator[Finding]:
             continue
         rows = np.concatenate([np.arange(a, b) for a, b in runs])
         yield Finding(
-            name=NAME,
             joint=joint,
             channel=channel,
             severity="warn",
@@ -45,6 +41,3 @@ def find(exam: Exam) -> Iterator[Finding]:
             value=rows.size,
             where=rows,
         )
-
-
-CHECK = Check(NAME, "a torque that is exactly zero while the joint moves", find)

@@ -7,16 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, Repair, columns_of, counted, without_rows
+from backdrive.logs.health._finding import Finding, Repair, check, columns_of, counted, without_rows
 from backdrive.logs.health._runs import frozen_runs
 from backdrive.logs.resolution import white_noise
 
-NAME = "stuck"
 CHANNELS = ("position", "velocity", "torque", "drive_input", "second_encoder", "external_torque")
 #: From this share of the log on, frozen samples spoil a result.
 _SPOILS = 0.01
 
 
+@check("stuck", "a channel that stands still while the joint moves")
 def find(exam: Exam) -> list[Finding]:
     """Report stretches in which a channel is frozen, and channels that never change."""
     columns = [_dead(exam, *column) or _frozen(exam, *column) for column in exam.columns(*CHANNELS)]
@@ -33,7 +33,6 @@ def _frozen(exam: Exam, channel: str, j: int, joint: str) -> Finding | None:
     longest = max(runs, key=lambda run: run[1] - run[0])
     n = len(exam.log)
     return Finding(
-        name=NAME,
         joint=joint,
         channel=channel,
         severity="spoils" if rows.size > _SPOILS * n else "warn",
@@ -62,7 +61,6 @@ def _dead(exam: Exam, channel: str, j: int, joint: str) -> Finding | None:
         return None
     needed = channel in ("position", "velocity", "torque")
     return Finding(
-        name=NAME,
         joint=joint,
         channel=channel,
         severity="spoils" if needed else "note",
@@ -84,6 +82,7 @@ def _goes_on(exam: Exam, channel: str, j: int) -> bool:
     return bool(survey.high[j] - survey.low[j] > max(10 * exam.quantum(channel, j), 1e-3))
 
 
+@find.mended_by
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Drop frozen samples; leave out a velocity that is dead."""
     log = exam.log
@@ -95,6 +94,3 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     for _, _, _, rows in columns_of(exam, findings):
         frozen[rows] = True
     return without_rows(log, frozen, "sample", "of frozen channels were dropped.")
-
-
-CHECK = Check(NAME, "a channel that stands still while the joint moves", find, repair)

@@ -8,20 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from backdrive.logs.health._exam import Exam, once
-from backdrive.logs.health._finding import (
-    Check,
-    Finding,
-    Repair,
-    columns_of,
-    findings,
-    keep_rows,
-    with_columns,
-)
+from backdrive.logs.health._finding import Finding, Repair, check, columns_of, keep_rows, with_columns
 from backdrive.logs.health._motion import folded, jackknife, motion, solvable
 from backdrive.logs.health.jitter import LIMIT
 from backdrive.logs.resolution import white_noise
 
-NAME = "time-slip"
 #: Slips up to this are looked for [sample].
 REACH = 20
 #: Smaller slips are a controller's own, or the lag of friction itself: in samples, and in seconds.
@@ -56,7 +47,7 @@ class Slip:
     effect: float
 
 
-@findings
+@check("time-slip", "torque and motion that are whole samples apart")
 def find(exam: Exam) -> Iterator[Finding]:
     """Report torques that are explained far better by the motion some samples earlier or later.
 
@@ -70,7 +61,6 @@ def find(exam: Exam) -> Iterator[Finding]:
         way = "late" if slip.samples > 0 else "early"
         late = abs(slip.samples)
         yield Finding(
-            name=NAME,
             joint=joint,
             channel="torque",
             severity="spoils" if slip.effect > _SPOILS else "warn",
@@ -137,6 +127,7 @@ def _minimum(shifts: np.ndarray, misfit: np.ndarray) -> float:
     return float(shifts[k] + 0.5 * (before - after) / bend)
 
 
+@find.mended_by
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Shift torque by whole samples; rows that get none, at the ends and at gaps, are dropped."""
     log = exam.log
@@ -154,6 +145,3 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
         keep,
         "Rows at the ends that lost their torque by the shift were dropped.",
     )
-
-
-CHECK = Check(NAME, "torque and motion that are whole samples apart", find, repair)

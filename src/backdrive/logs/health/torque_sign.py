@@ -7,17 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from backdrive.logs.health._exam import Exam, once
-from backdrive.logs.health._finding import Check, Finding, Repair, columns_of, with_columns
+from backdrive.logs.health._finding import Finding, Repair, check, columns_of, with_columns
 from backdrive.logs.health._motion import folded, jackknife, motion, solvable
 from backdrive.logs.health.time_slip import REACH
 
-NAME = "torque-sign"
 #: The friction must be this many of its standard errors below zero, and this share of the torque's scatter.
 SURE, SHARE = 4.0, 0.05
 #: Each direction must have this share of the samples, above this share of the top speed.
 _BOTH, _MOVING = 0.1, 0.05
 
 
+@check("torque-sign", "a torque of inverted sign (friction must dissipate)")
 def find(exam: Exam) -> list[Finding]:
     """Report joints whose friction torque, mean over the motion, is clearly negative.
 
@@ -58,7 +58,6 @@ def _finding(
     else:
         why = "is taken to have the opposite sign like the other joints'; its own motion does not tell"
     return Finding(
-        name=NAME,
         joint=joint,
         channel="torque",
         severity="spoils",
@@ -94,6 +93,7 @@ def friction(exam: Exam, j: int) -> tuple[float, float, float] | None:
     return mean, jackknife(left), float(np.std(y))
 
 
+@find.mended_by
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Turn the sign of the torque, and of a model torque only if it goes with it."""
     changes, notes = {}, []
@@ -101,6 +101,3 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
         changes["torque", j] = -exam.column("torque", j)
         notes.append(f"torque of {finding.joint} was multiplied by -1.")
     return Repair(with_columns(exam.log, changes, notes))
-
-
-CHECK = Check(NAME, "a torque of inverted sign (friction must dissipate)", find, repair)

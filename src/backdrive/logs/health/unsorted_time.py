@@ -7,14 +7,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from backdrive.logs.health._exam import GAP, Exam
-from backdrive.logs.health._finding import Check, Finding, Repair, counted, findings, keep_rows
+from backdrive.logs.health._finding import Finding, Repair, check, counted, keep_rows
 
-NAME = "unsorted-time"
 #: A clock that goes back more often than this is in disorder; nobody joins so many runs.
 _MOST_RUNS = 200
 
 
-@findings
+@check("unsorted-time", "a clock that goes backwards")
 def find(exam: Exam) -> Iterator[Finding]:
     """Report every sample that is stamped earlier than one before it."""
     time = exam.log.time
@@ -36,7 +35,6 @@ def find(exam: Exam) -> Iterator[Finding]:
         sentence = f"{counted(late.size, 'sample')} are out of order, by up to {back:.3g} s, first at sample {late[0]}."
         remedy = "Sort by time (--repair does)."
     yield Finding(
-        name=NAME,
         severity="spoils",
         sentence=sentence,
         remedy=remedy,
@@ -46,6 +44,7 @@ def find(exam: Exam) -> Iterator[Finding]:
     )
 
 
+@find.mended_by
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Move joined runs one behind the other; then sort what is merely out of order."""
     del findings
@@ -99,6 +98,3 @@ def _restarts(exam: Exam) -> np.ndarray:
             found.append(k)
             begin = k
     return np.array(found, np.intp)
-
-
-CHECK = Check(NAME, "a clock that goes backwards", find, repair)
