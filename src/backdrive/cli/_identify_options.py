@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import isfinite, nan
 
 from backdrive._catalog import lookup
+from backdrive.cli._joint_options import named_numbers
 from backdrive.engine import DriveModel
 from backdrive.errors import InvalidInput
 from backdrive.identification.dynamic.drive_of_log import model_of, sought_of
@@ -61,18 +62,4 @@ def drive(words: str | None, ranges: dict[str, tuple[float, float]]) -> DriveMod
     if words is None:
         return None
     law, _, gains = words.partition(",")
-    return model_of(Drive(law=law.strip(), gains=numbers(gains, "--drive")), sought_of(ranges))  # type: ignore[arg-type]
-
-
-def numbers(words: str | None, option: str) -> dict[str, float]:
-    found = {}
-    for word in (words or "").split(","):
-        name, _, value = word.partition("=")
-        try:
-            if name.strip():
-                found[name.strip()] = float(value)
-        except ValueError as error:
-            raise InvalidInput(
-                f"{option} {word}: not NAME=NUMBER.", remedy="For example inertia=0.5,gravity_sin=2."
-            ) from error
-    return found
+    return model_of(Drive(law=law.strip(), gains=named_numbers([gains], "--drive")), sought_of(ranges))  # type: ignore[arg-type]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +48,35 @@ def ends(words: str, option: str, example: str, *, interval: bool = True) -> tup
             remedy=f"For example {option} {example}.",
         )
     return ends[0], ends[1]
+
+
+def named_numbers(
+    words: Iterable[str],
+    option: str,
+    what: str = "NAME=NUMBER",
+    example: str = "inertia=0.5,gravity_sin=2",
+) -> dict[str, float]:
+    """Return the numbers that an option gives by name: NAME=NUMBER, commas between.
+
+    Args:
+        words: what was written, once for each time.
+        option: its name.
+        what: the form of a word, such as `NAME=NUMBER`.
+        example: of a use, for the remedy.
+
+    Raises:
+        InvalidInput: a word is otherwise, or its number is not finite.
+    """
+    values: dict[str, float] = {}
+    for word in filter(None, (part.strip() for text in words for part in text.split(","))):
+        name, _, value = word.rpartition("=")
+        try:
+            values[name.strip()] = float(value)
+        except ValueError:
+            name = ""
+        if not name.strip() or not math.isfinite(values[name.strip()]):
+            raise InvalidInput(f"{option} {word}: not {what}.", remedy=f"For example {example}.")
+    return values
 
 
 def guards(

@@ -7,6 +7,7 @@ from typing import Any
 
 from backdrive import plans as excite
 from backdrive._catalog import lookup
+from backdrive.cli._joint_options import named_numbers
 from backdrive.cli._logs import numbers
 from backdrive.cli._plan_request import Request, check_options
 from backdrive.errors import InvalidInput
@@ -134,19 +135,8 @@ def _joints(request: Request) -> tuple[dict[str, JointLimits], list[str]]:
 
 def holds_of(request: Request) -> dict[str, float]:
     """Return where --hold puts joints, by name [rad or m]."""
-    holds: dict[str, float] = {}
-    for word in request.hold or []:
-        for part in filter(None, (p.strip() for p in word.split(","))):
-            name, _, number = part.rpartition("=")
-            try:
-                holds[name.strip()] = float(number)
-            except ValueError:
-                name = ""
-            if not name.strip() or not math.isfinite(holds[name.strip()]):
-                raise InvalidInput(
-                    f"--hold {part}: not NAME=POSITION.", remedy="For example --hold elbow=1.57 [rad or m]."
-                )
-    return holds
+    words, example = request.hold or [], "--hold elbow=1.57 [rad or m]"
+    return named_numbers(words, "--hold", "NAME=POSITION", example)
 
 
 def _plan(request: Request, limits: JointLimits, hold: float | None) -> Any:

@@ -171,7 +171,7 @@ def command(
             timing=parse.timing(torque_timing),
             payloads=parse.payloads(payload),
             bounds=ranges,
-            known=parse.numbers(known, "--known"),
+            known=parse.named_numbers([known or ""], "--known"),
             drive=controller,
             loss=loss,
             interval=interval,  # type: ignore[arg-type]
