@@ -65,7 +65,7 @@ def drive(words: str | None, ranges: dict[str, tuple[float, float]]) -> DriveMod
     """Return the drive of the engine that a person names, or None."""
     if words is None:
         return None
-    from backdrive.identification.dynamic.drive_of_log import model_of, sought_of
+    from backdrive.identification.dynamic.driven import model_of, sought_of
     from backdrive.logs.log import Drive
 
     law, _, gains = words.partition(",")

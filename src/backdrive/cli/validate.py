@@ -14,8 +14,7 @@ from backdrive.cli._output import echo
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from backdrive.identification.dynamic.judging import MotionQuality
-    from backdrive.model import FrictionModel
+    from backdrive.model import FrictionModel, Quality
 
 
 def command(
@@ -48,7 +47,7 @@ def command(
     from backdrive.cli._output import print_json
     from backdrive.cli._progress import progress
     from backdrive.identification import validate
-    from backdrive.identification.request import healthy
+    from backdrive.identification.options import healthy
 
     loaded = load_model(model)
     _logs.check_urdf(urdf)
@@ -62,9 +61,9 @@ def command(
         read = [healthy(log, accept or [], repair, suspect) for log in read]
         say("Predicting")
         if all(log.torque is None and log.drive_input is not None for log in read):
-            from backdrive.identification.dynamic.judging import judge_motion
+            from backdrive.identification import validate_motion
 
-            by_motion = judge_motion(loaded, read)
+            by_motion = validate_motion(loaded, read)
             _show_motion(loaded, by_motion, gate, suspect, as_json)
             return
         qualities = validate(loaded, read, urdf=str(urdf) if urdf else None, remarks=suspect)
@@ -103,7 +102,7 @@ def command(
 
 def _show_motion(
     model: FrictionModel,
-    found: Mapping[str, MotionQuality],
+    found: Mapping[str, Quality],
     gate: float,
     suspect: Sequence[str],
     as_json: bool,

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from backdrive.identification import regression
 from backdrive.identification.dynamic import stopping
 
 STEP = 1e-5  # of the forward differences, in scaled coordinates
@@ -86,7 +87,7 @@ class Search:
         """Return the standard deviation that the loss counts in."""
         if self.sigma is not None:
             return self.sigma
-        return max(1.4826 * float(np.median(np.abs(residual))), 1e-300)
+        return max(regression.robust_spread(residual), 1e-300)
 
     def cost(self, residual: np.ndarray, sigma: float) -> float:
         """Return the loss of residuals [their unit squared]; infinite where one is not finite."""
