@@ -78,12 +78,9 @@ class MotionTask(Task):
         self.middle = drive.replace(**sought)
         self.stretches = [d.stretch(self.middle) for d in self.fitted]
         gravity = gravity_sought(self.stretches, info.unit, options.gravity)
-        terms = [t for t in ("inertia", "offset", *gravity) if t not in options.known]
-        self.terms = [
-            *terms,
-            *(n for n in self.bounds if n in GRAVITY and n not in terms),
-        ]
         terms = ("inertia", "offset", *gravity)
+        asked = dict.fromkeys((*terms, *(n for n in self.bounds if n in GRAVITY)))
+        self.terms = [term for term in asked if term not in options.known]
         self.scales = starts.scales(self.stretches, terms, info.unit, info.encoder_counts)
         self.axis = Axis(
             **{"law": Law(rate=Coulomb(coulomb=0.0)), "inertia": 1.0, "drive": drive, **options.known}  # type: ignore[arg-type]

@@ -55,9 +55,9 @@ class TorqueTask(Task):
         self.pairs = [pair for log in logs for pair in _stretches(log, name, smooth.cutoff)]
         self.unseen = [pair for log in held_out for pair in _stretches(log, name, smooth.cutoff)]
         stretches = [s for _, s in self.pairs]
-        terms = ["inertia", "offset", *gravity_sought(stretches, info.unit, options.gravity)]
-        terms += [term for term in RIGID if term in options.bounds and term not in terms]
-        terms = [term for term in terms if term not in options.known]
+        sought = ("inertia", "offset", *gravity_sought(stretches, info.unit, options.gravity))
+        asked = dict.fromkeys((*sought, *(term for term in RIGID if term in options.bounds)))
+        terms = [term for term in asked if term not in options.known]
         self.load = all(s.load.shape[0] > 1 and _varies(s.load[:, 1]) for s in stretches)
         self.warm = all(s.temperature.size > 1 and _varies(s.temperature) for s in stretches)
         sizes = starts.scales(stretches, terms, info.unit, info.encoder_counts, options.known)
