@@ -8,7 +8,7 @@ from backdrive._catalog import lookup
 from backdrive.cli._joint_options import named_numbers
 from backdrive.engine import DriveModel
 from backdrive.errors import InvalidInput
-from backdrive.identification.dynamic.drive_of_log import model_of, sought_of
+from backdrive.identification.dynamic.driven import model_of, sought_of
 from backdrive.identification.timing import Timing
 from backdrive.logs.log import Drive
 

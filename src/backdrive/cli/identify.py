@@ -206,7 +206,7 @@ def command(
 
 def failing(result: Identification, gate: float) -> list[str]:
     """Return the joints that are not credible, or whose unseen (or else fitted) residual is above the gate [%]."""
-    from backdrive.identification.grade import credible
+    from backdrive.identification.quality import credible
 
     bad = []
     for j in result.model.joints:

@@ -45,8 +45,8 @@ def command(
     Example: backdrive validate model.json other_log.csv
     """
     from backdrive import load_model
-    from backdrive.identification import validate
-    from backdrive.identification.request import healthy
+    from backdrive.identification import validate, validate_motion
+    from backdrive.identification.options import healthy
 
     loaded = load_model(model)
     _logs.check_urdf(urdf)
@@ -61,9 +61,7 @@ def command(
         say("Predicting")
         by_motion = all(log.torque is None and log.drive_input is not None for log in read)
         if by_motion:
-            from backdrive.identification.dynamic.judging import judge_motion
-
-            qualities = judge_motion(loaded, read)
+            qualities = validate_motion(loaded, read)
         else:
             qualities = validate(loaded, read, urdf=str(urdf) if urdf else None, remarks=suspect)
             suspect += [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from backdrive.identification.grade import grade
+from backdrive.identification.quality import grade
 from backdrive.identification.result import Curve, JointEvidence
 from backdrive.model import JointFriction, Quality
 from backdrive.report import figures

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.identification.grade import FAIR, GOOD, grade
+from backdrive.identification.quality import FAIR, GOOD, grade
 from backdrive.identification.result import Curve, Identification
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.report.joint import chip, table, warnings_box

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from backdrive._visible import visible
-from backdrive.identification.grade import grade
+from backdrive.identification.quality import grade
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.report.words import (
     bounds,
