@@ -151,18 +151,18 @@ def test_a_tick_stays_within_the_bounds_and_learns_only_what_friction_may_do(lev
 
 
 def test_settings_are_checked():
-    for wrong in (
-        {"slowest": 0.0},
-        {"settle": 0.0},
-        {"time": np.nan},
-        {"lower": 0.0},
-        {"upper": 0.4},
-        {"start": 1.2},
-        {"floor": -1.0},
-        {"dead_zone": -1.0},
-    ):
-        with pytest.raises(InvalidInput, match="slowest, settle, time and floor"):
-            Adaptation(**({"slowest": 0.1} | wrong))
+    for name, wrong in {
+        "slowest": 0.0,
+        "settle": 0.0,
+        "time": np.nan,
+        "lower": 0.0,
+        "upper": 0.4,
+        "start": 1.2,
+        "floor": -1.0,
+        "dead_zone": -1.0,
+    }.items():
+        with pytest.raises(InvalidInput, match=f"{name} = {wrong:g}|{name}={wrong}.*lower <= start"):
+            Adaptation(**({"slowest": 0.1} | {name: wrong}))
     smooth = Law(rate=Sigmoid(span=2.0, steepness=50.0))
     with pytest.raises(InvalidInput, match="no Coulomb torque"):
         Adaptation(slowest=0.1).row(smooth)

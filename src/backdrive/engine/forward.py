@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from dataclasses import dataclass, field
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from backdrive.engine.drives import DriveModel
 from backdrive.engine.series import Lanes
 from backdrive.errors import InvalidInput
 from backdrive.laws import REFERENCE, Law
+from backdrive.parameters import ABOVE_ZERO, FINITE, NOT_NEGATIVE, Bounded
 
 
 @jit
@@ -67,7 +68,7 @@ def lanes(first, last, J, D, rates, elements, P, X, S, C, log, r, supply, enable
 
 
 @dataclass(frozen=True, kw_only=True)
-class Axis:
+class Axis(Bounded):
     """One joint with its drive, for forward dynamics.
 
     Attributes:
@@ -85,6 +86,18 @@ class Axis:
             within it, by direction.
     """
 
+    BOUNDS: ClassVar = {
+        "inertia": ABOVE_ZERO,
+        "load_inertia": NOT_NEGATIVE,
+        "stiffness": ABOVE_ZERO,
+        "damping": NOT_NEGATIVE,
+        "gravity_sin": FINITE,
+        "gravity_cos": FINITE,
+        "offset": FINITE,
+        "load_dependence": NOT_NEGATIVE,
+    }
+    CHOICES: ClassVar = {"friction_side": ("motor", "load")}
+
     law: Law
     inertia: float
     drive: DriveModel = field(default_factory=DriveModel)
@@ -98,31 +111,11 @@ class Axis:
     load_dependence: float = 0.0
 
     def __post_init__(self):
-        rules = {
-            "inertia": self.inertia > 0,
-            "load_inertia": 0 <= self.load_inertia < np.inf,
-            "stiffness": self.stiffness > 0,
-            "damping": 0 <= self.damping < np.inf,
-            "gravity_sin": np.isfinite(self.gravity_sin),
-            "gravity_cos": np.isfinite(self.gravity_cos),
-            "offset": np.isfinite(self.offset),
-            "load_dependence": 0 <= self.load_dependence < np.inf,
-            "friction_side": self.friction_side in ("motor", "load"),
-        }
-        for name, holds in rules.items():
-            if not holds:
-                raise InvalidInput(
-                    f"Axis: {name} = {getattr(self, name)!r}.",
-                    remedy="Give a finite SI value inside its range.",
-                )
+        super().__post_init__()
         if np.isfinite(self.stiffness) and self.load_inertia == 0.0:
             raise InvalidInput(
                 "Axis: a transmission that yields carries no load.", remedy="Give load_inertia > 0."
             )
-
-    def replace(self, **changes: Any) -> Axis:
-        """Return a copy with some fields changed."""
-        return replace(self, **changes)
 
     def row(self) -> np.ndarray:
         """Return the row that `engine.axis.advance` reads, (10,)."""

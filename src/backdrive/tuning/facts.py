@@ -17,7 +17,7 @@ from backdrive.laws import REFERENCE, Growth, Law, Polyline
 from backdrive.laws.base import Rate
 from backdrive.model import JointFriction
 from backdrive.tuning import rules
-from backdrive.tuning.bounds import BOUNDS, between, check
+from backdrive.tuning.bounds import BOUNDS, between, check_given
 
 Interval = tuple[float, float]  # lower and upper end
 
@@ -85,7 +85,7 @@ class Facts:
     notes: tuple[str, ...] = field(default=())
 
     def __post_init__(self):
-        check(
+        check_given(
             f"Joint '{self.name}'",
             **{name: getattr(self, name) for name in CHECKED},
             **{name: getattr(self, f"{name}_interval") for name in ("stiffness", "inertia")},
@@ -184,7 +184,7 @@ def facts_of(
         InvalidInput: a number makes no sense.
     """
     joint, law = friction.joint, friction.law
-    check(
+    check_given(
         f"Joint '{joint.name}'",
         stiffness=stiffness,
         inertia=inertia,

@@ -15,7 +15,7 @@ from backdrive.control.compensators import Dither
 from backdrive.errors import InvalidInput, LimitWarning, NotIdentifiable
 from backdrive.tuning import members as members_
 from backdrive.tuning import rules, safety, scenes
-from backdrive.tuning.bounds import check
+from backdrive.tuning.bounds import check_given
 from backdrive.tuning.facts import Facts
 from backdrive.tuning.goals import GOALS, Goal, Numbers, compensator, filter_gains, goal_of
 from backdrive.tuning.judging import judged
@@ -89,7 +89,7 @@ def tune(
     """
     if goal not in GOALS:
         raise InvalidInput(f"There is no goal '{goal}'.", remedy=f"Goals are {', '.join(GOALS)}.")
-    check(f"Joint '{facts.name}'", joints=joints, seed=seed, trip_speed=trip_speed, limit=limit)
+    check_given(f"Joint '{facts.name}'", joints=joints, seed=seed, trip_speed=trip_speed, limit=limit)
     if trip_speed is not None:
         JointLoop(limit=0.0, top_speed=trip_speed, encoder_count=facts.count)
     stroke = stroke or scenes.stated(facts)

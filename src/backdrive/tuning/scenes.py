@@ -19,7 +19,7 @@ from backdrive.errors import InvalidInput
 from backdrive.simulation.closed_loop import Record, Scene
 from backdrive.simulation.hand import Hand, HandMotion, pushes, strokes
 from backdrive.tuning import rules
-from backdrive.tuning.bounds import check
+from backdrive.tuning.bounds import check_given
 from backdrive.tuning.facts import Facts
 from backdrive.tuning.members import Member
 
@@ -82,7 +82,7 @@ def stated(facts: Facts, length: float | None = None, duration: float = USUAL_DU
             model has seen and than 10 times the stated stroke.
     """
     where = f"Joint '{facts.name}'"
-    check(where, stroke=length, duration=duration)
+    check_given(where, stroke=length, duration=duration)
     usual = 0.15 if facts.unit == "rad" else 0.06
     length = usual if length is None else length
     if duration < 20.0 * facts.interval:
