@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from backdrive._files import write_whole
-from backdrive.errors import InvalidInput
 from backdrive.laws import Law
 from backdrive.report.pictures import _signature_data as data
-from backdrive.report.pictures import canvas, sizes, svg
+from backdrive.report.pictures import canvas, sizes
 from backdrive.report.pictures.canvas import Theme
 
 WIDTH, HEIGHT = 688.0, 532.0  # [pt]
@@ -22,7 +21,6 @@ LEFT, RIGHT, BELOW, ABOVE = 46.0, 14.0, 38.0, 40.0  # margins inside a panel [pt
 SMALL = canvas.FONT_SIZE - 1.5  # type of legends [pt]
 SLOW, FAST = 0.005, 0.2  # mean speeds of the presliding motion by the scene's velocity
 EDGE = 8.0  # where titles begin [pt]
-DASHED = (0, (4, 2.6))
 
 Key = list[tuple[Any, str]]
 
@@ -66,11 +64,9 @@ def picture(law: Law, kind: str, *, title: str = "", scale: float = 1.6) -> byte
         MissingExtra: matplotlib is not installed.
         InvalidInput: another kind.
     """
-    if kind.lower() not in ("png", "svg"):
-        raise InvalidInput(f"A picture cannot be written as '{kind}'.", remedy="Name a .png or .svg file.")
     figure = draw(law, title=title)
     with canvas.house_style():
-        return canvas.png(figure, scale) if kind.lower() == "png" else svg.standalone(figure)
+        return canvas.content(figure, kind, scale)
 
 
 def save(path: str | Path, law: Law, *, title: str = "") -> Path:
@@ -173,7 +169,7 @@ def _steady(figure: Any, theme: Theme, law: Law, cases: list[data.Condition]) ->
         line = _line(axes, v, data.steady(law, v, case), color)
         entries.append((line, case.label or ("along +q" if not law.rate.SYMMETRIC else law.element.NAME)))
         if not law.rate.SYMMETRIC:
-            back = _line(axes, v, -data.steady(law, -v, case), color, 1.3, linestyle=DASHED)
+            back = _line(axes, v, -data.steady(law, -v, case), color, 1.3, linestyle=canvas.DASHED)
             entries.append((back, f"{case.label} along \u2212q".strip()))
     if not law.element.STEADY:
         alone = _line(axes, v, law.torque(v), theme.muted, 1.2, linestyle=(0, (1.2, 1.8)))
@@ -200,7 +196,7 @@ def _presliding(figure: Any, theme: Theme, law: Law, size: data.Scene, cases: li
     for case, speed, label, color, width in runs:
         trace = data.presliding(law, speed * size.velocity, case)
         entries.append((_line(axes, trace.x * factor, trace.y, color, width), label))
-    axes.axhline(0.0, color=theme.muted, linewidth=0.7, zorder=1)
+    canvas.zero_line(axes, theme)
     _name(axes, theme, f"position [{unit}]", "friction [N·m]")
     _key(axes, theme, entries)
 
@@ -218,7 +214,7 @@ def _pull(figure: Any, theme: Theme, law: Law, size: data.Scene, cases: list[dat
         entries.append((_line(upper, found.time, found.torque, color, 1.3), case.label))
         mass = _line(lower, found.time, found.position * factor, color, 1.3)
         if case is cases[-1]:
-            end = _line(lower, found.time, found.end * factor, theme.muted, 1.1, linestyle=DASHED)
+            end = _line(lower, found.time, found.end * factor, theme.muted, 1.1, linestyle=canvas.DASHED)
             _key(lower, theme, ([(mass, "mass")] if len(cases) == 1 else []) + [(end, "spring's end")])
     upper.set_ylim(bottom=min(0.0, upper.get_ylim()[0]))
     for axes in (upper, lower):

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from backdrive._files import write_whole
 from backdrive.errors import InvalidInput
-from backdrive.report.pictures.canvas import LIGHT, Theme, axes_of, house_style, name_axes, new_figure, png
+from backdrive.report.pictures.canvas import LIGHT, Theme, axes_of, house_style, name_axes, new_figure, write
 from backdrive.tuning.tuning import Tuning
 
 WIDTH, HEIGHT = 640.0, 316.0  # [pt]
@@ -35,12 +34,7 @@ def draw(tuning: Tuning, path: str | Path, theme: Theme = LIGHT) -> Path:
             remedy="It is worked out for --goal backdrive and track, with --picture.",
         )
     with house_style():
-        figure = safe_region(tuning, theme)
-        if str(path).lower().endswith(".svg"):
-            from backdrive.report.pictures.svg import standalone
-
-            return write_whole(path, standalone(figure))
-        return write_whole(path, png(figure))
+        return write(safe_region(tuning, theme), path)
 
 
 def safe_region(tuning: Tuning, theme: Theme = LIGHT) -> Any:
