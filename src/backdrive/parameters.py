@@ -115,6 +115,31 @@ def check(where: str, bounds: Bounds, values: Mapping[str, Any]) -> None:
         raise InvalidInput(f"{where}: {'; '.join(wrong)}.", remedy="Numbers are in SI units of the joint.")
 
 
+def array(where: str, value: Any, *shapes: tuple[int, ...], bound: Bound = FINITE) -> Any:
+    """Return numbers within a bound as an array of one of some shapes.
+
+    Args:
+        where: what the numbers are, for the message.
+        value: what is given for them.
+        shapes: that they may have.
+        bound: where they may lie.
+
+    Raises:
+        InvalidInput: another shape, or a number is NaN or outside.
+    """
+    import numpy as np
+
+    given = np.asarray(value, dtype=np.float64)
+    if given.shape not in shapes:
+        ways = " or ".join("one number" if shape == () else str(shape) for shape in shapes)
+        raise InvalidInput(f"{where} has the shape {given.shape}.", remedy=f"Give {ways}.")
+    if not (bound.holds(given.min()) and bound.holds(given.max())):
+        raise InvalidInput(
+            f"{where} reaches from {given.min():g} to {given.max():g}.", remedy=f"Give numbers, each {bound}."
+        )
+    return given
+
+
 class Bounded:
     """Base of frozen dataclasses whose numbers have bounds and whose words are some of a few.
 

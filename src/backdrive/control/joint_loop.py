@@ -39,6 +39,7 @@ from backdrive.control.table import (
     TOP,
     UPPER,
 )  # fmt: skip
+from backdrive.engine.series import stacked
 from backdrive.errors import InvalidInput, LimitWarning
 from backdrive.laws import REFERENCE, Law
 from backdrive.parameters import ABOVE_ZERO, BIG, NOT_NEGATIVE, Bound, Bounded, check
@@ -281,14 +282,11 @@ def rows(joints: Sequence[JointLoop], positions: np.ndarray, dt: float) -> tuple
         if joint.adaptation is not None:
             table[LEARNS : UPPER + 1, k] = joint.adaptation.row(estimator.friction.law)
             table[LEVEL, k] = joint.adaptation.start
-    found: list[Any] = []
+    of_parts: list[Any] = []
     for parts in ([j.compensator for j in joints], estimators):
         laws = [part.friction.law for part in parts]
-        row, state = [law.row() for law in laws], [law.state() for law in laws]
-        P, X = np.zeros((J, max(r.size for r in row))), np.zeros((J, max(s.size for s in state)))
-        for j in range(J):
-            P[j, : row[j].size], X[j, : state[j].size] = row[j], state[j]
+        P, X = stacked([law.row() for law in laws]), stacked([law.state() for law in laws])
         C = np.array([part.row(dt) for part in parts])
         S = np.array([part.start(float(q)) for part, q in zip(parts, positions)])
-        found += [C, P, X, S]
-    return (*found, table)
+        of_parts += [C, P, X, S]
+    return (*of_parts, table)

@@ -42,7 +42,7 @@ from backdrive.control.table import (
     TORQUE,
 )  # fmt: skip
 from backdrive.errors import InvalidInput
-from backdrive.parameters import check
+from backdrive.parameters import array, check
 from backdrive.status import Status
 
 STATUSES = tuple(Status)
@@ -174,12 +174,7 @@ class Loop:
         Raises:
             InvalidInput: a position is not finite, or there are more or fewer than joints.
         """
-        at = np.asarray(positions, dtype=np.float64)
-        if at.shape != self._position.shape or not np.isfinite(at).all():
-            raise InvalidInput(
-                f"positions = {at.tolist()} for {len(self.joints)} joints.",
-                remedy="Give one finite position a joint [rad or m].",
-            )
+        at = array("positions", positions, self._position.shape)
         *parts, table = rows(self.joints, at, self.interval)
         table[CALLS] = self._table[CALLS]
         self._rows[:], self._table[:] = np.concatenate(parts, axis=1), table
@@ -193,7 +188,7 @@ class Loop:
         Returns:
             Whether no joint is latched any more.
         """
-        return all([guard.acknowledged(self._table, j) for j in range(len(self.joints))])
+        return all([guard.acknowledge(self._table, j) for j in range(len(self.joints))])
 
     def stop(self) -> None:
         """Let the torque ramp down to zero at the slow rate, and stay there until `acknowledge`."""

@@ -16,7 +16,7 @@ from backdrive.engine.drives import DriveModel
 from backdrive.engine.series import Lanes
 from backdrive.errors import InvalidInput
 from backdrive.laws import REFERENCE, Law
-from backdrive.parameters import ABOVE_ZERO, FINITE, NOT_NEGATIVE, Bounded
+from backdrive.parameters import ABOVE_ZERO, FINITE, NOT_NEGATIVE, Bounded, array
 
 
 @jit
@@ -221,12 +221,20 @@ def forward(
             f"{len(axes)} axes, {M} inputs, and `log` of shape {log.shape}.",
             remedy="Name an existing input for every axis.",
         )
-    channels = [_channel(v, M, n, name) for v, name in ((supply, "supply"), (enabled, "enabled"))]
-    supplies = np.full((M, 1), np.nan) if channels[0] is None else channels[0]
-    switches = np.ones((M, 1)) if channels[1] is None else channels[1]
-    warmth = _channel(temperature, M, n, "temperature")
-    warmth = np.full((M, 1), REFERENCE) if warmth is None else warmth
-    start, speed = _start(position, M, "position"), _start(velocity, M, "velocity")
+    supplies, switches, warmth = (
+        np.full((M, 1), usual)
+        if given is None
+        else np.ascontiguousarray(array(name, np.atleast_2d(given), (M, n)))
+        for name, given, usual in (
+            ("supply", supply, np.nan),
+            ("enabled", enabled, 1.0),
+            ("temperature", temperature, REFERENCE),
+        )
+    )
+    start, speed = (
+        np.broadcast_to(array(name, given, (), (1,), (M,)), (M,))
+        for name, given in (("position", position), ("velocity", velocity))
+    )
     rows = Lanes([a.law for a in axes])
     J = np.array([a.row() for a in axes])
     D = np.array([a.drive.row() for a in axes])
@@ -259,23 +267,3 @@ def forward(
     spread(work, len(axes), workers)
     position, velocity, torque = np.moveaxis(out, 2, 0)
     return Motions(position=position, velocity=velocity, torque=torque)
-
-
-def _start(values, M: int, name: str) -> np.ndarray:
-    values = np.asarray(values, dtype=np.float64)
-    if values.shape not in ((), (1,), (M,)) or not np.all(np.isfinite(values)):
-        raise InvalidInput(
-            f"{name} = {values.tolist()}.", remedy=f"Give one finite number, or {M}, one an input."
-        )
-    return np.broadcast_to(values, (M,))
-
-
-def _channel(values, M: int, n: int, name: str) -> np.ndarray | None:
-    if values is None:
-        return None
-    values = np.atleast_2d(np.asarray(values, dtype=np.float64))
-    if values.shape != (M, n) or not np.all(np.isfinite(values)):
-        raise InvalidInput(
-            f"{name} has the shape {values.shape} or values that are not finite.", remedy=f"Give ({M}, {n})."
-        )
-    return np.ascontiguousarray(values)

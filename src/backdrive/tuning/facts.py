@@ -102,11 +102,6 @@ class Facts:
             )
 
     @property
-    def fineness(self) -> float:
-        """F/(K_c count), how many counts presliding spans [-]."""
-        return self.coulomb / (self.stiffness * self.count)
-
-    @property
     def stiffest(self) -> float:
         """Largest K: it yields after the joint (F/K >= F_c/K_c), and one count gains at most F/2 [N.m/rad or N/m]."""
         soft = rules.largest_stiffness(self.stiffness_interval[0], self.friction[1] - 1.0)
@@ -139,7 +134,7 @@ def curve_of(law: Law, top: float, *, factor: float = 1.0, temperature: float = 
     return Polyline(velocity=tuple(speeds.tolist()), positive=branches[0], negative=branches[1])
 
 
-def shared(rate: Rate, share: float, top: float) -> Rate:
+def scaled_rate(rate: Rate, share: float, top: float) -> Rate:
     """Return a rate law scaled, itself for a share of 1.
 
     Args:

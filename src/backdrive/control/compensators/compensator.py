@@ -50,7 +50,7 @@ def tick(c, i, p, x, s, j, q, dp, dt, t, error, slope, u, load, temp, idle):
     push, wave = 0.0, 0.0
     if kind >= 2:  # an observer runs the law itself
         if not idle:
-            push = extras.observed(
+            push = extras.observe(
                 c, i + EXTRA, c[i], p, x, s, j + S_EXTRA, q, dp, dt, error, slope, u, load, temp
             )
     else:

@@ -52,7 +52,7 @@ def pulse(c, i, s, j, dp, dt, error):
 
 
 @ladder
-def observed(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):
+def observe(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):
     """Return the torque of an observer with a share of its friction; `c[i:]`: row, `s[j:]`: state."""
     if c[i] == 2.0:
         return share * bristle(c, i + 0, p, s, j + 0, dp, dt, error, slope, load, temp)

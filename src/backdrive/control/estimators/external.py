@@ -186,9 +186,8 @@ class ExternalForce(Bounded):
         Raises:
             InvalidInput: the series have different lengths.
         """
-        q = np.ascontiguousarray(position, dtype=np.float64)
-        u = np.ascontiguousarray(torque, dtype=np.float64)
-        g = np.zeros(q.size) if known is None else np.ascontiguousarray(known, dtype=np.float64)
+        series = (position, torque, np.zeros(np.size(position)) if known is None else known)
+        q, u, g = (np.ascontiguousarray(x, dtype=np.float64) for x in series)
         if q.ndim != 1 or q.shape != u.shape or q.shape != g.shape or q.size == 0:
             raise InvalidInput(
                 f"position {q.shape}, torque {u.shape}, known {g.shape}.", remedy="Give series of one length."

@@ -39,15 +39,15 @@ from backdrive.parameters import NOT_NEGATIVE, POSITIVE, Bounded
 
 
 @leaf
-def learned(theta, f, force, slid, dt, time, settle, floor, dead_zone, lower, upper):
+def learn(theta, f, force, slid, dt, time, settle, floor, dead_zone, lower, upper):
     """Return the level after one tick of a loop that has slid for a time, by the external force estimated: e = -force."""
     if not slid >= settle or not abs(force) <= (upper - lower) * abs(f) + dead_zone:
         return theta
-    return adapted(theta, f, theta * f - force, dt, time, floor, dead_zone, lower, upper)
+    return adapt(theta, f, theta * f - force, dt, time, floor, dead_zone, lower, upper)
 
 
 @leaf
-def adapted(theta, f, tau, dt, time, floor, dead_zone, lower, upper):
+def adapt(theta, f, tau, dt, time, floor, dead_zone, lower, upper):
     """Return the level after one sample."""
     if not abs(f) >= floor:
         return theta

@@ -231,7 +231,7 @@ def content(figure: Any, kind: str, scale: float = 2.0) -> bytes:
 
     Args:
         figure: a matplotlib figure.
-        kind: `png` or `svg`.
+        kind: `png` or `svg`, or the name of a file that ends so.
         scale: pixels per point of a PNG [1].
 
     Raises:
@@ -241,11 +241,12 @@ def content(figure: Any, kind: str, scale: float = 2.0) -> bytes:
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     stream, paper = io.BytesIO(), figure.get_facecolor()
-    if kind.lower() == "png":
+    ending = kind.lower().rpartition(".")[2]
+    if ending == "png":
         FigureCanvasAgg(figure).print_figure(
             stream, format="png", dpi=72 * scale, facecolor=paper, metadata={"Software": None}
         )
-    elif kind.lower() == "svg":
+    elif ending == "svg":
         unsaid = dict.fromkeys(("Date", "Creator", "Format", "Type"))
         FigureCanvasSVG(figure).print_svg(stream, metadata=unsaid)
     else:
@@ -255,7 +256,7 @@ def content(figure: Any, kind: str, scale: float = 2.0) -> bytes:
 
 def write(figure: Any, path: str | Path, scale: float = 2.0) -> Path:
     """Write a figure as PNG or SVG by the file's ending, whole or not at all; see `content`."""
-    return write_whole(path, content(figure, Path(path).suffix.lstrip("."), scale))
+    return write_whole(path, content(figure, Path(path).name, scale))
 
 
 def truth_line(axes: Any, theme: Theme, x: np.ndarray, y: np.ndarray) -> None:
