@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from numbers import Integral, Real
 from typing import Any, ClassVar, NamedTuple, Self
 
@@ -87,16 +87,17 @@ def whole(where: str, value: Any, least: int = 1, most: float = math.inf) -> int
 
 def fault(name: str, value: Any, bound: Bound) -> str | None:
     """Return what is wrong with a number or an interval, a sentence's part; None where nothing is."""
-    ends = list(value) if isinstance(value, (list, tuple)) else [value]
+    if type(value) is float and bound.holds(value):  # nearly always, and in every scene
+        return None
+    ends = value if isinstance(value, (list, tuple)) else (value,)
     if not all(isinstance(x, Real) and not isinstance(x, bool) for x in ends):
         return f"{name} = {value!r}, it has to be a number {bound}"
+    inside = all(bound.holds(x) for x in ends)
+    if inside and (len(ends) == 1 or list(ends) == sorted(ends)):
+        return None
     given = ":".join(str(x) if isinstance(x, int) else f"{x:g}" for x in ends)
-    given = f"{name} = {given}{f' {bound.unit}' if bound.unit else ''}"
-    if not all(bound.holds(x) for x in ends):
-        return f"{given}, it has to be {bound}"
-    if ends != sorted(ends):
-        return f"{given}, its lower end has to come first"
-    return None
+    rule = "its lower end has to come first" if inside else f"it has to be {bound}"
+    return f"{name} = {given}{f' {bound.unit}' if bound.unit else ''}, {rule}"
 
 
 def check(where: str, bounds: Bounds, values: Mapping[str, Any]) -> None:
@@ -157,13 +158,12 @@ class Bounded:
         Raises:
             InvalidInput: names each number outside its bounds, or a word that is none of the choices.
         """
-        own = vars(self)
+        own, declared = vars(self), type(self).__dataclass_fields__  # type: ignore[attr-defined]
         where = f"{type(self).__name__} '{own['name']}'" if "name" in own else type(self).__name__
-        optional = {f.name for f in fields(self) if f.default is None}  # type: ignore[arg-type]
-        given = {k: own[k] for k in self.BOUNDS if own[k] is not None or k not in optional}
+        given = {k: own[k] for k in self.BOUNDS if own[k] is not None or declared[k].default is not None}
         check(where, self.BOUNDS, given)
         for name, value in given.items():
-            if isinstance(value, Real):
+            if type(value) is not float:
                 object.__setattr__(self, name, float(value))
         for name, choices in self.CHOICES.items():
             if own[name] not in choices:

@@ -43,9 +43,7 @@ from backdrive.control.table import (
 )  # fmt: skip
 from backdrive.errors import InvalidInput
 from backdrive.parameters import array, check
-from backdrive.status import Status
-
-STATUSES = tuple(Status)
+from backdrive.status import STATUSES, Status
 
 
 class Row:

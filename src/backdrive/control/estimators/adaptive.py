@@ -12,11 +12,10 @@ from backdrive.engine.tick import DT, TORQUE, Tick, advance
 from backdrive.errors import InvalidInput
 from backdrive.laws import Law
 from backdrive.parameters import BIG, NOT_NEGATIVE, POSITIVE, Bound, array, check
-from backdrive.status import Status
+from backdrive.status import STATUSES, Status
 
 OK, NOT_FINITE, SATURATED = int(Status.OK), int(Status.NOT_FINITE), int(Status.SATURATED)
 BAD_INTERVAL = int(Status.BAD_INTERVAL)
-STATUSES = tuple(Status)  # by code
 #: Rows of the table that a tick reads and writes, one number a joint.
 TIME, FLOOR, DEAD, LOWER, UPPER, SLOWEST, BEFORE, SINCE, BEGUN, LEVEL, OUT = range(11)
 FAR = 10.0  # an interval beyond this many nominal ones, or below their inverse, is not believed [-]

@@ -30,7 +30,7 @@ from backdrive._catalog import lookup
 from backdrive._jit import jit, leaf
 from backdrive.errors import InvalidInput
 from backdrive.parameters import ABOVE_ZERO, POSITIVE, Bound, array, whole
-from backdrive.status import Status
+from backdrive.status import STATUSES, Status
 
 #: What a torque may be made of: integer of the kernel and unit of the parameter for a rotary joint.
 REGRESSORS: dict[str, tuple[int, str]] = {
@@ -286,6 +286,3 @@ class RecursiveLeastSquares:
         """Return standard deviations of the estimate for white torque noise of the given size, in its units, (J, n)."""
         J, n = self._theta.shape
         return np.sqrt(np.diagonal(self._P.reshape(J, n, n), axis1=1, axis2=2).clip(0.0)) * self._scale
-
-
-STATUSES = tuple(Status)  # by code
