@@ -62,7 +62,7 @@ def number(where: str, value: Any, bound: Bound = POSITIVE) -> float:
         real = math.nan if isinstance(value, bool) else float(value)
     except (TypeError, ValueError):
         real = math.nan
-    if not (math.isfinite(real) and bound.holds(real)):
+    if not bound.holds(real):
         raise InvalidInput(f"{where} is {value!r}.", remedy=f"Give a number {bound}.", value=value)
     return real
 
@@ -164,7 +164,7 @@ class Bounded:
         check(where, self.BOUNDS, given)
         for name, value in given.items():
             if type(value) is not float:
-                object.__setattr__(self, name, float(value))
+                object.__setattr__(self, name, number(f"{where}: {name}", value, self.BOUNDS[name]))
         for name, choices in self.CHOICES.items():
             if own[name] not in choices:
                 raise InvalidInput(

@@ -11,7 +11,7 @@ from backdrive.control.estimators.level import adapt
 from backdrive.engine.tick import DT, TORQUE, Tick, advance
 from backdrive.errors import InvalidInput
 from backdrive.laws import Law
-from backdrive.parameters import BIG, NOT_NEGATIVE, POSITIVE, Bound, array, check
+from backdrive.parameters import NOT_NEGATIVE, POSITIVE, Bound, array, check
 from backdrive.status import STATUSES, Status
 
 OK, NOT_FINITE, SATURATED = int(Status.OK), int(Status.NOT_FINITE), int(Status.SATURATED)
@@ -125,8 +125,8 @@ class AdaptiveFriction:
         bounds = {
             "interval": POSITIVE,
             "time": POSITIVE,
-            "lower": NOT_NEGATIVE,
-            "upper": Bound(lower, BIG, open_low=True),
+            "lower": Bound(0.0, upper, open_high=True),
+            "upper": POSITIVE,
             "start": Bound(lower, upper),
             "slowest": NOT_NEGATIVE,
         }
