@@ -1,7 +1,6 @@
 """Tests for _renamed.py: whoever asks for an old name is told the new one, and the new one is there."""
 
 import importlib
-import re
 
 import pytest
 
@@ -11,13 +10,9 @@ from backdrive.errors import BackdriveError, Renamed
 
 @pytest.mark.parametrize("old", MODULES)
 def test_an_old_module_says_where_it_is_now(old):
-    parents = [".".join(old.split(".")[:k]) for k in range(1, len(old.split(".")) + 1)]
-    top = next(
-        name for name in parents if name in MODULES
-    )  # below a package that has moved nothing is reached
-    with pytest.raises(
-        Renamed, match=re.escape(f"backdrive.{top} has moved. Import backdrive.{MODULES[top]}.")
-    ):
+    parts = old.split(".")  # of a package that has moved, what lay below is not reached
+    top = next(name for i in range(len(parts)) if (name := ".".join(parts[: i + 1])) in MODULES)
+    with pytest.raises(Renamed, match=rf"backdrive\.{top} has moved\. Import backdrive\.{MODULES[top]}\."):
         importlib.import_module(f"backdrive.{old}")
     importlib.import_module(f"backdrive.{MODULES[old]}")
 

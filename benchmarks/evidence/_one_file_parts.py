@@ -128,8 +128,8 @@ loop = Loop(JointLoop(compensator=by_law(again), limit=5.0, top_speed=3.0, encod
 for k in range(2000):
     loop.update([1e-3 * k], [0.0])
 assert abs(loop.torque[0] - 0.8 * float(again.torque(1.0))) < 0.2, loop.torque
-from backdrive.report.pictures.curve import save_curve_png
-save_curve_png("curve.png", model.joints[0])
+from backdrive.report.pictures.curve import save_curves
+save_curves("curve.png", model)
 """,
 )
 
@@ -300,8 +300,9 @@ plan = plan_from_dict({"format": "backdrive-plan", "schema": 1, "kind": "swing",
 from backdrive.plans import save_plan
 save_plan(plan, "plan.json")
 assert load_plan("plan.json") == plan
-from backdrive.report.pictures.plan import draw_plan
-draw_plan(plan, "plan.png")
+from pathlib import Path
+from backdrive.report.pictures.plan import picture
+Path("plan.png").write_bytes(picture(plan, "png"))
 from backdrive.simulation import machine
 from backdrive.simulation.open_loop import simulate
 log = simulate(machine("joint_1"), plan, rate=250.0)

@@ -35,8 +35,10 @@ MODULES = {
     "presets": "model.presets",
     "readers": "logs.readers",
     "reproduce": "thesis",
+    "report.pictures.guided": "report.guided",
     "simulate": "simulation.open_loop",
     "tune": "tuning",
+    "tuning.judging": "tuning.evaluation",
 }
 
 

@@ -115,8 +115,8 @@ def command(
     """
     from backdrive import load_model
     from backdrive.tuning import facts_of, save_tunings, tune
-    from backdrive.tuning.bounds import check
-    from backdrive.tuning.scenes import stated
+    from backdrive.tuning.bounds import check_given
+    from backdrive.tuning.scenes import usual_stroke
 
     warm: Any = None if temperature is None else _joint_options.ends(temperature, "--temperature", "20:45")
     warm = (warm, warm) if isinstance(warm, float) else warm
@@ -127,7 +127,7 @@ def command(
         "friction_error": friction_error,
         "temperature": warm,
     }
-    check("tune", **shared, stroke=stroke, duration=duration, joints=joints, seed=seed)
+    check_given("tune", **shared, stroke=stroke, duration=duration, joints=joints, seed=seed)
     _logs.check_targets([output, picture], _logs.files_of(model))
     loaded = load_model(model)
     names = list(dict.fromkeys(loaded.joint(name).joint.name for name in joint or loaded.names))
@@ -161,7 +161,7 @@ def command(
                     tune(
                         facts,
                         goal,
-                        stroke=stated(facts, stroke, duration),
+                        stroke=usual_stroke(facts, stroke, duration),
                         joints=joints,
                         seed=seed,
                         draw=picture is not None,

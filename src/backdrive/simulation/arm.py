@@ -21,6 +21,7 @@ import numpy as np
 
 from backdrive._jit import jit
 from backdrive.engine.axis import held
+from backdrive.engine.series import stacked
 from backdrive.engine.servo import Servo
 from backdrive.errors import InvalidInput, require
 from backdrive.simulation.joint import SimulatedJoint
@@ -197,13 +198,8 @@ class Arm:
             ]
         )
         self._kinds = np.array([[law.rate.KIND for law in laws], [law.element.KIND for law in laws]])
-        rows, states = [law.row() for law in laws], [law.state() for law in laws]
-        self._P, self._X = (
-            np.zeros((J, max(r.size for r in rows))),
-            np.zeros((J, max(s.size for s in states) + 1)),
-        )
-        for j in range(J):
-            self._P[j, : rows[j].size] = rows[j]
+        self._P = stacked([law.row() for law in laws])
+        self._X = np.zeros((J, max(law.state().size for law in laws) + 1))
         self.load, self.load_velocity = np.array(posture, dtype=np.float64), np.zeros(J)
         weight = self.rigid(np.zeros(J))[1]
         self.motor = self.load + weight / self._table[K_C]

@@ -28,6 +28,7 @@ from backdrive.control.estimators.friction import NOTHING, FrictionEstimator
 from backdrive.errors import InvalidInput
 from backdrive.laws import Law, LuGre
 from backdrive.laws.elements import lugre
+from backdrive.parameters import BIG, FINITE, NOT_NEGATIVE, POSITIVE, Bound, Bounded
 
 ROW = (
     2 + external.ROW
@@ -51,7 +52,7 @@ def pulse(c, i, s, j, dp, dt, error):
 
 
 @ladder
-def observed(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):
+def observe(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):
     """Return the torque of an observer with a share of its friction; `c[i:]`: row, `s[j:]`: state."""
     if c[i] == 2.0:
         return share * bristle(c, i + 0, p, s, j + 0, dp, dt, error, slope, load, temp)
@@ -83,7 +84,7 @@ def bristle(c, i, p, s, j, dp, dt, error, slope, load, temp):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Extra:
+class Extra(Bounded):
     """Base of what goes beyond a friction model."""
 
     KIND: ClassVar[int] = 0
@@ -115,14 +116,12 @@ class Pulses(Extra):
 
     KIND: ClassVar[int] = 1
 
+    BOUNDS: ClassVar = {"height": POSITIVE, "width": POSITIVE, "wait": POSITIVE, "tolerance": NOT_NEGATIVE}
+
     height: float
     width: float = 0.003
     wait: float = 0.03
     tolerance: float = 0.0
-
-    def __post_init__(self):
-        if not all(0.0 < x < np.inf for x in (self.height, self.width, self.wait)) or self.tolerance < 0.0:
-            raise InvalidInput(f"{self}.", remedy="Give positive numbers.")
 
     def row(self, dt: float, friction: FrictionEstimator) -> np.ndarray:
         """Return the row that `pulse` reads."""
@@ -143,20 +142,19 @@ class BristleObserver(Extra):
 
     KIND: ClassVar[int] = 2
 
+    BOUNDS: ClassVar = {
+        "gain": FINITE,
+        "corner": NOT_NEGATIVE,
+        "adaptation": NOT_NEGATIVE,
+        "lowest": Bound(0.0, 1.0),
+        "highest": Bound(1.0, BIG),
+    }
+
     gain: float = 0.0
     corner: float = 20.0
     adaptation: float = 0.0
     lowest: float = 0.5
     highest: float = 1.5
-
-    def __post_init__(self):
-        positive = all(0.0 <= x < np.inf for x in (self.corner, self.adaptation))
-        if (
-            not 0.0 <= self.lowest <= 1.0 <= self.highest < np.inf
-            or not positive
-            or not np.isfinite(self.gain)
-        ):
-            raise InvalidInput(f"{self}.", remedy="0 <= lowest <= 1 <= highest; corner and adaptation >= 0.")
 
     def check(self, law: Law) -> None:
         """Refuse a law whose bristle is not LuGre's.
@@ -187,6 +185,8 @@ class DisturbanceObserver(Extra):
 
     KIND: ClassVar[int] = 3
 
+    BOUNDS: ClassVar = {"limit": POSITIVE}
+
     inertia: float
     bandwidth: float = 30.0
     limit: float
@@ -194,8 +194,7 @@ class DisturbanceObserver(Extra):
     gravity_cos: float = 0.0
 
     def __post_init__(self):
-        if not 0.0 < self.limit < np.inf:
-            raise InvalidInput(f"{self}.", remedy="The limit is positive and finite.")
+        super().__post_init__()
         self.estimator()  # which looks at the rest
 
     def row(self, dt: float, friction: FrictionEstimator) -> np.ndarray:
