@@ -6,7 +6,7 @@ Whoever takes a number from a person or a file checks it here, so that all refus
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from numbers import Integral
 from typing import Any, NamedTuple
 
@@ -80,6 +80,22 @@ def whole(where: str, value: Any, least: int = 1, most: float = math.inf) -> int
         end = f" to {most:g}" if math.isfinite(most) else " on"
         raise InvalidInput(f"{where} is {value!r}.", remedy=f"Give a whole number from {least}{end}.")
     return int(value)
+
+
+def check_fields(owner: object, bounds: Mapping[str, Bound]) -> None:
+    """Refuse numbers of a frozen dataclass out of their bounds, and make them floats; None stays.
+
+    Args:
+        owner: the dataclass.
+        bounds: by field.
+
+    Raises:
+        InvalidInput: names the field.
+    """
+    for name, bound in bounds.items():
+        value = getattr(owner, name)
+        if value is not None:
+            object.__setattr__(owner, name, number(name, value, bound))
 
 
 def fault(name: str, value: float | Sequence[float], bound: Bound) -> str | None:

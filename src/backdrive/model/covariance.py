@@ -1,0 +1,115 @@
+"""The covariance of what was identified: one matrix of a joint's law and dynamics, with the names of its rows."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+
+MOST_ROWS = 200  # of a matrix; a file of larger ones would not be read
+MOST_VARIANCE = 1e60  # what varies more the data do not determine: it has no row
+ROUNDING = 1e-6  # of correlations, and of standard errors beside the matrix [-]
+AGAIN = "Correct it there, or identify again."
+
+
+@dataclass(frozen=True, kw_only=True)
+class Covariance:
+    """Covariance of a joint's numbers.
+
+    Attributes:
+        names: of the rows: parameters of rate law, element and growth, `name[i]` where a parameter has several values, and terms
+            of the dynamics. Numbers without a row have no known covariance.
+        matrix: symmetric, in products of the numbers' units, one row a name.
+    """
+
+    names: tuple[str, ...]
+    matrix: tuple[tuple[float, ...], ...]
+
+    def __post_init__(self):
+        size = len(self.names)
+        if not 0 < size <= MOST_ROWS:
+            raise InvalidInput(f"The covariance has {size} rows.", remedy=f"It has 1 to {MOST_ROWS}.")
+        if len(set(self.names)) < size:
+            raise InvalidInput("The covariance names a row twice.", remedy=AGAIN)
+        if len(self.matrix) != size or any(len(row) != size for row in self.matrix):
+            raise InvalidInput(
+                f"The covariance of {size} numbers is not of {size} rows and columns.", remedy=AGAIN
+            )
+        _check(self.array())
+
+    @classmethod
+    def of(cls, names: Sequence[str], matrix: np.ndarray) -> Covariance | None:
+        """Return the covariance of the numbers whose variance is known; None where there is none, or there are too many.
+
+        Args:
+            names: of the rows.
+            matrix: (k, k); NaN or infinite where something is not determined.
+        """
+        variance = np.diag(matrix)
+        known = np.flatnonzero(np.isfinite(variance) & (variance >= 0.0) & (variance < MOST_VARIANCE))
+        if not 0 < known.size <= MOST_ROWS:
+            return None
+        part = matrix[np.ix_(known, known)]
+        part = 0.5 * (part + part.T)
+        return cls(
+            names=tuple(names[i] for i in known.tolist()), matrix=tuple(tuple(row) for row in part.tolist())
+        )
+
+    def array(self) -> np.ndarray:
+        """Return the matrix, (k, k)."""
+        return np.array(self.matrix, dtype=np.float64)
+
+    def standard_errors(self) -> dict[str, float]:
+        """Return the roots of the diagonal by name of the row."""
+        return dict(zip(self.names, np.sqrt(np.diag(self.array())).tolist()))
+
+    def check_errors(self, errors: Mapping[str, Any]) -> None:
+        """Refuse standard errors that are not those of the matrix.
+
+        Args:
+            errors: by parameter and term, one number or one a value; NaN where unknown.
+
+        Raises:
+            InvalidInput: names the row, which is none of the joint's, or says otherwise.
+        """
+        for row, own in self.standard_errors().items():
+            stated = errors.get(row)
+            if indexed := re.fullmatch(r"(\w+)\[(\d{1,5})\]", row, re.ASCII):
+                values, index = errors.get(indexed[1]), int(indexed[2])
+                stated = values[index] if isinstance(values, (list, tuple)) and index < len(values) else None
+            if stated is None or isinstance(stated, (list, tuple)):
+                raise InvalidInput(f"The covariance has a row '{row[:100]}' of nothing.", remedy=AGAIN)
+            if not math.isnan(stated) and abs(stated - own) > ROUNDING * max(stated, own):
+                raise InvalidInput(
+                    f"The standard error of '{row}' is {stated:g}, and {own:g} by its covariance.",
+                    remedy=AGAIN,
+                )
+
+
+def _check(matrix: np.ndarray) -> None:
+    """Refuse what no numbers vary by.
+
+    Raises:
+        InvalidInput: it is not finite, not symmetric, or not positive semidefinite beyond rounding.
+    """
+    if not np.all(np.isfinite(matrix)):
+        raise InvalidInput("The covariance holds numbers that are not finite.", remedy=AGAIN)
+    variance = np.diag(matrix)
+    if np.any(variance < 0.0):
+        raise InvalidInput("The covariance has a negative variance.", remedy=AGAIN)
+    deviation = np.sqrt(variance)
+    scale = np.where(deviation > 0.0, deviation, np.finfo(float).tiny)
+    with np.errstate(over="ignore"):
+        correlation = matrix / scale[:, None] / scale
+    if np.any(np.abs(correlation) > 1.0 + ROUNDING):
+        raise InvalidInput("The covariance holds a correlation beyond 1.", remedy=AGAIN)
+    if np.any(np.abs(correlation - correlation.T) > ROUNDING):
+        raise InvalidInput("The covariance is not symmetric.", remedy=AGAIN)
+    if np.linalg.eigvalsh(correlation)[0] < -ROUNDING * len(matrix):
+        raise InvalidInput("The covariance is not positive semidefinite.", remedy=AGAIN)
