@@ -65,12 +65,19 @@ def test_what_is_saved_is_what_is_loaded(tmp_path):
 def test_the_standard_errors_are_the_roots_of_the_diagonal():
     matrix = full().joints[0].covariance
     assert matrix.standard_errors() == pytest.approx(dict(zip(NAMES, ERRORS)))
-    for name, error in (
-        ("inertia", {"dynamics": {}}),
-        ("load_driven", {"standard_errors": {"load_driven": 0.03}}),
-    ):
-        with pytest.raises(InvalidInput, match=name):
-            replace(full().joints[0], **error)
+    with pytest.raises(InvalidInput, match="'load_driven' is 0.03, and 0.02"):
+        replace(full().joints[0], standard_errors={"load_driven": 0.03})
+
+
+def test_a_joint_without_a_number_has_no_row_of_it():
+    first = full().joints[0]
+    assert replace(first, dynamics={}).covariance.names == NAMES[:-1]
+    bare = replace(first, law=replace(first.law, growth=None)).covariance
+    assert bare.names == (*NAMES[:3], "inertia")
+    assert bare.array() == pytest.approx(
+        (CORRELATION * np.outer(ERRORS, ERRORS))[np.ix_([0, 1, 2, 4], [0, 1, 2, 4])]
+    )
+    assert replace(first, law=model().joints[1].law, dynamics={}).covariance is None
 
 
 def test_rows_that_the_data_do_not_determine_are_left_out():
@@ -99,11 +106,11 @@ PLACE = r"\$\.joints\[0\]"
         (lambda d, j: j["covariance"]["names"].pop(), rf"{PLACE}\.covariance"),
         (lambda d, j: j["covariance"].update(names=[], matrix=[]), rf"{PLACE}\.covariance: .*0 rows"),
         (lambda d, j: j["covariance"]["names"].__setitem__(1, "inertia"), rf"{PLACE}\.covariance: .*twice"),
-        (lambda d, j: j["covariance"]["names"].__setitem__(0, "positive[7]"), rf"{PLACE}: .*positive\[7\]"),
-        (lambda d, j: j["covariance"]["names"].__setitem__(0, "positive[-1]"), rf"{PLACE}: .*of nothing"),
-        (lambda d, j: j["covariance"]["names"].__setitem__(0, "positive"), rf"{PLACE}: .*of nothing"),
-        (lambda d, j: j["covariance"]["names"].__setitem__(0, "warp"), rf"{PLACE}: .*'warp' of nothing"),
-        (lambda d, j: j["covariance"]["names"].__setitem__(0, "inertia[0]"), rf"{PLACE}: .*of nothing"),
+        (lambda d, j: j["covariance"]["names"].__setitem__(0, "positive[7]"), rf"{PLACE}\.covariance.names\[0\] is .positive\[7\]"),
+        (lambda d, j: j["covariance"]["names"].__setitem__(0, "positive[-1]"), rf"{PLACE}\.covariance\.names\[0\] .*neither"),
+        (lambda d, j: j["covariance"]["names"].__setitem__(0, "positive"), rf"{PLACE}\.covariance\.names\[0\] .*neither"),
+        (lambda d, j: j["covariance"]["names"].__setitem__(0, "warp"), rf"{PLACE}\.covariance\.names\[0\] is 'warp', which neither"),
+        (lambda d, j: j["covariance"]["names"].__setitem__(0, "inertia[0]"), rf"{PLACE}\.covariance\.names\[0\] .*neither"),
         (lambda d, j: j["covariance"]["matrix"][0].__setitem__(1, 0.0), "not symmetric"),
         (lambda d, j: j["covariance"]["matrix"][0].__setitem__(0, -1.0), "negative variance"),
         (lambda d, j: j["covariance"]["matrix"][0].__setitem__(0, 4.0), rf"{PLACE}: .*'positive\[0\]' is 0.1, and 2"),

@@ -16,7 +16,8 @@ from backdrive.identification.evidence import curve, verdict
 from backdrive.identification.result import JointEvidence, Samples
 from backdrive.identification.runs import LEAST_RUNS, Run, find_runs, gravity_of, without_gravity
 from backdrive.logs.log import Joint, Log
-from backdrive.model import Estimate, JointFriction, Quality, Validity
+from backdrive.model import Covariance, Estimate, JointFriction, Quality, Validity
+from backdrive.model.covariance import errors_by_parameter
 
 SECTIONS = (1, 2, 3, 4, 5, 6)  # line sections per direction that are tried
 GAIN = 1.0  # a curve must beat the line by so many standard errors of the mean gain [-]
@@ -104,26 +105,31 @@ def identify_constant_velocity(
     theta = blocks.solution()
     covariance = regression.sandwich(blocks, theta)
     r = form.spread.shape[1]
-    curve_values, curve_covariance = theta[:r], covariance[:r, :r]
+    curve_values, apart, rest = theta[:r], np.eye(r, theta.size), np.eye(theta.size)[r:]
     dynamics = {}
     if gravity:
         for name, value, error in zip(("gravity_sin", "gravity_cos"), *gravity):
             dynamics[name] = Estimate(value=float(value), unit="N.m", standard_error=float(error))
-    if theta.size > r:
-        dynamics["offset"] = _offset(float(theta[r]), float(covariance[r, r]), about)
-    elif (
-        not form.symmetric and curve_values.min() < 0.0
-    ):  # friction cannot push: what does is gravity or a bias
+    if theta.size == r and not form.symmetric and curve_values.min() < 0.0:
+        # friction cannot push: what does is gravity or a bias
         row, apart = curves.constant_apart(form.knots.size)
-        dynamics["offset"] = _offset(float(row @ curve_values), float(row @ curve_covariance @ row), about)
-        curve_values, curve_covariance = apart @ curve_values, apart @ curve_covariance @ apart.T
-    found, errors = curves.to_law(form, curve_values, curve_covariance)
+        curve_values, rest = apart @ theta, row[None]
+    found = curves.to_law(form, curve_values)
+    names, of_law = curves.sensitivity(form, found)
+    names += ("offset",) * len(rest)
+    spread = np.vstack([of_law @ apart, rest])
+    curve_covariance, covariance = apart @ covariance @ apart.T, spread @ covariance @ spread.T
+    errors = errors_by_parameter(names, covariance)
+    for value in rest @ theta:
+        offset = Estimate(value=float(value), unit=about.torque_unit, standard_error=errors.pop("offset"))
+        dynamics["offset"] = offset
     friction = JointFriction(
         joint=about,
         law=found,
         standard_errors=errors,
         dynamics=dynamics,
-        validity=Validity(velocity=(float(v.min()), float(v.max()))),
+        covariance=Covariance.of(names, covariance),
+        validity=Validity(velocity=(float(v.min()), float(v.max())), lowest_speed=float(np.abs(v).min())),
         fitted=_quality(y, y - X @ theta),
         held_out=_quality(y, losses[sections]),
         method="constant-velocity",
@@ -169,10 +175,6 @@ def _quality(y: np.ndarray, error: np.ndarray) -> Quality:
     relative = 100.0 * float(np.linalg.norm(error) / max(np.linalg.norm(y), 1e-300))
     rms = float(np.sqrt(np.mean(error**2)))
     return Quality(residual=relative, residual_raw=relative, rms=rms, samples=y.size)
-
-
-def _offset(value: float, variance: float, joint: Joint) -> Estimate:
-    return Estimate(value=value, unit=joint.torque_unit, standard_error=float(np.sqrt(max(variance, 0.0))))
 
 
 def _warnings(runs: list[Run], both: bool, directional: bool, apart: bool, joint: Joint) -> tuple[str, ...]:

@@ -24,7 +24,8 @@ from backdrive.identification.signals import Signals, prepare
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.terms import unit_of
 from backdrive.logs.log import Joint, Log
-from backdrive.model import Estimate, JointFriction, Validity
+from backdrive.model import Covariance, Estimate, JointFriction, Validity
+from backdrive.model.covariance import errors_by_parameter
 
 BIN_TIME = 0.01  # torque and regressors are averaged over this long [s]
 BLOCK_TIME = 1.5  # aimed length of a cross-validation block [s]
@@ -113,7 +114,12 @@ def identify_motion(
         others = []
         held = judge(_left_out(stretches, choice, about, friction.validity.velocity))
     carried = np.concatenate([rest_of_dynamics(friction, s) for s in stretches])
-    validity = replace(friction.validity, load=(float(carried.min()), float(carried.max())))
+    validity = replace(
+        friction.validity,
+        load=(float(carried.min()), float(carried.max())),
+        nominal_load=float(np.abs(carried).mean()),
+        lowest_speed=slowest,
+    )
     friction = replace(friction, fitted=fitted, held_out=held, validity=validity)
     k = len(choice.candidate.terms)
     shown = evidence(
@@ -181,23 +187,28 @@ def as_friction(
     choice: design.Choice, coefficients: np.ndarray, joint: Joint, velocity: tuple[float, float]
 ) -> JointFriction:
     """Return the joint's friction for a vector of coefficients of the chosen candidate."""
-    candidate, covariance = choice.candidate, choice.covariance
+    candidate = choice.candidate
     k = len(candidate.terms)
-    values = dict(zip(candidate.terms, coefficients[:k]))
-    errors = dict(zip(candidate.terms, np.sqrt(np.maximum(np.diag(covariance)[:k], 0.0))))
-    law, law_errors = curves.to_law(candidate.form, coefficients[k:], covariance[k:, k:])
-    dynamics = {}
-    for term, value in values.items():
-        name, error = term, float(errors[term])
-        if term == "jerk":
-            inertia = values["inertia"]
-            name, value, error = "time_slip", value / inertia, error / abs(inertia)
-        dynamics[name] = Estimate(value=float(value), unit=unit_of(name, joint), standard_error=float(error))
+    law = curves.to_law(candidate.form, coefficients[k:])
+    parameters, of_law = curves.sensitivity(candidate.form, law)
+    terms = [("time_slip" if term == "jerk" else term) for term in candidate.terms]
+    size = [
+        1.0 / coefficients[candidate.terms.index("inertia")] if term == "jerk" else 1.0
+        for term in candidate.terms
+    ]
+    spread = np.zeros((k + len(parameters), coefficients.size))
+    spread[:k, :k], spread[k:, k:] = np.diag(size), of_law
+    names, covariance = (*terms, *parameters), spread @ choice.covariance @ spread.T
+    errors = errors_by_parameter(names, covariance)
     return JointFriction(
         joint=joint,
         law=law,
-        standard_errors=law_errors,
-        dynamics=dynamics,
+        standard_errors={name: e for name, e in errors.items() if name not in terms},
+        dynamics={
+            term: Estimate(value=float(value * s), unit=unit_of(term, joint), standard_error=errors[term])
+            for term, value, s in zip(terms, coefficients, size)
+        },
+        covariance=Covariance.of(names, covariance),
         validity=Validity(velocity=velocity),
         method="motion",
     )

@@ -13,12 +13,14 @@ from typing import Any
 import numpy as np
 
 from backdrive.errors import InvalidInput
+from backdrive.identification.curves import knot_names
 from backdrive.identification.evidence import evidence
 from backdrive.identification.function_a import SHARE, corrected, function_a
 from backdrive.identification.function_a import literal as literal_pairs
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
 from backdrive.identification.sweep_delay import drive_delays
+from backdrive.identification.sweep_equations import ALL
 from backdrive.identification.sweep_fit import SweepFit, fit
 from backdrive.identification.sweep_knots import SweepKnots, ordered, to_polyline
 from backdrive.identification.sweep_shown import error_of_curve, judged, part, verdict
@@ -27,7 +29,7 @@ from backdrive.identification.terms import unit_of
 from backdrive.identification.timing import Timing
 from backdrive.laws import Growth, Law
 from backdrive.logs.log import Joint, Log
-from backdrive.model import Estimate, JointFriction, Validity
+from backdrive.model import Covariance, Estimate, JointFriction, Validity
 
 __all__ = [
     "SweepKnots",
@@ -208,8 +210,10 @@ def _friction(
         "positive": tuple(found.error_pos.tolist()),
         "negative": tuple(found.error_neg.tolist()),
     }
-    growth = None
+    growth, lowest = None, min(float(k.V.min()) for k in knots)
+    names, rows = [*knot_names(len(found.law.velocity)), *ALL], list(range(len(found.with_terms)))
     if found.load is not None:
+        names, rows = [*names[:-1], "load_driving", "load_driven"], [*rows, rows[-1]]  # one slope for both
         slope, error, carried = found.load
         growth = Growth(load_driving=slope, load_driven=slope, load_carried=carried)
         errors |= {"load_driving": error, "load_driven": error}
@@ -218,7 +222,8 @@ def _friction(
         law=Law(rate=found.law, growth=growth),
         standard_errors={} if literal else errors,
         dynamics=dynamics,
-        validity=Validity(velocity=(float(speeds.min()), float(speeds.max()))),
+        covariance=Covariance.of(names, found.with_terms[np.ix_(rows, rows)]),
+        validity=Validity(velocity=(float(speeds.min()), float(speeds.max())), lowest_speed=lowest),
         method="sweep",
         warnings=found.warnings,
     )

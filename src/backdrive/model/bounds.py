@@ -17,7 +17,7 @@ from backdrive._documents import numbers_in
 from backdrive.errors import BackdriveError, ModelFileError
 
 if TYPE_CHECKING:
-    from backdrive.model import JointFriction
+    from backdrive.model import Covariance, JointFriction
 
 BIG = 1e12  # of any number but those below, in SI
 MOST_ERROR = (
@@ -180,3 +180,24 @@ def check_law(friction: JointFriction, where: str) -> None:
             f"{MOST_TORQUE:g}.",
             remedy=AGAIN,
         )
+
+
+def check_rows(covariance: Covariance | None, friction: JointFriction, where: str) -> None:
+    """Refuse a covariance of numbers that the joint does not have.
+
+    Args:
+        covariance: as the file has it.
+        friction: of the joint, which has kept the rows of its numbers.
+        where: the joint's place in the file.
+
+    Raises:
+        ModelFileError: names the row.
+    """
+    if covariance is not None:
+        kept = () if friction.covariance is None else friction.covariance.names
+        for i, name in enumerate(covariance.names):
+            if name not in kept:
+                raise ModelFileError(
+                    f"{where}.covariance.names[{i}] is '{name[:100]}', which neither law nor dynamics have.",
+                    remedy=AGAIN,
+                )

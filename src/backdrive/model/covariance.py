@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -45,21 +46,23 @@ class Covariance:
 
     @classmethod
     def of(cls, names: Sequence[str], matrix: np.ndarray) -> Covariance | None:
-        """Return the covariance of the numbers whose variance is known; None where there is none, or there are too many.
+        """Return the covariance of the numbers whose variance is known; None where no such matrix of a model is left.
 
         Args:
             names: of the rows.
             matrix: (k, k); NaN or infinite where something is not determined.
         """
         variance = np.diag(matrix)
-        known = np.flatnonzero(np.isfinite(variance) & (variance >= 0.0) & (variance < MOST_VARIANCE))
+        known = np.flatnonzero(np.isfinite(variance) & (variance > 0.0) & (variance < MOST_VARIANCE))
         if not 0 < known.size <= MOST_ROWS:
             return None
         part = matrix[np.ix_(known, known)]
         part = 0.5 * (part + part.T)
-        return cls(
-            names=tuple(names[i] for i in known.tolist()), matrix=tuple(tuple(row) for row in part.tolist())
-        )
+        with suppress(InvalidInput):  # what rounding made of a matrix that is nearly singular
+            return cls(
+                names=tuple(names[i] for i in known.tolist()),
+                matrix=tuple(tuple(row) for row in part.tolist()),
+            )
 
     def array(self) -> np.ndarray:
         """Return the matrix, (k, k)."""
@@ -69,27 +72,33 @@ class Covariance:
         """Return the roots of the diagonal by name of the row."""
         return dict(zip(self.names, np.sqrt(np.diag(self.array())).tolist()))
 
-    def check_errors(self, errors: Mapping[str, Any]) -> None:
-        """Refuse standard errors that are not those of the matrix.
+    def of_numbers(self, errors: Mapping[str, Any]) -> Covariance | None:
+        """Return the rows that are of a joint's numbers; None where none is.
 
         Args:
-            errors: by parameter and term, one number or one a value; NaN where unknown.
+            errors: standard errors by parameter and term, one number or one a value; NaN where unknown.
 
         Raises:
-            InvalidInput: names the row, which is none of the joint's, or says otherwise.
+            InvalidInput: a standard error is not that of the matrix; the message names the row.
         """
-        for row, own in self.standard_errors().items():
+        kept = []
+        for i, (row, own) in enumerate(self.standard_errors().items()):
             stated = errors.get(row)
             if indexed := re.fullmatch(r"(\w+)\[(\d{1,5})\]", row, re.ASCII):
                 values, index = errors.get(indexed[1]), int(indexed[2])
                 stated = values[index] if isinstance(values, (list, tuple)) and index < len(values) else None
             if stated is None or isinstance(stated, (list, tuple)):
-                raise InvalidInput(f"The covariance has a row '{row[:100]}' of nothing.", remedy=AGAIN)
+                continue
             if not math.isnan(stated) and abs(stated - own) > ROUNDING * max(stated, own):
                 raise InvalidInput(
                     f"The standard error of '{row}' is {stated:g}, and {own:g} by its covariance.",
-                    remedy=AGAIN,
+                    remedy="Give those of the covariance, or no covariance.",
                 )
+            kept.append(i)
+        if len(kept) in (0, len(self.names)):
+            return self if kept else None
+        matrix = tuple(tuple(self.matrix[i][j] for j in kept) for i in kept)
+        return Covariance(names=tuple(self.names[i] for i in kept), matrix=matrix)
 
 
 def _check(matrix: np.ndarray) -> None:
@@ -113,3 +122,17 @@ def _check(matrix: np.ndarray) -> None:
         raise InvalidInput("The covariance is not symmetric.", remedy=AGAIN)
     if np.linalg.eigvalsh(correlation)[0] < -ROUNDING * len(matrix):
         raise InvalidInput("The covariance is not positive semidefinite.", remedy=AGAIN)
+
+
+def errors_by_parameter(names: Sequence[str], matrix: np.ndarray) -> dict[str, Any]:
+    """Return the roots of a covariance's diagonal by parameter and term: one number, or as many as there are rows `name[i]`.
+
+    Args:
+        names: of the rows, those of a parameter in their order.
+        matrix: (k, k).
+    """
+    errors: dict[str, Any] = {}
+    for row, error in zip(names, np.sqrt(np.maximum(np.diag(matrix), 0.0)).tolist()):
+        name, bracket, _ = row.partition("[")
+        errors[name] = (*errors.get(name, ()), error) if bracket else error
+    return errors

@@ -15,7 +15,7 @@ from backdrive.errors import BackdriveError, ModelFileError
 from backdrive.laws import Growth, Law, element, rate_law
 from backdrive.laws.base import Rows
 from backdrive.logs.log import Joint, Source
-from backdrive.model.bounds import check_document, check_errors, check_keys, check_law, placed
+from backdrive.model.bounds import check_document, check_errors, check_keys, check_law, check_rows, placed
 from backdrive.model.document import (
     ALIKE,
     FORMAT,
@@ -205,6 +205,7 @@ def _joint(j: JointEntry, where: str) -> m.JointFriction:
             **{name: getattr(j, name) for name in ALIKE},
         )
     check_law(friction, where)
+    check_rows(j.covariance, friction, where)
     return friction
 
 

@@ -80,7 +80,8 @@ class JointFriction:
         held_out: quality on data that the fit did not see; None when nothing was held out.
         method: which identification found it.
         warnings: what makes the result suspect, in sentences.
-        covariance: of law and dynamics; its diagonal holds the squares of the standard errors.
+        covariance: of law and dynamics; its diagonal holds the squares of the standard errors, and rows of numbers that the joint
+            does not have are left out.
         torque_channel: delay and noise of the torque that was measured.
         actuator: limits, gain and inertia of what drives the joint.
         friction_side: of the gear that the numbers refer to, `joint` or `motor`.
@@ -112,7 +113,7 @@ class JointFriction:
                 remedy="It is joint or motor.",
             )
         if self.covariance is not None:
-            self.covariance.check_errors(self._errors())
+            object.__setattr__(self, "covariance", self.covariance.of_numbers(self._errors()))
 
     def _errors(self) -> dict[str, Any]:
         """Return the standard error of every number, NaN where it is unknown: one, or as many as there are values."""

@@ -231,6 +231,7 @@ class MotionTask(Task):
             seen,
             values={n: values.get(n, v) for n, v in seen.values.items()},
             standard_errors={n: one.standard_errors.get(n, np.nan) for n in seen.values},
+            covariance=one.covariance,
             at_bound=one.at_bound,
             unseen=one.unseen,
             warnings=one.warnings,
