@@ -109,7 +109,7 @@ PLACE = r"\$\.joints\[0\]"
         (lambda d, j: j["covariance"]["names"].__setitem__(0, "positive[7]"), rf"{PLACE}\.covariance.names\[0\] is .positive\[7\]"),
         (lambda d, j: j["covariance"]["names"].__setitem__(0, "positive[-1]"), rf"{PLACE}\.covariance\.names\[0\] .*neither"),
         (lambda d, j: j["covariance"]["names"].__setitem__(0, "positive"), rf"{PLACE}\.covariance\.names\[0\] .*neither"),
-        (lambda d, j: j["covariance"]["names"].__setitem__(0, "warp"), rf"{PLACE}\.covariance\.names\[0\] is 'warp', which neither"),
+        (lambda d, j: j["covariance"]["names"].__setitem__(0, "warp"), rf"{PLACE}\.covariance\.names\[0\] is 'warp', which"),
         (lambda d, j: j["covariance"]["names"].__setitem__(0, "inertia[0]"), rf"{PLACE}\.covariance\.names\[0\] .*neither"),
         (lambda d, j: j["covariance"]["matrix"][0].__setitem__(1, 0.0), "not symmetric"),
         (lambda d, j: j["covariance"]["matrix"][0].__setitem__(0, -1.0), "negative variance"),

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from backdrive.identification.bands import bands_of, long_run_of
 from backdrive.identification.grade import grade
 from backdrive.identification.result import Curve, JointEvidence, Samples
 from backdrive.identification.signals import Signals
@@ -53,6 +54,8 @@ def evidence(
         curve=curve(friction, standard_error),
         verdict=verdict(friction),
         presliding=presliding,
+        bands=bands_of(parts),
+        long_run=long_run_of(parts),
     )
 
 
