@@ -163,8 +163,8 @@ def _friction(
     if own[2 * k + 2] > 1e-9:
         growth = Growth(load_driving=float(own[2 * k + 2]), load_driven=float(own[2 * k + 2]))
         with_load = dict.fromkeys(("load_driving", "load_driven"), float(error[2 * k + 2]))
-    last = np.r_[0:k, k - 1, k : 2 * k, 2 * k - 1]  # the level section repeats the knot before it
-    rows = np.r_[last, 2 * k, 2 * k + 1, [2 * k + 2] * len(with_load)]
+    repeated = [*range(k), k - 1, *range(k, 2 * k), 2 * k - 1]  # the level section repeats the knot before it
+    rows = [*repeated, 2 * k, 2 * k + 1, *[2 * k + 2] * len(with_load)]
     names = (*curves.knot_names(k + 1), "offset", "inertia", *with_load)
     found = {
         "offset": (own[2 * k], error[2 * k]),
