@@ -97,3 +97,31 @@ def test_names_are_told_from_those_that_were_made_up(tmp_path):
     assert read_log(path).joints[0].named is False
     assert read_log(path, names="elbow").joints[0].named is True
     assert replace(log.joints[0], named=True) == log.joints[0]  # the same joint, whoever named it
+
+
+def test_torque_limits_are_those_of_the_description(tmp_path):
+    from backdrive.identification.pipeline import _effort
+
+    limit = '<limit lower="-1" upper="1" effort="40" velocity="2"/>'
+    joint = f'<joint name="elbow" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>{limit}</joint>'
+    path = tmp_path / "r.urdf"
+    path.write_text(f'<robot name="r"><link name="a"/><link name="b"/>{joint}</robot>')
+    assert _effort(str(path)) == {"elbow": 40.0}
+    assert _effort(None) == _effort(str(tmp_path / "none.urdf")) == {}
+
+
+def test_an_open_drive_has_a_gain_and_a_limit():
+    from backdrive.engine import Axis, DriveModel
+    from backdrive.identification.dynamic.given_drive import actuator_of
+    from backdrive.laws import Coulomb, Law
+
+    law = Law(rate=Coulomb(coulomb=1.0))
+    motor = DriveModel(
+        actuator="motor", gain=0.5, supply=24.0, torque_constant=2.0, resistance=4.0, limit=1.0
+    )
+    found = actuator_of(Axis(law=law, inertia=0.3, drive=motor))
+    assert (found.gain, found.torque_limit, found.motor_inertia) == (6.0, 12.0, None)
+    plain = actuator_of(
+        Axis(law=law, inertia=0.3, load_inertia=1.0, stiffness=1e4, drive=DriveModel(controller="position"))
+    )
+    assert (plain.gain, plain.torque_limit, plain.motor_inertia) == (None, None, 0.3)
