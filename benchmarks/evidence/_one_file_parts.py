@@ -171,24 +171,22 @@ CHECK = Part(
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding
-
-NAME = "heavy"
+from backdrive.logs.health._finding import Finding, check
 
 
-def find(exam: Exam) -> list[Finding]:
+@check("heavy", "torques that no robot gives")
+def find(exam: Exam) -> Iterator[Finding]:
     """Report torques above 1e5."""
-    return [
-        Finding(name=NAME, joint=name, severity="warns", sentence=f"{name} gives 100 kN.m.", remedy="Look at the unit.", value=1e5)
-        for j, name in exam
-        if exam.usable("torque", j) and np.abs(exam.sample("torque", j)).max() > 1e5
-    ]
-
-
-CHECK = Check(NAME, "torques that no robot gives", find)
+    for channel, j, joint in exam.columns("torque"):
+        if np.abs(exam.sample(channel, j)).max() > 1e5:
+            yield Finding(
+                joint=joint, severity="warn", sentence=f"{joint} gives 100 kN.m.", remedy="Look at the unit.", value=1e5
+            )
 ''',
     (Line("logs/health/__init__.py", '        "no_motion",', '        "heavy",'),),
     """

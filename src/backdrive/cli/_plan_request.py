@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from backdrive._catalog import lookup
+from backdrive.errors import InvalidInput
+
+_COMMON = ("joint", "all_joints", "urdf", "unit")
 
 _MOTION = (
     "stroke",
@@ -30,59 +35,21 @@ KINDS: dict[str, tuple[str, ...]] = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class Request:
-    """The options as they were given; None where nothing was."""
+class Request(SimpleNamespace):
+    """The options of the command by their names, as they were given; None where nothing was."""
 
-    kind: str
-    joint: list[str] | None = None
-    all_joints: bool = False
-    urdf: Path | None = None
-    unit: str | None = None
-    hold: list[str] | None = None
-    stroke: float | None = None
-    stroke_deg: float | None = None
-    top_speed: float | None = None
-    top_speed_deg: float | None = None
-    cycles: int | None = None
-    center: float | None = None
-    center_deg: float | None = None
-    lead_in: float | None = None
-    literal: bool = False
-    speeds: str | None = None
-    ramp_acceleration: float | None = None
-    pause: float | None = None
-    band: str | None = None
-    period: float | None = None
-    seed: int | None = None
-    amplitude: float | None = None
-    offset: float | None = None
-    frequency: float | None = None
-    rise: float | None = None
-    torque_rate: float | None = None
-    lower: float | None = None
-    upper: float | None = None
-    velocity_limit: float | None = None
-    acceleration_limit: float | None = None
-    torque_limit: float | None = None
-    inertia: float | None = None
-    gravity: float | None = None
-    friction: float | None = None
-    bias: float | None = None
-    time_slip: float | None = None
-    centres: str | None = None
+    def __getattr__(self, name: str) -> Any:  # for those that a program leaves out
+        return None
 
 
-def refuse_idle_options(request: Request) -> None:
-    from backdrive.errors import InvalidInput
-
-    common = {"kind", "joint", "all_joints", "urdf", "unit"}
-    for field in fields(request):
-        value = getattr(request, field.name)
-        if value is None or value is False or field.name in common or field.name in KINDS[request.kind]:
+def check_options(request: Request) -> None:
+    """Refuse a kind of plan that there is none of, and options that mean nothing to it."""
+    lookup(request.kind, KINDS, "kind of plan")
+    for name, value in vars(request).items():
+        if value is None or value is False or name in ("kind", *_COMMON, *KINDS[request.kind]):
             continue
-        option = "--" + field.name.replace("_", "-")
-        kinds = ", ".join(kind for kind, options in KINDS.items() if field.name in options)
+        kinds = ", ".join(kind for kind, options in KINDS.items() if name in options)
         raise InvalidInput(
-            f"{option} means nothing to a plan of the kind {request.kind}.", remedy=f"It belongs to: {kinds}."
+            f"--{name.replace('_', '-')} means nothing to a plan of the kind {request.kind}.",
+            remedy=f"It belongs to: {kinds}.",
         )

@@ -16,15 +16,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import import_module
-from typing import Any
 
 import numpy as np
 
 from backdrive._jit import jit
 from backdrive.engine.axis import held
 from backdrive.engine.servo import Servo
-from backdrive.errors import InvalidInput, MissingExtra, install
+from backdrive.errors import InvalidInput, require
 from backdrive.simulation.joint import SimulatedJoint
 from backdrive.simulation.machines import COUNTS, bent_curve, joint_0, joint_1, joint_2
 
@@ -174,12 +172,7 @@ class Arm:
             MissingExtra: mujoco is not installed.
             InvalidInput: joints or posture do not match the model, or a transmission is rigid.
         """
-        try:
-            mujoco: Any = import_module("mujoco")
-        except ImportError as error:
-            raise MissingExtra(
-                "A simulated arm needs mujoco, which is not installed.", remedy=install("sim")
-            ) from error
+        mujoco = require("mujoco", "A simulated arm needs", "sim")
         self._mujoco = mujoco
         self.joints = tuple(joints or hp3j())
         self.model = mujoco.MjModel.from_xml_string(model or mjcf())

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.errors import MissingExtra, install
+from backdrive.errors import require
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,13 +89,7 @@ def require_matplotlib() -> None:
     Raises:
         MissingExtra: names the extra.
     """
-    try:
-        import matplotlib.figure  # noqa: F401
-    except ImportError as error:
-        raise MissingExtra(
-            "Pictures and reports need matplotlib, which is not installed.",
-            remedy=install("report"),
-        ) from error
+    require("matplotlib.figure", "Pictures and reports need", "report")
 
 
 @contextmanager
