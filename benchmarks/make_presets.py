@@ -24,7 +24,7 @@ from backdrive.logs.log import Joint, Source
 from backdrive.model import Estimate, FrictionModel, JointFriction, Validity
 from backdrive.model.file import decode, encode
 
-HOME = Path(__file__).resolve().parent.parent / "src" / "backdrive" / "presets"
+HOME = Path(__file__).resolve().parent.parent / "src" / "backdrive" / "model" / "presets"
 TAU = 2.0 * math.pi
 
 # Folder of BAM's parameters -> preset family and what the servo is.

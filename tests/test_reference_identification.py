@@ -18,6 +18,7 @@ from backdrive.identification.sweep_payload import identify_payload
 from backdrive.identification.sweep_windows import Windows, windows
 from backdrive.identification.timing import torque_timing
 from backdrive.logs.log import Joint, Log
+from backdrive.model.covariance import errors_by_parameter
 from backdrive.plans import Sweep
 
 A, V = np.deg2rad(20), 2.0
@@ -510,7 +511,13 @@ def test_errors_of_a_fitted_form_are_those_of_its_covariance():
         assert error(np.array([v]))[0] == pytest.approx(np.sqrt(np.array(row) @ covariance @ row))
     line = curves.forms(np.array([0.0, 2.0]), {"line": np.array([0.0, 2.0])}, both_directions=True)[1]
     four = covariance[:4, :4]
-    law, errors = curves.to_law(line, np.array([3.0, 5.0, 2.0, 6.0]), four)
+    law = curves.to_law(line, np.array([3.0, 5.0, 2.0, 6.0]))
+
+    def errors_of(law):
+        names, rows = curves.sensitivity(line, law)
+        return errors_by_parameter(names, rows @ four @ rows.T)
+
+    errors = errors_of(law)
     assert law.rate.values() == pytest.approx(
         {"coulomb_positive": 3.0, "coulomb_negative": 2.0, "viscous_positive": 1.0, "viscous_negative": 2.0}
     )
@@ -523,7 +530,8 @@ def test_errors_of_a_fitted_form_are_those_of_its_covariance():
         ([3.0, 5.0, -0.1, 6.0], False),
         ([-0.1, 5.0, 2.0, 6.0], False),
     ):
-        law, stated = curves.to_law(line, np.array(values), four)
+        law = curves.to_law(line, np.array(values))
+        stated = errors_of(law)
         assert (law.rate.NAME == "coulomb-viscous") is viscous
         if not viscous:
             assert law.rate.positive == tuple(values[:2]) and law.rate.negative == tuple(values[2:])

@@ -174,8 +174,8 @@ def test_what_is_wrong_with_a_model_file_is_told_apart():
         assert "not a friction model" in refused(data)
     assert "model file: it is JSON, but" in refused(b"{}", "model file")
     document = json.loads(good)
-    for schema in (2, 0, True, "1", None, 1.5):
-        assert "this version reads 1" in refused(json.dumps({**document, "schema": schema}).encode())
+    for schema in (3, 0, True, "1", None, 1.5):
+        assert "this version reads 1 and 2" in refused(json.dumps({**document, "schema": schema}).encode())
     long = refused(json.dumps({**document, "schema": "9" * 100}).encode())
     assert f"$.schema is {'9' * 40}, this" in long
     for change, said in (

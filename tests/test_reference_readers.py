@@ -584,7 +584,7 @@ def same(a, b):
 
 def test_a_model_file_says_everything_in_si():
     document = msgspec.json.decode(encode(full_model()))
-    assert (document["format"], document["schema"]) == ("backdrive-friction-model", 1)
+    assert (document["format"], document["schema"]) == ("backdrive-friction-model", 2)
     a, b = document["joints"]
     assert (a["name"], a["unit"], a["torque_side"], a["gear_ratio"], a["encoder_counts"]) == (
         "a",
@@ -608,7 +608,9 @@ def test_a_model_file_says_everything_in_si():
     assert b["parameters"]["viscous_positive"]["unit"] == "N.s/m" and b["element_parameters"]["share"][
         "standard_error"
     ] == [0.1, None]
-    assert a["validity"] == {"velocity": [-1.5, 2.5], "load": [-3.0, 4.0], "temperature": [15.0, 45.0]}
+    assert a["validity"] == {
+        "velocity": [-1.5, 2.5], "load": [-3.0, 4.0], "temperature": [15.0, 45.0], "lowest_speed": None, "nominal_load": None,
+    }  # fmt: skip
     assert list(a["dynamics"]) == ["inertia", "offset"] and a["dynamics"]["offset"]["standard_error"] is None
     assert a["fitted"] == {"residual_percent": 3.5, "residual_raw_percent": 7.25, "rms": 0.4, "samples": 1234}
     assert a["held_out"]["residual_percent"] is None and b["fitted"] is None
@@ -659,7 +661,7 @@ def test_a_model_file_gives_back_what_it_was_given():
         (lambda d: d["joints"][0]["element_parameters"]["stiffness"].update(value=[1.0]), "stiffness"),
         (lambda d: d["joints"][0]["dynamics"]["inertia"].update(value=[1.0]), "inertia"),
         (lambda d: d["joints"][0]["dynamics"]["inertia"].update(standard_error=[1.0]), "inertia"),
-        (lambda d: d.update(schema=2), "schema"),
+        (lambda d: d.update(schema=3), "schema"),
         (lambda d: d.update(schema=0), "schema"),
         (lambda d: d.update(joints=[]), "distinct"),
         (lambda d: d["joints"].append(d["joints"][0]), "distinct"),

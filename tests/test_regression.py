@@ -67,7 +67,7 @@ def test_every_coarse_curve_is_exact_on_the_fine_basis():
         c = np.abs(RNG.standard_normal(r))
         k = form.knots.size
         positive, negative = (c, c) if form.symmetric else (c[:k], c[k:])
-        law, _ = curves.to_law(form, c, np.eye(r))
+        law = curves.to_law(form, c)
         got = curves.basis(v, knots) @ form.spread @ c
         inside = np.abs(v) <= 2.0
         np.testing.assert_allclose(got[inside & (v != 0)], law.torque(v)[inside & (v != 0)], atol=1e-12)
@@ -77,6 +77,6 @@ def test_every_coarse_curve_is_exact_on_the_fine_basis():
 
 def test_a_falling_line_is_no_negative_viscosity():
     form = curves.forms(np.array([0.0, 1.0]), {"line": np.array([0.0, 1.0])}, both_directions=False)[0]
-    law, _ = curves.to_law(form, np.array([2.0, 1.0]), np.eye(2))
+    law = curves.to_law(form, np.array([2.0, 1.0]))
     assert law.rate.NAME == "polyline"
     assert float(law.torque(0.5)) == 1.5

@@ -45,11 +45,15 @@ def honest() -> dict[str, Any]:
         "law": {"rate": "coulomb", "element": "dahl"},
         "parameters": {"coulomb": number(3.0, "N.m", standard_error=0.1)},
         "element_parameters": {"stiffness": number(1e4, "N.m/rad")},
-        "validity": {"velocity": [-1.0, 1.0]},
+        "validity": {"velocity": [-1.0, 1.0], "lowest_speed": 0.01, "nominal_load": 2.0},
+        "covariance": {"names": ["coulomb", "stiffness"], "matrix": [[0.01, 20.0], [20.0, 1e6]]},
+        "torque_channel": {"delay": 1e-3, "delay_error": 1e-4, "noise": 0.1, "long_run": 0.01},
+        "actuator": {"torque_limit": 50.0, "trip_speed": 3.0},
+        "bands": {"moving": {"half_width": 0.3, "samples": 900}},
     }
     return {
         "format": "backdrive-friction-model",
-        "schema": 1,
+        "schema": 2,
         "joints": [first, second],
         "provenance": {"backdrive": "1.0", "sources": [], "options": {}},
     }
@@ -86,7 +90,14 @@ def _deep(levels: int) -> Any:
     return inner
 
 
+def _matrix(matrix: Any, names: list[str] | None = None) -> bytes:
+    """Return a file whose second joint has this covariance."""
+    changes = {"matrix": matrix} if names is None else {"matrix": matrix, "names": names}
+    return _edited(lambda d, a, b: b["covariance"].update(changes))
+
+
 LIMIT = f"{PLACE}.validity"
+SPREAD = "$.joints[1].covariance"
 CURVE = f"{PLACE}.parameters"
 ELEMENT = "$.joints[1].element_parameters"
 
@@ -131,6 +142,42 @@ HOSTILE: dict[str, tuple[bytes, str]] = {
     "inertia as a list": (
         _edited(lambda d, a, b: a["dynamics"]["inertia"].update(value=[1.0])),
         f"{PLACE}.dynamics.inertia",
+    ),
+    "covariance that is not symmetric": (_matrix([[0.01, 20.0], [-20.0, 1e6]]), SPREAD),
+    "covariance of correlation 2": (_matrix([[0.01, 200.0], [200.0, 1e6]]), SPREAD),
+    "covariance of one row": (_matrix([[0.01]]), SPREAD),
+    "covariance of unequal rows": (_matrix([[0.01, 0.0], [0.0]]), SPREAD),
+    "covariance of nothing": (_matrix([], []), SPREAD),
+    "covariance with a hole": (_matrix([[0.01, None], [None, 1e6]]), f"{SPREAD}.matrix[0][1]"),
+    "covariance with a word": (_matrix([[0.01, "0"], ["0", 1e6]]), f"{SPREAD}.matrix[0][1]"),
+    "negative variance": (_matrix([[0.01, 0.0], [0.0, -1e6]]), SPREAD),
+    "variance of 1e300": (_matrix([[0.01, 0.0], [0.0, 1e300]]), f"{SPREAD}.matrix[1][1]"),
+    "variance against the standard error": (_matrix([[0.04, 0.0], [0.0, 1e6]]), "$.joints[1]: "),
+    "covariance of what is not there": (_matrix([[1.0]], ["warp"]), f"{SPREAD}.names[0]"),
+    "covariance of a row twice": (_matrix([[0.01, 0.01], [0.01, 0.01]], ["coulomb"] * 2), SPREAD),
+    "covariance of 2,000 rows": (_matrix([[0.0] * 2000] * 2000, [f"x[{i}]" for i in range(2000)]), SPREAD),
+    "covariance of names alone": (_matrix([], [f"x{i}" for i in range(100_000)]), SPREAD),
+    "torque limit of zero": (
+        _edited(lambda d, a, b: b["actuator"].update(torque_limit=0.0)),
+        "$.joints[1].actuator",
+    ),
+    "delay of 1e300": (_edited(lambda d, a, b: b["torque_channel"].update(delay=1e300)), "$.joints[1]"),
+    "lowest speed below zero": (
+        _edited(lambda d, a, b: b["validity"].update(lowest_speed=-1)),
+        "$.joints[1]",
+    ),
+    "band of -1 samples": (
+        _edited(lambda d, a, b: b["bands"]["moving"].update(samples=-1)),
+        "$.joints[1].bands",
+    ),
+    "coupling of one row": (_edited(lambda d, a, b: d.update(coupling=[[1.0, 0.0]])), "coupling"),
+    "coupling without inverse": (
+        _edited(lambda d, a, b: d.update(coupling=[[1.0, 1.0], [1.0, 1.0]])),
+        "coupling",
+    ),
+    "coupling of 1e300": (
+        _edited(lambda d, a, b: d.update(coupling=[[1e300, 0.0], [0.0, 1.0]])),
+        "$.coupling[0][0]",
     ),
     "ten thousand dynamics": (
         _edited(lambda d, a, b: a.update(dynamics={f"x{i}": number(1.0, "1") for i in range(10_000)})),

@@ -124,8 +124,10 @@ ROOMS: dict[str, dict[tuple[str, ...], tuple[str, ...]]] = {
         ),
     },
     "model file": {
-        ("model/friction_model.py", "model/file.py", "model/former.py"): (
-            "test_reference_model.py", "test_reference_readers.py", "test_model_file.py", "test_presets.py",
+        (
+            "model/friction_model.py", "model/joint_friction.py", "model/file.py", "model/former.py", "model/covariance.py",
+        ): (
+            "test_reference_model.py", "test_reference_readers.py", "test_model_file.py", "test_model_schema.py", "test_presets.py",
         ),
     },
 }  # fmt: skip

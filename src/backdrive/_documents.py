@@ -33,3 +33,22 @@ def plain(value: Any) -> Any:
     if hasattr(value, "tolist"):
         return plain(value.tolist())
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def json_schema(kind: type, title: str) -> str:
+    """Return the JSON schema of a document as text.
+
+    Args:
+        kind: the msgspec structure that the document is read as; it refuses unknown keys, and so does the schema.
+        title: of the schema.
+    """
+    import json
+
+    import msgspec
+
+    schema = msgspec.json.schema(kind)
+    for part in schema["$defs"].values():
+        if "properties" in part:
+            part["additionalProperties"] = False
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": title}
+    return json.dumps(head | schema, indent=1) + "\n"

@@ -1,30 +1,32 @@
-"""`backdrive show`: a model file as tables, as a small plot, as a picture, or as JSON."""
+"""`backdrive show`: a model file as tables, as a small plot, as a picture, or as JSON; and the JSON schemas of our files."""
 
 from __future__ import annotations
 
 import codecs
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from backdrive.cli import _logs
 from backdrive.cli._output import console as new_console
 from backdrive.cli._output import echo, print_json, print_lines
+from backdrive.errors import InvalidInput
 
 SPEEDS = 21  # velocities of the table in --json
 
 
 def command(
     model: Annotated[
-        str,
+        str | None,
         typer.Argument(
             metavar="MODEL.json",
             help="Model file made by `identify -o` or `fit -o`, or preset:NAME; preset: alone lists them.",
         ),
-    ],
+    ] = None,
     joint: Annotated[
         list[str] | None,
         typer.Option("--joint", "-j", metavar="NAME", help="Only this joint; may be repeated."),
@@ -38,14 +40,25 @@ def command(
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the model file and its evaluated curves as JSON.")
     ] = False,
+    schema: Annotated[
+        Literal["model", "tuning"] | None,
+        typer.Option("--schema", help="Print the JSON schema of model or of tuning files instead."),
+    ] = None,
 ) -> None:
     """Show a friction model: its laws with errors and bounds, where it holds, how good it is, where it comes from.
 
     Example: backdrive show model.json --joint elbow --plot elbow.png
 
     Example: backdrive show preset:mx106/m6
+
+    Example: backdrive show --schema model
     """
-    from backdrive.model import FrictionModel, load_model
+    if schema is not None:
+        _print_schema(schema)
+        return
+    if model is None:
+        raise InvalidInput("No model is named.", remedy="Name a model file, preset:NAME, or --schema model.")
+    from backdrive.model import load_model
     from backdrive.model.presets import preset_name
 
     if preset_name(model) == "" and plot is None and not joint:
@@ -55,13 +68,9 @@ def command(
     loaded = load_model(model)
     shown = loaded
     if joint:
-        shown = FrictionModel(
-            joints=tuple(loaded.joint(name) for name in dict.fromkeys(joint)),
-            arm=loaded.arm,
-            sources=loaded.sources,
-            options=loaded.options,
-            version=loaded.version,
-        )
+        chosen = tuple(loaded.joint(name) for name in dict.fromkeys(joint))
+        whole = len(chosen) == len(loaded.joints)
+        shown = replace(loaded, joints=chosen, coupling=loaded.coupling if whole else None)
     if plot is not None:
         from backdrive.report.pictures.curve import save_curves
 
@@ -72,6 +81,12 @@ def command(
         _print_tables(shown)
         if plot is not None:
             echo(f"Wrote {plot}.")
+
+
+def _print_schema(kind: Literal["model", "tuning"]) -> None:
+    from importlib.resources import files
+
+    echo(files(f"backdrive.{kind}").joinpath(f"{kind}.schema.json").read_text().rstrip())
 
 
 def _print_presets(as_json: bool) -> None:

@@ -34,7 +34,7 @@ from backdrive.identification.terms import estimates
 from backdrive.laws import Growth, Law, Polyline
 from backdrive.logs.filters import derivative, low_pass
 from backdrive.logs.log import Joint, Log
-from backdrive.model import ArmModel, JointFriction, Validity
+from backdrive.model import Actuator, ArmModel, Covariance, JointFriction, Validity
 from backdrive.robot import Robot, load_robot
 
 SIGNIFICANT = 2.0  # load friction of fewer standard errors is taken to be none
@@ -163,6 +163,9 @@ def _friction(
     if own[2 * k + 2] > 1e-9:
         growth = Growth(load_driving=float(own[2 * k + 2]), load_driven=float(own[2 * k + 2]))
         with_load = dict.fromkeys(("load_driving", "load_driven"), float(error[2 * k + 2]))
+    repeated = [*range(k), k - 1, *range(k, 2 * k), 2 * k - 1]  # the level section repeats the knot before it
+    rows = [*repeated, 2 * k, 2 * k + 1, *[2 * k + 2] * len(with_load)]
+    names = (*curves.knot_names(k + 1), "offset", "inertia", *with_load)
     found = {
         "offset": (own[2 * k], error[2 * k]),
         "inertia": (own[2 * k + 1], error[2 * k + 1]),
@@ -174,6 +177,8 @@ def _friction(
         standard_errors={name: (*e.tolist(), float(e[-1])) for name, e in errors.items()} | with_load,
         at_bound=tuple(name for name, v in values.items() if np.any(v == 0)),
         dynamics=estimates(found, joint.unit),
+        covariance=Covariance.of(names, solution.covariance[j][np.ix_(rows, rows)]),
+        actuator=Actuator(motor_inertia=max(float(own[2 * k + 1]), 0.0)),
         validity=Validity(velocity=(-terms.top, terms.top), load=loads),
         method="arm",
         warnings=warnings,

@@ -17,7 +17,8 @@ from backdrive.identification.result import JointEvidence, Samples
 from backdrive.identification.runs import LEAST_RUNS, Run, find_runs, gravity_of, without_gravity
 from backdrive.identification.terms import GRAVITY, estimates
 from backdrive.logs.log import Joint, Log
-from backdrive.model import JointFriction, Quality, Validity
+from backdrive.model import Covariance, JointFriction, Quality, Validity
+from backdrive.model.covariance import errors_by_parameter
 
 SECTIONS = (1, 2, 3, 4, 5, 6)  # line sections per direction that are tried
 GAIN = 1.0  # a curve must beat the line by so many standard errors of the mean gain [-]
@@ -105,24 +106,27 @@ def identify_constant_velocity(
     theta = blocks.solution()
     covariance = regression.sandwich(blocks, theta)
     r = form.spread.shape[1]
-    curve_values, curve_covariance = theta[:r], covariance[:r, :r]
-    values: dict[str, tuple[float, float]] = dict(zip(GRAVITY, zip(*gravity))) if gravity else {}
-    if theta.size > r:
-        values["offset"] = float(theta[r]), float(np.sqrt(max(covariance[r, r], 0.0)))
-    elif (
-        not form.symmetric and curve_values.min() < 0.0
-    ):  # friction cannot push: what does is gravity or a bias
+    curve_values, apart, rest = theta[:r], np.eye(r, theta.size), np.eye(theta.size)[r:]
+    if theta.size == r and not form.symmetric and curve_values.min() < 0.0:
+        # friction cannot push: what does is gravity or a bias
         row, apart = curves.constant_apart(form.knots.size)
-        error = float(np.sqrt(max(row @ curve_covariance @ row, 0.0)))
-        values["offset"] = float(row @ curve_values), error
-        curve_values, curve_covariance = apart @ curve_values, apart @ curve_covariance @ apart.T
-    found, errors = curves.to_law(form, curve_values, curve_covariance)
+        curve_values, rest = apart @ theta, row[None]
+    found = curves.to_law(form, curve_values)
+    names, of_law = curves.sensitivity(form, found)
+    names += ("offset",) * len(rest)
+    spread = np.vstack([of_law @ apart, rest])
+    curve_covariance, covariance = apart @ covariance @ apart.T, spread @ covariance @ spread.T
+    errors = errors_by_parameter(names, covariance)
+    values: dict[str, tuple[float, float]] = dict(zip(GRAVITY, zip(*gravity))) if gravity else {}
+    if len(rest):
+        values["offset"] = float((rest @ theta)[0]), errors.pop("offset")
     friction = JointFriction(
         joint=about,
         law=found,
         standard_errors=errors,
         dynamics=estimates(values, about.unit),
-        validity=Validity(velocity=(float(v.min()), float(v.max()))),
+        covariance=Covariance.of(names, covariance),
+        validity=Validity(velocity=(float(v.min()), float(v.max())), lowest_speed=float(np.abs(v).min())),
         fitted=_quality(y, y - X @ theta),
         held_out=_quality(y, losses[sections]),
         method="constant-velocity",

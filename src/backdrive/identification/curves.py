@@ -98,40 +98,53 @@ def forms(fine: np.ndarray, coarse: dict[str, np.ndarray], both_directions: bool
     return result
 
 
-def to_law(form: Form, coefficients: np.ndarray, covariance: np.ndarray) -> tuple[Law, dict[str, object]]:
-    """Return the law of a fitted form and the standard errors of its parameters.
+def to_law(form: Form, coefficients: np.ndarray) -> Law:
+    """Return the law of a fitted form.
 
     A falling straight line is kept as line sections: a negative viscous coefficient is no viscosity.
 
     Args:
         form: the candidate.
         coefficients: friction at its knots, positive direction first [N.m or N], (k or 2 k,).
-        covariance: of the coefficients, (k or 2 k, k or 2 k).
     """
     k = form.knots.size
-    directions = [slice(0, k), slice(0, k) if form.symmetric else slice(k, 2 * k)]
-    values = [coefficients[d] for d in directions]
-    errors = [np.sqrt(np.maximum(np.diag(covariance)[d], 0.0)) for d in directions]
+    values = [coefficients[:k], coefficients[-k:]]
     if k == 2 and form.knots[0] == 0.0:
-        top = form.knots[1]
-        slope = np.array([-1.0, 1.0]) / top
-        viscous = [float(slope @ v) for v in values]
+        viscous = [float((v[1] - v[0]) / form.knots[1]) for v in values]
         if min(viscous) >= 0.0 and min(v[0] for v in values) >= 0.0:
-            sigma = [float(np.sqrt(max(slope @ covariance[d, d] @ slope, 0.0))) for d in directions]
             law = CoulombViscous(
                 coulomb_positive=values[0][0],
                 coulomb_negative=values[1][0],
                 viscous_positive=viscous[0],
                 viscous_negative=viscous[1],
             )
-            return Law(rate=law), {
-                "coulomb_positive": float(errors[0][0]),
-                "coulomb_negative": float(errors[1][0]),
-                "viscous_positive": sigma[0],
-                "viscous_negative": sigma[1],
-            }
+            return Law(rate=law)
     law = Polyline(velocity=tuple(form.knots), positive=tuple(values[0]), negative=tuple(values[1]))
-    return Law(rate=law), {"positive": tuple(errors[0].tolist()), "negative": tuple(errors[1].tolist())}
+    return Law(rate=law)
+
+
+def sensitivity(form: Form, law: Law) -> tuple[tuple[str, ...], np.ndarray]:
+    """Return the names of a law's parameters, and their derivatives by the coefficients of its form, (r, k or 2 k).
+
+    Args:
+        form: that was fitted.
+        law: that `to_law` made of it.
+    """
+    k = form.knots.size
+    both = np.eye(k) if form.symmetric else np.eye(2 * k)
+    sides = {"positive": both[:k], "negative": both[-k:]}
+    if isinstance(law.rate, Polyline):
+        return knot_names(k), np.vstack(list(sides.values()))
+    slope = np.array([-1.0, 1.0]) / form.knots[1]
+    names = tuple(f"{what}_{side}" for what in ("coulomb", "viscous") for side in sides)
+    return names, np.vstack(
+        [*(rows[0] for rows in sides.values()), *(slope @ rows for rows in sides.values())]
+    )
+
+
+def knot_names(count: int) -> tuple[str, ...]:
+    """Return the names of the torques at a polyline's knots, along +q first."""
+    return tuple(f"{side}[{i}]" for side in ("positive", "negative") for i in range(count))
 
 
 def constant_apart(k: int) -> tuple[np.ndarray, np.ndarray]:

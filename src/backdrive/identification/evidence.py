@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from backdrive.identification.bands import bands_of, long_run_of
 from backdrive.identification.dynamics import predict, rest_of_dynamics
 from backdrive.identification.quality import grade
 from backdrive.identification.result import Curve, JointEvidence, Samples
@@ -56,6 +57,8 @@ def evidence(
         curve=curve(friction, standard_error),
         verdict=verdict(friction),
         presliding=presliding,
+        bands=bands_of(parts),
+        long_run=long_run_of(parts),
     )
 
 

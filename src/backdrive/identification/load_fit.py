@@ -65,6 +65,7 @@ class PayloadGrowth:
         error_neg: standard errors of `negative` [N.m], (K,).
         velocity: the knots [rad/s], (K,).
         condition: of the equations [-].
+        covariance: of `positive`, `negative`, `gravity`, `driving` and `driven`, (2 K + 4, 2 K + 4).
     """
 
     driving: tuple[float, float]
@@ -77,6 +78,7 @@ class PayloadGrowth:
     error_neg: np.ndarray
     velocity: np.ndarray
     condition: float
+    covariance: np.ndarray
 
 
 def growth(eqs: Equations, curves: str, terms: Sequence[str], theta: np.ndarray) -> Growth | None:
@@ -166,18 +168,22 @@ def payload_growth(
             f"{theta[-2] - theta[-1]:.3g} of what drives it back, which no gear does.",
             remedy="Look at the payloads: s of s sin q comes first, c of c cos q second [N.m], one entry a log in their order.",
         )
+    spread = np.eye(theta.size)
+    spread[2 * K : 2 * K + 2] /= 1.0 + delta
+    spread[-2:, -2:] = [1.0, 1.0], [1.0, -1.0]
+    theta, covariance = spread @ theta, spread @ covariance @ spread.T
     deviation = np.sqrt(np.diag(covariance))
-    ways = np.array([[1.0, 1.0], [1.0, -1.0]])  # lifting and driven back, from mean and half difference
-    mu, mu_error = ways @ theta[-2:], np.sqrt(np.diag(ways @ covariance[-2:, -2:] @ ways.T))
+    found = list(zip(theta.tolist(), deviation.tolist()))
     return PayloadGrowth(
-        driving=(float(mu[0]), float(mu_error[0])),
-        driven=(float(mu[1]), float(mu_error[1])),
-        gravity=theta[2 * K : 2 * K + 2] / (1.0 + delta),
-        gravity_error=deviation[2 * K : 2 * K + 2] / (1.0 + delta),
+        driving=found[-2],
+        driven=found[-1],
+        gravity=theta[2 * K : 2 * K + 2],
+        gravity_error=deviation[2 * K : 2 * K + 2],
         positive=theta[:K],
         negative=theta[K : 2 * K],
         error_pos=deviation[:K],
         error_neg=deviation[K : 2 * K],
         velocity=eqs.V,
         condition=condition,
+        covariance=covariance,
     )

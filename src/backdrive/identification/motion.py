@@ -24,7 +24,8 @@ from backdrive.identification.signals import Signals, prepare
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.terms import estimates
 from backdrive.logs.log import Joint, Log
-from backdrive.model import JointFriction, Validity
+from backdrive.model import Covariance, JointFriction, Validity
+from backdrive.model.covariance import errors_by_parameter
 
 BIN_TIME = 0.01  # torque and regressors are averaged over this long [s]
 BLOCK_TIME = 1.5  # aimed length of a cross-validation block [s]
@@ -114,7 +115,12 @@ def identify_motion(
         warnings=(*friction.warnings, *remarks),
         fitted=assess(friction, stretches),
         held_out=assess(friction, others) if unseen is None else judge(unseen),
-        validity=replace(friction.validity, load=(float(load.min()), float(load.max()))),
+        validity=replace(
+            friction.validity,
+            load=(float(load.min()), float(load.max())),
+            nominal_load=float(np.abs(load).mean()),
+            lowest_speed=slowest,
+        ),
     )
     k = len(choice.candidate.terms)
     support = evidence(
@@ -184,20 +190,26 @@ def as_friction(
     choice: design.Choice, coefficients: np.ndarray, joint: Joint, velocity: tuple[float, float]
 ) -> JointFriction:
     """Return the joint's friction for a vector of coefficients of the chosen candidate."""
-    candidate, covariance = choice.candidate, choice.covariance
+    candidate = choice.candidate
     k = len(candidate.terms)
-    errors = np.sqrt(np.maximum(np.diag(covariance)[:k], 0.0))
-    values = dict(zip(candidate.terms, zip(coefficients[:k], errors)))
-    law, law_errors = curves.to_law(candidate.form, coefficients[k:], covariance[k:, k:])
-    if "jerk" in values:
-        (inertia, _), (delayed, error) = values["inertia"], values["jerk"]
-        values["jerk"] = delayed / inertia, error / abs(inertia)
-    named = {"time_slip" if term == "jerk" else term: value for term, value in values.items()}
+    law = curves.to_law(candidate.form, coefficients[k:])
+    parameters, of_law = curves.sensitivity(candidate.form, law)
+    terms = [("time_slip" if term == "jerk" else term) for term in candidate.terms]
+    size = [
+        1.0 / coefficients[candidate.terms.index("inertia")] if term == "jerk" else 1.0
+        for term in candidate.terms
+    ]
+    spread = np.zeros((k + len(parameters), coefficients.size))
+    spread[:k, :k], spread[k:, k:] = np.diag(size), of_law
+    names, covariance = (*terms, *parameters), spread @ choice.covariance @ spread.T
+    errors = errors_by_parameter(names, covariance)
+    values = {term: (value * s, errors[term]) for term, value, s in zip(terms, coefficients, size)}
     return JointFriction(
         joint=joint,
         law=law,
-        standard_errors=law_errors,
-        dynamics=estimates(named, joint.unit),
+        standard_errors={name: e for name, e in errors.items() if name not in terms},
+        dynamics=estimates(values, joint.unit),
+        covariance=Covariance.of(names, covariance),
         validity=Validity(velocity=velocity),
         method="motion",
     )
@@ -245,7 +257,8 @@ def with_warnings(friction: JointFriction, choice: design.Choice, both_direction
 
 def _left_out(stretches, choice, joint, velocity):
     """Predict every block by the fit that did not see it."""
-    models = [as_friction(choice, theta, joint, velocity) for theta in choice.left_out]
+    bare = replace(choice, covariance=np.zeros_like(choice.covariance))  # a prediction needs no errors
+    models = [as_friction(bare, theta, joint, velocity) for theta in choice.left_out]
     block = regression.block_index(sum(bins(s)[1] for s in stretches), len(models))
     first, pairs = 0, []
     for s in stretches:

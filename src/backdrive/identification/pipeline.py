@@ -7,12 +7,10 @@ from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
-import numpy as np
-
 from backdrive._blas import on_one_thread
 from backdrive._catalog import lookup
 from backdrive.engine import DriveModel
-from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
 from backdrive.identification.auto import METHODS, choose_method, moving_joints, own_turn
 from backdrive.identification.evidence import describe_fit
 from backdrive.identification.options import (
@@ -27,6 +25,7 @@ from backdrive.identification.options import (
     unused_torque,
 )
 from backdrive.identification.result import Identification, JointEvidence
+from backdrive.identification.supplement import supplement
 from backdrive.identification.timing import Timing
 from backdrive.identification.validate import validate
 from backdrive.logs.log import Drive, Log
@@ -204,7 +203,7 @@ def identify(
     else:
         friction, evidence = _by_joint(method, logs, held_out, names, options, warnings)
     model = FrictionModel(
-        joints=tuple(_with_temperature(j, logs) for j in friction),
+        joints=tuple(friction),
         arm=arm,
         sources=tuple(s for log in logs for s in log.sources),
         options=options.remembered(method, plan, held_out, reading=dict(reading or {}), **settings),
@@ -213,6 +212,10 @@ def identify(
     if held_out and method not in ("motion", "arm", "dynamic"):
         options.say("Judging on the held-out logs")
         model, evidence = _judged_on(model, evidence, held_out)
+    effort = _effort(options.urdf)
+    model = replace(
+        model, joints=tuple(supplement(j, e, logs, effort) for j, e in zip(model.joints, evidence))
+    )
     return Identification(
         model=model,
         evidence=tuple(evidence),
@@ -222,6 +225,18 @@ def identify(
         notes=tuple(dict.fromkeys(notes)),
         **more,
     )
+
+
+def _effort(urdf: str | None) -> dict[str, float]:
+    """Return the largest torque of each joint by the robot's description [N.m or N]; none without one."""
+    from backdrive.plans.limits import read_limits
+
+    if urdf is None:
+        return {}
+    try:
+        return {name: limits.effort for name, limits in read_limits(urdf).items()}
+    except BackdriveError:  # the arm was identified all the same
+        return {}
 
 
 def _searches(logs: Sequence[Log], options: Options) -> bool:
@@ -305,14 +320,3 @@ def _judged_on(
         for e, before, after in zip(evidence, model.joints, joints)
     ]
     return replace(model, joints=joints), described
-
-
-def _with_temperature(friction: JointFriction, logs: Sequence[Log]) -> JointFriction:
-    """Return the joint with the range of temperatures that the logs saw."""
-    seen = [log.select(friction.joint.name).temperature for log in logs]
-    values = np.concatenate([t[np.isfinite(t)] for t in seen if t is not None] or [np.empty(0)])
-    if not values.size:
-        return friction
-    return replace(
-        friction, validity=replace(friction.validity, temperature=(float(values.min()), float(values.max())))
-    )

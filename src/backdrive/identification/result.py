@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.model import FrictionModel
+from backdrive.model import Bands, FrictionModel
 
 if TYPE_CHECKING:
     from backdrive.identification.dynamic.choice import Choice
@@ -68,6 +68,8 @@ class JointEvidence:
         curve: the friction curve with its band.
         verdict: the result in one or two sentences for a person.
         presliding: None, or displacement [rad or m] and torque [N.m or N] of a ramp, (n, 2).
+        bands: how far measured torque lies from the predicted one, by state of motion.
+        long_run: standard deviation of the mean, over one second, of what the model leaves of the torque [N.m or N].
     """
 
     joint: str
@@ -75,6 +77,8 @@ class JointEvidence:
     curve: Curve
     verdict: str
     presliding: np.ndarray | None = None
+    bands: Bands | None = None
+    long_run: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from backdrive.errors import InvalidInput
+from backdrive.identification.curves import knot_names
 from backdrive.identification.evidence import evidence, parts_of
 from backdrive.identification.function_a import SHARE, corrected, function_a
 from backdrive.identification.function_a import literal as literal_pairs
@@ -20,6 +21,7 @@ from backdrive.identification.quality import assess
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
 from backdrive.identification.sweep_delay import drive_delays
+from backdrive.identification.sweep_equations import ALL
 from backdrive.identification.sweep_fit import SweepFit, fit
 from backdrive.identification.sweep_knots import SweepKnots, ordered, to_polyline
 from backdrive.identification.sweep_verdict import error_of_curve, verdict
@@ -28,7 +30,7 @@ from backdrive.identification.terms import estimates
 from backdrive.identification.timing import Timing
 from backdrive.laws import Growth, Law
 from backdrive.logs.log import Joint, Log
-from backdrive.model import JointFriction, Validity
+from backdrive.model import Covariance, JointFriction, Validity
 
 __all__ = [
     "SweepKnots",
@@ -200,8 +202,10 @@ def _friction(
         "positive": tuple(found.error_pos.tolist()),
         "negative": tuple(found.error_neg.tolist()),
     }
-    growth = None
+    growth, lowest = None, min(float(k.V.min()) for k in knots)
+    names, rows = [*knot_names(len(found.law.velocity)), *ALL], list(range(len(found.with_terms)))
     if found.load is not None:
+        names, rows = [*names[:-1], "load_driving", "load_driven"], [*rows, rows[-1]]  # one slope for both
         slope, error, carried = found.load
         growth = Growth(load_driving=slope, load_driven=slope, load_carried=carried)
         errors |= {"load_driving": error, "load_driven": error}
@@ -210,7 +214,8 @@ def _friction(
         law=Law(rate=found.law, growth=growth),
         standard_errors={} if literal else errors,
         dynamics=estimates({"inertia": inertia, "time_slip": slip, **found.terms}, joint.unit),
-        validity=Validity(velocity=(float(speeds.min()), float(speeds.max()))),
+        covariance=Covariance.of(names, found.with_terms[np.ix_(rows, rows)]),
+        validity=Validity(velocity=(float(speeds.min()), float(speeds.max())), lowest_speed=lowest),
         method="sweep",
         warnings=found.warnings,
     )

@@ -50,6 +50,7 @@ class SweepFit:
         notes: the same of what is as it should be.
         centers: of the sweeps [rad or m].
         covariance: of the torques at the law's knots, along +q first [(N.m)^2 or N^2], (2 m, 2 m).
+        with_terms: the same with `ALL` after them, those that were not found without variance, (2 m + 4, 2 m + 4).
         noise_gain: standard error of the constant difference by that of the half sum about one center [-]; NaN where it was
             not attributed.
         load: growth of the friction with the gravity that the joint carries and its standard error [-], and the gravity at
@@ -66,6 +67,7 @@ class SweepFit:
     notes: tuple[str, ...]
     centers: tuple[float, ...]
     covariance: np.ndarray
+    with_terms: np.ndarray
     noise_gain: float = float("nan")
     load: tuple[float, float, float] | None = None
 
@@ -172,6 +174,8 @@ def fit(
         )
     shapes = np.kron(np.eye(2), hats(np.array(law.velocity), eqs.V))
     shown = shapes @ covariance[: 2 * K, : 2 * K] @ shapes.T
+    spread = np.zeros((len(shown) + len(ALL), len(theta)))
+    spread[: len(shown), : 2 * K], spread[len(shown) :, 2 * K :] = shapes, np.eye(len(ALL))
     error_pos, error_neg = np.sqrt(np.maximum(np.diag(shown), 0.0)).reshape(2, -1)
     values: dict[str, tuple[float, float]] = {
         term: (float(theta[i]), float(deviation[i])) for i, term in enumerate(ALL, 2 * K)
@@ -187,6 +191,7 @@ def fit(
         notes=tuple(notes),
         centers=tuple(k.center for k in knots),
         covariance=shown,
+        with_terms=spread @ covariance @ spread.T,
         noise_gain=gain,
         load=None if load is None else (*values[LOAD], carried),
     )

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from backdrive.errors import InvalidInput
+from backdrive.identification.curves import hats, knot_names
 from backdrive.identification.evidence import describe_fit, evidence, parts_of
 from backdrive.identification.load_fit import PayloadGrowth, payload_growth
 from backdrive.identification.quality import assess
@@ -15,13 +16,15 @@ from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
 from backdrive.identification.sweep import pairs
 from backdrive.identification.sweep_delay import drive_delays
+from backdrive.identification.sweep_equations import GRAVITY
 from backdrive.identification.sweep_knots import clamped
 from backdrive.identification.sweep_verdict import error_of_curve
 from backdrive.identification.terms import column, estimates
 from backdrive.identification.timing import Timing
 from backdrive.laws import Growth, Law
 from backdrive.logs.log import Log
-from backdrive.model import JointFriction, Validity
+from backdrive.model import Covariance, JointFriction, Validity
+from backdrive.model.covariance import errors_by_parameter
 
 REACH = 1.96  # standard errors of a 95 % interval
 
@@ -77,20 +80,25 @@ def identify_payload(
         "gravity_cos": (float(found.gravity[1]), float(found.gravity_error[1])),
     }
     speeds = np.concatenate([s.velocity for log in stretches for s in log])
+    law = clamped(found.velocity, found.positive, found.negative)
+    shapes = np.kron(np.eye(2), hats(np.array(law.velocity), found.velocity))
+    spread = np.zeros((len(shapes) + 4, len(found.covariance)))
+    spread[:-4, :-4], spread[-4:, -4:] = shapes, np.eye(4)
+    covariance = spread @ found.covariance @ spread.T
+    names = (*knot_names(len(law.velocity)), *GRAVITY, "load_driving", "load_driven")
+    errors_of = errors_by_parameter(names, covariance)
     friction = JointFriction(
         joint=about,
         law=Law(
-            rate=clamped(found.velocity, found.positive, found.negative),
+            rate=law,
             growth=Growth(load_driving=found.driving[0], load_driven=found.driven[0]),
         ),
-        standard_errors={
-            "load_driving": found.driving[1],
-            "load_driven": found.driven[1],
-            "positive": tuple(found.error_pos.tolist()),
-            "negative": tuple(found.error_neg.tolist()),
-        },
+        standard_errors={name: e for name, e in errors_of.items() if name not in GRAVITY},
+        covariance=Covariance.of(names, covariance),
         dynamics=estimates(values, about.unit),
-        validity=Validity(velocity=(float(speeds.min()), float(speeds.max()))),
+        validity=Validity(
+            velocity=(float(speeds.min()), float(speeds.max())), lowest_speed=float(found.velocity[0])
+        ),
         method="sweep",
         warnings=tuple(dict.fromkeys([w for k in knots for w in k.warnings] + remarks)),
     )

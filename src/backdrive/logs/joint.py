@@ -22,6 +22,7 @@ class Joint:
         torque_side: side of the gear that the torque channel is measured on.
         gear_ratio: motor turns per joint turn [1]; with `torque_side="motor"`, joint torque = ratio * torque.
         encoder_counts: counts per rad or per m at the joint [1/rad or 1/m], if known.
+        named: the name is the data's or a person's; False: it was made up. None: nobody knows.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Joint:
     torque_side: Literal["joint", "motor"] = "joint"
     gear_ratio: float = 1.0
     encoder_counts: float | None = None
+    named: bool | None = field(default=None, compare=False)
 
     def __post_init__(self):
         if self.unit not in ("rad", "m"):

@@ -1,9 +1,15 @@
 """Friction models: what was identified of a robot's joints, as an object, as a file, and as presets from publications."""
 
+from backdrive.model.covariance import Covariance as Covariance
 from backdrive.model.friction_model import ArmModel as ArmModel
-from backdrive.model.friction_model import Estimate as Estimate
 from backdrive.model.friction_model import FrictionModel as FrictionModel
-from backdrive.model.friction_model import JointFriction as JointFriction
-from backdrive.model.friction_model import Quality as Quality
-from backdrive.model.friction_model import Validity as Validity
 from backdrive.model.friction_model import load_model as load_model
+from backdrive.model.hardware import Actuator as Actuator
+from backdrive.model.hardware import TorqueChannel as TorqueChannel
+from backdrive.model.joint_friction import Estimate as Estimate
+from backdrive.model.joint_friction import JointFriction as JointFriction
+from backdrive.model.joint_friction import Validity as Validity
+from backdrive.model.quality import Band as Band
+from backdrive.model.quality import Bands as Bands
+from backdrive.model.quality import Quality as Quality
+from backdrive.model.quality import Verdict as Verdict

@@ -17,7 +17,7 @@ from backdrive._documents import numbers_in
 from backdrive.errors import BackdriveError, ModelFileError
 
 if TYPE_CHECKING:
-    from backdrive.model import JointFriction
+    from backdrive.model import Covariance, JointFriction
 
 BIG = 1e12  # of any number but those below, in SI
 MOST_ERROR = (
@@ -28,7 +28,7 @@ MOST_TORQUE = 1e7  # of friction at rest and in the validity range [N.m or N]
 COLDEST = -273.15  # [degC]
 LEAST_SECTION = 1e-6  # length of a line section, as a share of its upper end [-]
 DEEPEST = 20  # levels of what `provenance.options` holds
-_UNSURE = ("standard_error", "residual_percent", "residual_raw_percent", "rms", "condition")
+_UNSURE = ("standard_error", "residual_percent", "residual_raw_percent", "rms", "condition", "matrix")
 AGAIN = "Correct it there, or identify again."
 
 
@@ -43,25 +43,41 @@ def placed(where: str) -> Iterator[None]:
         raise ModelFileError(f"{where}: {error.message}", remedy=error.remedy) from error
 
 
-def check_twice(data: bytes) -> None:
-    """Refuse an object that says one thing twice: readers differ in which of them they believe.
+def check_keys(data: bytes, plain: dict[str, Any]) -> None:
+    """Refuse an object that says one thing twice, for readers differ in which of them they believe; and what nobody reads.
 
     Args:
         data: a model file that has been read already.
+        plain: what was read of it, as plain values.
 
     Raises:
         ModelFileError: names the key.
     """
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        found = dict(pairs)
-        if len(found) < len(pairs):
+        members = dict(pairs)
+        if len(members) < len(pairs):
             keys = [key for key, _ in pairs]
             twice = next(key for i, key in enumerate(keys) if key in keys[:i])
             raise ModelFileError(f"'{twice[:100]}' stands there twice in one object.", remedy=AGAIN)
-        return found
+        return members
 
-    json.loads(data, object_pairs_hook=once)
+    _check_read(json.loads(data, object_pairs_hook=once), plain, "$")
+
+
+def _check_read(written: Any, read: Any, where: str) -> None:
+    """Refuse keys of a document that were not read."""
+    if isinstance(written, dict) and isinstance(read, dict):
+        for key, value in written.items():
+            if key not in read:
+                raise ModelFileError(
+                    f"{where} contains the unknown field '{key[:100]}'.",
+                    remedy=f"{AGAIN} A newer backdrive may have written it: upgrade.",
+                )
+            _check_read(value, read[key], f"{where}.{key}")
+    elif isinstance(written, list) and isinstance(read, (list, tuple)):
+        for i, (value, inner) in enumerate(zip(written, read)):
+            _check_read(value, inner, f"{where}[{i}]")
 
 
 def check_document(document: dict[str, Any]) -> None:
@@ -73,7 +89,7 @@ def check_document(document: dict[str, Any]) -> None:
     Raises:
         ModelFileError: names the first such place.
     """
-    for part in ("joints", "arm"):
+    for part in ("joints", "arm", "coupling"):
         for where, value in numbers_in(document[part], f"$.{part}"):
             unsure = any(where.endswith(word) or f".{word}[" in where for word in _UNSURE)
             most = MOST_ERROR if unsure else BIG
@@ -164,3 +180,24 @@ def check_law(friction: JointFriction, where: str) -> None:
             f"{MOST_TORQUE:g}.",
             remedy=AGAIN,
         )
+
+
+def check_rows(covariance: Covariance | None, friction: JointFriction, where: str) -> None:
+    """Refuse a covariance of numbers that the joint does not have.
+
+    Args:
+        covariance: as the file has it.
+        friction: of the joint, which has kept the rows of its numbers.
+        where: the joint's place in the file.
+
+    Raises:
+        ModelFileError: names the row.
+    """
+    if covariance is not None:
+        kept = () if friction.covariance is None else friction.covariance.names
+        for i, name in enumerate(covariance.names):
+            if name not in kept:
+                raise ModelFileError(
+                    f"{where}.covariance.names[{i}] is '{name[:100]}', which neither law nor dynamics have.",
+                    remedy=AGAIN,
+                )

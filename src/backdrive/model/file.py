@@ -3,110 +3,41 @@
 from __future__ import annotations
 
 import math
+from dataclasses import is_dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
-from msgspec import Meta
 
+from backdrive import model as m
 from backdrive._files import read_whole, write_whole
 from backdrive.errors import BackdriveError, ModelFileError
 from backdrive.laws import Growth, Law, element, rate_law
 from backdrive.laws.base import Rows
 from backdrive.logs.log import Joint, Source
-from backdrive.model import friction_model as m
-from backdrive.model.bounds import check_document, check_errors, check_law, check_twice, placed
+from backdrive.model.bounds import check_document, check_errors, check_keys, check_law, check_rows, placed
+from backdrive.model.document import (
+    ALIKE,
+    FORMAT,
+    OLDER,
+    SCHEMA,
+    ArmEntry,
+    Document,
+    Header,
+    JointEntry,
+    LawEntry,
+    Number,
+    Provenance,
+    QualityEntry,
+    SourceEntry,
+    Value,
+)
 from backdrive.model.former import beside_the_law, growth_of
 
-FORMAT, SCHEMA = "backdrive-friction-model", 1
 MAX_BYTES = 10_000_000
 AGAIN = "Restore it, or identify again."
 
 R = TypeVar("R", bound=Rows)
-Number = float | None  # null stands for "unknown" and for an infinite bound
-Word = Annotated[str, Meta(max_length=500)]
-Sentence = Annotated[str, Meta(max_length=5000)]
-Knots = Annotated[list[float], Meta(max_length=1000)]
-Errors = Annotated[list[Number], Meta(max_length=1000)]
-Count = Annotated[int, Meta(ge=0)]
-
-
-class _Value(msgspec.Struct, forbid_unknown_fields=True):
-    value: float | Knots
-    unit: Word
-    standard_error: Number | Errors = None
-    lower: Number = None
-    upper: Number = None
-    at_bound: bool = False
-
-
-class _Law(msgspec.Struct, forbid_unknown_fields=True):
-    rate: Word
-    element: Word
-
-
-class _Quality(msgspec.Struct, forbid_unknown_fields=True):
-    residual_percent: Number
-    residual_raw_percent: Number
-    rms: Number
-    samples: Count
-
-
-class _Validity(msgspec.Struct, forbid_unknown_fields=True):
-    velocity: tuple[float, float]
-    load: tuple[float, float] | None = None
-    temperature: tuple[float, float] | None = None
-
-
-_Values = Annotated[dict[Word, _Value], Meta(max_length=100)]
-
-
-class _Joint(msgspec.Struct, forbid_unknown_fields=True):
-    name: Annotated[str, Meta(min_length=1, max_length=500)]
-    unit: Literal["rad", "m"]
-    torque_side: Literal["joint", "motor"]
-    gear_ratio: float
-    law: _Law
-    parameters: _Values
-    validity: _Validity
-    encoder_counts: Number = None
-    element_parameters: _Values = {}
-    growth: _Values | msgspec.UnsetType = msgspec.UNSET  # with the load; absent where the law has none
-    dynamics: _Values = {}
-    fitted: _Quality | None = None
-    held_out: _Quality | None = None
-    method: Word = ""
-    warnings: Annotated[list[Sentence], Meta(max_length=1000)] = []
-
-
-class _Arm(msgspec.Struct, forbid_unknown_fields=True):
-    urdf_sha256: Word
-    parameters: Annotated[list[float], Meta(max_length=5000)]
-    condition: Number
-
-
-class _Source(msgspec.Struct, forbid_unknown_fields=True):
-    path: Sentence
-    sha256: Word
-
-
-class _Provenance(msgspec.Struct, forbid_unknown_fields=True):
-    backdrive: Word
-    sources: Annotated[list[_Source], Meta(max_length=100_000)] = []
-    options: dict[str, Any] = {}
-
-
-class _Header(msgspec.Struct):
-    format: Any = None
-    schema: Any = None
-
-
-class _File(msgspec.Struct, forbid_unknown_fields=True):
-    format: Literal["backdrive-friction-model"]
-    schema: int
-    joints: Annotated[list[_Joint], Meta(max_length=500)]
-    provenance: _Provenance
-    arm: _Arm | None = None
 
 
 def _null(x: float | None) -> Number:
@@ -117,11 +48,11 @@ def _nan(x: Number) -> float:
     return math.nan if x is None else x
 
 
-def _values(rows: Rows, unit: str, errors: dict, at_bound: tuple[str, ...]) -> dict[str, _Value]:
+def _values(rows: Rows, unit: str, errors: dict, at_bound: tuple[str, ...]) -> dict[str, Value]:
     result = {}
     for name, parameter in rows.PARAMETERS.items():
         value, error = getattr(rows, name), errors.get(name)
-        result[name] = _Value(
+        result[name] = Value(
             value=list(value) if parameter.many else value,
             unit=parameter.unit_for(unit),
             standard_error=[_null(e) for e in error] if isinstance(error, (list, tuple)) else _null(error),
@@ -132,43 +63,45 @@ def _values(rows: Rows, unit: str, errors: dict, at_bound: tuple[str, ...]) -> d
     return result
 
 
-def _quality(q: m.Quality | None) -> _Quality | None:
+def _quality(q: m.Quality | None) -> QualityEntry | None:
     if q is None:
         return None
-    return _Quality(_null(q.residual), _null(q.residual_raw), _null(q.rms), q.samples)
+    return QualityEntry(_null(q.residual), _null(q.residual_raw), _null(q.rms), q.samples)
 
 
 def encode(model: m.FrictionModel) -> bytes:
     """Return the model file's bytes."""
     joints = [
-        _Joint(
+        JointEntry(
             name=j.joint.name,
             unit=j.joint.unit,
             torque_side=j.joint.torque_side,
             gear_ratio=j.joint.gear_ratio,
             encoder_counts=_null(j.joint.encoder_counts),
-            law=_Law(j.law.rate.NAME, j.law.element.NAME),
+            named=j.joint.named,
+            law=LawEntry(j.law.rate.NAME, j.law.element.NAME),
             parameters=_values(j.law.rate, j.joint.unit, dict(j.standard_errors), j.at_bound),
             element_parameters=_values(j.law.element, j.joint.unit, dict(j.standard_errors), j.at_bound),
             growth=_values(j.law.growth, j.joint.unit, dict(j.standard_errors), j.at_bound)
             if j.law.growth
             else msgspec.UNSET,
-            validity=_Validity(j.validity.velocity, j.validity.load, j.validity.temperature),
             dynamics={
-                k: _Value(e.value, e.unit, _null(e.standard_error)) for k, e in sorted(j.dynamics.items())
+                k: Value(e.value, e.unit, _null(e.standard_error)) for k, e in sorted(j.dynamics.items())
             },
             fitted=_quality(j.fitted),
             held_out=_quality(j.held_out),
-            method=j.method,
             warnings=list(j.warnings),
+            **{name: getattr(j, name) for name in ALIKE},
         )
         for j in model.joints
     ]
-    arm = model.arm and _Arm(model.arm.urdf_sha256, list(model.arm.parameters), _null(model.arm.condition))
-    provenance = _Provenance(
-        model.version, [_Source(s.path, s.sha256) for s in model.sources], dict(model.options)
+    arm = model.arm and ArmEntry(
+        model.arm.urdf_sha256, list(model.arm.parameters), _null(model.arm.condition)
     )
-    document = _File(FORMAT, SCHEMA, joints, provenance, arm)
+    provenance = Provenance(
+        model.version, [SourceEntry(s.path, s.sha256) for s in model.sources], dict(model.options)
+    )
+    document = Document(FORMAT, SCHEMA, joints, provenance, arm, model.coupling)
     data = msgspec.json.encode(_encodable(msgspec.to_builtins(document)))
     return msgspec.json.format(data, indent=2) + b"\n"
 
@@ -189,7 +122,7 @@ def save(model: m.FrictionModel, path: str | Path) -> None:
     write_whole(path, encode(model))
 
 
-def _rows(cls: type[R], values: dict[str, _Value], where: str, unit: str) -> R:
+def _rows(cls: type[R], values: dict[str, Value], where: str, unit: str) -> R:
     missing, strange = set(cls.PARAMETERS) - set(values), set(values) - set(cls.PARAMETERS)
     if missing or strange:
         raise ModelFileError(
@@ -207,7 +140,7 @@ def _rows(cls: type[R], values: dict[str, _Value], where: str, unit: str) -> R:
         return cls(**{k: tuple(v.value) if isinstance(v.value, list) else v.value for k, v in values.items()})
 
 
-def _errors(values: dict[str, _Value]) -> dict[str, Any]:
+def _errors(values: dict[str, Value]) -> dict[str, Any]:
     return {
         k: tuple(_nan(e) for e in v.standard_error)
         if isinstance(v.standard_error, list)
@@ -217,7 +150,7 @@ def _errors(values: dict[str, _Value]) -> dict[str, Any]:
     }
 
 
-def _dynamics(values: dict[str, _Value], where: str) -> dict[str, m.Estimate]:
+def _dynamics(values: dict[str, Value], where: str) -> dict[str, m.Estimate]:
     found = {}
     for name, v in values.items():
         if isinstance(v.value, list) or isinstance(v.standard_error, list):
@@ -227,7 +160,7 @@ def _dynamics(values: dict[str, _Value], where: str) -> dict[str, m.Estimate]:
     return found
 
 
-def _judged(q: _Quality | None) -> m.Quality | None:
+def _judged(q: QualityEntry | None) -> m.Quality | None:
     if q is None:
         return None
     return m.Quality(
@@ -238,7 +171,7 @@ def _judged(q: _Quality | None) -> m.Quality | None:
     )
 
 
-def _joint(j: _Joint, where: str) -> m.JointFriction:
+def _joint(j: JointEntry, where: str) -> m.JointFriction:
     with placed(f"{where}.law"):
         kinds = rate_law(j.law.rate), element(j.law.element)
     rate = _rows(kinds[0], j.parameters, f"{where}.parameters", j.unit)
@@ -260,21 +193,28 @@ def _joint(j: _Joint, where: str) -> m.JointFriction:
                 torque_side=j.torque_side,
                 gear_ratio=j.gear_ratio,
                 encoder_counts=j.encoder_counts,
+                named=j.named,
             ),
             law=Law(rate=rate, element=carrier, growth=growth),
             standard_errors=errors,
             at_bound=tuple(k for k, v in numbers.items() if v.at_bound),
             dynamics=dynamics,
-            validity=m.Validity(
-                velocity=j.validity.velocity, load=j.validity.load, temperature=j.validity.temperature
-            ),
             fitted=_judged(j.fitted),
             held_out=_judged(j.held_out),
-            method=j.method,
             warnings=tuple(j.warnings),
+            **{name: getattr(j, name) for name in ALIKE},
         )
     check_law(friction, where)
+    check_rows(j.covariance, friction, where)
     return friction
+
+
+def _fill(entry: JointEntry) -> None:
+    """Give the dataclasses of an entry the fields that the file leaves out: msgspec leaves them to the class."""
+    for name in ALIKE:
+        value = getattr(entry, name)
+        if is_dataclass(value) and not isinstance(value, type):
+            setattr(entry, name, replace(value))
 
 
 def decode(data: bytes, name: str = "model file") -> m.FrictionModel:
@@ -284,20 +224,23 @@ def decode(data: bytes, name: str = "model file") -> m.FrictionModel:
         ModelFileError: says at which place what is wrong.
     """
     try:
-        head = msgspec.json.decode(data, type=_Header)
+        head = msgspec.json.decode(data, type=Header)
         if head.format != FORMAT:
             raise ModelFileError(
                 "it is JSON, but not a friction model.",
                 remedy="Name a file made by `identify -o` or `fit -o`.",
             )
-        if head.schema != SCHEMA or isinstance(head.schema, bool):
+        if head.schema not in (OLDER, SCHEMA) or isinstance(head.schema, bool):
             raise ModelFileError(
-                f"$.schema is {str(head.schema)[:40]}, this version reads {SCHEMA}.",
+                f"$.schema is {str(head.schema)[:40]}, this version reads {OLDER} and {SCHEMA}.",
                 remedy="Upgrade backdrive, or identify again.",
             )
-        document = msgspec.json.decode(data, type=_File)
-        check_twice(data)
-        check_document(msgspec.to_builtins(document))
+        document = msgspec.json.decode(data, type=Document)
+        for entry in document.joints:
+            _fill(entry)
+        plain = msgspec.to_builtins(document)
+        check_document(plain)
+        check_keys(data, plain)
         joints = tuple(_joint(j, f"$.joints[{i}]") for i, j in enumerate(document.joints))
         arm = document.arm and m.ArmModel(
             urdf_sha256=document.arm.urdf_sha256,
@@ -311,13 +254,15 @@ def decode(data: bytes, name: str = "model file") -> m.FrictionModel:
                 sources=tuple(Source(path=s.path, sha256=s.sha256) for s in document.provenance.sources),
                 options=document.provenance.options,
                 version=document.provenance.backdrive,
+                coupling=document.coupling,
             )
     except BackdriveError as error:
         raise ModelFileError(f"{name}: {error.message}", remedy=error.remedy) from error
     except msgspec.ValidationError as error:
         message, _, place = str(error).rpartition(" - at ")
         said = f"{place.replace('`', '')}: {message}" if message else str(error)
-        raise ModelFileError(f"{name}: {said}.", remedy=AGAIN) from error
+        newer = " A newer backdrive may have written it: upgrade." if "unknown field" in message else ""
+        raise ModelFileError(f"{name}: {said.rstrip('.')}.", remedy=AGAIN + newer) from error
     except (
         msgspec.MsgspecError,
         ValueError,

@@ -1,10 +1,9 @@
-"""`FrictionModel`: what was identified, how sure it is, and where it holds. `model_file` writes and reads it."""
+"""`FrictionModel`: the joints of a robot as they were identified. `model.file` writes and reads it."""
 
 from __future__ import annotations
 
-import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,139 +12,8 @@ import numpy as np
 from backdrive._catalog import lookup
 from backdrive._upper import upper
 from backdrive.errors import ExtrapolationWarning, InvalidInput, NegativeFrictionWarning
-from backdrive.laws import Law
-from backdrive.logs.log import Joint, Source
-
-EDGE = 1e-9  # share of its end by which a validity range is wider when a velocity is looked at: rounding [-]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Estimate:
-    """A number with its unit and standard error.
-
-    Attributes:
-        value: the estimate [unit].
-        unit: SI.
-        standard_error: one standard deviation [unit]; NaN when unknown.
-    """
-
-    value: float
-    unit: str
-    standard_error: float = float("nan")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Validity:
-    """The range that the data covered; outside it the model extrapolates.
-
-    Attributes:
-        velocity: smallest and largest velocity seen [rad/s or m/s].
-        load: smallest and largest transmitted torque seen [N.m or N], if known.
-        temperature: smallest and largest temperature seen [degC], if known.
-    """
-
-    velocity: tuple[float, float]
-    load: tuple[float, float] | None = None
-    temperature: tuple[float, float] | None = None
-
-    def __post_init__(self):
-        for name in ("velocity", "load", "temperature"):
-            ends = getattr(self, name)
-            if ends is not None and not (-math.inf < ends[0] <= ends[1] < math.inf):
-                raise InvalidInput(
-                    f"validity.{name} goes from {ends[0]:g} to {ends[1]:g}.",
-                    remedy="Give two finite numbers, the smaller one first.",
-                )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Quality:
-    """How well measured torque is explained.
-
-    Attributes:
-        residual: 100 |tau - tau_hat| / |tau|, both low-passed at 5 Hz where the sampling allows [%].
-        residual_raw: the same without the low pass [%].
-        rms: root mean square of tau - tau_hat, raw [N.m or N].
-        samples: number of samples judged.
-    """
-
-    residual: float
-    residual_raw: float
-    rms: float
-    samples: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class JointFriction:
-    """The friction of one joint.
-
-    Attributes:
-        joint: whose friction it is.
-        law: rate law and presliding element with their values.
-        standard_errors: by parameter of the law (rate law, element, growth), one number or one a knot [its unit].
-        at_bound: names of parameters that ended at a bound of their range.
-        dynamics: the rest of the inverse dynamics found beside the friction, by term (see
-            `identification.dynamics`): inertia, offset, gravity_sin, gravity_cos, ...
-        validity: the range that the data covered.
-        fitted: quality on the data of the fit.
-        held_out: quality on data that the fit did not see; None when nothing was held out.
-        method: which identification found it.
-        warnings: what makes the result suspect, in sentences.
-    """
-
-    joint: Joint
-    law: Law
-    validity: Validity
-    standard_errors: Mapping[str, Any] = field(default_factory=dict)
-    at_bound: tuple[str, ...] = ()
-    dynamics: Mapping[str, Estimate] = field(default_factory=dict)
-    fitted: Quality | None = None
-    held_out: Quality | None = None
-    method: str = ""
-    warnings: tuple[str, ...] = ()
-
-    def driving(self) -> tuple[float, float] | None:
-        """Return where in the validity range friction drives the motion, as negative friction does.
-
-        Friction resists where tau_f v >= 0. Looked at 201 velocities, and at the knots, between which line sections are
-        straight.
-
-        Returns:
-            Lowest and highest such velocity [rad/s or m/s]; None where there is none.
-        """
-        low, high = self.validity.velocity
-        knots = np.asarray(getattr(self.law.rate, "velocity", ()), dtype=np.float64)
-        velocity = np.concatenate([np.linspace(low, high, 201), knots, -knots])
-        velocity = velocity[(velocity >= low) & (velocity <= high)]
-        wrong = velocity[self.law.torque(velocity) * velocity < 0.0]
-        return (float(wrong.min()), float(wrong.max())) if wrong.size else None
-
-    def outside(self, velocity: np.ndarray) -> np.ndarray:
-        """Return which velocities [rad/s or m/s] are outside the validity range, of the shape of `velocity`."""
-        low, high = self.validity.velocity
-        return (velocity < low - EDGE * abs(low)) | (velocity > high + EDGE * abs(high))
-
-    def extrapolated(self, velocity: np.ndarray) -> str:
-        """Return in a sentence how far velocities [rad/s or m/s] leave the validity range; empty where they do not."""
-        outside = self.outside(velocity)
-        if not np.any(outside):
-            return ""
-        low, high, unit = *self.validity.velocity, f"{self.joint.unit}/s"
-        beyond = velocity[outside]
-        furthest = float(beyond[np.argmax(np.maximum(low - beyond, beyond - high))])
-        share = f", with {100.0 * np.mean(outside):.2g} % of the velocities" if velocity.size > 1 else ""
-        return (
-            f"Joint '{self.joint.name}': {furthest:.4g} {unit} is outside the validity range, {low:.4g} to {high:.4g} {unit}"
-            f"{share}; there the model extrapolates."
-        )
-
-    def remarks(self) -> tuple[str, ...]:
-        """Return what the numbers alone say against the model, in sentences."""
-        ends, unit = self.driving(), f"{self.joint.unit}/s"
-        if ends is None:
-            return ()
-        where = f"at {ends[0]:.4g}" if ends[0] == ends[1] else f"between {ends[0]:.4g} and {ends[1]:.4g}"
-        return (f"Friction is negative {where} {unit}: there the model drives the motion.",)
+from backdrive.logs.log import Source
+from backdrive.model.joint_friction import JointFriction
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,6 +42,7 @@ class FrictionModel:
         sources: files it came from, with digests.
         options: how it was asked for.
         version: backdrive that made it.
+        coupling: C of q_joint = C q_motor, where motors drive several joints, rows in the order of the joints, (J, J).
     """
 
     joints: tuple[JointFriction, ...]
@@ -181,6 +50,7 @@ class FrictionModel:
     sources: tuple[Source, ...] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
     version: str = ""
+    coupling: tuple[tuple[float, ...], ...] | None = None
 
     def __post_init__(self):
         names = self.names
@@ -188,6 +58,8 @@ class FrictionModel:
             raise InvalidInput(
                 f"A FrictionModel needs distinct joints, got {names}.", remedy="Name each joint once."
             )
+        if self.coupling is not None:
+            _check_coupling(self.coupling, len(names))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -267,6 +139,17 @@ class FrictionModel:
     def save(self, path) -> None:
         """Write the model file (JSON), whole or not at all."""
         upper("model.file", "save")(self, path)
+
+
+def _check_coupling(coupling: Sequence[Sequence[float]], size: int) -> None:
+    """Refuse a coupling that is no invertible matrix of the joints."""
+    square = len(coupling) == size and all(len(row) == size for row in coupling)
+    matrix = np.array(coupling, dtype=np.float64) if square else np.zeros((1, 1))
+    if not np.all(np.isfinite(matrix)) or np.linalg.matrix_rank(matrix) < len(matrix):
+        raise InvalidInput(
+            f"The coupling of {size} joints is no invertible matrix of {size} rows and columns.",
+            remedy="Give C of q_joint = C q_motor.",
+        )
 
 
 def load_model(path) -> FrictionModel:

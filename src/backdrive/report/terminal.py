@@ -51,6 +51,8 @@ def joint_tables(friction: JointFriction, *, width: int = 80, unicode: bool = Tr
         if table is not None:
             yield Padding(table, (1, 0, 0, 2), expand=False)
     yield Padding(Text(_validity(friction)), (1, 0, 0, 2), expand=False)
+    if (table := _beside(friction)) is not None:
+        yield Padding(table, (1, 0, 0, 2), expand=False)
     lines = _plot(friction, max(min(width - 16, 64), 24), unicode)
     yield Padding(Text("\n".join(lines)), (1, 0, 1, 2), expand=False)
 
@@ -115,6 +117,41 @@ def _validity(friction: JointFriction) -> str:
     ranges += [(validity.temperature, "degC", "temperature ")] if validity.temperature else []
     said = [f"{what}{number(pair[0])} to {number(pair[1])} {u}" for pair, u, what in ranges if pair]
     return f"holds for {', '.join(said)}; beyond, it extrapolates"
+
+
+#: What a model may hold beside law and dynamics: owner and field of it, what it is called, its unit.
+BESIDE = (
+    ("validity", "lowest_speed", "lowest speed known", "speed"),
+    ("validity", "nominal_load", "load of identification", "force"),
+    ("joint", "encoder_counts", "encoder counts", "count"),
+    ("torque_channel", "delay", "delay of the torque", "s"),
+    ("torque_channel", "noise", "noise of the torque", "force"),
+    ("torque_channel", "long_run", "its mean over 1 s", "force"),
+    ("actuator", "torque_limit", "torque limit", "force"),
+    ("actuator", "trip_speed", "trip speed", "speed"),
+    ("actuator", "gain", "drive gain", "gain"),
+    ("actuator", "motor_inertia", "motor inertia", "inertia"),
+)
+
+
+def _beside(friction: JointFriction) -> Any:
+    unit, force = friction.joint.unit, friction.joint.torque_unit
+    inertia = "kg.m^2" if unit == "rad" else "kg"
+    units = {"speed": f"{unit}/s", "force": force, "count": f"1/{unit}", "gain": force, "inertia": inertia}
+    table = _new_table(("known beside", "left"), ("value", "right"), ("unit", "left"))
+    for owner, field, label, kind in BESIDE:
+        value = getattr(getattr(friction, owner), field, None)
+        if value is not None:
+            error = getattr(friction.torque_channel, "delay_error", None) if field == "delay" else None
+            table.add_row(label, measured(value, error), units.get(kind, kind))
+    for state in ("moving", "reversing", "rest"):
+        band = getattr(friction.bands, state, None)
+        if band is not None:
+            words = f"95 % of torque within, {state} ({band.samples} samples)"
+            table.add_row(words, f"± {number(band.half_width)}", force)
+    if friction.covariance is not None:
+        table.add_row("covariance", str(len(friction.covariance.names)), "numbers")
+    return table if table.row_count else None
 
 
 def _plot(friction: JointFriction, width: int, unicode: bool) -> list[str]:

@@ -101,6 +101,11 @@ def save_tunings(tunings: Sequence[Tuning], path: str | Path) -> Path:
     return write_whole(path, json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
 
+def schema() -> str:
+    """Return the JSON schema of a tuning file, as `tuning.schema.json` holds it."""
+    return documents.json_schema(_File, f"Tuning of backdrive, schema {SCHEMA}")
+
+
 def load_tunings(path: str | Path) -> tuple[Tuning, ...]:
     """Read tunings from a JSON file.
 

@@ -17,6 +17,7 @@ from backdrive.identification.dynamic.uncertainty import WEAK, covariance, inter
 from backdrive.identification.evidence import sentences
 from backdrive.identification.options import Interval
 from backdrive.laws import Law
+from backdrive.model import Covariance
 
 NEAR = 1e-6  # a search coordinate so near to its bound is at it
 
@@ -30,6 +31,7 @@ class Fit:
         name: of the law.
         values: every number that was sought, by name [SI].
         standard_errors: of them [SI]; NaN where there is none.
+        covariance: of those that have one; the logarithms of their ratios to the last stand for shares.
         at_bound: names of those that ended at a bound of their range.
         unseen: those that these motions do not show, each with a sentence.
         rms: of measured less predicted on what was fitted [N.m or N; rad, m, rad/s or m/s where motion was].
@@ -49,6 +51,7 @@ class Fit:
     name: str
     values: Mapping[str, float]
     standard_errors: Mapping[str, float]
+    covariance: Covariance | None
     at_bound: tuple[str, ...]
     unseen: Mapping[str, str]
     rms: float
@@ -151,8 +154,9 @@ def conclude(problem: Problem, found: Found, loss: str = "huber") -> Fit:
     )
     root = np.sqrt(np.diag(cov.matrix))
     errors, relative = {}, np.full(len(root), np.inf)
+    slope = np.array([u.slope(values[u.name]) for u in problem.unknowns])
     for i, u in enumerate(problem.unknowns):
-        errors[u.name] = float(root[i] * u.slope(values[u.name]))
+        errors[u.name] = float(root[i] * slope[i])
         least, most = problem.yardstick(u)
         size = min(max(1.0 if u.ratio else abs(values[u.name]), least), most)
         if u.name == "delay" and at_bound[i]:
@@ -183,6 +187,7 @@ def conclude(problem: Problem, found: Found, loss: str = "huber") -> Fit:
         name=problem.shape.name,
         values=problem.shape.complete(values),
         standard_errors=problem.shape.complete(errors),
+        covariance=Covariance.of(problem.names, cov.matrix * np.outer(slope, slope)),
         at_bound=tuple(problem.names[i] for i in np.flatnonzero(at_bound)),
         unseen=unseen,
         rms=rms,

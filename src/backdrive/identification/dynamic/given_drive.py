@@ -34,7 +34,7 @@ from backdrive.identification.result import JointEvidence
 from backdrive.identification.terms import GRAVITY, RIGID, estimates
 from backdrive.laws import Coulomb, Law
 from backdrive.logs.log import Drive, Log
-from backdrive.model import Estimate, JointFriction
+from backdrive.model import Actuator, Estimate, JointFriction
 
 STEP = 1e-3  # longest integration step [s]
 QUICK = 0.08  # of the fastest time constant of the drive with the inertia, that a step may be [-]
@@ -195,7 +195,7 @@ class MotionTask(Task):
         stretches = [d.stretch(final.axis.drive) for d in self.fitted]
         tests = [d.stretch(final.axis.drive) for d in self.unseen]
         masks = [np.ones(len(s.torque), dtype=bool) for s in tests] or held_out_masks(self.fitted, self.held)
-        return finish(
+        friction, shown = finish(
             self.info,
             self._in_torque(final, stretches),
             self._in_torque(judged, stretches),
@@ -205,6 +205,7 @@ class MotionTask(Task):
             self._given(final),
             "motion given the drive's input",
         )
+        return replace(friction, actuator=actuator_of(final.axis)), shown
 
     def settings(self, final: Fit, held_out: float) -> dict[str, Any]:
         """Return the drive, the integration step and the error of the motion, by which the model can be run again."""
@@ -228,6 +229,7 @@ class MotionTask(Task):
             seen,
             values={n: values.get(n, v) for n, v in seen.values.items()},
             standard_errors={n: one.standard_errors.get(n, np.nan) for n in seen.values},
+            covariance=one.covariance,
             at_bound=one.at_bound,
             unseen=one.unseen,
             warnings=one.warnings,
@@ -247,6 +249,20 @@ class MotionTask(Task):
             if n.startswith("drive.") or (n in OF_AXIS and n not in numbers)
         }
         return estimates(given | sought, self.info.unit)
+
+
+def actuator_of(axis: Axis) -> Actuator:
+    """Return what an axis with its drive says of the actuator: an open drive's gain, limits of torque, a motor's own inertia."""
+    drive = axis.drive
+    force = 1.0  # torque at rest by the controller's output
+    if drive.actuator == "motor":
+        force = drive.supply * drive.torque_constant / drive.resistance
+    limit = force * drive.limit
+    return Actuator(
+        gain=force * drive.gain if drive.controller == "open" else None,
+        torque_limit=limit if np.isfinite(limit) else None,
+        motor_inertia=axis.inertia if axis.load_inertia > 0.0 else None,
+    )
 
 
 def numbers_of(shape: LawShape) -> set[str]:

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from backdrive.identification.curves import SHARES
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.torque import Stretch
 from backdrive.identification.dynamic.uncertainty import covariance
 from backdrive.identification.dynamic.unknowns import shares
 from backdrive.identification.evidence import evidence
+from backdrive.identification.motion import slowest_sliding
 from backdrive.identification.quality import judge
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals
 from backdrive.identification.terms import RIGID, estimates
 from backdrive.logs.log import Joint
-from backdrive.model import Estimate, JointFriction, Validity
+from backdrive.model import Covariance, Estimate, JointFriction, Validity
 
 DYNAMICS = (*RIGID, "delay")
 
@@ -50,19 +52,22 @@ def finish(
     load = [s.load[:, 1] for s in stretches if s.load.shape[0] > 1]
     warmth = [s.temperature for s in stretches if s.temperature.size > 1]
     predicted = final.predict(stretches)
+    sought = {t: (final.values[t], final.standard_errors[t]) for t in DYNAMICS if t in final.values}
+    dynamics = estimates(sought, joint.unit) | dict(given)
     tests = [s for _, s in unseen]
     judges = tests or stretches
-    terms = [term for term in DYNAMICS if term in final.values]
     friction = JointFriction(
         joint=joint,
         law=final.law,
         standard_errors=errors(final),
         at_bound=tuple(sorted({n.partition("[")[0] for n in final.at_bound if n not in DYNAMICS})),
-        dynamics=estimates({t: (final.values[t], final.standard_errors[t]) for t in terms}, joint.unit)
-        | dict(given),
+        dynamics=dynamics,
+        covariance=covariance_of(final, dynamics),
         validity=Validity(
             velocity=(float(min(low, 0.0)), float(max(high, 0.0))),
             load=_span(load),
+            nominal_load=float(np.abs(np.concatenate(load)).mean()) if load else None,
+            lowest_speed=slowest_sliding([s for s, _ in pairs], float(np.abs(v).max()) * np.array(SHARES)),
             temperature=_span(warmth),
         ),
         fitted=judge((s.torque, tau, 1.0 / s.dt, s.judged) for s, tau in zip(stretches, predicted)),
@@ -87,12 +92,15 @@ def finish(
 def errors(final: Fit) -> dict[str, Any]:
     """Return the standard errors by parameter of the law, one number or one an element."""
     found: dict[str, Any] = {}
+    known = covariance_of(final)
+    by_row = {} if known is None else known.standard_errors()
     for rows in (final.law.rate, final.law.element):
         for name, parameter in rows.PARAMETERS.items():
             if name in final.standard_errors:
                 found[name] = final.standard_errors[name]
             elif parameter.many and name == "share":
-                found[name] = _share_errors(final, len(getattr(rows, name)))
+                count = len(getattr(rows, name))
+                found[name] = tuple(by_row.get(f"share[{i}]", float("nan")) for i in range(count))
             elif parameter.many:
                 found[name] = tuple(
                     final.standard_errors.get(f"{name}[{i}]", float("nan"))
@@ -101,17 +109,40 @@ def errors(final: Fit) -> dict[str, Any]:
     return found
 
 
-def _share_errors(final: Fit, count: int) -> tuple[float, ...]:
-    """Return the errors of shares from those of their logarithmic ratios, taken as independent."""
-    ratios = np.array([final.values[f"share[{i}]"] for i in range(count - 1)])
-    sigma = np.array([final.standard_errors[f"share[{i}]"] for i in range(count - 1)])
-    centre = np.array(shares(ratios.tolist()))
-    total = np.zeros(count)
-    for i in range(count - 1):
-        moved = ratios.copy()
-        moved[i] += 1e-6
-        total += ((np.array(shares(moved.tolist())) - centre) / 1e-6 * sigma[i]) ** 2
-    return tuple(np.sqrt(total).tolist())
+def covariance_of(final: Fit, dynamics: Iterable[str] = ()) -> Covariance | None:
+    """Return the covariance of the law's parameters and of terms of the dynamics, as far as the fit has one.
+
+    Args:
+        final: the fit.
+        dynamics: names of the terms.
+    """
+    sought, ties = final.covariance, final.problem.shape.ties
+    if sought is None:
+        return None
+    row_of = dict(zip(sought.names, np.eye(len(sought.names))))
+    rows: dict[str, np.ndarray] = {}
+    for part in (final.law.rate, final.law.element):
+        for name, parameter in part.PARAMETERS.items():
+            count = len(getattr(part, name)) if parameter.many else 0
+            if parameter.many and name == "share":
+                rows |= _share_rows(final, count, row_of)
+                continue
+            for one in [f"{name}[{i}]" for i in range(count)] or [name]:
+                if ties.get(one, one) in row_of:
+                    rows[one] = row_of[ties.get(one, one)]
+    rows |= {name: row_of[name] for name in dynamics if name in row_of and name not in rows}
+    spread = np.array(list(rows.values()))
+    return Covariance.of(tuple(rows), spread @ sought.array() @ spread.T) if rows else None
+
+
+def _share_rows(final: Fit, count: int, row_of: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the derivatives of shares by what was sought; none where one of their ratios has no variance."""
+    ratios = [f"share[{i}]" for i in range(count - 1)]
+    if not ratios or any(name not in row_of for name in ratios):
+        return {}
+    part = np.array(shares([final.values[name] for name in ratios]))
+    slopes = (np.diag(part) - np.outer(part, part))[:, :-1] @ np.array([row_of[name] for name in ratios])
+    return {f"share[{i}]": row for i, row in enumerate(slopes)}
 
 
 def band(final: Fit, velocity: np.ndarray) -> np.ndarray:

@@ -74,6 +74,7 @@ def to_log(
             torque_side="joint" if ratios is None else "motor",
             gear_ratio=1.0 if ratios is None else ratios[i],
             encoder_counts=None if encoder is None else encoder[i],
+            named=names is not None or labels[i] in (columns.joints or found.joints),
         )
         for i, column in enumerate(order)
     )

@@ -1,0 +1,61 @@
+"""How far measured torque lies from the predicted one: bands by state of motion, and the noise of long means."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from backdrive.identification.regression import long_run
+from backdrive.identification.signals import Signals
+from backdrive.model import Band, Bands
+
+Part = tuple[Signals, np.ndarray, np.ndarray, bool]  # as `evidence` takes it
+
+SHARE = 0.95  # of the samples that a band holds
+REVERSAL = 0.05  # a joint reverses for so long before and after its velocity changes sign [s]
+LEAST = 20  # a state with fewer samples has no band
+
+
+def bands_of(parts: Sequence[Part]) -> Bands:
+    """Return the bands, by samples that the fit did not see where there are some.
+
+    Args:
+        parts: signals, measured friction, predicted torque [N.m or N] and whether the fit saw them.
+    """
+    judged = [part for part in parts if not part[3]] or parts
+    error = np.concatenate([np.abs(s.torque - predicted) for s, _, predicted, _ in judged])
+    state = np.concatenate([_states(s) for s, *_ in judged])
+    bands: dict[str, Band] = {}
+    for i, name in enumerate(("moving", "reversing", "rest")):
+        errors = error[(state == i) & np.isfinite(error)]
+        if errors.size >= LEAST:
+            bands[name] = Band(half_width=float(np.quantile(errors, SHARE)), samples=errors.size)
+    return Bands(**bands)
+
+
+def _states(s: Signals) -> np.ndarray:
+    """Return the state of every sample, 0 moving, 1 reversing, 2 at rest, (n,)."""
+    turns = np.flatnonzero(np.diff(np.sign(s.velocity)) != 0)
+    reach = round(REVERSAL * s.rate)
+    edges = np.zeros(s.velocity.size + 1)
+    np.add.at(edges, np.maximum(turns + 1 - reach, 0), 1.0)
+    np.add.at(edges, np.minimum(turns + 1 + reach, s.velocity.size), -1.0)
+    reversing = np.cumsum(edges)[:-1] > 0.0
+    return np.where(s.moving, np.where(reversing, 1, 0), 2)
+
+
+def long_run_of(parts: Sequence[Part]) -> float | None:
+    """Return the standard deviation of the mean, over one second, of what the model leaves [N.m or N]; None without motion.
+
+    Args:
+        parts: as in `bands_of`.
+    """
+    total, duration = 0.0, 0.0
+    for s, _, predicted, _ in parts:
+        left = (s.torque - predicted)[s.moving]
+        left = left[np.isfinite(left)]
+        if left.size >= LEAST:
+            total += float(long_run(left[None])[0, 0]) / s.rate**2
+            duration += left.size / s.rate
+    return float(np.sqrt(total / duration)) if duration > 0.0 else None

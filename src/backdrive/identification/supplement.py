@@ -1,0 +1,72 @@
+"""What a model holds of a joint beside law and dynamics: from the logs, the evidence and the robot's description."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from backdrive.identification.quality import grade
+from backdrive.identification.result import JointEvidence
+from backdrive.logs.log import Log
+from backdrive.logs.resolution import white_noise
+from backdrive.model import Actuator, JointFriction, TorqueChannel, Verdict
+from backdrive.parameters import BIG
+
+
+def supplement(
+    friction: JointFriction, evidence: JointEvidence, logs: Sequence[Log], effort: Mapping[str, float]
+) -> JointFriction:
+    """Return the joint with delay and noise of its torque, limits, ranges, bands and verdict.
+
+    Args:
+        friction: as the method gives it; all methods bring torque to the joint's side.
+        evidence: of the same joint.
+        logs: that were fitted.
+        effort: largest torque by joint, as the robot's description states it [N.m or N].
+    """
+    name, validity, actuator = friction.joint.name, friction.validity, friction.actuator
+    singles = [log.select(name).on_joint_side() for log in logs]
+    if friction.law.growth is not None:
+        validity = replace(validity, nominal_load=abs(friction.law.growth.load_carried))
+    warmth = [log.temperature[np.isfinite(log.temperature)] for log in singles if log.temperature is not None]
+    if warmth and np.concatenate(warmth).size:
+        both = np.concatenate(warmth)
+        validity = replace(validity, temperature=(float(both.min()), float(both.max())))
+    limit = effort.get(name, math.inf)
+    if math.isfinite(limit):
+        actuator = replace(actuator or Actuator(), torque_limit=limit)
+    return replace(
+        friction,
+        validity=validity,
+        friction_side="joint",
+        torque_channel=_channel(friction, evidence, singles),
+        actuator=actuator,
+        bands=evidence.bands,
+        verdict=Verdict(grade=grade(friction).level, text=evidence.verdict),
+    )
+
+
+def _channel(
+    friction: JointFriction, evidence: JointEvidence, singles: Sequence[Log]
+) -> TorqueChannel | None:
+    """Return delay and noise of the measured torque; None where none was measured."""
+    torques = [log.torque[:, 0] for log in singles if log.torque is not None]
+    if not torques:
+        return None
+    delay = friction.dynamics.get("delay", friction.dynamics.get("time_slip"))
+    size = np.array([x.size for x in torques])
+    noise = float(np.sqrt(size @ np.square([white_noise(x) for x in torques]) / max(size.sum(), 1)))
+    return TorqueChannel(
+        delay=None if delay is None else delay.value,
+        delay_error=None if delay is None else _known(delay.standard_error),
+        noise=_known(noise) or None,  # a channel in coarse steps shows none
+        long_run=_known(evidence.long_run),
+    )
+
+
+def _known(value: float | None) -> float | None:
+    """Return a number that a model may hold, None for others."""
+    return value if value is not None and abs(value) <= BIG else None

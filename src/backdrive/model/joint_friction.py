@@ -1,0 +1,170 @@
+"""`JointFriction`: what was identified of one joint, how sure it is, and where it holds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+from backdrive.laws import Law
+from backdrive.logs.log import Joint
+from backdrive.model.covariance import Covariance
+from backdrive.model.hardware import Actuator, TorqueChannel
+from backdrive.model.quality import Bands, Quality, Verdict
+from backdrive.parameters import NOT_NEGATIVE, Bounded, Bounds
+
+EDGE = 1e-9  # share of its end by which a validity range is wider when a velocity is looked at: rounding [-]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """A number with its unit and standard error.
+
+    Attributes:
+        value: the estimate [unit].
+        unit: SI.
+        standard_error: one standard deviation [unit]; NaN when unknown.
+    """
+
+    value: float
+    unit: str
+    standard_error: float = float("nan")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Validity(Bounded):
+    """The range that the data covered; outside it the model extrapolates.
+
+    Attributes:
+        velocity: smallest and largest velocity seen [rad/s or m/s].
+        load: smallest and largest transmitted torque seen [N.m or N], if known.
+        temperature: smallest and largest temperature seen [degC], if known.
+        lowest_speed: below which the data hold no sustained motion, and the curve is extrapolated [rad/s or m/s], if known.
+        nominal_load: mean size of the load under which the curve was identified, at which it holds [N.m or N], if known.
+    """
+
+    BOUNDS: ClassVar[Bounds] = dict.fromkeys(("lowest_speed", "nominal_load"), NOT_NEGATIVE)
+
+    velocity: tuple[float, float]
+    load: tuple[float, float] | None = None
+    temperature: tuple[float, float] | None = None
+    lowest_speed: float | None = None
+    nominal_load: float | None = None
+
+    def __post_init__(self):
+        super().__post_init__()
+        for name in ("velocity", "load", "temperature"):
+            ends = getattr(self, name)
+            if ends is not None and not (-math.inf < ends[0] <= ends[1] < math.inf):
+                raise InvalidInput(
+                    f"validity.{name} goes from {ends[0]:g} to {ends[1]:g}.",
+                    remedy="Give two finite numbers, the smaller one first.",
+                )
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointFriction:
+    """The friction of one joint.
+
+    Attributes:
+        joint: whose friction it is.
+        law: rate law and presliding element with their values.
+        standard_errors: by parameter of the law (rate law, element, growth), one number or one a knot [its unit].
+        at_bound: names of parameters that ended at a bound of their range.
+        dynamics: the rest of the inverse dynamics found beside the friction, by term (see
+            `identification.dynamics`): inertia, offset, gravity_sin, gravity_cos, ...
+        validity: the range that the data covered.
+        fitted: quality on the data of the fit.
+        held_out: quality on data that the fit did not see; None when nothing was held out.
+        method: which identification found it.
+        warnings: what makes the result suspect, in sentences.
+        covariance: of law and dynamics; its diagonal holds the squares of the standard errors, and rows of numbers that the joint
+            does not have are left out.
+        torque_channel: delay and noise of the torque that was measured.
+        actuator: limits, gain and inertia of what drives the joint.
+        friction_side: of the gear that the numbers refer to, `joint` or `motor`.
+        verdict: grade of the result, and the result in words.
+        bands: how far measured torque lay from the predicted one, by state of motion.
+    """
+
+    joint: Joint
+    law: Law
+    validity: Validity
+    standard_errors: Mapping[str, Any] = field(default_factory=dict)
+    at_bound: tuple[str, ...] = ()
+    dynamics: Mapping[str, Estimate] = field(default_factory=dict)
+    fitted: Quality | None = None
+    held_out: Quality | None = None
+    method: str = ""
+    warnings: tuple[str, ...] = ()
+    covariance: Covariance | None = None
+    torque_channel: TorqueChannel | None = None
+    actuator: Actuator | None = None
+    friction_side: Literal["joint", "motor"] | None = None
+    verdict: Verdict | None = None
+    bands: Bands | None = None
+
+    def __post_init__(self):
+        if self.friction_side not in (None, "joint", "motor"):
+            raise InvalidInput(
+                f"Joint '{self.joint.name}': the friction is that of the side '{self.friction_side}'.",
+                remedy="It is joint or motor.",
+            )
+        if self.covariance is not None:
+            object.__setattr__(self, "covariance", self.covariance.of_numbers(self._errors()))
+
+    def _errors(self) -> dict[str, Any]:
+        """Return the standard error of every number, NaN where it is unknown: one, or as many as there are values."""
+        errors: dict[str, Any] = {name: e.standard_error for name, e in self.dynamics.items()}
+        for rows in self.law.parts:
+            for name, parameter in rows.PARAMETERS.items():
+                unknown = (math.nan,) * len(getattr(rows, name)) if parameter.many else math.nan
+                errors[name] = self.standard_errors.get(name, unknown)
+        return errors
+
+    def driving(self) -> tuple[float, float] | None:
+        """Return where in the validity range friction drives the motion, as negative friction does.
+
+        Friction resists where tau_f v >= 0. Looked at 201 velocities, and at the knots, between which line sections are
+        straight.
+
+        Returns:
+            Lowest and highest such velocity [rad/s or m/s]; None where there is none.
+        """
+        low, high = self.validity.velocity
+        knots = np.asarray(getattr(self.law.rate, "velocity", ()), dtype=np.float64)
+        velocity = np.concatenate([np.linspace(low, high, 201), knots, -knots])
+        velocity = velocity[(velocity >= low) & (velocity <= high)]
+        wrong = velocity[self.law.torque(velocity) * velocity < 0.0]
+        return (float(wrong.min()), float(wrong.max())) if wrong.size else None
+
+    def outside(self, velocity: np.ndarray) -> np.ndarray:
+        """Return which velocities [rad/s or m/s] are outside the validity range, of the shape of `velocity`."""
+        low, high = self.validity.velocity
+        return (velocity < low - EDGE * abs(low)) | (velocity > high + EDGE * abs(high))
+
+    def extrapolated(self, velocity: np.ndarray) -> str:
+        """Return in a sentence how far velocities [rad/s or m/s] leave the validity range; empty where they do not."""
+        outside = self.outside(velocity)
+        if not np.any(outside):
+            return ""
+        low, high, unit = *self.validity.velocity, f"{self.joint.unit}/s"
+        beyond = velocity[outside]
+        furthest = float(beyond[np.argmax(np.maximum(low - beyond, beyond - high))])
+        share = f", with {100.0 * np.mean(outside):.2g} % of the velocities" if velocity.size > 1 else ""
+        return (
+            f"Joint '{self.joint.name}': {furthest:.4g} {unit} is outside the validity range, {low:.4g} to {high:.4g} {unit}"
+            f"{share}; there the model extrapolates."
+        )
+
+    def remarks(self) -> tuple[str, ...]:
+        """Return what the numbers alone say against the model, in sentences."""
+        ends, unit = self.driving(), f"{self.joint.unit}/s"
+        if ends is None:
+            return ()
+        where = f"at {ends[0]:.4g}" if ends[0] == ends[1] else f"between {ends[0]:.4g} and {ends[1]:.4g}"
+        return (f"Friction is negative {where} {unit}: there the model drives the motion.",)
