@@ -5,29 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-_MOTION = (
-    "stroke",
-    "stroke_deg",
-    "center",
-    "center_deg",
-    "hold",
-    "lead_in",
-    "lower",
-    "upper",
-    "velocity_limit",
-)
-_MOTION += ("acceleration_limit", "torque_limit", "inertia", "gravity", "friction", "cycles")
-_SPEED = ("top_speed", "top_speed_deg")
-_TORQUE = ("amplitude", "offset", "cycles", "torque_limit")
-#: Kind of plan -> the options that mean something to it, beside those that all have.
-KINDS: dict[str, tuple[str, ...]] = {
-    "sweep": (*_MOTION, *_SPEED, "literal", "bias", "time_slip", "centres"),
-    "constant-velocity": (*_MOTION, *_SPEED, "speeds", "ramp_acceleration", "pause"),
-    "multisine": (*_MOTION, "band", "period", "seed"),
-    "sine-torque": (*_TORQUE, "frequency", "inertia"),
-    "sawtooth-torque": (*_TORQUE, "frequency", "rise", "inertia"),
-    "ramp": (*_TORQUE, "torque_rate", "lead_in"),
+COMMON = {
+    "position": (
+        *("stroke_deg", "center", "center_deg", "hold", "lead_in", "lower", "upper", "velocity_limit"),
+        *("acceleration_limit", "torque_limit", "inertia", "gravity", "friction"),
+    ),
+    "torque": ("torque_limit",),
 }
+
+
+def kinds() -> dict[str, tuple[str, ...]]:
+    """Return the options that mean something to a kind of plan, by kind, beside those that all have."""
+    from backdrive.plans import PLANS
+
+    return {plan.kind: (*COMMON[plan.commands], *plan.options) for plan in PLANS}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,12 +68,14 @@ def refuse_idle_options(request: Request) -> None:
     from backdrive.errors import InvalidInput
 
     common = {"kind", "joint", "all_joints", "urdf", "unit"}
+    known = kinds()
     for field in fields(request):
         value = getattr(request, field.name)
-        if value is None or value is False or field.name in common or field.name in KINDS[request.kind]:
+        if value is None or value is False or field.name in common or field.name in known[request.kind]:
             continue
         option = "--" + field.name.replace("_", "-")
-        kinds = ", ".join(kind for kind, options in KINDS.items() if field.name in options)
+        others = ", ".join(kind for kind, options in known.items() if field.name in options)
         raise InvalidInput(
-            f"{option} means nothing to a plan of the kind {request.kind}.", remedy=f"It belongs to: {kinds}."
+            f"{option} means nothing to a plan of the kind {request.kind}.",
+            remedy=f"It belongs to: {others}.",
         )
