@@ -8,7 +8,7 @@ import numpy as np
 
 from backdrive.identification import Curve, identify
 from backdrive.plans import Sweep
-from backdrive.report.pictures.curve import save_curve_png
+from backdrive.report.pictures.curve import save_curves
 from backdrive.simulation.machines import machine
 from backdrive.simulation.open_loop import simulate
 
@@ -26,7 +26,7 @@ def main() -> None:
         velocity=velocity, torque=plant.law.torque(velocity), standard_error=np.full(velocity.size, np.nan)
     )
     TARGET.parent.mkdir(parents=True, exist_ok=True)
-    save_curve_png(TARGET, result.model.joints[0], evidence=result.evidence[0], truth=truth)
+    save_curves(TARGET, result.model, evidence=result.evidence, truth={plant.name: truth})
     print(f"wrote {TARGET}")
 
 

@@ -15,7 +15,7 @@ from backdrive.control.compensators.extras import DisturbanceObserver
 from backdrive.control.estimators import Adaptation
 from backdrive.control.estimators.external import METHODS, ExternalForce
 from backdrive.control.estimators.friction import alg_fe
-from backdrive.control.estimators.level import adapted, learned
+from backdrive.control.estimators.level import adapt, learn
 from backdrive.errors import InvalidInput
 from backdrive.identification.drift import passive_level
 from backdrive.laws import CoulombViscous, Law, LuGre, Sigmoid, StribeckGauss
@@ -141,28 +141,28 @@ def test_in_a_scene_the_record_shows_the_level():
     slid=st.floats(0.0, 0.1),
 )
 def test_a_tick_stays_within_the_bounds_and_learns_only_what_friction_may_do(level, f, force, slid):
-    found = learned(level, f, force, slid, T, 0.3, 0.05, 3.5, 0.35, 0.5, 1.0)
+    found = learn(level, f, force, slid, T, 0.3, 0.05, 3.5, 0.35, 0.5, 1.0)
     assert 0.5 <= found <= 1.0
     if found != level:
         assert slid >= 0.05
         assert abs(force) <= 0.5 * abs(f) + 0.35
-        assert found == adapted(level, f, level * f - force, T, 0.3, 3.5, 0.35, 0.5, 1.0)
+        assert found == adapt(level, f, level * f - force, T, 0.3, 3.5, 0.35, 0.5, 1.0)
         assert np.sign(found - level) == -np.sign(force * f)  # a force along the motion: friction is less
 
 
 def test_settings_are_checked():
-    for wrong in (
-        {"slowest": 0.0},
-        {"settle": 0.0},
-        {"time": np.nan},
-        {"lower": 0.0},
-        {"upper": 0.4},
-        {"start": 1.2},
-        {"floor": -1.0},
-        {"dead_zone": -1.0},
-    ):
-        with pytest.raises(InvalidInput, match="slowest, settle, time and floor"):
-            Adaptation(**({"slowest": 0.1} | wrong))
+    for name, wrong in {
+        "slowest": 0.0,
+        "settle": 0.0,
+        "time": np.nan,
+        "lower": 0.0,
+        "upper": 0.4,
+        "start": 1.2,
+        "floor": -1.0,
+        "dead_zone": -1.0,
+    }.items():
+        with pytest.raises(InvalidInput, match=f"{name} = {wrong:g}|{name}={wrong}.*lower <= start"):
+            Adaptation(**({"slowest": 0.1} | {name: wrong}))
     smooth = Law(rate=Sigmoid(span=2.0, steepness=50.0))
     with pytest.raises(InvalidInput, match="no Coulomb torque"):
         Adaptation(slowest=0.1).row(smooth)

@@ -33,7 +33,7 @@ def test_a_picture_has_named_axes(name):
 def test_the_postures_are_ordered_as_the_caption_says():
     inertia = [_sweeps.in_posture(name)[0].inertia for name in _sweeps.POSTURES]
     gravity = [
-        float(joint.gravity(np.deg2rad(center)))
+        float(joint.weight(np.deg2rad(center)))
         for joint, center in (_sweeps.in_posture(name) for name in _sweeps.POSTURES)
     ]
     assert inertia == sorted(inertia)

@@ -54,7 +54,7 @@ def test_every_outcome_is_drawn(outcomes, name):
     figure = importlib.import_module(f"backdrive.thesis.{name}").draw(outcomes[name])
     assert len(figure.axes) >= 2
     assert all(a.get_xlabel() or a.get_ylabel() or a.get_title(loc="left") for a in figure.axes)
-    assert canvas.png(figure, 0.5).startswith(b"\x89PNG")
+    assert canvas.content(figure, "png", 0.5).startswith(b"\x89PNG")
 
 
 def test_lag_is_the_delay_that_was_put_in():

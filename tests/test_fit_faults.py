@@ -13,10 +13,9 @@ from typer.testing import CliRunner
 from backdrive.cli import app
 from backdrive.engine import Axis, forward, rollout
 from backdrive.errors import InvalidInput, UnknownName
-from backdrive.identification import identify, validate
+from backdrive.identification import identify, validate, validate_motion
 from backdrive.identification.dynamic import stopping
 from backdrive.identification.dynamic.choice import Candidate, choose
-from backdrive.identification.dynamic.judging import judge_motion
 from backdrive.identification.dynamic.unknowns import LawShape, Scales
 from backdrive.identification.smoothing import smoothing
 from backdrive.laws import M3, Law, LuGre, StribeckGauss
@@ -262,7 +261,7 @@ def driven():
     given = 2.0 * np.sin(3.0 * t) + np.sin(11.0 * t)
     law = Law(rate=StribeckGauss(coulomb=1.0, breakaway=1.5, stribeck_velocity=0.05, viscous=0.4))
     drive = Drive(law="velocity", gains={"proportional": 20.0})
-    from backdrive.identification.dynamic.drive_of_log import model_of
+    from backdrive.identification.dynamic.driven import model_of
 
     axis = Axis(law=law, inertia=0.05, drive=model_of(drive))
     fine = forward(axis, np.interp(np.arange(0, 2400, 0.05), np.arange(2400), given), dt=5e-5)
@@ -289,7 +288,7 @@ def test_a_model_of_a_driven_joint_holds_its_drive_and_is_judged(driven, tmp_pat
     assert again.joints[0].held_out is not None
     with pytest.raises(InvalidInput, match="no torque"):
         validate(again, [log])
-    assert judge_motion(again, [log])["j"].rms < 1e-3
+    assert validate_motion(again, [log])["j"].rms < 1e-3
     monkeypatch.chdir(tmp_path)
     table = np.column_stack([log.time, log.position, log.drive_input])
     np.savetxt("log.csv", table, delimiter=",", header="t,q,u_in", comments="")

@@ -17,8 +17,8 @@ from _hostile_models import HOSTILE, honest, number
 from backdrive import load_model
 from backdrive.errors import ExtrapolationWarning, InvalidInput, ModelFileError, NegativeFrictionWarning
 from backdrive.identification import validate
-from backdrive.identification.dynamic.judging import _axis
-from backdrive.identification.grade import credible
+from backdrive.identification.quality import credible
+from backdrive.identification.validate import _axis
 from backdrive.laws import ELEMENTS, RATES
 from backdrive.model import Validity
 from backdrive.model.bounds import BIG

@@ -26,6 +26,7 @@ from backdrive.control.estimators.level import Adaptation
 from backdrive.control.guard import window
 from backdrive.errors import InvalidInput, LimitWarning
 from backdrive.laws import CoulombViscous, HaywardArmstrong, Law, LuGre
+from backdrive.parameters import check
 from backdrive.status import Status
 
 JIT = not nb.config.DISABLE_JIT
@@ -84,7 +85,7 @@ def test_limit_top_speed_and_count_are_asked_for():
         ({"limit": np.nan}, "limit = nan"),
         ({"limit": -1.0}, "limit = -1"),
         ({"limit": True}, "limit = True"),
-        ({"limit": "20"}, "limit = 20"),
+        ({"limit": "20"}, "limit = '20'"),
         ({"top_speed": np.inf}, "top_speed = inf"),
         ({"top_speed": 0.0}, "top_speed = 0"),
         ({"top_speed": 2e3}, "top_speed = 2000"),
@@ -131,10 +132,10 @@ def test_what_the_envelope_states_is_what_it_takes_ends_included():
     for name, (low, high) in stated.items():
         bounds = getattr(envelope, name)
         for value in (low, high):
-            envelope.check("here", number=(value, bounds))
+            check("here", {"number": bounds}, {"number": value})
         for value in (0.999 * low if low else -1e-9, 1.001 * high):
             with pytest.raises(InvalidInput, match="number"):
-                envelope.check("here", number=(value, bounds))
+                check("here", {"number": bounds}, {"number": value})
     for period in (5e-5, 2e-2):
         assert Loop(JointLoop(**GOOD), interval=period).interval == period
 

@@ -280,7 +280,7 @@ def test_the_bent_curve_bends():
     ],
 )
 def test_bad_values_are_named(change):
-    with pytest.raises(InvalidInput, match="Simulated joint 'joint_1'"):
+    with pytest.raises(InvalidInput, match="SimulatedJoint 'joint_1'"):
         joint_1().replace(**change)
 
 

@@ -12,7 +12,7 @@ from _example_identification import HOSTILE, example, truths
 from backdrive.errors import InvalidInput
 from backdrive.laws import CoulombViscous, Law
 from backdrive.report.pictures import residuals, sizes
-from backdrive.report.pictures.curve import save_curve_png, save_curves
+from backdrive.report.pictures.curve import save_curves
 from backdrive.report.pictures.directions import medians
 from backdrive.report.pictures.model_curve import knots_of, largest_error, model_curve
 from backdrive.report.pictures.terminal import plot_lines
@@ -124,14 +124,11 @@ def test_scale_leaves_out_only_the_far_off():
 
 
 def test_pictures_are_files_of_their_kind(result, tmp_path):
-    drawn = save_curve_png(
-        tmp_path / "one.png",
-        result.model.joints[0],
-        evidence=result.evidence[0],
-        truth=truths(result)["joint_1"],
+    drawn = save_curves(
+        tmp_path / "one.png", result.model, evidence=result.evidence, truth=truths(result)
     ).read_bytes()
     assert drawn.startswith(b"\x89PNG")
-    dark = save_curve_png(tmp_path / "dark.png", result.model.joints[0], dark=True).read_bytes()
+    dark = save_curves(tmp_path / "dark.png", result.model, dark=True).read_bytes()
     assert dark != drawn
     hostile = example(HOSTILE, samples=300)
     root = ElementTree.parse(save_curves(tmp_path / "six.SVG", hostile.model)).getroot()
@@ -148,8 +145,8 @@ def test_pictures_are_files_of_their_kind(result, tmp_path):
 def test_dots_are_visible_in_a_png(result, tmp_path):
     from matplotlib.image import imread
 
-    bare = imread(save_curve_png(tmp_path / "a.png", result.model.joints[0]))
-    full = imread(save_curve_png(tmp_path / "b.png", result.model.joints[0], evidence=result.evidence[0]))
+    bare = imread(save_curves(tmp_path / "a.png", result.model))
+    full = imread(save_curves(tmp_path / "b.png", result.model, evidence=result.evidence))
 
     def blue(image):
         return np.count_nonzero(image[..., 2] - image[..., 0] > 0.2)

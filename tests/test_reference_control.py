@@ -30,7 +30,7 @@ from backdrive.control.estimators import Adaptation, AdaptiveFriction, Recursive
 from backdrive.control.estimators.external import ExternalForce
 from backdrive.control.estimators.friction import FrictionEstimator, alg_fe, alg_fe2, between_counts, ct, ha
 from backdrive.control.estimators.friction import tick as friction_tick
-from backdrive.control.estimators.level import adapted, learned
+from backdrive.control.estimators.level import adapt, learn
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput
 from backdrive.laws import Coulomb, CoulombViscous, Decaying, Law, LuGre, Sigmoid, StribeckGauss
@@ -84,9 +84,9 @@ def test_the_level_is_the_projected_gradient_with_a_dead_zone():
         for f in (-9.0, -3.0, -2.99, 0.0, 2.9, 3.0, 7.0):
             for e in (-300.0, -2.0, -0.41, -0.4, -0.1, 0.0, 0.3, 0.4, 0.42, 1.0, 400.0):
                 wanted = by_definition(theta, f, theta * f + e, *settings)
-                assert adapted(theta, f, theta * f + e, *settings) == pytest.approx(wanted, rel=1e-12)
+                assert adapt(theta, f, theta * f + e, *settings) == pytest.approx(wanted, rel=1e-12)
     # d is taken off the error: from 1.0 N.m only 0.6 is learned
-    assert adapted(1.0, 4.0, 5.0, T, T, 4.0, 0.4, 0.0, 9.0) == pytest.approx(1.0 + 0.5 * 4.0 * 0.6 / 32.0)
+    assert adapt(1.0, 4.0, 5.0, T, T, 4.0, 0.4, 0.0, 9.0) == pytest.approx(1.0 + 0.5 * 4.0 * 0.6 / 32.0)
 
 
 def test_in_the_loop_it_is_learned_after_sliding_and_from_what_a_level_explains():
@@ -100,7 +100,7 @@ def test_in_the_loop_it_is_learned_after_sliding_and_from_what_a_level_explains(
                     if slid >= settle and explained
                     else 0.9
                 )
-                got = learned(0.9, f, force, slid, T, 0.3, settle, *rest)
+                got = learn(0.9, f, force, slid, T, 0.3, settle, *rest)
                 assert got == pytest.approx(wanted, rel=1e-12)
 
 

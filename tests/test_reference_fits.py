@@ -14,13 +14,13 @@ from backdrive.identification.constant_velocity import (
     identify_constant_velocity,
 )
 from backdrive.identification.evidence import curve, evidence
-from backdrive.identification.grade import grade
-from backdrive.identification.hysteresis import loop
-from backdrive.identification.quality import judge
+from backdrive.identification.quality import grade, judge
+from backdrive.identification.ramp import hysteresis_loop as loop
 from backdrive.identification.signals import Signals, prepare
 from backdrive.identification.sweep_knots import clamped
-from backdrive.identification.sweep_shown import _bend, error_of_curve
+from backdrive.identification.sweep_verdict import _bend, error_of_curve
 from backdrive.identification.sweep_windows import Windows, _grows, turning_points
+from backdrive.identification.terms import unit_of
 from backdrive.laws import CoulombViscous, Decaying, GearLoad, Growth, Law, Polyline
 from backdrive.logs.log import Joint, Log
 from backdrive.logs.resolution import encoder_step
@@ -93,10 +93,7 @@ def test_the_torque_of_a_model_is_the_sum_of_its_terms():
     for missing, kind in (("position", {"gravity_sin": 1.0}), ("model_torque", {"model_torque": 1.0})):
         with pytest.raises(InvalidInput, match="holds no"):
             dynamics.predict(friction(**kind), replace(s, **{missing: None}))
-    assert (
-        dynamics.unit_of("inertia", Joint(name="a", unit="m")) == "kg"
-        and dynamics.unit_of("offset", Joint(name="a")) == "N.m"
-    )
+    assert unit_of("inertia", "m") == "kg" and unit_of("offset", "rad") == "N.m"
 
 
 def test_a_delay_moves_the_whole_motion_and_leaves_what_is_known_from_elsewhere():

@@ -16,7 +16,7 @@ class Rules:
     def __init__(self, log):
         self.exam, self.t, self.dt = Exam(log), log.time, float(np.median(np.diff(log.time)))
         self.c = {name: a[:, 0] for name, a in log.channels.items()}
-        self.step = {name: self.exam.resolution(name, 0) for name in self.c}
+        self.step = {name: self.exam.quantum(name, 0) for name in self.c}
         if "velocity" in self.c:
             self.top = np.quantile(np.abs(self.c["velocity"]), 0.99)
             self.wander = 6.0 * self.dt * white_noise(self.c["velocity"])

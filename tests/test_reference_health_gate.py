@@ -389,7 +389,7 @@ def judged(find, *estimates, torque=True, unit="rad"):
     x = np.ones((100, 1)) * np.arange(len(estimates)) + np.arange(100)[:, None]
     exam = Exam(log_of(100, unit=unit, position=x, **({"torque": x} if torque else {})))
     for j, estimate in enumerate(estimates):
-        exam.shared["torque-sign", j] = estimate
+        exam.shared[torque_sign.friction, j] = estimate
     return find(exam)
 
 
@@ -465,8 +465,8 @@ def test_a_joint_without_torque_is_not_turned_with_the_others():
     torque[5, 2] = np.nan
     joints = tuple(Joint(name=name) for name in "abc")
     exam = Exam(Log(time=1e-3 * np.arange(100), joints=joints, position=x, torque=torque))
-    exam.shared["torque-sign", 0] = exam.shared["torque-sign", 1] = (-0.5, 0.01, 1.0)
-    exam.shared["torque-sign", 2] = None
+    exam.shared[torque_sign.friction, 0] = exam.shared[torque_sign.friction, 1] = (-0.5, 0.01, 1.0)
+    exam.shared[torque_sign.friction, 2] = None
     found = torque_sign.find(exam)
     assert [f.joint for f in found] == ["a", "b"]
     mended = torque_sign.repair(exam, found[1:])

@@ -63,7 +63,7 @@ def test_jumps_are_those_of_the_definition(count, with_gap):
         time[gap:] += 0.1
         x[gap:] += 2.0 * with_gap
         exam = Exam(log_of(n, time=time, position=x))
-        wanted = jumps_by_loops(x, exam.resolution("position", 0), (gap,))
+        wanted = jumps_by_loops(x, exam.quantum("position", 0), (gap,))
         got = jumps(exam, "position", 0)
         if not wanted:
             assert got is None, seed
@@ -72,7 +72,7 @@ def test_jumps_are_those_of_the_definition(count, with_gap):
         assert got.sizes == pytest.approx([w[1] for w in wanted]), seed
         assert got.slack == pytest.approx([w[2] for w in wanted], abs=1e-12), seed
         assert got.glitch.tolist() == [w[3] for w in wanted], seed
-        assert got.resolution == exam.resolution("position", 0)
+        assert got.resolution == exam.quantum("position", 0)
         seen, back = seen + len(wanted), back + sum(w[3] for w in wanted)
     assert seen > 50 and back > 10
 
@@ -377,7 +377,7 @@ def said_of(check, period=1e-3, unit="rad", **fit):
     """Return what a check says of a joint whose velocity and position relate in a given way."""
     t = period * np.arange(500)
     exam = Exam(log_of(500, period, unit=unit, position=np.sin(t), velocity=np.cos(t)))
-    exam.shared["velocity fit", 0] = VelocityFit(
+    exam.shared[velocity_fit, 0] = VelocityFit(
         **({"scale": 1.0, "delay": 0.0, "residual": 0.01, "plain": 0.5, "window": 0.1} | fit)
     )
     return check.find(exam)

@@ -307,7 +307,7 @@ def slipped(period=1e-3, known=True, unit="rad", **slip):
     n = 500
     x = np.sin(period * np.arange(n))
     exam = Exam(log_of(n, period, unit=unit, torque=x, **({"position": x} if known else {"velocity": x})))
-    exam.shared["time-slip", 0] = Slip(
+    exam.shared[time_slip.estimate, 0] = Slip(
         **({"samples": 10.0, "error": 0.1, "left": 0.1, "misfit": 0.1, "effect": 0.1} | slip)
     )
     return time_slip.find(exam)

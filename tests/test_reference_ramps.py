@@ -154,7 +154,7 @@ def test_what_is_no_ramp_is_refused():
 
 
 def test_a_loop_in_which_it_slips_one_way_is_none():
-    from backdrive.identification.hysteresis import loop
+    from backdrive.identification.ramp import hysteresis_loop as loop
 
     t = np.arange(4000) / RATE
     u = 4.0 * np.sin(2.0 * t) + 3.0

@@ -10,8 +10,9 @@ from backdrive import Joint, Log, identify
 from backdrive.errors import InvalidInput, NotIdentifiable, UnhealthyLog, UnknownName
 from backdrive.identification import validate
 from backdrive.identification.auto import METHODS, choose_method, moving_joints, own_turn
-from backdrive.identification.options import APPLIES, Options
-from backdrive.identification.request import (
+from backdrive.identification.options import (
+    APPLIES,
+    Options,
     apart,
     healthy,
     in_order,
@@ -533,7 +534,8 @@ def test_options_reach_the_method_that_they_are_for(asked):
     )
     identify([log], method="sweep", payloads=[(1.0, 2.0)], timing="command")
     kind, _, rest, options = asked.calls.pop()
-    assert (kind, rest, options) == ("identify_payload", ("a", [(1.0, 2.0)]), {"timing": "command"})
+    assert (kind, rest) == ("identify_payload", ("a",))
+    assert options == {"payloads": [(1.0, 2.0)], "timing": "command"}
     identify([log], method="constant-velocity", symmetric=True, law="coulomb-viscous")
     assert asked.calls.pop()[0::3] == (
         "identify_constant_velocity",

@@ -6,7 +6,7 @@ import pytest
 from backdrive.identification.sweep_equations import GRAVITY, equations
 from backdrive.identification.sweep_fit import REMEDY, fit
 from backdrive.identification.sweep_knots import SweepKnots, clamped, to_polyline
-from backdrive.identification.sweep_shown import verdict
+from backdrive.identification.sweep_verdict import verdict
 from backdrive.laws import Law, Polyline
 from backdrive.logs.log import Joint
 from backdrive.model import JointFriction, Quality, Validity

@@ -9,11 +9,12 @@ import pytest
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification import dynamics, sweep_delay
 from backdrive.identification.function_a import corrected, function_a, literal
+from backdrive.identification.quality import assess
 from backdrive.identification.signals import prepare
 from backdrive.identification.sweep import find_windows, fit_sweeps, identify_sweep, sweep_knots
 from backdrive.identification.sweep_fit import fit
 from backdrive.identification.sweep_knots import SweepKnots, ordered
-from backdrive.identification.sweep_shown import error_of_curve, judged, verdict
+from backdrive.identification.sweep_verdict import error_of_curve, verdict
 from backdrive.identification.sweep_windows import Windows, turning_points, windows
 from backdrive.logs.log import Joint, Log
 from backdrive.plans import InTurn, Sweep
@@ -413,8 +414,8 @@ def test_the_last_sweep_is_judged_by_the_others_where_they_tell_its_gravity(thre
     found, shown = identify_sweep(logs, "a", timing="command")
     before, _ = identify_sweep(logs[:2], "a", timing="command")
     (s,) = prepare(again, "a")
-    assert found.held_out == judged(before, [[s]]) and found.held_out.samples == np.count_nonzero(s.moving)
-    assert found.fitted == judged(found, [prepare(log, "a") for log in logs])
+    assert found.held_out == assess(before, [s]) and found.held_out.samples == np.count_nonzero(s.moving)
+    assert found.fitted == assess(found, [s for log in logs for s in prepare(log, "a")])
     unseen = ~shown.samples.fitted
     assert 0.3 < unseen.mean() < 0.37 and not unseen[: unseen.size // 2].any()
     n = int(unseen.sum())

@@ -15,7 +15,7 @@ import pytest
 
 from _example_identification import COMMAND, HOSTILE, ORDINARY, curve_of, example, truths
 from backdrive.errors import InvalidInput, MissingExtra
-from backdrive.identification.grade import grade
+from backdrive.identification.quality import grade
 from backdrive.identification.result import Curve, Samples
 from backdrive.model import Validity
 from backdrive.model.file import decode, encode

@@ -18,14 +18,14 @@ from backdrive.laws import Coulomb, CoulombViscous, HaywardArmstrong, Law, Polyl
 from backdrive.logs.log import Joint
 from backdrive.model import Estimate, FrictionModel, JointFriction, Validity
 from backdrive.tuning import facts_of, load_tunings, save_tunings, tune
-from backdrive.tuning.facts import curve_of, shared
+from backdrive.tuning.facts import curve_of, scaled_rate
 from backdrive.tuning.goals import goal_of
 from backdrive.tuning.margins import least_breaking, with_value
-from backdrive.tuning.members import corners, drawn, likely
+from backdrive.tuning.members import corners, nominal, sample
 from backdrive.tuning.propose import _rows, fixed_rule
 from backdrive.tuning.reasons import origin
-from backdrive.tuning.safety import calmed, ends, safe
-from backdrive.tuning.scenes import stated
+from backdrive.tuning.safety import calm, ends, safe
+from backdrive.tuning.scenes import usual_stroke
 from backdrive.tuning.search import inverse, place, search
 
 TAKEN = "Friction is taken to vary by up to 10 % from day to day (--friction-error)."
@@ -130,7 +130,7 @@ def test_warnings_of_the_model_are_passed_on():
 )
 def test_senseless_strokes_are_refused(length, duration, says):
     with pytest.raises(InvalidInput, match=says):
-        stated(facts_of(FRICTION), length, duration)
+        usual_stroke(facts_of(FRICTION), length, duration)
 
 
 @pytest.mark.parametrize(
@@ -158,12 +158,12 @@ def test_a_curve_stands_for_a_law_that_carries_no_contact():
 
 def test_joints_stay_inside_the_intervals_and_series_springs_give_k_c():
     facts = facts_of(FRICTION)
-    for m in [likely(facts), *corners(facts), *drawn(facts, 40, 0)]:
+    for m in [nominal(facts), *corners(facts), *sample(facts, 40, 0)]:
         assert facts.stiffness_interval[0] <= m.stiffness <= facts.stiffness_interval[1]
         assert facts.friction[0] <= m.friction <= facts.friction[1]
         assert 0.0 <= m.delay <= facts.delay
         assert 1.0 / m.transmission + 1.0 / m.bristle == pytest.approx(1.0 / m.stiffness)
-    assert drawn(facts, 8, 3) == drawn(facts, 8, 3)
+    assert sample(facts, 8, 3) == sample(facts, 8, 3)
 
 
 def test_places_in_the_unit_cube_go_there_and_back():
@@ -174,7 +174,9 @@ def test_places_in_the_unit_cube_go_there_and_back():
 
 
 def test_friction_that_is_hardly_known_leaves_a_range_of_r():
-    low, high = goal_of("backdrive", f := facts_of(FRICTION, friction_error=0.75), stated(f)).ranges["share"]
+    low, high = goal_of("backdrive", f := facts_of(FRICTION, friction_error=0.75), usual_stroke(f)).ranges[
+        "share"
+    ]
     assert 0.0 < low < high == pytest.approx(0.25)
 
 
@@ -192,23 +194,23 @@ def test_grids_of_the_picture_hold_the_chosen_value():
 @needs_jit
 def test_numbers_are_taken_back_until_they_pass_the_whole_test_or_are_refused():
     facts = facts_of(FRICTION, motor_share=0.1, delay=3e-3)
-    goal, members = goal_of("backdrive", facts, stated(facts)), drawn(facts, 8, 0)
+    goal, members = goal_of("backdrive", facts, usual_stroke(facts)), sample(facts, 8, 0)
     goal = replace(goal, calming=[{"share": 0.6}, {"share": 0.7, "stiffness": 0.4}])  # in large steps
     begun = {"share": 0.85, "stiffness": 0.7, "decay": 20.0}
     assert {m.delay for m in ends(goal)} == set(np.linspace(0.0, 3e-3, 7))
     assert not safe(goal, begun, members)
-    kept = calmed(goal, begun, members)
+    kept = calm(goal, begun, members)
     assert safe(goal, kept, members)
     assert kept["share"] < begun["share"]
-    restless = replace(goal, unrest=lambda r: 2.0, calming=[{"share": 0.5}], test_on=[likely(facts)])
+    restless = replace(goal, unrest=lambda r: 2.0, calming=[{"share": 0.5}], test_on=[nominal(facts)])
     with pytest.raises(NotIdentifiable, match="however much is taken back"):
-        calmed(restless, begun, [])
+        calm(restless, begun, [])
 
 
 @needs_jit
 def test_the_fixed_rule_is_proposed_where_it_is_safe_and_better():
     facts = facts_of(FRICTION, motor_share=0.1, counts=1e7)
-    goal, members = goal_of("track", facts, stated(facts)), drawn(facts, 8, 0)
+    goal, members = goal_of("track", facts, usual_stroke(facts)), sample(facts, 8, 0)
     poor = {"share": 0.35, "stiffness": 0.2, "decay": 100.0}
     rows = _rows(facts, "track", goal, poor, members)
     assert rows["fixed rule"]["safe"] and not rows["thesis"]["safe"]
@@ -220,7 +222,7 @@ def test_the_fixed_rule_is_proposed_where_it_is_safe_and_better():
 @needs_jit
 def test_a_search_repeats_itself_and_is_safe(quick):
     facts = facts_of(FRICTION, motor_share=0.1)
-    goal = goal_of("backdrive", facts, stated(facts))
+    goal = goal_of("backdrive", facts, usual_stroke(facts))
     first, again = (search(goal, seed=2, width=8) for _ in range(2))
     assert first == again
     assert first.numbers is not None
@@ -266,7 +268,7 @@ def test_a_tuning_runs_is_kept_and_respects_its_bounds(goal, tmp_path):
             kept.admittance()
     else:
         assert tuning["admittance_inertia"] >= tuning.numbers["admittance_inertia"].limit
-        assert kept.external().friction.law.rate == shared(RATE, 0.9, 1.0)
+        assert kept.external().friction.law.rate == scaled_rate(RATE, 0.9, 1.0)
 
 
 @needs_jit

@@ -99,7 +99,7 @@ def test_json_keeps_what_it_escapes(capsys):
 def test_tables_quote_and_keep_their_colours():
     from rich.table import Table
 
-    made = console(markup=False)
+    made = console()
     made.file = stream = io.StringIO()
     made._force_terminal, made._color_system = True, made._color_system or None
     table = Table("a")

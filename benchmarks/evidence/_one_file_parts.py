@@ -116,8 +116,8 @@ loop = Loop(JointLoop(compensator=by_law(again), limit=5.0, top_speed=3.0, encod
 for k in range(2000):
     loop.update([1e-3 * k], [0.0])
 assert abs(loop.torque[0] - 0.8 * float(again.torque(1.0))) < 0.2, loop.torque
-from backdrive.report.pictures.curve import save_curve_png
-save_curve_png("curve.png", model.joints[0])
+from backdrive.report.pictures.curve import save_curves
+save_curves("curve.png", model)
 """,
 )
 
@@ -159,24 +159,22 @@ CHECK = Part(
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding
-
-NAME = "heavy"
+from backdrive.logs.health._finding import Finding, check
 
 
-def find(exam: Exam) -> list[Finding]:
+@check("heavy", "torques that no robot gives")
+def find(exam: Exam) -> Iterator[Finding]:
     """Report torques above 1e5."""
-    return [
-        Finding(name=NAME, joint=name, severity="warns", sentence=f"{name} gives 100 kN.m.", remedy="Look at the unit.", value=1e5)
-        for j, name in exam
-        if exam.usable("torque", j) and np.abs(exam.sample("torque", j)).max() > 1e5
-    ]
-
-
-CHECK = Check(NAME, "torques that no robot gives", find)
+    for channel, j, joint in exam.columns("torque"):
+        if np.abs(exam.sample(channel, j)).max() > 1e5:
+            yield Finding(
+                joint=joint, severity="warn", sentence=f"{joint} gives 100 kN.m.", remedy="Look at the unit.", value=1e5
+            )
 ''',
     Line("logs/health/__init__.py", '        "no_motion",', '        "heavy",'),
     """
@@ -266,8 +264,9 @@ plan = plan_from_dict({"format": "backdrive-plan", "schema": 1, "kind": "swing",
 from backdrive.plans import save_plan
 save_plan(plan, "plan.json")
 assert load_plan("plan.json") == plan
-from backdrive.report.pictures.plan import draw_plan
-draw_plan(plan, "plan.png")
+from pathlib import Path
+from backdrive.report.pictures.plan import picture
+Path("plan.png").write_bytes(picture(plan, "png"))
 from backdrive.simulation import machine
 from backdrive.simulation.open_loop import simulate
 log = simulate(machine("joint_1"), plan, rate=250.0)

@@ -75,14 +75,14 @@ ROOMS: dict[str, dict[tuple[str, ...], tuple[str, ...]]] = {
         ("identification/noise.py",): ("test_reference_noise.py", "test_reference_identification.py", "test_noise.py"),
         ("identification/arm*.py",): ("test_reference_arm.py",),
         (
-            "identification/request.py", "identification/auto.py", "identification/validate.py", "identification/result.py",
-            "identification/options.py", "identification/pipeline.py",
+            "identification/options.py", "identification/auto.py", "identification/validate.py", "identification/result.py",
+            "identification/pipeline.py",
         ): ("test_reference_requests.py", "test_identify.py"),
-        ("identification/ramp.py", "identification/presliding.py", "identification/hysteresis.py"): (
+        ("identification/ramp.py", "identification/presliding.py"): (
             "test_reference_ramps.py", "test_reference_fits.py", "test_presliding.py",
         ),
         (
-            "identification/[cde]*.py", "identification/grade.py", "identification/motion.py", "identification/quality.py",
+            "identification/[cde]*.py", "identification/motion.py", "identification/quality.py",
             "identification/terms.py",
             "identification/regression.py", "identification/runs.py", "identification/signals.py",
         ): (

@@ -75,7 +75,7 @@ def bound(it: Case) -> tuple[list, dict[str, float], np.ndarray]:
     search = Search(problem.residuals, problem.lower, problem.upper)
     point = problem.point(it.truth())
     at = problem.residuals(point[None])
-    J = search.jacobian(point[None], at)[0]
+    J = search.jacobian(point, at[0])
     size = np.linalg.norm(J, axis=0)
     acts = size * 1e4 > it.noise
     J = J[:, acts] / size[acts]

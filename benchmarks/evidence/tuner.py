@@ -36,7 +36,7 @@ from backdrive.tuning import rules, scenes
 from backdrive.tuning.facts import Facts
 from backdrive.tuning.goals import compensator, goal_of
 from backdrive.tuning.members import Member
-from backdrive.tuning.propose import calmed, fixed_rule, thesis_numbers
+from backdrive.tuning.propose import calm, fixed_rule, thesis_numbers
 from backdrive.tuning.reasons import presliding_radius
 from backdrive.tuning.search import best_safe, search
 
@@ -193,11 +193,11 @@ def limited(judge: Judge, cases: list[Case]) -> None:
     changed = int(np.sum((free <= 2 * count) != (held <= 2 * count)))
     scenes_of, strokes = [], []
     for facts, truth, z in cases:
-        stroke = scenes.stated(facts)
+        stroke = scenes.usual_stroke(facts)
         strokes += [stroke] * 2
         for rate in (None, rate_of(facts, z)):
             loop = Unguarded(compensator=compensator(facts, z), rate=rate)
-            scenes_of.append(scenes.guided(facts, truth, loop, stroke))
+            scenes_of.append(scenes.guidance(facts, truth, loop, stroke))
     force = np.array([scenes.peak_force(r, s) for r, s in zip(play(scenes_of), strokes)]).reshape(-1, 2)
     ratio = force[:, 1] / force[:, 0]
     print(
@@ -243,7 +243,7 @@ def choice(judge: Judge, joints: int) -> None:
     rest, none, seconds = [], 0, []
     for seed in range(joints):
         facts, _, _ = joint(seed)
-        goal = goal_of("backdrive", facts, scenes.stated(facts))
+        goal = goal_of("backdrive", facts, scenes.usual_stroke(facts))
         scores = goal.scores(GRID)
         at, _ = best_safe(goal, GRID, scores)
         begun = time.process_time()
@@ -256,7 +256,7 @@ def choice(judge: Judge, joints: int) -> None:
                 safe["proposal"].append(False)
             continue
         try:
-            kept = calmed(goal, found.numbers, members_.drawn(facts, 64, seed))
+            kept = calm(goal, found.numbers, members_.sample(facts, 64, seed))
         except NotIdentifiable:  # refused: neither safe nor near the grid's best
             none += 1
             print(f"  joint {seed}: the search's numbers cannot be made safe")
@@ -274,7 +274,7 @@ def choice(judge: Judge, joints: int) -> None:
         for name, s, w in zip(rows, goal.scores(list(rows.values())), goal.worst(list(rows.values()))):
             ratios[name].append(float(s / scores[at]))
             safe[name].append(bool(w <= 1.0))
-        unrest = goal.unrests([kept], members_.drawn(facts, 64, 1000 + seed))[0]
+        unrest = goal.unrests([kept], members_.sample(facts, 64, 1000 + seed))[0]
         rest.append(float(np.mean(unrest <= 1.0)))
     for name, values in ratios.items():
         r, ok = np.array(values), np.array(safe[name])

@@ -14,7 +14,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import secrets
 import stat
 from collections.abc import Mapping
 from pathlib import Path
@@ -232,7 +231,7 @@ class _Part:
         self.handle = -1
 
     def _new_path(self) -> Path:
-        return self.target.parent / f"{_HEAD}{secrets.token_hex(8)}{_TAIL}"
+        return self.target.parent / f"{_HEAD}{os.urandom(8).hex()}{_TAIL}"
 
     def open(self) -> None:
         """Create it with the mode and owner of the target, and lock it."""

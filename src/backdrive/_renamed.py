@@ -16,6 +16,13 @@ MODULES = {
     "filters": "logs.filters",
     "fitting": "identification.dynamic",
     "health": "logs.health",
+    "identification.dynamic.drive_of_log": "identification.dynamic.driven",
+    "identification.dynamic.intervals": "identification.dynamic.uncertainty",
+    "identification.dynamic.judging": "identification.validate",
+    "identification.grade": "identification.quality",
+    "identification.hysteresis": "identification.ramp",
+    "identification.request": "identification.options",
+    "identification.sweep_shown": "identification.sweep_verdict",
     "limits": "plans.limits",
     "log": "logs",
     "metrics": "identification.metrics",
@@ -28,8 +35,10 @@ MODULES = {
     "presets": "model.presets",
     "readers": "logs.readers",
     "reproduce": "thesis",
+    "report.pictures.guided": "report.guided",
     "simulate": "simulation.open_loop",
     "tune": "tuning",
+    "tuning.judging": "tuning.evaluation",
 }
 
 

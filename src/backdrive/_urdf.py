@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from backdrive.errors import FileTooLarge, ForbiddenContent, MissingExtra, ReadError, install
+from backdrive.errors import FileTooLarge, ForbiddenContent, ReadError, require
 
 MAX_JOINTS = 500
 #: How many numbers an attribute holds.
@@ -27,22 +27,17 @@ def parse(data: bytes, where: str) -> Any:
         ForbiddenContent: there is a document type or an entity.
         ReadError: it is not XML.
     """
+    defused, tree = (
+        require(module, "Reading a URDF needs", "arm") for module in ("defusedxml", "defusedxml.ElementTree")
+    )
     try:
-        from defusedxml import DefusedXmlException
-        from defusedxml.ElementTree import ParseError, fromstring
-    except ImportError as error:
-        raise MissingExtra(
-            "Reading a URDF needs defusedxml, which is not installed.",
-            remedy=install("arm"),
-        ) from error
-    try:
-        return fromstring(data, forbid_dtd=True)
-    except DefusedXmlException as error:
+        return tree.fromstring(data, forbid_dtd=True)
+    except defused.DefusedXmlException as error:
         raise ForbiddenContent(
             f"{where} declares a document type (DOCTYPE) or entities, which could name other files.",
             remedy="A robot description needs neither: remove them.",
         ) from error
-    except (ParseError, ValueError, LookupError) as error:
+    except (tree.ParseError, ValueError, LookupError) as error:
         raise ReadError(
             f"{where} is not well-formed XML: {error}.", remedy="Name a URDF file, with xacro expanded."
         ) from error

@@ -6,6 +6,9 @@ line turns the class into an exit code, so a script can tell a bad result from a
 
 from __future__ import annotations
 
+from importlib import import_module
+from typing import Any
+
 from backdrive._visible import visible
 
 
@@ -72,6 +75,24 @@ class MissingExtra(BackdriveError, ImportError):
 def install(extra: str) -> str:
     """Return how to install an extra, as a remedy: from where the package is installed, or from a checkout."""
     return f'Run: pip install "backdrive[{extra}]", or in a checkout of backdrive: pip install ".[{extra}]".'
+
+
+def require(module: str, purpose: str, extra: str) -> Any:
+    """Return a module of an optional dependency, or say how to install it.
+
+    Args:
+        module: its name.
+        purpose: what needs it, with the verb, such as `Reading Parquet needs`.
+        extra: of this package, which brings it.
+
+    Raises:
+        MissingExtra: it is not installed.
+    """
+    try:
+        return import_module(module)
+    except ImportError as error:
+        package = module.partition(".")[0]
+        raise MissingExtra(f"{purpose} {package}, which is not installed.", remedy=install(extra)) from error
 
 
 class ReadError(BackdriveError):

@@ -6,9 +6,10 @@ Whoever takes a number from a person or a file checks it here, so that all refus
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from numbers import Integral
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from numbers import Integral, Real
+from typing import Any, ClassVar, NamedTuple, Self
 
 from backdrive.errors import InvalidInput
 
@@ -35,13 +36,15 @@ class Bound(NamedTuple):
         if self.low <= -BIG and self.high >= BIG:
             return "that is finite"
         if self.high >= BIG:
-            return f"{low}, and finite"
+            return low if math.isinf(self.high) else f"{low}, and finite"
         return f"{low} and {f'below {self.high:g}' if self.open_high else f'at most {self.high:g}'}"
 
 
+Bounds = Mapping[str, Bound]
 FINITE = Bound(-BIG, BIG)
 NOT_NEGATIVE = Bound(0.0, BIG)
 POSITIVE = Bound(1.0 / BIG, BIG)
+ABOVE_ZERO = Bound(0.0, math.inf, open_low=True)  # infinite where there is no such limit
 
 
 def number(where: str, value: Any, bound: Bound = POSITIVE) -> float:
@@ -59,7 +62,7 @@ def number(where: str, value: Any, bound: Bound = POSITIVE) -> float:
         real = math.nan if isinstance(value, bool) else float(value)
     except (TypeError, ValueError):
         real = math.nan
-    if not (math.isfinite(real) and bound.holds(real)):
+    if not bound.holds(real):
         raise InvalidInput(f"{where} is {value!r}.", remedy=f"Give a number {bound}.", value=value)
     return real
 
@@ -82,13 +85,92 @@ def whole(where: str, value: Any, least: int = 1, most: float = math.inf) -> int
     return int(value)
 
 
-def fault(name: str, value: float | Sequence[float], bound: Bound) -> str | None:
-    """Return what is wrong with a number or an interval, in words; None where nothing is."""
-    ends: list[float] = list(value) if isinstance(value, Sequence) else [value]
-    said = ":".join(str(x) if isinstance(x, int) else f"{x:g}" for x in ends)
-    words = f"{name} = {said}{f' {bound.unit}' if bound.unit else ''}"
-    if not all(bound.holds(x) and math.isfinite(x) for x in ends):
-        return f"{words}, it has to be {bound}"
-    if ends != sorted(ends):
-        return f"{words}, its lower end has to come first"
-    return None
+def fault(name: str, value: Any, bound: Bound) -> str | None:
+    """Return what is wrong with a number or an interval, a sentence's part; None where nothing is."""
+    if type(value) is float and bound.holds(value):  # nearly always, and in every scene
+        return None
+    ends = value if isinstance(value, (list, tuple)) else (value,)
+    if not all(isinstance(x, Real) and not isinstance(x, bool) for x in ends):
+        return f"{name} = {value!r}, it has to be a number {bound}"
+    inside = all(bound.holds(x) for x in ends)
+    if inside and (len(ends) == 1 or list(ends) == sorted(ends)):
+        return None
+    given = ":".join(str(x) if isinstance(x, int) else f"{x:g}" for x in ends)
+    rule = "its lower end has to come first" if inside else f"it has to be {bound}"
+    return f"{name} = {given}{f' {bound.unit}' if bound.unit else ''}, {rule}"
+
+
+def check(where: str, bounds: Bounds, values: Mapping[str, Any]) -> None:
+    """Refuse numbers and intervals outside their bounds, each by its name and with its rule.
+
+    Args:
+        where: what the message begins with.
+        bounds: by name.
+        values: by some of these names.
+
+    Raises:
+        InvalidInput: one or more are outside, or no numbers.
+    """
+    wrong = [words for name, value in values.items() if (words := fault(name, value, bounds[name]))]
+    if wrong:
+        raise InvalidInput(f"{where}: {'; '.join(wrong)}.", remedy="Numbers are in SI units of the joint.")
+
+
+def array(where: str, value: Any, *shapes: tuple[int, ...], bound: Bound = FINITE) -> Any:
+    """Return numbers within a bound as an array of one of some shapes.
+
+    Args:
+        where: what the numbers are, for the message.
+        value: what is given for them.
+        shapes: that they may have.
+        bound: where they may lie.
+
+    Raises:
+        InvalidInput: another shape, or a number is NaN or outside.
+    """
+    import numpy as np
+
+    given = np.asarray(value, dtype=np.float64)
+    if given.shape not in shapes:
+        ways = " or ".join("one number" if shape == () else str(shape) for shape in shapes)
+        raise InvalidInput(f"{where} has the shape {given.shape}.", remedy=f"Give {ways}.")
+    if not (bound.holds(given.min()) and bound.holds(given.max())):
+        raise InvalidInput(
+            f"{where} reaches from {given.min():g} to {given.max():g}.", remedy=f"Give numbers, each {bound}."
+        )
+    return given
+
+
+class Bounded:
+    """Base of frozen dataclasses whose numbers have bounds and whose words are some of a few.
+
+    Attributes:
+        BOUNDS: of fields that hold a number, by name; one whose default is None may be None.
+        CHOICES: what a field may be that holds a word, by name.
+    """
+
+    BOUNDS: ClassVar[Bounds] = {}
+    CHOICES: ClassVar[Mapping[str, Sequence[str]]] = {}
+
+    def __post_init__(self) -> None:
+        """Refuse what the declaration does not allow.
+
+        Raises:
+            InvalidInput: names each number outside its bounds, or a word that is none of the choices.
+        """
+        own, declared = vars(self), type(self).__dataclass_fields__  # type: ignore[attr-defined]
+        where = f"{type(self).__name__} '{own['name']}'" if "name" in own else type(self).__name__
+        given = {k: own[k] for k in self.BOUNDS if own[k] is not None or declared[k].default is not None}
+        check(where, self.BOUNDS, given)
+        for name, value in given.items():
+            if type(value) is not float:
+                object.__setattr__(self, name, number(f"{where}: {name}", value, self.BOUNDS[name]))
+        for name, choices in self.CHOICES.items():
+            if own[name] not in choices:
+                raise InvalidInput(
+                    f"{where}: {name} = {own[name]!r}.", remedy=f"It is one of {', '.join(choices)}."
+                )
+
+    def replace(self, **changes: Any) -> Self:
+        """Return a copy with some fields changed."""
+        return replace(self, **changes)  # type: ignore[type-var]

@@ -14,7 +14,7 @@ are handed on. Meshes are never looked for.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -24,7 +24,7 @@ import numpy as np
 
 from backdrive._files import read_whole
 from backdrive._urdf import skeleton
-from backdrive.errors import InvalidInput, MissingExtra, ReadError, install
+from backdrive.errors import InvalidInput, ReadError, require
 
 PER_LINK = 10
 #: Names of a link's ten parameters.
@@ -171,45 +171,29 @@ class Robot:
         Returns:
             Regressor, (n, J, 10 J): 560 bytes a joint and sample for seven joints, so mind the chunk.
         """
-        pin = require_pinocchio()
-        model, data = self.model, self.model.createData()
-        return self._each(
-            lambda *state: pin.computeJointTorqueRegressor(model, data, *state),
-            (len(self.joints), PER_LINK * len(self.joints)),
-            q,
-            dq,
-            ddq,
-        )
+        shape = (len(self.joints), PER_LINK * len(self.joints))
+        return self._each("computeJointTorqueRegressor", shape, q, dq, ddq)
 
     def inverse_dynamics(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
         """Return the torque of the description's own inertias without friction [N.m or N], (n, J)."""
-        pin = require_pinocchio()
-        model, data = self.model, self.model.createData()
-        return self._each(lambda *s: pin.rnea(model, data, *s), (len(self.joints),), q, dq, ddq)
+        return self._each("rnea", (len(self.joints),), q, dq, ddq)
 
     def inertia(self, q: np.ndarray) -> np.ndarray:
         """Return M(q) [kg.m^2, kg.m or kg], (n, J, J)."""
-        pin = require_pinocchio()
-        model, data = self.model, self.model.createData()
-        upper = np.triu(self._each(lambda c: pin.crba(model, data, c), (len(self.joints),) * 2, q))
+        upper = np.triu(self._each("crba", (len(self.joints),) * 2, q))
         return upper + np.swapaxes(np.triu(upper, 1), 1, 2)
 
     def bias(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         """Return h(q, dq), Coriolis and centrifugal torque without gravity [N.m or N], (n, J)."""
-        pin = require_pinocchio()
-        model, data = self.model, self.model.createData()
-        both = self._each(lambda *s: pin.nonLinearEffects(model, data, *s), (len(self.joints),), q, dq)
-        return both - self.gravity(q)
+        return self._each("nonLinearEffects", (len(self.joints),), q, dq) - self.gravity(q)
 
     def gravity(self, q: np.ndarray) -> np.ndarray:
         """Return g(q) [N.m or N], (n, J)."""
-        pin = require_pinocchio()
-        model, data = self.model, self.model.createData()
-        return self._each(lambda c: pin.computeGeneralizedGravity(model, data, c), (len(self.joints),), q)
+        return self._each("computeGeneralizedGravity", (len(self.joints),), q)
 
-    def _each(
-        self, function: Callable, shape: tuple[int, ...], q: np.ndarray, *rates: np.ndarray
-    ) -> np.ndarray:
+    def _each(self, name: str, shape: tuple[int, ...], q: np.ndarray, *rates: np.ndarray) -> np.ndarray:
+        """Return what a function of pinocchio says of each sample, (n, *shape)."""
+        function, data = getattr(require_pinocchio(), name), self.model.createData()
         arrays = [np.ascontiguousarray(np.atleast_2d(a), dtype=np.float64) for a in (q, *rates)]
         n, J = arrays[0].shape[0], len(self.joints)
         for array in arrays:
@@ -220,10 +204,10 @@ class Robot:
                 )
             if not np.all(np.isfinite(array)):
                 raise InvalidInput("A state is NaN or infinite.", remedy="Give finite positions and rates.")
-        configuration = self._configuration(arrays[0])
+        arrays[0] = self._configuration(arrays[0])
         out = np.empty((n, *shape))
         for i in range(n):
-            out[i] = function(configuration[i], *(a[i] for a in arrays[1:]))
+            out[i] = function(self.model, data, *(a[i] for a in arrays))
         return out
 
     def _configuration(self, q: np.ndarray) -> np.ndarray:
@@ -301,11 +285,4 @@ def require_pinocchio() -> Any:
     Raises:
         MissingExtra: names the extra.
     """
-    try:
-        import pinocchio
-    except ImportError as error:
-        raise MissingExtra(
-            "Rigid bodies need pinocchio, which is not installed.",
-            remedy=install("arm"),
-        ) from error
-    return pinocchio
+    return require("pinocchio", "Rigid bodies need", "arm")

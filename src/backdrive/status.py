@@ -32,3 +32,6 @@ class Status(IntEnum):
     STOPPED = 7, 4, "The loop was told to stop; the output ramps down to zero and stays there."
     OVERSPEED = 8, 8, "The joint was faster than its top speed; the output goes to zero and stays there."
     LATCHED = 9, 9, "The output stays at zero after a fault, until it is acknowledged."
+
+
+STATUSES = tuple(Status)  # by code

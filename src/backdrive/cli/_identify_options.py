@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from math import isfinite, nan
 
-if TYPE_CHECKING:
-    from backdrive.engine import DriveModel
-    from backdrive.identification.timing import Timing
+from backdrive._catalog import lookup
+from backdrive.cli._joint_options import named_numbers
+from backdrive.engine import DriveModel
+from backdrive.errors import InvalidInput
+from backdrive.identification.dynamic.driven import model_of, sought_of
+from backdrive.identification.timing import Timing
+from backdrive.logs.log import Drive
 
 
 def timing(word: str | None) -> Timing | None:
     if word is None:
         return None
-    from backdrive._catalog import lookup
-
     known: dict[str, Timing] = {"command": "command", "sample": "sample"}
     return lookup(word, known, "timing of the torque")
 
@@ -21,16 +23,12 @@ def timing(word: str | None) -> Timing | None:
 def payloads(text: str | None) -> list[tuple[float, float]] | None:
     if text is None:
         return None
-    from math import isfinite
-
-    from backdrive.errors import InvalidInput
-
     found = []
     for word in text.split(","):
         try:
             sine, cosine = map(float, (word if ":" in word else f"{word}:{word}").split(":"))
         except ValueError:
-            sine = cosine = float("nan")
+            sine = cosine = nan
         if not (isfinite(sine) and isfinite(cosine)) or (":" not in word and sine != 0.0):
             raise InvalidInput(
                 f"--payload {word!r}: neither 0 nor SIN:COS.",
@@ -41,8 +39,6 @@ def payloads(text: str | None) -> list[tuple[float, float]] | None:
 
 
 def bounds(words: list[str] | None) -> dict[str, tuple[float, float]]:
-    from backdrive.errors import InvalidInput
-
     found = {}
     for word in words or []:
         name, _, ends = word.partition("=")
@@ -65,24 +61,5 @@ def drive(words: str | None, ranges: dict[str, tuple[float, float]]) -> DriveMod
     """Return the drive of the engine that a person names, or None."""
     if words is None:
         return None
-    from backdrive.identification.dynamic.drive_of_log import model_of, sought_of
-    from backdrive.logs.log import Drive
-
     law, _, gains = words.partition(",")
-    return model_of(Drive(law=law.strip(), gains=numbers(gains, "--drive")), sought_of(ranges))  # type: ignore[arg-type]
-
-
-def numbers(words: str | None, option: str) -> dict[str, float]:
-    from backdrive.errors import InvalidInput
-
-    found = {}
-    for word in (words or "").split(","):
-        name, _, value = word.partition("=")
-        try:
-            if name.strip():
-                found[name.strip()] = float(value)
-        except ValueError as error:
-            raise InvalidInput(
-                f"{option} {word}: not NAME=NUMBER.", remedy="For example inertia=0.5,gravity_sin=2."
-            ) from error
-    return found
+    return model_of(Drive(law=law.strip(), gains=named_numbers([gains], "--drive")), sought_of(ranges))  # type: ignore[arg-type]

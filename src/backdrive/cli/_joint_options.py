@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
+
+from backdrive.errors import InvalidInput
 
 
 def by_joint(
     words: Sequence[str] | None, option: str, example: str, names: Sequence[str], *, interval: bool = True
 ) -> dict[str, Any]:
     """Return what an option says of each joint: one plain value of an only joint, or JOINT=VALUE."""
-    from backdrive.errors import InvalidInput
-
     found: dict[str, Any] = {}
     for word in words or ():
         name, equals, value = word.rpartition("=")
@@ -36,8 +36,6 @@ def by_joint(
 
 def ends(words: str, option: str, example: str, *, interval: bool = True) -> tuple[float, float] | float:
     """Return LOW:HIGH, or one number."""
-    from backdrive.errors import InvalidInput
-
     try:
         ends = [float(w) for w in words.split(":")]
     except ValueError:
@@ -52,12 +50,39 @@ def ends(words: str, option: str, example: str, *, interval: bool = True) -> tup
     return ends[0], ends[1]
 
 
+def named_numbers(
+    words: Iterable[str],
+    option: str,
+    what: str = "NAME=NUMBER",
+    example: str = "inertia=0.5,gravity_sin=2",
+) -> dict[str, float]:
+    """Return the numbers that an option gives by name: NAME=NUMBER, commas between.
+
+    Args:
+        words: what was written, once for each time.
+        option: its name.
+        what: the form of a word, such as `NAME=NUMBER`.
+        example: of a use, for the remedy.
+
+    Raises:
+        InvalidInput: a word is otherwise, or its number is not finite.
+    """
+    values: dict[str, float] = {}
+    for word in filter(None, (part.strip() for text in words for part in text.split(","))):
+        name, _, value = word.rpartition("=")
+        try:
+            values[name.strip()] = float(value)
+        except ValueError:
+            name = ""
+        if not name.strip() or not math.isfinite(values[name.strip()]):
+            raise InvalidInput(f"{option} {word}: not {what}.", remedy=f"For example {example}.")
+    return values
+
+
 def guards(
     speeds: dict[str, float], limits: dict[str, float], urdf: Path | None, names: Sequence[str]
 ) -> dict[str, dict[str, Any]]:
     """Return trip speed and limit of torque by joint: as they were given, else of the robot description."""
-    from backdrive.errors import InvalidInput
-
     described: dict[str, Any] = {}
     if urdf is not None:
         from backdrive.plans.limits import read_limits
@@ -69,13 +94,12 @@ def guards(
                 f"{urdf} has no joint '{absent[0]}'.",
                 remedy=f"It has {', '.join(described)}; the model {', '.join(names)}. Say --top-speed instead.",
             )
-    found: dict[str, dict[str, Any]] = {}
+    bounds: dict[str, dict[str, Any]] = {}
     for name in names:
-        speed, torque = speeds.get(name), limits.get(name)
+        bounds[name] = {"trip_speed": speeds.get(name), "limit": limits.get(name)}
         if name in described:
             known = described[name]
-            speed = known.velocity if speed is None and math.isfinite(known.velocity) else speed
-            found[name] = {"trip_speed": speed, "limit": torque, "effort": known.effort}
-        else:
-            found[name] = {"trip_speed": speed, "limit": torque}
-    return found
+            bounds[name]["effort"] = known.effort
+            if name not in speeds and math.isfinite(known.velocity):
+                bounds[name]["trip_speed"] = known.velocity
+    return bounds

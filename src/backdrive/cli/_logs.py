@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from os.path import realpath
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from backdrive._files import check_regular, check_writable
+from backdrive.errors import InvalidInput
 
 if TYPE_CHECKING:
     from backdrive.logs.log import Log
@@ -74,8 +78,6 @@ def numbers(text: str | None, option: str) -> list[float] | None:
     Raises:
         InvalidInput: one of them is none.
     """
-    from backdrive.errors import InvalidInput
-
     try:
         return [float(w) for w in words(text) or []] or None
     except ValueError as error:
@@ -99,11 +101,6 @@ def check_targets(
         WriteError: an output cannot be written; see `backdrive._files.check_writable`.
         MissingExtra: an output needs matplotlib, which is not installed.
     """
-    from os.path import realpath
-
-    from backdrive._files import check_writable
-    from backdrive.errors import InvalidInput
-
     taken = {realpath(p): p for p in inputs if p is not None}
     wanted = [p for p in (*outputs, *drawn) if p is not None]
     for path in wanted:
@@ -119,6 +116,11 @@ def check_targets(
         require_matplotlib()
 
 
+def files_of(model: str) -> list[Path]:
+    """Return the file of a model, or none for a preset."""
+    return [] if model.startswith("preset:") else [Path(model)]
+
+
 def check_folder(folder: Path, files: Sequence[str]) -> None:
     """Refuse, before anything long begins, a folder that cannot be made or in which files cannot be written.
 
@@ -129,8 +131,6 @@ def check_folder(folder: Path, files: Sequence[str]) -> None:
     Raises:
         WriteError: see `backdrive._files.check_writable`.
     """
-    from backdrive._files import check_writable
-
     for name in files:
         check_writable(folder / name, make=True)
 
@@ -144,7 +144,6 @@ def check_urdf(urdf: Path | None) -> None:
     """
     if urdf is None:
         return
-    from backdrive._files import check_regular
     from backdrive.robot import require_pinocchio
 
     check_regular(urdf)

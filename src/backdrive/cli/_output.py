@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 import json
 import os
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import typer
@@ -22,17 +23,40 @@ def echo(text: object = "", *, err: bool = False) -> None:
     typer.echo(visible(text, keep="\n\t"), err=err)
 
 
-def console(*, stderr: bool = False, markup: bool = True) -> Any:
-    """Return a console of `rich` that quotes what would steer the terminal, and neither colours numbers nor draws emoji."""
+def console(*, stderr: bool = False) -> Any:
+    """Return a console of `rich` that prints text as it stands: no markup, colours of numbers or emoji, nothing that steers."""
     from rich.console import Console, RenderHook
 
     class Quoting(RenderHook):
         def process_renderables(self, renderables):
             return [_Quoted(renderable) for renderable in renderables]
 
-    made = Console(stderr=stderr, highlight=False, markup=markup, emoji=False)
+    made = Console(stderr=stderr, highlight=False, markup=False, emoji=False)
     made.push_render_hook(Quoting())
     return made
+
+
+def table(*headings: str, text: Sequence[str] = (), no_wrap: bool = False, title: str | None = None) -> Any:
+    """Return a table without lines, for rows of numbers.
+
+    Args:
+        headings: of its columns.
+        text: those of them that hold words, flush left.
+        no_wrap: keep every cell on one line.
+        title: above it.
+    """
+    from rich.table import Table
+
+    made = Table(box=None, pad_edge=False, title=title, title_justify="left")
+    for heading in headings:
+        made.add_column(heading, justify="left" if heading in text else "right", no_wrap=no_wrap)
+    return made
+
+
+def print_lines(console: Any, lines: Iterable[str], **how: Any) -> None:
+    """Print sentences for a person, each on a line of its own; `how` is what `rich` takes, such as a style."""
+    for line in lines:
+        console.print(line, **how)
 
 
 class _Quoted:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from backdrive.cli._plan_request import Request
 from backdrive.cli._planning import build, center_of, checked, holds_of, single_plans
-
-if TYPE_CHECKING:
-    from backdrive.plans.centres import Separation
-    from backdrive.plans.limits import JointLimits
+from backdrive.errors import InvalidInput
+from backdrive.plans import InTurn
+from backdrive.plans.centres import MOST_GAIN, MOST_SWEEPS, Separation, choose_centers, sweeps_about
+from backdrive.plans.limits import JointLimits
 
 
 def build_centres(request: Request) -> tuple[Separation, list[Any], dict[str, JointLimits]]:
@@ -25,10 +24,6 @@ def build_centres(request: Request) -> tuple[Separation, list[Any], dict[str, Jo
     Raises:
         BackdriveError: as `build`; or the centers are too near, or the joint is linear, or several joints were named.
     """
-    from backdrive.errors import InvalidInput
-    from backdrive.plans import InTurn
-    from backdrive.plans.centres import choose_centers, sweeps_about
-
     word = str(request.centres).strip().lower()
     chosen = word == "auto" or word.isdigit()
     if not (request.center is None and request.center_deg is None) and not chosen:
@@ -36,7 +31,7 @@ def build_centres(request: Request) -> tuple[Separation, list[Any], dict[str, Jo
             "--center and --centres both place the sweep.", remedy="Give one of them, or --centres auto."
         )
     # limits are checked about every center below, not about one that will not be used
-    plan, limits = build(replace(request, centres=None), check=False)
+    plan, limits = build(request, check=False)
     sweep, *more = single_plans(plan)
     if more:
         raise InvalidInput(
@@ -76,8 +71,6 @@ def folders_of(found: Separation, output: Path) -> list[Path]:
 
 def notes_of_centres(found: Separation, request: Request) -> list[str]:
     """Return a note where the noise gain that was sought was not reached."""
-    from backdrive.plans.centres import MOST_GAIN, MOST_SWEEPS
-
     if str(request.centres).strip().lower() != "auto" or found.noise_gain <= MOST_GAIN:
         return []
     return [
@@ -87,8 +80,6 @@ def notes_of_centres(found: Separation, request: Request) -> list[str]:
 
 
 def _degrees(word: str) -> list[float]:
-    from backdrive.errors import InvalidInput
-
     try:
         values = [math.radians(float(part)) for part in word.split(",")]
     except ValueError:

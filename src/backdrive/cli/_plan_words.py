@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+import math
+from typing import Any
 
-if TYPE_CHECKING:
-    from backdrive.cli._plan_request import Request
-    from backdrive.plans.limits import JointLimits
+from backdrive.cli._plan_request import Request
+from backdrive.cli._planning import single_plans
+from backdrive.plans import inertia_bias, smallest_stroke, stroke_for_bias
+from backdrive.plans.base import spoken, torque_unit
+from backdrive.plans.limits import JointLimits
 
 _BIAS, _SLIP = 0.1, 1e-3  # what `--bias` [N.m or N] and `--time-slip` [s] are unless given
 
 
 def figures_of(plan: Any, limits: JointLimits, request: Request) -> dict[str, Any]:
     """Return what a person wants to know of one joint's plan, SI."""
-    import math
-
-    from backdrive.plans import inertia_bias, smallest_stroke, stroke_for_bias
-
     figures: dict[str, Any] = {
         "joint": plan.joint,
         "unit": plan.unit,
@@ -40,23 +39,16 @@ def figures_of(plan: Any, limits: JointLimits, request: Request) -> dict[str, An
         if plan.kind == "sweep":
             if math.isfinite(limits.effort):
                 figures["smallest_stroke"] = smallest_stroke(plan.top_speed, inertia, limits.effort, **torque)
-            slip, bias = _given(request.time_slip, _SLIP), _given(request.bias, _BIAS)
+            slip = _SLIP if request.time_slip is None else request.time_slip
+            bias = _BIAS if request.bias is None else request.bias
             figures |= {"bias": bias, "time_slip": slip}
             figures["stroke_for_bias"] = stroke_for_bias(plan.top_speed, inertia, bias, slip)
             figures["bias_at_this_stroke"] = inertia_bias(plan.stroke, plan.top_speed, inertia, slip)
     return figures
 
 
-def _given(value: float | None, otherwise: float) -> float:
-    return otherwise if value is None else value
-
-
 def notes_of(plan: Any, limits: dict[str, JointLimits], request: Request) -> list[str]:
     """Return what was not checked, and what to watch."""
-    import math
-
-    from backdrive.cli._planning import single_plans
-
     single = single_plans(plan)
     if plan.commands == "torque":
         return [
@@ -113,10 +105,6 @@ def _aligned(rows: list[tuple[str, str]]) -> list[str]:
 
 def _rows(f: dict[str, Any]) -> list[tuple[str, str]]:
     """Return labels and values of a joint's figures."""
-    import math
-
-    from backdrive.plans.base import spoken, torque_unit
-
     unit, newton = f["unit"], torque_unit(f["unit"])
     rows = [("joint", f["joint"]), ("duration", f"{f['duration']:.4g} s")]
     if "position" in f:
@@ -140,8 +128,6 @@ def _rows(f: dict[str, Any]) -> list[tuple[str, str]]:
 
 def _bias_rows(f: dict[str, Any]) -> list[tuple[str, str]]:
     """Return labels and values of what inertia falsifies, where it is known."""
-    from backdrive.plans.base import spoken, torque_unit
-
     if "stroke_for_bias" not in f:
         return []
     unit, newton, slip = f["unit"], torque_unit(f["unit"]), f"{1e3 * f['time_slip']:g} ms slip"
@@ -153,10 +139,8 @@ def _bias_rows(f: dict[str, Any]) -> list[tuple[str, str]]:
 
 def _columns(figures: list[dict[str, Any]]) -> list[list[str]]:
     """Return a heading, its unit and a cell a joint for every column of the table of several joints."""
-    import math
-
     unit = figures[0]["unit"]
-    newton = "N.m" if unit == "rad" else "N"
+    newton = torque_unit(unit)
     columns = [
         ["joint", "", *(f["joint"] for f in figures)],
         ["time", "[s]", *(f"{f['duration']:.1f}" for f in figures)],

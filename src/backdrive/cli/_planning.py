@@ -1,15 +1,19 @@
-"""From the options of `backdrive plan` to a checked plan; everything heavy is imported inside."""
+"""From the options of `backdrive plan` to a checked plan."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from backdrive.cli._plan_request import Request, kinds, refuse_idle_options
-
-if TYPE_CHECKING:
-    from backdrive.plans.limits import JointLimits
+from backdrive._catalog import lookup
+from backdrive.cli._joint_options import named_numbers
+from backdrive.cli._logs import numbers
+from backdrive.cli._plan_request import Request, check_options
+from backdrive.errors import InvalidInput
+from backdrive.plans import Held, InTurn, check_limits
+from backdrive.plans.base import KINDS, spoken
+from backdrive.plans.limits import JointLimits, read_limits
 
 _DEGREES = ("stroke", "top_speed", "center")  # may be given in degrees
 _SEVERAL = ("band", "speeds")  # hold numbers
@@ -27,12 +31,7 @@ def build(request: Request, *, check: bool = True) -> tuple[Any, dict[str, Joint
     Raises:
         BackdriveError: an option is missing, out of range, without meaning for the kind, or beyond a limit.
     """
-    from backdrive._catalog import lookup
-    from backdrive.errors import InvalidInput
-    from backdrive.plans import Held, InTurn
-
-    lookup(request.kind, kinds(), "kind of plan")
-    refuse_idle_options(request)
+    check_options(request)
     limits, names = _joints(request)
     holds = holds_of(request)
     units = {limits[name].unit for name in names}
@@ -66,10 +65,6 @@ def checked(
     Raises:
         InvalidInput: names the limits that are passed.
     """
-    from backdrive.errors import InvalidInput
-    from backdrive.plans import check_limits
-    from backdrive.plans.limits import JointLimits
-
     torque = {
         "inertia": request.inertia,
         "gravity": request.gravity or 0.0,
@@ -92,17 +87,11 @@ def checked(
 
 def single_plans(plan: Any) -> tuple[Any, ...]:
     """Return the plans of single joints that a plan is made of."""
-    from backdrive.plans import InTurn
-
     return plan.plans if isinstance(plan, InTurn) else (plan,)
 
 
 def _joints(request: Request) -> tuple[dict[str, JointLimits], list[str]]:
     """Return limits by joint, options put over the description, and the joints that are to move."""
-    from backdrive._catalog import lookup
-    from backdrive.errors import InvalidInput
-    from backdrive.plans.limits import JointLimits, read_limits
-
     wanted = list(dict.fromkeys(request.joint or []))
     if request.unit not in (None, "rad", "m"):
         raise InvalidInput(f"--unit {request.unit} is no unit of a joint.", remedy="Give rad or m.")
@@ -148,27 +137,11 @@ def _joints(request: Request) -> tuple[dict[str, JointLimits], list[str]]:
 
 def holds_of(request: Request) -> dict[str, float]:
     """Return where --hold puts joints, by name [rad or m]."""
-    from backdrive.errors import InvalidInput
-
-    holds: dict[str, float] = {}
-    for word in request.hold or []:
-        for part in filter(None, (p.strip() for p in word.split(","))):
-            name, _, number = part.rpartition("=")
-            try:
-                holds[name.strip()] = float(number)
-            except ValueError:
-                name = ""
-            if not name.strip() or not math.isfinite(holds[name.strip()]):
-                raise InvalidInput(
-                    f"--hold {part}: not NAME=POSITION.", remedy="For example --hold elbow=1.57 [rad or m]."
-                )
-    return holds
+    words, example = request.hold or [], "--hold elbow=1.57 [rad or m]"
+    return named_numbers(words, "--hold", "NAME=POSITION", example)
 
 
 def _plan(request: Request, limits: JointLimits, hold: float | None) -> Any:
-    from backdrive.errors import InvalidInput
-    from backdrive.plans.base import KINDS
-
     cls, options = KINDS[request.kind], _Options(request, limits)
     common: dict[str, Any] = {"joint": limits.name, "unit": limits.unit}
     if cls.commands == "position":
@@ -195,16 +168,12 @@ class _Options:
         if name in self.given(name):
             return self.given(name)[name]
 
-        from backdrive.errors import InvalidInput
-
         option = "--" + name.replace("_", "-") + (" LOW,HIGH" if name == "band" else "")
         raise InvalidInput(
             f"A plan of the kind {self.request.kind} needs {option}.", remedy="See backdrive plan --help."
         )
 
     def given(self, *names: str) -> dict[str, Any]:
-        from backdrive.cli._logs import numbers
-
         values = {name: getattr(self.request, name) for name in names}
         return {
             name: numbers(value, f"--{name}") if name in _SEVERAL else value
@@ -222,8 +191,6 @@ def center_of(request: Request, limits: JointLimits) -> float | None:
 
 def _one_of(request: Request, name: str, limits: JointLimits) -> float:
     """Return a quantity given in SI or, for a rotary joint, in degrees."""
-    from backdrive.errors import InvalidInput
-
     option, plain, degrees = (
         "--" + name.replace("_", "-"),
         getattr(request, name),
@@ -247,9 +214,6 @@ def _one_of(request: Request, name: str, limits: JointLimits) -> float:
 
 def _refuse_wrong_unit(plan: Any, limits: JointLimits) -> None:
     """Refuse sizes that only a mistaken unit explains, unless limits say that they are meant."""
-    from backdrive.errors import InvalidInput
-    from backdrive.plans.base import spoken
-
     if plan.commands != "position":
         return
     unit = plan.unit

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+
+from backdrive._visible import visible
+from backdrive.cli._output import console
 
 
 @contextmanager
@@ -13,15 +17,10 @@ def progress(*, quiet: bool = False) -> Iterator[Callable[[str], None]]:
     Args:
         quiet: show nothing, as when JSON is asked for.
     """
-    import sys
-
     if quiet or not sys.stderr.isatty():
         yield lambda sentence: None
         return
     from rich.markup import escape
-
-    from backdrive._visible import visible
-    from backdrive.cli._output import console
 
     with console(stderr=True).status("Starting ...") as status:
         yield lambda sentence: status.update(escape(visible(sentence)) + " ...")

@@ -8,9 +8,10 @@ import typer
 
 from backdrive.cli import _logs
 from backdrive.cli._output import console as new_console
+from backdrive.cli._output import print_json, print_lines, table
+from backdrive.errors import InvalidInput, ModelFileError
 
 if TYPE_CHECKING:
-    from backdrive.errors import InvalidInput
     from backdrive.identification.drift.change import Change
     from backdrive.model import FrictionModel
 
@@ -44,7 +45,6 @@ def command(
 
     Example: backdrive compare folded.json stretched.json --joint elbow
     """
-    from backdrive.errors import InvalidInput
     from backdrive.identification.drift.change import change_of
 
     if top_speed is not None and not 0.0 < top_speed < float("inf"):
@@ -82,7 +82,6 @@ def command(
 def _load(name: str) -> FrictionModel:
     """Return a model; what is wrong with it is said with its name."""
     from backdrive import load_model
-    from backdrive.errors import ModelFileError
 
     try:
         return load_model(name)
@@ -96,13 +95,9 @@ def _pairs(
     first: FrictionModel, second: FrictionModel, joint: list[str] | None
 ) -> tuple[list[tuple[str, str]], list[str]]:
     """Return names of the joints to compare, and a sentence for every joint that only one model has."""
-    from backdrive.errors import InvalidInput
-
     if joint:
-        pairs = []
-        for word in joint:
-            name, _, other = word.partition("=")
-            pairs.append((first.joint(name).joint.name, second.joint(other or name).joint.name))
+        words = [word.partition("=") for word in joint]
+        pairs = [(first.joint(a).joint.name, second.joint(b or a).joint.name) for a, _, b in words]
         return list(dict.fromkeys(pairs)), []
     common = [name for name in first.names if name in second.names]
     if not common:
@@ -116,7 +111,6 @@ def _pairs(
 
 
 def _print_json(changes: list[Change], left_out: list[str], unjudged: InvalidInput | None) -> None:
-    from backdrive.cli._output import print_json
     from backdrive.identification.drift.change import REACH, kind_of
 
     rows = {
@@ -151,27 +145,19 @@ def _chance(change: Change) -> str:
 
 
 def _print_table(changes: list[Change], left_out: list[str]) -> None:
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False)
-    for heading in ("joint", "up to", "E +q", "E -q", "E_p +q", "E_p -q", "by chance"):
-        table.add_column(heading, justify="left" if heading == "joint" else "right", no_wrap=True)
+    headings = ("joint", "up to", "E +q", "E -q", "E_p +q", "E_p -q", "by chance")
+    rows = table(*headings, text=("joint",), no_wrap=True)
     for c in changes:
-        table.add_row(
-            escape(c.joint),
+        rows.add_row(
+            c.joint,
             f"{c.top_speed:.3g}",
             *(f"{d:.3g} {c.unit}" for d in c.distance),
             *(f"{100.0 * r:.2f} %" for r in c.relative),
             _chance(c),
         )
     console = new_console()
-    console.print(table)
+    console.print(rows)
     for c in changes:
-        console.print(
-            f"{escape(c.joint)}: {escape(c.verdict)}", style="bold" if c.changed else None, soft_wrap=True
-        )
-        for remark in c.remarks:
-            console.print(f"  {escape(remark)}", style="yellow", soft_wrap=True)
-    for sentence in left_out:
-        console.print(escape(sentence), style="yellow", soft_wrap=True)
+        console.print(f"{c.joint}: {c.verdict}", style="bold" if c.changed else None, soft_wrap=True)
+        print_lines(console, (f"  {remark}" for remark in c.remarks), style="yellow", soft_wrap=True)
+    print_lines(console, left_out, style="yellow", soft_wrap=True)

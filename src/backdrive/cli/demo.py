@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +11,8 @@ import typer
 from backdrive.cli import _logs
 from backdrive.cli._logs import AsJson
 from backdrive.cli._output import console as new_console
+from backdrive.cli._output import print_json, table
+from backdrive.cli._progress import progress
 
 SHOWN = (0.1, 0.25, 0.5, 0.75, 1.0)  # shares of the top speed in the table
 
@@ -28,10 +31,6 @@ def command(
 
     Example: backdrive demo
     """
-    import time
-
-    from backdrive.cli._output import print_json
-    from backdrive.cli._progress import progress
     from backdrive.report.pictures.canvas import require_matplotlib
 
     _logs.check_folder(folder, ("model.json", "report.html"))
@@ -108,22 +107,17 @@ def _curve(law, top: float):
 
 
 def _print(rows: list[dict], joint, report: Path, wall: float, duration: float, hand) -> None:
-    from rich.markup import escape
-    from rich.table import Table
-
     console = new_console()
     console.print(f"A simulated joint was swept for {duration:.1f} s and identified ({wall:.1f} s in all).")
-    table = Table(box=None, pad_edge=False)
-    for heading in (f"speed [{joint.unit}/s]", f"true friction [{joint.torque_unit}]", "identified", "error"):
-        table.add_column(heading, justify="right")
+    speeds = table(f"speed [{joint.unit}/s]", f"true friction [{joint.torque_unit}]", "identified", "error")
     for row in rows:
-        table.add_row(
+        speeds.add_row(
             f"{row['speed']:.2f}", f"{row['truth']:.3f}", f"{row['identified']:.3f}", f"{row['error']:+.3f}"
         )
-    console.print(table)
+    console.print(speeds)
     bare, compensated = hand.force
     console.print(
         f"A hand needs {bare:.2f} {hand.unit} (RMS) to move the bare joint, {compensated:.2f} {hand.unit} with its friction "
         f"compensated; estimated without a sensor, its force is wrong by {100 * hand.error:.0f} %."
     )
-    console.print(f"Open {escape(str(report))}")
+    console.print(f"Open {report}")

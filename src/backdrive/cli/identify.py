@@ -11,6 +11,7 @@ import typer
 
 from backdrive.cli import _interrupt, _logs
 from backdrive.cli._output import echo
+from backdrive.cli._progress import progress
 
 if TYPE_CHECKING:
     from backdrive.identification import Identification
@@ -134,7 +135,6 @@ def command(
     """
     from backdrive.cli import _identify_options as parse
     from backdrive.cli import _identify_tables as tables
-    from backdrive.cli._progress import progress
     from backdrive.identification import identify
 
     _logs.check_targets([output], [*logs, *(hold_out or []), *(plan or []), urdf], drawn=[report])
@@ -171,7 +171,7 @@ def command(
             timing=parse.timing(torque_timing),
             payloads=parse.payloads(payload),
             bounds=ranges,
-            known=parse.numbers(known, "--known"),
+            known=parse.named_numbers([known or ""], "--known"),
             drive=controller,
             loss=loss,
             interval=interval,  # type: ignore[arg-type]
@@ -206,7 +206,7 @@ def command(
 
 def failing(result: Identification, gate: float) -> list[str]:
     """Return the joints that are not credible, or whose unseen (or else fitted) residual is above the gate [%]."""
-    from backdrive.identification.grade import credible
+    from backdrive.identification.quality import credible
 
     bad = []
     for j in result.model.joints:

@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from backdrive._catalog import lookup
 from backdrive.cli import _logs
 from backdrive.cli._output import console as new_console
-from backdrive.cli._output import echo
+from backdrive.cli._output import echo, print_json, print_lines, table
+from backdrive.cli._progress import progress
 
 if TYPE_CHECKING:
     from backdrive.logs.health import Finding
@@ -38,9 +40,6 @@ def command(
 
     Example: backdrive inspect log.csv
     """
-    from backdrive._catalog import lookup
-    from backdrive.cli._output import print_json
-    from backdrive.cli._progress import progress
     from backdrive.logs.health import CHECKS, check
 
     accepted = {lookup(n, {c.name: c.name for c in CHECKS}, "health check") for n in accept or []}
@@ -141,14 +140,13 @@ def small_plot(values, bars: str = BARS, width: int = WIDTH) -> str:
 
 
 def _print(log: Log, findings: list[Finding], accepted: set[str], *, brief: bool) -> None:
-    from rich.markup import escape
-    from rich.table import Table
+    from rich.text import Text
 
-    console = new_console()
     if brief and not findings:
         return
+    console = new_console()
     held = summary(log)
-    console.print(f"[bold]{escape(', '.join(s.path for s in log.sources) or 'log')}[/bold]")
+    console.print(", ".join(s.path for s in log.sources) or "log", style="bold")
     if not brief:
         rate = f"{held['rate']:.6g} Hz" if held["rate"] else "no rate"
         jitter = (
@@ -161,22 +159,20 @@ def _print(log: Log, findings: list[Finding], accepted: set[str], *, brief: bool
         )
         console.print(f"{held['samples']} samples, {held['duration']:.6g} s, {rate}{jitter}{longest}")
         bars = BARS if "utf" in (console.encoding or "").lower() else PLAIN
-        table = Table(box=None, pad_edge=False)
-        for heading in ("joint", "channel", "unit", "lowest", "highest", "over time"):
-            table.add_column(heading, justify="right" if heading.endswith("est") else "left", no_wrap=True)
+        words = ("joint", "channel", "unit", "over time")
+        rows = table(*words[:3], "lowest", "highest", words[3], text=words, no_wrap=True)
         for column, about in enumerate(held["joints"]):
             for i, (name, c) in enumerate(about["channels"].items()):
                 ends = [f"{x:.5g}" if x is not None else "-" for x in (c["lowest"], c["highest"])]
                 drawn = small_plot(log.channels[name][:, column], bars)
-                table.add_row(escape(about["name"]) if i == 0 else "", name, c["unit"], *ends, drawn)
-        console.print(table)
-        for note in log.notes:
-            console.print(escape(note), style="dim")
+                rows.add_row(about["name"] if i == 0 else "", name, c["unit"], *ends, drawn)
+        console.print(rows)
+        print_lines(console, log.notes, style="dim")
     for i, finding in enumerate(findings):
         style = {"spoils": "red", "warn": "yellow"}.get(finding.severity, "dim")
         word = "accepted" if finding.name in accepted else finding.severity
-        console.print(f"[{style}]{word}[/{style}] [bold]{finding.name}[/bold]: {escape(finding.sentence)}")
+        console.print(Text.assemble((word, style), " ", (finding.name, "bold"), f": {finding.sentence}"))
         if i + 1 == len(findings) or findings[i + 1].remedy != finding.remedy:
-            console.print(f"    {escape(finding.remedy)}", style="dim")
+            console.print(f"    {finding.remedy}", style="dim")
     if not findings:
         console.print("Nothing is the matter with this log.", style="green")

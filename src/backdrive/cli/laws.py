@@ -10,7 +10,8 @@ import typer
 
 from backdrive.cli import _logs
 from backdrive.cli._output import console as new_console
-from backdrive.cli._output import echo
+from backdrive.cli._output import echo, print_json
+from backdrive.errors import InvalidInput
 
 
 def command(
@@ -32,9 +33,6 @@ def command(
 
     Example: backdrive laws stribeck-gauss+lugre --plot lugre.png
     """
-    from backdrive.cli._output import print_json
-    from backdrive.errors import InvalidInput
-
     if name is None:
         if plot is not None:
             raise InvalidInput(
@@ -45,8 +43,7 @@ def command(
         else:
             _print_catalogue()
         return
-    if plot is not None:
-        _logs.check_targets([], [], drawn=[plot])
+    _logs.check_targets([], [], drawn=[plot])
     law, kinds = _named(name)
     if plot is not None:
         from backdrive.report.pictures.signatures import save
@@ -73,7 +70,6 @@ def _named(name: str) -> tuple[Any, list[Any]]:
         UnknownName: with the nearest name.
         InvalidInput: the rate law cannot be carried by the element.
     """
-    from backdrive.errors import InvalidInput
     from backdrive.laws import ELEMENTS, RATES, element, rate_law
     from backdrive.laws.examples import example
     from backdrive.laws.pages import find
@@ -137,10 +133,6 @@ def _example(law: Any) -> dict[str, Any]:
     }
 
 
-def _console() -> Any:
-    return new_console(markup=False)
-
-
 def _table(*columns: str) -> Any:
     from rich import box
     from rich.table import Table
@@ -154,7 +146,7 @@ def _table(*columns: str) -> Any:
 def _print_catalogue() -> None:
     from backdrive.laws import ELEMENTS, RATES, pages
 
-    console = _console()
+    console = new_console()
     for title, catalogue in (("rate law", RATES), ("presliding element", ELEMENTS)):
         table = _table(title, "what it is", "parameters")
         table.columns[0].no_wrap = True
@@ -190,7 +182,7 @@ def _print_law(law: Any, kinds: list[Any]) -> None:
 
     from backdrive.laws import pages
 
-    console = _console()
+    console = new_console()
     for kind in kinds:
         console.print(Text.assemble((kind.NAME, "bold"), f"  {pages.summary(kind)}"), soft_wrap=True)
         console.print()

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+from backdrive._files import make_folder, write_together
 from backdrive.cli import _logs
-from backdrive.cli._output import echo
+from backdrive.cli._output import echo, print_json
+from backdrive.errors import InvalidInput, MissingExtra
 
-if TYPE_CHECKING:
-    from backdrive.plans.limits import JointLimits
+_OUTPUT = ("output", "rate", "ros_rate", "draw", "as_json")  # options that say nothing of the motion
 
 
 def _option(help: str, *names: str) -> Any:
@@ -103,97 +105,59 @@ def command(
 
     Example: backdrive plan sweep --stroke-deg 20 --top-speed 2 --centres auto --lower -1.4 --upper 1.4 -o plan/
     """
-    from dataclasses import fields
-
+    options = {name: value for name, value in locals().items() if name not in _OUTPUT}
+    from backdrive.cli import _plan_centres as several
     from backdrive.cli._plan_request import Request
-    from backdrive.cli._plan_words import figures_of, notes_of
-    from backdrive.cli._planning import build, single_plans
-
-    options = locals()
-    request = Request(**{f.name: options[f.name] for f in fields(Request)})
-    if request.centres is not None:
-        _several(request, output, rate, ros_rate, draw, as_json)
-        return
-    _logs.check_folder(output, _names(draw))
-    plan, limits = build(request)
-    contents = _contents(plan, limits, rate, ros_rate, draw)
-    figures = [figures_of(one, limits[one.joint], request) for one in single_plans(plan)]
-    notes = notes_of(plan, limits, request)
-    written = _write({output / name: text for name, text in contents.items()})
-    if as_json:
-        from backdrive.cli._output import print_json
-        from backdrive.plans import plan_to_dict
-
-        print_json(
-            {
-                "ok": True,
-                "plan": plan_to_dict(plan),
-                "duration": plan.duration,
-                "joints": figures,
-                "notes": notes,
-                "written": [str(p) for p in written],
-            }
-        )
-    else:
-        _print(plan, figures, notes, written)
-
-
-def _several(request: Any, output: Path, rate: float, ros_rate: float, draw: str, as_json: bool) -> None:
-    """Plan one sweep a center, each into a folder of its own."""
-    from backdrive.cli._plan_centres import (
-        build_centres,
-        figures_of_centres,
-        folders_of,
-        notes_of_centres,
-        sentence_of_centres,
-    )
-    from backdrive.cli._plan_request import refuse_idle_options
     from backdrive.cli._plan_words import figures_of, notes_of, table_of
+    from backdrive.cli._planning import build, single_plans
+    from backdrive.plans import plan_to_dict
 
-    refuse_idle_options(request)
-    _logs.check_folder(output, ("plan.json",))
-    found, plans, limits = build_centres(request)
-    folders = folders_of(found, output)
+    request = Request(**options)
+    _logs.check_folder(output, ("plan.json",) if centres else _names(draw))
+    if centres is None:
+        plan, limits = build(request)
+        plans, singles, folders, notes = [plan], single_plans(plan), [output], []
+        document = {"plan": plan_to_dict(plan), "duration": plan.duration}
+        in_turn = f"{len(singles)} joints in turn, {plan.duration:.4g} s with pauses"
+        title = f"{kind} of {singles[0].joint if len(singles) == 1 else in_turn}"
+        summary, place = "", f"Wrote {', '.join(str(output / name) for name in _names(draw))}"
+    else:
+        sweeps, plans, limits = several.build_centres(request)
+        singles, folders = tuple(sweeps.plans), several.folders_of(sweeps, output)
+        for folder in folders:
+            _logs.check_folder(folder, _names(draw))
+        notes = several.notes_of_centres(sweeps, request)
+        document = {"plans": [plan_to_dict(one) for one in plans], **several.figures_of_centres(sweeps)}
+        document["folders"] = [str(p) for p in folders]
+        title = f"sweep of {singles[0].joint} about several centers"
+        summary = several.sentence_of_centres(sweeps)
+        place = f"Wrote {len(_names(draw))} files into each of {', '.join(str(p) for p in folders)}."
+    contents = [_contents(one, limits, rate, ros_rate, draw) for one in plans]
+    figures = [figures_of(one, limits[one.joint], request) for one in singles]
+    notes += notes_of(plans[0], limits, request)
     for folder in folders:
-        _logs.check_folder(folder, _names(draw))
-    contents = [_contents(plan, limits, rate, ros_rate, draw) for plan in plans]
-    figures = [figures_of(plan, limits[plan.joint], request) for plan in found.plans]
-    notes = notes_of_centres(found, request) + notes_of(plans[0], limits, request)
-    written = _write(
+        make_folder(folder, "-o")
+    written = write_together(
         {folder / name: text for folder, files in zip(folders, contents) for name, text in files.items()}
     )
     if as_json:
-        from backdrive.cli._output import print_json
-        from backdrive.plans import plan_to_dict
-
-        print_json(
-            {
-                "ok": True,
-                "plans": [plan_to_dict(plan) for plan in plans],
-                **figures_of_centres(found),
-                "joints": figures,
-                "notes": notes,
-                "folders": [str(p) for p in folders],
-                "written": [str(p) for p in written],
-            }
-        )
+        rest = {"joints": figures, "notes": notes, "written": [str(p) for p in written]}
+        print_json({"ok": True, **document, **rest})
         return
-    echo(f"sweep of {figures[0]['joint']} about several centers")
+    echo(title)
     for line in table_of(figures):
         echo(f"  {line}")
-    echo(sentence_of_centres(found))
+    if summary:
+        echo(summary)
     for note in notes:
         typer.secho(note, fg=typer.colors.YELLOW)
-    echo(f"Wrote {len(contents[0])} files into each of {', '.join(str(p) for p in folders)}.")
+    echo(place)
 
 
 def _contents(
-    plan: Any, limits: dict[str, JointLimits], rate: float, ros_rate: float, draw: str
+    plan: Any, limits: dict[str, Any], rate: float, ros_rate: float, draw: str
 ) -> dict[str, str | bytes]:
     """Return all files by name, so that nothing is written before everything is there."""
-    import json
-
-    from backdrive.errors import InvalidInput, MissingExtra
     from backdrive.plans import plan_to_dict
     from backdrive.plans.tables import csv_text, npz_bytes, sample, trajectory_yaml
 
@@ -222,23 +186,3 @@ def _names(draw: str) -> tuple[str, ...]:
     """Return the names of the files that are written."""
     picture = () if draw == "none" else (f"plan.{draw}",)
     return ("plan.json", "plan.csv", "plan.npz", "trajectory.yaml", *picture)
-
-
-def _write(contents: dict[Path, str | bytes]) -> list[Path]:
-    from backdrive._files import make_folder, write_together
-
-    for folder in dict.fromkeys(path.parent for path in contents):
-        make_folder(folder, "-o")
-    return write_together(contents)
-
-
-def _print(plan: Any, figures: list[dict[str, Any]], notes: list[str], written: list[Path]) -> None:
-    from backdrive.cli._plan_words import table_of
-
-    many = f"{len(figures)} joints in turn, {plan.duration:.4g} s with pauses"
-    echo(f"{figures[0]['kind']} of {figures[0]['joint'] if len(figures) == 1 else many}")
-    for line in table_of(figures):
-        echo(f"  {line}")
-    for note in notes:
-        typer.secho(note, fg=typer.colors.YELLOW)
-    echo(f"Wrote {', '.join(str(p) for p in written)}")

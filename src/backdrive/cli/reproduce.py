@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from backdrive._files import make_folder, write_together
+from backdrive.cli import _logs
 from backdrive.cli._output import console as new_console
-from backdrive.cli._output import echo
+from backdrive.cli._output import echo, print_json, table
+from backdrive.cli._progress import progress
 
 if TYPE_CHECKING:
     from backdrive.thesis.catalog import Entry
@@ -37,7 +40,6 @@ def command(
 
     Example: backdrive reproduce fig-2.12
     """
-    from backdrive.cli._output import print_json
     from backdrive.thesis.catalog import ENTRIES, choose
 
     if list_only:
@@ -47,7 +49,6 @@ def command(
         else:
             _print_list(entries)
         return
-    from backdrive.cli import _logs
     from backdrive.report.pictures.canvas import require_matplotlib
 
     entries = choose(names or ())
@@ -81,8 +82,6 @@ def _run(
     entries: list[Entry], folder: Path, seed: int, bind: Callable[[list[Result]], Path], *, quiet: bool
 ) -> tuple[list[Result], bool]:
     """Run, write each picture as it comes and the book with it, and return what is done, in the order of the book."""
-    from backdrive._files import make_folder, write_together
-    from backdrive.cli._progress import progress
     from backdrive.thesis.book import verdict
     from backdrive.thesis.run import run_all
 
@@ -167,16 +166,14 @@ def _print_list(entries: list[Entry]) -> None:
 
 
 def _print(results: list[Result], book: Path, interrupted: bool, asked: int) -> None:
-    from rich.markup import escape
-
     from backdrive.thesis.book import headline, overall
 
     console = new_console()
     for result in results:
         title = result.entry.title if result.outcome is None else result.outcome.title
-        console.print(f"\n[bold]{escape(headline(result.entry.name))}: {escape(title)}[/bold]")
+        console.print(f"\n{headline(result.entry.name)}: {title}", style="bold")
         if result.outcome is None:
-            console.print(f"broke down: {escape(result.error)}", soft_wrap=True)
+            console.print(f"broke down: {result.error}", soft_wrap=True)
             if result.where:
                 echo(result.where, err=True)
         else:
@@ -184,42 +181,37 @@ def _print(results: list[Result], book: Path, interrupted: bool, asked: int) -> 
     console.print()
     if interrupted:
         console.print(f"Interrupted: {len(results)} of {asked} experiments are done and kept.")
-    console.print(escape(overall(results)), soft_wrap=True)
-    console.print(f"Open {escape(str(book))}", soft_wrap=True)
+    console.print(overall(results), soft_wrap=True)
+    console.print(f"Open {book}", soft_wrap=True)
 
 
 def _table(result: Result) -> Any:
     """Return the claims of an experiment as a table with a column each."""
-    from rich.markup import escape
-    from rich.table import Table
-
     from backdrive.thesis.book import WORDS
 
-    table = Table(box=None, pad_edge=False)
-    table.add_column("verdict", no_wrap=True)
+    rows = table("verdict", text=("verdict",), no_wrap=True)
     for heading, ratio in (("claim", 4), ("thesis", 2), ("here", 5), ("gate", 3)):
-        table.add_column(heading, ratio=ratio, overflow="fold")
+        rows.add_column(heading, ratio=ratio, overflow="fold")
     for c in result.outcome.claims if result.outcome else ():
         why = f"{c.what}. {c.why}" if c.holds is False and c.why else c.what
-        table.add_row(WORDS[c.holds][1], *(escape(text) for text in (why, c.thesis, c.ours, c.gate)))
-    return table
+        rows.add_row(WORDS[c.holds][1], why, c.thesis, c.ours, c.gate)
+    return rows
 
 
 def _blocks(result: Result) -> Any:
     """Return the same for a narrow terminal: a block a claim."""
-    from rich.markup import escape
     from rich.table import Table
 
     from backdrive.thesis.book import WORDS
 
-    table = Table(box=None, pad_edge=False, show_header=False)
-    table.add_column(no_wrap=True)
-    table.add_column(overflow="fold")
+    rows = Table(box=None, pad_edge=False, show_header=False)
+    rows.add_column(no_wrap=True)
+    rows.add_column(overflow="fold")
     for c in result.outcome.claims if result.outcome else ():
-        table.add_row(WORDS[c.holds][1], escape(c.what))
+        rows.add_row(WORDS[c.holds][1], c.what)
         shown = [("thesis", c.thesis), ("here", c.ours), ("gate", c.gate)]
         shown += [("why", c.why)] if c.holds is False else []
         for word, text in shown:
             if text:
-                table.add_row(f"  {word}", escape(text))
-    return table
+                rows.add_row(f"  {word}", text)
+    return rows

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import codecs
+import json
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -9,7 +12,7 @@ import typer
 
 from backdrive.cli import _logs
 from backdrive.cli._output import console as new_console
-from backdrive.cli._output import echo
+from backdrive.cli._output import echo, print_json, print_lines
 
 SPEEDS = 21  # velocities of the table in --json
 
@@ -48,8 +51,7 @@ def command(
     if preset_name(model) == "" and plot is None and not joint:
         _print_presets(as_json)
         return
-    if plot is not None:
-        _logs.check_targets([], [None if model.startswith("preset:") else Path(model)], drawn=[plot])
+    _logs.check_targets([], _logs.files_of(model), drawn=[plot])
     loaded = load_model(model)
     shown = loaded
     if joint:
@@ -73,7 +75,6 @@ def command(
 
 
 def _print_presets(as_json: bool) -> None:
-    from backdrive.cli._output import print_json
     from backdrive.model.presets import PREFIX, overview
 
     presets = list(overview())
@@ -86,9 +87,6 @@ def _print_presets(as_json: bool) -> None:
 
 
 def _print_json(model, plot: Path | None) -> None:
-    import json
-
-    from backdrive.cli._output import print_json
     from backdrive.model.file import encode
     from backdrive.report.pictures.model_curve import largest_error
 
@@ -109,24 +107,18 @@ def _print_json(model, plot: Path | None) -> None:
 
 
 def _print_tables(model) -> None:
-    import sys
-
     from backdrive.report.terminal import joint_tables, provenance_lines
 
     _spell_out(sys.stdout)
-    console = new_console(markup=False)
+    console = new_console()
     unicode = (console.encoding or "").lower().startswith("utf")
     for friction in model.joints:
-        for part in joint_tables(friction, width=min(console.width, 110), unicode=unicode):
-            console.print(part)
-    for line in provenance_lines(model):
-        console.print(line, soft_wrap=True)
+        print_lines(console, joint_tables(friction, width=min(console.width, 110), unicode=unicode))
+    print_lines(console, provenance_lines(model), soft_wrap=True)
 
 
 def _spell_out(stream) -> None:
     """Let a terminal that has no ± or minus sign show `+/-` and `-`, so that no sign is lost."""
-    import codecs
-
     plain = {"\u2212": "-", "±": "+/-", "≥": ">=", "≤": "<=", "…": "..", "—": "-"}
 
     def spell(error: UnicodeError):

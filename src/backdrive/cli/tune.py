@@ -10,12 +10,12 @@ import typer
 
 from backdrive.cli import _joint_options, _logs
 from backdrive.cli._output import console as new_console
-from backdrive.cli._output import echo
+from backdrive.cli._output import echo, print_json, print_lines, table
+from backdrive.cli._progress import progress
+from backdrive.errors import BackdriveError, InvalidInput
 
 if TYPE_CHECKING:
-    from backdrive.errors import BackdriveError
     from backdrive.tuning import Tuning
-
 
 RESTS = (("does NOT come to rest", "comes to rest"), ("does NOT fade at rest", "fades at rest"))  # NOT, yes
 
@@ -114,11 +114,9 @@ def command(
     Example: backdrive tune preset:thesis/hp3j --joint joint_0 --stiffness 8e4:1.2e5 --inertia 0.6:0.8 --top-speed 3 -o tuning.json
     """
     from backdrive import load_model
-    from backdrive.cli._progress import progress
-    from backdrive.errors import BackdriveError, InvalidInput
     from backdrive.tuning import facts_of, save_tunings, tune
-    from backdrive.tuning.bounds import check
-    from backdrive.tuning.scenes import stated
+    from backdrive.tuning.bounds import check_given
+    from backdrive.tuning.scenes import usual_stroke
 
     warm: Any = None if temperature is None else _joint_options.ends(temperature, "--temperature", "20:45")
     warm = (warm, warm) if isinstance(warm, float) else warm
@@ -129,8 +127,8 @@ def command(
         "friction_error": friction_error,
         "temperature": warm,
     }
-    check("tune", **shared, stroke=stroke, duration=duration, joints=joints, seed=seed)
-    _logs.check_targets([output, picture], [None if model.startswith("preset:") else Path(model)])
+    check_given("tune", **shared, stroke=stroke, duration=duration, joints=joints, seed=seed)
+    _logs.check_targets([output, picture], _logs.files_of(model))
     loaded = load_model(model)
     names = list(dict.fromkeys(loaded.joint(name).joint.name for name in joint or loaded.names))
     if picture is not None and (
@@ -163,7 +161,7 @@ def command(
                     tune(
                         facts,
                         goal,
-                        stroke=stated(facts, stroke, duration),
+                        stroke=usual_stroke(facts, stroke, duration),
                         joints=joints,
                         seed=seed,
                         draw=picture is not None,
@@ -185,7 +183,6 @@ def command(
             save_tunings(found, output)
     written = [str(p) for p in (output, picture) if p]
     if as_json:
-        from backdrive.cli._output import print_json
         from backdrive.tuning.tuning_file import plain
 
         without = {name: str(error) for name, error in refused.items()}
@@ -213,39 +210,26 @@ def _refuse(refused: dict[str, BackdriveError], as_json: bool) -> None:
 
 
 def _print(tuning: Tuning) -> None:
-    from rich.markup import escape
-    from rich.table import Table
-
     console = new_console()
-    table = Table(
-        box=None, pad_edge=False, title=f"{escape(tuning.joint)}, for {tuning.goal}", title_justify="left"
-    )
-    table.add_column("number", no_wrap=True)
-    table.add_column("value", justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
-    table.add_column("why, and what it respects")
+    title = f"{tuning.joint}, for {tuning.goal}"
+    rows = table("number", "value", "unit", text=("number", "unit"), no_wrap=True, title=title)
+    rows.add_column("why, and what it respects")
     for number in tuning.numbers.values():
-        table.add_row(
-            number.symbol,
-            f"{number.value:.4g}",
-            number.unit,
-            escape(f"{number.reason} {number.bound}".strip()),
-        )
-    console.print(table)
+        why = f"{number.reason} {number.bound}".strip()
+        rows.add_row(number.symbol, f"{number.value:.4g}", number.unit, why)
+    console.print(rows)
     for row, what in tuning.scores["rows"].items():
         rests = RESTS[tuning.goal == "estimate"][what["safe"]]
         words, unit = tuning.scores["words"], tuning.scores["unit"]
         console.print(f"  {row:<11} {words} {what['score']:.4g} {unit}, {rests}")
-    for sentence in _margins(tuning):
-        console.print(escape(sentence))
+    print_lines(console, _margins(tuning))
     if tuning.trip_speed is not None:
         force = "N.m" if tuning.unit == "rad" else "N"
         console.print(
             f"In the loop it gives at most {tuning.limit:.3g} {force}, and nothing any more once the joint is faster than "
             f"{tuning.trip_speed:.3g} {tuning.unit}/s."
         )
-    for note in tuning.notes:
-        console.print(escape(note), style="yellow")
+    print_lines(console, tuning.notes, style="yellow")
 
 
 def _margins(tuning: Tuning) -> Sequence[str]:

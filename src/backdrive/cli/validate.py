@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from backdrive.cli import _logs
 from backdrive.cli._output import console as new_console
-from backdrive.cli._output import echo
+from backdrive.cli._output import echo, print_json, print_lines, table
+from backdrive.cli._progress import progress
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
-    from backdrive.identification.dynamic.judging import MotionQuality
     from backdrive.model import FrictionModel
 
 
@@ -45,10 +45,8 @@ def command(
     Example: backdrive validate model.json other_log.csv
     """
     from backdrive import load_model
-    from backdrive.cli._output import print_json
-    from backdrive.cli._progress import progress
-    from backdrive.identification import validate
-    from backdrive.identification.request import healthy
+    from backdrive.identification import validate, validate_motion
+    from backdrive.identification.options import healthy
 
     loaded = load_model(model)
     _logs.check_urdf(urdf)
@@ -61,73 +59,51 @@ def command(
         suspect: list[str] = []
         read = [healthy(log, accept or [], repair, suspect) for log in read]
         say("Predicting")
-        if all(log.torque is None and log.drive_input is not None for log in read):
-            from backdrive.identification.dynamic.judging import judge_motion
-
-            by_motion = judge_motion(loaded, read)
-            _show_motion(loaded, by_motion, gate, suspect, as_json)
-            return
-        qualities = validate(loaded, read, urdf=str(urdf) if urdf else None, remarks=suspect)
-        suspect += [f"Joint '{name}': {said}" for name in qualities for said in loaded.joint(name).remarks()]
+        by_motion = all(log.torque is None and log.drive_input is not None for log in read)
+        if by_motion:
+            qualities = validate_motion(loaded, read)
+        else:
+            qualities = validate(loaded, read, urdf=str(urdf) if urdf else None, remarks=suspect)
+            suspect += [
+                f"Joint '{name}': {remark}" for name in qualities for remark in loaded.joint(name).remarks()
+            ]
     bad = [name for name, q in qualities.items() if not q.residual <= gate]
     if as_json:
-        rows = {
-            name: {"residual_percent": q.residual, "residual_raw_percent": q.residual_raw, "rms": q.rms}
-            for name, q in qualities.items()
-        }
+        rows = {name: _figures(q, by_motion) for name, q in qualities.items()}
         print_json({"ok": not bad, "joints": rows, "below_gate": bad, "warnings": suspect})
     else:
-        from rich.markup import escape
-        from rich.table import Table
-
-        table = Table(box=None, pad_edge=False)
-        for heading in ("joint", "residual below 5 Hz", "raw", "rms", "samples"):
-            table.add_column(heading, justify="left" if heading == "joint" else "right")
-        for name, q in qualities.items():
-            force = loaded.joint(name).joint.torque_unit
-            table.add_row(
-                escape(name),
-                f"{q.residual:.1f} %",
-                f"{q.residual_raw:.1f} %",
-                f"{q.rms:.3g} {force}",
-                str(q.samples),
-            )
-        new_console().print(table)
-        for sentence in suspect:
-            new_console().print(escape(sentence), style="yellow")
+        _print(loaded, qualities, suspect, by_motion)
         if bad:
             echo(f"Above the gate of {gate:g} %: {', '.join(bad)}.", err=True)
     if bad:
         raise typer.Exit(1)
 
 
-def _show_motion(
-    model: FrictionModel,
-    found: Mapping[str, MotionQuality],
-    gate: float,
-    suspect: Sequence[str],
-    as_json: bool,
-) -> None:
-    """Print how well the motion is predicted, and exit with 1 where it is above the gate."""
-    from backdrive.cli._output import print_json
+def _figures(quality: Any, by_motion: bool) -> dict[str, Any]:
+    if by_motion:
+        return {"motion_residual_percent": quality.residual, "rms": quality.rms, "samples": quality.samples}
+    return {
+        "residual_percent": quality.residual,
+        "residual_raw_percent": quality.residual_raw,
+        "rms": quality.rms,
+    }
 
-    bad = [name for name, q in found.items() if not q.residual <= gate]
-    if as_json:
-        rows = {
-            name: {"motion_residual_percent": q.residual, "rms": q.rms, "samples": q.samples}
-            for name, q in found.items()
-        }
-        print_json({"ok": not bad, "joints": rows, "below_gate": bad, "warnings": list(suspect)})
+
+def _print(model: FrictionModel, qualities: Mapping[str, Any], suspect: list[str], by_motion: bool) -> None:
+    """Print how well the torque, or else the motion, of each joint is predicted."""
+    console = new_console()
+    joints = [(model.joint(name).joint, q) for name, q in qualities.items()]
+    if by_motion:
+        sentences = (
+            f"{joint.name}: its motion from the drive's input is off by {q.residual:.2g} % ({q.rms:.3g} {joint.unit} rms, "
+            f"{q.samples} samples)."
+            for joint, q in joints
+        )
+        print_lines(console, sentences, soft_wrap=True)
     else:
-        for name, q in found.items():
-            unit = model.joint(name).joint.unit
-            echo(
-                f"{name}: its motion from the drive's input is off by {q.residual:.2g} % ({q.rms:.3g} {unit} rms, "
-                f"{q.samples} samples)."
-            )
-        for sentence in suspect:
-            echo(sentence)
-        if bad:
-            echo(f"Above the gate of {gate:g} %: {', '.join(bad)}.", err=True)
-    if bad:
-        raise typer.Exit(1)
+        rows = table("joint", "residual below 5 Hz", "raw", "rms", "samples", text=("joint",))
+        for joint, q in joints:
+            rms = f"{q.rms:.3g} {joint.torque_unit}"
+            rows.add_row(joint.name, f"{q.residual:.1f} %", f"{q.residual_raw:.1f} %", rms, str(q.samples))
+        console.print(rows)
+    print_lines(console, suspect, style="yellow")

@@ -12,11 +12,12 @@ tau_e has to come from the torque of the tick before: with one more sample of de
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from backdrive._jit import jit
-from backdrive.errors import InvalidInput
+from backdrive.parameters import NOT_NEGATIVE, POSITIVE, Bounded
 
 ROW = 5
 STATES = 3  # q_d, v_d, position before
@@ -36,7 +37,7 @@ def tick(c, i, s, j, tau_e, q, T):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Admittance:
+class Admittance(Bounded):
     """A virtual mass and the position controller that follows it.
 
     Attributes:
@@ -47,19 +48,19 @@ class Admittance:
         limit: of the torque [N.m or N].
     """
 
+    BOUNDS: ClassVar = {
+        "inertia": POSITIVE,
+        "viscosity": NOT_NEGATIVE,
+        "proportional": NOT_NEGATIVE,
+        "derivative": NOT_NEGATIVE,
+        "limit": POSITIVE,
+    }
+
     inertia: float
     viscosity: float
     proportional: float
     derivative: float
     limit: float
-
-    def __post_init__(self):
-        numbers = (self.inertia, self.viscosity, self.proportional, self.derivative, self.limit)
-        finite = all(0.0 <= x < np.inf for x in numbers)
-        if not (finite and self.inertia > 0.0 and self.limit > 0.0):
-            raise InvalidInput(
-                f"{self}.", remedy="Inertia and limit are positive, nothing is negative, all of it is finite."
-            )
 
     def row(self) -> np.ndarray:
         """Return the row that `tick` reads, (5,)."""

@@ -19,48 +19,23 @@ from collections.abc import Sequence
 import numpy as np
 
 from backdrive.errors import InvalidInput
+from backdrive.parameters import Bound, check
 
-Range = tuple[float, float, str]  # least, largest, unit
-
-PERIOD: Range = (5e-5, 2e-2, "s")
-LIMIT: Range = (0.0, 1e5, "N.m or N")
-TOP_SPEED: Range = (1e-3, 1e3, "rad/s or m/s")
-COUNT: Range = (1e-9, 0.1, "rad or m")
-SHARE: Range = (0.0, 1.0, "-")
-STIFFNESS: Range = (0.0, 1e9, "N.m/rad or N/m")
-INERTIA: Range = (1e-7, 1e5, "kg.m^2 or kg")
-FRICTION: Range = (0.0, 1e5, "N.m or N")
-RAMP: Range = (0.15, 60.0, "s")
-HOLD: Range = (0.05, 2.0, "s")
-FADE: Range = (10.0, 1e4, "1/s")
-PATIENCE: Range = (0.005, 1.0, "s")
+PERIOD = Bound(5e-5, 2e-2, "s")
+LIMIT = Bound(0.0, 1e5, "N.m or N")
+TOP_SPEED = Bound(1e-3, 1e3, "rad/s or m/s")
+COUNT = Bound(1e-9, 0.1, "rad or m")
+SHARE = Bound(0.0, 1.0, "-")
+STIFFNESS = Bound(0.0, 1e9, "N.m/rad or N/m")
+INERTIA = Bound(1e-7, 1e5, "kg.m^2 or kg")
+FRICTION = Bound(0.0, 1e5, "N.m or N")
+RAMP = Bound(0.15, 60.0, "s")
+HOLD = Bound(0.05, 2.0, "s")
+FADE = Bound(10.0, 1e4, "1/s")
+PATIENCE = Bound(0.005, 1.0, "s")
+#: What a joint's parts may be.
+OF_PARTS = {"share": SHARE, "friction": FRICTION, "inertia": INERTIA}
 COARSEST = 0.1  # speed of one encoder step in the shortest window of speeds, by the top speed [-]
-
-
-def check(where: str, **values: tuple[float, Range]) -> None:
-    """Refuse numbers outside their ranges, each by its name.
-
-    Args:
-        where: what the message begins with.
-        values: number and range, by name.
-
-    Raises:
-        InvalidInput: one or more are outside, or no numbers.
-    """
-    wrong = [
-        f"{name} = {value} has to lie within {low:g} and {high:g} {unit}"
-        for name, (value, (low, high, unit)) in values.items()
-        if not (_is_number(value) and low <= value <= high)
-    ]
-    if wrong:
-        raise InvalidInput(
-            f"{where}: {'; '.join(wrong)}.",
-            remedy="Numbers are in SI units of the joint; outside these ranges the loop promises nothing.",
-        )
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
 
 
 def check_contact(where: str, stiffness: Sequence[float] | float, count: float, friction: float) -> None:
@@ -76,7 +51,7 @@ def check_contact(where: str, stiffness: Sequence[float] | float, count: float, 
         InvalidInput: K count > F.
     """
     K = float(np.sum(stiffness))
-    check(where, stiffness=(K, STIFFNESS))
+    check(where, {"stiffness": STIFFNESS}, {"stiffness": K})
     if friction > 0.0 and K * count > friction:
         raise InvalidInput(
             f"{where}: with stiffness K = {K:g} one encoder step of {count:g} moves the torque by {K * count:.3g}, more than the "

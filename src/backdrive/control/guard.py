@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 
 from backdrive._jit import jit
-from backdrive.control.readings import OVERSPEED, believed
+from backdrive.control.readings import OVERSPEED, valid
 from backdrive.control.table import (
     BAD,
     BEFORE,
@@ -86,7 +86,7 @@ def forget_speed(g, j):
     g[OLDER_AGE, j] = g[NEWER_AGE, j] = g[FAST, j] = 0.0
 
 
-def acknowledged(g: np.ndarray, j: int) -> bool:
+def acknowledge(g: np.ndarray, j: int) -> bool:
     """Take back a joint's latch and stop, unless torque is still left or the joint is still too fast; return whether it was."""
     if g[CAUSE, j] != 0.0 and (g[TORQUE, j] != 0.0 or g[FAST, j] != 0.0):
         return False
@@ -105,7 +105,7 @@ def act(g, j, code, wanted, since, interval):
     time that this reading stands for, `interval`: as it was given.
     """
     out, limit, passed, cap = g[TORQUE, j], g[LIMIT, j], g[PASSED, j], g[CAP, j]
-    good = believed(code) or code == NO_MOTION
+    good = valid(code) or code == NO_MOTION
     if good:
         g[FAULTY, j] = max(g[FAULTY, j] - FORGIVEN * passed, 0.0)
         g[BAD, j] = 0.0
@@ -131,7 +131,7 @@ def act(g, j, code, wanted, since, interval):
         code = STOPPED if good else code
     elif good:
         cap = min(cap + g[RAMP, j] * passed, limit)
-    if abs(wanted) > limit and believed(code):
+    if abs(wanted) > limit and valid(code):
         code = SATURATED
     step = g[RATE, j] * passed
     f = min(max(min(max(wanted, -cap), cap), out - step), out + step)

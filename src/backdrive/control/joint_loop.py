@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -39,8 +39,10 @@ from backdrive.control.table import (
     TOP,
     UPPER,
 )  # fmt: skip
+from backdrive.engine.series import stacked
 from backdrive.errors import InvalidInput, LimitWarning
 from backdrive.laws import REFERENCE, Law
+from backdrive.parameters import ABOVE_ZERO, BIG, NOT_NEGATIVE, Bound, Bounded, check
 
 LATCH_TIME = 0.15  # from the limit to zero when latched [s]
 BRISK, LEAST_BRISK = 1000.0, 50.0  # normal rate by F, and the least that may be asked for [1/s]
@@ -83,7 +85,7 @@ def torque_limit(compensator: Compensator, top_speed: float) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class JointLoop:
+class JointLoop(Bounded):
     """What runs on one joint, within which limits.
 
     Attributes:
@@ -105,6 +107,16 @@ class JointLoop:
             or the encoder is too coarse to see the top speed.
     """
 
+    BOUNDS: ClassVar = {
+        "limit": envelope.LIMIT,
+        "top_speed": envelope.TOP_SPEED,
+        "encoder_count": envelope.COUNT,
+        "ramp": envelope.RAMP,
+        "hold": envelope.HOLD,
+        "fade": envelope.FADE,
+        "patience": envelope.PATIENCE,
+    }
+
     compensator: Compensator = field(default_factory=Compensator)
     external: ExternalForce | None = None
     adaptation: Adaptation | None = None
@@ -119,31 +131,18 @@ class JointLoop:
 
     def __post_init__(self):
         self._check_adaptation()
-        envelope.check(
-            "JointLoop",
-            limit=(self.limit, envelope.LIMIT),
-            top_speed=(self.top_speed, envelope.TOP_SPEED),
-            encoder_count=(self.encoder_count, envelope.COUNT),
-            ramp=(self.ramp, envelope.RAMP),
-            hold=(self.hold, envelope.HOLD),
-            fade=(self.fade, envelope.FADE),
-            patience=(self.patience, envelope.PATIENCE),
-        )
-        share = self.compensator.share * max(1.0, self._highest())
-        numbers = {"share": (share, envelope.SHARE), "friction": (self.friction[0], envelope.FRICTION)}
+        super().__post_init__()
+        numbers = {"share": self.compensator.share * max(1.0, self._highest()), "friction": self.friction[0]}
         if self.external is not None:
-            numbers["inertia"] = (self.external.inertia, envelope.INERTIA)
-        envelope.check("JointLoop", **numbers)
+            numbers["inertia"] = self.external.inertia
+        check("JointLoop", envelope.OF_PARTS, numbers)
         if self.compensator.share > 0.0:
             stiffness = getattr(self.compensator.friction.law.element, "stiffness", 0.0)
             envelope.check_contact("JointLoop", stiffness, self.encoder_count, self.friction[0])
         self._check_resolution()
         least = max(self.limit / LATCH_TIME, LEAST_BRISK * self.friction[0])
-        if self.rate is not None and not (envelope._is_number(self.rate) and least <= self.rate < np.inf):
-            raise InvalidInput(
-                f"JointLoop: rate = {self.rate} N.m/s or N/s.",
-                remedy=f"Give a finite rate of at least {least:.4g}, or None: a slower one is felt by the hand and stops too late.",
-            )
+        if self.rate is not None:  # a slower one is felt by the hand and stops too late
+            check("JointLoop", {"rate": Bound(least, BIG, "N.m/s or N/s")}, {"rate": self.rate})
         most = LARGEST * self.compensator.share * self.friction[1]
         if most > 0.0 and self.limit > most * (1.0 + 1e-9):
             usual = torque_limit(self.compensator, self.top_speed)
@@ -234,6 +233,10 @@ class Unguarded(JointLoop):
         patience: likewise.
     """
 
+    BOUNDS: ClassVar = dict.fromkeys(
+        ("limit", "top_speed", "fade", "patience", "hold"), ABOVE_ZERO
+    ) | dict.fromkeys(("ramp", "encoder_count"), NOT_NEGATIVE)
+
     limit: float = np.inf
     top_speed: float = np.inf
     encoder_count: float = 0.0
@@ -243,9 +246,7 @@ class Unguarded(JointLoop):
 
     def __post_init__(self):
         self._check_adaptation()
-        numbers = (self.limit, self.top_speed, self.fade, self.patience, self.hold)
-        if not all(x > 0.0 for x in numbers) or not (self.ramp >= 0.0 and self.encoder_count >= 0.0):
-            raise InvalidInput(f"{self}.", remedy="None is negative; only ramp and encoder_count may be 0.")
+        Bounded.__post_init__(self)
 
     @property
     def normal_rate(self) -> float:
@@ -281,14 +282,11 @@ def rows(joints: Sequence[JointLoop], positions: np.ndarray, dt: float) -> tuple
         if joint.adaptation is not None:
             table[LEARNS : UPPER + 1, k] = joint.adaptation.row(estimator.friction.law)
             table[LEVEL, k] = joint.adaptation.start
-    found: list[Any] = []
+    of_parts: list[Any] = []
     for parts in ([j.compensator for j in joints], estimators):
         laws = [part.friction.law for part in parts]
-        row, state = [law.row() for law in laws], [law.state() for law in laws]
-        P, X = np.zeros((J, max(r.size for r in row))), np.zeros((J, max(s.size for s in state)))
-        for j in range(J):
-            P[j, : row[j].size], X[j, : state[j].size] = row[j], state[j]
+        P, X = stacked([law.row() for law in laws]), stacked([law.state() for law in laws])
         C = np.array([part.row(dt) for part in parts])
         S = np.array([part.start(float(q)) for part, q in zip(parts, positions)])
-        found += [C, P, X, S]
-    return (*found, table)
+        of_parts += [C, P, X, S]
+    return (*of_parts, table)

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from backdrive.control import guard
-from backdrive.control.envelope import PERIOD, check
+from backdrive.control.envelope import PERIOD
 from backdrive.control.joint_loop import JointLoop, Unguarded, rows
 from backdrive.control.loop_kernel import tick
 from backdrive.control.table import (
@@ -42,16 +42,37 @@ from backdrive.control.table import (
     TORQUE,
 )  # fmt: skip
 from backdrive.errors import InvalidInput
-from backdrive.status import Status
+from backdrive.parameters import array, check
+from backdrive.status import STATUSES, Status
 
-STATUSES = tuple(Status)
 
+class Row:
+    """A row of a loop's table as the attribute of a loop: what is assigned is written into it.
 
-def _view(array: np.ndarray) -> np.ndarray:
-    """Return a view through which nobody writes."""
-    view = array[:]
-    view.flags.writeable = False
-    return view
+    Args:
+        rows: of the table: one, which is (J,), or a slice of k, which is (J, k).
+        writeable: callers may write.
+    """
+
+    def __init__(self, rows: int | slice, *, writeable: bool = True):
+        self.rows, self.writeable = rows, writeable
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, loop: Loop, owner: type | None = None) -> np.ndarray:
+        return loop._views[self.name]
+
+    def __set__(self, loop: Loop, value: Any) -> None:
+        if not self.writeable:
+            raise AttributeError(f"`{self.name}` of a loop is read-only.")
+        loop._views[self.name][:] = value
+
+    def view(self, table: np.ndarray) -> np.ndarray:
+        """Return its part of a table."""
+        view = table[self.rows].T
+        view.flags.writeable = self.writeable
+        return view
 
 
 class Loop:
@@ -59,6 +80,19 @@ class Loop:
 
     A loop that nobody calls cannot change the torque that the drive was last given: have the drive time out, or an outer
     watchdog look at `count`. Copies (`copy`, `deepcopy`, `pickle`) are loops of their own in the same state.
+
+    Attributes:
+        torque: to add to what drives the joints [N.m or N], changed by `update`, read-only (J,).
+        external: estimated external force [N.m or N], changed by `update`, read-only (J,).
+        friction: estimated [N.m or N], changed by `update`, read-only (J,).
+        level: of the friction, learned [-], changed by `update`, read-only (J,).
+        error: how far the reference is ahead, to be written before `update` [rad or m], (J,).
+        slope: rate of `error`, to be written before `update` [rad/s or m/s], (J,).
+        known: gravity and the other joints' pull, to be written before `update` [N.m or N], (J,). Where it is not 0, it is the
+            load of laws that grow with it and are given none.
+        load: motor-side and external torque for laws that depend on load, to be written before `update` [N.m or N], (J, 2).
+            Where both are 0, that of a law that grows with the load is what is `known`, or the one under which it was identified.
+        temperature: for laws that depend on it, to be written before `update` [degC], (J,).
     """
 
     _arrays: tuple[Any, ...]
@@ -76,7 +110,7 @@ class Loop:
         self.joints = (joints,) if isinstance(joints, JointLoop) else tuple(joints)
         if not self.joints:
             raise InvalidInput("A loop of no joint.", remedy="Give at least one `JointLoop`.")
-        check("Loop", interval=(interval, PERIOD))
+        check("Loop", {"interval": PERIOD}, {"interval": interval})
         self.interval = float(interval)
         self._admit()
         J = len(self.joints)
@@ -87,9 +121,9 @@ class Loop:
         self._rows = np.concatenate(parts, axis=1)
         self._arrays = (self._rows, begins, self._table, self._codes)
         self._position = np.zeros(J)
-        self._outputs = {k: _view(self._table[k]) for k in (TORQUE, EXTERNAL, FRICTION, LEVEL)}
-        self._seen = _view(self._codes)
-        self._load = self._table[MOTOR : LOAD + 1].T
+        self._views = {k: row.view(self._table) for k, row in vars(Loop).items() if isinstance(row, Row)}
+        self._read_codes = self._codes[:]
+        self._read_codes.flags.writeable = False
         self._applied = self._table[APPLIED]
         self._tick: Any = tick
         self.update(np.zeros(J), np.zeros(J))
@@ -104,81 +138,20 @@ class Loop:
                     f"Joint {i} has no limits.", remedy="`Unguarded` is for simulation; give a `JointLoop`."
                 )
 
-    @property
-    def torque(self) -> np.ndarray:
-        """Torque to add to what drives the joints [N.m or N], changed by `update`, read-only (J,)."""
-        return self._outputs[TORQUE]
-
-    @property
-    def external(self) -> np.ndarray:
-        """Estimated external force [N.m or N], changed by `update`, read-only (J,)."""
-        return self._outputs[EXTERNAL]
-
-    @property
-    def friction(self) -> np.ndarray:
-        """Estimated friction [N.m or N], changed by `update`, read-only (J,)."""
-        return self._outputs[FRICTION]
-
-    @property
-    def level(self) -> np.ndarray:
-        """Level of the friction, learned [-], changed by `update`, read-only (J,)."""
-        return self._outputs[LEVEL]
+    torque = Row(TORQUE, writeable=False)
+    external = Row(EXTERNAL, writeable=False)
+    friction = Row(FRICTION, writeable=False)
+    level = Row(LEVEL, writeable=False)
+    error = Row(ERROR)
+    slope = Row(SLOPE)
+    known = Row(KNOWN)
+    load = Row(slice(MOTOR, LOAD + 1))
+    temperature = Row(TEMPERATURE)
 
     @property
     def codes(self) -> np.ndarray:
         """`Status` of every joint, changed by `update`, read-only (J,)."""
-        return self._seen
-
-    @property
-    def error(self) -> np.ndarray:
-        """How far the reference is ahead, to be written before `update` [rad or m], (J,)."""
-        return self._table[ERROR]
-
-    @error.setter
-    def error(self, value: Any) -> None:
-        self._table[ERROR] = value
-
-    @property
-    def slope(self) -> np.ndarray:
-        """Rate of `error`, to be written before `update` [rad/s or m/s], (J,)."""
-        return self._table[SLOPE]
-
-    @slope.setter
-    def slope(self, value: Any) -> None:
-        self._table[SLOPE] = value
-
-    @property
-    def known(self) -> np.ndarray:
-        """Gravity and the other joints' pull, to be written before `update` [N.m or N], (J,).
-
-        Where it is not 0, it is the load of laws that grow with it and are given none.
-        """
-        return self._table[KNOWN]
-
-    @known.setter
-    def known(self, value: Any) -> None:
-        self._table[KNOWN] = value
-
-    @property
-    def load(self) -> np.ndarray:
-        """Motor-side and external torque for laws that depend on load, to be written before `update` [N.m or N], (J, 2).
-
-        Where both are 0, that of a law that grows with the load is what is `known`, or the one under which it was identified.
-        """
-        return self._load
-
-    @load.setter
-    def load(self, value: Any) -> None:
-        self._load[:] = value
-
-    @property
-    def temperature(self) -> np.ndarray:
-        """Temperature for laws that depend on it, to be written before `update` [degC], (J,)."""
-        return self._table[TEMPERATURE]
-
-    @temperature.setter
-    def temperature(self, value: Any) -> None:
-        self._table[TEMPERATURE] = value
+        return self._read_codes
 
     @property
     def count(self) -> int:
@@ -199,12 +172,7 @@ class Loop:
         Raises:
             InvalidInput: a position is not finite, or there are more or fewer than joints.
         """
-        at = np.asarray(positions, dtype=np.float64)
-        if at.shape != self._position.shape or not np.isfinite(at).all():
-            raise InvalidInput(
-                f"positions = {at.tolist()} for {len(self.joints)} joints.",
-                remedy="Give one finite position a joint [rad or m].",
-            )
+        at = array("positions", positions, self._position.shape)
         *parts, table = rows(self.joints, at, self.interval)
         table[CALLS] = self._table[CALLS]
         self._rows[:], self._table[:] = np.concatenate(parts, axis=1), table
@@ -218,7 +186,7 @@ class Loop:
         Returns:
             Whether no joint is latched any more.
         """
-        return all([guard.acknowledged(self._table, j) for j in range(len(self.joints))])
+        return all([guard.acknowledge(self._table, j) for j in range(len(self.joints))])
 
     def stop(self) -> None:
         """Let the torque ramp down to zero at the slow rate, and stay there until `acknowledge`."""

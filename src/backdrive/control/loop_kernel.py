@@ -8,7 +8,7 @@ from backdrive._jit import jit, ladder
 from backdrive.control import guard, readings
 from backdrive.control.compensators import compensator as compensator_
 from backdrive.control.estimators import external as external_
-from backdrive.control.estimators.level import learned
+from backdrive.control.estimators.level import learn
 from backdrive.control.table import (
     ANCHOR,
     APPLIED,
@@ -92,7 +92,7 @@ def joint(c, i, p, x, s, ce, pe, xe, se, g, j, q, dt):
     g[CALLS, j] += 1.0
     code = readings.judge(c, s, ce, se, g, j, q, dt)
     f, T = 0.0, g[SINCE, j]
-    if readings.believed(code):
+    if readings.valid(code):
         dp, u, level = q - g[BEFORE, j], g[APPLIED, j], g[LEVEL, j]
         load, temp = (g[MOTOR, j], g[LOAD, j]), g[TEMPERATURE, j]
         if g[GROWS, j] > 0.0 and load[0] == 0.0 and load[1] == 0.0:  # nobody has given one
@@ -114,7 +114,7 @@ def joint(c, i, p, x, s, ce, pe, xe, se, g, j, q, dt):
             if g[LEARNS, j] > 0.0:
                 slid = g[SLID, j] + T if abs(dp) >= g[CREEP, j] * T else 0.0
                 numbers = g[LEARNS, j], g[SETTLE, j], g[FLOOR, j], g[DEAD, j], g[LOWER, j], g[UPPER, j]
-                g[LEVEL, j], g[SLID, j] = learned(level, tau_f / level, tau_e, slid, T, *numbers), slid
+                g[LEVEL, j], g[SLID, j] = learn(level, tau_f / level, tau_e, slid, T, *numbers), slid
             g[EXTERNAL, j], g[FRICTION, j] = tau_e, tau_f
             g[BEFORE, j], g[SINCE, j], g[PENDING, j] = q, 0.0, 0.0
             if g[STILL, j] >= STANDING * g[HOLD, j] and abs(level * push) > NOTABLE * g[LIMIT, j]:

@@ -71,7 +71,7 @@ def possible(g, j, distance, time):
 
 
 @jit
-def followed(c, s, ce, se, g, j, q, passed):
+def after_jump(c, s, ce, se, g, j, q, passed):
     """Return the status of a reading that comes after a jump."""
     onward = q - g[ELSEWHERE, j]
     if possible(g, j, onward, passed):  # first, for the old place is within reach again after a while
@@ -108,7 +108,7 @@ def judge(c, s, ce, se, g, j, q, dt):
         return NOT_FINITE
     code = OK
     if g[PENDING, j] > 0.0:
-        code = followed(c, s, ce, se, g, j, q, passed)
+        code = after_jump(c, s, ce, se, g, j, q, passed)
     elif not possible(g, j, q - g[BEFORE, j], g[SINCE, j]):
         g[PENDING, j], g[ELSEWHERE, j], g[SETTLED, j] = True, q, 0.0
         g[LEAP, j] = (q - g[BEFORE, j]) / g[SINCE, j]
@@ -119,6 +119,6 @@ def judge(c, s, ce, se, g, j, q, dt):
 
 
 @jit
-def believed(code):
+def valid(code):
     """Return whether a status is that of a reading that was believed."""
     return code in (OK, LATE)

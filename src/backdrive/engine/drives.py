@@ -14,16 +14,19 @@ with current [1/A]. The input comes late by `delay`; it is interpolated between 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from backdrive._jit import jit
 from backdrive.engine import servo
-from backdrive.errors import InvalidInput
+from backdrive.parameters import ABOVE_ZERO, Bound, Bounded
 
 STATES = servo.STATES + 1  # and the input of the step before
+CONTROLLERS = ("open", "position", "velocity")
+ACTUATORS = ("torque", "motor")
+NOT_BELOW_ZERO = Bound(0.0, np.inf)
 
 
 @jit
@@ -77,7 +80,7 @@ def along(d, s, r, supply, q, v, dt, out):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DriveModel:
+class DriveModel(Bounded):
     """A drive in the loop.
 
     Attributes:
@@ -98,6 +101,22 @@ class DriveModel:
         hold: the input is held between samples, not interpolated.
     """
 
+    BOUNDS: ClassVar = {
+        "gain": Bound(-np.inf, np.inf),
+        "proportional": NOT_BELOW_ZERO,
+        "derivative": NOT_BELOW_ZERO,
+        "integral": NOT_BELOW_ZERO,
+        "filter_time": NOT_BELOW_ZERO,
+        "limit": ABOVE_ZERO,
+        "supply": ABOVE_ZERO,
+        "torque_constant": ABOVE_ZERO,
+        "resistance": ABOVE_ZERO,
+        "supply_resistance": NOT_BELOW_ZERO,
+        "saturation": NOT_BELOW_ZERO,
+        "delay": Bound(-np.inf, np.inf),
+    }
+    CHOICES: ClassVar = {"controller": CONTROLLERS, "actuator": ACTUATORS}
+
     controller: Literal["open", "position", "velocity"] = "open"
     actuator: Literal["torque", "motor"] = "torque"
     gain: float = 1.0
@@ -113,28 +132,6 @@ class DriveModel:
     saturation: float = 0.0
     delay: float = 0.0
     hold: bool = False
-
-    def __post_init__(self):
-        for name, known in (("controller", CONTROLLERS), ("actuator", ACTUATORS)):
-            if getattr(self, name) not in known:
-                raise InvalidInput(
-                    f"DriveModel: {name} = {getattr(self, name)!r}.",
-                    remedy=f"It is one of {', '.join(known)}.",
-                )
-        for f in fields(self)[2:-1]:
-            value = float(getattr(self, f.name))
-            positive = f.name in ("limit", "supply", "torque_constant", "resistance")
-            free = f.name in ("gain", "delay")
-            if np.isnan(value) or (value <= 0.0 if positive else value < 0.0 and not free):
-                raise InvalidInput(
-                    f"DriveModel: {f.name} = {value}.",
-                    remedy=f"It must be {'positive' if positive else 'a number' if free else '>= 0'}.",
-                )
-            object.__setattr__(self, f.name, value)
-
-    def replace(self, **changes: Any) -> DriveModel:
-        """Return a copy with some fields changed."""
-        return replace(self, **changes)
 
     def row(self) -> np.ndarray:
         """Return the row that `torque` reads, (15,)."""
@@ -157,7 +154,3 @@ class DriveModel:
                 float(self.hold),
             ]
         )
-
-
-CONTROLLERS = ("open", "position", "velocity")
-ACTUATORS = ("torque", "motor")

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from dataclasses import dataclass, field
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from backdrive.engine.drives import DriveModel
 from backdrive.engine.series import Lanes
 from backdrive.errors import InvalidInput
 from backdrive.laws import REFERENCE, Law
+from backdrive.parameters import ABOVE_ZERO, FINITE, NOT_NEGATIVE, Bounded, array
 
 
 @jit
@@ -67,7 +68,7 @@ def lanes(first, last, J, D, rates, elements, P, X, S, C, log, r, supply, enable
 
 
 @dataclass(frozen=True, kw_only=True)
-class Axis:
+class Axis(Bounded):
     """One joint with its drive, for forward dynamics.
 
     Attributes:
@@ -85,6 +86,18 @@ class Axis:
             within it, by direction.
     """
 
+    BOUNDS: ClassVar = {
+        "inertia": ABOVE_ZERO,
+        "load_inertia": NOT_NEGATIVE,
+        "stiffness": ABOVE_ZERO,
+        "damping": NOT_NEGATIVE,
+        "gravity_sin": FINITE,
+        "gravity_cos": FINITE,
+        "offset": FINITE,
+        "load_dependence": NOT_NEGATIVE,
+    }
+    CHOICES: ClassVar = {"friction_side": ("motor", "load")}
+
     law: Law
     inertia: float
     drive: DriveModel = field(default_factory=DriveModel)
@@ -98,31 +111,11 @@ class Axis:
     load_dependence: float = 0.0
 
     def __post_init__(self):
-        rules = {
-            "inertia": self.inertia > 0,
-            "load_inertia": 0 <= self.load_inertia < np.inf,
-            "stiffness": self.stiffness > 0,
-            "damping": 0 <= self.damping < np.inf,
-            "gravity_sin": np.isfinite(self.gravity_sin),
-            "gravity_cos": np.isfinite(self.gravity_cos),
-            "offset": np.isfinite(self.offset),
-            "load_dependence": 0 <= self.load_dependence < np.inf,
-            "friction_side": self.friction_side in ("motor", "load"),
-        }
-        for name, holds in rules.items():
-            if not holds:
-                raise InvalidInput(
-                    f"Axis: {name} = {getattr(self, name)!r}.",
-                    remedy="Give a finite SI value inside its range.",
-                )
+        super().__post_init__()
         if np.isfinite(self.stiffness) and self.load_inertia == 0.0:
             raise InvalidInput(
                 "Axis: a transmission that yields carries no load.", remedy="Give load_inertia > 0."
             )
-
-    def replace(self, **changes: Any) -> Axis:
-        """Return a copy with some fields changed."""
-        return replace(self, **changes)
 
     def row(self) -> np.ndarray:
         """Return the row that `engine.axis.advance` reads, (10,)."""
@@ -228,12 +221,20 @@ def forward(
             f"{len(axes)} axes, {M} inputs, and `log` of shape {log.shape}.",
             remedy="Name an existing input for every axis.",
         )
-    channels = [_channel(v, M, n, name) for v, name in ((supply, "supply"), (enabled, "enabled"))]
-    supplies = np.full((M, 1), np.nan) if channels[0] is None else channels[0]
-    switches = np.ones((M, 1)) if channels[1] is None else channels[1]
-    warmth = _channel(temperature, M, n, "temperature")
-    warmth = np.full((M, 1), REFERENCE) if warmth is None else warmth
-    start, speed = _start(position, M, "position"), _start(velocity, M, "velocity")
+    supplies, switches, warmth = (
+        np.full((M, 1), usual)
+        if given is None
+        else np.ascontiguousarray(array(name, np.atleast_2d(given), (M, n)))
+        for name, given, usual in (
+            ("supply", supply, np.nan),
+            ("enabled", enabled, 1.0),
+            ("temperature", temperature, REFERENCE),
+        )
+    )
+    start, speed = (
+        np.broadcast_to(array(name, given, (), (1,), (M,)), (M,))
+        for name, given in (("position", position), ("velocity", velocity))
+    )
     rows = Lanes([a.law for a in axes])
     J = np.array([a.row() for a in axes])
     D = np.array([a.drive.row() for a in axes])
@@ -266,23 +267,3 @@ def forward(
     spread(work, len(axes), workers)
     position, velocity, torque = np.moveaxis(out, 2, 0)
     return Motions(position=position, velocity=velocity, torque=torque)
-
-
-def _start(values, M: int, name: str) -> np.ndarray:
-    values = np.asarray(values, dtype=np.float64)
-    if values.shape not in ((), (1,), (M,)) or not np.all(np.isfinite(values)):
-        raise InvalidInput(
-            f"{name} = {values.tolist()}.", remedy=f"Give one finite number, or {M}, one an input."
-        )
-    return np.broadcast_to(values, (M,))
-
-
-def _channel(values, M: int, n: int, name: str) -> np.ndarray | None:
-    if values is None:
-        return None
-    values = np.atleast_2d(np.asarray(values, dtype=np.float64))
-    if values.shape != (M, n) or not np.all(np.isfinite(values)):
-        raise InvalidInput(
-            f"{name} has the shape {values.shape} or values that are not finite.", remedy=f"Give ({M}, {n})."
-        )
-    return np.ascontiguousarray(values)

@@ -12,6 +12,7 @@ from backdrive._jit import jit, specialised
 from backdrive.engine.cores import spread
 from backdrive.errors import InvalidInput
 from backdrive.laws import REFERENCE, Law, kernels
+from backdrive.parameters import array
 
 if TYPE_CHECKING:
     from backdrive.model import FrictionModel
@@ -56,6 +57,14 @@ def lanes_of(rate: int, element: int, tame: bool) -> Callable:
     return specialised(lanes, rate, element, int(tame))
 
 
+def stacked(rows: Sequence[np.ndarray]) -> np.ndarray:
+    """Return rows of different lengths as one table, zero behind the end of shorter ones."""
+    table = np.zeros((len(rows), max(row.size for row in rows)))
+    for i, row in enumerate(rows):
+        table[i, : row.size] = row
+    return table
+
+
 class Lanes:
     """Parameter rows side by side, ready for the kernels.
 
@@ -68,12 +77,9 @@ class Lanes:
     """
 
     def __init__(self, laws: Sequence[Law]):
-        rows = [law.row() for law in laws]
         self.rates = np.array([law.rate.KIND for law in laws], dtype=np.int64)
         self.elements = np.array([law.element.KIND for law in laws], dtype=np.int64)
-        self.rows = np.zeros((len(rows), max(r.size for r in rows)))
-        for i, row in enumerate(rows):
-            self.rows[i, : row.size] = row
+        self.rows = stacked([law.row() for law in laws])
         self.states = 2 * max(max(law.element.states(), 1) for law in laws)
         self.usual_loads = np.array([law.usual_load for law in laws])
         #: for every law its kinds, its lanes, how many lanes come before, and the load where none is given
@@ -212,41 +218,20 @@ def rollout(
                 remedy="Give one column a joint, in the model's order.",
             )
         laws += own
+    if load is not None:
+        given = array("load", load, (n, 2), (n, joints, 2))
+        loads = np.broadcast_to(given[:, None] if given.ndim == 2 else given, (n, joints, 2))
+        load = np.ascontiguousarray(np.swapaxes(loads, 0, 1))
+    if temperature is not None:
+        warm = np.atleast_1d(array("temperature", temperature, (), (1,), (n,)))
+        temperature = np.ascontiguousarray(np.broadcast_to(warm, (joints, warm.size)))
     out = Lanes(laws).torque(
         np.tile(np.arange(joints), len(sets)),
         np.ascontiguousarray(dp.T),
         dt,
-        _load(load, n, joints),
-        _temperature(temperature, n, joints),
+        load,
+        temperature,
         workers=workers,
     )
     torque = np.swapaxes(out.reshape(len(sets), joints, n), 1, 2).reshape(len(sets), *shape)
     return torque[0] if single else torque
-
-
-def _load(load, n: int, joints: int) -> np.ndarray | None:
-    if load is None:
-        return None
-    load = np.asarray(load, dtype=np.float64)
-    if load.shape not in ((n, 2), (n, joints, 2)):
-        raise InvalidInput(
-            f"load has the shape {load.shape}.",
-            remedy=f"Give motor-side and external torque: ({n}, 2) or ({n}, {joints}, 2).",
-        )
-    if not np.all(np.isfinite(load)):
-        raise InvalidInput("A load is not finite.", remedy="Mend or cut the log.")
-    load = np.broadcast_to(load[:, None] if load.ndim == 2 else load, (n, joints, 2))
-    return np.ascontiguousarray(np.swapaxes(load, 0, 1))
-
-
-def _temperature(temperature, n: int, joints: int) -> np.ndarray | None:
-    if temperature is None:
-        return None
-    temperature = np.atleast_1d(np.asarray(temperature, dtype=np.float64))
-    if temperature.shape not in ((1,), (n,)):
-        raise InvalidInput(
-            f"temperature has the shape {temperature.shape}.", remedy=f"Give one number or ({n},), in degC."
-        )
-    if not np.all(np.isfinite(temperature)):
-        raise InvalidInput("A temperature is not finite.", remedy="Mend or cut the log.")
-    return np.ascontiguousarray(np.broadcast_to(temperature, (joints, temperature.size)))

@@ -8,12 +8,13 @@ integral stands still while the torque is at its limit.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from backdrive._jit import jit
-from backdrive.errors import InvalidInput
+from backdrive.parameters import NOT_NEGATIVE, Bounded
 
 STATES = 3  # integral of the error, position of the tick before, filtered velocity
 
@@ -39,7 +40,7 @@ def tick(g, o, s, T, r, dr, p, limit):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Servo:
+class Servo(Bounded):
     """A PID position controller.
 
     Attributes:
@@ -49,19 +50,12 @@ class Servo:
         filter_time: time constant of the low pass on the measured velocity [s].
     """
 
+    BOUNDS: ClassVar = dict.fromkeys(("proportional", "derivative", "integral", "filter_time"), NOT_NEGATIVE)
+
     proportional: float
     derivative: float
     integral: float = 0.0
     filter_time: float = 0.0
-
-    def __post_init__(self):
-        for name in ("proportional", "derivative", "integral", "filter_time"):
-            value = float(getattr(self, name))
-            if not 0.0 <= value < np.inf:
-                raise InvalidInput(
-                    f"Servo: '{name}' = {value} is not a finite number >= 0.", remedy="Give SI gains."
-                )
-            object.__setattr__(self, name, value)
 
     @classmethod
     def tuned(cls, inertia: float, bandwidth: float, *, filter_time: float = 0.0) -> Servo:
@@ -81,7 +75,7 @@ class Servo:
 
     def gains(self) -> dict[str, float]:
         """Return the gains by name."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
+        return asdict(self)
 
     def row(self) -> np.ndarray:
         """Return the gains as the row that `tick` reads, (4,)."""

@@ -6,3 +6,4 @@ from backdrive.identification.result import Identification as Identification
 from backdrive.identification.result import JointEvidence as JointEvidence
 from backdrive.identification.result import Samples as Samples
 from backdrive.identification.validate import validate as validate
+from backdrive.identification.validate import validate_motion as validate_motion

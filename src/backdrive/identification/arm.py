@@ -15,7 +15,7 @@ import numpy as np
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification import curves
 from backdrive.identification.arm_checks import refuse_inverted, remarks
-from backdrive.identification.arm_predict import explained, judged, predict_arm, validate_arm
+from backdrive.identification.arm_predict import assess_joint, predict_arm, torque_parts, validate_arm
 from backdrive.identification.arm_signals import (
     MOTION_CUTOFF,
     ArmSignals,
@@ -30,11 +30,11 @@ from backdrive.identification.evidence import evidence
 from backdrive.identification.quality import JUDGED_BELOW
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals
-from backdrive.identification.terms import unit_of
+from backdrive.identification.terms import estimates
 from backdrive.laws import Growth, Law, Polyline
 from backdrive.logs.filters import derivative, low_pass
 from backdrive.logs.log import Joint, Log
-from backdrive.model import ArmModel, Estimate, JointFriction, Validity
+from backdrive.model import ArmModel, JointFriction, Validity
 from backdrive.robot import Robot, load_robot
 
 SIGNIFICANT = 2.0  # load friction of fewer standard errors is taken to be none
@@ -112,20 +112,20 @@ def identify_arm(
     order = [robot.joints.index(name) for name in logs[0].names if name in robot.joints]
     about = {joint.name: joint for joint in logs[0].joints}
     frictions = [
-        _friction(about[name], terms[j], solution, j, _loads(seen, j), warnings[j])
+        _friction(about[name], terms[j], solution, j, _load(seen, j), warnings[j])
         for j, name in enumerate(robot.joints)
     ]
-    everything = [(s, *explained(s, robot, arm, frictions)) for s in (*seen, *unseen)]
+    everything = [(s, *torque_parts(s, robot, arm, frictions)) for s in (*seen, *unseen)]
     frictions = [
         replace(
             friction,
-            fitted=judged(everything, j, lambda s: s.fitted),
-            held_out=judged(everything, j, lambda s: s.held_out),
+            fitted=assess_joint(everything, j, lambda s: s.fitted),
+            held_out=assess_joint(everything, j, lambda s: s.held_out),
         )
         for j, friction in enumerate(frictions)
     ]
-    shown = [_evidence(everything, j, frictions[j], terms[j], solution) for j in range(len(frictions))]
-    return tuple(frictions[j] for j in order), tuple(shown[j] for j in order), arm
+    support = [_evidence(everything, j, frictions[j], terms[j], solution) for j in range(len(frictions))]
+    return tuple(frictions[j] for j in order), tuple(support[j] for j in order), arm
 
 
 def _terms(stretches: Sequence[ArmSignals], J: int) -> list[Terms]:
@@ -137,7 +137,7 @@ def _terms(stretches: Sequence[ArmSignals], J: int) -> list[Terms]:
     return [terms_of(speed) for speed in speeds]
 
 
-def _loads(stretches: Sequence[ArmSignals], j: int) -> tuple[float, float]:
+def _load(stretches: Sequence[ArmSignals], j: int) -> tuple[float, float]:
     """Smallest and largest torque of a joint, low-passed [N.m or N]."""
     values = np.concatenate([low_pass(s.torque[:, j], JUDGED_BELOW, s.rate)[s.fitted] for s in stretches])
     return float(values.min()), float(values.max())
@@ -173,10 +173,7 @@ def _friction(
         law=Law(rate=law, growth=growth),
         standard_errors={name: (*e.tolist(), float(e[-1])) for name, e in errors.items()} | with_load,
         at_bound=tuple(name for name, v in values.items() if np.any(v == 0)),
-        dynamics={
-            name: Estimate(value=float(v), unit=unit_of(name, joint), standard_error=float(e))
-            for name, (v, e) in found.items()
-        },
+        dynamics=estimates(found, joint.unit),
         validity=Validity(velocity=(-terms.top, terms.top), load=loads),
         method="arm",
         warnings=warnings,
@@ -211,9 +208,6 @@ def _evidence(
     k = terms.knots.size
     covariance = solution.covariance[j][: 2 * k, : 2 * k]
 
-    def standard_error(velocity: np.ndarray) -> np.ndarray:
-        shapes = curves.hats(np.minimum(np.abs(velocity), terms.knots[-1]), terms.knots)
-        both = np.hstack([shapes * (velocity > 0)[:, None], shapes * (velocity <= 0)[:, None]])
-        return np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", both, covariance, both), 0.0))
-
-    return evidence(friction, parts, standard_error)
+    form = curves.Form(name="arm", knots=terms.knots, symmetric=False, spread=np.eye(2 * k))
+    of_curve, end = curves.error_of_curve(form, covariance), terms.knots[-1]
+    return evidence(friction, parts, lambda velocity: of_curve(np.clip(velocity, -end, end)))

@@ -9,6 +9,7 @@ import numpy as np
 from backdrive.errors import NotIdentifiable
 from backdrive.identification.arm_solve import Solution
 from backdrive.identification.arm_terms import Rows, Terms
+from backdrive.identification.evidence import sentences
 from backdrive.robot import PER_LINK, Robot
 
 TELLING = 0.05  # friction below this share of a joint's torque does not tell the torque's sign [-]
@@ -62,46 +63,48 @@ def refuse_inverted(rows: Rows, robot: Robot, terms: Sequence[Terms]) -> None:
 
 def remarks(robot: Robot, terms: Sequence[Terms], rows: Rows, solution: Solution) -> list[tuple[str, ...]]:
     """Return every joint's warnings, in the robot's order."""
-    result = []
-    for j, t in enumerate(terms):
-        said = []
-        k = t.knots.size
-        used = rows.weight[:, j] > 0
-        peers = [o.top for o, unit in zip(terms, robot.units) if unit == robot.units[j]]
-        if not used.any():
-            result.append(("It never moves: its friction is unknown and set to zero.",))
-            continue
-        if t.top < SLOW * max(peers):
-            said.append(f"It moves at no more than {t.top:.2g} {robot.units[j]}/s: the curve ends there.")
-        ways = np.array([rows.friction[j][used, :k].sum(), -rows.friction[j][used, k : 2 * k].sum()])
-        if ways.min() < ONE_WAY * ways.sum():
-            said.append("It moves almost only one way: the curve of the other is taken from that one.")
-        own = solution.own[j]
-        pushed = solution.pushed[j]
-        if np.any(pushed[: 2 * k] > SURE):
-            said.append("Its friction came out zero at some speed: another term may have taken its place.")
-        if pushed[2 * k + 1] > SURE:
-            said.append(
-                "The motor's inertia ended at zero: friction that lags behind the velocity, or torque that is late, "
-                "hides it."
-            )
-        mean = float(np.mean(own[: 2 * k]))
-        if abs(own[2 * k]) > LARGE_OFFSET * mean:
-            said.append(
-                f"The torque is offset by {own[2 * k]:.2g}, not small beside the friction of {mean:.2g}: a sensor's "
-                "offset, or friction that differs between the directions."
-            )
-        columns = robot.base.columns // PER_LINK == j
-        guessed = int(np.sum(solution.told[columns] < GUESSED))
-        if guessed:
-            said.append(
-                f"{guessed} of {int(columns.sum())} base parameters of its link are hardly determined and stay near the URDF's."
-            )
-        if solution.condition > ILL and j == 0:
-            said.append(
-                f"The motion excites the bodies poorly (condition number {solution.condition:.0f}): record a livelier one."
-            )
-        if own[-1] >= 1.0:
-            said.append("Load friction ended at 100 %: check the torque's unit and the URDF.")
-        result.append(tuple(said))
-    return result
+    return [_remarks_of(robot, terms, rows, solution, j) for j in range(len(terms))]
+
+
+def _remarks_of(
+    robot: Robot, terms: Sequence[Terms], rows: Rows, solution: Solution, j: int
+) -> tuple[str, ...]:
+    used = rows.weight[:, j] > 0
+    if not used.any():
+        return ("It never moves: its friction is unknown and set to zero.",)
+    unit, top, k = robot.units[j], terms[j].top, terms[j].knots.size
+    fastest = max(o.top for o, other in zip(terms, robot.units) if other == unit)
+    ways = np.array([rows.friction[j][used, :k].sum(), -rows.friction[j][used, k : 2 * k].sum()])
+    own, pushed = solution.own[j], solution.pushed[j]
+    mean, offset = float(np.mean(own[: 2 * k])), own[2 * k]
+    columns = robot.base.columns // PER_LINK == j
+    guessed = int(np.sum(solution.told[columns] < GUESSED))
+    return sentences(
+        (top < SLOW * fastest, f"It moves at no more than {top:.2g} {unit}/s: the curve ends there."),
+        (
+            ways.min() < ONE_WAY * ways.sum(),
+            "It moves almost only one way: the curve of the other is taken from that one.",
+        ),
+        (
+            np.any(pushed[: 2 * k] > SURE),
+            "Its friction came out zero at some speed: another term may have taken its place.",
+        ),
+        (
+            pushed[2 * k + 1] > SURE,
+            "The motor's inertia ended at zero: friction that lags behind the velocity, or torque that is late, hides it.",
+        ),
+        (
+            abs(offset) > LARGE_OFFSET * mean,
+            f"The torque is offset by {offset:.2g}, not small beside the friction of {mean:.2g}: a sensor's offset, or friction "
+            "that differs between the directions.",
+        ),
+        (
+            guessed,
+            f"{guessed} of {int(columns.sum())} base parameters of its link are hardly determined and stay near the URDF's.",
+        ),
+        (
+            solution.condition > ILL and j == 0,
+            f"The motion excites the bodies poorly (condition number {solution.condition:.0f}): record a livelier one.",
+        ),
+        (own[-1] >= 1.0, "Load friction ended at 100 %: check the torque's unit and the URDF."),
+    )

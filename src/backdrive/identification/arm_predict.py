@@ -37,7 +37,7 @@ def predict_arm(model: FrictionModel, log: Log, urdf: str | Path | Robot) -> np.
     frictions = [model.joint(name) for name in robot.joints]
     torque = np.full((len(log), len(robot.joints)), np.nan)
     for s in prepare_arm(log, robot):
-        predicted, _ = explained(s, robot, arm, frictions)
+        predicted, _ = torque_parts(s, robot, arm, frictions)
         inside = (log.time >= s.time[0]) & (log.time <= s.time[-1] + 1.0 / s.rate)
         for j in range(len(robot.joints)):
             torque[inside, j] = np.interp(log.time[inside], s.time, predicted[:, j])
@@ -61,10 +61,10 @@ def validate_arm(
     arm, robot = _arm_of(model, urdf)
     frictions = [model.joint(name) for name in robot.joints]
     stretches = hold_out_all([s for log in logs for s in prepare_arm(log, robot)])
-    everything = [(s, *explained(s, robot, arm, frictions)) for s in stretches]
+    everything = [(s, *torque_parts(s, robot, arm, frictions)) for s in stretches]
     qualities = {}
     for name in model.names:
-        quality = judged(everything, robot.joints.index(name), lambda s: s.held_out)
+        quality = assess_joint(everything, robot.joints.index(name), lambda s: s.held_out)
         assert quality is not None
         qualities[name] = quality
     for j, friction in enumerate(frictions):
@@ -94,7 +94,7 @@ def _arm_of(model: FrictionModel, urdf: str | Path | Robot) -> tuple[ArmModel, R
     return model.arm, robot
 
 
-def explained(
+def torque_parts(
     s: ArmSignals, robot: Robot, arm: ArmModel, frictions: Sequence[JointFriction]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the predicted torque along a stretch, and its part that is not the friction curve, each (n, J).
@@ -120,7 +120,7 @@ def explained(
     return rest + curve, rest
 
 
-def judged(
+def assess_joint(
     everything: Sequence[tuple[ArmSignals, np.ndarray, np.ndarray]],
     j: int,
     which: Callable[[ArmSignals], np.ndarray],

@@ -94,6 +94,8 @@ def prepare_arm(log: Log, robot: Robot, *, cutoff: float = MOTION_CUTOFF) -> lis
 
 def _stretch(log: Log, order: np.ndarray, rows: slice, period: float, cutoff: float) -> ArmSignals:
     """Bring one stretch onto a uniform, thinned clock; joint by joint, as an hour of seven joints is large."""
+    from scipy.interpolate import CubicSpline
+
     time = log.time[rows]
     n = round((time[-1] - time[0]) / period) + 1
     clock = time[0] + period * np.arange(n)
@@ -111,7 +113,9 @@ def _stretch(log: Log, order: np.ndarray, rows: slice, period: float, cutoff: fl
         if log.external_torque is not None:
             tau = tau + log.external_torque[rows, column]
         if not even:
-            q, tau = _on_clock(clock, time, q), np.interp(clock, time, tau)
+            # smoothly: straight lines between jittered samples would show as acceleration
+            q = CubicSpline(time, q)(np.clip(clock, time[0], time[-1]))
+            tau = np.interp(clock, time, tau)
         smooth = filters.low_pass(q, cutoff, rate)
         dq = filters.derivative(smooth, period)
         position[:, j], velocity[:, j] = smooth[::factor], dq[::factor]
@@ -127,13 +131,6 @@ def _stretch(log: Log, order: np.ndarray, rows: slice, period: float, cutoff: fl
         fitted=np.ones(work.size, dtype=bool),
         held_out=np.zeros(work.size, dtype=bool),
     )
-
-
-def _on_clock(clock: np.ndarray, time: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Interpolate position smoothly: straight lines between jittered samples would show as acceleration."""
-    from scipy.interpolate import CubicSpline
-
-    return CubicSpline(time, q)(np.clip(clock, time[0], time[-1]))
 
 
 def hold_out_all(stretches: Sequence[ArmSignals]) -> list[ArmSignals]:

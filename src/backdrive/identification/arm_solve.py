@@ -106,7 +106,9 @@ def solve_arm(
     swell = [_inflation(error[:, j] * huber[:, j] * rows.weight[:, j], rows.rate) for j in range(J)]
     free = (x > low) & (x < high)
     gram, scores = np.sum(grams, axis=0), np.tensordot(swell, grams, axes=1)
-    covariance = _covariance(gram, held, scores, free)
+    pick, covariance = np.ix_(free, free), np.zeros_like(gram)  # zero for those at a bound
+    inverse = regression.inverted((gram + held)[pick], 1e-15)
+    covariance[pick] = inverse @ (scores + held)[pick] @ inverse
     moments = [_normal(rows, first, rows.weight * huber / noise**2, x, only=j)[1] for j in range(J)]
     loose, pushed = _let_go(gram + held, np.sum(moments, axis=0) - held @ (x - start), scores, free)
     errors = np.where(free, np.sqrt(np.maximum(np.diag(covariance), 0.0)), loose)
@@ -170,20 +172,13 @@ def _prior(
     at = b
     for j, t in enumerate(terms):
         k = t.knots.size
-        wish = []
-        for direction in (0, k):
-            for i in range(k - 2):
-                before, after = t.knots[i + 1] - t.knots[i], t.knots[i + 2] - t.knots[i + 1]
-                row = np.zeros(t.size)
-                row[direction + i : direction + i + 3] = 1 / before, -1 / before - 1 / after, 1 / after
-                wish.append(row * np.sqrt((before + after) / 2 * t.knots[-1]) / ROUGH)
-        for i in range(k):
-            row = np.zeros((3, t.size))
-            row[0, [i, k + i]] = 1 / UNLIKE, -1 / UNLIKE
-            row[1, i] = row[2, k + i] = 1 / LEVEL
-            wish.extend(row)
-        rows_of = np.array(wish) / scale[j]
-        own = rows_of.T @ rows_of
+        gap, one, zero = np.diff(t.knots), np.eye(k), np.zeros((k, k))
+        bend = np.diff(np.diff(one, axis=0) / gap[:, None], axis=0)
+        bend *= np.sqrt((gap[:-1] + gap[1:]) / 2 * t.knots[-1])[:, None] / ROUGH
+        alike, level = one / UNLIKE, one / LEVEL
+        wish = np.block([[bend, zero[2:]], [zero[2:], bend], [alike, -alike], [level, zero], [zero, level]])
+        own = np.zeros((t.size, t.size))
+        own[: 2 * k, : 2 * k] = wish.T @ wish / scale[j] ** 2
         brisk = _rms(rows.friction[j][:, 2 * k + 1], rows.weight[:, j])
         own[2 * k, 2 * k] += 1 / scale[j] ** 2
         own[2 * k + 1, 2 * k + 1] += (brisk / scale[j]) ** 2
@@ -230,14 +225,6 @@ def _bounded(gram: np.ndarray, moment: np.ndarray, low: np.ndarray, high: np.nda
         return free / size
     found = lsq_linear(upper, right, (low * size, high * size), method="bvls", tol=1e-14)
     return np.clip(found.x / size, low, high)
-
-
-def _covariance(gram: np.ndarray, precision: np.ndarray, scores: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """Return the sandwich covariance of the free coefficients; zero for those at a bound."""
-    pick, covariance = np.ix_(free, free), np.zeros_like(gram)
-    inverse = regression.inverted((gram + precision)[pick], 1e-15)
-    covariance[pick] = inverse @ (scores + precision)[pick] @ inverse
-    return covariance
 
 
 def _let_go(

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.identification.runs import LEAST_RUNS
+from backdrive.identification.runs import LEAST_RUNS, whole_run
+from backdrive.identification.sweep_windows import find_windows
 from backdrive.logs.log import Log
 
 #: Method -> what it needs, in words.
@@ -88,34 +89,21 @@ def choose_method(logs: Sequence[Log], joints: Sequence[str], urdf: str | None) 
             f"The plan moves the joints in different ways ({', '.join(kinds)}).",
             remedy="Identify them one by one with --joint.",
         )
-    named = {
-        "sweep": "sweep",
-        "constant-velocity": "constant-velocity",
-        "ramp": "ramp",
-    }
     for kind in kinds:
-        if kind in named:
-            return named[kind], f"the logs are linked to a plan of the kind '{kind}'"
+        if kind in ("sweep", "constant-velocity", "ramp"):
+            return kind, f"the logs are linked to a plan of the kind '{kind}'"
     for log in logs:
         log.need("torque")
-    if len(logs) >= LEAST_RUNS and all(_steady(log, joint) for log in logs for joint in joints):
+    if len(logs) >= LEAST_RUNS and all(whole_run(log, joint) for log in logs for joint in joints):
         return "constant-velocity", "every log keeps one velocity throughout"
     if all(_sweeps(log, joint) for log in logs for joint in joints):
         return "sweep", "cycles of growing frequency and equal stroke were found"
     return "motion", "the logs hold motion of no special kind"
 
 
-def _steady(log: Log, joint: str) -> bool:
-    from backdrive.identification.runs import whole_run
-
-    return whole_run(log, joint)
-
-
 def _sweeps(log: Log, joint: str) -> bool:
     if log.position is None:
         return False
-    from backdrive.identification.sweep import find_windows
-
     try:
         return len(find_windows(log, joint)) >= 4
     except (NotIdentifiable, InvalidInput):

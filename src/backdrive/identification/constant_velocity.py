@@ -12,11 +12,12 @@ import numpy as np
 
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, regression
-from backdrive.identification.evidence import curve, verdict
+from backdrive.identification.evidence import curve, sentences, verdict
 from backdrive.identification.result import JointEvidence, Samples
 from backdrive.identification.runs import LEAST_RUNS, Run, find_runs, gravity_of, without_gravity
+from backdrive.identification.terms import GRAVITY, estimates
 from backdrive.logs.log import Joint, Log
-from backdrive.model import Estimate, JointFriction, Quality, Validity
+from backdrive.model import JointFriction, Quality, Validity
 
 SECTIONS = (1, 2, 3, 4, 5, 6)  # line sections per direction that are tried
 GAIN = 1.0  # a curve must beat the line by so many standard errors of the mean gain [-]
@@ -98,43 +99,41 @@ def identify_constant_velocity(
             f"Joint '{joint}': the {v.size} runs do not determine a curve.", remedy="Record more speeds."
         )
     losses = {sections: loss for sections, (_, _, loss) in tried.items()}
-    sections, said = _choose(losses)
+    sections, remark = _choose(losses)
     form, X, _ = tried[sections]
     blocks = regression.accumulate(X, y, np.ones(y.size), np.arange(y.size), y.size)
     theta = blocks.solution()
     covariance = regression.sandwich(blocks, theta)
     r = form.spread.shape[1]
     curve_values, curve_covariance = theta[:r], covariance[:r, :r]
-    dynamics = {}
-    if gravity:
-        for name, value, error in zip(("gravity_sin", "gravity_cos"), *gravity):
-            dynamics[name] = Estimate(value=float(value), unit="N.m", standard_error=float(error))
+    values: dict[str, tuple[float, float]] = dict(zip(GRAVITY, zip(*gravity))) if gravity else {}
     if theta.size > r:
-        dynamics["offset"] = _offset(float(theta[r]), float(covariance[r, r]), about)
+        values["offset"] = float(theta[r]), float(np.sqrt(max(covariance[r, r], 0.0)))
     elif (
         not form.symmetric and curve_values.min() < 0.0
     ):  # friction cannot push: what does is gravity or a bias
         row, apart = curves.constant_apart(form.knots.size)
-        dynamics["offset"] = _offset(float(row @ curve_values), float(row @ curve_covariance @ row), about)
+        error = float(np.sqrt(max(row @ curve_covariance @ row, 0.0)))
+        values["offset"] = float(row @ curve_values), error
         curve_values, curve_covariance = apart @ curve_values, apart @ curve_covariance @ apart.T
     found, errors = curves.to_law(form, curve_values, curve_covariance)
     friction = JointFriction(
         joint=about,
         law=found,
         standard_errors=errors,
-        dynamics=dynamics,
+        dynamics=estimates(values, about.unit),
         validity=Validity(velocity=(float(v.min()), float(v.max()))),
         fitted=_quality(y, y - X @ theta),
         held_out=_quality(y, losses[sections]),
         method="constant-velocity",
-        warnings=_warnings(runs, both, directional, "offset" in dynamics, about),
+        warnings=_warnings(runs, both, directional, "offset" in values, about),
     )
     samples = Samples(
         time=np.array([r.start for r in runs]),
         position=np.full(v.size, np.nan),
         velocity=v,
         torque=y + pull,
-        friction=y - dynamics["offset"].value if "offset" in dynamics else y,
+        friction=y - friction.dynamics["offset"].value if "offset" in values else y,
         predicted=X @ theta + pull,
         fitted=np.ones(v.size, dtype=bool),
     )
@@ -142,7 +141,7 @@ def identify_constant_velocity(
         joint=about.name,
         samples=samples,
         curve=curve(friction, curves.error_of_curve(form, curve_covariance)),
-        verdict=f"{verdict(friction)} {said}",
+        verdict=f"{verdict(friction)} {remark}",
     )
 
 
@@ -171,31 +170,27 @@ def _quality(y: np.ndarray, error: np.ndarray) -> Quality:
     return Quality(residual=relative, residual_raw=relative, rms=rms, samples=y.size)
 
 
-def _offset(value: float, variance: float, joint: Joint) -> Estimate:
-    return Estimate(value=value, unit=joint.torque_unit, standard_error=float(np.sqrt(max(variance, 0.0))))
-
-
 def _warnings(runs: list[Run], both: bool, directional: bool, apart: bool, joint: Joint) -> tuple[str, ...]:
-    said = []
     uneven = [abs(r.velocity) for r in runs if r.uneven]
-    if uneven:
-        said.append(
-            f"{len(uneven)} runs at up to {max(uneven):.3g} {joint.unit}/s did not keep their speed (stick-slip): "
-            "their mean torque is not the friction at their mean velocity."
-        )
-    if not both:
-        said.append("All runs go one way: friction and a constant torque cannot be told apart.")
-    elif directional and apart:
-        said.append(
+    return sentences(
+        (
+            uneven,
+            f"{len(uneven)} runs at up to {max(uneven, default=0.0):.3g} {joint.unit}/s did not keep their speed (stick-slip): "
+            "their mean torque is not the friction at their mean velocity.",
+        ),
+        (not both, "All runs go one way: friction and a constant torque cannot be told apart."),
+        (
+            both and directional and apart,
             "Friction at rest was taken as equal in both directions, and the constant torque that is left (gravity, bias) as "
-            "an offset: the data cannot tell the two apart."
-        )
-    elif directional:
-        said.append(
+            "an offset: the data cannot tell the two apart.",
+        ),
+        (
+            both and directional and not apart,
             "A constant bias torque (gravity, cable, current offset) cannot be told from friction that differs by "
-            "direction; what there is of it is in the friction."
-        )
-    power = [r.torque * r.velocity for r in runs]
-    if np.sum(power) < 0:
-        said.append("The torque feeds energy in instead of dissipating it: its sign is probably inverted.")
-    return tuple(said)
+            "direction; what there is of it is in the friction.",
+        ),
+        (
+            sum(r.torque * r.velocity for r in runs) < 0,
+            "The torque feeds energy in instead of dissipating it: its sign is probably inverted.",
+        ),
+    )

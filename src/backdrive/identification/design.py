@@ -9,6 +9,7 @@ import numpy as np
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, regression
 from backdrive.identification.signals import Signals
+from backdrive.identification.terms import GRAVITY
 
 #: Columns before the friction basis, in this order.
 COLUMNS = ("inertia", "jerk", "offset", "gravity_sin", "gravity_cos", "model_torque")
@@ -65,22 +66,12 @@ class Choice:
 
 def columns(s: Signals, knots: np.ndarray, rows: slice = slice(None)) -> np.ndarray:
     """Return all columns at full rate: `COLUMNS`, then the friction basis, (n, 6 + 2 k)."""
-    velocity = s.velocity[rows]
-    zero = np.zeros_like(velocity)
-    position = zero if s.position is None else s.position[rows]
-    linear = s.position is None
-    head = np.stack(
-        [
-            s.acceleration[rows],
-            -s.jerk[rows],
-            zero + 1.0,
-            zero if linear else np.sin(position),
-            zero if linear else np.cos(position),
-            zero if s.model_torque is None else s.model_torque[rows],
-        ],
-        axis=1,
-    )
-    return np.hstack([head, curves.basis(velocity, knots)])
+    s = s.rows(rows)
+    zero = np.zeros_like(s.velocity)
+    pull = (zero, zero) if s.position is None else (np.sin(s.position), np.cos(s.position))
+    known = zero if s.model_torque is None else s.model_torque
+    head = np.stack([s.acceleration, -s.jerk, zero + 1.0, *pull, known], axis=1)
+    return np.hstack([head, curves.basis(s.velocity, knots)])
 
 
 def candidates(
@@ -106,40 +97,27 @@ def candidates(
         both_directions: the data move both ways.
         symmetric: True or False to allow only that kind of curve.
     """
+    from scipy.linalg import block_diag
+
     heads: list[tuple[str, ...]] = [()]
     if dynamic:
         heads = [("inertia",), ("inertia", "jerk")] if slip else [("inertia",)]
-    weights = {
-        True: [("gravity_sin", "gravity_cos")],
-        False: [()],
-        None: [(), ("gravity_sin", "gravity_cos")],
-    }
+    pulls = {True: [GRAVITY], False: [()], None: [(), GRAVITY]}[gravity]
+    known = ("model_torque",) if model_torque else ()
     result = []
     for form in curves.forms(knots, coarse, both_directions):
         if symmetric is not None and form.symmetric != symmetric and both_directions:
             continue
+        # by direction, a constant cannot be told from the curves
+        constant = ("offset",) if form.symmetric and both_directions else ()
         for head in heads:
-            for pull in weights[gravity]:
-                terms = head + pull + (("model_torque",) if model_torque else ())
-                if (
-                    form.symmetric and both_directions
-                ):  # by direction, a constant cannot be told from the curves
-                    terms += ("offset",)
-                pick = np.zeros((len(COLUMNS), len(terms)))
-                for i, term in enumerate(terms):
-                    pick[COLUMNS.index(term), i] = 1.0
-                k, r = pick.shape[1], form.spread.shape[1]
-                spread = np.zeros((len(COLUMNS) + form.spread.shape[0], k + r))
-                spread[: len(COLUMNS), :k] = pick
-                spread[len(COLUMNS) :, k:] = form.spread
-                result.append(Candidate(terms=terms, form=form, spread=spread))
+            for pull in pulls:
+                terms = (*head, *pull, *known, *constant)
+                pick = np.eye(len(COLUMNS))[:, [COLUMNS.index(term) for term in terms]]
+                result.append(
+                    Candidate(terms=terms, form=form, spread=np.asarray(block_diag(pick, form.spread)))
+                )
     return sorted(result, key=lambda c: c.size)
-
-
-def _slip(option: Candidate, mapped: regression.Blocks) -> float:
-    theta = mapped.solution()
-    inertia = theta[option.terms.index("inertia")]
-    return float(theta[option.terms.index("jerk")] / inertia) if inertia else np.inf
 
 
 def choose(blocks: regression.Blocks, options: list[Candidate]) -> Choice:
@@ -149,53 +127,45 @@ def choose(blocks: regression.Blocks, options: list[Candidate]) -> Choice:
         NotIdentifiable: no candidate is determined by the data.
     """
     total = max(float(blocks.rows.sum()), 1e-300)
-    judged: list[tuple[float, Candidate]] = []
+    fits: list[tuple[float, Candidate, regression.Blocks, np.ndarray]] = []
     for option in options:
         mapped = blocks.mapped(option.spread)
         weight = np.diag(mapped.gram.sum(axis=0))
-        curve = weight[len(option.terms) :]
-        if np.any(weight <= 0.0) or curve.min() < MEAGRE * total:
+        k = len(option.terms)
+        if np.any(weight <= 0.0) or weight[k:].min() < MEAGRE * total:
             continue
-        if "jerk" in option.terms and abs(_slip(option, mapped)) > LARGEST_SLIP:
+        theta = mapped.solution()
+        value = dict(zip(option.terms, theta))
+        if "jerk" in value and not abs(value["jerk"]) <= LARGEST_SLIP * abs(value["inertia"]):
             continue
-        if len(option.form.knots) > 2 and _vague(option, mapped):
-            continue
+        if len(option.form.knots) > 2:  # a curve would zigzag at a knot that the data hardly determine
+            errors = np.sqrt(np.maximum(np.diag(regression.sandwich(mapped, theta))[k:], 0.0))
+            if errors.max() > VAGUE * np.abs(theta[k:]).max():
+                continue
         loss = max(regression.left_out_losses(mapped).sum(), ROUNDING * blocks.power.sum())
-        judged.append((float(loss) / total, option))
-    if not judged:
+        fits.append((float(loss) / total, option, mapped, theta))
+    if not fits:
         raise NotIdentifiable(
             "No friction curve is determined by these data: the joint hardly moves.",
             remedy="Record a motion with both directions and several speeds (see `backdrive plan`).",
         )
-    best = min(loss for loss, _ in judged)
-    sound = [(loss, option) for loss, option in judged if _plausible(option, blocks)]
-    if sound and min(loss for loss, _ in sound) <= UNSOUND * best:
-        judged, best = sound, min(loss for loss, _ in sound)
-    chosen = next(option for loss, option in judged if loss <= TOLERANCE * best + 1e-300)
-    mapped = blocks.mapped(chosen.spread)
-    theta = mapped.solution()
+    best = min(loss for loss, *_ in fits)
+    sound = [fit for fit in fits if _plausible(fit[1], fit[3])]
+    if sound and min(loss for loss, *_ in sound) <= UNSOUND * best:
+        fits, best = sound, min(loss for loss, *_ in sound)
+    _, chosen, mapped, theta = next(fit for fit in fits if fit[0] <= TOLERANCE * best + 1e-300)
     return Choice(
         candidate=chosen,
         coefficients=theta,
         covariance=regression.sandwich(mapped, theta),
         left_out=regression.left_out_solutions(mapped),
         condition=regression.condition(mapped.gram.sum(axis=0)),
-        loss={f"{'+'.join(o.terms)} | {o.form.name}": loss for loss, o in judged},
+        loss={f"{'+'.join(option.terms)} | {option.form.name}": loss for loss, option, *_ in fits},
     )
 
 
-def _vague(option: Candidate, mapped: regression.Blocks) -> bool:
-    """Say whether the data hardly determine some knot: a curve would zigzag there."""
-    theta = mapped.solution()
-    k = len(option.terms)
-    errors = np.sqrt(np.maximum(np.diag(regression.sandwich(mapped, theta))[k:], 0.0))
-    return bool(errors.max() > VAGUE * np.abs(theta[k:]).max())
-
-
-def _plausible(option: Candidate, blocks: regression.Blocks) -> bool:
+def _plausible(option: Candidate, theta: np.ndarray) -> bool:
     """Say whether friction opposes motion at every knot and the inertia is positive."""
-    mapped = blocks.mapped(option.spread)
-    theta = mapped.solution()
     if "inertia" in option.terms and theta[option.terms.index("inertia")] < 0.0:
         return False
     curve, k = theta[len(option.terms) :], option.form.knots.size

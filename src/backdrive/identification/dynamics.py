@@ -18,12 +18,10 @@ import numpy as np
 from backdrive.engine import rollout
 from backdrive.errors import InvalidInput
 from backdrive.identification.signals import Signals
-from backdrive.identification.terms import GRAVITY, unit_of
+from backdrive.identification.terms import GRAVITY, column
 from backdrive.laws import Rigid
 from backdrive.laws.growth import pairs
 from backdrive.model import JointFriction
-
-__all__ = ["carried", "earlier", "growth_with_load", "increments", "predict", "rest_of_dynamics", "unit_of"]
 
 
 def rest_of_dynamics(friction: JointFriction, signals: Signals) -> np.ndarray:
@@ -40,7 +38,7 @@ def _rest(friction: JointFriction, signals: Signals) -> np.ndarray:
     tau = np.full(signals.velocity.shape, value.get("offset", 0.0))
     if value.get("inertia"):
         tau += value["inertia"] * (signals.acceleration - value.get("time_slip", 0.0) * signals.jerk)
-    tau += _gravity(friction, signals)
+    tau += _pull(friction, signals)
     if "model_torque" in value:
         if signals.model_torque is None:
             raise _cannot(friction, "a torque known from elsewhere", "model_torque", "tau_model")
@@ -48,17 +46,15 @@ def _rest(friction: JointFriction, signals: Signals) -> np.ndarray:
     return tau
 
 
-def _gravity(friction: JointFriction, signals: Signals) -> np.ndarray | float:
-    value = {k: e.value for k, e in friction.dynamics.items() if k in GRAVITY}
-    if not value:
-        return 0.0
-    if signals.position is None:
+def _pull(friction: JointFriction, signals: Signals) -> np.ndarray | float:
+    """Return the torque of gravity [N.m or N], (n,)."""
+    terms = [term for term in GRAVITY if term in friction.dynamics]
+    if terms and signals.position is None:
         raise _cannot(friction, "gravity", "position", "q")
-    q = signals.position
-    return value.get("gravity_sin", 0.0) * np.sin(q) + value.get("gravity_cos", 0.0) * np.cos(q)
+    return sum((friction.dynamics[term].value * column(signals, term) for term in terms), 0.0)
 
 
-def carried(friction: JointFriction, signals: Signals) -> np.ndarray | None:
+def carried_load(friction: JointFriction, signals: Signals) -> np.ndarray | None:
     """Return the load that the joint carries [N.m or N], (n,): gravity and what accelerates it; None where nothing tells it.
 
     Where the model knows neither gravity nor inertia it is the negative of the log's external torque.
@@ -72,7 +68,7 @@ def carried(friction: JointFriction, signals: Signals) -> np.ndarray | None:
     if inertia is None and not any(term in friction.dynamics for term in GRAVITY):
         return None if signals.load is None else -signals.load[:, 1]
     accelerating = 0.0 if inertia is None else inertia.value
-    return _gravity(friction, signals) + accelerating * signals.acceleration
+    return _pull(friction, signals) + accelerating * signals.acceleration
 
 
 def growth_with_load(friction: JointFriction) -> tuple[float, float] | None:
@@ -99,7 +95,7 @@ def predict(friction: JointFriction, signals: Signals) -> np.ndarray:
     """
     then = _then(friction, signals)
     rest, law, dt = _rest(friction, then), friction.law, 1.0 / then.rate
-    load, temperature = pairs(carried(friction, then), then.velocity.shape), None
+    load, temperature = pairs(carried_load(friction, then), then.velocity.shape), None
     if "load" in law.rate.NEEDS:
         if then.load is None:
             raise _cannot(friction, "friction that depends on the load", "load", "load")
@@ -139,26 +135,16 @@ def earlier(x: np.ndarray, samples: float) -> np.ndarray:
     n = x.shape[-1]
     whole = int(np.floor(samples))
     u = 1.0 - (samples - whole)  # of the way from the sample before to the sample after
-    k = np.arange(n) - whole - 1
     weights = (
         -u * (u - 1.0) * (u - 2.0) / 6.0,
         (u * u - 1.0) * (u - 2.0) / 2.0,
         -u * (u + 1.0) * (u - 2.0) / 2.0,
         u * (u * u - 1.0) / 6.0,
     )
-    low, high = max(0, 1 - int(k[0])), min(n, n - 2 - int(k[0]))  # inside, slices do
-    found = np.empty_like(x)
-    if high > low:
-        a = low + int(k[0])
-        m = high - low
-        found[..., low:high] = sum(w * x[..., a + j : a + j + m] for j, w in zip((-1, 0, 1, 2), weights))
-    for edge in (slice(0, min(low, n)), slice(max(high, min(low, n)), n)):
-        at = k[edge]
-        if at.size:
-            found[..., edge] = sum(
-                w * x[..., np.clip(at + j, 0, n - 1)] for j, w in zip((-1, 0, 1, 2), weights)
-            )
-    return found
+    whole = min(max(whole, -n - 2), n + 2)  # beyond, the held end is all there is
+    padded = np.pad(x, [(0, 0)] * (x.ndim - 1) + [(max(whole + 2, 0), max(2 - whole, 0))], "edge")
+    first = max(whole + 2, 0) - whole - 2
+    return sum((w * padded[..., first + j : first + j + n] for j, w in enumerate(weights)), np.zeros_like(x))
 
 
 def _then(friction: JointFriction, signals: Signals) -> Signals:

@@ -2,21 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import fields
+from typing import Any
 
 import numpy as np
 
-from backdrive.identification.grade import grade
+from backdrive.identification.dynamics import predict, rest_of_dynamics
+from backdrive.identification.quality import grade
 from backdrive.identification.result import Curve, JointEvidence, Samples
 from backdrive.identification.signals import Signals
 from backdrive.model import JointFriction
 
 MOST = 4000  # samples kept for pictures
+Part = tuple[Signals, np.ndarray, np.ndarray, bool]
+
+
+def sentences(*table: tuple[Any, str]) -> tuple[str, ...]:
+    """Return what applies of a table of conditions and sentences."""
+    return tuple(sentence for applies, sentence in table if applies)
+
+
+def parts_of(friction: JointFriction, stretches: Iterable[Signals], fitted: bool) -> list[Part]:
+    """Return stretches as `evidence` takes them."""
+    return [(s, s.torque - rest_of_dynamics(friction, s), predict(friction, s), fitted) for s in stretches]
 
 
 def evidence(
     friction: JointFriction,
-    parts: Sequence[tuple[Signals, np.ndarray, np.ndarray, bool]],
+    parts: Sequence[Part],
     standard_error: Callable[[np.ndarray], np.ndarray],
     presliding: np.ndarray | None = None,
 ) -> JointEvidence:
@@ -24,29 +38,18 @@ def evidence(
 
     Args:
         friction: the result.
-        parts: signals, measured friction, predicted torque [N.m or N] and whether the fit saw them.
+        parts: signals, measured friction, predicted torque [N.m or N] and whether they were fitted, as `parts_of` gives them.
         standard_error: of the curve at velocities.
         presliding: displacement and torque of a ramp, (n, 2).
     """
-    total = sum(s.time.size for s, *_ in parts)
-    stride = max(1, -(-total // MOST))
-    take = slice(None, None, stride)
-
-    def join(pick) -> np.ndarray:
-        return np.concatenate([pick(*part)[take] for part in parts])
-
-    def position(s, *_):
-        return np.full(s.time.size, np.nan) if s.position is None else s.position
-
-    samples = Samples(
-        time=join(lambda s, f, p, seen: s.time),
-        position=join(position),
-        velocity=join(lambda s, f, p, seen: s.velocity),
-        torque=join(lambda s, f, p, seen: s.torque),
-        friction=join(lambda s, f, p, seen: f),
-        predicted=join(lambda s, f, p, seen: p),
-        fitted=join(lambda s, f, p, seen: np.full(s.time.size, seen)),
-    )
+    stride = max(1, -(-sum(part[0].time.size for part in parts) // MOST))
+    columns = []
+    for s, measured, predicted, fitted in parts:
+        position = np.full(s.time.size, np.nan) if s.position is None else s.position
+        series = s.time, position, s.velocity, s.torque, measured, predicted, np.full(s.time.size, fitted)
+        columns.append([x[::stride] for x in series])
+    names = [f.name for f in fields(Samples)]
+    samples = Samples(**{name: np.concatenate(each) for name, each in zip(names, zip(*columns))})
     return JointEvidence(
         joint=friction.joint.name,
         samples=samples,
@@ -86,12 +89,12 @@ def verdict(friction: JointFriction) -> str:
         )
     else:
         amount = f"Friction is {slow[0]:.3g} {unit} at {slowest:.2g} {speed} and {fast[0]:.3g} {unit} at {top:.3g} {speed}."
-    return f"{amount} {explained(friction)}"
+    return f"{amount} {describe_fit(friction)}"
 
 
-def explained(friction: JointFriction) -> str:
+def describe_fit(friction: JointFriction) -> str:
     """Say in a sentence how much of the torque the model explains, and the grade."""
     quality = friction.held_out or friction.fitted
     residual = quality.residual if quality else float("nan")
-    seen = "torque it had not seen" if friction.held_out else "the torque it was fitted to"
-    return f"The model explains all but {residual:.1f} % of {seen}: {grade(friction).word}."
+    what = "torque it had not seen" if friction.held_out else "the torque it was fitted to"
+    return f"The model explains all but {residual:.1f} % of {what}: {grade(friction).word}."

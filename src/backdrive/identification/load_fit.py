@@ -142,11 +142,10 @@ def payload_growth(
     spread = eqs.spread("own", (*GRAVITY, LOAD))
     base, weight = (eqs.X @ spread)[:n], eqs.weight[:n]
     payload = carried[of_sweep]
-    delta, theta, inverse, X = 0.0, np.zeros(0), base, base
+    delta, inverse, X = 0.0, base, base
+    theta = np.linalg.lstsq(base[:, : 2 * K + 2], eqs.y[:n] - payload, rcond=1e-10)[0]  # without growth
     for _ in range(2 * ROUNDS):
-        gravity = (
-            theta[2 * K : 2 * K + 2] / (1.0 + delta) if theta.size else _start(base, eqs.y[:n], payload, K)
-        )
+        gravity = theta[2 * K : 2 * K + 2] / (1.0 + delta)
         size = eqs.load(base[:, 2 * K : 2 * K + 2] @ gravity + payload)
         X = np.column_stack([base[:, :-1], sign * size, payload])
         inverse = np.linalg.pinv(X * weight[:, None], rcond=1e-12)
@@ -168,14 +167,11 @@ def payload_growth(
             remedy="Look at the payloads: s of s sin q comes first, c of c cos q second [N.m], one entry a log in their order.",
         )
     deviation = np.sqrt(np.diag(covariance))
-    found = []
-    for way in (1.0, -1.0):
-        row = np.zeros(theta.size)
-        row[-2:] = 1.0, way
-        found.append((float(row @ theta), float(np.sqrt(row @ covariance @ row))))
+    ways = np.array([[1.0, 1.0], [1.0, -1.0]])  # lifting and driven back, from mean and half difference
+    mu, mu_error = ways @ theta[-2:], np.sqrt(np.diag(ways @ covariance[-2:, -2:] @ ways.T))
     return PayloadGrowth(
-        driving=found[0],
-        driven=found[1],
+        driving=(float(mu[0]), float(mu_error[0])),
+        driven=(float(mu[1]), float(mu_error[1])),
         gravity=theta[2 * K : 2 * K + 2] / (1.0 + delta),
         gravity_error=deviation[2 * K : 2 * K + 2] / (1.0 + delta),
         positive=theta[:K],
@@ -185,9 +181,3 @@ def payload_growth(
         velocity=eqs.V,
         condition=condition,
     )
-
-
-def _start(base: np.ndarray, y: np.ndarray, payload: np.ndarray, K: int) -> np.ndarray:
-    """Return gravity as it is found without growth [N.m], (2,)."""
-    found = np.linalg.lstsq(base[:, : 2 * K + 2], y - payload, rcond=1e-10)[0]
-    return found[2 * K : 2 * K + 2]

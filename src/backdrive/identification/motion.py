@@ -9,7 +9,7 @@ samples from mattering.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,14 +17,14 @@ import numpy as np
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, design, regression
 from backdrive.identification.dynamics import predict, rest_of_dynamics
-from backdrive.identification.evidence import evidence
-from backdrive.identification.quality import judge
+from backdrive.identification.evidence import evidence, parts_of, sentences
+from backdrive.identification.quality import assess, judge
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
 from backdrive.identification.smoothing import smoothing
-from backdrive.identification.terms import unit_of
+from backdrive.identification.terms import estimates
 from backdrive.logs.log import Joint, Log
-from backdrive.model import Estimate, JointFriction, Validity
+from backdrive.model import JointFriction, Validity
 
 BIN_TIME = 0.01  # torque and regressors are averaged over this long [s]
 BLOCK_TIME = 1.5  # aimed length of a cross-validation block [s]
@@ -32,6 +32,7 @@ BLOCKS = (8, 24)  # least and most blocks
 SHORT, FEW_TURNS = 4.0, 4  # less motion [s], or fewer reversals, is remarked on
 SUSTAINED = 0.1  # a joint slides where its velocity would last so long at its acceleration [s]
 SPAN_FOR_GRAVITY = 0.15  # a rotary joint must travel so far before gravity is looked for [rad]
+Columns = Callable[[Signals, np.ndarray, slice], np.ndarray]
 CHUNK = 200_000  # samples turned into a regressor at a time
 
 
@@ -90,41 +91,38 @@ def identify_motion(
     choice = design.offset_apart(choice)
     friction = as_friction(choice, choice.coefficients, about, (float(speeds.min()), float(speeds.max())))
     friction = with_warnings(friction, choice, both)
-    if smooth.warning:
-        friction = replace(friction, warnings=(*friction.warnings, smooth.warning))
     duration = sum(float(np.count_nonzero(s.moving)) / s.rate for s in stretches)
     turns = sum(int(np.count_nonzero(np.diff(np.sign(s.velocity[s.moving])))) for s in stretches)
-    if duration < SHORT or turns < FEW_TURNS:
-        said = f"Only {duration:.2g} s of motion with {turns} reversals: too little to separate friction from the rest surely."
-        friction = replace(friction, warnings=(*friction.warnings, said))
     slowest = slowest_sliding(stretches, knots)
-    if np.any((choice.candidate.form.knots > 0.0) & (choice.candidate.form.knots < slowest)):
-        unit = f"{about.unit}/s"
-        said = (
-            f"Below {slowest:.2g} {unit} the joint moved only while it turned round: what the curve shows there is the torque "
-            "of reversals, not sliding friction."
-        )
-        friction = replace(friction, warnings=(*friction.warnings, said))
-    fitted = judge([(s.torque, predict(friction, s), s.rate, s.moving) for s in stretches])
-    if held_out:
-        others = [s for log in held_out for s in prepare(log, joint, cutoff=smooth.cutoff)]
-        held = judge([(s.torque, predict(friction, s), s.rate, s.moving) for s in others])
-    else:
-        others = []
-        held = judge(_left_out(stretches, choice, about, friction.validity.velocity))
-    carried = np.concatenate([rest_of_dynamics(friction, s) for s in stretches])
-    validity = replace(friction.validity, load=(float(carried.min()), float(carried.max())))
-    friction = replace(friction, fitted=fitted, held_out=held, validity=validity)
-    k = len(choice.candidate.terms)
-    shown = evidence(
+    remarks = sentences(
+        (smooth.warning, smooth.warning),
+        (
+            duration < SHORT or turns < FEW_TURNS,
+            f"Only {duration:.2g} s of motion with {turns} reversals: too little to separate friction from the rest surely.",
+        ),
+        (
+            np.any((choice.candidate.form.knots > 0.0) & (choice.candidate.form.knots < slowest)),
+            f"Below {slowest:.2g} {about.unit}/s the joint moved only while it turned round: what the curve shows there is the "
+            "torque of reversals, not sliding friction.",
+        ),
+    )
+    others = [s for log in held_out for s in prepare(log, joint, cutoff=smooth.cutoff)]
+    unseen = _left_out(stretches, choice, about, friction.validity.velocity) if not held_out else None
+    load = np.concatenate([rest_of_dynamics(friction, s) for s in stretches])
+    friction = replace(
         friction,
-        [
-            (s, s.torque - rest_of_dynamics(friction, s), predict(friction, s), i < len(stretches))
-            for i, s in enumerate([*stretches, *others])
-        ],
+        warnings=(*friction.warnings, *remarks),
+        fitted=assess(friction, stretches),
+        held_out=assess(friction, others) if unseen is None else judge(unseen),
+        validity=replace(friction.validity, load=(float(load.min()), float(load.max()))),
+    )
+    k = len(choice.candidate.terms)
+    support = evidence(
+        friction,
+        parts_of(friction, stretches, True) + parts_of(friction, others, False),
         curves.error_of_curve(choice.candidate.form, choice.covariance[k:, k:]),
     )
-    return friction, replace(shown, verdict=f"{shown.verdict} {smooth.note}".rstrip())
+    return friction, replace(support, verdict=f"{support.verdict} {smooth.note}".rstrip())
 
 
 def slowest_sliding(stretches: Sequence[Signals], knots: np.ndarray) -> float:
@@ -157,24 +155,29 @@ def block_count(stretches: Sequence[Signals]) -> int:
     return int(np.clip(duration / BLOCK_TIME, *BLOCKS))
 
 
-def binned(stretches: Sequence[Signals], knots: np.ndarray) -> regression.Blocks:
-    """Return the robustly weighted normal equations of all columns, by block of neighbouring samples."""
-    Xs, ys, ws = [], [], []
+def binned(
+    stretches: Sequence[Signals], knots: np.ndarray, columns: Columns = design.columns
+) -> regression.Blocks:
+    """Return the robustly weighted normal equations of all columns, by block of neighbouring samples.
+
+    Args:
+        stretches: of one joint.
+        knots: of the curve among the columns [rad/s or m/s], (k,).
+        columns: what gives the regressor of some samples of a stretch, (n, p).
+    """
+    parts = []
     for s in stretches:
         width, count = bins(s)
         per_chunk = max(1, CHUNK // width)
         for first in range(0, count, per_chunk):
             n = min(per_chunk, count - first)
             rows = slice(first * width, (first + n) * width)
-            X = design.columns(s, knots, rows)
-            Xs.append(X.reshape(n, width, -1).mean(axis=1))
-            ys.append(s.torque[rows].reshape(n, width).mean(axis=1))
-            ws.append(s.moving[rows].reshape(n, width).mean(axis=1))
-    X, y, w = np.concatenate(Xs), np.concatenate(ys), np.concatenate(ws)
-    w = np.where(w > 0.5, w, 0.0)
-    w = regression.robust_weights(X, y, w)
+            series = columns(s, knots, rows), s.torque[rows], s.moving[rows]
+            parts.append([x.reshape(n, width, -1).mean(axis=1) for x in series])
+    X, y, w = (np.concatenate(part) for part in zip(*parts))
+    w = regression.robust_weights(X, y[:, 0], np.where(w > 0.5, w, 0.0)[:, 0])
     count = block_count(stretches)
-    return regression.accumulate(X, y, w, regression.block_index(len(y), count), count)
+    return regression.accumulate(X, y[:, 0], w, regression.block_index(len(y), count), count)
 
 
 def as_friction(
@@ -183,21 +186,18 @@ def as_friction(
     """Return the joint's friction for a vector of coefficients of the chosen candidate."""
     candidate, covariance = choice.candidate, choice.covariance
     k = len(candidate.terms)
-    values = dict(zip(candidate.terms, coefficients[:k]))
-    errors = dict(zip(candidate.terms, np.sqrt(np.maximum(np.diag(covariance)[:k], 0.0))))
+    errors = np.sqrt(np.maximum(np.diag(covariance)[:k], 0.0))
+    values = dict(zip(candidate.terms, zip(coefficients[:k], errors)))
     law, law_errors = curves.to_law(candidate.form, coefficients[k:], covariance[k:, k:])
-    dynamics = {}
-    for term, value in values.items():
-        name, error = term, float(errors[term])
-        if term == "jerk":
-            inertia = values["inertia"]
-            name, value, error = "time_slip", value / inertia, error / abs(inertia)
-        dynamics[name] = Estimate(value=float(value), unit=unit_of(name, joint), standard_error=float(error))
+    if "jerk" in values:
+        (inertia, _), (delayed, error) = values["inertia"], values["jerk"]
+        values["jerk"] = delayed / inertia, error / abs(inertia)
+    named = {"time_slip" if term == "jerk" else term: value for term, value in values.items()}
     return JointFriction(
         joint=joint,
         law=law,
         standard_errors=law_errors,
-        dynamics=dynamics,
+        dynamics=estimates(named, joint.unit),
         validity=Validity(velocity=velocity),
         method="motion",
     )
@@ -205,57 +205,56 @@ def as_friction(
 
 def with_warnings(friction: JointFriction, choice: design.Choice, both_directions: bool) -> JointFriction:
     """Return the result with what makes it suspect said in sentences."""
-    said = []
     low, high = friction.validity.velocity
     speeds = np.linspace(low, high, 201)
-    if np.any(friction.law.torque(speeds) * speeds < 0.0):
-        said.append(
-            "At some velocities the friction found feeds energy in instead of dissipating it: the torque's sign is inverted, "
-            "or torques act that the model does not know."
-        )
     inertia = friction.dynamics.get("inertia")
-    if inertia is not None and inertia.value < -2 * inertia.standard_error:
-        said.append(
-            f"The inertia came out negative ({inertia.value:.4g} {inertia.unit}): torque sign, or other axes' pull."
-        )
-    if not both_directions:
-        said.append(
-            "The joint moved in one direction only: friction and a constant torque cannot be told apart."
-        )
-    symmetric = choice.candidate.form.symmetric
-    if not symmetric and "offset" in choice.candidate.terms:
-        said.append(
+    negative = inertia is not None and inertia.value < -2 * inertia.standard_error
+    symmetric, apart = choice.candidate.form.symmetric, "offset" in choice.candidate.terms
+    warnings = sentences(
+        (
+            np.any(friction.law.torque(speeds) * speeds < 0.0),
+            "At some velocities the friction found feeds energy in instead of dissipating it: the torque's sign is inverted, "
+            "or torques act that the model does not know.",
+        ),
+        (
+            negative,
+            f"The inertia came out negative ({inertia.value if inertia else 0.0:.4g} {inertia.unit if inertia else ''}): torque "
+            "sign, or other axes' pull.",
+        ),
+        (
+            not both_directions,
+            "The joint moved in one direction only: friction and a constant torque cannot be told apart.",
+        ),
+        (
+            not symmetric and apart,
             "Friction at rest was taken as equal in both directions, and the constant torque that is left as an offset: "
-            "the data cannot tell the two apart."
-        )
-    elif not symmetric:
-        said.append(
+            "the data cannot tell the two apart.",
+        ),
+        (
+            not symmetric and not apart,
             "A constant bias torque (cable, current offset, gravity) cannot be told from friction that differs by "
-            "direction; what there is of it is in the friction."
-        )
-    if choice.condition > 1e4:
-        said.append(f"The motion separates the terms poorly (condition number {choice.condition:.1e}).")
-    return replace(friction, warnings=tuple(said))
+            "direction; what there is of it is in the friction.",
+        ),
+        (
+            choice.condition > 1e4,
+            f"The motion separates the terms poorly (condition number {choice.condition:.1e}).",
+        ),
+    )
+    return replace(friction, warnings=warnings)
 
 
 def _left_out(stretches, choice, joint, velocity):
     """Predict every block by the fit that did not see it."""
     models = [as_friction(choice, theta, joint, velocity) for theta in choice.left_out]
-    total = sum(bins(s)[1] for s in stretches)
-    block = regression.block_index(total, len(models))
-    seen = 0
-    pairs = []
+    block = regression.block_index(sum(bins(s)[1] for s in stretches), len(models))
+    first, pairs = 0, []
     for s in stretches:
         width, count = bins(s)
-        of_bin = block[seen : seen + count]
-        seen += count
-        of_sample = np.r_[
-            np.repeat(of_bin, width), np.full(s.time.size - count * width, of_bin[-1] if count else 0)
-        ]
-        predicted = np.empty(s.time.size)
-        for b in np.unique(of_sample):
-            rows = np.flatnonzero(of_sample == b)
-            part = slice(rows[0], rows[-1] + 1)
-            predicted[part] = predict(models[b], s.rows(part))
-        pairs.append((s.torque, predicted, s.rate, s.moving))
+        of_bin = block[first : first + count] if count else np.zeros(1, dtype=int)
+        first += count
+        of_sample = of_bin[np.minimum(np.arange(s.time.size) // width, of_bin.size - 1)]
+        edges = np.searchsorted(of_sample, np.unique(of_sample)).tolist()
+        rows = [slice(a, b) for a, b in zip(edges, [*edges[1:], s.time.size])]
+        predicted = [predict(models[of_sample[part.start]], s.rows(part)) for part in rows]
+        pairs.append((s.torque, np.concatenate(predicted), s.rate, s.moving))
     return pairs

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 
 from backdrive._blas import on_one_thread
 from backdrive._catalog import lookup
+from backdrive.engine import DriveModel
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.auto import METHODS, choose_method, moving_joints, own_turn
-from backdrive.identification.evidence import explained
-from backdrive.identification.options import Interval, Options
-from backdrive.identification.request import (
+from backdrive.identification.evidence import describe_fit
+from backdrive.identification.options import (
+    Interval,
+    Options,
     apart,
     healthy,
     in_order,
@@ -29,9 +32,14 @@ from backdrive.identification.validate import validate
 from backdrive.logs.log import Drive, Log
 from backdrive.model import ArmModel, FrictionModel, JointFriction
 
-if TYPE_CHECKING:
-    from backdrive.engine import DriveModel
-
+#: Method -> where one joint is identified by it: module, function and the options that it heeds.
+ONE_JOINT: dict[str, tuple[str, str, tuple[str, ...]]] = {
+    "sweep": ("sweep", "identify_sweep", ("literal", "symmetric", "timing")),
+    "payload": ("sweep_payload", "identify_payload", ("payloads", "timing")),
+    "constant-velocity": ("constant_velocity", "identify_constant_velocity", ("symmetric", "law")),
+    "ramp": ("presliding", "identify_ramp", ()),
+    "motion": ("motion", "identify_motion", ("cutoff", "gravity", "symmetric", "law")),
+}
 Outcome = tuple[Sequence[JointFriction], Sequence[JointEvidence], ArmModel | None]
 
 
@@ -92,7 +100,7 @@ def identify(
             number of `engine.Axis` (dynamic).
         drive: fit from motion given this drive's input; None: as the logs say, where they hold no torque (dynamic).
         loss: `linear`, `huber` or `absolute` (dynamic).
-        interval: `covariance`, `profile` or `bootstrap`; see `dynamic.intervals` (dynamic).
+        interval: `covariance`, `profile` or `bootstrap`; see `dynamic.uncertainty` (dynamic).
         cutoff: low pass of the motion before differentiation [Hz]; None: by sampling rate and encoder.
         step: longest integration step of a fit given the drive's input [s]; None: a part of the fastest time constant of the
             drive with the inertia, at most 1 ms (dynamic).
@@ -155,7 +163,9 @@ def identify(
     apart(logs, held_out)
     logs = planned(logs, plan)
     if _searches(logs, options):
-        _check_search(options)
+        from backdrive.identification import dynamic
+
+        dynamic.check(options)
     options.say("Checking the logs")
     warnings: list[str] = []
     logs = [healthy(log, accept, repair, warnings) for log in logs]
@@ -223,12 +233,6 @@ def _searches(logs: Sequence[Log], options: Options) -> bool:
     return any(log.torque is None and log.drive_input is not None for log in logs)
 
 
-def _check_search(options: Options) -> None:
-    from backdrive.identification import dynamic
-
-    dynamic.check(options)
-
-
 def _method(logs: Sequence[Log], names: Sequence[str], options: Options) -> tuple[str, str]:
     """Return the method that runs, and why."""
     if _searches(logs, options):
@@ -281,36 +285,13 @@ def _by_joint(
 def _one(
     method: str, logs: Sequence[Log], name: str, held_out: Sequence[Log], options: Options
 ) -> tuple[JointFriction, JointEvidence]:
-    law = options.law if isinstance(options.law, str) or options.law is None else ",".join(options.law)
-    if method == "sweep" and options.payloads is not None:
-        from backdrive.identification.sweep_payload import identify_payload
-
-        return identify_payload(logs, name, options.payloads, timing=options.timing)
-    if method == "sweep":
-        from backdrive.identification.sweep import identify_sweep
-
-        return identify_sweep(
-            logs, name, literal=options.literal, symmetric=options.symmetric, timing=options.timing
-        )
-    if method == "constant-velocity":
-        from backdrive.identification.constant_velocity import identify_constant_velocity
-
-        return identify_constant_velocity(logs, name, symmetric=options.symmetric, law=law)
-    if method == "ramp":
-        from backdrive.identification.presliding import identify_ramp
-
-        return identify_ramp(logs, name)
-    from backdrive.identification.motion import identify_motion
-
-    return identify_motion(
-        logs,
-        name,
-        held_out=held_out,
-        cutoff=options.cutoff,
-        gravity=options.gravity,
-        symmetric=options.symmetric,
-        law=law,
-    )
+    module, function, heeded = ONE_JOINT["payload" if options.payloads is not None else method]
+    given = {n: getattr(options, n) for n in heeded}
+    if isinstance(given.get("law"), (list, tuple)):
+        given["law"] = ",".join(given["law"])
+    if method == "motion":
+        given["held_out"] = held_out
+    return getattr(import_module(f"backdrive.identification.{module}"), function)(logs, name, **given)
 
 
 def _judged_on(
@@ -319,11 +300,11 @@ def _judged_on(
     """Return model and evidence with the quality on held-out logs, for methods that do not judge themselves."""
     qualities = validate(model, held_out)
     joints = tuple(replace(j, held_out=qualities.get(j.joint.name, j.held_out)) for j in model.joints)
-    said = [
-        replace(e, verdict=e.verdict.replace(explained(before), explained(after)))
+    described = [
+        replace(e, verdict=e.verdict.replace(describe_fit(before), describe_fit(after)))
         for e, before, after in zip(evidence, model.joints, joints)
     ]
-    return replace(model, joints=joints), said
+    return replace(model, joints=joints), described
 
 
 def _with_temperature(friction: JointFriction, logs: Sequence[Log]) -> JointFriction:

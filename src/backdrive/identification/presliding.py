@@ -7,13 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.identification.evidence import MOST, curve
+from backdrive.identification.evidence import MOST, curve, sentences
 from backdrive.identification.ramp import Presliding, presliding
 from backdrive.identification.result import JointEvidence, Samples
+from backdrive.identification.terms import estimates
 from backdrive.laws import CoulombViscous, Law
 from backdrive.logs.filters import derivative
 from backdrive.logs.log import Joint, Log
-from backdrive.model import Estimate, JointFriction, Validity
+from backdrive.model import JointFriction, Validity
 
 NAMED = 0.03  # share of the break-away torque from which on the torque at rest is mentioned [-]
 
@@ -49,7 +50,7 @@ def identify_ramp(logs: Sequence[Log], joint: str) -> tuple[JointFriction, Joint
             "viscous_negative": float("nan"),
         },
         at_bound=tuple(missing),
-        dynamics=_dynamics(found, about),
+        dynamics=estimates(_dynamics(found), about.unit),
         validity=Validity(
             velocity=(-found.slip_speed, found.slip_speed), load=(found.largest[1], found.largest[0])
         ),
@@ -74,24 +75,18 @@ def _break_away(found: Presliding, direction: int) -> tuple[float, float, bool]:
     return direction * (slipped[0] - found.rest), slipped[1], True
 
 
-def _dynamics(found: Presliding, joint: Joint) -> dict[str, Estimate]:
-    stiffness = f"{joint.torque_unit}/{joint.unit}"
-    result = {"offset": Estimate(value=found.rest, unit=joint.torque_unit)}
+def _dynamics(found: Presliding) -> dict[str, tuple[float, float]]:
+    values = {"offset": (found.rest, np.nan)}
     if found.stiffness is None:
-        result["presliding_stiffness_bound"] = Estimate(value=found.bound, unit=stiffness)
+        values["presliding_stiffness_bound"] = found.bound, np.nan
     else:
-        result["presliding_stiffness"] = Estimate(
-            value=found.stiffness[0], unit=stiffness, standard_error=found.stiffness[1]
-        )
-        if found.tangent is not None:
-            result["presliding_stiffness_tangent"] = Estimate(
-                value=found.tangent[0], unit=stiffness, standard_error=found.tangent[1]
-            )
+        values["presliding_stiffness"] = found.stiffness
+    if found.tangent is not None:
+        values["presliding_stiffness_tangent"] = found.tangent
     if np.isfinite(found.width):
-        blur = found.count / np.sqrt(6.0)
-        result["hysteresis_width"] = Estimate(value=found.width, unit=joint.unit, standard_error=float(blur))
-        result["hysteresis_area"] = Estimate(value=found.area, unit="J")
-    return result
+        values["hysteresis_width"] = found.width, found.count / np.sqrt(6.0)
+        values["hysteresis_area"] = found.area, np.nan
+    return values
 
 
 def _warnings(
@@ -101,32 +96,33 @@ def _warnings(
     up: tuple[float, float],
     down: tuple[float, float],
 ) -> tuple[str, ...]:
-    said = []
-    unit = joint.torque_unit
-    if not found.resolved:
-        counts = f"{found.displacement / found.count:.0f} counts of {found.count:.3g} {joint.unit}"
-        said.append(
-            f"Joint '{joint.name}': before break-away it moves by {counts}, which is below the encoder's resolution: only a "
-            "lower bound of the stiffness is known."
-        )
-    for name in missing:
-        side, peak = ("+q", found.largest[0]) if name == "coulomb_positive" else ("-q", found.largest[1])
-        said.append(
-            f"Joint '{joint.name}' did not break away along {side} up to {peak:.3g} {unit}: its friction is at least what "
-            "is given."
-        )
+    unit, name = joint.torque_unit, f"Joint '{joint.name}'"
+    peaks = {"coulomb_positive": ("+q", found.largest[0]), "coulomb_negative": ("-q", found.largest[1])}
     apart, least = up[0] - down[0], max(min(up[0], down[0]), 1e-300)
-    if not missing and abs(apart) > max(4.0 * np.hypot(up[1], down[1]), NAMED * least):
-        said.append(
-            f"Joint '{joint.name}': the break-away torques differ by {abs(apart):.3g} {unit}; unequal friction and a constant "
-            "pull (gravity, offset of the torque signal) look the same to a ramp."
-        )
-    if abs(found.rest) > NAMED * least:
-        said.append(
-            f"Joint '{joint.name}': the torque of {found.rest:.3g} {unit} before the ramp was taken for gravity or offset; as "
-            "far as friction held the joint then, the two directions are shifted by it."
-        )
-    return tuple(said)
+    return sentences(
+        (
+            not found.resolved,
+            f"{name}: before break-away it moves by {found.displacement / found.count:.0f} counts of {found.count:.3g} "
+            f"{joint.unit}, which is below the encoder's resolution: only a lower bound of the stiffness is known.",
+        ),
+        *(
+            (
+                side in missing,
+                f"{name} did not break away along {way} up to {peak:.3g} {unit}: its friction is at least what is given.",
+            )
+            for side, (way, peak) in peaks.items()
+        ),
+        (
+            not missing and abs(apart) > max(4.0 * np.hypot(up[1], down[1]), NAMED * least),
+            f"{name}: the break-away torques differ by {abs(apart):.3g} {unit}; unequal friction and a constant pull (gravity, "
+            "offset of the torque signal) look the same to a ramp.",
+        ),
+        (
+            abs(found.rest) > NAMED * least,
+            f"{name}: the torque of {found.rest:.3g} {unit} before the ramp was taken for gravity or offset; as far as friction "
+            "held the joint then, the two directions are shifted by it.",
+        ),
+    )
 
 
 def _verdict(friction: JointFriction, found: Presliding, missing: Sequence[str]) -> str:

@@ -1,15 +1,21 @@
-"""How well a model explains measured torque, pooled over stretches, files or left-out blocks."""
+"""How well a model explains measured torque, pooled over stretches, files or left-out blocks; and that in one word."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
+from backdrive.identification.dynamics import predict
+from backdrive.identification.signals import Signals
 from backdrive.logs.filters import low_pass
-from backdrive.model import Quality
+from backdrive.model import JointFriction, Quality
 
 JUDGED_BELOW = 5.0  # corner of the zero-phase low pass on both torques [Hz]
+GOOD, FAIR = 15.0, 35.0  # residual up to which a result is called good, or usable with care [%]
 
 
 def judge(pairs: Iterable[tuple[np.ndarray, np.ndarray, float, np.ndarray]]) -> Quality:
@@ -18,18 +24,66 @@ def judge(pairs: Iterable[tuple[np.ndarray, np.ndarray, float, np.ndarray]]) -> 
     Args:
         pairs: measured torque, predicted torque [N.m or N], sampling rate [Hz] and the mask of judged samples, each (n,).
     """
-    above, below, raw_above, raw_below, count = 0.0, 0.0, 0.0, 0.0, 0
-    for tau, tau_hat, rate, judged in pairs:
+    total, count = np.zeros(4), 0
+    for tau, tau_hat, rate, mask in pairs:
         error = tau - tau_hat
-        smooth, smooth_error = low_pass(tau, JUDGED_BELOW, rate), low_pass(error, JUDGED_BELOW, rate)
-        above += float(np.sum(smooth_error[judged] ** 2))
-        below += float(np.sum(smooth[judged] ** 2))
-        raw_above += float(np.sum(error[judged] ** 2))
-        raw_below += float(np.sum(tau[judged] ** 2))
-        count += int(np.count_nonzero(judged))
+        series = low_pass(error, JUDGED_BELOW, rate), low_pass(tau, JUDGED_BELOW, rate), error, tau
+        total += [np.sum(x[mask] ** 2) for x in series]
+        count += int(np.count_nonzero(mask))
+    above, below, raw_above, raw_below = total.tolist()
     return Quality(
-        residual=100.0 * float(np.sqrt(above / below)) if below > 0 else float("nan"),
-        residual_raw=100.0 * float(np.sqrt(raw_above / raw_below)) if raw_below > 0 else float("nan"),
-        rms=float(np.sqrt(raw_above / count)) if count else float("nan"),
+        residual=_percent(above, below),
+        residual_raw=_percent(raw_above, raw_below),
+        rms=math.sqrt(raw_above / count) if count else math.nan,
         samples=count,
     )
+
+
+def _percent(above: float, below: float) -> float:
+    return 100.0 * math.sqrt(above / below) if below > 0 else math.nan
+
+
+def assess(friction: JointFriction, stretches: Iterable[Signals]) -> Quality:
+    """Return how well a joint's friction, with the rest of its dynamics, predicts the torque of stretches where it moves.
+
+    Raises:
+        InvalidInput: the model needs a channel that the log does not hold.
+    """
+    return judge((s.torque, predict(friction, s), s.rate, s.moving) for s in stretches)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grade:
+    """A joint's result in one word; the only home of what counts as good.
+
+    Attributes:
+        level: for programs and colours.
+        word: for people.
+    """
+
+    level: Literal["good", "care", "poor", "unknown"]
+    word: str
+
+
+def credible(friction: JointFriction) -> bool:
+    """Say whether friction opposes motion everywhere in its range, and the inertia is positive."""
+    inertia = friction.dynamics.get("inertia")
+    dissipates = friction.driving() is None
+    if inertia is None:
+        return dissipates
+    slack = 2 * inertia.standard_error if math.isfinite(inertia.standard_error) else 0.0
+    return dissipates and inertia.value >= -slack
+
+
+def grade(friction: JointFriction) -> Grade:
+    """Return the grade of a joint, by its residual on held-out data where there is some."""
+    quality = friction.held_out or friction.fitted
+    if quality is None or not math.isfinite(quality.residual):
+        return Grade(level="unknown", word="not judged")
+    if not credible(friction):
+        return Grade(level="poor", word="not credible")
+    if quality.residual <= GOOD:
+        return Grade(level="good", word="good, with a remark" if friction.warnings else "good")
+    if quality.residual <= FAIR:
+        return Grade(level="care", word="usable with care")
+    return Grade(level="poor", word="poor")

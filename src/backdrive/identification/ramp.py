@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.identification.hysteresis import BRANCH, CUTOFF, loop
 from backdrive.identification.regression import long_run
 from backdrive.identification.signals import spans
 from backdrive.identification.sweep_windows import turning_points
@@ -20,6 +19,8 @@ from backdrive.logs import filters
 from backdrive.logs.log import Log
 from backdrive.logs.resolution import encoder_step, white_noise
 
+CUTOFF = 20.0  # corner of the low pass on torque and position of a ramp [Hz]
+BRANCH = 0.2  # a branch of a ramp covers at least this share of the whole torque range [-]
 SLIPS = 30.0  # a joint slips when it moves so many times faster than at the start of the ramp [-]
 FLICKER = 10.0  # and faster than so many counts in one period of the low pass [-]
 RESOLVED = 5.0  # displacement before break-away from which on a stiffness is given [count]
@@ -141,7 +142,7 @@ def presliding(logs: Sequence[Log], joint: str | int) -> Presliding:
             f"Joint '{joint}': it moves by {displacement:.3g} before it slides, and not as a spring does: this is no torque ramp.",
             remedy="Record it along `backdrive plan ramp`, slowly, from rest; or use --method motion.",
         )
-    width, area = loop(singles, [speed for _, speed, _ in found])
+    width, area = hysteresis_loop(singles, [speed for _, speed, _ in found])
     torques = [log.driving_torque[:, 0] for log in singles]
     return Presliding(
         branches=tuple(branches),
@@ -241,3 +242,34 @@ def _stiffness(
         return None
     scatter = float(np.sqrt(weight @ (c - mean) ** 2 / weight.sum() / max(c.size - 1, 1)))
     return 1.0 / mean, max(scatter, float(1.0 / np.sqrt(weight.sum()))) / mean**2
+
+
+def hysteresis_loop(logs: Sequence[Log], slips: Sequence[float]) -> tuple[float, float]:
+    """Return width [rad or m] and area [J] of the last closed hysteresis loop without slip; NaN where there is none.
+
+    Iwatani 2017, Fig. 3.3.
+
+    Args:
+        logs: of one joint, torque ramps.
+        slips: speed from which on the joint slips, a log [rad/s or m/s].
+    """
+    width, area = float("nan"), float("nan")
+    for log, limit in zip(logs, slips):
+        torque, position = log.torque[:, 0], log.position[:, 0]  # type: ignore[index]
+        rate = 1.0 / log.period
+        cutoff = min(CUTOFF, 0.1 * rate)
+        u, x = filters.low_pass(torque, cutoff, rate), filters.low_pass(position, cutoff, rate)
+        speed = np.abs(filters.derivative(x, log.period))
+        turns = turning_points(u, BRANCH * float(np.ptp(u)))
+        for a, b, c in zip(turns[1:], turns[2:], turns[3:]):
+            if np.any(speed[a:c] >= limit) or abs(abs(u[b] - u[a]) / abs(u[c] - u[b]) - 1.0) > 0.1:
+                continue
+            middle = 0.5 * (u[a] + u[b])
+            crossings = []
+            for branch in (slice(a, b), slice(b, c)):
+                rising = np.argsort(u[branch], kind="stable")
+                crossings.append(np.interp(middle, u[branch][rising], x[branch][rising]))
+            width = float(abs(crossings[1] - crossings[0]))
+            loop_u, loop_x = np.append(u[a:c], u[a]), np.append(x[a:c], x[a])
+            area = float(abs(np.sum(0.5 * (loop_u[1:] + loop_u[:-1]) * np.diff(loop_x))))
+    return width, area

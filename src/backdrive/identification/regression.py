@@ -84,9 +84,9 @@ def accumulate(X: np.ndarray, y: np.ndarray, w: np.ndarray, block: np.ndarray, b
     return Blocks(gram=gram, moment=moment, power=power, rows=rows)
 
 
-def robust_spread(residual: np.ndarray, w: np.ndarray) -> float:
-    """Return the standard deviation of residuals with weight by the median of their sizes; 0 where there are none."""
-    inside = np.abs(residual[w > 0])
+def robust_spread(residual: np.ndarray, w: np.ndarray | None = None) -> float:
+    """Return the standard deviation of residuals (with weight) by the median of their sizes; 0 where there are none."""
+    inside = np.abs(residual if w is None else residual[w > 0])
     return 1.4826 * float(np.median(inside)) if inside.size else 0.0
 
 

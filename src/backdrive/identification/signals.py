@@ -80,7 +80,8 @@ def prepare(log: Log, joint: str | int, *, cutoff: float | None = None) -> list[
         raise InvalidInput(
             f"The median sampling interval is {period} s.", remedy="Repair the time channel (--repair)."
         )
-    top = _top_speed(log)
+    speed = log.velocity if log.velocity is not None else filters.derivative(log.need("position"), period)
+    top = float(np.percentile(np.abs(speed), 99.5))
     stretches = [
         _segment(log.rows(rows), period, cutoff, top) for rows in between_gaps(log.time, period, SHORTEST)
     ]
@@ -111,11 +112,6 @@ def _finite(log: Log) -> Log:
     if log.model_torque is not None:
         good &= np.isfinite(log.model_torque[:, 0])
     return log if good.all() else log.rows(good)
-
-
-def _top_speed(log: Log) -> float:
-    speed = log.velocity if log.velocity is not None else filters.derivative(log.need("position"), log.period)
-    return float(np.percentile(np.abs(speed), 99.5))
 
 
 def _uniform(log: Log, period: float) -> tuple[np.ndarray, Log]:

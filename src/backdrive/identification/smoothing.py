@@ -52,11 +52,9 @@ def smoothing(logs: Sequence[Log], joint: str, cutoff: float | None = None) -> S
     """
     if cutoff is not None:
         return Smoothing(cutoff=cutoff)
-    found = [_of_log(log.select(joint)) for log in logs]
-    lowered = [one for one in found if one.cutoff is not None]
-    if not lowered:
-        return Smoothing()
-    return min(lowered, key=lambda one: one.cutoff or np.inf)
+    each = [_of_log(log.select(joint)) for log in logs]
+    lowered = [one for one in each if one.cutoff is not None]
+    return min(lowered, key=lambda one: one.cutoff or np.inf, default=Smoothing())
 
 
 def _of_log(log: Log) -> Smoothing:

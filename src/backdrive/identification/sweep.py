@@ -13,21 +13,22 @@ from typing import Any
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.identification.evidence import evidence
+from backdrive.identification.evidence import evidence, parts_of
 from backdrive.identification.function_a import SHARE, corrected, function_a
 from backdrive.identification.function_a import literal as literal_pairs
+from backdrive.identification.quality import assess
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
 from backdrive.identification.sweep_delay import drive_delays
 from backdrive.identification.sweep_fit import SweepFit, fit
 from backdrive.identification.sweep_knots import SweepKnots, ordered, to_polyline
-from backdrive.identification.sweep_shown import error_of_curve, judged, part, verdict
+from backdrive.identification.sweep_verdict import error_of_curve, verdict
 from backdrive.identification.sweep_windows import find_windows, windows
-from backdrive.identification.terms import unit_of
+from backdrive.identification.terms import estimates
 from backdrive.identification.timing import Timing
 from backdrive.laws import Growth, Law
 from backdrive.logs.log import Joint, Log
-from backdrive.model import Estimate, JointFriction, Validity
+from backdrive.model import JointFriction, Validity
 
 __all__ = [
     "SweepKnots",
@@ -116,7 +117,7 @@ def identify_sweep(
         raise InvalidInput("There is no log to identify from.", remedy="Pass at least one.")
     about = logs[0].select(joint).on_joint_side().joints[0]
     stretches = [prepare(log, joint) for log in logs]
-    delays, errors, said = drive_delays(logs, joint, stretches, timing, literal)
+    delays, errors, remarks = drive_delays(logs, joint, stretches, timing, literal)
     each, late = _each(logs, joint, stretches, delays, errors)
     used = each
     if literal:
@@ -127,22 +128,18 @@ def identify_sweep(
         found = fit(used[part], unit=about.unit, name=about.name, symmetric=symmetric, late=off)
         slip = -0.5 / stretches[part][0][0].rate - delays[part][0], errors[part][0]
         friction = _friction(about, found, each[part], stretches[part], slip, literal)
-        return replace(friction, warnings=(*friction.warnings, *said)), found
+        return replace(friction, warnings=(*friction.warnings, *remarks)), found
 
     friction, found = fitted_to(slice(None))
-    seen, unseen, before = stretches, [], friction
+    friction = replace(friction, fitted=assess(friction, [s for log in stretches for s in log]))
+    parts = [parts_of(friction, log, True) for log in stretches]
     if len(logs) > 1:
-        seen, unseen = stretches[:-1], stretches[-1:]
         before, others = fitted_to(slice(0, -1))
-        if not others.tells(each[-1].center):
-            seen, unseen = stretches, []
-    friction = replace(
-        friction, fitted=judged(friction, stretches), held_out=judged(before, unseen) if unseen else None
-    )
-    parts = [part(friction, s, True) for log in seen for s in log]
-    parts += [part(before, s, False) for log in unseen for s in log]
-    shown = evidence(friction, parts, error_of_curve(friction))
-    return friction, replace(shown, verdict=verdict(friction, found))
+        if others.tells(each[-1].center):
+            friction = replace(friction, held_out=assess(before, stretches[-1]))
+            parts[-1] = parts_of(before, stretches[-1], False)
+    support = evidence(friction, [part for log in parts for part in log], error_of_curve(friction))
+    return friction, replace(support, verdict=verdict(friction, found))
 
 
 def fit_sweeps(
@@ -163,11 +160,11 @@ def fit_sweeps(
     if not logs:
         raise InvalidInput("There is no log to identify from.", remedy="Pass at least one.")
     stretches = [prepare(log, joint) for log in logs]
-    delays, errors, said = drive_delays(logs, joint, stretches, timing, False)
+    delays, errors, remarks = drive_delays(logs, joint, stretches, timing, False)
     each, late = _each(logs, joint, stretches, delays, errors)
     unit = logs[0].joints[logs[0].column(joint)].unit
     found = fit(each, unit=unit, name=joint, symmetric=symmetric, late=late)
-    return replace(found, warnings=(*found.warnings, *said))
+    return replace(found, warnings=(*found.warnings, *remarks))
 
 
 def _each(
@@ -198,12 +195,7 @@ def _friction(
 ) -> JointFriction:
     weight = 1.0 / np.array([k.inertia[1] for k in knots]) ** 2
     inertia = float(weight @ [k.inertia[0] for k in knots] / weight.sum()), float(1.0 / np.sqrt(weight.sum()))
-    flat = [s for log in stretches for s in log]
-    dynamics = {
-        term: Estimate(value=value, unit=unit_of(term, joint), standard_error=error)
-        for term, (value, error) in {"inertia": inertia, "time_slip": slip, **found.terms}.items()
-    }
-    speeds = np.concatenate([s.velocity for s in flat])
+    speeds = np.concatenate([s.velocity for log in stretches for s in log])
     errors: dict[str, Any] = {
         "positive": tuple(found.error_pos.tolist()),
         "negative": tuple(found.error_neg.tolist()),
@@ -217,7 +209,7 @@ def _friction(
         joint=joint,
         law=Law(rate=found.law, growth=growth),
         standard_errors={} if literal else errors,
-        dynamics=dynamics,
+        dynamics=estimates({"inertia": inertia, "time_slip": slip, **found.terms}, joint.unit),
         validity=Validity(velocity=(float(speeds.min()), float(speeds.max()))),
         method="sweep",
         warnings=found.warnings,

@@ -138,7 +138,10 @@ def fit(
         symmetric = not _differ(theta, covariance, K)
     told = condition <= WORST_CONDITION
     if symmetric and not asked and known and not told:
-        said.append(_one_curve(name))
+        said.append(
+            f"Joint '{name}' has one curve for both directions, for its sweeps do not tell a constant difference of the "
+            f"directions from gravity. {REMEDY}"
+        )
     if told and known and load is None and _same_weight(eqs, theta):
         notes.append(
             "All centers carry the same weight, so that friction which grows with it would be a part of the curve; a third center "
@@ -207,13 +210,6 @@ def _same_weight(eqs: Equations, theta: np.ndarray) -> bool:
     K = eqs.V.size
     size = np.abs(eqs.X[: eqs.levels, 2 * K : 2 * K + 2] @ theta[2 * K : 2 * K + 2])
     return bool(np.ptp(size) < 0.05 * size.max() and size.max() > 0.1 * np.mean(theta[: 2 * K]))
-
-
-def _one_curve(name: str) -> str:
-    return (
-        f"Joint '{name}' has one curve for both directions, for its sweeps do not tell a constant difference of the directions "
-        f"from gravity. {REMEDY}"
-    )
 
 
 def _gain(knots: Sequence[SweepKnots], covariance: np.ndarray, K: int) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 
 from backdrive.errors import NotIdentifiable
 from backdrive.identification.curves import hats
+from backdrive.identification.evidence import sentences
 from backdrive.identification.sweep_windows import Windows
 from backdrive.laws import Polyline
 
@@ -86,14 +87,7 @@ def ordered(knots: SweepKnots, joint: str | int, cycles: Windows, c: float) -> S
     Raises:
         NotIdentifiable: fewer than two pairs are left.
     """
-    said = list(cycles.warnings)
     good = np.isfinite(knots.F_pos) & np.isfinite(knots.F_neg)
-    if not good.all():
-        names = ", ".join(f"{n + 1} ({cycles.peak[n]:.3g})" for n in np.flatnonzero(~good))
-        said.append(
-            f"Joint '{joint}': of cycles {names} (peak speed) too few samples reach {c:g} of the peak speed in both "
-            "directions; they were left out."
-        )
     order = np.flatnonzero(good)[np.argsort(knots.V[good])]
     V = knots.V[order]
     if order.size < 2:
@@ -102,8 +96,16 @@ def ordered(knots: SweepKnots, joint: str | int, cycles: Windows, c: float) -> S
             remedy="Repeat the sweep with a larger stroke or a smaller top speed.",
         )
     part = np.cumsum(np.concatenate([[0], np.diff(V) > MERGED * V[-1]])).astype(int)
-    if part[-1] + 1 < order.size:
-        said.append(f"Joint '{joint}': {order.size - part[-1] - 1} pairs of nearly equal speed were merged.")
+    empty = ", ".join(f"{n + 1} ({cycles.peak[n]:.3g})" for n in np.flatnonzero(~good))
+    merged = order.size - part[-1] - 1
+    remarks = sentences(
+        (
+            empty,
+            f"Joint '{joint}': of cycles {empty} (peak speed) too few samples reach {c:g} of the peak speed in both directions; "
+            "they were left out.",
+        ),
+        (merged, f"Joint '{joint}': {merged} pairs of nearly equal speed were merged."),
+    )
 
     def mean(x, weight):
         return np.bincount(part, x[order] * weight[order]) / np.bincount(part, weight[order])
@@ -123,7 +125,7 @@ def ordered(knots: SweepKnots, joint: str | int, cycles: Windows, c: float) -> S
         count_pos=np.bincount(part, up[order]).astype(int),
         count_neg=np.bincount(part, down[order]).astype(int),
         swing=mean(swing, up),
-        warnings=tuple(said),
+        warnings=(*cycles.warnings, *remarks),
     )
 
 

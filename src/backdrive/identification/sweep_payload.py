@@ -8,19 +8,20 @@ from dataclasses import replace
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.identification.evidence import evidence, explained
+from backdrive.identification.evidence import describe_fit, evidence, parts_of
 from backdrive.identification.load_fit import PayloadGrowth, payload_growth
+from backdrive.identification.quality import assess
 from backdrive.identification.result import JointEvidence
-from backdrive.identification.signals import prepare
+from backdrive.identification.signals import Signals, prepare
 from backdrive.identification.sweep import pairs
 from backdrive.identification.sweep_delay import drive_delays
 from backdrive.identification.sweep_knots import clamped
-from backdrive.identification.sweep_shown import error_of_curve, judged, part
-from backdrive.identification.terms import unit_of
+from backdrive.identification.sweep_verdict import error_of_curve
+from backdrive.identification.terms import column, estimates
 from backdrive.identification.timing import Timing
 from backdrive.laws import Growth, Law
 from backdrive.logs.log import Log
-from backdrive.model import Estimate, JointFriction, Validity
+from backdrive.model import JointFriction, Validity
 
 REACH = 1.96  # standard errors of a 95 % interval
 
@@ -61,7 +62,7 @@ def identify_payload(
             remedy="A payload tells growth with the load on rotary joints.",
         )
     stretches = [prepare(log, joint) for log in logs]
-    delays, errors, said = drive_delays(logs, joint, stretches, timing, False)
+    delays, errors, remarks = drive_delays(logs, joint, stretches, timing, False)
     knots = [pairs(log, joint, s, delay=d) for log, s, d in zip(logs, stretches, delays)]
     found = payload_growth(knots, payloads, name=joint)
     size = np.hypot(*np.array(payloads, dtype=float).T)
@@ -88,25 +89,20 @@ def identify_payload(
             "positive": tuple(found.error_pos.tolist()),
             "negative": tuple(found.error_neg.tolist()),
         },
-        dynamics={
-            term: Estimate(value=value, unit=unit_of(term, about), standard_error=error)
-            for term, (value, error) in values.items()
-        },
+        dynamics=estimates(values, about.unit),
         validity=Validity(velocity=(float(speeds.min()), float(speeds.max()))),
         method="sweep",
-        warnings=tuple(dict.fromkeys([w for k in knots for w in k.warnings] + said)),
+        warnings=tuple(dict.fromkeys([w for k in knots for w in k.warnings] + remarks)),
     )
-    bare = [[_less(s, payloads[i]) for s in stretches[i]] for i in light]
-    friction = replace(friction, fitted=judged(friction, bare))
-    shown = evidence(
-        friction, [part(friction, s, True) for log in bare for s in log], error_of_curve(friction)
-    )
-    return friction, replace(shown, verdict=_verdict(friction, found))
+    bare = [_without(s, *payloads[i]) for i in light for s in stretches[i]]
+    friction = replace(friction, fitted=assess(friction, bare))
+    support = evidence(friction, parts_of(friction, bare, True), error_of_curve(friction))
+    return friction, replace(support, verdict=_verdict(friction, found))
 
 
-def _less(s, payload: tuple[float, float]):
-    """Return signals without the payload's gravity."""
-    return replace(s, torque=s.torque - payload[0] * np.sin(s.position) - payload[1] * np.cos(s.position))
+def _without(s: Signals, sine: float, cosine: float) -> Signals:
+    """Return signals without a payload's gravity."""
+    return replace(s, torque=s.torque - sine * column(s, "gravity_sin") - cosine * column(s, "gravity_cos"))
 
 
 def _verdict(friction: JointFriction, found: PayloadGrowth) -> str:
@@ -115,5 +111,6 @@ def _verdict(friction: JointFriction, found: PayloadGrowth) -> str:
     return (
         f"Without load, friction is {found.positive[0]:.3g} {unit} along +q and {found.negative[0]:.3g} {unit} along -q at "
         f"{found.velocity[0]:.3g} rad/s; it grows by {up:.4f} +- {REACH * a:.4f} of the load that the motor lifts, and by "
-        f"{down:.4f} +- {REACH * b:.4f} of that which drives it back (95 %, condition {found.condition:.0f}). {explained(friction)}"
+        f"{down:.4f} +- {REACH * b:.4f} of that which drives it back (95 %, condition {found.condition:.0f}). "
+        f"{describe_fit(friction)}"
     )

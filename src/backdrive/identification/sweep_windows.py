@@ -90,13 +90,9 @@ def find_windows(log: Log, joint: str | int) -> np.ndarray:
 
 
 def _follows(plan: Any, stretches: Sequence[Signals], start: float) -> bool:
-    off = []
     position = stretches[0].position is not None
-    for s in stretches:
-        t = s.time - start
-        wanted = plan.position(t) if position else plan.velocity(t)
-        off.append(wanted - (s.position if position else s.velocity))
-    size = abs(plan.stroke) if position else abs(plan.top_speed)
+    wanted, size = (plan.position, abs(plan.stroke)) if position else (plan.velocity, abs(plan.top_speed))
+    off = [wanted(s.time - start) - (s.position if position else s.velocity) for s in stretches]
     return bool(np.sqrt(np.mean(np.concatenate(off) ** 2)) < FOLLOWS * size)
 
 

@@ -36,20 +36,7 @@ def torque_timing(stretches: Sequence[Signals]) -> tuple[Timing | None, float, f
     knots = float(np.percentile(speeds, 99.9)) * np.array(
         [curves.SHARES[i] for i in curves.COARSE["7 sections"]]
     )
-    Xs, ys, ws = [], [], []
-    for s in stretches:
-        shape = curves.hats(np.abs(s.velocity), knots) * np.sign(s.velocity)[:, None]
-        position = np.zeros_like(s.velocity) if s.position is None else s.position - s.position.mean()
-        X = np.column_stack([s.acceleration, -s.jerk, np.ones_like(position), position, position**2, shape])
-        width, count = motion.bins(s)
-        rows = slice(0, width * count)
-        Xs.append(X[rows].reshape(count, width, -1).mean(axis=1))
-        ys.append(s.torque[rows].reshape(count, width).mean(axis=1))
-        ws.append((s.moving[rows].reshape(count, width).mean(axis=1) > 0.5).astype(float))
-    X, y = np.concatenate(Xs), np.concatenate(ys)
-    w = regression.robust_weights(X, y, np.concatenate(ws))
-    count = motion.block_count(stretches)
-    blocks = regression.accumulate(X, y, w, regression.block_index(len(y), count), count)
+    blocks = motion.binned(stretches, knots, _columns)
     theta = blocks.solution()
     if not theta[0] > 0:
         return None, float("nan"), float("nan")
@@ -62,3 +49,12 @@ def torque_timing(stretches: Sequence[Signals]) -> tuple[Timing | None, float, f
         if abs(delay) <= NEAR * period:
             return "sample", delay, error
     return None, delay, error
+
+
+def _columns(s: Signals, knots: np.ndarray, rows: slice) -> np.ndarray:
+    """Return acceleration, less jerk, a parabola of the position, and a curve for both directions, (n, 5 + k)."""
+    position = np.zeros_like(s.velocity) if s.position is None else s.position - s.position.mean()
+    shape = curves.hats(np.abs(s.velocity), knots) * np.sign(s.velocity)[:, None]
+    return np.column_stack([s.acceleration, -s.jerk, np.ones_like(position), position, position**2, shape])[
+        rows
+    ]

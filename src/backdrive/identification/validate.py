@@ -1,19 +1,25 @@
-"""Judge a model on logs: measured against predicted torque, joint by joint."""
+"""Check a model on logs: measured against predicted torque, or motion given the drive's input where no torque is needed."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.engine import Axis, DriveModel, forward
+from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
 from backdrive.identification.dynamics import predict
-from backdrive.identification.options import settings_of
+from backdrive.identification.options import Options, settings_of
 from backdrive.identification.quality import judge
+from backdrive.identification.runs import find_runs
 from backdrive.identification.signals import prepare
 from backdrive.identification.smoothing import smoothing
 from backdrive.logs.log import Log
-from backdrive.model import FrictionModel, Quality
+from backdrive.model import FrictionModel, JointFriction, Quality
+
+LEAST_STEP = 1e-7  # of an integration that a model file may ask for [s]
+Pairs = list[tuple[np.ndarray, np.ndarray, float, np.ndarray]]
 
 
 def validate(
@@ -33,12 +39,7 @@ def validate(
     Raises:
         InvalidInput: model and logs share no joint, or the model is of an arm and its description is missing.
     """
-    shared = [name for name in model.names if all(name in log.names for log in logs)]
-    if not shared:
-        raise InvalidInput(
-            f"Model ({', '.join(model.names)}) and logs ({', '.join(logs[0].names)}) share no joint.",
-            remedy="Name the log's joints as in the model (--names).",
-        )
+    shared = _shared(model, logs)
     if model.arm is not None:
         if urdf is None:
             raise InvalidInput(
@@ -56,52 +57,126 @@ def validate(
                 f"Joint '{name}' is measured in {friction.joint.unit} in the model and in {', '.join(sorted(units))} in the logs.",
                 remedy=f"Read the logs with --unit {friction.joint.unit}.",
             )
-        pairs, moved = [], []
-        for log in logs:
-            if (
-                friction.method == "constant-velocity"
-                and log.position is None
-                and not friction.dynamics.get("inertia")
-            ):
-                pairs += _runs(friction, log, name, moved)
-                continue
-            if log.torque is None and log.drive_input is not None:
-                raise InvalidInput(
-                    f"The log holds no torque of joint '{name}', and here a model is judged by torque.",
-                    remedy="Map the torque (--map tau=COLUMN). A model of `identify --drive` is judged by motion: `backdrive "
-                    "validate`, or `backdrive.identification.dynamic.judging.judge_motion`.",
-                )
-            stretches = prepare(log, name, cutoff=_cutoff(model, name, log))
-            pairs += [(s.torque, predict(friction, s), s.rate, s.moving) for s in stretches]
-            moved += [s.velocity for s in stretches]
+        each = [_predictions(model, friction, log) for log in logs]
+        pairs = [pair for pairs, _ in each for pair in pairs]
         if not pairs:
             raise NotIdentifiable(
                 f"Joint '{name}': nothing to judge on.", remedy="Give a log in which it moves."
             )
         result[name] = judge(pairs)
-        said = friction.extrapolated(np.concatenate(moved))
-        if said and remarks is not None:
-            remarks.append(said)
+        beyond = friction.extrapolated(np.concatenate([v for _, moved in each for v in moved]))
+        if beyond and remarks is not None:
+            remarks.append(beyond)
     return result
 
 
-def _cutoff(model: FrictionModel, name: str, log: Log) -> float | None:
-    """Return the low pass of the motion that a joint was fitted with [Hz]; None: the usual one."""
-    cutoff = settings_of(model, name).get("cutoff", model.options.get("cutoff"))
-    if isinstance(cutoff, (int, float)) and cutoff > 0:
-        return float(cutoff)
-    return smoothing([log], name).cutoff if model.joint(name).method == "motion" else None
+def validate_motion(model: FrictionModel, logs: Sequence[Log]) -> dict[str, Quality]:
+    """Return for every joint that model and logs share how well its motion is predicted from the drive's input.
+
+    As in the fit, a log under a controller runs from its first sample to its last, and without one in windows.
+
+    Args:
+        model: of a fit from the drive's input, whose options hold the drive.
+        logs: with position and the drive's input.
+
+    Returns:
+        joint name -> root mean square of the position's error, alone [rad or m] and by that of the position about its mean [%].
+
+    Raises:
+        InvalidInput: the model holds no drive, or shares no joint with the logs.
+    """
+    from backdrive.identification.dynamic.driven import driven, whole
+
+    result = {}
+    for name in _shared(model, logs):
+        axis, step = _axis(model, name)
+        options = Options(drive=axis.drive, cutoff=_positive(model.options.get("cutoff")))
+        parts = [part for log in logs for part in driven(log, name, axis.drive, options)]
+        errors = []
+        for log in whole(parts, axis.drive.controller != "open"):
+            moved = forward(
+                axis,
+                log.drive_input,
+                dt=log.dt,
+                position=float(log.position[0]),
+                velocity=log.launch,
+                temperature=None if log.temperature is None else log.temperature[None],
+                substeps=max(1, int(np.ceil(log.dt / step - 1e-6))),
+            )
+            errors.append(moved.position[0] - log.position)
+        error = np.concatenate(errors)
+        spread = np.concatenate([part.log.position - part.log.position.mean() for part in parts])
+        rms, size = float(np.sqrt(np.mean(error**2))), float(np.sqrt(np.mean(spread**2)))
+        residual = 100.0 * rms / size if size > 0.0 else float("nan")
+        result[name] = Quality(residual=residual, residual_raw=residual, rms=rms, samples=error.size)
+    return result
 
 
-def _runs(friction, log: Log, name: str, moved: list[np.ndarray]) -> list:
-    """One pair of mean torques a run: what a constant-velocity model speaks of."""
-    from backdrive.identification.runs import find_runs
+def _shared(model: FrictionModel, logs: Sequence[Log]) -> list[str]:
+    """Return the names of the joints that a model and all logs have."""
+    shared = [name for name in model.names if all(name in log.names for log in logs)]
+    if not shared:
+        raise InvalidInput(
+            f"Model ({', '.join(model.names)}) and logs ({', '.join(logs[0].names)}) share no joint.",
+            remedy="Name the log's joints as in the model (--names).",
+        )
+    return shared
 
-    runs = find_runs(log, name)
-    if not runs:
-        return []
-    velocity = np.array([r.velocity for r in runs])
-    moved.append(velocity)
-    offset = friction.dynamics["offset"].value if "offset" in friction.dynamics else 0.0
-    measured, predicted = np.array([r.torque for r in runs]), friction.law.torque(velocity) + offset
-    return [(measured, predicted, 1.0, np.ones(len(runs), dtype=bool))]
+
+def _predictions(
+    model: FrictionModel, friction: JointFriction, log: Log
+) -> tuple[Pairs, Sequence[np.ndarray]]:
+    """Return what `judge` takes of one joint in one log, and the velocities of it [rad/s or m/s]."""
+    name = friction.joint.name
+    if (
+        friction.method == "constant-velocity"
+        and log.position is None
+        and not friction.dynamics.get("inertia")
+    ):  # speaks of mean torques: one of each run
+        runs = find_runs(log, name)
+        velocity = np.array([r.velocity for r in runs])
+        offset = friction.dynamics["offset"].value if "offset" in friction.dynamics else 0.0
+        measured, predicted = np.array([r.torque for r in runs]), friction.law.torque(velocity) + offset
+        return [(measured, predicted, 1.0, np.ones(len(runs), dtype=bool))] if runs else [], [velocity]
+    if log.torque is None and log.drive_input is not None:
+        raise InvalidInput(
+            f"The log holds no torque of joint '{name}', and here a model is judged by torque.",
+            remedy="Map the torque (--map tau=COLUMN). A model of `identify --drive` is judged by motion: `backdrive "
+            "validate`, or `backdrive.identification.validate_motion`.",
+        )
+    cutoff = _positive(settings_of(model, name).get("cutoff", model.options.get("cutoff")))
+    if cutoff is None and friction.method == "motion":
+        cutoff = smoothing([log], name).cutoff
+    stretches = prepare(log, name, cutoff=cutoff)
+    return [(s.torque, predict(friction, s), s.rate, s.moving) for s in stretches], [
+        s.velocity for s in stretches
+    ]
+
+
+def _positive(cutoff: Any) -> float | None:
+    """Return the low pass that a model's options name [Hz]; None: the usual one."""
+    return float(cutoff) if isinstance(cutoff, (int, float)) and cutoff > 0 else None
+
+
+def _axis(model: FrictionModel, name: str) -> tuple[Axis, float]:
+    """Return a joint with its drive, and the integration step that it was fitted with [s]."""
+    from backdrive.identification.dynamic.motion_terms import OF_AXIS
+
+    friction = model.joint(name)
+    own = settings_of(model, name)
+    drive = own.get("drive")
+    values: dict[str, Any] = {n: friction.dynamics[n].value for n in OF_AXIS if n in friction.dynamics}
+    if not isinstance(drive, dict) or "inertia" not in values:
+        raise InvalidInput(
+            f"The model of joint '{name}' holds no drive, and the log no torque.",
+            remedy="Map the torque (--map tau=COLUMN); only a model of `identify --drive` can be judged by motion.",
+        )
+    try:
+        step = float(own.get("step", 1e-3))
+        if not LEAST_STEP <= step <= 1.0:
+            raise ValueError(f"its integration step is {step:g} s")
+        return Axis(law=friction.law, drive=DriveModel(**drive), **values), step
+    except (TypeError, ValueError, BackdriveError) as error:
+        raise InvalidInput(
+            f"The drive of joint '{name}' in the model makes no sense: {error}", remedy="Fit it again."
+        ) from error

@@ -85,17 +85,6 @@ def noise_gain(centers: Sequence[float] | np.ndarray) -> float:
     return float(np.linalg.norm(weights))
 
 
-def least_gain(half_width: float) -> float:
-    """Return the least noise gain that sweeps inside a range can have, times the root of their number [-].
-
-    Args:
-        half_width: half the distance of the outermost centers [rad].
-    """
-    if half_width >= 0.5 * math.pi:
-        return 1.0
-    return 1.0 / math.tan(0.5 * half_width) ** 2 if half_width > 0 else math.inf
-
-
 def condition(centers: Sequence[float] | np.ndarray, cycles: int, stroke: float) -> float:
     """Return the condition number of the equations of sweeps: friction at each speed by direction, and gravity [-].
 

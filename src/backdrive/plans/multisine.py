@@ -176,15 +176,6 @@ class Multisine(MotionPlan):
         """Greatest acceleration [rad/s^2 or m/s^2]."""
         return self._peaks[1]
 
-    @property
-    def crest_factors(self) -> tuple[float, float]:
-        """Half range over root mean square of position and of velocity in a period: 1.41 for one sine [-]."""
-        factor, _ = self._shape
-        n = _FINE * int(self.harmonics[-1])
-        v = factor * self._sum(np.arange(n) * (self.period / n), 1)
-        rms = factor * math.sqrt(0.5 * float(np.sum(self.harmonics**-2.0)))
-        return 0.5 * self.stroke / rms, float(np.abs(v).max() / np.sqrt(np.mean(v**2)))
-
 
 def _low_crest(harmonics: np.ndarray, seed: int) -> tuple[float, ...]:
     """Return phases with low crest factors of position and velocity: random ones, clipped and restored many times.

@@ -16,6 +16,8 @@ _KEYS = {
     "fitted": '<circle cx="10" cy="5" r="3.4" fill="var(--fitted)"/>',
     "held-out": '<circle cx="10" cy="5" r="3.4" fill="var(--held-out)"/>',
     "curve": '<path d="M1 5h18" stroke="var(--ink)" stroke-width="2"/>',
+    "bare": '<path d="M1 5h18" stroke="var(--held-out)" stroke-width="2"/>',
+    "compensated": '<path d="M1 5h18" stroke="var(--fitted)" stroke-width="2"/>',
     "band": '<path d="M1 5h18" stroke="var(--band)" stroke-opacity=".38" stroke-width="9"/>',
     "knot": '<circle cx="10" cy="5" r="3.4" fill="var(--paper)" stroke="var(--ink)" stroke-width="1.4"/>',
     "forth": '<circle cx="4" cy="5" r="2.6" fill="var(--fitted)" stroke="var(--fitted)"/>'
@@ -24,29 +26,39 @@ _KEYS = {
 }
 
 
-def _key(kind: str, words: str) -> str:
+def key(kind: str, words: str) -> str:
+    """Return an entry of a legend as HTML: a small drawing of its kind, and words."""
     return f'<span class="key"><svg viewBox="0 0 20 10" aria-hidden="true">{_KEYS[kind]}</svg>{esc(words)}</span> '
 
 
-def _draw(
+def drawing(
     prefix: str,
     label: str,
     draw: Callable[[Any], Any],
     size: tuple[float, float] = (canvas.WIDTH, canvas.HEIGHT),
 ) -> tuple[str, Any]:
-    figure = canvas.new_figure(canvas.CSS, *size)
-    figure.patch.set_visible(False)
-    told = draw(canvas.axes_of(figure, canvas.CSS))
-    return svg.inline(figure, prefix, plain(label)), told
+    """Return a picture as `<svg>`, and what its `draw` returns.
+
+    Args:
+        prefix: of identifiers, unique in the page.
+        label: what it shows, for those who do not see it.
+        draw: on axes.
+        size: width and height [pt].
+    """
+    sheet = canvas.new_figure(canvas.CSS, *size)
+    sheet.patch.set_visible(False)
+    result = draw(canvas.axes_of(sheet, canvas.CSS))
+    return svg.inline(sheet, prefix, plain(label)), result
 
 
-def _figure(picture: str, caption: str) -> str:
+def figure(picture: str, caption: str) -> str:
+    """Return a picture with its caption as HTML."""
     return f"<figure>{picture}<figcaption>{caption}</figcaption></figure>"
 
 
 def _sample_keys(samples: Samples, fitted: str, held_out: str) -> str:
-    keys = _key("fitted", fitted) if np.any(samples.fitted) else ""
-    return keys + (_key("held-out", held_out) if not np.all(samples.fitted) else "")
+    keys = key("fitted", fitted) if np.any(samples.fitted) else ""
+    return keys + (key("held-out", held_out) if not np.all(samples.fitted) else "")
 
 
 def friction_curve(friction: JointFriction, evidence: JointEvidence, truth: Curve | None, prefix: str) -> str:
@@ -65,15 +77,15 @@ def friction_curve(friction: JointFriction, evidence: JointEvidence, truth: Curv
             truth=truth,
         )
 
-    picture, drawn = _draw(prefix, f"Friction against velocity, joint {name}", draw)
+    picture, drawn = drawing(prefix, f"Friction against velocity, joint {name}", draw)
     caption = (
         _sample_keys(evidence.samples, "measured, fitted", "measured, held out") if drawn.samples else ""
     )
-    caption += _key("curve", "identified")
+    caption += key("curve", "identified")
     if np.isfinite(drawn.half_width):
-        caption += _key("band", "±2 standard errors")
-    caption += _key("knot", "knots") if len(knots) else ""
-    caption += _key("truth", "truth") if truth is not None else ""
+        caption += key("band", "±2 standard errors")
+    caption += key("knot", "knots") if len(knots) else ""
+    caption += key("truth", "truth") if truth is not None else ""
     if np.isfinite(drawn.half_width):
         caption += f"<br>The band is at most ±{quantity(drawn.half_width, unit, 2)}."
     else:
@@ -83,7 +95,7 @@ def friction_curve(friction: JointFriction, evidence: JointEvidence, truth: Curv
     if truth is not None:
         rms, worst = distance(evidence.curve, truth)
         caption += f" Against the truth: RMS {quantity(rms, unit, 2)}, at most {quantity(worst, unit, 2)}."
-    return _figure(picture, caption)
+    return figure(picture, caption)
 
 
 def enlarged(friction: JointFriction, evidence: JointEvidence, truth: Curve | None, prefix: str) -> str:
@@ -95,12 +107,12 @@ def enlarged(friction: JointFriction, evidence: JointEvidence, truth: Curve | No
         )
 
     label = f"Magnitude of friction against speed, both directions, joint {friction.joint.name}"
-    picture, dotted = _draw(prefix, label, draw)
+    picture, dotted = drawing(prefix, label, draw)
     both = np.any(evidence.curve.velocity < 0) and np.any(evidence.curve.velocity > 0)
     caption = "The same curve enlarged" + (", its two directions over one another." if both else ".")
-    return _figure(
+    return figure(
         picture,
-        (_key("forth", f"{dotted}, +q and \u2212q") if dotted else "") + f"<br>{caption}",
+        (key("forth", f"{dotted}, +q and \u2212q") if dotted else "") + f"<br>{caption}",
     )
 
 
@@ -141,11 +153,11 @@ def residual_row(friction: JointFriction, evidence: JointEvidence, prefix: str) 
             return residuals.draw_residual(axes, canvas.CSS, samples, joint, against, scale)
 
         label = f"Residual torque against {against}, joint {joint.name}"
-        picture, told = _draw(f"{prefix}-{against}", label, draw, canvas.SMALL)
+        picture, told = drawing(f"{prefix}-{against}", label, draw, canvas.SMALL)
         pictures.append(f"<figure>{picture}</figure>")
         median = median or told
     caption = _sample_keys(samples, "fitted", "held out")
-    caption += _key("curve", "median of equal intervals") if median else ""
+    caption += key("curve", "median of equal intervals") if median else ""
     caption += "<br>Measured minus predicted torque. A good model leaves noise around zero; a bend is what it misses."
     if scale.beyond:
         caption += (
@@ -165,10 +177,10 @@ def presliding(friction: JointFriction, loop: np.ndarray, prefix: str) -> str:
     def draw(axes: Any) -> None:
         residuals.draw_presliding(axes, canvas.CSS, loop, friction.joint)
 
-    picture, _ = _draw(
+    picture, _ = drawing(
         prefix, f"Torque against displacement before sliding, joint {friction.joint.name}", draw
     )
     words = (
         "Before it slides: torque against displacement during a ramp. The slope is the presliding stiffness."
     )
-    return _figure(picture, words)
+    return figure(picture, words)

@@ -1,16 +1,20 @@
-"""The report's page on a joint that a hand moves."""
+"""The report's page on a joint that a hand moves: its force without and with compensation, and the estimate beside the sensor."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from backdrive.report.pictures import canvas, svg
-from backdrive.report.pictures.canvas import pretty_unit
-from backdrive.report.pictures.guided import draw_estimate, draw_forces
-from backdrive.report.words import esc, number
-from backdrive.simulation.hand_demo import GuidedDemo
+import numpy as np
 
-LINE = '<path d="M1 5h18" stroke="var({})" stroke-width="2"/>'
+from backdrive.report.figures import drawing, figure, key
+from backdrive.report.pictures import canvas
+from backdrive.report.words import esc, number
+from backdrive.simulation.hand_demo import SHOWN, GuidedDemo
+
+EVERY = 4  # ticks of which one is drawn
+SIZE = 2 * canvas.WIDTH, canvas.HEIGHT  # [pt]
+
+Line = tuple[str, str, np.ndarray, float]  # kind of key, words, ordinates (n,), width [pt]
 
 
 def guided_section(demo: GuidedDemo) -> str:
@@ -19,50 +23,40 @@ def guided_section(demo: GuidedDemo) -> str:
     Raises:
         MissingExtra: matplotlib is not installed.
     """
-    unit = pretty_unit(demo.unit)
+    unit = canvas.pretty_unit(demo.unit)
     without, with_ = demo.force
     saved = 100.0 * (1.0 - with_ / without)
+    forces: list[Line] = [
+        ("bare", "without compensation", demo.bare.force, 1.6),
+        ("compensated", "with compensation", demo.compensated.force, 1.6),
+    ]
+    estimate: list[Line] = [
+        ("bare", "force sensor", demo.bare.sensed, 1.6),
+        ("curve", "estimated from the encoder", demo.bare.estimate, 1.2),
+    ]
     with canvas.house_style():
-        pictures = [
-            _picture(
-                draw,
-                demo,
-                name,
-                label,
-                keys,
-            )
-            for draw, name, label, keys in (
-                (
-                    draw_forces,
-                    "guided-force",
-                    "Force of the hand without and with compensation",
-                    (("--held-out", "without compensation"), ("--fitted", "with compensation")),
-                ),
-                (
-                    draw_estimate,
-                    "guided-estimate",
-                    "Force sensor and estimate from the encoder",
-                    (("--held-out", "force sensor"), ("--ink", "estimated from the encoder")),
-                ),
-            )
-        ]
+        pictures = _picture(demo, "guided-force", "Force of the hand without and with compensation", forces)
+        pictures += _picture(demo, "guided-estimate", "Force sensor and estimate from the encoder", estimate)
     return (
         '<section class="joint" id="guided"><div class="head"><h2>A hand moves the joint</h2></div>'
         f'<p class="lead">The hand needs {number(without)} {unit} (root mean square) to move the bare joint and '
         f"{number(with_)} {unit} with friction compensated: {saved:.0f} % less.</p>"
         f"<p>Without any force sensor, the hand's force is estimated from encoder and motor torque; what is wrong with "
-        f"it is {100 * demo.error:.0f} % of the force itself.</p>{''.join(pictures)}"
+        f"it is {100 * demo.error:.0f} % of the force itself.</p>{pictures}"
         f'<p class="muted">Simulated: friction beyond a transmission that yields, an encoder with counts, a hand that varies '
         f"from stroke to stroke. Compensator: {esc('algFC with dither')}, R = 0.9, Iwatani 2017, (3.27).</p></section>"
     )
 
 
-def _picture(draw: Any, demo: GuidedDemo, name: str, label: str, keys) -> str:
-    figure = canvas.new_figure(canvas.CSS, 2 * canvas.WIDTH, canvas.HEIGHT)
-    figure.patch.set_visible(False)
-    draw(canvas.axes_of(figure, canvas.CSS), canvas.CSS, demo)
-    legend = "".join(
-        f'<span class="key"><svg viewBox="0 0 20 10" aria-hidden="true">{LINE.format(colour)}</svg>{esc(words)}</span> '
-        for colour, words in keys
-    )
-    return f"<figure>{svg.inline(figure, name, label)}<figcaption>{legend}{esc(label)}.</figcaption></figure>"
+def _picture(demo: GuidedDemo, prefix: str, label: str, lines: list[Line]) -> str:
+    theme, time = canvas.CSS, demo.bare.time
+    colors = {"bare": theme.held_out, "compensated": theme.fitted, "curve": theme.ink}
+    drawn = np.flatnonzero(time <= SHOWN)[::EVERY]
+
+    def draw(axes: Any) -> None:
+        for kind, _, y, width in lines:
+            axes.plot(time[drawn], y[drawn], color=colors[kind], linewidth=width)
+        canvas.name_axes(axes, theme, x="time [s]", y=f"force of the hand [{canvas.pretty_unit(demo.unit)}]")
+
+    keys = "".join(key(kind, words) for kind, words, *_ in lines)
+    return figure(drawing(prefix, label, draw, SIZE)[0], f"{keys}{esc(label)}.")

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from itertools import zip_longest
 from typing import Any
 
-from backdrive.identification.grade import grade
+from backdrive.identification.quality import grade
 from backdrive.identification.result import Curve, JointEvidence
 from backdrive.model import JointFriction, Quality
 from backdrive.report import figures
 from backdrive.report.pictures.canvas import pretty_unit
 from backdrive.report.words import (
     NOTHING,
-    bounds,
+    Entry,
     counted,
     dynamics,
+    entries,
     esc,
     law_name,
     measured,
@@ -99,63 +101,42 @@ def _grouped(count: float) -> str:
     return f"{count:,.0f}".replace(",", "\u202f")
 
 
-def _laws(friction: JointFriction):
-    for rows in friction.law.parts:
-        for name, parameter in rows.PARAMETERS.items():
-            yield name, parameter, getattr(rows, name)
-
-
 def _parameters(friction: JointFriction) -> str:
-    unit, rows = friction.joint.unit, []
-    for name, parameter, value in _laws(friction):
-        if parameter.many:
-            continue
-        error = friction.standard_errors.get(name)
-        flag = ' <span class="flag">at its bound</span>' if name in friction.at_bound else ""
-        rows.append(
-            [
-                f"{esc(term(name))} {symbol(parameter.symbol)}",
-                f'<span class="n">{measured(value, error)}</span> '
-                f'<span class="n muted">{esc(pretty_unit(parameter.unit_for(unit)))}</span>{flag}',
-                f'<span class="n">{bounds(parameter.lower, parameter.upper)}</span>',
-            ]
-        )
+    rows = [
+        [
+            f"{esc(each.name)} {symbol(each.symbol)}",
+            f'<span class="n">{each.values[0]}</span> '
+            f'<span class="n muted">{esc(pretty_unit(each.unit))}</span>{_flag(each)}',
+            f'<span class="n">{each.bounds}</span>',
+        ]
+        for each in entries(friction, knots=False)
+    ]
     element = friction.law.element.NAME
     carried = "" if element == "none" else f", carried by {element}"
     law = f"Law: {esc(law_name(friction.law.rate.NAME))}{esc(carried)}"
+    top = f'<div class="caption">{law}</div>'
     if rows:
-        listed = table(law, ["Parameter", "Value ± standard error", "Bounds"], rows)
-        return f"<div>{listed}{_knots(friction)}</div>"
-    return f'<div><div class="caption">{law}</div>{_knots(friction)}</div>'
+        top = table(law, ["Parameter", "Value ± standard error", "Bounds"], rows)
+    return f"<div>{top}{_knots(friction)}</div>"
 
 
-def _knot_count(friction: JointFriction) -> str:
-    sizes = [len(value) for _, parameter, value in _laws(friction) if parameter.many]
-    return counted(max(sizes, default=0), "knot")
+def _flag(entry: Entry) -> str:
+    return ' <span class="flag">at its bound</span>' if entry.at_bound else ""
 
 
 def _knots(friction: JointFriction) -> str:
-    many = [(name, parameter, value) for name, parameter, value in _laws(friction) if parameter.many]
+    many = entries(friction, knots=True)
     if not many:
         return ""
-    unit = friction.joint.unit
-    head = []
-    for name, parameter, _ in many:
-        flag = ' <span class="flag">at its bound</span>' if name in friction.at_bound else ""
-        in_unit = f'<span class="n">[{esc(pretty_unit(parameter.unit_for(unit)))}]</span>'
-        head.append(f"{esc(term(name))} {symbol(parameter.symbol)} {in_unit}{flag}")
-    rows = []
-    for i in range(max(len(value) for *_, value in many)):
-        cells = []
-        for name, _, value in many:
-            errors = friction.standard_errors.get(name)
-            known = isinstance(errors, (list, tuple)) and i < len(errors)
-            error = errors[i] if known else None  # pyright: ignore[reportOptionalSubscript]
-            cells.append(f'<span class="n">{measured(value[i], error) if i < len(value) else NOTHING}</span>')
-        rows.append(cells)
-    limits = "; ".join(f"{term(n)}: {bounds(p.lower, p.upper)}" for n, p, _ in many)
+    head = [
+        f'{esc(each.name)} {symbol(each.symbol)} <span class="n">[{esc(pretty_unit(each.unit))}]</span>{_flag(each)}'
+        for each in many
+    ]
+    knots = list(zip_longest(*(each.values for each in many), fillvalue=NOTHING))
+    rows = [[f'<span class="n">{value}</span>' for value in knot] for knot in knots]
+    limits = "; ".join(f"{each.name}: {each.bounds}" for each in many)
     return (
-        f"<details><summary>{_knot_count(friction)} a direction, ± standard errors</summary>"
+        f"<details><summary>{counted(len(knots), 'knot')} a direction, ± standard errors</summary>"
         f'{table("", head, rows)}<p class="muted"><small>Bounds: {esc(limits)}.</small></p></details>'
     )
 

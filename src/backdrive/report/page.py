@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from backdrive.identification.grade import FAIR, GOOD, grade
+from backdrive.identification.quality import FAIR, GOOD, grade
 from backdrive.identification.result import Curve, Identification
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.report.joint import chip, table, warnings_box
@@ -162,7 +161,7 @@ def provenance(result: Identification, command: str) -> str:
         where = f"<details><summary>{counted(len(files), 'file')} with digests</summary>{where}</details>"
     options = ""
     if model.options:
-        shown = [[esc(k), f"<code>{esc(_value(v))}</code>"] for k, v in _flat(model.options)]
+        shown = [[esc(k), f"<code>{esc(_value(v))}</code>"] for k, v in sorted(model.options.items())]
         options = f"<h3>Options</h3>{table('', ['Option', 'Value'], shown)}"
     words = "".join(f"<dt>{esc(k)}</dt><dd>{esc(v)}</dd>" for k, v in TERMS.items())
     return (
@@ -195,10 +194,6 @@ def _model_file(model: FrictionModel) -> str:
         '<details class="screen"><summary>The model file: copy it, save it as model.json</summary>'
         f'<pre class="file copy">{esc(text)}</pre></details>'
     )
-
-
-def _flat(options: Mapping[str, Any]):
-    return sorted(options.items())
 
 
 def _value(value: Any) -> str:

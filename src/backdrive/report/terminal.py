@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from itertools import zip_longest
 from typing import Any
 
 from backdrive._visible import visible
-from backdrive.identification.grade import grade
+from backdrive.identification.quality import grade
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.report.words import (
-    bounds,
+    Entry,
     dynamics,
+    entries,
     law_name,
     measured,
     number,
@@ -67,46 +69,24 @@ def _parameters(friction: JointFriction) -> Any:
     table = _new_table(
         ("parameter", "left"), ("value ± std. error", "right"), ("unit", "left"), ("bounds", "left")
     )
-    for rows in friction.law.parts:
-        for name, parameter in rows.PARAMETERS.items():
-            if parameter.many:
-                continue
-            table.add_row(
-                term(name),
-                measured(getattr(rows, name), friction.standard_errors.get(name)),
-                parameter.unit_for(friction.joint.unit),
-                bounds(parameter.lower, parameter.upper)
-                + (", at its bound" if name in friction.at_bound else ""),
-            )
+    for each in entries(friction, knots=False):
+        table.add_row(each.name, each.values[0], each.unit, f"{each.bounds}{_flag(each)}")
     for name, estimate in dynamics(friction):
         value = measured(estimate.value, estimate.standard_error)
         table.add_row(visible(term(name)), value, visible(estimate.unit), "dynamics")
     return table if table.row_count else None
 
 
+def _flag(entry: Entry) -> str:
+    return ", at its bound" if entry.at_bound else ""
+
+
 def _knots(friction: JointFriction) -> Any:
-    many = [
-        (name, parameter, getattr(rows, name))
-        for rows in friction.law.parts
-        for name, parameter in rows.PARAMETERS.items()
-        if parameter.many
-    ]
-    if not many:
-        return None
-    unit = friction.joint.unit
-    columns = []
-    for name, parameter, _ in many:
-        flag = ", at its bound" if name in friction.at_bound else ""
-        columns.append((f"{term(name)} [{parameter.unit_for(unit)}]{flag}", "right"))
-    table = _new_table(*columns)
-    for i in range(max(len(value) for *_, value in many)):
-        cells = []
-        for name, _, value in many:
-            errors = friction.standard_errors.get(name)
-            error = errors[i] if isinstance(errors, (list, tuple)) and i < len(errors) else None
-            cells.append(measured(value[i], error) if i < len(value) else "")
-        table.add_row(*cells)
-    return table
+    many = entries(friction, knots=True)
+    table = _new_table(*((f"{each.name} [{each.unit}]{_flag(each)}", "right") for each in many))
+    for knot in zip_longest(*(each.values for each in many), fillvalue=""):
+        table.add_row(*knot)
+    return table if many else None
 
 
 def _quality(friction: JointFriction) -> Any:

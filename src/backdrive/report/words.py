@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import math
 import re
+from typing import NamedTuple
 
 from backdrive.laws import RATES
 from backdrive.model import Estimate, JointFriction
@@ -151,6 +152,50 @@ def dynamics(friction: JointFriction) -> list[tuple[str, Estimate]]:
     return sorted(
         friction.dynamics.items(), key=lambda kv: (order.index(kv[0]) if kv[0] in order else known, kv[0])
     )
+
+
+class Entry(NamedTuple):
+    """A parameter of a law, ready for a table.
+
+    Attributes:
+        name: in words.
+        symbol: of the papers.
+        unit: SI, as a model file writes it.
+        bounds: its range in words.
+        at_bound: the estimate lies at one of them.
+        values: with their standard errors; one, or one a knot.
+    """
+
+    name: str
+    symbol: str
+    unit: str
+    bounds: str
+    at_bound: bool
+    values: list[str]
+
+
+def entries(friction: JointFriction, *, knots: bool) -> list[Entry]:
+    """Return the parameters of a joint's law: those that are one number, or those with one a knot."""
+    result = []
+    for part in friction.law.parts:
+        for name, parameter in part.PARAMETERS.items():
+            if parameter.many != knots:
+                continue
+            value, error = getattr(part, name), friction.standard_errors.get(name)
+            values = value if knots else (value,)
+            given = error if isinstance(error, (list, tuple)) else (None if knots else error,)
+            errors = [*given, *[None] * len(values)]
+            result.append(
+                Entry(
+                    name=term(name),
+                    symbol=parameter.symbol,
+                    unit=parameter.unit_for(friction.joint.unit),
+                    bounds=bounds(parameter.lower, parameter.upper),
+                    at_bound=name in friction.at_bound,
+                    values=[measured(*pair) for pair in zip(values, errors)],
+                )
+            )
+    return result
 
 
 def law_name(name: str) -> str:

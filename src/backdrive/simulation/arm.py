@@ -16,15 +16,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import import_module
-from typing import Any
 
 import numpy as np
 
 from backdrive._jit import jit
 from backdrive.engine.axis import held
+from backdrive.engine.series import stacked
 from backdrive.engine.servo import Servo
-from backdrive.errors import InvalidInput, MissingExtra, install
+from backdrive.errors import InvalidInput, require
 from backdrive.simulation.joint import SimulatedJoint
 from backdrive.simulation.machines import COUNTS, bent_curve, joint_0, joint_1, joint_2
 
@@ -174,12 +173,7 @@ class Arm:
             MissingExtra: mujoco is not installed.
             InvalidInput: joints or posture do not match the model, or a transmission is rigid.
         """
-        try:
-            mujoco: Any = import_module("mujoco")
-        except ImportError as error:
-            raise MissingExtra(
-                "A simulated arm needs mujoco, which is not installed.", remedy=install("sim")
-            ) from error
+        mujoco = require("mujoco", "A simulated arm needs", "sim")
         self._mujoco = mujoco
         self.joints = tuple(joints or hp3j())
         self.model = mujoco.MjModel.from_xml_string(model or mjcf())
@@ -204,13 +198,8 @@ class Arm:
             ]
         )
         self._kinds = np.array([[law.rate.KIND for law in laws], [law.element.KIND for law in laws]])
-        rows, states = [law.row() for law in laws], [law.state() for law in laws]
-        self._P, self._X = (
-            np.zeros((J, max(r.size for r in rows))),
-            np.zeros((J, max(s.size for s in states) + 1)),
-        )
-        for j in range(J):
-            self._P[j, : rows[j].size] = rows[j]
+        self._P = stacked([law.row() for law in laws])
+        self._X = np.zeros((J, max(law.state().size for law in laws) + 1))
         self.load, self.load_velocity = np.array(posture, dtype=np.float64), np.zeros(J)
         weight = self.rigid(np.zeros(J))[1]
         self.motor = self.load + weight / self._table[K_C]

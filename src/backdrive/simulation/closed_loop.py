@@ -8,8 +8,8 @@ their sum acts until the next tick, later by the drive's delay. Between ticks th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from backdrive.engine.cores import spread
 from backdrive.engine.servo import Servo
 from backdrive.errors import InvalidInput
 from backdrive.logs.log import Drive, Log
+from backdrive.parameters import POSITIVE, Bound, Bounded, check
 from backdrive.simulation.hand import Hand, HandMotion
 from backdrive.simulation.joint import SimulatedJoint
 from backdrive.simulation.kernel import COLUMNS, encoder, run
@@ -28,7 +29,7 @@ SUBSTEP = 2e-5  # longest integration step [s]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Scene:
+class Scene(Bounded):
     """A joint, what runs on it, and a hand.
 
     Attributes:
@@ -51,6 +52,8 @@ class Scene:
         seed: of noises and of the phase of the encoder's counts.
     """
 
+    BOUNDS: ClassVar = {"period": POSITIVE, "delay": Bound(0.0, 1.0, "s", open_high=True)}
+
     plant: SimulatedJoint
     motion: HandMotion
     hand: Hand | None = None
@@ -69,29 +72,18 @@ class Scene:
     seed: int = 0
 
     def __post_init__(self):
+        super().__post_init__()
+        check("Scene", {"substep": Bound(0.0, self.period, "s", open_low=True)}, {"substep": self.substep})
         n = len(self.motion.position)
-        if not (0.0 < self.period < np.inf and 0.0 < self.substep <= self.period and 0.0 <= self.delay < 1.0):
-            raise InvalidInput(
-                f"period = {self.period} s, substep = {self.substep} s, delay = {self.delay} s.",
-                remedy="The period is positive, the substep not longer, the delay below a second.",
-            )
-        if self.target is not None and np.shape(self.target) != (n, 2):
-            raise InvalidInput(
-                f"target has the shape {np.shape(self.target)}.",
-                remedy=f"Give ({n}, 2), as the hand's motion.",
-            )
-        if self.fault is not None and np.shape(self.fault) != (n, 2):
-            raise InvalidInput(
-                f"fault has the shape {np.shape(self.fault)}.", remedy=f"Give ({n}, 2), as the hand's motion."
-            )
+        for name, table in (("target", self.target), ("fault", self.fault)):
+            if table is not None and np.shape(table) != (n, 2):
+                raise InvalidInput(
+                    f"{name} has the shape {np.shape(table)}.", remedy=f"Give ({n}, 2), as the hand's motion."
+                )
         if isinstance(self.controller, Admittance) and (self.loop is None or self.loop.external is None):
             raise InvalidInput(
                 "Admittance control needs an external force.", remedy="Give the loop an `ExternalForce`."
             )
-
-    def replace(self, **changes: Any) -> Scene:
-        """Return a copy with some fields changed."""
-        return replace(self, **changes)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -207,7 +199,7 @@ def prepare(scene: Scene) -> tuple[tuple, np.ndarray]:
         kind, k_row, k_state = 1, controller.row(), np.zeros(servo_.STATES)
         k_state[1] = reading
         if controller.integral > 0.0 and not scene.gravity_compensated:
-            k_state[0] = float(plant.gravity(state[2])) / controller.integral  # it had been holding the joint
+            k_state[0] = float(plant.weight(state[2])) / controller.integral  # it had been holding the joint
     elif isinstance(controller, Admittance):
         kind, k_row, k_state = 2, controller.row(), controller.start(reading)
     elif controller == "torque":

@@ -10,15 +10,16 @@ people show 100 to 1000 N/m and 5 to 60 N.s/m; a prescribed motion is a hand of 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from backdrive.errors import InvalidInput
+from backdrive.parameters import NOT_NEGATIVE, Bounded
 
 
 @dataclass(frozen=True, kw_only=True)
-class Hand:
+class Hand(Bounded):
     """Impedance of a hand on the joint.
 
     Attributes:
@@ -27,13 +28,11 @@ class Hand:
         noise: of the force sensor between hand and joint, standard deviation [N.m or N].
     """
 
+    BOUNDS: ClassVar = dict.fromkeys(("stiffness", "damping", "noise"), NOT_NEGATIVE)
+
     stiffness: float
     damping: float
     noise: float = 0.0
-
-    def __post_init__(self):
-        if not all(0.0 <= x < np.inf for x in (self.stiffness, self.damping, self.noise)):
-            raise InvalidInput(f"{self}.", remedy="Nothing of a hand is negative.")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar, Literal
 
 import numpy as np
 
+from backdrive.engine.axis import gravity
+from backdrive.engine.forward import Axis
 from backdrive.engine.servo import Servo
 from backdrive.errors import InvalidInput
 from backdrive.laws import Law
 from backdrive.logs.log import Joint
+from backdrive.parameters import ABOVE_ZERO, NOT_NEGATIVE, Bounded
+
+#: What joint and axis name alike.
+MECHANICS = (
+    "load_inertia", "stiffness", "damping", "gravity_sin", "gravity_cos", "friction_side", "load_dependence",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimulatedJoint:
+class SimulatedJoint(Bounded):
     """A joint to try things on, with everything that is true about it known.
 
     Attributes:
@@ -36,6 +45,14 @@ class SimulatedJoint:
         unit: `rad` or `m`.
     """
 
+    BOUNDS: ClassVar = {
+        "encoder_count": NOT_NEGATIVE,
+        "torque_noise": NOT_NEGATIVE,
+        "torque_limit": ABOVE_ZERO,
+        "delay": NOT_NEGATIVE,
+    }
+    CHOICES: ClassVar = {"unit": ("rad", "m")}
+
     name: str
     law: Law
     servo: Servo | None = None
@@ -54,25 +71,13 @@ class SimulatedJoint:
     unit: Literal["rad", "m"] = "rad"
 
     def __post_init__(self):
-        self._require("motor_inertia", self.motor_inertia > 0, "it must be positive")
-        for name in ("load_inertia", "damping", "load_dependence", "encoder_count", "torque_noise", "delay"):
-            value = getattr(self, name)
-            self._require(name, 0.0 <= value < np.inf, "it must be finite and not negative")
-        for name in ("gravity_sin", "gravity_cos"):
-            self._require(name, np.isfinite(getattr(self, name)), "it must be finite")
-        for name in ("stiffness", "torque_limit"):
-            self._require(name, getattr(self, name) > 0, "it must be positive")
-        self._require("friction_side", self.friction_side in ("motor", "load"), "it is 'motor' or 'load'")
-        self._require("unit", self.unit in ("rad", "m"), "it is 'rad' or 'm'")
-        if not self.rigid:
-            self._require("load_inertia", self.load_inertia > 0, "a compliant transmission carries a load")
-
-    def _require(self, name: str, holds: bool, rule: str) -> None:
-        if not holds:
+        super().__post_init__()
+        try:
+            _ = self.axis
+        except InvalidInput as error:
             raise InvalidInput(
-                f"Simulated joint '{self.name}': {name} = {getattr(self, name)!r}, but {rule}.",
-                remedy="Give SI values.",
-            )
+                f"SimulatedJoint '{self.name}': {error.message}", remedy=error.remedy
+            ) from error
 
     @property
     def rigid(self) -> bool:
@@ -84,39 +89,24 @@ class SimulatedJoint:
         """Motor and load together [kg.m^2 or kg]."""
         return self.motor_inertia + self.load_inertia
 
-    def replace(self, **changes: Any) -> SimulatedJoint:
-        """Return a copy with some fields changed."""
-        return replace(self, **changes)
+    @cached_property
+    def axis(self) -> Axis:
+        """The joint without servo, encoder and noise."""
+        return Axis(
+            law=self.law, inertia=self.motor_inertia, **{name: getattr(self, name) for name in MECHANICS}
+        )
 
-    def gravity(self, position: np.ndarray | float) -> np.ndarray:
+    def weight(self, position: np.ndarray | float) -> np.ndarray:
         """Return the torque of gravity at positions of the load [rad or m] -> [N.m or N]."""
-        q = np.asarray(position, dtype=np.float64)
-        return self.gravity_sin * np.sin(q) + self.gravity_cos * np.cos(q)
+        return np.vectorize(gravity, otypes=[float], excluded=[0])(self.row(), position)
 
     def row(self) -> np.ndarray:
         """Return the parameters as the row that `engine.axis.advance` reads, (10,)."""
-        return np.array(
-            [
-                self.motor_inertia,
-                self.load_inertia,
-                0.0 if self.rigid else self.stiffness,
-                self.damping,
-                self.gravity_sin,
-                self.gravity_cos,
-                float(self.rigid),
-                float(self.friction_side == "load"),
-                self.load_dependence,
-                0.0,
-            ]
-        )
+        return self.axis.row()
 
     def at_rest(self, position: float) -> np.ndarray:
         """Return the state of a joint whose motor rests at a position, the transmission bearing gravity, (5,)."""
-        q = position
-        if not self.rigid:
-            for _ in range(50):  # K_c (p - q) = g(q) contracts by g'/K_c, far below 1
-                q = position - float(self.gravity(q)) / self.stiffness
-        return np.array([position, 0.0, q, 0.0, float(self.gravity(q))])
+        return self.axis.at(position)
 
     def as_joint(self) -> Joint:
         """Return what a log says of this joint."""

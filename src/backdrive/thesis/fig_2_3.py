@@ -34,7 +34,7 @@ def run(seed: int = 0) -> Outcome:
     share = np.sqrt(1.0 - SHARE**2) / np.arccos(SHARE)  # mean of a sine's top above c
     ratio = knots.V / speeds
     reached = np.array([np.abs(v[(t >= a) & (t < b)]).max() for a, b in windows]) / speeds
-    level = float(joint.gravity(0.0))
+    level = float(joint.weight(0.0))
     error = knots.F - joint.law.torque(knots.V)
     claims = (
         Claim(

@@ -77,7 +77,7 @@ def run(seed: int = 0) -> Outcome:
 def _gravity(name: str) -> float:
     """Return the torque of gravity at the center of the stroke [N.m]."""
     joint, center = in_posture(name)
-    return float(joint.gravity(np.deg2rad(center)))
+    return float(joint.weight(np.deg2rad(center)))
 
 
 def draw(outcome: Outcome) -> Any:

@@ -102,7 +102,7 @@ def tries(method: str, who: Contender) -> list[dict[str, Any]]:
 def judged(who: Contender, estimator: ExternalForce, moved: Record, free: Record) -> dict[str, float]:
     """Return RMS error and error at rest by the RMS force, delay [s], and the share of time with a false contact."""
     n = len(moved.time)
-    weight = who.truth.gravity(moved.reading)
+    weight = who.truth.weight(moved.reading)
     got, _ = estimator.run(moved.reading, moved.command, DT, weight)
     force = moved.force
     size = float(np.sqrt(np.mean(force[: n - 700] ** 2)))
@@ -110,7 +110,7 @@ def judged(who: Contender, estimator: ExternalForce, moved: Record, free: Record
     error = got[held] - force[held]
     lags = [float(np.mean((got[300 + k : n - 700 + k] - force[held]) ** 2)) for k in range(min(LATEST, 699))]
     rest = got[n - 250 :]
-    alone, _ = estimator.run(free.reading, free.command, DT, who.truth.gravity(free.reading))
+    alone, _ = estimator.run(free.reading, free.command, DT, who.truth.weight(free.reading))
     return {
         "rms": float(np.sqrt(np.mean(error**2))) / size,
         "delay": DT * int(np.argmin(lags)),

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from backdrive.errors import BackdriveError
-from backdrive.report.pictures import canvas, svg
+from backdrive.report.pictures import canvas
 from backdrive.thesis.catalog import Entry
 from backdrive.thesis.outcome import Claim, Outcome
 
@@ -64,7 +64,7 @@ def run_one(entry: Entry, seed: int = 0) -> Result:
         outcome = experiment.run(seed=seed)
         with canvas.house_style():
             figure = experiment.draw(outcome)
-            pictures = canvas.png(figure, SCALE), svg.standalone(figure)
+            pictures = canvas.content(figure, "png", SCALE), canvas.content(figure, "svg")
     except Exception as error:
         known = isinstance(error, BackdriveError)
         return Result(

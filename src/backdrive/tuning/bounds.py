@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.parameters import NOT_NEGATIVE, POSITIVE, Bound, fault
+from backdrive.errors import NotIdentifiable
+from backdrive.parameters import NOT_NEGATIVE, POSITIVE, Bound, check
 
 BOUNDS = {
     "coulomb": POSITIVE,
@@ -35,23 +35,14 @@ BOUNDS = {
 }
 
 
-def check(where: str, **values: float | Sequence[float] | None) -> None:
-    """Refuse numbers out of their bounds, each by its name and with its rule.
+def check_given(where: str, **values: float | Sequence[float] | None) -> None:
+    """Refuse numbers out of their bounds; see `parameters.check`.
 
     Args:
         where: what the message begins with.
         values: numbers or intervals, by the names of `BOUNDS`; None: not given.
-
-    Raises:
-        InvalidInput: one or more are out of their bounds.
     """
-    wrong = [
-        words
-        for name, value in values.items()
-        if value is not None and (words := fault(name, value, BOUNDS[name]))
-    ]
-    if wrong:
-        raise InvalidInput(f"{where}: {'; '.join(wrong)}.", remedy="Numbers are in SI units of the joint.")
+    check(where, BOUNDS, {name: value for name, value in values.items() if value is not None})
 
 
 def between(

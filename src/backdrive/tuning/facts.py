@@ -17,7 +17,7 @@ from backdrive.laws import REFERENCE, Growth, Law, Polyline
 from backdrive.laws.base import Rate
 from backdrive.model import JointFriction
 from backdrive.tuning import rules
-from backdrive.tuning.bounds import BOUNDS, between, check
+from backdrive.tuning.bounds import BOUNDS, between, check_given
 
 Interval = tuple[float, float]  # lower and upper end
 
@@ -85,7 +85,7 @@ class Facts:
     notes: tuple[str, ...] = field(default=())
 
     def __post_init__(self):
-        check(
+        check_given(
             f"Joint '{self.name}'",
             **{name: getattr(self, name) for name in CHECKED},
             **{name: getattr(self, f"{name}_interval") for name in ("stiffness", "inertia")},
@@ -100,11 +100,6 @@ class Facts:
                 "velocity that is wanted instead of the measured one; for estimates CT, a dead zone of a count a tick "
                 "(`backdrive.control.estimators.friction.ct`).",
             )
-
-    @property
-    def fineness(self) -> float:
-        """F/(K_c count), how many counts presliding spans [-]."""
-        return self.coulomb / (self.stiffness * self.count)
 
     @property
     def stiffest(self) -> float:
@@ -139,7 +134,7 @@ def curve_of(law: Law, top: float, *, factor: float = 1.0, temperature: float = 
     return Polyline(velocity=tuple(speeds.tolist()), positive=branches[0], negative=branches[1])
 
 
-def shared(rate: Rate, share: float, top: float) -> Rate:
+def scaled_rate(rate: Rate, share: float, top: float) -> Rate:
     """Return a rate law scaled, itself for a share of 1.
 
     Args:
@@ -184,7 +179,7 @@ def facts_of(
         InvalidInput: a number makes no sense.
     """
     joint, law = friction.joint, friction.law
-    check(
+    check_given(
         f"Joint '{joint.name}'",
         stiffness=stiffness,
         inertia=inertia,

@@ -21,8 +21,8 @@ from backdrive.errors import InvalidInput
 from backdrive.simulation.closed_loop import Record, Scene
 from backdrive.tuning import members as members_
 from backdrive.tuning import rules, scenes
-from backdrive.tuning.facts import SOFTEST, Facts, shared
-from backdrive.tuning.judging import judged
+from backdrive.tuning.evaluation import evaluate
+from backdrive.tuning.facts import SOFTEST, Facts, scaled_rate
 from backdrive.tuning.members import Member
 from backdrive.tuning.scenes import SUBSTEP, Stroke
 from backdrive.tuning.tuning import LEADING
@@ -58,7 +58,7 @@ def estimator(facts: Facts, z: Numbers, share: float = 1.0) -> ExternalForce:
     return ExternalForce(
         inertia=facts.inertia,
         friction=alg_fe(
-            shared(facts.rate, share, facts.top_speed), z["stiffness"] * facts.stiffness, z["decay"]
+            scaled_rate(facts.rate, share, facts.top_speed), z["stiffness"] * facts.stiffness, z["decay"]
         ),
         filter=MotionFilter(gain=z["gain"], second_gain=z["second_gain"]),
     )
@@ -125,7 +125,7 @@ class Goal:
     def scores(self, many: Sequence[Numbers]) -> np.ndarray:
         """Return the score of each set of numbers, (n,)."""
         made = (self.scenes(z, m) for z in many for m in self.score_on)
-        found = np.array(judged(made, self.score)).reshape(len(many), -1)
+        found = np.array(evaluate(made, self.score)).reshape(len(many), -1)
         return np.where(np.isfinite(found), found, np.inf).mean(axis=1)
 
     def worst(
@@ -142,7 +142,7 @@ class Goal:
     ) -> np.ndarray:
         """Return the same for each set of numbers and each joint, (n, m); `longest`: integration step [s]."""
         made = (self.trial(z, m, longest) for z in many for m in members)
-        found = np.array(judged(made, self.unrest)).reshape(len(many), -1)
+        found = np.array(evaluate(made, self.unrest)).reshape(len(many), -1)
         return np.where(np.isfinite(found), found, np.inf)
 
 
@@ -162,7 +162,7 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
         raise InvalidInput(f"There is no goal '{name}'.", remedy=f"Goals are {', '.join(GOALS)}.")
     K_low, K_c = facts.stiffness_interval[0], facts.stiffness
     spring = {"stiffness": (SOFTEST * K_low / K_c, facts.stiffest / K_c), "decay": (5.0, 500.0)}
-    corners, middle = members_.corners(facts), members_.likely(facts)
+    corners, middle = members_.corners(facts), members_.nominal(facts)
     force = "N.m" if facts.unit == "rad" else "N"
     if name in ("backdrive", "track"):
 
@@ -175,7 +175,7 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
 
         def played(z: Numbers, member: Member) -> Scene:
             if guides:
-                return scenes.guided(facts, member, loop(z), stroke)
+                return scenes.guidance(facts, member, loop(z), stroke)
             return scenes.tracking(facts, member, loop(z), stroke)
 
         return Goal(
@@ -206,10 +206,10 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
             facts=facts,
             stroke=stroke,
             ranges=spring | gains,
-            scenes=lambda z, member: scenes.guided(facts, member, watch(z), stroke),
+            scenes=lambda z, member: scenes.guidance(facts, member, watch(z), stroke),
             score=lambda r: float(np.sqrt(np.mean((r.estimate - r.force) ** 2))),
             score_on=corners[::2],
-            trial=lambda z, member, longest: scenes.released(facts, member, watch(z), stroke, longest),
+            trial=lambda z, member, longest: scenes.release(facts, member, watch(z), stroke, longest),
             unrest=lambda r: float(np.abs(np.mean(r.estimate[quiet]))) / (LEFT_OVER * facts.coulomb),
             test_on=corners,
             words="error of the external force, root mean square",
@@ -236,7 +236,7 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
         facts=facts,
         stroke=stroke,
         ranges={"mass": (lightest, 5.0 * max(lightest, 1.0)), "viscosity": (2.0, 60.0)} | gains,
-        scenes=lambda z, member: scenes.guided(facts, member, estimating(z), stroke, **led(z)),
+        scenes=lambda z, member: scenes.guidance(facts, member, estimating(z), stroke, **led(z)),
         score=lambda r: scenes.peak_force(r, stroke),
         score_on=corners[::2],
         trial=lambda z, member, longest: scenes.knock(facts, member, estimating(z), longest, **led(z)),

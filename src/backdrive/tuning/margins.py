@@ -12,9 +12,9 @@ from backdrive.control import Unguarded
 from backdrive.control.compensators import Compensator, Dither, nothing
 from backdrive.tuning import members as members_
 from backdrive.tuning import rules, scenes
+from backdrive.tuning.evaluation import evaluate
 from backdrive.tuning.facts import Facts
 from backdrive.tuning.goals import AT_REST, Goal, Numbers, compensator
-from backdrive.tuning.judging import judged
 from backdrive.tuning.members import Member
 from backdrive.tuning.safety import ends
 from backdrive.tuning.scenes import Stroke
@@ -67,7 +67,7 @@ def margins(facts: Facts, z: Numbers, members: Sequence[Member], goal: Goal) -> 
         goal: whose safety test says what breaks.
     """
     loop = Unguarded(compensator=compensator(facts, z))
-    knocked = judged(
+    knocked = evaluate(
         (scenes.knock(facts, m, loop, scenes.FINE) for m in members),
         lambda r: (scenes.amplitude(r), scenes.energy(r)),
     )
@@ -111,11 +111,11 @@ def left_over(
     """
 
     def freed(what: Compensator, some: Sequence[Member]) -> np.ndarray:
-        made = (scenes.released(facts, m, Unguarded(compensator=what), stroke, scenes.SUBSTEP) for m in some)
-        return np.array(judged(made, lambda r: scenes.breakaway(r, stroke, facts.coulomb)))
+        made = (scenes.release(facts, m, Unguarded(compensator=what), stroke, scenes.SUBSTEP) for m in some)
+        return np.array(evaluate(made, lambda r: scenes.breakaway(r, stroke, facts.coulomb)))
 
     left = freed(compensator(facts, z, dither), members[:FEW])
-    bare = freed(nothing(), [members_.likely(facts)])
+    bare = freed(nothing(), [members_.nominal(facts)])
     return {
         "breakaway": float(left.mean()),
         "breakaway_worst": float(left.max()),

@@ -71,7 +71,7 @@ class Member:
         return self.stiffness * (1.0 + self.contact)
 
 
-def likely(facts: Facts) -> Member:
+def nominal(facts: Facts) -> Member:
     """Return the joint as it is believed."""
     return Member(
         friction=1.0,
@@ -87,7 +87,7 @@ def likely(facts: Facts) -> Member:
 
 def corners(facts: Facts) -> list[Member]:
     """Return the joints at the ends of the intervals of K_c and friction, and the likely one between them."""
-    middle = likely(facts)
+    middle = nominal(facts)
     found = [middle]
     for i, K in enumerate(facts.stiffness_interval):
         for j, F in enumerate(facts.friction):
@@ -104,7 +104,7 @@ def corners(facts: Facts) -> list[Member]:
     return found
 
 
-def drawn(facts: Facts, count: int, seed: int) -> list[Member]:
+def sample(facts: Facts, count: int, seed: int) -> list[Member]:
     """Return joints drawn evenly over all intervals at once (Sobol)."""
     from scipy.stats import qmc
 

@@ -15,14 +15,14 @@ from backdrive.control.compensators import Dither
 from backdrive.errors import InvalidInput, LimitWarning, NotIdentifiable
 from backdrive.tuning import members as members_
 from backdrive.tuning import rules, safety, scenes
-from backdrive.tuning.bounds import check
+from backdrive.tuning.bounds import check_given
+from backdrive.tuning.evaluation import evaluate
 from backdrive.tuning.facts import Facts
 from backdrive.tuning.goals import GOALS, Goal, Numbers, compensator, filter_gains, goal_of
-from backdrive.tuning.judging import judged
 from backdrive.tuning.margins import left_over, margins, region
 from backdrive.tuning.members import Member
 from backdrive.tuning.reasons import dither_bound, dither_frequency, numbers_of
-from backdrive.tuning.safety import calmed
+from backdrive.tuning.safety import calm
 from backdrive.tuning.scenes import Stroke
 from backdrive.tuning.search import search
 from backdrive.tuning.tuning import Tuning
@@ -89,15 +89,15 @@ def tune(
     """
     if goal not in GOALS:
         raise InvalidInput(f"There is no goal '{goal}'.", remedy=f"Goals are {', '.join(GOALS)}.")
-    check(f"Joint '{facts.name}'", joints=joints, seed=seed, trip_speed=trip_speed, limit=limit)
+    check_given(f"Joint '{facts.name}'", joints=joints, seed=seed, trip_speed=trip_speed, limit=limit)
     if trip_speed is not None:
         JointLoop(limit=0.0, top_speed=trip_speed, encoder_count=facts.count)
-    stroke = stroke or scenes.stated(facts)
-    members = members_.drawn(facts, joints, seed)
+    stroke = stroke or scenes.usual_stroke(facts)
+    members = members_.sample(facts, joints, seed)
     scenes.check_step(facts, [*members_.corners(facts), *members])
-    notes = [*facts.notes, *_noted(facts, stroke)]
+    notes = [*facts.notes, *_remarks(facts, stroke)]
     loops = goal in ("backdrive", "track")
-    searched = _chosen(facts, goal, stroke, seed, say)
+    searched = _search_numbers(facts, goal, stroke, seed, say)
     if goal == "admit":
         searched = {"share": rules.largest_share(1.0 - facts.friction[0])} | searched
     judge = goal_of(goal, facts, stroke, searched)
@@ -176,7 +176,7 @@ def within(
     return replace(tuning, trip_speed=trip_speed, limit=loop.limit, notes=tuple(notes))
 
 
-def _noted(facts: Facts, stroke: Stroke) -> list[str]:
+def _remarks(facts: Facts, stroke: Stroke) -> list[str]:
     """Return what is said beside a proposal."""
     notes = []
     if facts.stiffest < facts.stiffness_interval[0] / (1.0 + facts.friction_error) * 0.999:
@@ -214,7 +214,7 @@ def _rows(
     rule = rows.get("fixed rule", {"safe": False})
     chosen: dict[str, Any] = {"score": np.inf}
     try:
-        z = calmed(goal, searched, members)
+        z = calm(goal, searched, members)
         chosen = {"score": float(goal.scores([z])[0]), "safe": True, "numbers": z, "searched": True}
     except NotIdentifiable:
         if not rule["safe"]:
@@ -224,11 +224,11 @@ def _rows(
     return {"chosen": chosen, **rows}
 
 
-def _chosen(facts: Facts, name: str, stroke: Stroke, seed: int, say: Say) -> dict[str, float]:
+def _search_numbers(facts: Facts, name: str, stroke: Stroke, seed: int, say: Say) -> dict[str, float]:
     """Return the best safe numbers for a goal."""
     base: dict[str, float] = {}
     if name == "admit":  # the estimator first
-        base = _chosen(facts, "estimate", stroke, seed, say)
+        base = _search_numbers(facts, "estimate", stroke, seed, say)
     goal = goal_of(name, facts, stroke, base)
     starts = []
     if name == "estimate":
@@ -241,7 +241,8 @@ def _chosen(facts: Facts, name: str, stroke: Stroke, seed: int, say: Say) -> dic
     found = search(goal, seed=seed, starts=starts, width=16 if light else 32, say=say)
     if found.numbers is None:
         raise NotIdentifiable(
-            f"Joint '{facts.name}': none of {found.tried} sets of numbers gives {safety.asked(name)} at the ends of all intervals.",
+            f"Joint '{facts.name}': none of {found.tried} sets of numbers gives {safety.requirement(name)} "
+            "at the ends of all intervals.",
             remedy=safety.WAYS_OUT,
         )
     return base | found.numbers
@@ -258,7 +259,7 @@ def _dither(
         sine = Dither(share=share, frequency=dither_frequency(facts, z), mode="reset")
         loop = Unguarded(compensator=compensator(facts, z, sine))
         made = (scenes.knock(facts, m, loop, scenes.FINE) for m in members)
-        sways = np.array(judged(made, lambda r: (scenes.amplitude(r), scenes.amplitude(r, of="load")))).T
+        sways = np.array(evaluate(made, lambda r: (scenes.amplitude(r), scenes.amplitude(r, of="load")))).T
         allowed = np.array([dither_bound(facts, m, z, sine) for m in members])
         if np.all(sways <= allowed):
             motor, load = (float(x) for x in sways.max(axis=1))

@@ -79,7 +79,7 @@ def origin(z: Numbers, searched: Numbers | None, name: str, aim: str) -> str:
     """
     if searched is None:
         return "Of the rule to begin with (0.8, 0.72 of K_c, 20 1/s): it passes the same test as the search's and scores better."
-    found = f"Found by search for {aim} among what passes the test."
+    found = f"SearchResult by search for {aim} among what passes the test."
     if z[name] == searched[name]:
         return found
     kind = f"from {searched[name]:.3g} to {z[name]:.3g}" if name in ("share", "decay") else ""

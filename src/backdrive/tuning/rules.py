@@ -37,22 +37,6 @@ def routh(motor: float, damping: float, transmission: float, gain: float, decay:
     )  # (D + M alpha)(K_c + D alpha - R K) - M K_c alpha, multiplied out
 
 
-def delayed_damping(gain: float, decay: float, delay: float, frequency: float) -> float:
-    """Return the damping that a decaying negative spring behind a delay adds at a frequency, negative where it takes some off.
-
-    Its torque is R K s/(s + alpha) exp(-s T_d) by the motor's motion; the damping is minus its imaginary part by the frequency:
-    R K T_d for alpha = 0 and a short delay, -R K alpha/(omega^2 + alpha^2) without delay.
-
-    Args:
-        gain: R K [N.m/rad or N/m].
-        decay: alpha [1/s].
-        delay: T_d, with half a sampling period for the hold [s].
-        frequency: omega [rad/s].
-    """
-    s = 1j * frequency
-    return float(-(gain * s / (s + decay) * np.exp(-s * delay)).imag / frequency)
-
-
 def limit_cycle(coulomb: float, transmission: float, ratio: float) -> float:
     """Return r_c/(1 - ratio), r_c = F/K_c, which no limit cycle exceeds [rad or m]; infinite for a ratio of 1 or more.
 

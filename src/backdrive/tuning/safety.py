@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from backdrive.errors import NotIdentifiable
+from backdrive.tuning.evaluation import evaluate
 from backdrive.tuning.goals import AT_REST, LEFT_OVER, RESTLESS, Goal, Numbers
-from backdrive.tuning.judging import judged
 from backdrive.tuning.members import Member
 from backdrive.tuning.scenes import FINE, SUBSTEP
 
@@ -22,16 +22,16 @@ NUDGE = 1.03  # on R and K, with which the ends of the intervals have to rest to
 MOST_DELAYS = 8  # steps of half an interval, or longer ones, between no delay and the longest
 Trial = tuple[Member, float]  # a joint, and the factor on R and K
 
-ASKED = {
+REQUIREMENTS = {
     "estimate": f"an estimate within {LEFT_OVER:g} F of zero after the hand has let go",
     "admit": f"a joint that rests within {100 * RESTLESS:g} % of the stroke after a knock",
 }
 WAYS_OUT = "Narrow the intervals (--stiffness, --friction-error), shorten the delay, or use a finer encoder."
 
 
-def asked(goal: str) -> str:
+def requirement(goal: str) -> str:
     """Return what the safety test of a goal asks for, in words."""
-    return ASKED.get(goal, f"a joint that rests within {AT_REST:g} counts after a knock")
+    return REQUIREMENTS.get(goal, f"a joint that rests within {AT_REST:g} counts after a knock")
 
 
 def ends(goal: Goal) -> list[Member]:
@@ -55,7 +55,7 @@ def restless(goal: Goal, z: Numbers, tried: Sequence[Trial], longest: float = FI
         return {k: factor * x if k in ("share", "stiffness") else x for k, x in z.items()}
 
     made = (goal.trial(pushed(factor), member, longest) for member, factor in tried)
-    return [trial for trial, unrest in zip(tried, judged(made, goal.unrest)) if not unrest <= 1.0]
+    return [trial for trial, unrest in zip(tried, evaluate(made, goal.unrest)) if not unrest <= 1.0]
 
 
 def safe(goal: Goal, z: Numbers, members: Sequence[Member]) -> bool:
@@ -69,7 +69,7 @@ def safe(goal: Goal, z: Numbers, members: Sequence[Member]) -> bool:
     return not restless(goal, z, trials(goal, members))
 
 
-def calmed(goal: Goal, z: dict[str, float], members: Sequence[Member]) -> dict[str, float]:
+def calm(goal: Goal, z: dict[str, float], members: Sequence[Member]) -> dict[str, float]:
     """Take R back (or what else calms) until the numbers pass the test.
 
     Args:
@@ -81,20 +81,20 @@ def calmed(goal: Goal, z: dict[str, float], members: Sequence[Member]) -> dict[s
         NotIdentifiable: they do not pass it at the end of their range either.
     """
     for way in goal.calming:
-        found = _calmed(goal, z, members, way)
+        found = _calm_by(goal, z, members, way)
         if found is not None:
             return found
     limits = "; ".join(
         f"{k} to {goal.ranges[k][0 if f < 1.0 else 1]:.3g}" for k, f in goal.calming[-1].items()
     )
     raise NotIdentifiable(
-        f"Joint '{goal.facts.name}': the best numbers of the search do not give {asked(goal.name)} at the ends of all intervals "
-        f"and on all of {len(members)} joints drawn from them, however much is taken back ({limits}).",
+        f"Joint '{goal.facts.name}': the best numbers of the search do not give {requirement(goal.name)} at the ends of all "
+        f"intervals and on all of {len(members)} joints drawn from them, however much is taken back ({limits}).",
         remedy=WAYS_OUT,
     )
 
 
-def _calmed(
+def _calm_by(
     goal: Goal, z: dict[str, float], members: Sequence[Member], way: Numbers
 ) -> dict[str, float] | None:
     """Take numbers back one way until they pass; None where they do not at the end of their range either."""

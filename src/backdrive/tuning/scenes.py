@@ -19,7 +19,7 @@ from backdrive.errors import InvalidInput
 from backdrive.simulation.closed_loop import Record, Scene
 from backdrive.simulation.hand import Hand, HandMotion, pushes, strokes
 from backdrive.tuning import rules
-from backdrive.tuning.bounds import check
+from backdrive.tuning.bounds import check_given
 from backdrive.tuning.facts import Facts
 from backdrive.tuning.members import Member
 
@@ -69,7 +69,7 @@ class Stroke:
         return whole.replace(**{k: getattr(whole, k)[:n] for k in ("position", "velocity", "grip", "push")})
 
 
-def stated(facts: Facts, length: float | None = None, duration: float = USUAL_DURATION) -> Stroke:
+def usual_stroke(facts: Facts, length: float | None = None, duration: float = USUAL_DURATION) -> Stroke:
     """Return the stroke by which a joint is judged: half its duration of pause, a hand that is nearly a prescribed motion.
 
     Args:
@@ -82,7 +82,7 @@ def stated(facts: Facts, length: float | None = None, duration: float = USUAL_DU
             model has seen and than 10 times the stated stroke.
     """
     where = f"Joint '{facts.name}'"
-    check(where, stroke=length, duration=duration)
+    check_given(where, stroke=length, duration=duration)
     usual = 0.15 if facts.unit == "rad" else 0.06
     length = usual if length is None else length
     if duration < 20.0 * facts.interval:
@@ -167,12 +167,12 @@ def knock(
     return scene(facts, member, loop, pushes(push), longest, **more)
 
 
-def guided(facts: Facts, member: Member, loop: JointLoop, stroke: Stroke, longest: float = SUBSTEP, **more):
+def guidance(facts: Facts, member: Member, loop: JointLoop, stroke: Stroke, longest: float = SUBSTEP, **more):
     """Return the strokes of the hand."""
     return scene(facts, member, loop, stroke.motion(facts.interval), longest, hand=stroke.hand, **more)
 
 
-def released(facts: Facts, member: Member, loop: JointLoop, stroke: Stroke, longest: float = FINE, **more):
+def release(facts: Facts, member: Member, loop: JointLoop, stroke: Stroke, longest: float = FINE, **more):
     """Return one stroke, a hold of 0.3 s, letting go, and after 1 s a force that grows against the stroke."""
     T = facts.interval
     one = strokes(
@@ -184,7 +184,7 @@ def released(facts: Facts, member: Member, loop: JointLoop, stroke: Stroke, long
         start=0.1,
         variation=0.0,
     )
-    go, push = let_go(stroke), pulled(stroke)
+    go, push = release_time(stroke), pull_time(stroke)
     t = T * np.arange(round((push + 0.6) / T))
     n = t.size
     pad = max(n - one.position.size, 0)
@@ -197,14 +197,14 @@ def released(facts: Facts, member: Member, loop: JointLoop, stroke: Stroke, long
     return scene(facts, member, loop, motion, longest, hand=stroke.hand, **more)
 
 
-def let_go(stroke: Stroke) -> float:
+def release_time(stroke: Stroke) -> float:
     """Return when the hand lets go in `released` [s]."""
     return 0.1 + stroke.duration + 0.3
 
 
-def pulled(stroke: Stroke) -> float:
+def pull_time(stroke: Stroke) -> float:
     """Return when the force begins to grow in `released` [s]."""
-    return let_go(stroke) + 1.0
+    return release_time(stroke) + 1.0
 
 
 def tracking(facts: Facts, member: Member, loop: JointLoop, stroke: Stroke, longest: float = SUBSTEP):
@@ -247,7 +247,7 @@ def peak_force(record: Record, stroke: Stroke) -> float:
 
 def breakaway(record: Record, stroke: Stroke, coulomb: float) -> float:
     """Return the force that moved the joint again in `released` [N.m or N]; what was pushed at most where none did."""
-    k = round(pulled(stroke) / record.scene.period) + 1
+    k = round(pull_time(stroke) / record.scene.period) + 1
     moved = np.flatnonzero(np.abs(record.load[k:] - record.load[k]) > 5e-3 * stroke.length)
     return float(abs(record.force[k + moved[0]])) if moved.size else 2.5 * coulomb
 

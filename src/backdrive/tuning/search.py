@@ -19,7 +19,7 @@ STEPS = (0.2, 0.1, 0.05, 0.025, 0.012)  # of the ranges
 
 
 @dataclass(frozen=True, kw_only=True)
-class Found:
+class SearchResult:
     """What a search found.
 
     Attributes:
@@ -80,7 +80,7 @@ def search(
     starts: Sequence[dict[str, float]] = (),
     width: int = 32,
     say: Callable[[str], None] = lambda sentence: None,
-) -> Found:
+) -> SearchResult:
     """Search for the best numbers that are safe.
 
     Args:
@@ -101,7 +101,7 @@ def search(
     tried, at = len(many), -1
     at, tested = best_safe(goal, many, scores)
     if at < 0:
-        return Found(numbers=None, score=np.inf, tried=tried, tested=tested)
+        return SearchResult(numbers=None, score=np.inf, tried=tried, tested=tested)
     here, score, numbers = u[at], float(scores[at]), many[at]
     for step in STEPS:
         for _ in range(2):
@@ -117,4 +117,4 @@ def search(
             if at < 0:
                 break
             here, score, numbers = around[at], float(scores[at]), many[at]
-    return Found(numbers=numbers, score=score, tried=tried, tested=tested)
+    return SearchResult(numbers=numbers, score=score, tried=tried, tested=tested)

@@ -15,7 +15,7 @@ real friction, which is why R < 1 and a contact no stiffer than the joint's own.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from backdrive.control.compensators.extras import Extra
 from backdrive.control.estimators import friction as friction_
 from backdrive.control.estimators.friction import NOTHING, FrictionEstimator
 from backdrive.errors import InvalidInput
+from backdrive.parameters import NOT_NEGATIVE, Bounded
 
 FRICTION, DITHER, EXTRA = 2, 2 + friction_.ROW, 2 + friction_.ROW + dither_.ROW
 ROW = EXTRA + extras.ROW
@@ -110,7 +111,7 @@ def restart(c, i, s, j, q):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Compensator:
+class Compensator(Bounded):
     """A friction compensator of one joint.
 
     Attributes:
@@ -120,14 +121,15 @@ class Compensator:
         extra: beyond a friction model; None for nothing.
     """
 
+    BOUNDS: ClassVar = {"share": NOT_NEGATIVE}
+
     friction: FrictionEstimator = field(default_factory=lambda: NOTHING)
     share: float = SHARE
     dither: Dither | None = None
     extra: Extra | None = None
 
     def __post_init__(self):
-        if not 0.0 <= self.share < np.inf:
-            raise InvalidInput(f"share = {self.share}.", remedy="Give R, 0 or more; 0.8 is a good start.")
+        super().__post_init__()
         if self.dither is not None and not self.friction.law.element.states():
             raise InvalidInput(
                 f"'{self.friction.law.name}' has no presliding, so that it never is stuck and never dithers.",
@@ -151,9 +153,3 @@ class Compensator:
         s[S_DITHER + 3], s[S_DITHER + 4] = position, position
         s[S_EXTRA:] = extras.start(self.extra)
         return s
-
-    def replace(self, **changes: Any) -> Compensator:
-        """Return a copy with some fields changed."""
-        from dataclasses import replace
-
-        return replace(self, **changes)

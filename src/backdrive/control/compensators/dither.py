@@ -14,12 +14,12 @@ and shrinks while it shows more than `counts`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from backdrive._jit import jit
-from backdrive.errors import InvalidInput
+from backdrive.parameters import POSITIVE, Bound, Bounded
 
 MODES = ("fixed", "reset", "adaptive")
 ROW = 7  # mode, R_d, Omega, count, counts, window, rate
@@ -61,7 +61,7 @@ def adapt(c, i, s, j, q, dt):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Dither:
+class Dither(Bounded):
     """A sine while the joint is stuck.
 
     Attributes:
@@ -74,6 +74,16 @@ class Dither:
         growth: of the amplitude's share in each window [-].
     """
 
+    BOUNDS: ClassVar = {
+        "share": Bound(0.0, 1.0),  # so that the dither alone does not move the joint
+        "frequency": POSITIVE,
+        "count": POSITIVE,
+        "counts": POSITIVE,
+        "window": POSITIVE,
+        "growth": Bound(0.0, 1.0, open_low=True),
+    }
+    CHOICES: ClassVar = {"mode": MODES}
+
     share: float = 0.3
     frequency: float = 15.0
     mode: Literal["fixed", "reset", "adaptive"] = "fixed"
@@ -81,19 +91,6 @@ class Dither:
     counts: float = 2.0
     window: float = 0.07
     growth: float = 0.1
-
-    def __post_init__(self):
-        positive = all(0.0 < x < np.inf for x in (self.frequency, self.count, self.counts, self.window))
-        if (
-            self.mode not in MODES
-            or not positive
-            or not (0.0 <= self.share <= 1.0 and 0.0 < self.growth <= 1.0)
-        ):
-            raise InvalidInput(
-                f"{self}.",
-                remedy="share lies in 0 to 1, so that the dither alone does not move the joint; the rest is positive; mode is one "
-                f"of {', '.join(MODES)}.",
-            )
 
     def row(self) -> np.ndarray:
         """Return the row that `tick` reads, (7,)."""

@@ -30,6 +30,7 @@ from backdrive.control.estimators.friction import NOTHING, FrictionEstimator
 from backdrive.errors import InvalidInput
 from backdrive.laws import Law, LuGre
 from backdrive.laws.elements import lugre
+from backdrive.parameters import BIG, FINITE, NOT_NEGATIVE, POSITIVE, Bound, Bounded
 
 ROW = (
     2 + external.ROW
@@ -83,7 +84,7 @@ def bristle(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Extra(ABC):
+class Extra(Bounded, ABC):
     """Base of what goes beyond a friction model. Each stands with its kernel, and is imported in `compensator`.
 
     Attributes:
@@ -96,7 +97,7 @@ class Extra(ABC):
     KERNEL: ClassVar[Callable]
     INSTEAD: ClassVar[bool] = False
 
-    def check(self, law: Law) -> None:  # noqa: B027 (nothing to refuse)
+    def check(self, law: Law) -> None:
         """Say whether it goes with a law."""
 
     @abstractmethod
@@ -124,14 +125,12 @@ class Pulses(Extra):
     KIND: ClassVar[int] = 1
     KERNEL: ClassVar[Callable] = staticmethod(pulse)
 
+    BOUNDS: ClassVar = {"height": POSITIVE, "width": POSITIVE, "wait": POSITIVE, "tolerance": NOT_NEGATIVE}
+
     height: float
     width: float = 0.003
     wait: float = 0.03
     tolerance: float = 0.0
-
-    def __post_init__(self):
-        if not all(0.0 < x < np.inf for x in (self.height, self.width, self.wait)) or self.tolerance < 0.0:
-            raise InvalidInput(f"{self}.", remedy="Give positive numbers.")
 
     def row(self, dt: float, friction: FrictionEstimator) -> np.ndarray:
         """Return the row that `pulse` reads."""
@@ -154,20 +153,19 @@ class BristleObserver(Extra):
     KERNEL: ClassVar[Callable] = staticmethod(bristle)
     INSTEAD: ClassVar[bool] = True
 
+    BOUNDS: ClassVar = {
+        "gain": FINITE,
+        "corner": NOT_NEGATIVE,
+        "adaptation": NOT_NEGATIVE,
+        "lowest": Bound(0.0, 1.0),
+        "highest": Bound(1.0, BIG),
+    }
+
     gain: float = 0.0
     corner: float = 20.0
     adaptation: float = 0.0
     lowest: float = 0.5
     highest: float = 1.5
-
-    def __post_init__(self):
-        positive = all(0.0 <= x < np.inf for x in (self.corner, self.adaptation))
-        if (
-            not 0.0 <= self.lowest <= 1.0 <= self.highest < np.inf
-            or not positive
-            or not np.isfinite(self.gain)
-        ):
-            raise InvalidInput(f"{self}.", remedy="0 <= lowest <= 1 <= highest; corner and adaptation >= 0.")
 
     def check(self, law: Law) -> None:
         """Refuse a law whose bristle is not LuGre's.
@@ -200,6 +198,8 @@ class DisturbanceObserver(Extra):
     KERNEL: ClassVar[Callable] = staticmethod(missing)
     INSTEAD: ClassVar[bool] = True
 
+    BOUNDS: ClassVar = {"limit": POSITIVE}
+
     inertia: float
     bandwidth: float = 30.0
     limit: float
@@ -207,8 +207,7 @@ class DisturbanceObserver(Extra):
     gravity_cos: float = 0.0
 
     def __post_init__(self):
-        if not 0.0 < self.limit < np.inf:
-            raise InvalidInput(f"{self}.", remedy="The limit is positive and finite.")
+        super().__post_init__()
         self.estimator()  # which looks at the rest
 
     def row(self, dt: float, friction: FrictionEstimator) -> np.ndarray:

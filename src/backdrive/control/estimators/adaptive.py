@@ -7,15 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from backdrive._jit import jit
-from backdrive.control.estimators.level import adapted
+from backdrive.control.estimators.level import adapt
 from backdrive.engine.tick import DT, TORQUE, Tick, advance
 from backdrive.errors import InvalidInput
 from backdrive.laws import Law
-from backdrive.status import Status
+from backdrive.parameters import NOT_NEGATIVE, POSITIVE, Bound, array, check
+from backdrive.status import STATUSES, Status
 
 OK, NOT_FINITE, SATURATED = int(Status.OK), int(Status.NOT_FINITE), int(Status.SATURATED)
 BAD_INTERVAL = int(Status.BAD_INTERVAL)
-STATUSES = tuple(Status)  # by code
 #: Rows of the table that a tick reads and writes, one number a joint.
 TIME, FLOOR, DEAD, LOWER, UPPER, SLOWEST, BEFORE, SINCE, BEGUN, LEVEL, OUT = range(11)
 FAR = 10.0  # an interval beyond this many nominal ones, or below their inverse, is not believed [-]
@@ -49,7 +49,7 @@ def tick(P, X, S, held, dp, g, codes, q, tau, dt, nominal):
             f = S[TORQUE, j]
             level, T = g[LEVEL, j], S[DT, j]
             if abs(dp[j]) >= g[SLOWEST, j] * T:
-                level = adapted(
+                level = adapt(
                     level, f, tau[j], T, g[TIME, j], g[FLOOR, j], g[DEAD, j], g[LOWER, j], g[UPPER, j]
                 )
             if held[j] == OK and np.isfinite(level * f):
@@ -112,31 +112,25 @@ class AdaptiveFriction:
         J = len(laws)
         if not J:
             raise InvalidInput("There is no law.", remedy="Give one a joint.")
-        floors, dead = np.asarray(floor, dtype=np.float64), np.asarray(dead_zone, dtype=np.float64)
-        rules = {
-            "interval": bool(0.0 < interval < np.inf),
-            "time": bool(0.0 < time < np.inf),
-            "floor": floors.shape in ((), (J,)) and bool(np.all((floors > 0.0) & (floors < np.inf))),
-            "dead_zone": dead.shape in ((), (J,)) and bool(np.all((dead >= 0.0) & (dead < np.inf))),
-            "lower": bool(0.0 <= lower < upper < np.inf),
-            "upper": bool(lower < upper),
-            "start": bool(lower <= start <= upper),
-            "slowest": bool(0.0 <= slowest < np.inf),
+        floors = array("'floor'", floor, (), (J,), bound=POSITIVE)
+        dead = array("'dead_zone'", dead_zone, (), (J,), bound=NOT_NEGATIVE)
+        numbers = {
+            "interval": interval,
+            "time": time,
+            "lower": lower,
+            "upper": upper,
+            "start": start,
+            "slowest": slowest,
         }
-        for name, holds in rules.items():
-            if not holds:
-                given = {
-                    "interval": interval,
-                    "time": time,
-                    "floor": floor,
-                    "dead_zone": dead_zone,
-                    "lower": lower,
-                    "slowest": slowest,
-                }
-                raise InvalidInput(
-                    f"AdaptiveFriction: '{name}' = {given.get(name, (upper, start))} with {J} joints.",
-                    remedy="interval, time and floor are positive, dead_zone and slowest >= 0, and 0 <= lower <= start <= upper.",
-                )
+        bounds = {
+            "interval": POSITIVE,
+            "time": POSITIVE,
+            "lower": Bound(0.0, upper, open_high=True),
+            "upper": POSITIVE,
+            "start": Bound(lower, upper),
+            "slowest": NOT_NEGATIVE,
+        }
+        check("AdaptiveFriction", bounds, numbers)
         self._laws = Tick(laws, dt=float(interval))
         self._table = np.zeros((11, J))
         for row, value in enumerate((time, floors, dead, lower, upper, slowest)):

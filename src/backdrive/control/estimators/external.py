@@ -18,6 +18,7 @@ L M count/T and a raw second difference by M count/T^2.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from backdrive.control.estimators.friction import NOTHING, FrictionEstimator
 from backdrive.control.estimators.method import Method
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput
+from backdrive.parameters import FINITE, POSITIVE, Bounded
 
 FILTER, FRICTION = 9, 14  # places of the rows of filter and friction in the row
 ROW = FRICTION + friction_.ROW
@@ -146,7 +148,7 @@ def restart(c, i, s, j, q):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExternalForce:
+class ExternalForce(Bounded):
     """An estimator of the external force on one joint.
 
     Attributes:
@@ -161,6 +163,12 @@ class ExternalForce:
         encoder_count: for `kalman`, step of the encoder [rad or m].
     """
 
+    BOUNDS: ClassVar = dict.fromkeys(("inertia", "bandwidth", "force_rate", "encoder_count"), POSITIVE) | {
+        "gravity_sin": FINITE,
+        "gravity_cos": FINITE,
+    }
+    CHOICES: ClassVar = {"method": METHODS}
+
     inertia: float
     friction: FrictionEstimator = field(default_factory=lambda: NOTHING)
     method: str = "direct"
@@ -170,15 +178,6 @@ class ExternalForce:
     gravity_cos: float = 0.0
     force_rate: float = 50.0
     encoder_count: float = 1e-6
-
-    def __post_init__(self):
-        positive = ("inertia", "bandwidth", "force_rate", "encoder_count")
-        holds = all(0.0 < getattr(self, name) < np.inf for name in positive)
-        if self.method not in METHODS or not holds or not np.isfinite(self.gravity_sin + self.gravity_cos):
-            raise InvalidInput(
-                f"{self}.",
-                remedy=f"method is one of {', '.join(METHODS)}; {', '.join(positive)} are positive.",
-            )
 
     def row(self, dt: float) -> np.ndarray:
         """Return the row that `tick` reads, (21,)."""
@@ -227,9 +226,8 @@ class ExternalForce:
         Raises:
             InvalidInput: the series have different lengths.
         """
-        q = np.ascontiguousarray(position, dtype=np.float64)
-        u = np.ascontiguousarray(torque, dtype=np.float64)
-        g = np.zeros(q.size) if known is None else np.ascontiguousarray(known, dtype=np.float64)
+        series = (position, torque, np.zeros(np.size(position)) if known is None else known)
+        q, u, g = (np.ascontiguousarray(x, dtype=np.float64) for x in series)
         if q.ndim != 1 or q.shape != u.shape or q.shape != g.shape or q.size == 0:
             raise InvalidInput(
                 f"position {q.shape}, torque {u.shape}, known {g.shape}.", remedy="Give series of one length."

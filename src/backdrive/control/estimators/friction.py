@@ -14,6 +14,7 @@ Velocities are whole encoder counts a tick; a threshold that falls on one is put
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from backdrive._jit import jit
 from backdrive.errors import InvalidInput
 from backdrive.laws import Coulomb, DeadZone, Decaying, HaywardArmstrong, Law, carried, kernels
 from backdrive.laws.base import Rate
+from backdrive.parameters import NOT_NEGATIVE, POSITIVE, Bounded
 
 ROW = 7  # rate, element, place of alpha in the row or 0, alpha_N, alpha_H, r_W, V_W
 
@@ -47,7 +49,7 @@ def tick(c, i, p, x, s, j, dp, dt, load, temp):
 
 
 @dataclass(frozen=True, kw_only=True)
-class FrictionEstimator:
+class FrictionEstimator(Bounded):
     """A law that is run along the encoder.
 
     Attributes:
@@ -57,23 +59,18 @@ class FrictionEstimator:
         threshold: V_W, speed above which it comes [rad/s or m/s].
     """
 
+    BOUNDS: ClassVar = {"fast_decay": NOT_NEGATIVE, "switch_rate": POSITIVE, "threshold": NOT_NEGATIVE}
+
     law: Law
     fast_decay: float | None = None
     switch_rate: float = 10.0
     threshold: float = 0.0
 
     def __post_init__(self):
-        if self.fast_decay is None:
-            return
-        if not isinstance(self.law.element, Decaying):
+        super().__post_init__()
+        if self.fast_decay is not None and not isinstance(self.law.element, Decaying):
             raise InvalidInput(
                 f"'{self.law.name}' has no decay rate to switch.", remedy="Use the element `Decaying`."
-            )
-        holds = 0.0 <= self.fast_decay < np.inf and 0.0 < self.switch_rate < np.inf
-        if not holds or not 0.0 <= self.threshold < np.inf:
-            raise InvalidInput(
-                f"fast_decay = {self.fast_decay}, switch_rate = {self.switch_rate}, threshold = {self.threshold}.",
-                remedy="Give rates and a threshold that are finite and not negative.",
             )
 
     def row(self) -> np.ndarray:

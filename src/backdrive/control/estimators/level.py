@@ -28,24 +28,26 @@ explain, |e| > (theta_hi - theta_lo) |f| + d: that is someone who pushes. What a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from backdrive._jit import leaf
 from backdrive.errors import InvalidInput
 from backdrive.laws import Law
+from backdrive.parameters import NOT_NEGATIVE, POSITIVE, Bounded
 
 
 @leaf
-def learned(theta, f, force, slid, dt, time, settle, floor, dead_zone, lower, upper):
+def learn(theta, f, force, slid, dt, time, settle, floor, dead_zone, lower, upper):
     """Return the level after one tick of a loop that has slid for a time, by the external force estimated: e = -force."""
     if not slid >= settle or not abs(force) <= (upper - lower) * abs(f) + dead_zone:
         return theta
-    return adapted(theta, f, theta * f - force, dt, time, floor, dead_zone, lower, upper)
+    return adapt(theta, f, theta * f - force, dt, time, floor, dead_zone, lower, upper)
 
 
 @leaf
-def adapted(theta, f, tau, dt, time, floor, dead_zone, lower, upper):
+def adapt(theta, f, tau, dt, time, floor, dead_zone, lower, upper):
     """Return the level after one sample."""
     if not abs(f) >= floor:
         return theta
@@ -59,7 +61,7 @@ def adapted(theta, f, tau, dt, time, floor, dead_zone, lower, upper):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Adaptation:
+class Adaptation(Bounded):
     """How the level of a joint's friction is learned in the loop, from the external force that is estimated in free motion.
 
     Attributes:
@@ -73,6 +75,17 @@ class Adaptation:
         start: level at the start [-].
     """
 
+    BOUNDS: ClassVar = {
+        "slowest": POSITIVE,
+        "settle": POSITIVE,
+        "time": POSITIVE,
+        "floor": POSITIVE,
+        "dead_zone": NOT_NEGATIVE,
+        "lower": POSITIVE,
+        "upper": POSITIVE,
+        "start": POSITIVE,
+    }
+
     slowest: float
     settle: float = 0.05
     time: float = 5.0
@@ -83,18 +96,9 @@ class Adaptation:
     start: float = 1.0
 
     def __post_init__(self):
-        numbers = (self.slowest, self.settle, self.time, self.lower, self.upper, self.start)
-        given = [x for x in (self.floor, self.dead_zone) if x is not None]
-        if not all(isinstance(x, (int, float)) for x in (*numbers, *given)):
-            raise InvalidInput(f"{self}.", remedy="All of them are numbers.")
-        holds = all(0.0 < x < np.inf for x in (self.slowest, self.settle, self.time))
-        holds = holds and (self.floor is None or 0.0 < self.floor < np.inf)
-        holds = holds and (self.dead_zone is None or 0.0 <= self.dead_zone < np.inf)
-        if not holds or not 0.0 < self.lower <= self.start <= self.upper < np.inf:
-            raise InvalidInput(
-                f"{self}.",
-                remedy="slowest, settle, time and floor are positive, dead_zone is not negative, and 0 < lower <= start <= upper.",
-            )
+        super().__post_init__()
+        if not self.lower <= self.start <= self.upper:
+            raise InvalidInput(f"{self}.", remedy="Give lower <= start <= upper.")
 
     def row(self, law: Law) -> tuple[float, ...]:
         """Return time, slowest, settle, floor, dead zone, lower and upper level for a law.

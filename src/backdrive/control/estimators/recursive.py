@@ -29,7 +29,8 @@ import numpy as np
 from backdrive._catalog import lookup
 from backdrive._jit import jit, leaf
 from backdrive.errors import InvalidInput
-from backdrive.status import Status
+from backdrive.parameters import ABOVE_ZERO, POSITIVE, Bound, array, whole
+from backdrive.status import STATUSES, Status
 
 #: What a torque may be made of: integer of the kernel and unit of the parameter for a rotary joint.
 REGRESSORS: dict[str, tuple[int, str]] = {
@@ -211,23 +212,23 @@ class RecursiveLeastSquares:
                 f"The regressors {self.names} are none, or no motion can tell some of them apart.",
                 remedy="Name each once; take 'coulomb' with 'offset', or one Coulomb torque a direction without.",
             )
-        if not joints >= 1:
-            raise InvalidInput(f"joints = {joints}.", remedy="Give at least 1.")
-        J = int(joints)
-        self._scale = _table("spread", spread, (J, n), 0.0, np.inf)
-        first = _table("start", start, (J, n), -np.inf, np.inf)
+        J = whole("joints", joints)
+        tables = ((), (n,), (J, n))
+        self._scale = np.array(np.broadcast_to(array("'spread'", spread, *tables, bound=POSITIVE), (J, n)))
+        first = np.array(np.broadcast_to(array("'start'", start, *tables), (J, n)))
         settings = (
-            ("noise", noise, 0.0, np.inf),
-            ("dead_zone", dead_zone, 0.0, np.inf),
-            ("forgetting", forgetting, 0.5, 1.0 + 1e-15),
-            ("gate", gate, 0.0, np.inf),
+            ("noise", noise, POSITIVE),
+            ("dead_zone", dead_zone, POSITIVE),
+            ("forgetting", forgetting, Bound(0.5, 1.0, open_low=True)),
+            ("gate", gate, POSITIVE),
+            ("limit", limit, ABOVE_ZERO),
         )
-        columns = [_table(name, value, (J,), low, high) for name, value, low, high in settings]
-        limits = np.asarray(limit, dtype=np.float64)
-        if np.any(np.isnan(limits)) or np.any(limits <= 0.0) or limits.shape not in ((), (J,)):
-            raise InvalidInput(f"limit = {limit}.", remedy="Give one positive torque, or one a joint.")
+        columns = [
+            np.broadcast_to(array(f"'{name}'", value, (), (J,), bound=bound), (J,))
+            for name, value, bound in settings
+        ]
         self._kinds = np.array(kinds, dtype=np.int64)
-        self._settings = np.ascontiguousarray(np.stack([*columns, np.broadcast_to(limits, (J,))], axis=1))
+        self._settings = np.ascontiguousarray(np.stack(columns, axis=1))
         self._start = first
         self._theta, self._P = np.zeros((J, n)), np.zeros((J, n * n))
         self._phi, self._gain = np.zeros(n), np.zeros(n)
@@ -285,23 +286,3 @@ class RecursiveLeastSquares:
         """Return standard deviations of the estimate for white torque noise of the given size, in its units, (J, n)."""
         J, n = self._theta.shape
         return np.sqrt(np.diagonal(self._P.reshape(J, n, n), axis1=1, axis2=2).clip(0.0)) * self._scale
-
-
-STATUSES = tuple(Status)  # by code
-
-
-def _table(name: str, value, shape: tuple[int, ...], low: float, high: float) -> np.ndarray:
-    """Return a setting as a table of that shape, all strictly between the bounds."""
-    given = np.asarray(value, dtype=np.float64)
-    try:
-        table = np.array(np.broadcast_to(given, shape))
-    except ValueError:
-        raise InvalidInput(
-            f"'{name}' has the shape {given.shape}.", remedy=f"Give one number or {shape}."
-        ) from None
-    if not np.all(np.isfinite(table)) or np.any(table <= low) or np.any(table >= high):
-        raise InvalidInput(
-            f"'{name}' = {given.tolist()} is not strictly between {low:g} and {high:g}.",
-            remedy="Give finite SI values.",
-        )
-    return table

@@ -20,12 +20,12 @@ an admittance loop; C with 100 m/s^2 and 300 m/s^3 is the better choice.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from backdrive._jit import jit, leaf
-from backdrive.errors import InvalidInput
+from backdrive.parameters import BIG, POSITIVE, Bound, Bounded
 
 WAYS = ("position", "velocity", "cascade")
 ROW = 5  # way, G_1, H_1, G_2, H_2
@@ -68,7 +68,7 @@ def motion(c, i, u, j, q, dp, T):
 
 
 @dataclass(frozen=True, kw_only=True)
-class MotionFilter:
+class MotionFilter(Bounded):
     """From an encoder to velocity and acceleration.
 
     Attributes:
@@ -79,18 +79,19 @@ class MotionFilter:
         second_ratio: H of the same [-].
     """
 
+    BOUNDS: ClassVar = {
+        "gain": POSITIVE,
+        "second_gain": POSITIVE,
+        "ratio": Bound(1.0, BIG, open_low=True),
+        "second_ratio": Bound(1.0, BIG, open_low=True),
+    }
+    CHOICES: ClassVar = {"way": WAYS}
+
     way: Literal["position", "velocity", "cascade"] = "cascade"
     gain: float = 100.0
     ratio: float = 2.0
     second_gain: float = 300.0
     second_ratio: float = 2.0
-
-    def __post_init__(self):
-        holds = self.way in WAYS and all(0.0 < g < np.inf for g in (self.gain, self.second_gain))
-        if not holds or not all(1.0 < h < np.inf for h in (self.ratio, self.second_ratio)):
-            raise InvalidInput(
-                f"{self}.", remedy=f"way is one of {', '.join(WAYS)}, gains are positive, ratios above 1."
-            )
 
     @classmethod
     def literal(cls) -> MotionFilter:

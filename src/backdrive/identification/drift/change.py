@@ -255,13 +255,13 @@ class _Errors:
 
 
 def _errors(friction: JointFriction, covariance: np.ndarray | None) -> _Errors | None:
-    rate = friction.law.rate
-    numbers: list[list[tuple[str, int | None]]] = []
+    rate, given = friction.law.rate, friction.standard_errors
     if isinstance(rate, Polyline):
-        m = len(rate.velocity)
-        tied = rate.positive == rate.negative
+        m, tied = len(rate.velocity), rate.positive == rate.negative
         ways = [("positive", "negative")] if tied else [("positive",), ("negative",)]
-        numbers = [[(name, i) for name in names] for names in ways for i in range(m)]
+        numbers: list[list[tuple[str, int | None]]] = [
+            [(name, i) for name in names] for names in ways for i in range(m)
+        ]
         if covariance is not None:
             if np.shape(covariance) != (2 * m, 2 * m) or not np.isfinite(covariance).all():
                 raise InvalidInput(
@@ -270,25 +270,22 @@ def _errors(friction: JointFriction, covariance: np.ndarray | None) -> _Errors |
                 )
             kept = REPEAT**2 * covariance[: len(numbers), : len(numbers)]
             return _Errors(numbers=numbers, covariance=kept, tied=tied)
+        each = [np.ravel(given.get(names[0], ())) for names in ways]
+        if any(e.size != m for e in each):
+            return None
+        deviation = np.concatenate(each)
     else:
         tied = type(rate).SYMMETRIC
-    deviation = []
-    if not isinstance(rate, Polyline):
-        for name in rate.PARAMETERS:
-            given = friction.standard_errors.get(name)
-            many = isinstance(given, (tuple, list))
-            for i, e in enumerate(given if many else [given]):  # type: ignore[arg-type]
-                if e is not None and np.isfinite(e) and e > 0:
-                    numbers.append([(name, i if many else None)])
-                    deviation.append(float(e))
-    else:
-        for group in numbers:
-            given = friction.standard_errors.get(group[0][0])
-            if not isinstance(given, (tuple, list)) or len(given) != len(rate.velocity):
-                return None
-            deviation.append(float(given[group[0][1] or 0]))
+        named = {name: np.ravel(np.asarray(given.get(name, ()), dtype=float)) for name in rate.PARAMETERS}
+        known = [
+            (name, i if isinstance(given[name], (tuple, list)) else None, e)
+            for name, errors in named.items()
+            for i, e in enumerate(errors)
+            if np.isfinite(e) and e > 0
+        ]
+        numbers, deviation = [[(name, i)] for name, i, _ in known], np.array([e for *_, e in known])
     with np.errstate(all="ignore"):
-        variance = (REPEAT * np.array(deviation)) ** 2
+        variance = (REPEAT * deviation) ** 2
     if not variance.size or not np.all(np.isfinite(variance) & (variance > 0)):
         return None
     return _Errors(numbers=numbers, covariance=np.diag(variance), tied=tied)
@@ -340,10 +337,7 @@ def _mahalanobis(d: np.ndarray, C: np.ndarray) -> tuple[float, int]:
     return float(np.sum((way[:, kept].T @ d) ** 2 / size[kept])), int(kept.sum())
 
 
-Kind = Literal["changed", "not changed", "not judged"]
-
-
-def kind_of(change: Change) -> Kind:
+def kind_of(change: Change) -> Literal["changed", "not changed", "not judged"]:
     """Return the outcome as a word for programs."""
     if not change.judged:
         return "not judged"

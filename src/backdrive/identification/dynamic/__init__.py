@@ -9,11 +9,11 @@ from dataclasses import replace
 from backdrive._catalog import lookup
 from backdrive.engine import DriveModel
 from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
-from backdrive.identification.dynamic import intervals, stopping
+from backdrive.identification.dynamic import stopping
 from backdrive.identification.dynamic.choice import Candidate as Candidate
 from backdrive.identification.dynamic.choice import Choice as Choice
 from backdrive.identification.dynamic.choice import shortlist
-from backdrive.identification.dynamic.drive_of_log import model_of, sought_of
+from backdrive.identification.dynamic.driven import model_of, sought_of
 from backdrive.identification.dynamic.fit import Fit as Fit
 from backdrive.identification.dynamic.given_drive import MotionTask
 from backdrive.identification.dynamic.given_motion import TorqueTask
@@ -24,6 +24,7 @@ from backdrive.identification.dynamic.motion import MotionFit as MotionFit
 from backdrive.identification.dynamic.motion import fit_motion as fit_motion
 from backdrive.identification.dynamic.motion_log import MotionLog as MotionLog
 from backdrive.identification.dynamic.search import LOSSES
+from backdrive.identification.dynamic.uncertainty import check_interval
 from backdrive.identification.dynamic.unknowns import LawShape, range_asked
 from backdrive.identification.options import Options, moments_without_drive
 from backdrive.logs.log import Drive, Log
@@ -47,7 +48,7 @@ def check(options: Options) -> None:
         UnknownName: no such law, loss or kind of interval.
     """
     lookup(options.loss, LOSSES, "loss")
-    intervals.check(options.interval, options.loss)
+    check_interval(options.interval, options.loss)
     if options.drive is not None and not isinstance(options.drive, (Drive, DriveModel)):
         raise InvalidInput(
             f"drive = {options.drive!r}.",

@@ -13,6 +13,7 @@ from backdrive.errors import InvalidInput
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.torque import Stretch
 from backdrive.identification.dynamic.unknowns import LawShape
+from backdrive.identification.signals import spans
 
 WINDOWS = 15  # of time; every third is held out
 WORTH = 0.02  # a richer law must lower the held-out error by this share [-]
@@ -126,7 +127,7 @@ def without(stretches: Sequence[Stretch], masks: Sequence[np.ndarray]) -> list[S
     return [replace(s, judged=s.judged & ~mask) for s, mask in zip(stretches, masks)]
 
 
-def judged(fit: Fit, records: Sequence[Any], masks: Sequence[np.ndarray]) -> np.ndarray:
+def held_out_errors(fit: Fit, records: Sequence[Any], masks: Sequence[np.ndarray]) -> np.ndarray:
     """Return the mean squared error of each held-out window, in the unit of what was measured, squared, (W,).
 
     Args:
@@ -142,19 +143,18 @@ def judged(fit: Fit, records: Sequence[Any], masks: Sequence[np.ndarray]) -> np.
 
 def squares(squared: np.ndarray, mask: np.ndarray, counts: np.ndarray) -> list[float]:
     """Return the mean of squared errors over each run of a mask, of the samples that count."""
-    edges = np.flatnonzero(np.diff(np.r_[0, mask.astype(np.int8), 0]))
-    runs = [squared[a:b][counts[a:b]] for a, b in edges.reshape(-1, 2)]
+    runs = [squared[a:b][counts[a:b]] for a, b in spans(mask)]
     return [float(run.mean()) for run in runs if run.size]
 
 
-def seen(fit: Fit, stretches: Sequence[Stretch]) -> tuple[float, int]:
+def fitted_error(fit: Fit, stretches: Sequence[Stretch]) -> tuple[float, int]:
     """Return the mean squared error on what was fitted [N.m or N, squared], rests included, and the number of samples."""
     squared = [(miss**2)[s.judged] for s, miss in zip(stretches, fit.misses(stretches))]
     joined = np.concatenate(squared)
     return float(joined.mean()), joined.size
 
 
-def is_shown(shape: LawShape, unseen: Iterable[str], at_bound: Iterable[str]) -> bool:
+def shows_presliding(shape: LawShape, unseen: Iterable[str], at_bound: Iterable[str]) -> bool:
     """Say whether a fit saw something of a law's presliding.
 
     Args:

@@ -1,26 +1,36 @@
-"""A joint under its drive: gap-free stretches of motion and the drive's input, and how they are cut for a fit and its judgement."""
+"""A joint under its drive: the drive of a log, gap-free stretches of motion and input, and how they are cut for a fit."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Literal
 
 import numpy as np
 
+from backdrive._catalog import lookup
 from backdrive.engine import DriveModel, drives
+from backdrive.errors import InvalidInput
 from backdrive.identification.dynamic.choice import windows
-from backdrive.identification.dynamic.drive_of_log import sought_of, with_gains
 from backdrive.identification.dynamic.motion_log import MotionLog
 from backdrive.identification.dynamic.torque import Stretch, stretch
 from backdrive.identification.options import Options
-from backdrive.logs.log import Joint, Log
-
-if TYPE_CHECKING:
-    from backdrive.identification.signals import Signals
+from backdrive.identification.signals import Signals, prepare
+from backdrive.logs.log import Drive, Joint, Log
 
 LOOSE = 2.0  # length of a window where no controller holds the motion [s]
 FEWEST = 9  # windows
+
+#: Law of a log's drive -> what its input is, and whether there is a motor between that and the torque.
+LAWS: dict[str, tuple[Literal["open", "position", "velocity"], bool]] = {
+    "torque": ("open", False),
+    "position": ("position", False),
+    "velocity": ("velocity", False),
+    "voltage": ("open", True),
+    "duty": ("open", True),
+}
+MOTOR = ("torque_constant", "resistance")
+GAINS = {f.name: f for f in fields(DriveModel) if f.name not in ("controller", "actuator", "hold")}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,8 +73,6 @@ def driven(log: Log, name: str, template: DriveModel, options: Options) -> list[
         template: drive of the first log, which others may differ from in the proportional gain.
         options: for the drive, if a person named it, and the low pass.
     """
-    from backdrive.identification.signals import prepare
-
     own = log.select(name)
     joint = own.joints[0]
     bare = Log(
@@ -135,3 +143,76 @@ def held_out_masks(parts: Sequence[Driven], held: bool) -> list[np.ndarray]:
 
 def _loose(parts: Sequence[Driven]) -> float:
     return min(LOOSE, sum(len(p.log.position) * p.log.dt for p in parts) / FEWEST)
+
+
+def sought_of(bounds: Mapping[str, object] | None) -> tuple[str, ...]:
+    """Return the numbers of the drive among what is bounded, and so sought."""
+    return tuple(n[6:] for n in bounds or {} if n.startswith("drive."))
+
+
+def model_of(drive: Drive, sought: tuple[str, ...] = ()) -> DriveModel:
+    """Return the drive of the engine.
+
+    A motor is between the controller and the torque where the input is a voltage or a duty, or where `torque_constant` is
+    among the gains. A duty needs the `supply` voltage too.
+
+    Args:
+        drive: law and gains by the names of `DriveModel`.
+        sought: names of its numbers that a fit seeks, which need not be given.
+
+    Raises:
+        InvalidInput: the motor's numbers are not known.
+        UnknownName: a drive has no such gain.
+    """
+    lookup(drive.law, LAWS, "law of a drive")
+    controller, motor = LAWS[drive.law]
+    gains = dict(drive.gains)
+    for name in gains:
+        lookup(name, GAINS, "number of a drive")
+    motor = motor or "torque_constant" in gains or "torque_constant" in sought
+    if motor:
+        needed = (*MOTOR, "supply") if drive.law == "duty" else MOTOR
+        if lacking := [n for n in needed if n not in gains and n not in sought]:
+            raise InvalidInput(
+                f"The drive takes a {drive.law}, and its {' and '.join(lacking)} are not known.",
+                remedy="Give them, --drive "
+                + drive.law
+                + "".join(f",{n}=..." for n in lacking)
+                + f", or have them sought: --bound drive.{lacking[0]}=LOW:HIGH.",
+            )
+    if controller != "open" and "proportional" not in gains and "proportional" not in sought:
+        raise InvalidInput(
+            f"The drive takes a {drive.law}, and its gain 'proportional' is not known.",
+            remedy=f"Give it, --drive {drive.law},proportional=..., in SI units.",
+        )
+    return DriveModel(controller=controller, actuator="motor" if motor else "torque").replace(**gains)
+
+
+def drive_of(log: Log, sought: tuple[str, ...] = ()) -> DriveModel:
+    """Return the drive that a log was recorded with; of its gains those that the engine knows.
+
+    Raises:
+        InvalidInput: the log does not say.
+    """
+    if log.drive is None:
+        raise InvalidInput(
+            "The log does not say what its drive's input does.",
+            remedy="Name the drive: --drive torque, or position,proportional=2000,derivative=60 (in Python: drive=Drive(...)).",
+        )
+    known = {n: v for n, v in log.drive.gains.items() if n in GAINS}
+    return model_of(Drive(law=log.drive.law, gains=known), sought)
+
+
+def with_gains(log: Log, template: DriveModel, sought: tuple[str, ...] = ()) -> DriveModel:
+    """Return a log's own drive, which may differ from the first one's in its proportional gain alone.
+
+    Raises:
+        InvalidInput: it differs in something else.
+    """
+    own = drive_of(log, sought)
+    if own.replace(proportional=template.proportional) != template:
+        raise InvalidInput(
+            f"The logs have different drives: {template} and {own}.",
+            remedy="Fit them one by one; only the proportional gain may differ from log to log.",
+        )
+    return own

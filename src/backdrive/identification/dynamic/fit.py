@@ -11,10 +11,10 @@ import numpy as np
 from backdrive._catalog import lookup
 from backdrive.engine import Axis
 from backdrive.identification.dynamic import words
-from backdrive.identification.dynamic.intervals import intervals
 from backdrive.identification.dynamic.problem import Problem
 from backdrive.identification.dynamic.search import Found
-from backdrive.identification.dynamic.uncertainty import WEAK, covariance
+from backdrive.identification.dynamic.uncertainty import WEAK, covariance, intervals
+from backdrive.identification.evidence import sentences
 from backdrive.identification.options import Interval
 from backdrive.laws import Law
 
@@ -83,7 +83,7 @@ class Fit:
     def intervals(
         self, method: Interval = "covariance", *, seed: int = 0, tick: Callable[[str], None] | None = None
     ) -> dict[str, tuple[float, float]]:
-        """Return the 95 % interval of every number; see `dynamic.intervals`.
+        """Return the 95 % interval of every number; see `dynamic.uncertainty`.
 
         Args:
             method: `covariance`, `profile` (all others are fitted again along the number) or `bootstrap` (over windows).
@@ -136,10 +136,8 @@ class Fit:
         Args:
             records: stretches, or motion logs, of the joint.
         """
-        found = []
-        for record, x, (y, _) in zip(records, self.predict(records), self.problem.series(records)):
-            found.append(y - np.clip(y, *self.problem.bracket(self.values, record, x)))
-        return found
+        series = zip(records, self.predict(records), self.problem.series(records))
+        return [y - np.clip(y, *self.problem.bracket(self.values, record, x)) for record, x, (y, _) in series]
 
 
 def conclude(problem: Problem, found: Found, loss: str = "huber") -> Fit:
@@ -169,14 +167,16 @@ def conclude(problem: Problem, found: Found, loss: str = "huber") -> Fit:
     for i in np.flatnonzero(at_bound):
         u, end = problem.unknowns[i], "lower" if low[i] else "upper"
         notes.append(f"'{u.name}' ended at the {end} bound of its range, {values[u.name]:.3g} {u.unit}.")
-    if advice := law.element.advice(law.rate):
-        notes.append(advice)
-    if found.interrupted:
-        notes.append("The search was interrupted; this is the best that it had found.")
-    elif not found.converged:
-        notes.append("The search did not come to rest in its iterations; the best point is given.")
-    if problem.shape.ties:
-        notes.append(words.alike(problem.shape.ties))
+    advice, ties = law.element.advice(law.rate), problem.shape.ties
+    notes += sentences(
+        (advice, advice or ""),
+        (found.interrupted, "The search was interrupted; this is the best that it had found."),
+        (
+            not found.interrupted and not found.converged,
+            "The search did not come to rest in its iterations; the best point is given.",
+        ),
+        (ties, words.alike(ties)),
+    )
     m, rms = len(found.residual), float(np.sqrt(np.mean(found.residual**2)))
     return Fit(
         law=law,

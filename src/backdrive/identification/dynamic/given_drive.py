@@ -16,22 +16,22 @@ import numpy as np
 from backdrive._catalog import lookup
 from backdrive.engine import Axis
 from backdrive.identification.dynamic import choice, starts
-from backdrive.identification.dynamic.drive_of_log import drive_of, sought_of
-from backdrive.identification.dynamic.driven import driven, held_out_masks, split, whole
+from backdrive.identification.dynamic.driven import drive_of, driven, held_out_masks, sought_of, split, whole
 from backdrive.identification.dynamic.fit import Fit, conclude
-from backdrive.identification.dynamic.given_motion import TERMS, gravity_terms
+from backdrive.identification.dynamic.given_motion import gravity_sought
 from backdrive.identification.dynamic.joint_fit import Task
 from backdrive.identification.dynamic.law_fit import fit_law
 from backdrive.identification.dynamic.motion import fit_motion
 from backdrive.identification.dynamic.motion_log import MotionLog
 from backdrive.identification.dynamic.motion_problem import MotionProblem
-from backdrive.identification.dynamic.motion_terms import NAMES, OF_AXIS, UNITS
+from backdrive.identification.dynamic.motion_terms import NAMES, OF_AXIS
 from backdrive.identification.dynamic.result import finish
 from backdrive.identification.dynamic.search import Search
 from backdrive.identification.dynamic.torque import Stretch, TorqueProblem
 from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.identification.options import Options, describe_drive
 from backdrive.identification.result import JointEvidence
+from backdrive.identification.terms import GRAVITY, RIGID, estimates
 from backdrive.laws import Coulomb, Law
 from backdrive.logs.log import Drive, Log
 from backdrive.model import Estimate, JointFriction
@@ -77,13 +77,10 @@ class MotionTask(Task):
         }
         self.middle = drive.replace(**sought)
         self.stretches = [d.stretch(self.middle) for d in self.fitted]
-        gravity = gravity_terms(self.stretches, info.unit, options.gravity)
-        terms = [t for t in ("inertia", "offset", *gravity) if t not in options.known]
-        self.terms = [
-            *terms,
-            *(n for n in self.bounds if n in ("gravity_sin", "gravity_cos") and n not in terms),
-        ]
+        gravity = gravity_sought(self.stretches, info.unit, options.gravity)
         terms = ("inertia", "offset", *gravity)
+        asked = dict.fromkeys((*terms, *(n for n in self.bounds if n in GRAVITY)))
+        self.terms = [term for term in asked if term not in options.known]
         self.scales = starts.scales(self.stretches, terms, info.unit, info.encoder_counts)
         self.axis = Axis(
             **{"law": Law(rate=Coulomb(coulomb=0.0)), "inertia": 1.0, "drive": drive, **options.known}  # type: ignore[arg-type]
@@ -221,7 +218,7 @@ class MotionTask(Task):
     def _in_torque(self, one: Fit, stretches: Sequence[Stretch]) -> Fit:
         """Return a fit of motion as one of the torque that its drive must have given."""
         values, shape = {**self.options.known, **one.values}, one.problem.shape
-        terms = [t for t in TERMS if t in values and t not in numbers_of(shape)]
+        terms = [t for t in RIGID if t in values and t not in numbers_of(shape)]
         problem = TorqueProblem(shape, stretches, self.scales, terms=terms)
         search = Search(problem.residuals, problem.lower, problem.upper, loss=self.options.loss)
         point = problem.point(values)
@@ -238,22 +235,18 @@ class MotionTask(Task):
 
     def _given(self, final: Fit) -> dict[str, Estimate]:
         """Return the numbers of the drive and the axis, given ones before sought ones, so that the model can be run again."""
-        side, numbers = 0 if self.info.unit == "rad" else 1, {*numbers_of(final.problem.shape), *TERMS}
+        numbers = {*numbers_of(final.problem.shape), *RIGID}
         given = {
-            f"drive.{n}": v
+            f"drive.{n}": (v, np.nan)
             for n, v in describe_drive(final.axis.drive).items()
             if isinstance(v, float) and np.isfinite(v)
-        } | {n: float(v) for n, v in self.options.known.items() if n not in numbers}
-        found = {
-            n: Estimate(value=v, unit=UNITS[n][side] if n in UNITS else "SI", standard_error=float("nan"))
-            for n, v in given.items()
-        }
-        units = {u.name: u.unit for u in final.problem.unknowns}
-        return found | {
-            n: Estimate(value=v, unit=units[n], standard_error=final.standard_errors[n])
+        } | {n: (v, np.nan) for n, v in self.options.known.items() if n not in numbers}
+        sought = {
+            n: (v, final.standard_errors[n])
             for n, v in final.values.items()
             if n.startswith("drive.") or (n in OF_AXIS and n not in numbers)
         }
+        return estimates(given | sought, self.info.unit)
 
 
 def numbers_of(shape: LawShape) -> set[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,20 +15,17 @@ from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.joint_fit import Task
 from backdrive.identification.dynamic.law_fit import fit_law
 from backdrive.identification.dynamic.result import finish
+from backdrive.identification.dynamic.torque import SMOOTHED, Stretch, stretch
 from backdrive.identification.options import Options
 from backdrive.identification.result import JointEvidence
+from backdrive.identification.signals import Signals, prepare
 from backdrive.identification.smoothing import smoothing
-from backdrive.identification.terms import unit_of
+from backdrive.identification.terms import GRAVITY, RIGID, estimates
 from backdrive.laws import RATES, rate_law
 from backdrive.logs.log import Log
-from backdrive.model import Estimate, JointFriction
-
-if TYPE_CHECKING:
-    from backdrive.identification.dynamic.torque import Stretch
-    from backdrive.identification.signals import Signals
+from backdrive.model import JointFriction
 
 VARIES = 0.1  # a load or temperature varies that spans this share of its size [-]
-TERMS = ("inertia", "offset", "gravity_sin", "gravity_cos")
 WORSE = 1.1  # mean square of a fit to everything by that of the one that was judged, beyond which it is not taken [-]
 TURNS = 0.5  # a joint that turns by less shows little of gravity [rad]
 
@@ -49,7 +46,7 @@ class TorqueTask(Task):
 
     def __init__(self, logs: Sequence[Log], held_out: Sequence[Log], name: str, options: Options):
         for term in options.known:
-            lookup(term, dict.fromkeys(TERMS, 0), "number that a fit of torque takes as known")
+            lookup(term, dict.fromkeys(RIGID, 0), "number that a fit of torque takes as known")
         self.options, self.logs = options, logs
         info = self.info = logs[0].joints[logs[0].column(name)]
         smooth = smoothing([*logs, *held_out], name, options.cutoff)
@@ -58,9 +55,9 @@ class TorqueTask(Task):
         self.pairs = [pair for log in logs for pair in _stretches(log, name, smooth.cutoff)]
         self.unseen = [pair for log in held_out for pair in _stretches(log, name, smooth.cutoff)]
         stretches = [s for _, s in self.pairs]
-        terms = ["inertia", "offset", *gravity_terms(stretches, info.unit, options.gravity)]
-        terms += [term for term in TERMS if term in options.bounds and term not in terms]
-        terms = [term for term in terms if term not in options.known]
+        sought = ("inertia", "offset", *gravity_sought(stretches, info.unit, options.gravity))
+        asked = dict.fromkeys((*sought, *(term for term in RIGID if term in options.bounds)))
+        terms = [term for term in asked if term not in options.known]
         self.load = all(s.load.shape[0] > 1 and _varies(s.load[:, 1]) for s in stretches)
         self.warm = all(s.temperature.size > 1 and _varies(s.temperature) for s in stretches)
         sizes = starts.scales(stretches, terms, info.unit, info.encoder_counts, options.known)
@@ -86,7 +83,7 @@ class TorqueTask(Task):
         }
         asked = options.law or "auto"
         self.laws = choice.shortlist(asked, presliding=presliding, load=self.load, warm=self.warm)
-        self.others = (*TERMS, *(("delay",) if options.delay else ()))
+        self.others = (*RIGID, *(("delay",) if options.delay else ()))
         size = float(np.sqrt(np.mean(np.concatenate([s.torque for s in stretches]) ** 2)))
         self.what = ("torque", info.torque_unit, size)
 
@@ -109,25 +106,23 @@ class TorqueTask(Task):
 
     def error(self, one: Fit) -> tuple[float, int]:
         """Return the mean squared error on what was fitted, rests included, and the number of its samples."""
-        return choice.seen(one, self.shown)
+        return choice.fitted_error(one, self.shown)
 
     def shows(self, one: Fit) -> bool:
         """Return whether the motion shows a law's presliding."""
-        return choice.is_shown(one.problem.shape, one.unseen, one.at_bound)
+        return choice.shows_presliding(one.problem.shape, one.unseen, one.at_bound)
 
     def explains(self, final: Fit, judged: Fit) -> bool:
         """Return whether a fit to everything explains everything about as well as the one that was judged."""
         stretches = [s for _, s in self.pairs]
-        return choice.seen(final, stretches)[0] <= WORSE * choice.seen(judged, stretches)[0]
+        return choice.fitted_error(final, stretches)[0] <= WORSE * choice.fitted_error(judged, stretches)[0]
 
     def finish(self, final: Fit, judged: Fit) -> tuple[JointFriction, JointEvidence]:
         """Return friction and evidence of the last fit and the one that was judged."""
-        given = {
-            term: Estimate(value=value, unit=unit_of(term, self.info), standard_error=float("nan"))
-            for term, value in self.options.known.items()
-        }
+        known = dict(self.options.known)
         if any(log.model_torque is not None for log in self.logs):
-            given["model_torque"] = Estimate(value=1.0, unit="1", standard_error=float("nan"))
+            known["model_torque"] = 1.0
+        given = estimates({term: (value, np.nan) for term, value in known.items()}, self.info.unit)
         return finish(self.info, final, judged, self.pairs, self.unseen, self.masks, given)
 
     def settings(self, final: Fit, held_out: float) -> dict[str, Any]:
@@ -135,18 +130,15 @@ class TorqueTask(Task):
         return {"cutoff": self.cutoff}
 
 
-def gravity_terms(stretches: Sequence[Stretch], unit: str, wanted: bool | None) -> tuple[str, ...]:
+def gravity_sought(stretches: Sequence[Stretch], unit: str, wanted: bool | None) -> tuple[str, ...]:
     """Return the terms of gravity that are sought: where asked for, or where the joint turns far enough to show it."""
     turns = unit == "rad" and all(s.position is not None for s in stretches)
     far = turns and max(float(np.ptp(s.position)) for s in stretches) > TURNS  # type: ignore[arg-type]
-    return ("gravity_sin", "gravity_cos") if wanted or (wanted is None and far) else ()
+    return GRAVITY if wanted or (wanted is None and far) else ()
 
 
 def _stretches(log: Log, name: str, cutoff: float | None) -> list[tuple[Signals, Stretch]]:
     """Return signals and stretches of one joint, with its load and temperature; a torque known from elsewhere is taken off."""
-    from backdrive.identification.dynamic.torque import SMOOTHED, stretch
-    from backdrive.identification.signals import prepare
-
     found = []
     for signals in prepare(log, name, cutoff=cutoff):
         one = stretch(

@@ -172,7 +172,7 @@ def fit_joint(task: Task) -> JointFit:
 def _candidate(task: Task, law: str, begun: float) -> Candidate:
     """Return one law fitted without what it is judged on, and judged."""
     one = task.fit(law, task.shown)
-    squares = choice_.judged(one, task.judges, task.masks)
+    squares = choice_.held_out_errors(one, task.judges, task.masks)
     square, count = task.error(one)
     return Candidate(
         name=one.name,

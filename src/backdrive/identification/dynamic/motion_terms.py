@@ -19,32 +19,13 @@ from backdrive._catalog import lookup
 from backdrive.engine import Axis, DriveModel
 from backdrive.errors import InvalidInput
 from backdrive.identification.dynamic.unknowns import LawShape, Scales, Unknown
+from backdrive.identification.terms import unit_of
 
 Range = Sequence[Any]
 FACTOR = 3.0  # about a start, within which starts are drawn, of what is sought in its logarithm
 SHARE = 0.25  # of the range, for the rest
 STEPS = 10.0  # search coordinates of the range, for the rest
 
-UNITS = {
-    "inertia": ("kg.m^2", "kg"),
-    "load_inertia": ("kg.m^2", "kg"),
-    "stiffness": ("N.m/rad", "N/m"),
-    "damping": ("N.m.s/rad", "N.s/m"),
-    "gravity_sin": ("N.m", "N"),
-    "gravity_cos": ("N.m", "N"),
-    "offset": ("N.m", "N"),
-    "load_dependence": ("1", "1"),
-    "drive.delay": ("s", "s"),
-    "drive.filter_time": ("s", "s"),
-    "drive.supply": ("V", "V"),
-    "drive.torque_constant": ("N.m/A", "N/A"),
-    "drive.resistance": ("ohm", "ohm"),
-    "drive.supply_resistance": ("ohm", "ohm"),
-    "drive.saturation": ("1/A", "1/A"),
-    "drive.proportional_factor": ("1", "1"),
-    "start.position": ("rad", "m"),
-    "start.velocity": ("rad/s", "m/s"),
-}
 OF_AXIS = [f.name for f in fields(Axis) if f.name not in ("law", "drive", "friction_side")]
 OF_DRIVE = [f"drive.{f.name}" for f in fields(DriveModel) if f.name not in ("controller", "actuator", "hold")]
 NAMES = (*OF_AXIS, *OF_DRIVE, "drive.proportional_factor", "start.position", "start.velocity")
@@ -143,7 +124,6 @@ def assemble(
         unknowns.append(u)
         boxes.append(box)
     of_law = len(unknowns)
-    side = 0 if scales.unit == "rad" else 1
     for name, given in free.items():
         if name in used:
             continue
@@ -153,14 +133,13 @@ def assemble(
         known = {n: n for n in (*shape.rate.PARAMETERS, *shape.element.PARAMETERS, *NAMES)}
         known |= {f"shape.{n}": n for n in courses}
         lookup(plain, known, "number of the law, the axis or the drive")
-        unit = UNITS.get(plain, ("SI", "SI"))[side]
         if plain.startswith("start."):
             places = [int(place[:-1])] if bracket and place[:-1].isdigit() else range(logs)
             each = [f"{plain}[{k}]" for k in places if k < logs]
         else:
             each = [plain]
         for n in each:
-            u, box = range_of(n, given, unit)
+            u, box = range_of(n, given, unit_of(plain, scales.unit))
             unknowns.append(u)
             boxes.append(box)
     at = np.array(boxes).reshape(-1, 3)

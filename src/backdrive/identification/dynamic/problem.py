@@ -8,16 +8,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
+from backdrive.engine import Axis
 from backdrive.errors import InvalidInput
+from backdrive.identification.dynamic.search import Found
 from backdrive.identification.dynamic.unknowns import LawShape, Unknown
-
-if TYPE_CHECKING:
-    from backdrive.engine import Axis
-    from backdrive.identification.dynamic.search import Found
 
 
 class Problem(ABC):

@@ -9,16 +9,17 @@ import numpy as np
 
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.torque import Stretch
+from backdrive.identification.dynamic.uncertainty import covariance
 from backdrive.identification.dynamic.unknowns import shares
 from backdrive.identification.evidence import evidence
 from backdrive.identification.quality import judge
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals
-from backdrive.identification.terms import unit_of
+from backdrive.identification.terms import RIGID, estimates
 from backdrive.logs.log import Joint
 from backdrive.model import Estimate, JointFriction, Validity
 
-DYNAMICS = ("inertia", "offset", "gravity_sin", "gravity_cos", "delay")
+DYNAMICS = (*RIGID, "delay")
 
 
 def finish(
@@ -51,20 +52,13 @@ def finish(
     predicted = final.predict(stretches)
     tests = [s for _, s in unseen]
     judges = tests or stretches
+    terms = [term for term in DYNAMICS if term in final.values]
     friction = JointFriction(
         joint=joint,
         law=final.law,
         standard_errors=errors(final),
         at_bound=tuple(sorted({n.partition("[")[0] for n in final.at_bound if n not in DYNAMICS})),
-        dynamics={
-            term: Estimate(
-                value=final.values[term],
-                unit=unit_of(term, joint),
-                standard_error=final.standard_errors[term],
-            )
-            for term in DYNAMICS
-            if term in final.values
-        }
+        dynamics=estimates({t: (final.values[t], final.standard_errors[t]) for t in terms}, joint.unit)
         | dict(given),
         validity=Validity(
             velocity=(float(min(low, 0.0)), float(max(high, 0.0))),
@@ -122,8 +116,6 @@ def _share_errors(final: Fit, count: int) -> tuple[float, ...]:
 
 def band(final: Fit, velocity: np.ndarray) -> np.ndarray:
     """Return the standard error of the steady curve at velocities [N.m or N]."""
-    from backdrive.identification.dynamic.uncertainty import covariance
-
     at = np.isfinite([final.standard_errors[n] for n in final.problem.names])
     cov = covariance(final.found.jacobian, final.found.residual, final.found.weight, at, final.problem.edges)
     centre, columns = final.law.torque(velocity), []

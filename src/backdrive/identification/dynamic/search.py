@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from backdrive.identification import regression
 from backdrive.identification.dynamic import stopping
 
 STEP = 1e-5  # of the forward differences, in scaled coordinates
@@ -86,7 +87,7 @@ class Search:
         """Return the standard deviation that the loss counts in."""
         if self.sigma is not None:
             return self.sigma
-        return max(1.4826 * float(np.median(np.abs(residual))), 1e-300)
+        return max(regression.robust_spread(residual), 1e-300)
 
     def cost(self, residual: np.ndarray, sigma: float) -> float:
         """Return the loss of residuals [their unit squared]; infinite where one is not finite."""
@@ -102,16 +103,10 @@ class Search:
         """Return the weights of reweighted least squares, (m,)."""
         return LOSSES[self.loss](np.abs(residual) / sigma)[1]
 
-    def jacobian(self, points: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """Return the Jacobians of a batch whose residuals are `at`, (K, m, P)."""
-        K, P = points.shape
-        backwards = points + self.step > self.upper
-        steps = np.where(backwards, -self.step, self.step)
-        J = np.empty((K, at.shape[1], P))
-        for k in range(K):
-            moved = points[k] + np.diag(steps[k])
-            J[k] = ((self.evaluate(moved) - at[k]) / steps[k][:, None]).T
-        return J
+    def jacobian(self, point: np.ndarray, residual: np.ndarray) -> np.ndarray:
+        """Return the Jacobian at a point, (P,), whose residual is given, (m,): (m, P)."""
+        steps = np.where(point + self.step > self.upper, -self.step, self.step)
+        return np.ascontiguousarray(((self.evaluate(point + np.diag(steps)) - residual) / steps[:, None]).T)
 
     def at(self, point: np.ndarray, residual: np.ndarray) -> Found:
         """Return what a search would that came to rest at a point, (P,), with this residual, (m,)."""
@@ -120,7 +115,7 @@ class Search:
             point=point,
             cost=self.cost(residual, sigma),
             residual=residual,
-            jacobian=self.jacobian(point[None], residual[None])[0],
+            jacobian=self.jacobian(point, residual),
             weight=self.weights(residual, sigma),
             converged=True,
             evaluations=self.evaluations,
@@ -170,7 +165,7 @@ class Search:
                     break
                 sigma = self.scale(residual)
                 cost = self.cost(residual, sigma)
-                J = self.jacobian(point[None], residual[None])[0]
+                J = self.jacobian(point, residual)
                 trials, dampings = self.trials(point, residual, J, sigma, DAMPINGS * damping)
                 ends = self.evaluate(trials)
                 costs = [self.cost(r, sigma) for r in ends]

@@ -9,8 +9,10 @@ import numpy as np
 
 from backdrive.engine import Lanes
 from backdrive.errors import NotIdentifiable
-from backdrive.identification.dynamic.torque import SLOW, SMOOTHED, Stretch, TorqueProblem, column, earlier
+from backdrive.identification.dynamic.torque import SLOW, SMOOTHED, Stretch, TorqueProblem
 from backdrive.identification.dynamic.unknowns import Scales
+from backdrive.identification.dynamics import earlier
+from backdrive.identification.terms import column, columns
 from backdrive.laws import Coulomb, HaywardArmstrong, Law, Leuven
 from backdrive.laws.base import Sizes
 from backdrive.logs.filters import low_pass
@@ -39,17 +41,20 @@ def rest_of(
     for s in stretches:
         v = s.velocity
         moving = s.judged & (np.abs(v) > SLOW * np.abs(v).max())
-        columns = [np.sign(v), v] + [column(s, t) for t in terms]
-        rows.append(np.array(columns)[:, moving].T)
+        rows.append(np.vstack([np.sign(v), v, columns(s, terms)])[:, moving].T)
         targets.append(s.torque[moving])
-    A, y = np.concatenate(rows), np.concatenate(targets)
-    norm = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-    theta = np.linalg.lstsq(A / norm, y, rcond=1e-8)[0] / norm
+    theta = _least_squares(np.concatenate(rows), np.concatenate(targets))
     found = {"coulomb": abs(theta[0]), "viscous": max(theta[1], 0.0)} | dict(zip(terms, theta[2:]))
     left = [
         s.torque - sum((found[t] * column(s, t) for t in terms), np.zeros_like(s.torque)) for s in stretches
     ]
     return {k: float(v) for k, v in found.items()}, left
+
+
+def _least_squares(A: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return the coefficients of columns that may be of very different size, (P,)."""
+    norm = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    return np.linalg.lstsq(A / norm, y, rcond=1e-8)[0] / norm
 
 
 def without_known(stretches: Sequence[Stretch], known: Mapping[str, float]) -> list[Stretch]:
@@ -73,16 +78,14 @@ def delay_of(stretches: Sequence[Stretch], terms: Sequence[str], reach: float) -
     a = max(0, (n - LONGEST) // 2)
     at = slice(a, a + LONGEST)
     v = s.velocity
-    columns = np.array([np.sign(v), v, *(column(s, t) for t in terms)])[:, at]
+    motion = np.vstack([np.sign(v), v, columns(s, terms)])[:, at]
     torque, use = s.torque[at], (s.judged & (np.abs(v) > SLOW * np.abs(v).max()))[at]
     farthest = round(reach / dt)
     step = max(1, farthest // 12)
 
     def left(late: int) -> float:
-        A = earlier(columns, float(late))[:, use].T
-        norm = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-        theta = np.linalg.lstsq(A / norm, torque[use], rcond=1e-8)[0]
-        return float(np.sum((torque[use] - A / norm @ theta) ** 2))
+        A = earlier(motion, float(late))[:, use].T
+        return float(np.sum((torque[use] - A @ _least_squares(A, torque[use])) ** 2))
 
     best = min(range(-(farthest // step) * step, farthest + 1, step), key=left)
     return dt * min(range(best - step + 1, best + step), key=left)

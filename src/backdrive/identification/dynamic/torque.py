@@ -8,21 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from backdrive.engine import Lanes
 from backdrive.errors import NotIdentifiable
 from backdrive.identification.dynamic.problem import Problem
+from backdrive.identification.dynamic.search import Found
 from backdrive.identification.dynamic.unknowns import LawShape, Scales, Unknown
 from backdrive.identification.dynamics import earlier, increments
 from backdrive.identification.signals import Signals
-from backdrive.identification.terms import TERMS
+from backdrive.identification.terms import columns, unit_of
 from backdrive.laws import REFERENCE, DeadZone, Law
-
-if TYPE_CHECKING:
-    from backdrive.identification.dynamic.search import Found
+from backdrive.logs.filters import derivative, low_pass
 
 FEWEST = 50  # samples
 LONGEST_DELAY = 0.05  # s
@@ -132,9 +130,10 @@ class TorqueProblem(Problem):
         top = max(float(np.abs(s.acceleration).max()) for s in self.stretches)
         for term in self.terms:
             size = scales.force / max(top, 1e-12) if term == "inertia" else scales.force
-            unit = TERMS[term][0 if scales.unit == "rad" else 1]
             low, high = bounds.get(term, (0.0 if term == "inertia" else -1e3 * size, 1e3 * size))
-            unknowns.append(Unknown(name=term, unit=unit, lower=low, upper=high, scale=size))
+            unknowns.append(
+                Unknown(name=term, unit=unit_of(term, scales.unit), lower=low, upper=high, scale=size)
+            )
         if delay:
             dt = max(s.dt for s in self.stretches)
             reach = max(LONGEST_DELAY, 2.0 * dt)
@@ -148,7 +147,7 @@ class TorqueProblem(Problem):
         dt, band = max((s.dt, s.bandwidth) for s in self.stretches)
         self.count = scales.slowest * dt
         self.blur = max(BLUR * scales.slowest * band * dt * np.sqrt(band * dt), 1e-5 * scales.speed)
-        self.regressors = [self._regressors(s) for s in self.stretches]
+        self.regressors = [columns(s, (*self.terms, *self.known)) for s in self.stretches]
         super().__init__(shape, unknowns)
         self.largest = max(float(np.abs(s.torque).max()) for s in self.stretches)
         if self.size < FEWEST:
@@ -158,10 +157,6 @@ class TorqueProblem(Problem):
                 "held out do not count.",
                 remedy=f"At least {FEWEST} have to be left: record longer, better a minute of motion.",
             )
-
-    def _regressors(self, s: Stretch) -> np.ndarray:
-        names = (*self.terms, *self.known)
-        return np.array([column(s, t) for t in names]).reshape(len(names), len(s.torque))
 
     @property
     def side_by_side(self) -> bool:
@@ -183,7 +178,7 @@ class TorqueProblem(Problem):
         if records is None:
             pairs = list(zip(self.stretches, self.regressors))
         else:
-            pairs = [(s, self._regressors(s)) for s in records]
+            pairs = [(s, columns(s, (*self.terms, *self.known))) for s in records]
         laws = [self.shape.law(v) for v in values]
         zones = None
         if self.shape.element is DeadZone:
@@ -276,8 +271,6 @@ class TorqueProblem(Problem):
 
     def _redrawn(self, s: Stretch, rng: np.random.Generator) -> Stretch:
         """Return a stretch whose encoder steps fell otherwise."""
-        from backdrive.logs.filters import derivative, low_pass
-
         e = self.count * (rng.uniform(size=len(s.dp)) - 0.5)
         e = low_pass(e, min(s.bandwidth, 0.1 / s.dt), 1.0 / s.dt)
         return replace(
@@ -286,28 +279,6 @@ class TorqueProblem(Problem):
             position=None if s.position is None else s.position + e,
             acceleration=s.acceleration + derivative(derivative(e, s.dt), s.dt),
         )
-
-
-def column(s: Stretch, term: str) -> np.ndarray:
-    """Return what a term of the dynamics is multiplied with, (n,).
-
-    Args:
-        s: the stretch.
-        term: `inertia`, `offset`, `gravity_sin` or `gravity_cos`.
-
-    Raises:
-        NotIdentifiable: gravity is sought without positions.
-    """
-    if term == "inertia":
-        return s.acceleration
-    if term == "offset":
-        return np.ones_like(s.torque)
-    if s.position is None:
-        raise NotIdentifiable(
-            "Gravity is sought, but the log holds no position.",
-            remedy="Record the position, or leave gravity out.",
-        )
-    return np.sin(s.position) if term == "gravity_sin" else np.cos(s.position)
 
 
 def moving(s: Stretch, slowest: float, late: float = 0.0) -> Stretch:

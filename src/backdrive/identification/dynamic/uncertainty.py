@@ -1,11 +1,18 @@
-"""How sure a fit is: covariance that bears noise correlated in time, profile intervals, a bootstrap over windows."""
+"""How sure a fit is: covariance that bears noise correlated in time, and 95 % intervals from that, from profiles or windows."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, get_args
 
 import numpy as np
+
+from backdrive._catalog import lookup
+from backdrive.errors import InvalidInput
+from backdrive.identification import regression
+from backdrive.identification.dynamic.search import Found, Search
+from backdrive.identification.options import Interval
 
 BLOCKS = 60  # of time, whose scores are taken as independent
 UNSEEN = 1e4  # standard error [search coordinate] beyond which a number does not act on the residuals at all
@@ -14,21 +21,21 @@ CLOSE = 0.003  # of that rise: so near to it an end is taken [-]
 WEAK = 0.10  # a standard error beyond this share of the value is called weak [-]
 
 
+METHODS: tuple[str, ...] = get_args(Interval)
+STEPS = 8  # of the search that fits all others again, per point of a profile
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Covariance:
     """Covariance of the search coordinates.
 
     Attributes:
         matrix: (P, P); NaN for coordinates at a bound, infinite for those that do not act on the residuals.
-        free: coordinates that are not at a bound, (P,).
         correlation: between them, (P, P).
-        degrees: of freedom for Student's t.
     """
 
     matrix: np.ndarray
-    free: np.ndarray
     correlation: np.ndarray
-    degrees: float
 
 
 def covariance(
@@ -55,15 +62,15 @@ def covariance(
     """
     m, P = jacobian.shape
     matrix, correlation = np.full((P, P), np.nan), np.eye(P)
-    nothing = Covariance(matrix=matrix, free=free, correlation=correlation, degrees=1.0)
+    result = Covariance(matrix=matrix, correlation=correlation)
     if m <= free.sum():
-        return nothing
+        return result
     variance = float((weight * residual) @ residual) / max(m - int(free.sum()), 1)
     length = np.linalg.norm(np.where(np.isfinite(jacobian), jacobian, 0.0), axis=0)
     seen = free & (length * UNSEEN > np.sqrt(variance)) & np.isfinite(jacobian).all(axis=0)
     matrix[free & ~seen, free & ~seen] = np.inf
     if not seen.any():
-        return nothing
+        return result
     size = length[seen]
     J = jacobian[:, seen] / size
     bread = inverse(J.T @ (weight[:, None] * J))
@@ -86,7 +93,7 @@ def covariance(
     at = np.ix_(seen, seen)
     matrix[at] = plain * np.outer(grown, grown) / np.outer(size, size)
     correlation[at] = plain / np.outer(root, root)
-    return Covariance(matrix=matrix, free=free, correlation=correlation, degrees=float(max(m - P, 1)))
+    return result
 
 
 def inverse(gram: np.ndarray) -> np.ndarray:
@@ -183,3 +190,114 @@ def bootstrap(
     errors = np.full(jacobian.shape[1], np.nan)
     errors[free] = moves.std(axis=0, ddof=1)
     return errors
+
+
+def intervals(
+    problem: Any,
+    found: Found,
+    errors: Mapping[str, float],
+    method: Interval = "covariance",
+    *,
+    loss: str = "huber",
+    step: float = 1e-5,
+    seed: int = 0,
+    tick: Callable[[str], None] | None = None,
+) -> tuple[dict[str, tuple[float, float]], bool]:
+    """Return the 95 % interval of every number that was sought [SI], within its range; all of that where a number has no error.
+
+    The second thing returned is False where a person interrupted profiles: the rest have the interval of the covariance.
+
+    Args:
+        problem: what was fitted: `unknowns`, `lower`, `upper` and `residuals`.
+        found: where the search ended.
+        errors: standard errors by name [SI].
+        method: `covariance`: a normal distribution in the search coordinate, lopsided for what is sought in its logarithm;
+            `profile`: how far the number can be held off its best value before all others can no longer make up for it,
+            scaled so that correlated residuals count as in the covariance; `bootstrap`: windows of time drawn with
+            replacement.
+        loss: of the fit.
+        step: of the forward differences of a profile, in search coordinates.
+        seed: of the bootstrap.
+        tick: called with the name before the profile of each number.
+
+    Raises:
+        UnknownName: no such method.
+        InvalidInput: a profile of absolute deviations, whose rise says nothing about an error.
+    """
+    check_interval(method, loss)
+    unknowns, point = problem.unknowns, found.point
+    root = np.array(
+        [errors[u.name] / u.slope(float(u.outward(x))) for u, x in zip(unknowns, point)], dtype=float
+    )
+    free = np.isfinite(root) & (root > 0.0)
+    if method == "bootstrap" and free.any():
+        root[free] = bootstrap(found.jacobian, found.residual, found.weight, free, seed=seed)[free]
+    result, done = {}, True
+    for i, u in enumerate(unknowns):
+        if not free[i]:
+            ends = np.array([problem.lower[i], problem.upper[i]])
+        else:
+            ends = point[i] + RISE * root[i] * np.array([-1.0, 1.0])
+        if free[i] and method == "profile" and done:
+            if tick is not None:
+                tick(u.name)
+            try:
+                ends = np.array(_profiled(problem, found, i, free, float(root[i]), loss, step))
+            except KeyboardInterrupt:
+                done = False
+        ends = np.clip(ends, problem.lower[i], problem.upper[i])
+        low, high = (float(u.outward(e)) for e in ends)
+        result[u.name] = (low, high)
+    return result, done
+
+
+def check_interval(method: str, loss: str) -> None:
+    """Refuse a kind of interval that there is not, or not with this loss.
+
+    Raises:
+        UnknownName: no such method.
+        InvalidInput: a profile of absolute deviations.
+    """
+    lookup(method, dict.fromkeys(METHODS, 0), "kind of interval")
+    if method == "profile" and loss == "absolute":
+        raise InvalidInput(
+            "A profile needs squares, and the loss is 'absolute'.", remedy="Ask for bootstrap intervals."
+        )
+
+
+def _profiled(
+    problem: Any, found: Found, i: int, free: np.ndarray, error: float, loss: str, step: float
+) -> tuple[float, float]:
+    """Return the profile interval of one search coordinate."""
+    others = np.arange(len(found.point)) != i
+    J = found.jacobian[:, free]
+    size = np.linalg.norm(J, axis=0)
+    J = J / size
+    at = int(np.flatnonzero(np.flatnonzero(free) == i)[0])
+    bread = inverse(J.T @ (found.weight[:, None] * J))[at, at] / size[at] ** 2
+    sigma = max(regression.robust_spread(found.residual), 1e-300)
+    start = found.point[others]
+    whole = Search(None, problem.lower, problem.upper, loss=loss, sigma=sigma)
+    least = whole.cost(found.residual, sigma)
+
+    def cost(held: float) -> float:
+        def residuals(points: np.ndarray) -> np.ndarray:
+            return problem.residuals(np.insert(points, i, held, axis=1))
+
+        search = Search(
+            residuals, problem.lower[others], problem.upper[others], loss=loss, sigma=sigma, step=step
+        )
+        ended = search.run(start, iterations=STEPS, tolerance=1e-6)
+        if ended.interrupted:
+            raise KeyboardInterrupt
+        return ended.cost
+
+    return profile(
+        float(found.point[i]),
+        cost,
+        least,
+        error**2 / bread,
+        error,
+        float(problem.lower[i]),
+        float(problem.upper[i]),
+    )

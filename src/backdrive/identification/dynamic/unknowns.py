@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.laws import ELEMENTS, RATES, Law
+from backdrive.laws import ELEMENTS, RATES, Law, rate_law
+from backdrive.laws import element as element_law
 from backdrive.laws.base import Element, Parameter, Rate
 from backdrive.laws.elements.maxwell_slip import Parallel
 
@@ -180,14 +181,13 @@ class LawShape:
             UnknownName: no such law; the message names near ones.
             InvalidInput: the rate law cannot be carried by the element, or a fixed parameter is none of the law's.
         """
-        from backdrive.laws import element, rate_law
         from backdrive.laws.examples import ELEMENT_EXAMPLES, RATE_EXAMPLES
 
         first, plus, second = name.partition("+")
         if not plus and first in ELEMENTS and first not in RATES:
             first, second = "stribeck-gauss", first
         shape = cls(
-            rate=rate_law(first), element=element(second or "none"), count=count, fixed=dict(fixed or {})
+            rate=rate_law(first), element=element_law(second or "none"), count=count, fixed=dict(fixed or {})
         )
         Law(rate=RATE_EXAMPLES[first], element=ELEMENT_EXAMPLES[second or "none"])  # says why not, where not
         strange = set(shape.fixed) - set(shape.rate.PARAMETERS) - set(shape.element.PARAMETERS)

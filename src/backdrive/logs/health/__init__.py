@@ -24,7 +24,7 @@ __all__ = ["CHECKS", "Check", "Finding", "Repair", "Severity", "check", "gate"]
 
 #: The clock first, then single samples, then channels, then what channels say of one another: a module and a line each.
 CHECKS: tuple[Check, ...] = tuple(
-    import_module(f"{__name__}.{name}").CHECK
+    import_module(f"{__name__}.{name}").find
     for name in (
         "few_samples",
         "nan",
@@ -93,11 +93,11 @@ def passed(
         spoiling = [f for f in spoiling if not f.repairable]
     if spoiling:
         names = sorted({f.name for f in spoiling})
-        said = " ".join(f"[{f.name}] {f.sentence} {f.remedy}" for f in spoiling[:4])
+        sentences = " ".join(f"[{f.name}] {f.sentence} {f.remedy}" for f in spoiling[:4])
         more = f" And {len(spoiling) - 4} more." if len(spoiling) > 4 else ""
         mend = "" if repair or not all(f.repairable for f in spoiling) else "--repair, or "
         raise UnhealthyLog(
-            f"The log would spoil the result: {said}{more}",
+            f"The log would spoil the result: {sentences}{more}",
             remedy=f"Use {mend}{' '.join(f'--accept {name}' for name in names)} to go on regardless.",
             findings=[f.to_dict() for f in spoiling],
         )
@@ -122,13 +122,13 @@ def _examine(log: Log, plan: Any, accepted: frozenset[str]) -> tuple[list[Findin
     exam = Exam(log, plan)
     with np.errstate(all="ignore"):  # a log may hold 1e308 and worse
         for item in CHECKS:
-            if len(exam.log) < few_samples.FEWEST and item.name != few_samples.NAME:
+            if len(exam.log) < few_samples.FEWEST and item.name != few_samples.find.name:
                 break
-            if item.name == unsorted_time.NAME and not np.isfinite(exam.log.time).all():
+            if item.name == unsorted_time.find.name and not np.isfinite(exam.log.time).all():
                 break  # without a clock nothing more can be told
-            found = item.find(exam)
-            findings += [_placed(f, rows) for f in found]
-            mendable = [f for f in found if f.repairable]
+            own = item(exam)
+            findings += [_with_rows_of(f, rows) for f in own]
+            mendable = [f for f in own if f.repairable]
             if item.repair is None or not mendable or item.name in accepted:
                 continue
             fixed = item.repair(exam, mendable)
@@ -138,7 +138,7 @@ def _examine(log: Log, plan: Any, accepted: frozenset[str]) -> tuple[list[Findin
     return findings, exam.log
 
 
-def _placed(finding: Finding, rows: np.ndarray | None) -> Finding:
+def _with_rows_of(finding: Finding, rows: np.ndarray | None) -> Finding:
     if rows is None or finding.where is None:
         return finding
     return replace(finding, where=np.sort(rows[finding.where]))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-from typing import Any
+from collections.abc import Callable, Iterator
+from functools import cached_property, wraps
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -17,6 +18,22 @@ GAP = 2.5
 _SAMPLES = 1 << 16
 _BLOCKS = 32
 
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def once(function: Callable[Concatenate[Exam, P], R]) -> Callable[Concatenate[Exam, P], R]:
+    """Have a function of an exam compute its answer once for each of its arguments; several checks ask for the same."""
+
+    @wraps(function)
+    def answer(exam: Exam, *arguments: P.args, **options: P.kwargs) -> R:
+        key = (answer, *arguments, *options.items())
+        if key not in exam.shared:
+            exam.shared[key] = function(exam, *arguments, **options)
+        return exam.shared[key]
+
+    return answer
+
 
 class Exam:
     """A log under examination.
@@ -29,7 +46,6 @@ class Exam:
     def __init__(self, log: Log, plan: Any = None):
         self.log = log
         self.plan = log.plan if plan is None else plan
-        self._surveys: dict[str, Survey] = {}
         self._columns: dict[tuple[str, int], np.ndarray] = {}
         self.shared: dict[Any, Any] = {}
 
@@ -78,11 +94,10 @@ class Exam:
             pieces += [slice(a, b) for a, b in zip(cuts[:-1], cuts[1:])]
         return pieces
 
+    @once
     def survey(self, channel: str) -> Survey:
         """Return the figures of a channel."""
-        if channel not in self._surveys:
-            self._surveys[channel] = survey(self.log.channels[channel])
-        return self._surveys[channel]
+        return survey(self.log.channels[channel])
 
     def usable(self, channel: str, joint: int) -> bool:
         """Return whether a joint's channel is there and finite throughout."""
@@ -97,28 +112,29 @@ class Exam:
             self._columns[key] = np.ascontiguousarray(self.log.channels[channel][:, joint])
         return self._columns[key]
 
+    @once
     def sample(self, channel: str, joint: int) -> np.ndarray:
         """Return a joint's channel on the rows of `blocks`, (m,)."""
-        key = ("sample", channel, joint)
-        if key not in self.shared:
-            array = self.log.channels[channel]
-            self.shared[key] = np.concatenate([array[b, joint] for b in self.blocks])
-        return self.shared[key]
+        array = self.log.channels[channel]
+        return np.concatenate([array[b, joint] for b in self.blocks])
 
+    @once
     def changes(self, channel: str, joint: int) -> np.ndarray:
         """Return absolute differences of neighbours on the rows of `blocks`, (m,)."""
-        key = ("changes", channel, joint)
-        if key not in self.shared:
-            array = self.log.channels[channel]
-            self.shared[key] = np.concatenate([np.abs(np.diff(array[b, joint])) for b in self.blocks])
-        return self.shared[key]
+        array = self.log.channels[channel]
+        return np.concatenate([np.abs(np.diff(array[b, joint])) for b in self.blocks])
 
-    def resolution(self, channel: str, joint: int) -> float:
+    @once
+    def quantum(self, channel: str, joint: int) -> float:
         """Return the smallest step of a quantised channel, 0 if it is not quantised."""
-        key = ("resolution", channel, joint)
-        if key not in self.shared:
-            self.shared[key] = resolution(self.sample(channel, joint))
-        return self.shared[key]
+        return resolution(self.sample(channel, joint))
+
+    def columns(self, *channels: str) -> Iterator[tuple[str, int, str]]:
+        """Yield channel, column and name of the joint for every column of these channels that is there and finite."""
+        for channel in channels:
+            for j, joint in self:
+                if self.usable(channel, j):
+                    yield channel, j, joint
 
     def __iter__(self):
         """Yield column and name of every joint."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -22,7 +22,7 @@ class Finding:
     """One thing that is the matter with a log.
 
     Attributes:
-        name: of the check, as `--accept NAME` takes it.
+        name: of the check, as `--accept NAME` takes it; the check fills it in.
         joint: name of the joint; None when the whole log is meant.
         channel: name of the channel, such as `torque`; None when the clock or the whole log is meant.
         severity: `note`, `warn` or `spoils`.
@@ -33,7 +33,7 @@ class Finding:
         repairable: an honest repair exists, and `gate(..., repair=True)` would make it.
     """
 
-    name: str
+    name: str = ""
     severity: Severity
     sentence: str
     remedy: str
@@ -72,21 +72,45 @@ class Repair:
     rows: np.ndarray | None = None
 
 
-@dataclass(frozen=True)
+Mend = Callable[["Exam", Sequence[Finding]], Repair]
+
+
+@dataclass(eq=False)
 class Check:
-    """One thing that can be the matter with a log.
+    """One thing that can be the matter with a log; called with an exam it returns its findings.
 
     Attributes:
         name: stable, kebab-case.
         about: what it looks for, in half a sentence.
-        find: looks at an `Exam` and returns findings.
+        search: looks at an `Exam` and yields findings, which need not say the name.
         repair: mends the repairable ones among its own findings; None when nothing honest can be done.
     """
 
     name: str
     about: str
-    find: Callable[[Exam], list[Finding]]
-    repair: Callable[[Exam, Sequence[Finding]], Repair] | None = None
+    search: Callable[[Exam], Iterable[Finding]]
+    repair: Mend | None = None
+
+    def __call__(self, exam: Exam) -> list[Finding]:
+        """Return what is the matter."""
+        return [replace(finding, name=self.name) for finding in self.search(exam)]
+
+    def mended_by(self, repair: Mend) -> Mend:
+        """Have a function mend the check's findings."""
+        self.repair = repair
+        return repair
+
+
+def check(name: str, about: str) -> Callable[[Callable[[Exam], Iterable[Finding]]], Check]:
+    """Make a check of a function that yields findings."""
+    return lambda search: Check(name, about, search)
+
+
+def columns_of(exam: Exam, findings: Sequence[Finding]) -> Iterator[tuple[Finding, str, int, np.ndarray]]:
+    """Yield each finding with its channel, the column of its joint and its rows, (m,)."""
+    for finding in findings:
+        rows = np.empty(0, np.intp) if finding.where is None else finding.where
+        yield finding, str(finding.channel), exam.log.names.index(str(finding.joint)), rows
 
 
 def keep_rows(log: Log, rows: np.ndarray, sentence: str) -> Repair:
@@ -94,6 +118,13 @@ def keep_rows(log: Log, rows: np.ndarray, sentence: str) -> Repair:
     rows = np.flatnonzero(rows) if rows.dtype == bool else rows
     arrays = {name: value[rows] for name, value in log.channels.items()}
     return Repair(log.replace(time=log.time[rows], notes=(*log.notes, sentence), **arrays), rows)
+
+
+def without_rows(log: Log, rows: np.ndarray, noun: str, reason: str) -> Repair:
+    """Return the repair that drops the rows of a mask (n,), if there are any, with a note: `2 samples with NaN were dropped.`"""
+    if not rows.any():
+        return Repair(log)
+    return keep_rows(log, ~rows, f"{counted(int(rows.sum()), noun)} {reason}")
 
 
 def with_columns(log: Log, changes: dict[tuple[str, int], np.ndarray], sentences: Sequence[str]) -> Log:

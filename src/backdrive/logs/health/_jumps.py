@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backdrive.logs.health._exam import Exam
+from backdrive.logs.health._exam import Exam, once
 
 #: A jump is so many times longer than nearly all steps, and than those around it.
 _FAR, _FAR_LOCAL = 3.0, 8.0
@@ -31,15 +31,9 @@ class Jumps:
     glitch: np.ndarray
 
 
+@once
 def jumps(exam: Exam, channel: str, j: int) -> Jumps | None:
     """Return the jumps of a joint's position channel, None if there are none."""
-    key = ("jumps", channel, j)
-    if key not in exam.shared:
-        exam.shared[key] = _look(exam, channel, j)
-    return exam.shared[key]
-
-
-def _look(exam: Exam, channel: str, j: int) -> Jumps | None:
     if not exam.usable(channel, j):
         return None
     largest = exam.survey(channel).step[j]
@@ -47,7 +41,7 @@ def _look(exam: Exam, channel: str, j: int) -> Jumps | None:
     # a fast joint in a slow log wraps so often that its longest steps are the wraps
     brisk, usual = (float(x) for x in np.quantile(steps, (0.9, 0.995)))
     usual = min(usual, 4 * brisk) if brisk > 0 else usual
-    resolution = exam.resolution(channel, j)
+    resolution = exam.quantum(channel, j)
     far = max(_FAR * usual, 6 * resolution)
     if largest <= far or not usual > 0:
         return None

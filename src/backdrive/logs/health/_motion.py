@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backdrive.logs.health._exam import Exam
+from backdrive.logs.health._exam import Exam, once
 
 #: Length of each running mean, and the fewest samples: before the terms are made, and after.
 _LIGHT, _HEAVY, _FEWEST = 0.01, 0.03, 3
@@ -46,6 +46,7 @@ class Motion:
     fold: np.ndarray
 
 
+@once
 def motion(exam: Exam, j: int, reach: int) -> Motion | None:
     """Return a joint's torque and terms; None where torque or motion is missing or the log is too short.
 
@@ -54,13 +55,6 @@ def motion(exam: Exam, j: int, reach: int) -> Motion | None:
         j: column of the joint.
         reach: largest shift of torque against motion, both ways [sample].
     """
-    key = ("motion", j, reach)
-    if key not in exam.shared:
-        exam.shared[key] = _motion(exam, j, reach)
-    return exam.shared[key]
-
-
-def _motion(exam: Exam, j: int, reach: int) -> Motion | None:
     own = _path(exam, j)
     if own is None or not exam.usable("torque", j):
         return None
@@ -113,15 +107,9 @@ def _widths(period: float) -> tuple[int, int]:
     return max(_FEWEST, round(_LIGHT / period)) | 1, max(_FEWEST, round(_HEAVY / period)) | 1
 
 
+@once
 def _path(exam: Exam, j: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]] | None:
     """Return lightly smoothed position, velocity and acceleration of a joint by block; blocks too short for it are empty."""
-    key = ("path", j)
-    if key not in exam.shared:
-        exam.shared[key] = _paths(exam, j)
-    return exam.shared[key]
-
-
-def _paths(exam: Exam, j: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]] | None:
     source = "position" if exam.usable("position", j) else "velocity"
     if not exam.usable(source, j) or not exam.period > 0:
         return None
@@ -159,6 +147,11 @@ def _gain(*widths: int) -> float:
         for _ in range(3):
             kernel = np.convolve(kernel, np.ones(width) / width)
     return float(kernel @ kernel)
+
+
+def jackknife(estimates: np.ndarray) -> float:
+    """Return the standard error of an estimate from those without one stretch of the log each, (f,)."""
+    return float(np.sqrt((estimates.size - 1) / estimates.size * np.sum((estimates - estimates.mean()) ** 2)))
 
 
 def folded(x: np.ndarray, y: np.ndarray, fold: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from backdrive.logs.health._exam import Exam
+from backdrive.logs.health._exam import Exam, once
 from backdrive.logs.health._survey import RUN
 from backdrive.logs.health._velocity_fit import velocity_fit
 from backdrive.logs.resolution import white_noise
@@ -23,23 +23,17 @@ _TICK = 1e-3
 _WRONG = 0.05
 
 
+@once
 def frozen_runs(exam: Exam, channel: str, j: int) -> list[tuple[int, int]]:
     """Return stretches [start, stop) in which a channel stands still although the joint moves.
 
     A quantised channel has equal neighbours by nature, so a run must be impossible: a position that stood while the velocity
     went on, a velocity that stood while the position left the straight line, noise that stopped, or a jump when it ends.
     """
-    key = ("runs", channel, j)
-    if key not in exam.shared:
-        exam.shared[key] = _look(exam, channel, j)
-    return exam.shared[key]
-
-
-def _look(exam: Exam, channel: str, j: int) -> list[tuple[int, int]]:
     if not exam.usable(channel, j) or not exam.survey(channel).long_run[j]:
         return []
-    seen = exam.survey(channel)
-    if seen.low[j] == seen.high[j]:
+    survey = exam.survey(channel)
+    if survey.low[j] == survey.high[j]:
         return []  # a dead channel is another matter
     x = exam.column(channel, j)
     edges = np.concatenate([[0], np.flatnonzero(np.diff(x)) + 1, [x.size]])
@@ -48,16 +42,12 @@ def _look(exam: Exam, channel: str, j: int) -> list[tuple[int, int]]:
     if long.size > _MOST:
         long = np.sort(long[np.argsort(lengths[long])[-_MOST:]])
     decide = {"position": _position_froze, "second_encoder": _position_froze}.get(channel, _signal_froze)
-    found = []
-    for k in long:
-        start, stop = int(edges[k]), int(edges[k + 1])
-        if decide(exam, channel, j, x, start, stop):
-            found.append((start, stop))
-    return found
+    runs = [(int(edges[k]), int(edges[k + 1])) for k in long]
+    return [(start, stop) for start, stop in runs if decide(exam, channel, j, x, start, stop)]
 
 
 def _position_froze(exam: Exam, channel: str, j: int, x: np.ndarray, start: int, stop: int) -> bool:
-    resolution = exam.resolution(channel, j)
+    resolution = exam.quantum(channel, j)
     release = abs(x[stop] - x[stop - 1]) if stop < x.size else np.inf
     if _agree(exam, j):
         v, t = exam.column("velocity", j)[start:stop], exam.log.time[start:stop]
@@ -66,7 +56,7 @@ def _position_froze(exam: Exam, channel: str, j: int, x: np.ndarray, start: int,
         late = abs(np.median(v[v.size // 2 :])) * (t[-1] - t[0])
         # a sum of noise is no motion, and neither is a velocity that never quite comes to zero
         wander = 6 * np.sqrt(v.size) * exam.period * white_noise(exam.sample("velocity", j))
-        creep = max(0.1 * _top_speed(exam, j), 3 * exam.resolution("velocity", j)) * (t[-1] - t[0])
+        creep = max(0.1 * _top_speed(exam, j), 3 * exam.quantum("velocity", j)) * (t[-1] - t[0])
         least = max(5 * resolution, 4 * _noise(x, start, stop), wander, creep)
         return bool(min(moved, late) > least and release > 0.4 * moved)
     # without a velocity, the position must come back to where the motion before and after leads
@@ -78,9 +68,9 @@ def _position_froze(exam: Exam, channel: str, j: int, x: np.ndarray, start: int,
 def _signal_froze(exam: Exam, channel: str, j: int, x: np.ndarray, start: int, stop: int) -> bool:
     if not moves(exam, channel, j, start, stop):
         return False
-    seen = exam.survey(channel)
-    resolution = exam.resolution(channel, j)
-    if channel in ("torque", "drive_input") and x[start] != 0 and x[start] in (seen.low[j], seen.high[j]):
+    survey = exam.survey(channel)
+    resolution = exam.quantum(channel, j)
+    if channel in ("torque", "drive_input") and x[start] != 0 and x[start] in (survey.low[j], survey.high[j]):
         return False  # saturation
     release = abs(x[stop] - x[stop - 1]) if stop < x.size else 0.0
     around = np.concatenate([np.diff(x[max(0, start - 100) : start]), np.diff(x[stop : stop + 100])])
@@ -90,7 +80,7 @@ def _signal_froze(exam: Exam, channel: str, j: int, x: np.ndarray, start: int, s
         equal = max(np.mean(around == 0), 0.02)
         # the chance that noise repeats a value this often in a log this long; noise of a step or less repeats by nature
         lively = np.std(around) > 2 * resolution
-        rare = seen.equal[j] * x.size - (stop - start - 1) < 0.02 * x.size
+        rare = survey.equal[j] * x.size - (stop - start - 1) < 0.02 * x.size
         if resolution == 0 and rare and equal < 0.03:
             return True  # a signal that is not rounded never repeats itself
         chance = x.size * equal ** (stop - start - 1)
@@ -138,9 +128,7 @@ def moves(exam: Exam, channel: str, j: int, start: int, stop: int) -> bool:
         q = exam.column("position", j)[start:stop]
         thirds = np.array_split(q, 3)
         # the last, for a joint that never moves
-        least = max(
-            2 * exam.resolution("position", j), 1e-4 * float(np.ptp(exam.sample("position", j))), 1e-12
-        )
+        least = max(2 * exam.quantum("position", j), 1e-4 * float(np.ptp(exam.sample("position", j))), 1e-12)
         if channel == "velocity":
             if not _agree(exam, j):
                 return False
@@ -149,9 +137,9 @@ def moves(exam: Exam, channel: str, j: int, start: int, stop: int) -> bool:
             left = np.abs(q - q[0] - exam.column("velocity", j)[start] * (t - t[0])).max()
             if np.abs(np.diff(q)).max() > 0.5 * left:
                 return False  # it is the position that jumps
-            own = exam.resolution("velocity", j) * (t[-1] - t[0])
+            own = exam.quantum("velocity", j) * (t[-1] - t[0])
             # a drive that differentiates a coarse encoder may repeat itself when its ticks and the counts fall in step
-            step = exam.resolution("position", j) / min(exam.period, _TICK)
+            step = exam.quantum("position", j) / min(exam.period, _TICK)
             slack = max(_WRONG * _top_speed(exam, j), 0.5 * step) * (t[-1] - t[0])
             # and the joint must move at all: some servos report one step of velocity at rest
             return bool(min(left, np.ptp(q)) > max(3 * own, slack))

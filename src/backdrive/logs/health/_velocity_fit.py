@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backdrive.logs.health._exam import Exam
+from backdrive.logs.health._exam import Exam, once
 from backdrive.logs.resolution import white_noise
 
 #: Fewest samples a window, and how many steps of the encoder the joint should move in it.
@@ -40,15 +40,9 @@ class VelocityFit:
     window: float
 
 
+@once
 def velocity_fit(exam: Exam, j: int) -> VelocityFit | None:
     """Return the fit; None where a channel is missing or the joint moves too little to tell."""
-    key = ("velocity fit", j)
-    if key not in exam.shared:
-        exam.shared[key] = _fit(exam, j)
-    return exam.shared[key]
-
-
-def _fit(exam: Exam, j: int) -> VelocityFit | None:
     if not (exam.usable("position", j) and exam.usable("velocity", j)) or not exam.period > 0:
         return None
     if exam.survey("velocity").low[j] == exam.survey("velocity").high[j]:
@@ -58,22 +52,22 @@ def _fit(exam: Exam, j: int) -> VelocityFit | None:
     if not pieces:
         return None
     noise = white_noise(np.concatenate([p[1] for p in pieces])) * exam.period
-    rounding = exam.resolution("velocity", j) * exam.period
-    least = _MOVED * max(exam.resolution("position", j), 1e-9)
+    rounding = exam.quantum("velocity", j) * exam.period
+    least = _MOVED * max(exam.quantum("position", j), 1e-9)
     longest = max(len(p[0]) for p in pieces)
     window = max(_WINDOW, round(_LONG / exam.period))
     if window > longest / 4:
         return None
     while True:
         change, integral, ends = _windows(pieces, window)
-        moved, said = (float(np.sqrt(np.mean(x**2))) for x in (change, integral))
+        moved, expected = (float(np.sqrt(np.mean(x**2))) for x in (change, integral))
         # noise adds up with the root of the window, what rounding takes away with the window itself
         unsure = max(6 * noise * np.sqrt(window), 3 * rounding * window)
-        enough = moved > least and max(moved, said) > unsure
+        enough = moved > least and max(moved, expected) > unsure
         if enough or 3 * window > longest / 4:
             break
         window *= 3
-    if not enough and not (moved > 0.5 * least and max(moved, said) > 0.5 * unsure):
+    if not enough and not (moved > 0.5 * least and max(moved, expected) > 0.5 * unsure):
         return None
     scale, delay, residual, plain = _solve(change, integral, ends)
     return VelocityFit(scale, delay, residual, plain, window * exam.period)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, Repair, with_columns
+from backdrive.logs.health._finding import Finding, Repair, check, columns_of, with_columns
 from backdrive.logs.health._velocity_fit import velocity_fit
 
-NAME = "degrees"
 #: How far a ratio may be from the ratio of two units [1].
 TOLERANCE = 0.12
 #: A joint that goes to and fro within more than this is suspected of another unit [rad or m].
@@ -18,9 +17,9 @@ SPAN = 25.0
 _DEGREE = 180 / np.pi
 
 
-def find(exam: Exam) -> list[Finding]:
+@check("degrees", "degrees where radians are claimed")
+def find(exam: Exam) -> Iterator[Finding]:
     """Report a position and a velocity in different units, and strokes that no joint has."""
-    findings = []
     for j, joint in exam:
         unit = exam.log.joints[j].unit
         factor, small, large = (_DEGREE, "rad", "degrees") if unit == "rad" else (1000.0, "m", "millimetres")
@@ -28,36 +27,29 @@ def find(exam: Exam) -> list[Finding]:
         if channel is not None:
             fit = velocity_fit(exam, j)
             assert fit is not None
-            findings.append(
-                Finding(
-                    name=NAME,
-                    joint=joint,
-                    channel=channel,
-                    severity="spoils",
-                    sentence=(
-                        f"{channel} of {joint} is in {large}: position changes {fit.scale:.4g} times as fast as velocity says, "
-                        f"and {large} over {small} are {factor if channel == 'position' else 1 / factor:.4g}."
-                    ),
-                    remedy=f"State the unit (--unit, or --map with a factor), or use --repair: it turns {channel} into {small}.",
-                    value=factor,
-                    repairable=True,
-                )
+            yield Finding(
+                joint=joint,
+                channel=channel,
+                severity="spoils",
+                sentence=(
+                    f"{channel} of {joint} is in {large}: position changes {fit.scale:.4g} times as fast as velocity says, "
+                    f"and {large} over {small} are {factor if channel == 'position' else 1 / factor:.4g}."
+                ),
+                remedy=f"State the unit (--unit, or --map with a factor), or use --repair: it turns {channel} into {small}.",
+                value=factor,
+                repairable=True,
             )
             continue
         wide = _wide(exam, j)
         if wide > SPAN:
-            findings.append(
-                Finding(
-                    name=NAME,
-                    joint=joint,
-                    channel="position",
-                    severity="warn",
-                    sentence=f"{joint} goes to and fro over {wide:.4g} {unit}: that looks like {large}.",
-                    remedy=f"If it is in {large}, say so with --unit or --map; a joint that really turns so far needs nothing.",
-                    value=wide,
-                )
+            yield Finding(
+                joint=joint,
+                channel="position",
+                severity="warn",
+                sentence=f"{joint} goes to and fro over {wide:.4g} {unit}: that looks like {large}.",
+                remedy=f"If it is in {large}, say so with --unit or --map; a joint that really turns so far needs nothing.",
+                value=wide,
             )
-    return findings
 
 
 def unlike(exam: Exam, j: int) -> str | None:
@@ -77,32 +69,23 @@ def _wide(exam: Exam, j: int) -> float:
     if exam.usable("position", j):
         q = exam.sample("position", j)
         forth, back = float(np.maximum(np.diff(q), 0).sum()), float(np.maximum(-np.diff(q), 0).sum())
-        seen = exam.survey("position")
-        span = float(seen.high[j] - seen.low[j])
+        survey = exam.survey("position")
+        span = float(survey.high[j] - survey.low[j])
         # a spindle that turns on and on may count as many turns as it likes
         return span if min(forth, back) > 0.2 * max(forth, back) else 0.0
     return 0.0
 
 
+@find.mended_by
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Turn the channel that is certainly in the larger unit into SI, with its reference and second encoder if position."""
     changes, notes = {}, []
-    for finding in findings:
-        assert finding.joint is not None
-        assert finding.channel is not None
-        j = exam.log.names.index(finding.joint)
-        alike = (
-            ("position", "reference", "second_encoder")
-            if finding.channel == "position"
-            else (finding.channel,)
-        )
-        span = np.ptp(exam.sample(finding.channel, j))
+    for finding, large, j, _ in columns_of(exam, findings):
+        alike = ("position", "reference", "second_encoder") if large == "position" else (large,)
+        span = np.ptp(exam.sample(large, j))
         for channel in alike:
             # a reference that was converted already has another span
             if channel in exam.log.channels and 0.2 * span < np.ptp(exam.sample(channel, j)) < 5 * span:
                 changes[channel, j] = exam.column(channel, j) / finding.value
                 notes.append(f"{channel} of {finding.joint} was divided by {finding.value:.6g}.")
     return Repair(with_columns(exam.log, changes, notes))
-
-
-CHECK = Check(NAME, "degrees where radians are claimed", find, repair)

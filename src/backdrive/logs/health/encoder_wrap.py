@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, Repair, counted, with_columns
+from backdrive.logs.health._finding import Finding, Repair, check, columns_of, counted, with_columns
 from backdrive.logs.health._jumps import Jumps, jumps
 
-NAME = "encoder-wrap"
 CHANNELS = ("position", "second_encoder")
 #: Turns at the joint, half a turn, and turns that are still in degrees [rad or m].
 _TURNS = (2 * np.pi, np.pi, 4 * np.pi, 360.0)
@@ -19,52 +18,42 @@ _COUNTERS = tuple(2.0**bits for bits in range(8, 33))
 _GLITCH_COUNTERS = (2.0**12, 2.0**16, 2.0**32)
 
 
-def find(exam: Exam) -> list[Finding]:
+@check("encoder-wrap", "a position that falls back by a turn or by its counter's range")
+def find(exam: Exam) -> Iterator[Finding]:
     """Report jumps of a turn or of a counter's range."""
-    findings = []
-    for channel in CHANNELS:
-        for j, joint in exam:
-            period, rows = wraps(exam, channel, j)
-            if not rows.size:
-                continue
-            turn = (
-                " (one turn)" if abs(period - 2 * np.pi) < 0.01 and exam.log.joints[j].unit == "rad" else ""
-            )
-            findings.append(
-                Finding(
-                    name=NAME,
-                    joint=joint,
-                    channel=channel,
-                    severity="spoils",
-                    sentence=(
-                        f"{channel} of {joint} wraps around {counted(rows.size, 'time')} by {period:.5g} "
-                        f"{exam.log.joints[j].unit}{turn}, first at sample {rows[0]}."
-                    ),
-                    remedy="Unwrap the encoder (--repair does).",
-                    value=period,
-                    where=rows,
-                    repairable=True,
-                )
-            )
-    return findings
+    for channel, j, joint in exam.columns(*CHANNELS):
+        period, rows = wraps(exam, channel, j)
+        if not rows.size:
+            continue
+        turn = " (one turn)" if abs(period - 2 * np.pi) < 0.01 and exam.log.joints[j].unit == "rad" else ""
+        yield Finding(
+            joint=joint,
+            channel=channel,
+            severity="spoils",
+            sentence=(
+                f"{channel} of {joint} wraps around {counted(rows.size, 'time')} by {period:.5g} "
+                f"{exam.log.joints[j].unit}{turn}, first at sample {rows[0]}."
+            ),
+            remedy="Unwrap the encoder (--repair does).",
+            value=period,
+            where=rows,
+            repairable=True,
+        )
 
 
+@find.mended_by
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Add the period back at each wrap; a reference that wraps by the same period is unwrapped with it."""
     changes, notes = {}, []
-    for finding in findings:
-        assert finding.joint is not None
-        assert finding.channel is not None
-        assert finding.where is not None
-        j = exam.log.names.index(finding.joint)
-        x, period = exam.column(finding.channel, j), finding.value
+    for finding, channel, j, rows in columns_of(exam, findings):
+        x, period = exam.column(channel, j), finding.value
         offset = np.zeros(x.size)
-        offset[finding.where] = np.copysign(period, x[finding.where] - x[finding.where - 1])
-        changes[finding.channel, j] = x - np.cumsum(offset)
+        offset[rows] = np.copysign(period, x[rows] - x[rows - 1])
+        changes[channel, j] = x - np.cumsum(offset)
         notes.append(
-            f"{finding.channel} of {finding.joint} was unwrapped {counted(finding.where.size, 'time')} by {period:.5g}."
+            f"{channel} of {finding.joint} was unwrapped {counted(rows.size, 'time')} by {period:.5g}."
         )
-        if finding.channel == "position" and exam.usable("reference", j):
+        if channel == "position" and exam.usable("reference", j):
             reference = exam.column("reference", j)
             times = np.round(np.diff(reference) / period)
             if np.any(times):
@@ -96,6 +85,3 @@ def wraps(exam: Exam, channel: str, j: int) -> tuple[float, np.ndarray]:
 def _matches(found: Jumps, period: float) -> np.ndarray:
     left = np.abs(np.abs(found.sizes) - period)
     return left <= np.minimum(0.02 * period, found.slack)
-
-
-CHECK = Check(NAME, "a position that falls back by a turn or by its counter's range", find, repair)

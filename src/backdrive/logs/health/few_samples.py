@@ -2,34 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, counted
+from backdrive.logs.health._finding import Finding, check, counted
 
 #: Below this nothing can be identified.
 FEWEST = 20
 
-NAME = "few-samples"
 
-
-def find(exam: Exam) -> list[Finding]:
+@check("few-samples", f"fewer than {FEWEST} samples")
+def find(exam: Exam) -> Iterator[Finding]:
     """Report an empty log, or one below `FEWEST` samples."""
     n = len(exam.log)
     if n >= FEWEST:
-        return []
+        return
     what = (
         "The log is empty."
         if n == 0
         else f"The log has {counted(n, 'sample')}; at least {FEWEST} are needed."
     )
-    return [
-        Finding(
-            name=NAME,
-            severity="spoils",
-            sentence=what,
-            remedy="Check that the recording was not cut off and that the right file or time range was chosen.",
-            value=n,
-        )
-    ]
-
-
-CHECK = Check(NAME, f"fewer than {FEWEST} samples", find)
+    yield Finding(
+        severity="spoils",
+        sentence=what,
+        remedy="Check that the recording was not cut off and that the right file or time range was chosen.",
+        value=n,
+    )

@@ -2,35 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from backdrive.logs.health._exam import GAP, Exam
-from backdrive.logs.health._finding import Check, Finding, counted
-
-NAME = "gaps"
+from backdrive.logs.health._finding import Finding, check, counted
 
 
-def find(exam: Exam) -> list[Finding]:
+@check("gaps", f"intervals longer than {GAP} periods")
+def find(exam: Exam) -> Iterator[Finding]:
     """Report intervals longer than `GAP` times the usual one."""
     rows = exam.gaps
     if not rows.size:
-        return []
+        return
     steps = exam.steps[rows - 1]
     lost = int(np.round(steps / exam.period - 1).sum())
     longest = int(np.argmax(steps))
-    return [
-        Finding(
-            name=NAME,
-            severity="warn",
-            sentence=(
-                f"{counted(rows.size, 'gap')}, {counted(lost, 'sample')} missing; the longest is {steps[longest]:.3g} s "
-                f"before sample {rows[longest]}."
-            ),
-            remedy="Nothing need be done: the log is used in pieces and never joined across a gap. Better: record without loss.",
-            value=lost,
-            where=rows,
-        )
-    ]
-
-
-CHECK = Check(NAME, f"intervals longer than {GAP} periods", find)
+    yield Finding(
+        severity="warn",
+        sentence=(
+            f"{counted(rows.size, 'gap')}, {counted(lost, 'sample')} missing; the longest is {steps[longest]:.3g} s "
+            f"before sample {rows[longest]}."
+        ),
+        remedy="Nothing need be done: the log is used in pieces and never joined across a gap. Better: record without loss.",
+        value=lost,
+        where=rows,
+    )

@@ -8,16 +8,23 @@ Positions are `encoder-wrap`'s.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, Repair, counted, keep_rows, with_columns
+from backdrive.logs.health._exam import Exam, once
+from backdrive.logs.health._finding import (
+    Finding,
+    Repair,
+    check,
+    columns_of,
+    counted,
+    with_columns,
+    without_rows,
+)
 from backdrive.logs.resolution import resolution
 
-NAME = "integer-wrap"
 CHANNELS = ("velocity", "torque", "drive_input", "external_torque", "load", "model_torque")
 _BITS = (16, 32)
 #: What is left of a jump without the period may be this share of the period.
@@ -35,72 +42,54 @@ class _Wrap:
     lost: np.ndarray
 
 
-def find(exam: Exam) -> list[Finding]:
+@check("integer-wrap", "values wrapped by a wrong integer type")
+def find(exam: Exam) -> Iterator[Finding]:
     """Report every channel that jumps by 2^16 or 2^32 of its own steps."""
-    findings = []
-    for channel in CHANNELS:
-        for j, joint in exam:
-            wrap = _wrap(exam, channel, j)
-            if wrap is None:
-                continue
-            between = f", {wrap.lost.size} of them between the levels and lost" if wrap.lost.size else ""
-            findings.append(
-                Finding(
-                    name=NAME,
-                    joint=joint,
-                    channel=channel,
-                    severity="spoils",
-                    sentence=(
-                        f"{channel} of {joint} was read with the wrong integer type: {counted(wrap.rows.size, 'sample')} "
-                        f"off by {wrap.period:.6g} (2^{wrap.bits} steps){between}, first at sample {wrap.rows[0]}."
-                    ),
-                    remedy=f"Read the column as signed {wrap.bits}-bit numbers, or use --repair: it takes the period off again.",
-                    value=wrap.period,
-                    where=wrap.rows,
-                    repairable=True,
-                )
-            )
-    return findings
+    for channel, j, joint in exam.columns(*CHANNELS):
+        wrap = _wrap(exam, channel, j)
+        if wrap is None:
+            continue
+        between = f", {wrap.lost.size} of them between the levels and lost" if wrap.lost.size else ""
+        yield Finding(
+            joint=joint,
+            channel=channel,
+            severity="spoils",
+            sentence=(
+                f"{channel} of {joint} was read with the wrong integer type: {counted(wrap.rows.size, 'sample')} "
+                f"off by {wrap.period:.6g} (2^{wrap.bits} steps){between}, first at sample {wrap.rows[0]}."
+            ),
+            remedy=f"Read the column as signed {wrap.bits}-bit numbers, or use --repair: it takes the period off again.",
+            value=wrap.period,
+            where=wrap.rows,
+            repairable=True,
+        )
 
 
+@find.mended_by
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Take the period off; drop samples that were interpolated between the two levels."""
     changes, notes, lost = {}, [], np.zeros(len(exam.log), bool)
-    for finding in findings:
-        assert finding.joint is not None
-        assert finding.channel is not None
-        j = exam.log.names.index(finding.joint)
-        wrap = _wrap(exam, finding.channel, j)
+    for finding, channel, j, _ in columns_of(exam, findings):
+        wrap = _wrap(exam, channel, j)
         assert wrap is not None
-        changes[finding.channel, j] = wrap.mended
+        changes[channel, j] = wrap.mended
         lost[wrap.lost] = True
         notes.append(
-            f"{finding.channel} of {finding.joint}: {wrap.period:.6g} was taken off again at "
+            f"{channel} of {finding.joint}: {wrap.period:.6g} was taken off again at "
             f"{counted(wrap.rows.size, 'wrapped sample')}."
         )
-    log = with_columns(exam.log, changes, notes)
-    if not lost.any():
-        return Repair(log)
-    return keep_rows(
-        log, ~lost, f"{counted(int(lost.sum()), 'sample')} interpolated across a wrap were dropped."
+    return without_rows(
+        with_columns(exam.log, changes, notes), lost, "sample", "interpolated across a wrap were dropped."
     )
 
 
+@once
 def _wrap(exam: Exam, channel: str, j: int) -> _Wrap | None:
-    key = (NAME, channel, j)
-    if key not in exam.shared:
-        exam.shared[key] = _look(exam, channel, j)
-    return exam.shared[key]
-
-
-def _look(exam: Exam, channel: str, j: int) -> _Wrap | None:
-    if not exam.usable(channel, j):
+    survey = exam.survey(channel)
+    span = survey.high[j] - survey.low[j]
+    if survey.step[j] < 0.2 * span:
         return None
-    seen = exam.survey(channel)
-    span = seen.high[j] - seen.low[j]
-    if seen.step[j] < 0.2 * span:
-        return None
-    step = exam.resolution(channel, j)
+    step = exam.quantum(channel, j)
     for bits in _BITS:
         period = step * 2.0**bits
         if span < 1.3 * period:
@@ -110,7 +99,7 @@ def _look(exam: Exam, channel: str, j: int) -> _Wrap | None:
                 return wrap
     for bits in _BITS:  # raw numbers that were resampled, so that their resolution is gone
         period = 2.0**bits
-        if seen.low[j] > -_LEFT * period and 0.9 * period < seen.high[j] < 1.001 * period:
+        if survey.low[j] > -_LEFT * period and 0.9 * period < survey.high[j] < 1.001 * period:
             wrap = _split(exam.column(channel, j), period, bits)
             if wrap is not None:
                 return wrap
@@ -158,6 +147,3 @@ def _split(x: np.ndarray, period: float, bits: int) -> _Wrap | None:
     lost[turn] = lost[turn + 1] = True  # either neighbour of a crossing may be an interpolated value
     mended = np.where(top, x - period, x)
     return _Wrap(period, bits, mended, np.flatnonzero(top | lost), np.flatnonzero(lost))
-
-
-CHECK = Check(NAME, "values wrapped by a wrong integer type", find, repair)

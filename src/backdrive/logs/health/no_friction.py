@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding
+from backdrive.logs.health._finding import Finding, check
 from backdrive.logs.health.torque_sign import friction
 
-NAME = "no-friction"
 #: Friction surely below this share of the torque's scatter cannot be seen [1].
 SHARE = 0.02
 
 
-def find(exam: Exam) -> list[Finding]:
+@check("no-friction", "a torque without friction")
+def find(exam: Exam) -> Iterator[Finding]:
     """Remark on joints whose friction torque, with three standard errors, is below `SHARE` of the torque's scatter."""
-    findings = []
     for j, joint in exam:
         estimate = friction(exam, j)
         if estimate is None:
@@ -22,21 +23,14 @@ def find(exam: Exam) -> list[Finding]:
         if not abs(mean) + 3 * error < SHARE * scatter:
             continue
         unit = exam.log.joints[j].torque_unit
-        findings.append(
-            Finding(
-                name=NAME,
-                joint=joint,
-                channel="torque",
-                severity="note",
-                sentence=(
-                    f"torque of {joint} shows no friction: {mean:.2g} {unit} (standard error {error:.1g}) in a torque that "
-                    f"scatters by {scatter:.3g} {unit}."
-                ),
-                remedy="Make sure that the torque was measured, not computed from a model of the robot.",
-                value=mean,
-            )
+        yield Finding(
+            joint=joint,
+            channel="torque",
+            severity="note",
+            sentence=(
+                f"torque of {joint} shows no friction: {mean:.2g} {unit} (standard error {error:.1g}) in a torque that "
+                f"scatters by {scatter:.3g} {unit}."
+            ),
+            remedy="Make sure that the torque was measured, not computed from a model of the robot.",
+            value=mean,
         )
-    return findings
-
-
-CHECK = Check(NAME, "a torque without friction", find)

@@ -5,18 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding
-
-NAME = "no-motion"
+from backdrive.logs.health._finding import Finding, check
 
 
+@check("no-motion", "joints that do not move")
 def find(exam: Exam) -> list[Finding]:
     """Report joints without motion: a remark while another moves or torque is applied, spoiling otherwise."""
     still = [j for j, _ in exam if not _moves(exam, j)]
     none = len(still) == len(exam.log.joints) and not any(_pushed(exam, j) for j in still)
     return [
         Finding(
-            name=NAME,
             joint=exam.log.names[j],
             severity="spoils" if none else "note",
             sentence=f"{exam.log.names[j]} does not move in this log.",
@@ -43,6 +41,3 @@ def _pushed(exam: Exam, j: int) -> bool:
         return False
     x = exam.sample("torque", j)
     return float(np.mean(np.diff(x) ** 2)) < 0.1 * float(np.var(x))
-
-
-CHECK = Check(NAME, "joints that do not move", find)

@@ -7,14 +7,21 @@ one, beyond what its own surroundings do, and rare.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, Repair, counted, keep_rows, with_columns
+from backdrive.logs.health._finding import (
+    Finding,
+    Repair,
+    check,
+    columns_of,
+    counted,
+    with_columns,
+    without_rows,
+)
 
-NAME = "outlier"
 CHANNELS = ("position", "velocity", "torque", "drive_input", "second_encoder", "external_torque", "load")
 #: Times the largest usual excess; times the differences around it, or times what a smooth signal leaves around it; steps of the
 #: channel; share of the channel's range.
@@ -23,60 +30,51 @@ _USUAL, _LOCAL, _SMOOTH, _STEPS, _RANGE = 2.5, 3.0, 8.0, 4.0, 1e-2
 _SPOILS = 2.0
 
 
-def find(exam: Exam) -> list[Finding]:
+@check("outlier", "single samples far from both their neighbours")
+def find(exam: Exam) -> Iterator[Finding]:
     """Report single-sample outliers of every channel."""
-    findings = []
-    for channel in CHANNELS:
-        for j, joint in exam:
-            rows = _outliers(exam, channel, j)
-            if not rows.size:
-                continue
-            x = exam.column(channel, j)
-            away = np.abs(x[rows] - _between(x, rows))
-            worst = int(np.argmax(away))
-            wild = away[worst] > _SPOILS * np.ptp(np.delete(x, rows))
-            findings.append(
-                Finding(
-                    name=NAME,
-                    joint=joint,
-                    channel=channel,
-                    severity="spoils" if wild else "warn",
-                    sentence=(
-                        f"{channel} of {joint} has {counted(rows.size, 'single-sample outlier')}; the largest is "
-                        f"{x[rows[worst]]:.5g} at sample {rows[worst]}, {away[worst]:.3g} off its neighbours."
-                    ),
-                    remedy="Replace them by the mean of their neighbours (--repair does).",
-                    value=float(away[worst]),
-                    where=rows,
-                    repairable=True,
-                )
-            )
-    return findings
+    for channel, j, joint in exam.columns(*CHANNELS):
+        rows = _outliers(exam, channel, j)
+        if not rows.size:
+            continue
+        x = exam.column(channel, j)
+        away = np.abs(x[rows] - _between(x, rows))
+        worst = int(np.argmax(away))
+        wild = away[worst] > _SPOILS * np.ptp(np.delete(x, rows))
+        yield Finding(
+            joint=joint,
+            channel=channel,
+            severity="spoils" if wild else "warn",
+            sentence=(
+                f"{channel} of {joint} has {counted(rows.size, 'single-sample outlier')}; the largest is "
+                f"{x[rows[worst]]:.5g} at sample {rows[worst]}, {away[worst]:.3g} off its neighbours."
+            ),
+            remedy="Replace them by the mean of their neighbours (--repair does).",
+            value=float(away[worst]),
+            where=rows,
+            repairable=True,
+        )
 
 
+@find.mended_by
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Replace outliers by the mean of their neighbours; drop those at the ends of the log."""
     n = len(exam.log)
     changes, notes, drop = {}, [], np.zeros(n, bool)
-    for finding in findings:
-        assert finding.joint is not None
-        assert finding.channel is not None
-        assert finding.where is not None
-        j = exam.log.names.index(finding.joint)
-        x, rows = np.array(exam.column(finding.channel, j)), finding.where
+    for finding, channel, j, rows in columns_of(exam, findings):
+        x = np.array(exam.column(channel, j))
         ends = (rows == 0) | (rows == n - 1)
         drop[rows[ends]] = True
         x[rows] = _between(x, rows)
-        changes[finding.channel, j] = x
+        changes[channel, j] = x
         inside = int((~ends).sum())
         if inside:
             notes.append(
-                f"{finding.channel} of {finding.joint}: {counted(inside, 'outlier')} replaced by the mean of the neighbours."
+                f"{channel} of {finding.joint}: {counted(inside, 'outlier')} replaced by the mean of the neighbours."
             )
-    log = with_columns(exam.log, changes, notes)
-    if not drop.any():
-        return Repair(log)
-    return keep_rows(log, ~drop, f"{counted(int(drop.sum()), 'outlier')} at the end of the log dropped.")
+    return without_rows(
+        with_columns(exam.log, changes, notes), drop, "outlier", "at the end of the log dropped."
+    )
 
 
 def _between(x: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -88,13 +86,13 @@ def _between(x: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 def _outliers(exam: Exam, channel: str, j: int) -> np.ndarray:
     none = np.empty(0, np.intp)
-    if not exam.usable(channel, j) or len(exam.log) < 10:
+    if len(exam.log) < 10:
         return none
-    seen = exam.survey(channel)
+    survey = exam.survey(channel)
     ends = _ends(exam, channel, j)
     usual, count = _usual_excess(exam, channel, j)
-    bound = max(_USUAL * usual, _STEPS * exam.resolution(channel, j))
-    if seen.spike[j] <= bound:
+    bound = max(_USUAL * usual, _STEPS * exam.quantum(channel, j))
+    if survey.spike[j] <= bound:
         return ends
     x = exam.column(channel, j)
     rows = np.flatnonzero(_excess(x) > bound) + 1
@@ -129,7 +127,7 @@ def _around(x: np.ndarray, rows: np.ndarray, offsets: tuple[int, ...]) -> np.nda
 
 def _ticks(exam: Exam, j: int, v: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Return which peaks of a velocity are single counts of the encoder, differentiated at 1 kHz or faster than the log."""
-    q, count = exam.column("position", j), exam.resolution("position", j)
+    q, count = exam.column("position", j), exam.quantum("position", j)
     near = q[np.maximum(rows[:, None] + np.array([-2, -1, 0, 1]), 0)]
     moved = np.ptp(near, axis=1)
     small = np.abs(v[rows] - _between(v, rows)) < 2 * count / min(exam.period, 1e-3)
@@ -154,15 +152,12 @@ def _usual_excess(exam: Exam, channel: str, j: int) -> tuple[float, int]:
 def _ends(exam: Exam, channel: str, j: int) -> np.ndarray:
     """Return the first and last row where they lie outside the range of all others by more than that range."""
     x = exam.log.channels[channel][:, j]
-    seen = exam.survey(channel)
+    survey = exam.survey(channel)
     found = []
     for row, rest in ((0, x[1:]), (x.size - 1, x[:-1])):
-        if x[row] not in (seen.low[j], seen.high[j]):
+        if x[row] not in (survey.low[j], survey.high[j]):
             continue
         low, high = float(rest.min()), float(rest.max())
-        if max(low - x[row], x[row] - high) > max(high - low, 4 * exam.resolution(channel, j)):
+        if max(low - x[row], x[row] - high) > max(high - low, 4 * exam.quantum(channel, j)):
             found.append(row)
     return np.array(found, np.intp)
-
-
-CHECK = Check(NAME, "single samples far from both their neighbours", find, repair)

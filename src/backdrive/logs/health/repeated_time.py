@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, Repair, counted, keep_rows
+from backdrive.logs.health._finding import Finding, Repair, check, counted, keep_rows
 
-NAME = "repeated-time"
 #: Above this share of repeated stamps the clock is too coarse; below, samples were sent twice.
 COARSE = 0.2
 
 
-def find(exam: Exam) -> list[Finding]:
+@check("repeated-time", "several samples with one stamp")
+def find(exam: Exam) -> Iterator[Finding]:
     """Report every sample that has the stamp of the one before."""
     rows = np.flatnonzero(exam.steps == 0) + 1
     if not rows.size:
-        return []
+        return
     n = len(exam.log)
     if rows.size > COARSE * n:
         sentence = (
@@ -28,19 +28,17 @@ def find(exam: Exam) -> list[Finding]:
     else:
         sentence = f"{counted(rows.size, 'sample')} repeat the stamp before, first at sample {rows[0]}."
         remedy = "Drop the repetitions (--repair keeps the first of each)."
-    return [
-        Finding(
-            name=NAME,
-            severity="spoils",
-            sentence=sentence,
-            remedy=remedy,
-            value=rows.size,
-            where=rows,
-            repairable=exam.period > 0,
-        )
-    ]
+    yield Finding(
+        severity="spoils",
+        sentence=sentence,
+        remedy=remedy,
+        value=rows.size,
+        where=rows,
+        repairable=exam.period > 0,
+    )
 
 
+@find.mended_by
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Keep the first sample of each stamp, or spread the samples of a coarse clock."""
     rows = findings[0].where
@@ -71,6 +69,3 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
             f"{rows.size} repeated stamps were spread evenly between their neighbours."
         )
     )
-
-
-CHECK = Check(NAME, "several samples with one stamp", find, repair)

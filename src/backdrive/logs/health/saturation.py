@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding
+from backdrive.logs.health._finding import Finding, check
 from backdrive.logs.health._runs import moves
 
-NAME = "saturation"
 CHANNELS = ("torque", "drive_input")
 #: Fewest samples at the limit; fewest in a row; how many times more than just below it.
 _COUNT, _ROW, _MORE = 10, 5, 4.0
@@ -18,37 +17,30 @@ _LONG_ROW, _LIVELY = 8, 1.5
 _BAND, _STEPS = 0.02, 3.5
 
 
+@check("saturation", "a torque that is flat at its extreme")
 def find(exam: Exam) -> list[Finding]:
     """Report limits that are reached often, in a row, and far more often than the values just below them."""
-    findings = []
-    for channel in CHANNELS:
-        for j, joint in exam:
-            for side in (1.0, -1.0):
-                finding = _side(exam, channel, j, joint, side)
-                if finding is not None:
-                    findings.append(finding)
-    return findings
+    sides = [_side(exam, *column, side) for column in exam.columns(*CHANNELS) for side in (1.0, -1.0)]
+    return [finding for finding in sides if finding is not None]
 
 
 def _side(exam: Exam, channel: str, j: int, joint: str, side: float) -> Finding | None:
-    if not exam.usable(channel, j):
+    survey = exam.survey(channel)
+    span = float(survey.high[j] - survey.low[j])
+    if not span > 0 or not survey.equal[j] > 0:
         return None
-    seen = exam.survey(channel)
-    span = float(seen.high[j] - seen.low[j])
-    if not span > 0 or not seen.equal[j] > 0:
-        return None
-    limit = float(seen.high[j] if side > 0 else seen.low[j])
+    limit = float(survey.high[j] if side > 0 else survey.low[j])
     x = exam.column(channel, j)
     at = x == limit
     count = int(np.count_nonzero(at))
     if count < _COUNT or limit == 0:
         return None
-    lively = np.std(np.diff(exam.sample(channel, j))) > _LIVELY * exam.resolution(channel, j)
+    lively = np.std(np.diff(exam.sample(channel, j))) > _LIVELY * exam.quantum(channel, j)
     start, stop = _longest(at)
     # noise never holds a value; a joint at rest may
     if lively and stop - start >= _LONG_ROW and moves(exam, channel, j, start, stop):
         return _finding(exam, channel, j, joint, side, limit, at)
-    inner = limit - side * max(_BAND * span, _STEPS * exam.resolution(channel, j))
+    inner = limit - side * max(_BAND * span, _STEPS * exam.quantum(channel, j))
     below = int(np.count_nonzero((x > inner) if side > 0 else (x < inner))) - count
     if count < _MORE * below or stop - start < _ROW:
         return None
@@ -60,7 +52,6 @@ def _finding(
 ) -> Finding:
     unit = exam.log.joints[j].torque_unit if channel == "torque" else "of the drive input's unit"
     return Finding(
-        name=NAME,
         joint=joint,
         channel=channel,
         severity="warn",
@@ -80,6 +71,3 @@ def _longest(at: np.ndarray) -> tuple[int, int]:
     starts, stops = edges[::2], edges[1::2]
     k = int(np.argmax(stops - starts))
     return int(starts[k]), int(stops[k])
-
-
-CHECK = Check(NAME, "a torque that is flat at its extreme", find)

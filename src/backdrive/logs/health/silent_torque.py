@@ -2,55 +2,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, counted
+from backdrive.logs.health._finding import Finding, check, counted
 from backdrive.logs.health._runs import frozen_runs
 
-NAME = "silent-torque"
 
-
-def find(exam: Exam) -> list[Finding]:
+@check("silent-torque", "a torque that is exactly zero while the joint moves")
+def find(exam: Exam) -> Iterator[Finding]:
     """Report torques and drive inputs that are zero throughout, and stretches of zeros during motion."""
-    findings = []
-    for channel in ("torque", "drive_input"):
-        for j, joint in exam:
-            if not exam.usable(channel, j):
-                continue
-            seen = exam.survey(channel)
-            if seen.low[j] == 0 == seen.high[j]:
-                findings.append(
-                    Finding(
-                        name=NAME,
-                        joint=joint,
-                        channel=channel,
-                        severity="spoils" if channel == "torque" else "warn",
-                        sentence=f"{channel} of {joint} is zero throughout.",
-                        remedy="The driver did not send it: record effort or motor current, and map it with --map tau=COLUMN.",
-                        value=0.0,
-                    )
-                )
-            runs = [(a, b) for a, b in frozen_runs(exam, channel, j) if exam.column(channel, j)[a] == 0]
-            if not runs:
-                continue
-            rows = np.concatenate([np.arange(a, b) for a, b in runs])
-            findings.append(
-                Finding(
-                    name=NAME,
-                    joint=joint,
-                    channel=channel,
-                    severity="warn",
-                    sentence=(
-                        f"{channel} of {joint} is exactly zero at {counted(rows.size, 'sample')} while the joint moves, "
-                        f"first at sample {rows[0]}: the drive was off, or the value was not sent."
-                    ),
-                    remedy="True if the drive was off; otherwise cut the log to where the torque is measured.",
-                    value=rows.size,
-                    where=rows,
-                )
+    for channel, j, joint in exam.columns("torque", "drive_input"):
+        survey = exam.survey(channel)
+        if survey.low[j] == 0 == survey.high[j]:
+            yield Finding(
+                joint=joint,
+                channel=channel,
+                severity="spoils" if channel == "torque" else "warn",
+                sentence=f"{channel} of {joint} is zero throughout.",
+                remedy="The driver did not send it: record effort or motor current, and map it with --map tau=COLUMN.",
+                value=0.0,
             )
-    return findings
-
-
-CHECK = Check(NAME, "a torque that is exactly zero while the joint moves", find)
+        runs = [(a, b) for a, b in frozen_runs(exam, channel, j) if exam.column(channel, j)[a] == 0]
+        if not runs:
+            continue
+        rows = np.concatenate([np.arange(a, b) for a, b in runs])
+        yield Finding(
+            joint=joint,
+            channel=channel,
+            severity="warn",
+            sentence=(
+                f"{channel} of {joint} is exactly zero at {counted(rows.size, 'sample')} while the joint moves, "
+                f"first at sample {rows[0]}: the drive was off, or the value was not sent."
+            ),
+            remedy="True if the drive was off; otherwise cut the log to where the torque is measured.",
+            value=rows.size,
+            where=rows,
+        )

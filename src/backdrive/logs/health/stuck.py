@@ -7,25 +7,20 @@ from collections.abc import Sequence
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, Repair, counted, keep_rows
+from backdrive.logs.health._finding import Finding, Repair, check, columns_of, counted, without_rows
 from backdrive.logs.health._runs import frozen_runs
 from backdrive.logs.resolution import white_noise
 
-NAME = "stuck"
 CHANNELS = ("position", "velocity", "torque", "drive_input", "second_encoder", "external_torque")
 #: From this share of the log on, frozen samples spoil a result.
 _SPOILS = 0.01
 
 
+@check("stuck", "a channel that stands still while the joint moves")
 def find(exam: Exam) -> list[Finding]:
     """Report stretches in which a channel is frozen, and channels that never change."""
-    findings = []
-    for channel in CHANNELS:
-        for j, joint in exam:
-            finding = _dead(exam, channel, j, joint) or _frozen(exam, channel, j, joint)
-            if finding is not None:
-                findings.append(finding)
-    return findings
+    columns = [_dead(exam, *column) or _frozen(exam, *column) for column in exam.columns(*CHANNELS)]
+    return [finding for finding in columns if finding is not None]
 
 
 def _frozen(exam: Exam, channel: str, j: int, joint: str) -> Finding | None:
@@ -38,7 +33,6 @@ def _frozen(exam: Exam, channel: str, j: int, joint: str) -> Finding | None:
     longest = max(runs, key=lambda run: run[1] - run[0])
     n = len(exam.log)
     return Finding(
-        name=NAME,
         joint=joint,
         channel=channel,
         severity="spoils" if rows.size > _SPOILS * n else "warn",
@@ -54,12 +48,10 @@ def _frozen(exam: Exam, channel: str, j: int, joint: str) -> Finding | None:
 
 
 def _dead(exam: Exam, channel: str, j: int, joint: str) -> Finding | None:
-    if not exam.usable(channel, j):
+    survey = exam.survey(channel)
+    if survey.low[j] != survey.high[j]:
         return None
-    seen = exam.survey(channel)
-    if seen.low[j] != seen.high[j]:
-        return None
-    level = float(seen.low[j])
+    level = float(survey.low[j])
     other = {"position": "velocity", "second_encoder": "position"}.get(channel, "position")
     if other not in exam.log.channels and channel != "velocity":
         other = "velocity"
@@ -69,7 +61,6 @@ def _dead(exam: Exam, channel: str, j: int, joint: str) -> Finding | None:
         return None
     needed = channel in ("position", "velocity", "torque")
     return Finding(
-        name=NAME,
         joint=joint,
         channel=channel,
         severity="spoils" if needed else "note",
@@ -87,10 +78,11 @@ def _goes_on(exam: Exam, channel: str, j: int) -> bool:
         path = np.cumsum(0.5 * (x[1:] + x[:-1]) * np.diff(t))
         wander = 6 * np.sqrt(x.size) * exam.period * white_noise(exam.sample("velocity", j))
         return bool(np.ptp(path) > max(1e-3, wander))
-    seen = exam.survey(channel)
-    return bool(seen.high[j] - seen.low[j] > max(10 * exam.resolution(channel, j), 1e-3))
+    survey = exam.survey(channel)
+    return bool(survey.high[j] - survey.low[j] > max(10 * exam.quantum(channel, j), 1e-3))
 
 
+@find.mended_by
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Drop frozen samples; leave out a velocity that is dead."""
     log = exam.log
@@ -98,13 +90,7 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
         log = log.replace(**{channel: None}).noted(
             f"{channel} was left out: it never changes while the joint moves."
         )
-    keep = np.ones(len(log), bool)
-    for finding in findings:
-        if finding.where is not None:
-            keep[finding.where] = False
-    if keep.all():
-        return Repair(log)
-    return keep_rows(log, keep, f"{counted(int((~keep).sum()), 'sample')} of frozen channels were dropped.")
-
-
-CHECK = Check(NAME, "a channel that stands still while the joint moves", find, repair)
+    frozen = np.zeros(len(log), bool)
+    for _, _, _, rows in columns_of(exam, findings):
+        frozen[rows] = True
+    return without_rows(log, frozen, "sample", "of frozen channels were dropped.")

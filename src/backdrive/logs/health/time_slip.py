@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, Repair, keep_rows, with_columns
-from backdrive.logs.health._motion import folded, motion, solvable
+from backdrive.logs.health._exam import Exam, once
+from backdrive.logs.health._finding import Finding, Repair, check, columns_of, keep_rows, with_columns
+from backdrive.logs.health._motion import folded, jackknife, motion, solvable
 from backdrive.logs.health.jitter import LIMIT
 from backdrive.logs.resolution import white_noise
 
-NAME = "time-slip"
 #: Slips up to this are looked for [sample].
 REACH = 20
 #: Smaller slips are a controller's own, or the lag of friction itself: in samples, and in seconds.
@@ -48,35 +47,31 @@ class Slip:
     effect: float
 
 
-def find(exam: Exam) -> list[Finding]:
+@check("time-slip", "torque and motion that are whole samples apart")
+def find(exam: Exam) -> Iterator[Finding]:
     """Report torques that are explained far better by the motion some samples earlier or later.
 
     The torque is regressed on acceleration, friction and position at each shift; reversals, where friction itself lags,
     are left out. The standard error comes from leaving out one stretch of the log at a time.
     """
-    findings = []
     for j, joint in exam:
         slip = estimate(exam, j)
         if slip is None or not _certain(exam, j, slip):
             continue
         way = "late" if slip.samples > 0 else "early"
         late = abs(slip.samples)
-        findings.append(
-            Finding(
-                name=NAME,
-                joint=joint,
-                channel="torque",
-                severity="spoils" if slip.effect > _SPOILS else "warn",
-                sentence=(
-                    f"torque of {joint} comes {late:.1f} samples ({1e3 * late * exam.period:.1f} ms) {way} against its motion "
-                    f"(standard error {slip.error:.1g}); that is worth {100 * slip.effect:.1f} % of the torque."
-                ),
-                remedy=f"Shift torque by {round(late)} samples (--repair does), or record both from one message.",
-                value=slip.samples,
-                repairable=True,
-            )
+        yield Finding(
+            joint=joint,
+            channel="torque",
+            severity="spoils" if slip.effect > _SPOILS else "warn",
+            sentence=(
+                f"torque of {joint} comes {late:.1f} samples ({1e3 * late * exam.period:.1f} ms) {way} against its motion "
+                f"(standard error {slip.error:.1g}); that is worth {100 * slip.effect:.1f} % of the torque."
+            ),
+            remedy=f"Shift torque by {round(late)} samples (--repair does), or record both from one message.",
+            value=slip.samples,
+            repairable=True,
         )
-    return findings
 
 
 def _certain(exam: Exam, j: int, slip: Slip) -> bool:
@@ -87,15 +82,9 @@ def _certain(exam: Exam, j: int, slip: Slip) -> bool:
     return large and sure and slip.misfit < _MISFIT and slip.effect > _WORTH
 
 
+@once
 def estimate(exam: Exam, j: int) -> Slip | None:
     """Return the slip of a joint's torque; None where the motion does not tell."""
-    key = (NAME, j)
-    if key not in exam.shared:
-        exam.shared[key] = _estimate(exam, j)
-    return exam.shared[key]
-
-
-def _estimate(exam: Exam, j: int) -> Slip | None:
     m = motion(exam, j, REACH)
     if m is None or m.fast.sum() < 100:
         return None
@@ -114,7 +103,6 @@ def _estimate(exam: Exam, j: int) -> Slip | None:
     left = np.array(
         [_minimum(m.shifts, _misfit(g - gram[f], c - cross[f], p - power[f])) for f in range(gram.shape[0])]
     )
-    error = float(np.sqrt((left.size - 1) / left.size * np.sum((left - left.mean()) ** 2)))
     # what noise alone would leave is no evidence either way
     now, then = misfit[REACH] / y.shape[0], misfit.min() / y.shape[0]
     noise = min(0.5 * m.noise, 0.9 * then)
@@ -122,7 +110,7 @@ def _estimate(exam: Exam, j: int) -> Slip | None:
     if not now > noise:
         return None
     left_over, effect = np.sqrt(then / variance), np.sqrt((now - then) / variance)
-    return Slip(best, error, float((then - noise) / (now - noise)), float(left_over), float(effect))
+    return Slip(best, jackknife(left), float((then - noise) / (now - noise)), float(left_over), float(effect))
 
 
 def _misfit(gram: np.ndarray, cross: np.ndarray, power: np.ndarray) -> np.ndarray:
@@ -139,14 +127,14 @@ def _minimum(shifts: np.ndarray, misfit: np.ndarray) -> float:
     return float(shifts[k] + 0.5 * (before - after) / bend)
 
 
+@find.mended_by
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Shift torque by whole samples; rows that get none, at the ends and at gaps, are dropped."""
     log = exam.log
     n = len(log)
     keep, changes, notes = np.ones(n, bool), {}, []
-    for finding in findings:
-        assert finding.joint is not None
-        j, by = log.names.index(finding.joint), round(finding.value)
+    for finding, _, j, _ in columns_of(exam, findings):
+        by = round(finding.value)
         source = np.arange(n) + by
         changes["torque", j] = exam.column("torque", j)[np.clip(source, 0, n - 1)]
         for segment in exam.segments:
@@ -157,6 +145,3 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
         keep,
         "Rows at the ends that lost their torque by the shift were dropped.",
     )
-
-
-CHECK = Check(NAME, "torque and motion that are whole samples apart", find, repair)

@@ -6,18 +6,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, Repair, with_columns
-from backdrive.logs.health._motion import folded, motion, solvable
+from backdrive.logs.health._exam import Exam, once
+from backdrive.logs.health._finding import Finding, Repair, check, columns_of, with_columns
+from backdrive.logs.health._motion import folded, jackknife, motion, solvable
 from backdrive.logs.health.time_slip import REACH
 
-NAME = "torque-sign"
 #: The friction must be this many of its standard errors below zero, and this share of the torque's scatter.
 SURE, SHARE = 4.0, 0.05
 #: Each direction must have this share of the samples, above this share of the top speed.
 _BOTH, _MOVING = 0.1, 0.05
 
 
+@check("torque-sign", "a torque of inverted sign (friction must dissipate)")
 def find(exam: Exam) -> list[Finding]:
     """Report joints whose friction torque, mean over the motion, is clearly negative.
 
@@ -58,7 +58,6 @@ def _finding(
     else:
         why = "is taken to have the opposite sign like the other joints'; its own motion does not tell"
     return Finding(
-        name=NAME,
         joint=joint,
         channel="torque",
         severity="spoils",
@@ -69,15 +68,9 @@ def _finding(
     )
 
 
+@once
 def friction(exam: Exam, j: int) -> tuple[float, float, float] | None:
     """Return mean friction torque, its standard error and the torque's standard deviation [N.m or N]; None if undetermined."""
-    key = (NAME, j)
-    if key not in exam.shared:
-        exam.shared[key] = _friction(exam, j)
-    return exam.shared[key]
-
-
-def _friction(exam: Exam, j: int) -> tuple[float, float, float] | None:
     m = motion(exam, j, REACH)
     if m is None:
         return None
@@ -97,20 +90,14 @@ def _friction(exam: Exam, j: int) -> tuple[float, float, float] | None:
     total, right = solvable(gram.sum(axis=0)), cross.sum(axis=0)
     mean = float(weight @ np.linalg.solve(total, right)[:, 0])
     left = np.linalg.solve(total - gram, right - cross)[:, :, 0] @ weight
-    count = left.size
-    error = float(np.sqrt((count - 1) / count * np.sum((left - left.mean()) ** 2)))
-    return mean, error, float(np.std(y))
+    return mean, jackknife(left), float(np.std(y))
 
 
+@find.mended_by
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Turn the sign of the torque, and of a model torque only if it goes with it."""
     changes, notes = {}, []
-    for finding in findings:
-        assert finding.joint is not None
-        j = exam.log.names.index(finding.joint)
+    for finding, _, j, _ in columns_of(exam, findings):
         changes["torque", j] = -exam.column("torque", j)
         notes.append(f"torque of {finding.joint} was multiplied by -1.")
     return Repair(with_columns(exam.log, changes, notes))
-
-
-CHECK = Check(NAME, "a torque of inverted sign (friction must dissipate)", find, repair)

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from backdrive.logs.health._exam import GAP, Exam
-from backdrive.logs.health._finding import Check, Finding, Repair, counted, keep_rows
+from backdrive.logs.health._finding import Finding, Repair, check, counted, keep_rows
 
-NAME = "unsorted-time"
 #: A clock that goes back more often than this is in disorder; nobody joins so many runs.
 _MOST_RUNS = 200
 
 
-def find(exam: Exam) -> list[Finding]:
+@check("unsorted-time", "a clock that goes backwards")
+def find(exam: Exam) -> Iterator[Finding]:
     """Report every sample that is stamped earlier than one before it."""
     time = exam.log.time
     if not exam.steps.size or exam.steps.min() >= 0:
-        return []
+        return
     late = np.flatnonzero(time < np.maximum.accumulate(time))
     back = -float(exam.steps.min())
     restarts = _restarts(exam)
@@ -34,19 +34,17 @@ def find(exam: Exam) -> list[Finding]:
     else:
         sentence = f"{counted(late.size, 'sample')} are out of order, by up to {back:.3g} s, first at sample {late[0]}."
         remedy = "Sort by time (--repair does)."
-    return [
-        Finding(
-            name=NAME,
-            severity="spoils",
-            sentence=sentence,
-            remedy=remedy,
-            value=back,
-            where=restarts if restarts.size else late,
-            repairable=exam.period > 0,
-        )
-    ]
+    yield Finding(
+        severity="spoils",
+        sentence=sentence,
+        remedy=remedy,
+        value=back,
+        where=restarts if restarts.size else late,
+        repairable=exam.period > 0,
+    )
 
 
+@find.mended_by
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Move joined runs one behind the other; then sort what is merely out of order."""
     del findings
@@ -100,6 +98,3 @@ def _restarts(exam: Exam) -> np.ndarray:
             found.append(k)
             begin = k
     return np.array(found, np.intp)
-
-
-CHECK = Check(NAME, "a clock that goes backwards", find, repair)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, Repair, Severity
+from backdrive.logs.health._finding import Finding, Repair, Severity, check
 from backdrive.logs.health._velocity_fit import VelocityFit, velocity_fit
 from backdrive.logs.health.degrees import unlike
 
-NAME = "velocity-mismatch"
 #: Scale off by more than this; residual from which velocity is another quantity [1].
 SCALE, NONSENSE = 0.15, 0.4
 #: A filter's delay is below this; in samples, and in seconds.
@@ -18,9 +17,9 @@ DELAY_SAMPLES, DELAY = 6.0, 0.025
 _HELPS = 1.5
 
 
-def find(exam: Exam) -> list[Finding]:
+@check("velocity-mismatch", "a velocity that is not the derivative of the position")
+def find(exam: Exam) -> Iterator[Finding]:
     """Report a velocity of wrong sign or scale, one that lags far behind, and one that is something else."""
-    findings = []
     for j, joint in exam:
         fit = velocity_fit(exam, j)
         if fit is None or unlike(exam, j) is not None:
@@ -31,19 +30,15 @@ def find(exam: Exam) -> list[Finding]:
         severity, value, sentence = said
         mend = "Leave velocity out, so that it is derived from position (--repair does), or correct it with --map."
         keep = "Nothing need be done; to be rid of the delay, leave velocity out, so that it is derived from position."
-        findings.append(
-            Finding(
-                name=NAME,
-                joint=joint,
-                channel="velocity",
-                severity=severity,
-                sentence=sentence,
-                remedy=keep if severity == "note" else mend,
-                value=value,
-                repairable=severity != "note",
-            )
+        yield Finding(
+            joint=joint,
+            channel="velocity",
+            severity=severity,
+            sentence=sentence,
+            remedy=keep if severity == "note" else mend,
+            value=value,
+            repairable=severity != "note",
         )
-    return findings
 
 
 def _say(fit: VelocityFit, period: float, what: str) -> tuple[Severity, float, str] | None:
@@ -72,12 +67,10 @@ def _say(fit: VelocityFit, period: float, what: str) -> tuple[Severity, float, s
     return None
 
 
+@find.mended_by
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Leave velocity out; of the two, position is nearer to what the encoder counted."""
     who = ", ".join(str(f.joint) for f in findings)
     return Repair(
         exam.log.replace(velocity=None).noted(f"velocity was left out: it contradicts the position of {who}.")
     )
-
-
-CHECK = Check(NAME, "a velocity that is not the derivative of the position", find, repair)

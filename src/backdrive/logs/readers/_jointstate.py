@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backdrive.errors import MappingError, ReadError, TruncatedFile
+from backdrive.errors import ReadError
 from backdrive.logs.readers.columns import Columns, ReadOptions
 
 #: What the three message systems call the type.
@@ -164,56 +164,6 @@ class _Batch:
     received: np.ndarray
     numbers: tuple[np.ndarray | None, ...]
     reordered: bool = False
-
-
-def choose_topic(gathered: dict[str, Gatherer], others: dict[str, str], options: ReadOptions) -> Gatherer:
-    """Return the one topic that is meant.
-
-    Args:
-        gathered: joint-state topics of the bag.
-        others: further topics and their types, for the message.
-        options: what the person said.
-
-    Raises:
-        MappingError: several topics hold joint states and none was chosen.
-        ReadError: there is none.
-    """
-    filled = {topic: gatherer for topic, gatherer in gathered.items() if gatherer.count}
-    if options.topic is not None:
-        if options.topic in filled:
-            return filled[options.topic]
-        told = ", ".join(filled) or "none"
-        raise MappingError(
-            f"The bag has no joint states on '{options.topic}'.", remedy=f"Topics with some: {told}."
-        )
-    if len(filled) == 1:
-        return next(iter(filled.values()))
-    if filled:
-        told = ", ".join(f"{topic} ({gatherer.count})" for topic, gatherer in filled.items())
-        raise MappingError(
-            f"Several topics hold joint states: {told}.",
-            remedy="Choose one: --topic NAME (in Python topic=).",
-        )
-    told = ", ".join(f"{topic} ({kind})" for topic, kind in list(others.items())[:20]) or "none"
-    raise ReadError(
-        f"The bag holds no sensor_msgs/JointState message. Topics: {told}.", remedy="Record joint states."
-    )
-
-
-def cut_note(where: int, size: int, why: str, found: int) -> str:
-    """Return the note on a bag that ends early."""
-    return (
-        f"The file is cut or damaged at byte {where} of {size} ({why}): the {found} joint states in the complete chunks "
-        "before it were read."
-    )
-
-
-def nothing_left(where: int, size: int) -> TruncatedFile:
-    """Return the error for a bag of which nothing could be saved."""
-    return TruncatedFile(
-        f"The file is cut or damaged at byte {where} of {size}, before its first complete joint state.",
-        remedy="Copy it again, or record it again.",
-    )
 
 
 def _fixed(messages: Sequence, layout: _Layout) -> tuple[np.ndarray, tuple[np.ndarray | None, ...]] | None:

@@ -5,13 +5,12 @@ Layout: <http://wiki.ros.org/Bags/Format/2.0>. The index is not needed.
 
 from __future__ import annotations
 
-import os
 import struct
 from typing import BinaryIO
 
-from backdrive.errors import FileTooLarge, ForbiddenContent, UnknownFormat
-from backdrive.logs.readers import _jointstate
-from backdrive.logs.readers._chunks import Damaged, expand
+from backdrive.errors import ForbiddenContent, UnknownFormat
+from backdrive.logs.readers._bag import Topics, read_parts
+from backdrive.logs.readers._chunks import Damaged
 from backdrive.logs.readers._jointstate import Gatherer
 from backdrive.logs.readers.columns import Columns, ReadOptions
 
@@ -23,23 +22,14 @@ _U32 = struct.Struct("<I")
 class _Bag:
     """Connections and joint states met so far in one file."""
 
-    def __init__(self, options: ReadOptions, gathered: dict[str, Gatherer], others: dict[str, str]):
-        self.options = options
+    def __init__(self, topics: Topics):
+        self.topics = topics
         self.wanted: dict[bytes, Gatherer] = {}
-        self.gathered, self.others = gathered, others
-        self.expanded = 0
 
     def chunk(self, head: dict[bytes, bytes], stored: bytes) -> None:
         """Take the records of a chunk."""
         size = _U32.unpack(head[b"size"])[0]
-        self.expanded += size
-        if self.expanded > self.options.limits.max_bytes:
-            raise FileTooLarge(
-                "The chunks hold more than the limit.",
-                remedy="Read it in Python with limits=Limits(max_bytes=...).",
-            )
-        how = head[b"compression"].decode("latin-1")
-        data = expand(stored, how, size, self.options.limits)
+        data = self.topics.expand(stored, head[b"compression"].decode("latin-1"), size)
         if len(data) != size:
             raise Damaged(f"a chunk of {len(data)} bytes declares {size}")
         batches: dict[bytes, tuple[list[memoryview], list[int]]] = {}
@@ -62,11 +52,9 @@ class _Bag:
         """Take a connection: topic and message type."""
         topic = fields[b"topic"].decode("utf-8", "replace")
         kind = _fields(content).get(b"type", b"").decode("utf-8", "replace")
-        if kind in _jointstate.TYPES:
-            self.wanted[fields[b"conn"]] = self.gathered.setdefault(topic, Gatherer(ros1=True))
-        else:
-            self.others[topic] = kind
-        self.options.limits.check_count(len(self.others) + len(self.gathered), "topics")
+        gatherer = self.topics.declare(topic, kind, ros1=True)
+        if gatherer is not None:
+            self.wanted[fields[b"conn"]] = gatherer
 
 
 def read(path: str, options: ReadOptions) -> Columns:
@@ -79,28 +67,15 @@ def read(path: str, options: ReadOptions) -> Columns:
         ForbiddenContent: it is encrypted.
         MissingExtra: chunks are compressed and the decompressor is not installed.
     """
-    gathered: dict[str, Gatherer] = {}
-    others: dict[str, str] = {}
-    notes: list[str] = []
-    size = os.path.getsize(path)
-    bag = _Bag(options, gathered, others)
-    with open(path, "rb") as stream:
-        if stream.read(len(MAGIC)) != MAGIC:
-            raise UnknownFormat(
-                "This is not a ROS 1 bag of format 2.0.", remedy="Convert it with `rosbag reindex`."
-            )
-        where, why = _scan(stream, size, bag)
-    found = sum(gatherer.count for gatherer in gathered.values())
-    if where is not None:
-        if not found:
-            raise _jointstate.nothing_left(where, size)
-        notes.append(_jointstate.cut_note(where, size, why, found))
-    return _jointstate.choose_topic(gathered, others, options).columns(options, notes)
+    wrong = UnknownFormat(
+        "This is not a ROS 1 bag of format 2.0.", remedy="Convert it with `rosbag reindex`."
+    )
+    return read_parts((path,), Topics(options), MAGIC, wrong, _scan)
 
 
-def _scan(stream: BinaryIO, size: int, bag: _Bag) -> tuple[int | None, str]:
+def _scan(stream: BinaryIO, size: int, topics: Topics) -> tuple[int | None, str]:
     """Read chunks until the index; return where and why they ended early, if they did."""
-    at = len(MAGIC)
+    at, bag = len(MAGIC), _Bag(topics)
     while at < size:
         lengths = stream.read(4)
         try:

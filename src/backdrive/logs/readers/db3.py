@@ -7,8 +7,7 @@ from contextlib import closing
 from pathlib import Path
 
 from backdrive.errors import ReadError, TruncatedFile
-from backdrive.logs.readers import _jointstate
-from backdrive.logs.readers._jointstate import Gatherer
+from backdrive.logs.readers._bag import Topics
 from backdrive.logs.readers.columns import Columns, ReadOptions
 
 _BATCH = 4096
@@ -24,27 +23,24 @@ def read(path: str, options: ReadOptions) -> Columns:
         MappingError: several topics hold joint states and none was chosen.
         ReadError: it holds none, or is a database of another kind.
     """
-    gathered: dict[str, Gatherer] = {}
-    others: dict[str, str] = {}
-    notes: list[str] = []
+    topics = Topics(options)
     for part in (path, *options.parts):
         try:
             with closing(sqlite3.connect(f"{Path(part).as_uri()}?mode=ro&immutable=1", uri=True)) as base:
-                _gather(base, options, gathered, others)
+                _gather(base, topics)
         except (sqlite3.Error, OverflowError) as error:
-            found = sum(gatherer.count for gatherer in gathered.values())
-            if not found:
+            if not topics.count:
                 raise TruncatedFile(
                     f"The database is damaged ({error}).", remedy="Copy or record it again."
                 ) from error
-            notes.append(
-                f"The database is damaged ({error}): the {found} joint states before that were read."
+            topics.notes.append(
+                f"The database is damaged ({error}): the {topics.count} joint states before that were read."
             )
             break
-    return _jointstate.choose_topic(gathered, others, options).columns(options, notes)
+    return topics.columns()
 
 
-def _gather(base: sqlite3.Connection, options: ReadOptions, gathered: dict, others: dict) -> None:
+def _gather(base: sqlite3.Connection, topics: Topics) -> None:
     base.execute("PRAGMA trusted_schema=OFF")
     base.execute("PRAGMA cell_size_check=ON")
     base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, 1 << 27)
@@ -59,15 +55,13 @@ def _gather(base: sqlite3.Connection, options: ReadOptions, gathered: dict, othe
             "The database is not a ROS 2 bag: it has no tables of topics and messages.", remedy="Name a bag."
         )
     base.set_authorizer(lambda action, *_: sqlite3.SQLITE_OK if action in _ALLOWED else sqlite3.SQLITE_DENY)
-    topics = base.execute("SELECT id, name, type, serialization_format FROM topics").fetchmany(
-        options.limits.max_columns
+    declared = base.execute("SELECT id, name, type, serialization_format FROM topics").fetchmany(
+        topics.options.limits.max_columns
     )
-    for key, name, kind, encoding in topics:
-        name, kind = str(name), str(kind)
-        if kind not in _jointstate.TYPES or encoding != "cdr":
-            others[name] = kind
+    for key, name, kind, encoding in declared:
+        gatherer = topics.declare(str(name), str(kind), ros1=False, known=encoding == "cdr")
+        if gatherer is None:
             continue
-        gatherer = gathered.setdefault(name, Gatherer(ros1=False))
         rows = base.execute(
             "SELECT timestamp, data FROM messages WHERE topic_id=? ORDER BY timestamp, id", (key,)
         )

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from backdrive.errors import ForbiddenContent, MissingExtra, ReadError, TruncatedFile, install
+from backdrive.errors import ForbiddenContent, ReadError, TruncatedFile, require
 from backdrive.logs.readers.columns import Columns, ReadOptions, plain
 
 if TYPE_CHECKING:
@@ -33,13 +33,7 @@ def prepare() -> None:
     Raises:
         MissingExtra: h5py is not installed.
     """
-    try:
-        import h5py  # noqa: F401
-    except ImportError as error:
-        raise MissingExtra(
-            "Reading HDF5 and MATLAB 7.3 files needs h5py, which is not installed.",
-            remedy=install("hdf5"),
-        ) from error
+    require("h5py", "Reading HDF5 and MATLAB 7.3 files needs", "hdf5")
 
 
 def read(path: str, options: ReadOptions) -> Columns:

@@ -6,15 +6,14 @@ missed when it is gone.
 
 from __future__ import annotations
 
-import os
 import struct
 import zlib
 from typing import BinaryIO
 
-from backdrive.errors import FileTooLarge, UnknownFormat
-from backdrive.logs.readers import _jointstate
-from backdrive.logs.readers._chunks import Damaged, expand
-from backdrive.logs.readers._jointstate import Gatherer
+from backdrive.errors import UnknownFormat
+from backdrive.logs.readers._bag import Topics, read_parts
+from backdrive.logs.readers._chunks import Damaged
+from backdrive.logs.readers._jointstate import TYPES, Gatherer
 from backdrive.logs.readers.columns import Columns, ReadOptions
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -27,12 +26,10 @@ _MESSAGE_HEAD = struct.Struct("<HIQQ")
 class _Bag:
     """Schemas, channels and joint states met so far in one file."""
 
-    def __init__(self, options: ReadOptions, gathered: dict[str, Gatherer], others: dict[str, str]):
-        self.options = options
+    def __init__(self, topics: Topics):
+        self.topics = topics
         self.schemas: dict[int, str] = {}
         self.wanted: dict[int, Gatherer] = {}
-        self.gathered, self.others = gathered, others
-        self.expanded = 0
 
     def records(self, data: bytes) -> None:
         """Take all records of a chunk's content."""
@@ -59,17 +56,17 @@ class _Bag:
         """Take a schema or a channel."""
         if kind == _SCHEMA:
             self.schemas[int.from_bytes(content[:2], "little")] = _text(content, 2)[0]
-            self.options.limits.check_count(len(self.schemas), "schemas")
+            self.topics.options.limits.check_count(len(self.schemas), "schemas")
             return
         channel, schema = struct.unpack_from("<HH", content)
         topic, at = _text(content, 4)
         encoding, _ = _text(content, at)
         kind_name = self.schemas.get(schema, "")
-        if kind_name in _jointstate.TYPES and encoding in ("cdr", "ros1"):
-            self.wanted[channel] = self.gathered.setdefault(topic, Gatherer(ros1=encoding == "ros1"))
-        else:
-            self.others[topic] = f"{kind_name or 'no schema'}, {encoding}"
-        self.options.limits.check_count(len(self.others) + len(self.gathered), "topics")
+        if kind_name not in TYPES or encoding not in ("cdr", "ros1"):
+            kind_name = f"{kind_name or 'no schema'}, {encoding}"
+        gatherer = self.topics.declare(topic, kind_name, ros1=encoding == "ros1")
+        if gatherer is not None:
+            self.wanted[channel] = gatherer
 
     def chunk(self, content: bytes) -> None:
         """Take the records of a chunk."""
@@ -79,13 +76,7 @@ class _Bag:
         stored = content[at + 8 : at + 8 + length]
         if len(stored) != length:
             raise Damaged("a chunk is shorter than it declares")
-        self.expanded += size
-        if self.expanded > self.options.limits.max_bytes:
-            raise FileTooLarge(
-                "The chunks hold more than the limit.",
-                remedy="Read it in Python with limits=Limits(max_bytes=...).",
-            )
-        data = expand(stored, how, size, self.options.limits)
+        data = self.topics.expand(stored, how, size)
         if checksum and zlib.crc32(data) != checksum:
             raise Damaged("a wrong checksum")
         self.records(data)
@@ -100,31 +91,15 @@ def read(path: str, options: ReadOptions) -> Columns:
         ReadError: it holds none, or a message is malformed.
         MissingExtra: chunks are compressed and the decompressor is not installed.
     """
-    gathered: dict[str, Gatherer] = {}
-    others: dict[str, str] = {}
-    notes: list[str] = []
-    cut: tuple[int, int] | None = None
-    for part in (path, *options.parts):
-        size = os.path.getsize(part)
-        bag = _Bag(options, gathered, others)
-        with open(part, "rb") as stream:
-            if stream.read(len(MAGIC)) != MAGIC:
-                raise UnknownFormat(
-                    "This is not an MCAP file.", remedy="Say what it is: --format NAME (in Python format=)."
-                )
-            where, why = _scan(stream, size, bag)
-        if where is not None:
-            cut = (where, size)
-            found = sum(gatherer.count for gatherer in gathered.values())
-            notes.append(_jointstate.cut_note(where, size, why, found))
-    if cut is not None and not any(gatherer.count for gatherer in gathered.values()):
-        raise _jointstate.nothing_left(*cut)
-    return _jointstate.choose_topic(gathered, others, options).columns(options, notes)
+    wrong = UnknownFormat(
+        "This is not an MCAP file.", remedy="Say what it is: --format NAME (in Python format=)."
+    )
+    return read_parts((path, *options.parts), Topics(options), MAGIC, wrong, _scan)
 
 
-def _scan(stream: BinaryIO, size: int, bag: _Bag) -> tuple[int | None, str]:
+def _scan(stream: BinaryIO, size: int, topics: Topics) -> tuple[int | None, str]:
     """Read records until the data end; return where and why it ended early, if it did."""
-    at = len(MAGIC)
+    at, bag = len(MAGIC), _Bag(topics)
     loose = bytearray()  # records outside chunks: files may also be written without any
     where, why = None, ""
     while True:

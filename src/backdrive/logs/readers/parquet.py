@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from backdrive.errors import MissingExtra, ReadError, TruncatedFile, install
+from backdrive.errors import ReadError, TruncatedFile, require
 from backdrive.logs.readers.columns import Columns, ReadOptions
 
 if TYPE_CHECKING:
@@ -22,13 +22,7 @@ def prepare() -> None:
     Raises:
         MissingExtra: pyarrow is not installed.
     """
-    try:
-        import pyarrow.parquet  # noqa: F401
-    except ImportError as error:
-        raise MissingExtra(
-            "Reading Parquet needs pyarrow, which is not installed.",
-            remedy=install("table"),
-        ) from error
+    require("pyarrow.parquet", "Reading Parquet needs", "table")
 
 
 def read(path: str, options: ReadOptions) -> Columns:

@@ -26,6 +26,9 @@ TEMPERATURES = (20.0, 40.0, 60.0)  # [degC]
 CARRIED = (20.0, -20.0)  # load at those [N.m]
 
 
+Curve = tuple[np.ndarray, np.ndarray]  # abscissas and ordinates, (n,) each
+
+
 @dataclass(frozen=True, kw_only=True)
 class Condition:
     """Under which load and at which temperature a law is shown.
@@ -60,31 +63,6 @@ class Scene:
     spring: float
     speed: float
     duration: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class Trace:
-    """One curve: abscissas and ordinates, (n,)."""
-
-    x: np.ndarray
-    y: np.ndarray
-
-
-@dataclass(frozen=True, kw_only=True)
-class Pull:
-    """A mass pulled through a spring whose other end moves steadily, (n,) each.
-
-    Attributes:
-        time: [s].
-        torque: of the spring [N.m].
-        position: of the mass [rad].
-        end: of the spring's other end [rad].
-    """
-
-    time: np.ndarray
-    torque: np.ndarray
-    position: np.ndarray
-    end: np.ndarray
 
 
 def conditions(law: Law) -> list[Condition]:
@@ -184,7 +162,7 @@ def speeds(law: Law) -> np.ndarray:
     return scene(law).velocity * np.geomspace(0.02, 30.0, SPEEDS)
 
 
-def presliding(law: Law, mean_speed: float, at: Condition) -> Trace:
+def presliding(law: Law, mean_speed: float, at: Condition) -> Curve:
     """Return torque over position along nested reversals, each leg half a cosine.
 
     Args:
@@ -198,28 +176,33 @@ def presliding(law: Law, mean_speed: float, at: Condition) -> Trace:
         parts.append(stretch * (a + (b - a) * 0.5 * (1.0 - np.cos(np.pi * u))))
     position = np.concatenate(parts)
     torque = run(law, np.diff(position), stretch / (TICKS * mean_speed), at)
-    return Trace(x=position[1:], y=torque)
+    return position[1:], torque
 
 
-def pull(law: Law, at: Condition) -> Pull:
-    """Return the motion of a mass that a spring draws along, its other end moving steadily; implicit in all forces."""
+def spring_end(law: Law) -> Curve:
+    """Return the time of the pull [s] and where the spring's other end is, which moves steadily [rad]."""
+    size = scene(law)
+    time = size.duration / PULL * np.arange(1, PULL + 1)
+    return time, size.speed * time
+
+
+def pull(law: Law, at: Condition) -> np.ndarray:
+    """Return the positions of a mass that a spring draws along [rad], (n,); implicit in all forces."""
     rate, element, p, x = law.rate.KIND, law.element.KIND, law.row(), law.state()
     size, load = scene(law), np.array(at.load)
-    dt = size.duration / PULL
-    time = dt * np.arange(1, PULL + 1)
-    end, position = size.speed * time, np.empty(PULL)
+    dt, position = size.duration / PULL, np.empty(PULL)
     soft = dt / INERTIA / (1.0 + dt * dt * size.spring / INERTIA)  # the spring's give within the tick
     q = v = 0.0
-    for i, target in enumerate(end.tolist()):
+    for i, target in enumerate(spring_end(law)[1].tolist()):
         v_free = soft * (INERTIA * v / dt + size.spring * (target - q))
         v = kernels.solve(rate, element, p, x, v_free, dt, soft, load, at.temperature)
         kernels.step(rate, element, p, x, v * dt, dt, load, at.temperature)
         q += v * dt
         position[i] = q
-    return Pull(time=time, torque=size.spring * (end - position), position=position, end=end)
+    return position
 
 
-def lag(law: Law, frequency: float, at: Condition) -> Trace:
+def lag(law: Law, frequency: float, at: Condition) -> Curve:
     """Return torque over velocity while the velocity wavers about the scene's and stays positive: the last of four periods.
 
     Args:
@@ -230,4 +213,4 @@ def lag(law: Law, frequency: float, at: Condition) -> Trace:
     dt = 1.0 / (frequency * PERIOD)
     velocity = scene(law).velocity * (1.1 + np.sin(2.0 * np.pi * np.arange(4 * PERIOD + 1) / PERIOD))
     torque = run(law, velocity * dt, dt, at)
-    return Trace(x=velocity[-PERIOD - 1 :], y=torque[-PERIOD - 1 :])
+    return velocity[-PERIOD - 1 :], torque[-PERIOD - 1 :]

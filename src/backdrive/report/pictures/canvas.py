@@ -6,15 +6,18 @@ other picture can change them: the same data give the same bytes.
 
 from __future__ import annotations
 
+import io
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from backdrive.errors import MissingExtra, install
+from backdrive._files import write_whole
+from backdrive.errors import InvalidInput, require
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +63,7 @@ FONT_SIZE = 10.5  # [pt]
 WIDTH, HEIGHT = 324, 220  # one picture [pt]: its type is 10 px high on a phone 360 px wide
 FEW = 120  # samples of which each is drawn large
 SMALL = 284, 196  # one of three in a row [pt]
+DASHED = (0, (4, 2.6))
 
 _STYLE: dict[str, Any] = {
     "svg.fonttype": "none",
@@ -89,13 +93,7 @@ def require_matplotlib() -> None:
     Raises:
         MissingExtra: names the extra.
     """
-    try:
-        import matplotlib.figure  # noqa: F401
-    except ImportError as error:
-        raise MissingExtra(
-            "Pictures and reports need matplotlib, which is not installed.",
-            remedy=install("report"),
-        ) from error
+    require("matplotlib.figure", "Pictures and reports need", "report")
 
 
 @contextmanager
@@ -111,8 +109,7 @@ def house_style() -> Iterator[None]:
     with matplotlib.rc_context(), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a glyph that the font lacks is drawn as a box
         matplotlib.rcdefaults()
-        for key, value in _STYLE.items():
-            matplotlib.rcParams[key] = value  # pyright: ignore[reportArgumentType]
+        matplotlib.rcParams.update(_STYLE)  # pyright: ignore[reportArgumentType, reportCallIssue]
         yield
 
 
@@ -222,22 +219,59 @@ def dots(
     )
 
 
-def png(figure: Any, scale: float = 2.0) -> bytes:
-    """Return a figure as PNG.
+def content(figure: Any, kind: str, scale: float = 2.0) -> bytes:
+    """Return a figure as the content of a file.
 
     Args:
         figure: a matplotlib figure.
-        scale: pixels per point [1].
+        kind: `png` or `svg`, or the name of a file that ends so.
+        scale: pixels per point of a PNG [1].
+
+    Raises:
+        InvalidInput: another kind.
     """
-    import io
-
     from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
 
-    stream = io.BytesIO()
-    FigureCanvasAgg(figure).print_figure(
-        stream, format="png", dpi=72 * scale, facecolor=figure.get_facecolor(), metadata={"Software": None}
-    )
+    stream, paper = io.BytesIO(), figure.get_facecolor()
+    ending = kind.lower().rpartition(".")[2]
+    if ending == "png":
+        FigureCanvasAgg(figure).print_figure(
+            stream, format="png", dpi=72 * scale, facecolor=paper, metadata={"Software": None}
+        )
+    elif ending == "svg":
+        unsaid = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+        FigureCanvasSVG(figure).print_svg(stream, metadata=unsaid)
+    else:
+        raise InvalidInput(f"A picture cannot be written as '{kind}'.", remedy="Name a .png or .svg file.")
     return stream.getvalue()
+
+
+def write(figure: Any, path: str | Path, scale: float = 2.0) -> Path:
+    """Write a figure as PNG or SVG by the file's ending, whole or not at all; see `content`."""
+    return write_whole(path, content(figure, Path(path).name, scale))
+
+
+def truth_line(axes: Any, theme: Theme, x: np.ndarray, y: np.ndarray) -> None:
+    """Draw a curve to compare with, dashed."""
+    axes.plot(x, y, color=theme.truth, linewidth=1.7, linestyle=DASHED, dash_capstyle="butt", zorder=5)
+
+
+def zero_line(axes: Any, theme: Theme) -> None:
+    """Draw the horizontal axis through zero."""
+    axes.axhline(0.0, color=theme.muted, linewidth=0.7, zorder=1)
+
+
+def markers(theme: Theme, size: float, edge: str, face: str = "") -> dict[str, Any]:
+    """Return what draws circles and no line.
+
+    Args:
+        theme: colours.
+        size: diameter [pt].
+        edge: colour of their edge.
+        face: colour within; by default the paper's.
+    """
+    return {"ls": "none", "marker": "o", "markersize": size, "mfc": face or theme.paper, "mec": edge}
 
 
 def pretty_unit(unit: str) -> str:

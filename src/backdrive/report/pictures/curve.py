@@ -9,11 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from backdrive._files import write_whole
-from backdrive.errors import InvalidInput
 from backdrive.identification.result import Curve, JointEvidence, Samples
 from backdrive.logs.log import Joint
-from backdrive.model import FrictionModel, JointFriction
+from backdrive.model import FrictionModel
 from backdrive.report.pictures import canvas, sizes
 from backdrive.report.pictures.canvas import Theme
 from backdrive.report.pictures.legend import curve_legend, joint_title
@@ -83,30 +81,13 @@ def draw_curve(
     _standstill(axes, theme, curve, v_factor, f_factor)
     if truth is not None:
         for side in (truth.velocity < 0, truth.velocity > 0):
-            axes.plot(
-                truth.velocity[side] * v_factor,
-                truth.torque[side] * f_factor,
-                color=theme.truth,
-                linewidth=1.7,
-                linestyle=(0, (4, 2.6)),
-                dash_capstyle="butt",
-                zorder=5,
-            )
+            canvas.truth_line(axes, theme, truth.velocity[side] * v_factor, truth.torque[side] * f_factor)
     if knots is not None and len(knots):
         ends = sizes.largest(curve.velocity) * (1.0 + 1e-9)
         knots = knots[np.abs(knots[:, 0]) <= ends]  # the others lie where the data do not reach
-        axes.plot(
-            knots[:, 0] * v_factor,
-            knots[:, 1] * f_factor,
-            linestyle="none",
-            marker="o",
-            markersize=4.2,
-            markerfacecolor=theme.paper,
-            markeredgecolor=theme.ink,
-            markeredgewidth=1.1,
-            zorder=6,
-        )
-    axes.axhline(0.0, color=theme.muted, linewidth=0.7, zorder=1)
+        circles = canvas.markers(theme, 4.2, theme.ink)
+        axes.plot(knots[:, 0] * v_factor, knots[:, 1] * f_factor, markeredgewidth=1.1, zorder=6, **circles)
+    canvas.zero_line(axes, theme)
     axes.set_ylim(low * f_factor, high * f_factor)
     left, right = _velocities(curve, samples)
     pad = 0.035 * (right - left)
@@ -184,12 +165,6 @@ def save_curves(
         InvalidInput: another suffix, or the folder cannot be written.
         MissingExtra: matplotlib is not installed.
     """
-    path = Path(path)
-    kind = path.suffix.lower()
-    if kind not in {".png", ".svg"}:
-        raise InvalidInput(
-            f"Cannot draw into '{path.name}'.", remedy="Name a file that ends in .png or .svg."
-        )
     theme = canvas.DARK if dark else canvas.LIGHT
     shown = {e.joint: e for e in evidence}
     columns = min(3, len(model.joints))
@@ -219,29 +194,4 @@ def save_curves(
                 curve_legend(axes, theme, found, curve, true is not None, bool(len(knots)))
             if title:
                 joint_title(figure, theme, friction.joint.name, left + 12.0, bottom + height - 18.0)
-        if kind == ".png":
-            return write_whole(path, canvas.png(figure, scale))
-        from backdrive.report.pictures.svg import standalone
-
-        return write_whole(path, standalone(figure))
-
-
-def save_curve_png(
-    path: str | Path,
-    friction: JointFriction,
-    *,
-    evidence: JointEvidence | None = None,
-    truth: Curve | None = None,
-    dark: bool = False,
-    scale: float = 2.0,
-) -> Path:
-    """Write the picture of one joint's friction curve; see `save_curves`."""
-    name = friction.joint.name
-    return save_curves(
-        path,
-        FrictionModel(joints=(friction,)),
-        evidence=(evidence,) if evidence else (),
-        truth={name: truth} if truth else None,
-        dark=dark,
-        scale=scale,
-    )
+        return canvas.write(figure, path, scale)

@@ -76,19 +76,12 @@ def draw_directions(
                     if dotted[:1] == "m" or middle_v.size < every_v.size
                     else "samples"
                 )
-            _dots(axes, theme, middle_v * v_factor, middle_f * f_factor, hollow=not forward)
+            circles = canvas.markers(theme, 3.8, theme.fitted, theme.fitted if forward else "")
+            axes.plot(middle_v * v_factor, middle_f * f_factor, markeredgewidth=1.0, zorder=3, **circles)
         if truth is not None:
             speed, torque, _ = _one_way(truth, sign)
             seen.append(torque)
-            axes.plot(
-                speed * v_factor,
-                torque * f_factor,
-                color=theme.truth,
-                linewidth=1.6,
-                linestyle=(0, (4, 2.6)),
-                dash_capstyle="butt",
-                zorder=5,
-            )
+            canvas.truth_line(axes, theme, speed * v_factor, torque * f_factor)
     every = np.concatenate([np.zeros(0), *seen]) * f_factor
     if every.size:
         low, high = float(every.min()), float(every.max())
@@ -101,7 +94,7 @@ def draw_directions(
         pad = 0.08 * (high - low) or 1.0
         axes.set_ylim(low - pad, high + pad)
         if low - pad < 0.0:
-            axes.axhline(0.0, color=theme.muted, linewidth=0.7, zorder=1)
+            canvas.zero_line(axes, theme)
         _label_ends(axes, ends, high - low + 2 * pad)
     top = sizes.largest(curve.velocity) * v_factor
     axes.set_xlim(-0.02 * top, 1.09 * top)
@@ -118,20 +111,6 @@ def _one_way(curve: Curve, sign: float) -> tuple[np.ndarray, np.ndarray, np.ndar
 def _measured(samples: Samples, sign: float) -> tuple[np.ndarray, np.ndarray]:
     good = np.isfinite(samples.velocity) & np.isfinite(samples.friction) & (samples.velocity * sign > 0)
     return sign * samples.velocity[good], sign * samples.friction[good]
-
-
-def _dots(axes: Any, theme: Theme, x: np.ndarray, y: np.ndarray, *, hollow: bool) -> None:
-    axes.plot(
-        x,
-        y,
-        linestyle="none",
-        marker="o",
-        markersize=3.8,
-        markerfacecolor=theme.paper if hollow else theme.fitted,
-        markeredgecolor=theme.fitted,
-        markeredgewidth=1.0,
-        zorder=3,
-    )
 
 
 def _label_ends(axes: Any, ends: list[tuple[float, str, str]], height: float) -> None:

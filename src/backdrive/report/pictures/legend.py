@@ -39,21 +39,10 @@ def curve_legend(
     if np.any(np.isfinite(curve.standard_error)):
         handles.append(Patch(color=theme.band, alpha=0.38, linewidth=0, label="±2 standard errors"))
     if knots:
-        handles.append(
-            Line2D(
-                [],
-                [],
-                linestyle="none",
-                marker="o",
-                markersize=4.2,
-                mfc=theme.paper,
-                mec=theme.ink,
-                label="knots",
-            )
-        )
+        handles.append(Line2D([], [], label="knots", **canvas.markers(theme, 4.2, theme.ink)))
     if truth:
         handles.append(
-            Line2D([], [], color=theme.truth, linewidth=1.7, linestyle=(0, (4, 2.6)), label="truth")
+            Line2D([], [], color=theme.truth, linewidth=1.7, linestyle=canvas.DASHED, label="truth")
         )
     legend = axes.legend(
         handles=handles,

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from backdrive._files import write_whole
 from backdrive.errors import InvalidInput
 from backdrive.plans import ConstantVelocity, InTurn, Sweep
 from backdrive.plans.base import torque_unit
 from backdrive.plans.limits import JointLimits
 from backdrive.plans.stroke import SHARE
-from backdrive.report.pictures import canvas, svg
+from backdrive.report.pictures import canvas
 from backdrive.report.pictures.canvas import Theme
 
 WIDTH, PANEL, GAP = 640.0, 118.0, 34.0  # [pt]
@@ -79,28 +77,11 @@ def plan_figure(
     return figure
 
 
-def draw_plan(plan: Any, path: str | Path, limits: Mapping[str, JointLimits] | None = None) -> Path:
-    """Write a plan's picture as PNG or SVG, by the file's ending.
-
-    Raises:
-        MissingExtra: matplotlib is not installed.
-        InvalidInput: another ending, or the file cannot be written.
-    """
-    return write_whole(path, picture(plan, Path(path).suffix.lstrip("."), limits))
-
-
 def picture(plan: Any, kind: str, limits: Mapping[str, JointLimits] | None = None) -> bytes:
-    """Return a plan's picture as the content of a `png` or `svg` file.
-
-    Raises:
-        MissingExtra: matplotlib is not installed.
-        InvalidInput: another kind.
-    """
-    if kind.lower() not in ("png", "svg"):
-        raise InvalidInput(f"A picture cannot be written as '{kind}'.", remedy="Name a .png or .svg file.")
+    """Return a plan's picture as the content of a `png` or `svg` file; see `plan_figure` and `canvas.content`."""
     figure = plan_figure(plan, limits)
     with canvas.house_style():
-        return canvas.png(figure) if kind.lower() == "png" else svg.standalone(figure)
+        return canvas.content(figure, kind)
 
 
 def _title(plan: Any, single: tuple[Any, ...]) -> str:

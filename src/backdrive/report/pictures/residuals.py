@@ -135,6 +135,6 @@ def draw_presliding(axes: Any, theme: Theme, loop: np.ndarray, joint: Joint, mos
     x_factor, x_unit = sizes.scaled(sizes.largest(loop[:, 0]), joint.unit)
     f_factor, f_unit = sizes.scaled(sizes.largest(loop[:, 1]), canvas.pretty_unit(joint.torque_unit))
     axes.plot(loop[:, 0] * x_factor, loop[:, 1] * f_factor, color=theme.fitted, linewidth=1.4, zorder=3)
-    axes.axhline(0.0, color=theme.muted, linewidth=0.7, zorder=1)
+    canvas.zero_line(axes, theme)
     word = "torque" if joint.unit == "rad" else "force"
     canvas.name_axes(axes, theme, x=f"displacement [{x_unit}]", y=f"{word} [{f_unit}]")

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from backdrive._files import write_whole
-from backdrive.errors import InvalidInput
 from backdrive.laws import Law
 from backdrive.report.pictures import _signature_data as data
-from backdrive.report.pictures import canvas, sizes, svg
+from backdrive.report.pictures import canvas, sizes
 from backdrive.report.pictures.canvas import Theme
 
 WIDTH, HEIGHT = 688.0, 532.0  # [pt]
@@ -22,9 +21,6 @@ LEFT, RIGHT, BELOW, ABOVE = 46.0, 14.0, 38.0, 40.0  # margins inside a panel [pt
 SMALL = canvas.FONT_SIZE - 1.5  # type of legends [pt]
 SLOW, FAST = 0.005, 0.2  # mean speeds of the presliding motion by the scene's velocity
 EDGE = 8.0  # where titles begin [pt]
-DASHED = (0, (4, 2.6))
-
-Key = list[tuple[Any, str]]
 
 
 def draw(law: Law, *, title: str = "", theme: Theme = canvas.LIGHT) -> Any:
@@ -66,16 +62,14 @@ def picture(law: Law, kind: str, *, title: str = "", scale: float = 1.6) -> byte
         MissingExtra: matplotlib is not installed.
         InvalidInput: another kind.
     """
-    if kind.lower() not in ("png", "svg"):
-        raise InvalidInput(f"A picture cannot be written as '{kind}'.", remedy="Name a .png or .svg file.")
     figure = draw(law, title=title)
     with canvas.house_style():
-        return canvas.png(figure, scale) if kind.lower() == "png" else svg.standalone(figure)
+        return canvas.content(figure, kind, scale)
 
 
 def save(path: str | Path, law: Law, *, title: str = "") -> Path:
     """Write the four signatures of a law as PNG or SVG, by the file's ending; see `picture`."""
-    return write_whole(path, picture(law, Path(path).suffix.lstrip("."), title=title))
+    return write_whole(path, picture(law, Path(path).name, title=title))
 
 
 def _colors(theme: Theme) -> tuple[str, str, str]:
@@ -141,14 +135,12 @@ def _panel(
     return axes
 
 
-def _key(axes: Any, theme: Theme, entries: Key) -> None:
-    """Write a legend above the plotting area, at its right, where it covers nothing."""
+def _key(axes: Any, theme: Theme) -> None:
+    """Write a legend of the lines that have a label above the plotting area, at its right, where it covers nothing."""
     axes.legend(
-        [line for line, _ in entries],
-        [label for _, label in entries],
         loc="lower right",
         bbox_to_anchor=(1.015, 1.0),
-        ncols=len(entries),
+        ncols=len(axes.get_legend_handles_labels()[1]),
         frameon=False,
         fontsize=SMALL,
         labelcolor=theme.muted,
@@ -160,30 +152,28 @@ def _key(axes: Any, theme: Theme, entries: Key) -> None:
     )
 
 
-def _line(axes: Any, x: np.ndarray, y: np.ndarray, color: str, width: float = 1.5, **how: Any) -> Any:
-    return axes.plot(x, y, color=color, linewidth=width, solid_joinstyle="round", **how)[0]
+def _line(axes: Any, xy: data.Curve, color: str, label: str, width: float = 1.5, **how: Any) -> None:
+    axes.plot(*xy, color=color, label=label, linewidth=width, solid_joinstyle="round", **how)
 
 
 def _steady(figure: Any, theme: Theme, law: Law, cases: list[data.Condition]) -> None:
     """Torque that constant velocities end with, over the logarithm of the speed."""
     axes = _panel(figure, theme, 0, 0, "Steady friction")
-    v = data.speeds(law)
-    entries: Key = []
+    v, symmetric = data.speeds(law), law.rate.SYMMETRIC
     for case, color in zip(cases, _colors(theme) if len(cases) > 1 else (theme.ink,)):
-        line = _line(axes, v, data.steady(law, v, case), color)
-        entries.append((line, case.label or ("along +q" if not law.rate.SYMMETRIC else law.element.NAME)))
-        if not law.rate.SYMMETRIC:
-            back = _line(axes, v, -data.steady(law, -v, case), color, 1.3, linestyle=DASHED)
-            entries.append((back, f"{case.label} along \u2212q".strip()))
+        label = case.label or (law.element.NAME if symmetric else "along +q")
+        _line(axes, (v, data.steady(law, v, case)), color, label)
+        if not symmetric:
+            label = f"{case.label} along \u2212q".strip()
+            _line(axes, (v, -data.steady(law, -v, case)), color, label, 1.3, linestyle=canvas.DASHED)
     if not law.element.STEADY:
-        alone = _line(axes, v, law.torque(v), theme.muted, 1.2, linestyle=(0, (1.2, 1.8)))
-        entries.append((alone, "rate law alone"))
+        _line(axes, (v, law.torque(v)), theme.muted, "rate law alone", 1.2, linestyle=(0, (1.2, 1.8)))
     axes.set_xscale("log")
     axes.set_ylim(bottom=0.0)
     axes.set_ylim(top=1.06 * axes.get_ylim()[1])
     _name(axes, theme, "speed [rad/s]", "friction [N·m]", log=True)
-    if len(entries) > 1:
-        _key(axes, theme, entries)
+    if len(axes.get_lines()) > 1:
+        _key(axes, theme)
 
 
 def _presliding(figure: Any, theme: Theme, law: Law, size: data.Scene, cases: list[data.Condition]) -> None:
@@ -196,13 +186,12 @@ def _presliding(figure: Any, theme: Theme, law: Law, size: data.Scene, cases: li
     else:
         slow, fast = (f"{s * size.velocity * 1e3:g} mrad/s" for s in (SLOW, FAST))
         runs = [(cases[0], SLOW, slow, theme.fitted, 2.8), (cases[0], FAST, fast, theme.held_out, 1.1)]
-    entries: Key = []
     for case, speed, label, color, width in runs:
-        trace = data.presliding(law, speed * size.velocity, case)
-        entries.append((_line(axes, trace.x * factor, trace.y, color, width), label))
-    axes.axhline(0.0, color=theme.muted, linewidth=0.7, zorder=1)
+        position, torque = data.presliding(law, speed * size.velocity, case)
+        _line(axes, (position * factor, torque), color, label, width)
+    canvas.zero_line(axes, theme)
     _name(axes, theme, f"position [{unit}]", "friction [N·m]")
-    _key(axes, theme, entries)
+    _key(axes, theme)
 
 
 def _pull(figure: Any, theme: Theme, law: Law, size: data.Scene, cases: list[data.Condition]) -> None:
@@ -210,47 +199,41 @@ def _pull(figure: Any, theme: Theme, law: Law, size: data.Scene, cases: list[dat
     title = f"{data.INERTIA:g} kg·m² pulled through {size.spring:g} N·m/rad at {1e3 * size.speed:g} mrad/s"
     upper = _panel(figure, theme, 0, 1, title, (0.56, 1.0))
     lower = _panel(figure, theme, 0, 1, "", (0.0, 0.4))
-    colors = _colors(theme) if len(cases) > 1 else (theme.fitted,)
     factor, unit = sizes.scaled(size.speed * size.duration, "rad")
-    entries: Key = []
-    for case, color in zip(cases, colors):
-        found = data.pull(law, case)
-        entries.append((_line(upper, found.time, found.torque, color, 1.3), case.label))
-        mass = _line(lower, found.time, found.position * factor, color, 1.3)
-        if case is cases[-1]:
-            end = _line(lower, found.time, found.end * factor, theme.muted, 1.1, linestyle=DASHED)
-            _key(lower, theme, ([(mass, "mass")] if len(cases) == 1 else []) + [(end, "spring's end")])
+    time, end = data.spring_end(law)
+    for case, color in zip(cases, _colors(theme) if len(cases) > 1 else (theme.fitted,)):
+        position = data.pull(law, case)
+        _line(upper, (time, size.spring * (end - position)), color, case.label, 1.3)
+        _line(lower, (time, position * factor), color, "" if len(cases) > 1 else "mass", 1.3)
+    _line(lower, (time, end * factor), theme.muted, "spring's end", 1.1, linestyle=canvas.DASHED)
     upper.set_ylim(bottom=min(0.0, upper.get_ylim()[0]))
     for axes in (upper, lower):
         axes.set_xlim(0.0, size.duration)
     _name(upper, theme, "", "spring [N·m]", few=True)
     _name(lower, theme, "time [s]", f"position [{unit}]", few=True)
     upper.tick_params(labelbottom=False)
+    _key(lower, theme)
     if len(cases) > 1:
-        _key(upper, theme, entries)
+        _key(upper, theme)
 
 
 def _lag(figure: Any, theme: Theme, law: Law, size: data.Scene, cases: list[data.Condition]) -> None:
     """Torque over a velocity that wavers and stays positive, on the steady curve."""
     axes = _panel(figure, theme, 1, 1, "Frictional lag")
-    v = size.velocity * np.linspace(0.1, 2.1, 81)
-    entries: Key = []
     if len(cases) > 1:
         for case, color in zip(cases, _colors(theme)):
-            trace = data.lag(law, data.FREQUENCIES[-1], case)
-            entries.append((_line(axes, trace.x, trace.y, color, 1.3), case.label))
+            _line(axes, data.lag(law, data.FREQUENCIES[-1], case), color, case.label, 1.3)
     else:
-        still = _line(axes, v, data.steady(law, v, cases[0]), theme.ink, 4.0, alpha=0.25)
-        entries.append((still, "steady"))
+        v = size.velocity * np.linspace(0.1, 2.1, 81)
+        _line(axes, (v, data.steady(law, v, cases[0])), theme.ink, "steady", 4.0, alpha=0.25)
         for frequency, color in zip(data.FREQUENCIES, (theme.fitted, theme.held_out)):
-            trace = data.lag(law, frequency, cases[0])
-            entries.append((_line(axes, trace.x, trace.y, color, 1.4), f"{frequency:g} Hz"))
+            _line(axes, data.lag(law, frequency, cases[0]), color, f"{frequency:g} Hz", 1.4)
     low, high = axes.get_ylim()
     least = 0.2 * max(abs(low), abs(high))  # a curve that is nearly level is drawn nearly level
     if high - low < least:
         axes.set_ylim(0.5 * (low + high - least), 0.5 * (low + high + least))
     _name(axes, theme, "velocity [rad/s]", "friction [N·m]")
-    _key(axes, theme, entries)
+    _key(axes, theme)
 
 
 def _name(axes: Any, theme: Theme, x: str, y: str, *, log: bool = False, few: bool = False) -> None:

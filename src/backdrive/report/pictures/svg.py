@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import io
 import re
 from dataclasses import fields
 from html import escape
 from typing import Any
 from xml.etree import ElementTree
 
-from backdrive.report.pictures.canvas import CSS
+from backdrive.report.pictures.canvas import CSS, content
 
 _VARIABLES = {getattr(CSS, f.name): f"var(--{f.name.replace('_', '-')})" for f in fields(CSS)}
 _KEPT = {"path", "g", "text", "tspan", "use", "defs", "clipPath", "rect"}
@@ -24,20 +23,6 @@ _DEFAULTS = {
 }
 
 
-def _raw(figure: Any) -> bytes:
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-
-    stream = io.BytesIO()
-    nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-    FigureCanvasSVG(figure).print_svg(stream, metadata=nothing)
-    return stream.getvalue()
-
-
-def standalone(figure: Any) -> bytes:
-    """Return a figure as the content of an SVG file."""
-    return _raw(figure)
-
-
 def inline(figure: Any, prefix: str, label: str) -> str:
     """Return a figure as an `<svg>` element for an HTML page.
 
@@ -49,7 +34,7 @@ def inline(figure: Any, prefix: str, label: str) -> str:
         prefix: unique in the page, an identifier.
         label: what the picture shows, for those who do not see it.
     """
-    root = ElementTree.fromstring(_raw(figure))  # our own picture: no entities, no links
+    root = ElementTree.fromstring(content(figure, "svg"))  # our own picture: no entities, no links
     names: dict[str, str] = {}
     body = "".join(_element(child, prefix, names) for child in root)
     return f'<svg viewBox="{escape(root.get("viewBox", ""))}" role="img" aria-label="{escape(label)}">{body}</svg>'

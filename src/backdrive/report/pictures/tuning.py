@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from backdrive._files import write_whole
 from backdrive.errors import InvalidInput
-from backdrive.report.pictures.canvas import LIGHT, Theme, axes_of, house_style, name_axes, new_figure, png
+from backdrive.report.pictures.canvas import LIGHT, Theme, axes_of, house_style, name_axes, new_figure, write
 from backdrive.tuning.tuning import Tuning
 
 WIDTH, HEIGHT = 640.0, 316.0  # [pt]
@@ -35,12 +34,7 @@ def draw(tuning: Tuning, path: str | Path, theme: Theme = LIGHT) -> Path:
             remedy="It is worked out for --goal backdrive and track, with --picture.",
         )
     with house_style():
-        figure = safe_region(tuning, theme)
-        if str(path).lower().endswith(".svg"):
-            from backdrive.report.pictures.svg import standalone
-
-            return write_whole(path, standalone(figure))
-        return write_whole(path, png(figure))
+        return write(safe_region(tuning, theme), path)
 
 
 def safe_region(tuning: Tuning, theme: Theme = LIGHT) -> Any:
@@ -71,11 +65,12 @@ def safe_region(tuning: Tuning, theme: Theme = LIGHT) -> Any:
     right.yaxis.set_major_locator(FixedLocator([2, 5, 20, 50, 200, 500]))
     right.yaxis.set_major_formatter(ScalarFormatter())
     right.yaxis.set_minor_locator(NullLocator())
-    right.plot([1e3 * delay], [alpha], clip_on=False, zorder=5, **_mark(theme, "chosen"))
-    left.plot([K], [R], clip_on=False, zorder=5, **_mark(theme, "chosen"))
+    marks = _marks(theme)
+    right.plot([1e3 * delay], [alpha], clip_on=False, zorder=5, **marks["chosen"])
+    left.plot([K], [R], clip_on=False, zorder=5, **marks["chosen"])
     R, K, alpha = region["thesis"][:3]
-    left.plot([min(K, left.get_xlim()[1])], [R], clip_on=False, zorder=4, **_mark(theme, "thesis"))
-    right.plot([1e3 * delay], [alpha], clip_on=False, zorder=4, **_mark(theme, "thesis alpha"))
+    left.plot([min(K, left.get_xlim()[1])], [R], clip_on=False, zorder=4, **marks["thesis"])
+    right.plot([1e3 * delay], [alpha], clip_on=False, zorder=4, **marks["thesis alpha"])
     _legend(figure, theme, tuning)
     return figure
 
@@ -113,24 +108,26 @@ def _tiles(
     axes.set_ylim(_edges(y, rising=rising)[[0, -1]])
 
 
-def _mark(theme: Theme, name: str) -> dict[str, Any]:
-    """Return the marker of the chosen numbers, or of the thesis', hollow and larger, so that neither hides the other."""
-    if name == "chosen":
-        return {"marker": "o", "color": theme.ink, "ms": 6, "ls": "none"}
-    if name == "thesis":
-        return {"marker": "D", "mfc": "none", "mec": theme.ink, "mew": 1.4, "ms": 11, "ls": "none"}
-    return {"marker": "s", "mfc": "none", "mec": theme.ink, "mew": 1.0, "ms": 8, "ls": "none"}
+def _marks(theme: Theme) -> dict[str, dict[str, Any]]:
+    """Return the marker of the chosen numbers, and those of the thesis', hollow and larger, so that neither hides the other."""
+    hollow = {"mfc": "none", "mec": theme.ink, "ls": "none"}
+    return {
+        "chosen": {"marker": "o", "color": theme.ink, "ms": 6, "ls": "none"},
+        "thesis": {"marker": "D", "mew": 1.4, "ms": 11, **hollow},
+        "thesis alpha": {"marker": "s", "mew": 1.0, "ms": 8, **hollow},
+    }
 
 
 def _legend(figure: Any, theme: Theme, tuning: Tuning) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
+    marks = _marks(theme)
     entries: list[Any] = [Patch(facecolor=c, alpha=0.55, label=w) for c, w in zip(_colors(theme), WORDS)]
     K = tuning.region["thesis"][1]
     beyond = f" (K/K_c = {K:.2g}, beyond)" if tuning.region["springs"][-1] < K else ""
     entries += [
-        Line2D([], [], label=words, **_mark(theme, name))
+        Line2D([], [], label=words, **marks[name])
         for name, words in (
             ("chosen", "chosen"),
             ("thesis", f"the thesis' R and K{beyond}"),

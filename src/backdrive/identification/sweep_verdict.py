@@ -1,31 +1,18 @@
-"""What is shown of a joint that was swept: its quality, the error of its curve, the result in words."""
+"""The result of a sweep in words, and the error of its curve."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
 from backdrive.identification.curves import hats
-from backdrive.identification.dynamics import predict, rest_of_dynamics
-from backdrive.identification.evidence import explained
-from backdrive.identification.quality import judge
-from backdrive.identification.signals import Signals
+from backdrive.identification.evidence import describe_fit
 from backdrive.identification.sweep_fit import SweepFit
 from backdrive.laws import Polyline
-from backdrive.model import JointFriction, Quality
+from backdrive.model import JointFriction
 
 NAMED = 0.03  # share of the friction from which on a constant beside it is mentioned [-]
-
-
-def part(friction: JointFriction, s: Signals, seen: bool) -> tuple[Signals, np.ndarray, np.ndarray, bool]:
-    """Return a stretch as `evidence` takes it: signals, measured friction, predicted torque, whether the fit saw it."""
-    return s, s.torque - rest_of_dynamics(friction, s), predict(friction, s), seen
-
-
-def judged(friction: JointFriction, stretches: Sequence[Sequence[Signals]]) -> Quality:
-    """Return how well a joint's friction predicts the torque of logs, each given by its stretches."""
-    return judge((s.torque, predict(friction, s), s.rate, s.moving) for log in stretches for s in log)
 
 
 def error_of_curve(friction: JointFriction) -> Callable[[np.ndarray], np.ndarray]:
@@ -87,4 +74,4 @@ def verdict(friction: JointFriction, found: SweepFit) -> str:
     offset = found.terms.get("offset", (0.0, 0.0))[0]
     if found.symmetric and abs(offset) > NAMED * fast.mean():
         said += f" A constant {offset:.3g} {unit} was set apart: gravity, an offset of the torque signal or unequal directions."
-    return " ".join([said, *found.notes, explained(friction)])
+    return " ".join([said, *found.notes, describe_fit(friction)])
