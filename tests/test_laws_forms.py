@@ -30,7 +30,7 @@ from backdrive.laws import (
     kernels,
 )
 from backdrive.laws.base import Rate
-from backdrive.laws.examples import MANY
+from backdrive.laws.elements.maxwell_slip import Parallel
 
 F, K = 5.0, 1e4
 RATE: Rate = Coulomb(coulomb=F)
@@ -168,8 +168,8 @@ def test_gms_creates_energy_where_its_advice_says_so():
 
 def test_maxwell_slip_repeats_its_virgin_curve_at_twice_the_size():
     """Masing's rule; the virgin curve is a polyline with a bend where an element begins to slip."""
-    element = MaxwellSlip(**MANY)
-    k, w = np.array(MANY["stiffness"]), np.array(MANY["share"])
+    element = MaxwellSlip(**Parallel.EXAMPLE)
+    k, w = np.array(Parallel.EXAMPLE["stiffness"]), np.array(Parallel.EXAMPLE["share"])
     s = np.arange(1, 301) * 5e-6
     virgin = along(element, np.full(300, 5e-6))
     np.testing.assert_allclose(virgin, np.minimum(np.outer(s, k), F * w).sum(axis=1), rtol=1e-12)
@@ -187,7 +187,7 @@ def test_one_element_side_by_side_is_that_element_to_the_last_bit():
         (ViscoElastoplastic(stiffness=K, damping=20.0), XiongKikuuwe(stiffness=K, damping=20.0)),
         (ViscoElastoplastic(stiffness=K, damping=20.0), XiongKikuuweMulti(**one, damping_time=20.0 / K)),
         (XiongKikuuwe(stiffness=K, damping=20.0, lag=0.01), XiongKikuuweMulti(**one, damping_time=20.0 / K, lag=0.01)),
-        (MaxwellSlip(**MANY), XiongKikuuweMulti(**MANY)),
+        (MaxwellSlip(**Parallel.EXAMPLE), XiongKikuuweMulti(**Parallel.EXAMPLE)),
     ]  # fmt: skip
     for a, b in same:
         rate = replace(STRIBECK, viscous=0.0)
@@ -231,18 +231,25 @@ def test_a_decaying_spring_fades_at_its_rate_and_is_viscous_below_its_threshold(
 
 def test_gms_under_a_constant_bound_is_maxwell_slip_and_follows_at_once_with_a_huge_attraction():
     for attraction in (1.0, 1e9):
-        expected = along(MaxwellSlip(**MANY), WANDER)
-        np.testing.assert_allclose(along(GMS(**MANY, attraction=attraction), WANDER), expected, atol=1e-11)
+        expected = along(MaxwellSlip(**Parallel.EXAMPLE), WANDER)
+        np.testing.assert_allclose(
+            along(GMS(**Parallel.EXAMPLE, attraction=attraction), WANDER), expected, atol=1e-11
+        )
     v = 0.03 * (1.5 + np.sin(0.02 * np.arange(1000)))
-    torque = along(GMS(**MANY, attraction=1e9), v * 1e-3, rate=STRIBECK)
+    torque = along(GMS(**Parallel.EXAMPLE, attraction=1e9), v * 1e-3, rate=STRIBECK)
     expected = Law(rate=STRIBECK).torque(v)
     np.testing.assert_allclose(torque[100:], expected[100:], rtol=1e-6)
 
 
 def test_smoothed_gms_nears_maxwell_slip_as_it_is_sharpened():
-    expected = along(MaxwellSlip(**MANY), WANDER)
+    expected = along(MaxwellSlip(**Parallel.EXAMPLE), WANDER)
     worst = [
-        np.max(np.abs(along(SmoothedGMS(**MANY, sharpness=s, margin=m, reversal=100.0), WANDER) - expected))
+        np.max(
+            np.abs(
+                along(SmoothedGMS(**Parallel.EXAMPLE, sharpness=s, margin=m, reversal=100.0), WANDER)
+                - expected
+            )
+        )
         for s, m in ((50.0, 0.9), (400.0, 0.98), (3000.0, 0.997))
     ]
     assert worst[0] > worst[1] > worst[2]
@@ -340,7 +347,7 @@ def test_falling_sections_narrow_the_bounds_of_what_is_carried():
     """Otherwise they would be a negative damping of the spring: here, of a joint that vibrates without sliding."""
     falling = Polyline(velocity=(0.05, 0.2), positive=(5.0, 4.0), negative=(5.0, 4.0))
     q = 1e-4 * np.sin(0.3 * np.arange(2000))
-    for element in (MaxwellSlip(**MANY), LuGre(stiffness=K), HaywardArmstrong(stiffness=K)):
+    for element in (MaxwellSlip(**Parallel.EXAMPLE), LuGre(stiffness=K), HaywardArmstrong(stiffness=K)):
         assert np.sum(along(element, np.diff(q), rate=falling) * np.diff(q)) >= -1e-12
-    sliding = along(MaxwellSlip(**MANY), np.full(200, 0.2e-3), rate=falling)
+    sliding = along(MaxwellSlip(**Parallel.EXAMPLE), np.full(200, 0.2e-3), rate=falling)
     assert sliding[-1] == pytest.approx(4.0)

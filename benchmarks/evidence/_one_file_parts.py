@@ -1,4 +1,4 @@
-"""What `one_file` adds to a copy of the tree: a file each, the lines that say so elsewhere, and a use of it as a person would."""
+"""What `one_file` adds to a copy of the tree: a file each, the line that says so elsewhere, and a use of it as a person would."""
 
 from __future__ import annotations
 
@@ -6,19 +6,17 @@ from typing import NamedTuple
 
 
 class Line(NamedTuple):
-    """One line of another file that is new or reads differently.
+    """One new line of another file.
 
     Attributes:
         file: below the package.
-        anchor: text of the line behind which it goes, or that changes; it stands there once.
-        new: the line, or what takes the anchor's place.
-        changes: the anchor itself is replaced.
+        anchor: text of the line behind which it goes; it stands there once.
+        new: the line.
     """
 
     file: str
     anchor: str
     new: str
-    changes: bool = False
 
 
 class Part(NamedTuple):
@@ -28,14 +26,14 @@ class Part(NamedTuple):
         kind: what it is called.
         file: that is added, below the package.
         text: of the file.
-        lines: elsewhere.
+        line: elsewhere.
         use: program that uses it, in a folder of its own; PRELUDE stands before it.
     """
 
     kind: str
     file: str
     text: str
-    lines: tuple[Line, ...]
+    line: Line
     use: str
 
 
@@ -58,7 +56,7 @@ LAW = Part(
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -77,33 +75,23 @@ class ArcTangent(Rate):
     """Coulomb friction and a flattening viscous part."""
 
     NAME: ClassVar[str] = "arc-tangent"
-    KIND: ClassVar[int] = 77
+    KIND: ClassVar[int] = 42
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
-        "coulomb": Parameter(symbol="F", unit="force", lower=0.0, log=True),
-        "growth": Parameter(symbol="k", unit="force", lower=0.0),
-        "knee": Parameter(symbol="w", unit="length/s", lower=1e-6, typical=0.3, log=True),
+        "coulomb": Parameter(symbol="F", unit="force", lower=0.0, log=True, start=lambda d: d.coulomb),
+        "growth": Parameter(symbol="k", unit="force", lower=0.0, start=lambda d: 0.3 * d.coulomb),
+        "knee": Parameter(symbol="w", unit="length/s", lower=1e-6, log=True, start=lambda d: 0.3 * d.speed),
     }
+    WORDS: ClassVar[str] = "Coulomb and arc tangent"
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(coulomb=4.0, growth=2.0, knee=0.4)
 
     coulomb: float
     growth: float
     knee: float
 ''',
-    (
-        Line(
-            "laws/__init__.py",
-            "from backdrive.laws.rates.degressive import Degressive as Degressive",
-            "from backdrive.laws.rates.arc_tangent import ArcTangent as ArcTangent",
-        ),
-        Line("laws/__init__.py", "        Degressive,", "        ArcTangent,"),
-        Line("laws/examples.py", "    BlimanSorine,", "    ArcTangent,"),
-        Line(
-            "laws/examples.py",
-            "        Coulomb(coulomb=5.0),",
-            "        ArcTangent(coulomb=4.0, growth=2.0, knee=0.4),",
-        ),
-        Line("laws/kernels.py", "    degressive,", "    arc_tangent,"),
-        Line("laws/kernels.py", "        return gear_load.limits(p, v, load, temp)", "    if rate == 77:"),
-        Line("laws/kernels.py", "    if rate == 77:", "        return arc_tangent.limits(p, v, load, temp)"),
+    Line(
+        "laws/__init__.py",
+        "from backdrive.laws.rates.degressive import Degressive as Degressive",
+        "from backdrive.laws.rates.arc_tangent import ArcTangent as ArcTangent",
     ),
     """
 from backdrive import Sweep, identify, load_model
@@ -151,7 +139,7 @@ def read(path: str, options: ReadOptions) -> Columns:
         rows = [dict(pair.split("=") for pair in line.split()) for line in stream]
     return Columns(arrays={name: np.array([float(row[name]) for row in rows]) for name in rows[0]})
 ''',
-    (Line("logs/readers/_formats.py", '    Format("json",', '    Format("pairs", "pairs", (".pairs",)),'),),
+    Line("logs/readers/_formats.py", '    Format("json",', '    Format("pairs", "pairs", (".pairs",)),'),
     """
 from backdrive import read_log
 t = np.arange(400) / 100.0
@@ -188,7 +176,7 @@ def find(exam: Exam) -> Iterator[Finding]:
                 joint=joint, severity="warn", sentence=f"{joint} gives 100 kN.m.", remedy="Look at the unit.", value=1e5
             )
 ''',
-    (Line("logs/health/__init__.py", '        "no_motion",', '        "heavy",'),),
+    Line("logs/health/__init__.py", '        "no_motion",', '        "heavy",'),
     """
 from backdrive import check, read_log
 from backdrive.logs.health import CHECKS
@@ -207,28 +195,31 @@ PLAN = Part(
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from dataclasses import KW_ONLY, dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from backdrive.plans.base import instants, settle
+from backdrive.plans.base import MotionPlan, settle
 
 
 @dataclass(frozen=True)
-class Swing:
-    """Cycles of one sine, from rest at one end of the stroke."""
+class Swing(MotionPlan):
+    """Cycles of one sine, from rest at one end of the stroke.
 
-    kind: ClassVar[str] = "swing"
-    commands: ClassVar[str] = "position"
+    Attributes:
+        stroke: peak to peak [rad or m].
+        period: of the sine [s].
+        cycles: how many.
+    """
 
     stroke: float
     period: float
+    _: KW_ONLY
     cycles: float = 3.0
-    start: float = 0.0
-    center: float = 0.0
-    joint: str = "joint"
-    unit: Literal["rad", "m"] = "rad"
+
+    kind: ClassVar[str] = "swing"
+    options: ClassVar[tuple[str, ...]] = ("stroke", "period", "cycles")
 
     def __post_init__(self):
         settle(self, positive=("stroke", "period", "cycles"), finite=("start", "center"))
@@ -244,11 +235,6 @@ class Swing:
         return self.center - 0.5 * self.stroke
 
     @property
-    def position_range(self) -> tuple[float, float]:
-        """Lowest and highest position [rad or m]."""
-        return self.center - 0.5 * self.stroke, self.center + 0.5 * self.stroke
-
-    @property
     def peak_velocity(self) -> float:
         """Largest velocity [rad/s or m/s]."""
         return np.pi * self.stroke / self.period
@@ -262,37 +248,15 @@ class Swing:
         """Return the whole of it."""
         return np.array([[self.start, self.start + self.duration]])
 
-    def _phase(self, t: Any) -> np.ndarray:
-        return 2.0 * np.pi / self.period * np.clip(instants(t) - self.start, 0.0, self.duration)
-
-    def position(self, t: Any) -> np.ndarray:
-        """Return the position [rad or m]."""
-        return self.center - 0.5 * self.stroke * np.cos(self._phase(t))
-
-    def velocity(self, t: Any) -> np.ndarray:
-        """Return the velocity [rad/s or m/s]."""
-        return np.pi * self.stroke / self.period * np.sin(self._phase(t))
-
-    def acceleration(self, t: Any) -> np.ndarray:
-        """Return the acceleration [rad/s^2 or m/s^2]."""
-        return self.peak_acceleration * np.cos(self._phase(t))
+    def _motion(self, t: np.ndarray, order: int) -> np.ndarray:
+        rate = 2.0 * np.pi / self.period
+        phase = rate * np.clip(t - self.start, 0.0, self.duration) + 0.5 * np.pi * order
+        return (self.center if order == 0 else 0.0) - 0.5 * self.stroke * rate**order * np.cos(phase)
 ''',
-    (
-        Line(
-            "plans/plan_file.py",
-            "from backdrive.plans.multisine import Multisine",
-            "from backdrive.plans.swing import Swing",
-        ),
-        Line("plans/plan_file.py", "TorqueRamp, Multisine)", "TorqueRamp, Multisine, Swing)", True),
-        Line("cli/_plan_request.py", '    "multisine": (', '    "swing": (*_MOTION, "period"),'),
-        Line(
-            "cli/_planning.py",
-            '    if kind == "multisine":',
-            '    if kind == "swing":\n'
-            '        return excite.PLANS[-1](stroke, need("period", "--period"), **cycles, **common)\n'
-            '    if kind == "multisine":',
-            True,
-        ),
+    Line(
+        "plans/__init__.py",
+        "from backdrive.plans.sweep import Sweep as Sweep",
+        "from backdrive.plans.swing import Swing as Swing",
     ),
     """
 from backdrive.plans import load_plan, plan_from_dict
@@ -309,131 +273,6 @@ log = simulate(machine("joint_1"), plan, rate=250.0)
 assert np.ptp(log.need("position")) > 0.3
 command("plan", "swing", "--stroke", "0.4", "--period", "2.0", "-o", "swing")
 assert load_plan(next(Path("swing").glob("*.json"))).kind == "swing"
-""",
-)
-
-COMPENSATOR = Part(
-    "compensator (of a law)",
-    "control/compensators/half.py",
-    '''"""Half of what a law says."""
-
-from __future__ import annotations
-
-from backdrive.control.compensators.catalog import by_law
-from backdrive.control.compensators.compensator import Compensator
-from backdrive.laws import Law
-
-
-def half(law: Law) -> Compensator:
-    """Return a compensator of half of the friction."""
-    return by_law(law, share=0.5)
-''',
-    (
-        Line(
-            "control/compensators/__init__.py",
-            "from backdrive.control.compensators.dither import Dither as Dither",
-            "from backdrive.control.compensators.half import half as half",
-        ),
-    ),
-    """
-from backdrive.control import JointLoop, Loop
-from backdrive.control.compensators import half
-from backdrive.laws import CoulombViscous, Dahl, Law
-law = Law(rate=CoulombViscous(coulomb_positive=4.0, coulomb_negative=4.0), element=Dahl(stiffness=1e4))
-loop = Loop(JointLoop(compensator=half(law), limit=5.0, top_speed=3.0, encoder_count=1e-6), interval=1e-3)
-for k in range(2000):
-    loop.update([1e-3 * k], [0.0])
-assert abs(loop.torque[0] - 2.0) < 0.05, loop.torque
-""",
-)
-
-KERNEL = Part(
-    "compensator (a kernel of its own)",
-    "control/compensators/lead.py",
-    '''"""A torque along the slope of the reference."""
-
-from __future__ import annotations
-
-from backdrive._jit import jit
-
-
-@jit
-def lead(c, i, slope):
-    """Return the torque; `c[i + 1]`: gain."""
-    return c[i + 1] * slope
-''',
-    (
-        Line(
-            "control/compensators/compensator.py",
-            "from backdrive.control.compensators.dither import NONE, Dither",
-            "from backdrive.control.compensators.lead import lead",
-        ),
-        Line(
-            "control/compensators/compensator.py",
-            "    kind = int(c[i + EXTRA])",
-            "    if int(c[i + EXTRA]) == 77:",
-        ),
-        Line(
-            "control/compensators/compensator.py",
-            "    if int(c[i + EXTRA]) == 77:",
-            "        return lead(c, i + EXTRA, slope), 0.0",
-        ),
-    ),
-    """
-from backdrive.control import JointLoop, Loop
-from backdrive.control.compensators import by_law
-from backdrive.control.compensators.extras import Extra
-from backdrive.laws import CoulombViscous, Dahl, Law
-
-class Lead(Extra):
-    KIND = 77
-    def row(self, dt, friction):
-        return self._row(2.0)
-
-law = Law(rate=CoulombViscous(coulomb_positive=4.0, coulomb_negative=4.0), element=Dahl(stiffness=1e4))
-joint = JointLoop(compensator=by_law(law).replace(extra=Lead()), limit=5.0, top_speed=3.0, encoder_count=1e-6)
-loop = Loop(joint, interval=1e-3)
-loop.slope = [1.0]
-for k in range(2000):
-    loop.update([1e-3 * k], [0.0])
-assert abs(loop.torque[0] - 2.0) < 0.05, loop.torque
-""",
-)
-
-ESTIMATOR = Part(
-    "estimator method",
-    "control/estimators/plain.py",
-    '''"""The external force of a joint whose acceleration is neglected."""
-
-from __future__ import annotations
-
-from backdrive._jit import leaf
-
-
-@leaf
-def plain(n):
-    """Return what motor, gravity and friction leave."""
-    return -n
-''',
-    (
-        Line(
-            "control/estimators/external.py",
-            'METHODS = ("direct", "momentum", "disturbance", "extended", "kalman")',
-            'METHODS = ("direct", "momentum", "disturbance", "extended", "kalman", "plain")',
-            True,
-        ),
-        Line(
-            "control/estimators/external.py",
-            "from backdrive.control.estimators import sliding_mode",
-            "from backdrive.control.estimators.plain import plain",
-        ),
-        Line("control/estimators/external.py", "        return M * a - n, tau_f", "    if kind == 5:"),
-        Line("control/estimators/external.py", "    if kind == 5:", "        return plain(n), tau_f"),
-    ),
-    """
-from backdrive.control.estimators.external import ExternalForce
-force, _ = ExternalForce(inertia=1.0, method="plain").run(np.zeros(50), np.full(50, 2.0), 1e-3)
-assert force[-1] == -2.0, force
 """,
 )
 
@@ -465,12 +304,10 @@ def draw(outcome: Outcome) -> Any:
     figure.add_subplot().plot(outcome.data["x"])
     return figure
 ''',
-    (
-        Line(
-            "thesis/catalog.py",
-            '        "fig-4.3": "Identified rate-dependent friction",',
-            '        "fig-9.9": "A line",',
-        ),
+    Line(
+        "thesis/catalog.py",
+        '        "fig-4.3": "Identified rate-dependent friction",',
+        '        "fig-9.9": "A line",',
     ),
     """
 assert "fig-9.9" in command("reproduce", "--list")
@@ -479,4 +316,4 @@ assert [f for f in Path("book").rglob("*") if "9.9" in f.name or "9_9" in f.name
 """,
 )
 
-PARTS = (READER, CHECK, PLAN, EXPERIMENT, ESTIMATOR, COMPENSATOR, KERNEL, LAW)
+PARTS = (READER, CHECK, PLAN, EXPERIMENT, LAW)

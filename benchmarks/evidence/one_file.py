@@ -1,9 +1,9 @@
 """One file and one line: what is added to a copy of the tree as a person would add it, and then used.
 
 A law, a reader, a health check, a plan, compensators, a method of the estimator of external force, an experiment: they stand in
-`_one_file_parts`. Every line outside the added file counts, changed ones too; where there is more than one, it falls short, and the
-lines are named. Each use is a process of its own: fitted, saved, shown, simulated, run in the loop, listed, drawn, as each of them
-is. `--short` runs the kernels without compiling them.
+`_one_file_parts` and `_one_file_parts_control`. A part has room for one new line outside its file, and none that is changed. Each
+use is a process of its own: fitted, saved, shown, simulated, run in the loop, listed, drawn, as each of them is. `--short` runs the
+kernels without compiling them.
 """
 
 from __future__ import annotations
@@ -16,37 +16,27 @@ import tempfile
 import time
 from pathlib import Path
 
+import _one_file_parts_control as control
 from _common import Judge, parser
 from _one_file_parts import PARTS, PRELUDE, Part
 
 PACKAGE = Path(__file__).resolve().parents[2] / "src" / "backdrive"
 
 
-def add(part: Part, package: Path) -> list[str]:
-    """Add a part to a copy of the package and return the lines that it took elsewhere, as `file: line`.
+def add(part: Part, package: Path) -> None:
+    """Add a part to a copy of the package: its file, and its line in another.
 
     Raises:
-        LookupError: a line to go by does not stand there once.
+        LookupError: the line to go by does not stand there once.
     """
-    texts: dict[str, str] = {}
-    taken = []
-    for line in part.lines:
-        text = texts.get(line.file) or (package / line.file).read_text()
-        if text.count(line.anchor) != 1:
-            raise LookupError(f"{line.file} holds '{line.anchor.strip()}' {text.count(line.anchor)} times")
-        if line.changes:
-            text = text.replace(line.anchor, line.new)
-        else:
-            end = text.find("\n", text.index(line.anchor)) + 1
-            text = text[:end] + line.new + "\n" + text[end:]
-        texts[line.file] = text
-        there = line.anchor.splitlines()
-        new = [words.strip() for words in line.new.splitlines() if words not in there]
-        taken += [f"{line.file}: {words}" for words in new]
-    for name, text in texts.items():
-        (package / name).write_text(text)
+    line, path = part.line, package / part.line.file
+    lines = path.read_text().splitlines()
+    here = [k for k, words in enumerate(lines) if line.anchor in words]
+    if len(here) != 1:
+        raise LookupError(f"{line.file} holds '{line.anchor.strip()}' {len(here)} times")
+    lines.insert(here[0] + 1, line.new)
+    path.write_text("\n".join(lines) + "\n")
     (package / part.file).write_text(part.text)
-    return taken
 
 
 def use(part: Part, root: Path, folder: Path, plain: bool) -> str:
@@ -79,16 +69,15 @@ def main() -> None:
         root = Path(scratch, "root")
         shutil.copytree(PACKAGE, root / "backdrive", ignore=shutil.ignore_patterns("__pycache__"))
         added = []
-        for part in PARTS:
+        for part in (*PARTS, *control.PARTS):
             try:
-                lines = add(part, root / "backdrive")
+                add(part, root / "backdrive")
             except LookupError as error:
                 judge.that(f"{part.kind}: how to add it is not known any more: {error}", False)
                 continue
             added.append(part)
-            few = len(lines) == 1
-            where = "one file, one line" if few else f"one file, {len(lines)} lines"
-            judge.that(f"{part.kind}: {where} ({'; '.join(lines)})", few)
+            one = "\n" not in part.line.new
+            judge.that(f"{part.kind}: one file, one line ({part.line.file}: {part.line.new.strip()})", one)
         for part in added:
             folder = Path(scratch, part.file.replace("/", "_"))
             folder.mkdir()

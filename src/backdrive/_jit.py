@@ -12,7 +12,7 @@ import ctypes
 import hashlib
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -110,6 +110,40 @@ def ladder(function: F) -> F:
     compiled.
     """
     return _compiled(function, inline="always")
+
+
+def choice(kernels: Mapping[int, Callable], otherwise: Callable) -> Callable:
+    """Return `f(number, arguments)`, which hands a tuple of arguments to the kernel of a number, written out as a `ladder` is.
+
+    Args:
+        kernels: by number.
+        otherwise: kernel of all other numbers.
+    """
+    if nb.config.DISABLE_JIT:  # type: ignore[attr-defined]
+        return lambda number, arguments: kernels.get(number, otherwise)(*arguments)
+    numbers = list(kernels)
+    chosen = ladder(lambda number, arguments: otherwise(*arguments))
+    for i in range(0, len(numbers), 4):
+        chosen = _four([(n, kernels[n]) for n in numbers[i : i + 4]], otherwise, chosen)
+    return chosen
+
+
+def _four(kernels: list[tuple[int, Callable]], otherwise: Callable, below: Callable) -> Callable:
+    """Four at once, for the compiler's work grows with the square of how deep one stands in another."""
+    (a, of_a), (b, of_b), (c, of_c), (d, of_d) = (*kernels, *[(-1, otherwise)] * (4 - len(kernels)))
+
+    def four(number, arguments):
+        if number == a:
+            return of_a(*arguments)
+        if number == b:
+            return of_b(*arguments)
+        if number == c:
+            return of_c(*arguments)
+        if number == d:
+            return of_d(*arguments)
+        return below(number, arguments)
+
+    return ladder(four)
 
 
 def specialised(function: F, *kinds: int) -> F:

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
-from backdrive import plans as excite
 from backdrive._catalog import lookup
 from backdrive.cli._joint_options import named_numbers
 from backdrive.cli._logs import numbers
 from backdrive.cli._plan_request import Request, check_options
 from backdrive.errors import InvalidInput
 from backdrive.plans import Held, InTurn, check_limits
-from backdrive.plans.base import spoken
+from backdrive.plans.base import KINDS, spoken
 from backdrive.plans.limits import JointLimits, read_limits
 
+_DEGREES = ("stroke", "top_speed", "center")  # may be given in degrees
+_SEVERAL = ("band", "speeds")  # hold numbers
 MOST_STROKE = {"rad": 2.0 * math.pi, "m": 5.0}  # beyond, somebody has probably taken a wrong unit
 MOST_SPEED = {"rad": 30.0, "m": 10.0}
 
@@ -140,62 +142,44 @@ def holds_of(request: Request) -> dict[str, float]:
 
 
 def _plan(request: Request, limits: JointLimits, hold: float | None) -> Any:
-    kind = request.kind
+    cls, options = KINDS[request.kind], _Options(request, limits)
     common: dict[str, Any] = {"joint": limits.name, "unit": limits.unit}
-    cycles = {} if request.cycles is None else {"cycles": request.cycles}
-
-    def need(name: str, option: str) -> Any:
-        value = getattr(request, name)
-        if value is None:
+    if cls.commands == "position":
+        center = center_of(request, limits)
+        if center is not None and hold is not None:
             raise InvalidInput(
-                f"A plan of the kind {kind} needs {option}.", remedy="See backdrive plan --help."
+                f"--center and --hold both place joint '{limits.name}'.", remedy="Give one of them."
             )
-        return value
+        middle = hold if center is None else center
+        common |= options.given("lead_in") | ({} if middle is None else {"center": middle})
+    return cls.build(options, **common)
 
-    def given(*names: str) -> dict[str, Any]:
-        return {n: getattr(request, n) for n in names if getattr(request, n) is not None}
 
-    if kind in ("sine-torque", "sawtooth-torque"):
-        cls = excite.SineTorque if kind == "sine-torque" else excite.SawtoothTorque
-        more = given("offset") if kind == "sine-torque" else given("offset", "rise")
-        amplitude, frequency = need("amplitude", "--amplitude"), need("frequency", "--frequency")
-        return cls(amplitude, frequency, cycles.get("cycles", 5), **more, **common)
-    if kind == "ramp":
-        peak, rate = need("amplitude", "--amplitude"), need("torque_rate", "--torque-rate")
-        return excite.TorqueRamp(peak, rate, **cycles, **given("offset", "lead_in"), **common)
-    center = center_of(request, limits)
-    if center is not None and hold is not None:
+@dataclass(frozen=True)
+class _Options:
+    """Options in SI units, as a plan asks for them."""
+
+    request: Request
+    limits: JointLimits
+
+    def need(self, name: str) -> Any:
+        if name in _DEGREES:
+            return _one_of(self.request, name, self.limits)
+        if name in self.given(name):
+            return self.given(name)[name]
+
+        option = "--" + name.replace("_", "-") + (" LOW,HIGH" if name == "band" else "")
         raise InvalidInput(
-            f"--center and --hold both place joint '{limits.name}'.", remedy="Give one of them."
+            f"A plan of the kind {self.request.kind} needs {option}.", remedy="See backdrive plan --help."
         )
-    middle = hold if center is None else center
-    common |= given("lead_in") | ({} if middle is None else {"center": middle})
-    stroke = _one_of(request, "stroke", limits)
-    if kind == "multisine":
-        band = numbers(need("band", "--band LOW,HIGH"), "--band") or []
-        if len(band) != 2:
-            raise InvalidInput(
-                f"--band {request.band}: not two frequencies.", remedy="For example --band 0.1,2 [Hz]."
-            )
-        periods = {"periods": cycles["cycles"]} if cycles else {}
-        more = periods | given("seed")
-        return excite.Multisine(stroke, band[0], band[1], need("period", "--period"), **more, **common)
-    if kind == "constant-velocity":
-        speeds = numbers(request.speeds, "--speeds")
-        if speeds is None:
-            count = cycles.get("cycles", 10)
-            if count < 1:
-                raise InvalidInput(f"--cycles is {count}.", remedy="Give a whole number from 1 on.")
-            top = _one_of(request, "top_speed", limits)
-            speeds = [top * n / count for n in range(1, count + 1)]
-        elif request.cycles is not None or request.top_speed is not None or request.top_speed_deg is not None:
-            raise InvalidInput(
-                "--speeds stands beside --top-speed or --cycles.", remedy="Give one or the other."
-            )
-        more = given("ramp_acceleration", "pause")
-        return excite.ConstantVelocity(stroke, tuple(speeds), **more, **common)
-    top = _one_of(request, "top_speed", limits)
-    return excite.Sweep(stroke, top, cycles.get("cycles", 10), smooth=not request.literal, **common)
+
+    def given(self, *names: str) -> dict[str, Any]:
+        values = {name: getattr(self.request, name) for name in names}
+        return {
+            name: numbers(value, f"--{name}") if name in _SEVERAL else value
+            for name, value in values.items()
+            if value is not None and value is not False
+        }
 
 
 def center_of(request: Request, limits: JointLimits) -> float | None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive.errors import InvalidInput
-from backdrive.laws.base import Element, Rate, Rows
+from backdrive.laws.base import Element, Rate, Rows, by_name
 from backdrive.laws.base import Parameter as Parameter
 from backdrive.laws.elements.bliman_sorine import BlimanSorine as BlimanSorine
 from backdrive.laws.elements.dahl import Dahl as Dahl
@@ -46,53 +46,9 @@ from backdrive.laws.rates.sigmoid import Sigmoid as Sigmoid
 from backdrive.laws.rates.stribeck import StribeckGauss as StribeckGauss
 from backdrive.laws.rates.stribeck import StribeckTustin as StribeckTustin
 
-#: Every rate law by name. A law is one file, one line here and its branch in `kernels.py`.
-RATES: dict[str, type[Rate]] = {
-    c.NAME: c
-    for c in (
-        Coulomb,
-        CoulombViscous,
-        StribeckGauss,
-        StribeckTustin,
-        StribeckLorentz,
-        Makkar,
-        Sigmoid,
-        Degressive,
-        Polyline,
-        M1,
-        M2,
-        M3,
-        M4,
-        M5,
-        M6,
-        LoadTemperature,
-        GearLoad,
-    )
-}
-
-#: Every presliding element by name.
-ELEMENTS: dict[str, type[Element]] = {
-    c.NAME: c
-    for c in (
-        Rigid,
-        DeadZone,
-        Dahl,
-        BlimanSorine,
-        ResetIntegrator,
-        LuGre,
-        Elastoplastic,
-        HaywardArmstrong,
-        ViscoElastoplastic,
-        XiongKikuuwe,
-        XiongKikuuweMulti,
-        Decaying,
-        MaxwellSlip,
-        Leuven,
-        GMS,
-        SmoothedGMS,
-    )
-}
-
+#: Every rate law and every presliding element by name. A law is one file and its line above.
+RATES: dict[str, type[Rate]] = by_name(globals(), Rate)
+ELEMENTS: dict[str, type[Element]] = by_name(globals(), Element)
 
 REFERENCE = 20.0  # degC, of curves that are asked for without a temperature
 

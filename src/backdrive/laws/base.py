@@ -2,14 +2,46 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
 from backdrive.errors import InvalidInput
 
 SPEEDS = (1e-12, *np.geomspace(1e-9, 1e6, 61).tolist())  # [rad/s or m/s], where a rate law is looked at
+
+R = TypeVar("R", bound="Rows")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sizes:
+    """What data tell of friction before a law is fitted.
+
+    Attributes:
+        coulomb: Coulomb torque [N.m or N].
+        breakaway: torque at slow motion [N.m or N].
+        viscous: slope [N.m.s/rad or N.s/m].
+        speed: largest [rad/s or m/s].
+        stiffness: presliding stiffness [N.m/rad or N/m].
+        length: over which presliding torque builds up [rad or m].
+        lag: a time in which friction may settle [s].
+    """
+
+    coulomb: float
+    breakaway: float
+    viscous: float
+    speed: float
+    stiffness: float
+    length: float
+    lag: float
+
+    @property
+    def slow(self) -> float:
+        """A slow speed, at which a Stribeck curve may have fallen [rad/s or m/s]."""
+        return 0.05 * self.speed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +57,8 @@ class Parameter:
         typical: a value met in the literature, None where there is no typical one.
         source: where the typical value was published.
         log: whether values span orders of magnitude, so that a search should step in their logarithm.
+        start: where a fit begins, a number or a function of the `Sizes` of the data.
+        peak: it may not pass the largest friction in the data: where no motion is slow enough, nothing else holds it.
     """
 
     symbol: str
@@ -35,6 +69,8 @@ class Parameter:
     typical: float | tuple[float, ...] | None = None
     source: str = ""
     log: bool = False
+    start: float | Callable[[Sizes], float] = 0.0
+    peak: bool = False
 
     def unit_for(self, joint_unit: str) -> str:
         """Return the SI unit for a joint measured in `rad` or `m`."""
@@ -49,13 +85,16 @@ class Rows:
     """Base of the dataclasses above the kernels: values in, checked, and out as a row.
 
     NAME is what files and commands call it, KIND the integer that the kernels choose by; classes of one KIND share a
-    kernel and differ in which of its numbers are free. CLAIMS are sentences that the contract tests hold it to.
+    kernel and differ in which of its numbers are free. CLAIMS are sentences that the contract tests hold it to. WORDS is what
+    a report calls it where that is not its name, EXAMPLE one of a joint that resists with about 5 N.m.
     """
 
     NAME: ClassVar[str]
     KIND: ClassVar[int]
     PARAMETERS: ClassVar[dict[str, Parameter]]
     CLAIMS: ClassVar[tuple[str, ...]] = ()
+    WORDS: ClassVar[str] = ""
+    EXAMPLE: ClassVar[dict[str, Any]] = {}
 
     def __post_init__(self):
         for name, parameter in self.PARAMETERS.items():
@@ -81,6 +120,31 @@ class Rows:
     def row(self) -> np.ndarray:
         """Return the parameters as the row that the kernels read, (P,)."""
         return np.array([getattr(self, name) for name in self.PARAMETERS], dtype=np.float64)
+
+
+def by_name(names: Mapping[str, Any], base: type[R]) -> dict[str, type[R]]:
+    """Return the laws among what a module has imported by NAME, in the order of KIND.
+
+    Args:
+        names: of the module.
+        base: `Rate` or `Element`.
+    """
+    laws = [x for x in names.values() if isinstance(x, type) and issubclass(x, base) and x is not base]
+    return {law.NAME: law for law in sorted(laws, key=lambda law: law.KIND)}
+
+
+def kernels_of(classes: Iterable[type[Rows]], name: str) -> dict[int, Callable]:
+    """Return the kernels of laws by KIND: the functions of this name in their files.
+
+    Raises:
+        ValueError: two laws with kernels of their own have one number, or a number is none from 0 to 62.
+    """
+    kernels: dict[int, Callable] = {}
+    for law in classes:
+        kernel = getattr(sys.modules[law.__module__], name)
+        if kernels.setdefault(law.KIND, kernel) is not kernel or not 0 <= law.KIND < 63:
+            raise ValueError(f"KIND {law.KIND} of '{law.NAME}' is taken, or not from 0 to 62.")
+    return kernels
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,10 +214,12 @@ class Element(Rows):
             weakens with speed in it (falling sections of a polyline) narrows the bounds instead.
         DRIFTS: a vibration below break-away moves the element on, cycle by cycle.
         STEADY: at constant velocity the torque is that of the rate law.
+        ZONE: in a zone of low velocity there is no torque at all, the viscous one neither.
         SET_VALUED: at rest the torque is whatever holds the joint; `step` gives 0 there and `solve` holds.
     """
 
     SLIDER: ClassVar[bool] = False
+    ZONE: ClassVar[bool] = False
     DRIFTS: ClassVar[bool] = False
     STEADY: ClassVar[bool] = True
     SET_VALUED: ClassVar[bool] = False

@@ -10,112 +10,60 @@ law offers.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
-from backdrive._jit import jit, ladder
-from backdrive.laws import growth
-from backdrive.laws.elements import (
-    bliman_sorine,
-    dahl,
-    dead_zone,
-    decaying,
-    elastoplastic,
-    gms,
-    hayward_armstrong,
-    leuven,
-    lugre,
-    maxwell_slip,
-    none,
-    reset_integrator,
-    smoothed_gms,
-    xiong_kikuuwe,
-)
-from backdrive.laws.rates import (
-    coulomb_viscous,
-    degressive,
-    gear_load,
-    load_dependent,
-    load_temperature,
-    lorentz,
-    makkar,
-    polyline,
-    sigmoid,
-    stribeck,
-)
+from backdrive._jit import choice, jit, ladder, leaf
+from backdrive.laws import ELEMENTS, RATES, growth
+from backdrive.laws.base import Element, kernels_of
+from backdrive.laws.elements import none
 
 STEPS = 60  # of `solve` at most; line sections need a handful
 CLOSE = 1e-14  # of what is left of the balance when `solve` ends to the velocities in it
 FASTEST = 1e100  # beyond this speed [rad/s or m/s] a velocity counts as this one, so that nothing overflows
 
 
-@ladder
-def curve(rate, p, v, load, temp):
-    """Rate law at velocity v, without its growth with the load: (lo, hi, viscous)."""
-    if rate == 0:
-        return coulomb_viscous.limits(p, v, load, temp)
-    if rate == 1:
-        return polyline.limits(p, v, load, temp)
-    if rate == 2:
-        return stribeck.limits(p, v, load, temp)
-    if rate == 3:
-        return lorentz.limits(p, v, load, temp)
-    if rate == 4:
-        return makkar.limits(p, v, load, temp)
-    if rate == 5:
-        return sigmoid.limits(p, v, load, temp)
-    if rate == 6:
-        return degressive.limits(p, v, load, temp)
-    if rate == 7:
-        return load_dependent.limits(p, v, load, temp)
-    if rate == 8:
-        return load_temperature.limits(p, v, load, temp)
-    if rate == 9:
-        return gear_load.limits(p, v, load, temp)
+@leaf
+def no_curve(p, v, load, temp):
+    """Rate law of a number that no class has."""
     return np.nan, np.nan, np.nan
+
+
+@leaf
+def no_torque(p, e, x, lo, hi, dp, dt):
+    """Element of a number that no class has."""
+    return np.nan
+
+
+@leaf
+def no_motion(p, e, x, lo, hi, dp, dt):
+    """Element of a number that no class has, and the motion under it."""
+    return np.nan, np.nan
+
+
+def among(classes: Iterable[type[Element]]) -> int:
+    """Return the set of some elements, as the bits of an integer."""
+    return sum(1 << kind for kind in {c.KIND for c in classes})
+
+
+MOVERS = [
+    c for c in ELEMENTS.values() if c.SLIDER or c.ZONE
+]  # whose kernels say what motion the viscous part sees
+MOVES, HOLDS = among(MOVERS), among(c for c in ELEMENTS.values() if c.SET_VALUED)
+curve = choice(kernels_of(RATES.values(), "limits"), no_curve)
+carry = choice(kernels_of([c for c in ELEMENTS.values() if c not in MOVERS], "step"), no_torque)
+carry_moving = choice(kernels_of(MOVERS, "step"), no_motion)
 
 
 @ladder
 def limits(rate, p, v, load, temp):
     """Rate law at velocity v under a load: (lo, hi, viscous)."""
-    lo, hi, viscous = curve(rate, p, v, load, temp)
+    lo, hi, viscous = curve(rate, (p, v, load, temp))
     m = int(p[0])
     if p[0] > m:
         lo, hi = growth.grown(p, m + 1 - growth.ROW, v, load, lo, hi, viscous)
     return lo, hi, viscous
-
-
-@ladder
-def carry(element, p, e, x, lo, hi, dp, dt):
-    """Torque of the element between the limits, and the motion that the viscous part sees; `x` is advanced in place."""
-    if element == 0:
-        return none.step(lo, hi, dp), dp
-    if element == 1:
-        return dead_zone.step(p, e, lo, hi, dp, dt)
-    if element == 2:
-        return dahl.step(p, e, x, lo, hi, dp), dp
-    if element == 3:
-        return bliman_sorine.step(p, e, x, lo, hi, dp), dp
-    if element == 4:
-        return reset_integrator.step(p, e, x, lo, hi, dp, dt), dp
-    if element == 5:
-        return lugre.step(p, e, x, lo, hi, dp, dt), dp
-    if element == 6:
-        return elastoplastic.step(p, e, x, lo, hi, dp, dt), dp
-    if element == 7:
-        return hayward_armstrong.step(p, e, x, lo, hi, dp)
-    if element == 8:
-        return xiong_kikuuwe.step(p, e, x, lo, hi, dp, dt), dp
-    if element == 9:
-        return decaying.step(p, e, x, lo, hi, dp, dt)
-    if element == 10:
-        return maxwell_slip.step(p, e, x, lo, hi, dp), dp
-    if element == 11:
-        return leuven.step(p, e, x, lo, hi, dp, dt), dp
-    if element == 12:
-        return gms.step(p, e, x, lo, hi, dp, dt), dp
-    if element == 13:
-        return smoothed_gms.step(p, e, x, lo, hi, dp, dt), dp
-    return np.nan, np.nan
 
 
 @ladder
@@ -132,8 +80,11 @@ def step(rate, element, p, x, dp, dt, load, temp):
 def bounded(rate, element, p, x, v, dp, dt, load, temp):
     """Friction torque of a `step` at a velocity v = dp/dt that is at most FASTEST."""
     lo, hi, viscous = limits(rate, p, v, load, temp)
-    slides = element == 1 or element == 7 or element == 9  # noqa: PLR1714 (the compiler follows it)
-    if element != 0 and not slides and viscous * v < 0.0:
+    place = 1 + int(p[0])
+    if MOVES >> element & 1:
+        f, moved = carry_moving(element, (p, place, x, lo, hi, dp, dt))
+        return f + limits(rate, p, moved / dt, load, temp)[2]
+    if not HOLDS >> element & 1 and viscous * v < 0.0:
         # what weakens with speed narrows the bounds
         weaker = min(abs(viscous), hi if v > 0.0 else -lo)
         if v > 0.0:
@@ -142,10 +93,7 @@ def bounded(rate, element, p, x, v, dp, dt, load, temp):
         else:
             lo += weaker
             viscous -= weaker
-    f, slid = carry(element, p, 1 + int(p[0]), x, lo, hi, dp, dt)
-    if slides:
-        viscous = limits(rate, p, slid / dt, load, temp)[2]
-    return f + viscous
+    return carry(element, (p, place, x, lo, hi, dp, dt)) + viscous
 
 
 @jit
@@ -159,7 +107,7 @@ def solve(rate, element, p, x, v_free, dt, dt_over_m, load, temp):
     if not np.isfinite(v_free):
         return np.nan
     at_rest = v_free
-    if element <= 1:
+    if HOLDS >> element & 1:
         lo, hi, _ = limits(rate, p, 0.0, load, temp)
         if dt_over_m * lo <= v_free <= dt_over_m * hi:
             return 0.0
@@ -221,7 +169,7 @@ def _tried(rate, element, p, x, v, dt, load, temp):
 def _excess(rate, element, p, x, speed, toward, v_free, dt, dt_over_m, load, temp):
     """How much a trial speed asks for beyond what the step provides, along the direction of motion."""
     v = toward * speed
-    if element <= 1:
+    if HOLDS >> element & 1:
         lo, hi, viscous = limits(rate, p, v, load, temp)
         friction = (hi if toward > 0.0 else lo) + viscous
     else:
@@ -236,4 +184,4 @@ def steady(rate, p, v, load, temp, out):
     for i in range(v.size):
         j = i if loads else 0
         lo, hi, viscous = limits(rate, p, v[i], (load[j, 0], load[j, 1]), temp[i if temps else 0])
-        out[i] = none.step(lo, hi, v[i]) + viscous
+        out[i] = none.step(p, 0, v, lo, hi, v[i], 1.0) + viscous

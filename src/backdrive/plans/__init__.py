@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from backdrive.plans.base import KINDS
 from backdrive.plans.base import Plan as Plan
 from backdrive.plans.checks import check_limits as check_limits
 from backdrive.plans.constant_velocity import ConstantVelocity as ConstantVelocity
@@ -9,7 +10,6 @@ from backdrive.plans.in_turn import Held as Held
 from backdrive.plans.in_turn import InTurn as InTurn
 from backdrive.plans.in_turn import plan_of as plan_of
 from backdrive.plans.multisine import Multisine as Multisine
-from backdrive.plans.plan_file import PLANS as PLANS
 from backdrive.plans.plan_file import load_plan as load_plan
 from backdrive.plans.plan_file import plan_from_dict as plan_from_dict
 from backdrive.plans.plan_file import plan_to_dict as plan_to_dict
@@ -21,3 +21,6 @@ from backdrive.plans.sweep import Sweep as Sweep
 from backdrive.plans.torque import SawtoothTorque as SawtoothTorque
 from backdrive.plans.torque import SineTorque as SineTorque
 from backdrive.plans.torque import TorqueRamp as TorqueRamp
+
+#: Every plan of a single joint. A plan is one file and its line above.
+PLANS = tuple(KINDS.values())

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from dataclasses import MISSING, dataclass, fields
+from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 
@@ -12,6 +12,22 @@ from backdrive.errors import InvalidInput
 from backdrive.parameters import FINITE, NOT_NEGATIVE, POSITIVE, number, whole
 
 MOST_CYCLES = 10_000
+#: Every plan of a single joint by its kind. A plan is one file, which is imported in `backdrive.plans`.
+KINDS: dict[str, type[Plan]] = {}
+
+
+class Options(Protocol):
+    """Options of `backdrive plan`, in SI units."""
+
+    def need(self, name: str) -> Any:
+        """Return an option; an error where it is not given."""
+        ...
+
+    def given(self, *names: str) -> dict[str, Any]:
+        """Return those of some options that are given, by name."""
+        ...
+
+
 DEGREE = math.pi / 180.0
 
 
@@ -26,6 +42,7 @@ class Plan:
         unit: `rad` or `m`.
         kind: name of the kind of plan.
         commands: what it commands, `position` or `torque`.
+        options: of `backdrive plan` that mean something to it, beside those that all kinds have.
     """
 
     start: float = 0.0
@@ -34,6 +51,24 @@ class Plan:
 
     kind: ClassVar[str]
     commands: ClassVar[str]
+    options: ClassVar[tuple[str, ...]] = ()
+
+    def __init_subclass__(cls):
+        super().__init_subclass__()
+        if "kind" in vars(cls):
+            KINDS[cls.kind] = cls
+
+    @classmethod
+    def build(cls, options: Options, **common: Any) -> Plan:
+        """Return the plan of options of the command line.
+
+        Args:
+            options: as given.
+            common: fields that all plans of what it commands have: joint, unit, and of a motion center and lead-in.
+        """
+        known = {f.name: f.default for f in fields(cls) if f.init and f.name in cls.options}
+        must = {name: options.need(name) for name, default in known.items() if default is MISSING}
+        return cls(**must, **options.given(*(known.keys() - must.keys())), **common)
 
 
 @dataclass(frozen=True, kw_only=True)

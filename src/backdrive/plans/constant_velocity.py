@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from backdrive.errors import InvalidInput
 from backdrive.parameters import POSITIVE
 from backdrive.plans._pieces import Pieces
-from backdrive.plans.base import MotionPlan, rounded, settle, spoken
+from backdrive.plans.base import MotionPlan, Options, rounded, settle, spoken
 
 #: Least share of the stroke that a run must have at constant speed.
 STEADY = 0.2
@@ -42,6 +42,26 @@ class ConstantVelocity(MotionPlan):
     pause: float = 0.2
 
     kind: ClassVar[str] = "constant-velocity"
+    options: ClassVar[tuple[str, ...]] = (
+        *("stroke", "top_speed", "top_speed_deg", "cycles"),
+        *("speeds", "ramp_acceleration", "pause"),
+    )
+
+    @classmethod
+    def build(cls, options: Options, **common: Any) -> ConstantVelocity:
+        """Return the runs of options of the command line: speeds, or a top speed and how many."""
+        stroke, speeds = options.need("stroke"), options.given("speeds").get("speeds")
+        if speeds is None:
+            count = options.given("cycles").get("cycles", 10)
+            if count < 1:
+                raise InvalidInput(f"--cycles is {count}.", remedy="Give a whole number from 1 on.")
+            top = options.need("top_speed")
+            speeds = [top * n / count for n in range(1, count + 1)]
+        elif options.given("cycles", "top_speed", "top_speed_deg"):
+            raise InvalidInput(
+                "--speeds stands beside --top-speed or --cycles.", remedy="Give one or the other."
+            )
+        return cls(stroke, tuple(speeds), **options.given("ramp_acceleration", "pause"), **common)
 
     def __post_init__(self):
         settle(self, positive=("stroke",), not_negative=("pause",), finite=("center", "start"))

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from backdrive.errors import InvalidInput
 from backdrive.parameters import whole
-from backdrive.plans.base import MotionPlan, between, settle, settle_count
+from backdrive.plans.base import MotionPlan, Options, between, settle, settle_count
 
 MOST_HARMONICS = 500
 _ROUNDS = 300  # of the search for phases
@@ -52,6 +52,21 @@ class Multisine(MotionPlan):
     phases: tuple[float, ...] = ()
 
     kind: ClassVar[str] = "multisine"
+    options: ClassVar[tuple[str, ...]] = ("stroke", "cycles", "band", "period", "seed")
+
+    @classmethod
+    def build(cls, options: Options, **common: Any) -> Multisine:
+        """Return the multisine of options of the command line."""
+        stroke, band = options.need("stroke"), options.need("band")
+        if len(band) != 2:
+            raise InvalidInput(
+                f"--band {','.join(map(str, band))}: not two frequencies.",
+                remedy="For example --band 0.1,2 [Hz].",
+            )
+        more = {
+            "periods" if name == "cycles" else name: x for name, x in options.given("cycles", "seed").items()
+        }
+        return cls(stroke, band[0], band[1], options.need("period"), **more, **common)
 
     def __post_init__(self):
         settle(self, positive=("stroke", "low", "high", "period"), finite=("center", "start"))

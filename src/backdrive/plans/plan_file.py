@@ -13,21 +13,14 @@ from backdrive._documents import numbers_in
 from backdrive._files import read_whole, write_whole
 from backdrive.errors import BackdriveError, InvalidInput, ReadError, UnknownFormat
 from backdrive.parameters import NOT_NEGATIVE, POSITIVE
-from backdrive.plans.constant_velocity import ConstantVelocity
+from backdrive.plans.base import KINDS
 from backdrive.plans.in_turn import Held, InTurn
-from backdrive.plans.multisine import Multisine
-from backdrive.plans.sweep import Sweep
-from backdrive.plans.torque import SawtoothTorque, SineTorque, TorqueRamp
 
 SCHEMA = 1
 FORMAT = "backdrive-plan"
 MAX_BYTES = 20_000_000
 #: Numbers that something is divided by.
 DIVISORS = ("stroke", "top_speed", "speeds", "amplitude", "frequency", "low", "high", "period", "rate")
-
-#: Every plan of a single joint. A plan is one class, one line here and its options in the command line.
-PLANS: tuple[type, ...] = (Sweep, ConstantVelocity, SineTorque, SawtoothTorque, TorqueRamp, Multisine)
-_KINDS: dict[str, type] = {c.kind: c for c in (*PLANS, InTurn)}  # type: ignore[attr-defined]
 
 
 def plan_to_dict(plan: Any) -> dict[str, Any]:
@@ -81,7 +74,7 @@ def _built(data: Any, *, nested: bool) -> Any:
     if not isinstance(data, Mapping) or not isinstance(data.get("kind"), str):
         raise ReadError("A plan has no kind.", remedy="Make it again with `backdrive plan`.")
     try:
-        cls = lookup(data["kind"], _KINDS, "kind of plan")
+        cls = lookup(data["kind"], {**KINDS, InTurn.kind: InTurn}, "kind of plan")
         given = {k: v for k, v in data.items() if k != "kind"}
         if cls is InTurn and nested:
             raise InvalidInput(

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from backdrive.errors import InvalidInput
 from backdrive.plans._pieces import Pieces
-from backdrive.plans.base import MotionPlan, between, rounded, settle, settle_count
+from backdrive.plans.base import MotionPlan, Options, between, rounded, settle, settle_count
 
 #: Share of a cycle's top speed above which the motion is the sine of (2.4) itself. At 0.5 the glides between the cycles
 #: stay below the peak acceleration of the last cycle, and windows from 0.8 on have room for a lagging joint.
@@ -50,6 +50,17 @@ class Sweep(MotionPlan):
     smooth: bool = True
 
     kind: ClassVar[str] = "sweep"
+    options: ClassVar[tuple[str, ...]] = (
+        *("stroke", "top_speed", "top_speed_deg", "cycles"),
+        *("literal", "bias", "time_slip", "centres"),
+    )
+
+    @classmethod
+    def build(cls, options: Options, **common: Any) -> Sweep:
+        """Return the sweep of options of the command line, of ten cycles where nothing else is asked."""
+        stroke, top = options.need("stroke"), options.need("top_speed")
+        smooth = not options.given("literal")
+        return cls(stroke, top, options.given("cycles").get("cycles", 10), smooth=smooth, **common)
 
     def __post_init__(self):
         settle(self, positive=("stroke", "top_speed"), finite=("center", "start"))

@@ -11,7 +11,7 @@ import numpy as np
 
 from backdrive.errors import InvalidInput
 from backdrive.plans._pieces import Pieces
-from backdrive.plans.base import Plan, between, instants, settle, settle_count
+from backdrive.plans.base import Options, Plan, between, instants, settle, settle_count
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +50,7 @@ class Swinging(TorquePlan):
 
     amplitude: float
     frequency: float
-    cycles: int
+    cycles: int = 5
 
     def __post_init__(self):
         settle(self, positive=("amplitude", "frequency"), finite=("offset", "start"))
@@ -79,6 +79,7 @@ class SineTorque(Swinging):
     """
 
     kind: ClassVar[str] = "sine-torque"
+    options: ClassVar[tuple[str, ...]] = ("amplitude", "frequency", "cycles", "offset", "inertia")
 
     def _torque(self, t: np.ndarray) -> np.ndarray:
         x = np.clip(t - self.start, 0.0, self.duration)
@@ -107,6 +108,7 @@ class SawtoothTorque(Swinging):
     rise: float = 0.5
 
     kind: ClassVar[str] = "sawtooth-torque"
+    options: ClassVar[tuple[str, ...]] = ("amplitude", "frequency", "cycles", "offset", "rise", "inertia")
 
     def __post_init__(self):
         super().__post_init__()
@@ -155,6 +157,13 @@ class TorqueRamp(TorquePlan):
     lead_in: float = 1.0
 
     kind: ClassVar[str] = "ramp"
+    options: ClassVar[tuple[str, ...]] = ("amplitude", "torque_rate", "cycles", "offset", "lead_in")
+
+    @classmethod
+    def build(cls, options: Options, **common: Any) -> TorqueRamp:
+        """Return the ramp of options of the command line."""
+        peak, rate = options.need("amplitude"), options.need("torque_rate")
+        return cls(peak, rate, **options.given("cycles", "offset", "lead_in"), **common)
 
     def __post_init__(self):
         settle(self, positive=("peak", "rate"), not_negative=("lead_in",), finite=("offset", "start"))

@@ -7,6 +7,7 @@ import math
 import re
 from typing import NamedTuple
 
+from backdrive.laws import RATES
 from backdrive.model import Estimate, JointFriction
 from backdrive.report.pictures.canvas import pretty_unit
 from backdrive.report.pictures.sizes import scaled
@@ -29,8 +30,6 @@ TERMS = {
     "positive": "along +q",
     "negative": "along \u2212q",
 }
-
-LAWS = {"coulomb-viscous": "Coulomb and viscous, by direction", "polyline": "line sections, by direction"}
 
 _UNITS = re.compile(r"\b(?:N\.m(?:\.s/rad)?|N\.s/m|kg\.m\^2|degC)(?![\w.^])|\bN\.m(?=\.\s|\.$)")
 _HELD = re.compile(r"(?<=\d) (?=(?:N·m|N|kg|m|rad|s|°C|%)(?:[\s./,;:·²]|$))")
@@ -201,7 +200,7 @@ def entries(friction: JointFriction, *, knots: bool) -> list[Entry]:
 
 def law_name(name: str) -> str:
     """Return a rate law in words."""
-    return LAWS.get(name, name)
+    return (RATES[name].WORDS if name in RATES else "") or name
 
 
 def symbol(text: str) -> str:

@@ -19,7 +19,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from backdrive._jit import jit, ladder
+from backdrive._jit import choice, jit, ladder, leaf
 from backdrive.control.compensators import dither as dither_
 from backdrive.control.compensators import extras
 from backdrive.control.compensators.dither import NONE, Dither
@@ -39,6 +39,21 @@ NEARLY = (
 )
 
 
+@leaf
+def nothing(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):
+    """Nothing extra."""
+    return 0.0
+
+
+NAMES = {**vars(extras), **globals()}
+#: Everything extra by number. One is one file and one import above.
+EXTRAS: dict[int, type[Extra]] = {
+    e.KIND: e for e in NAMES.values() if isinstance(e, type) and issubclass(e, Extra) and e is not Extra
+}
+INSTEAD = sum(e.INSTEAD << kind for kind, e in EXTRAS.items())
+extra = choice({kind: e.KERNEL for kind, e in EXTRAS.items()}, nothing)
+
+
 @ladder
 def tick(c, i, p, x, s, j, q, dp, dt, t, error, slope, u, load, temp, idle):
     """Return the torque of one tick in two parts: what pushes, and the dither.
@@ -48,12 +63,7 @@ def tick(c, i, p, x, s, j, q, dp, dt, t, error, slope, u, load, temp, idle):
     """
     kind = int(c[i + EXTRA])
     push, wave = 0.0, 0.0
-    if kind >= 2:  # an observer runs the law itself
-        if not idle:
-            push = extras.observe(
-                c, i + EXTRA, c[i], p, x, s, j + S_EXTRA, q, dp, dt, error, slope, u, load, temp
-            )
-    else:
+    if not INSTEAD >> kind & 1:
         model = friction_.tick(c, i + FRICTION, p, x, s, j + 0, dp, dt, load, temp)
         push = c[i] * model
         if c[i + DITHER] >= 0.0:
@@ -64,8 +74,10 @@ def tick(c, i, p, x, s, j, q, dp, dt, t, error, slope, u, load, temp, idle):
             wave = dither_.tick(
                 c, i + DITHER, s, j + S_DITHER, near * lo < held < near * hi, lo, hi, q, dt, t, idle
             )
-        if kind == 1 and not idle:
-            push += extras.pulse(c, i + EXTRA, s, j + S_EXTRA, dp, dt, error)
+    if kind > 0 and not idle:
+        push += extra(
+            kind, (c, i + EXTRA, c[i], p, x, s, j + S_EXTRA, q, dp, dt, error, slope, u, load, temp)
+        )
     return push, wave
 
 

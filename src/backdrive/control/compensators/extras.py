@@ -15,12 +15,14 @@ friction that the model has missed, and cancels it up to a limit. It cancels a h
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from backdrive._jit import jit, ladder
+from backdrive._jit import jit
 from backdrive.control.estimators import external
 from backdrive.control.estimators import friction as friction_
 from backdrive.control.estimators.external import ExternalForce
@@ -37,7 +39,7 @@ STATES = external.STATES
 
 
 @jit
-def pulse(c, i, s, j, dp, dt, error):
+def pulse(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):
     """Return the pulse of one tick; `c[i:]`: kind, height, width, wait, tolerance; `s[j:]`: time stuck, time left, sign."""
     if s[j + 1] > 0.5 * dt:
         s[j + 1] -= dt
@@ -51,18 +53,16 @@ def pulse(c, i, s, j, dp, dt, error):
     return 0.0
 
 
-@ladder
-def observe(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):
-    """Return the torque of an observer with a share of its friction; `c[i:]`: row, `s[j:]`: state."""
-    if c[i] == 2.0:
-        return share * bristle(c, i + 0, p, s, j + 0, dp, dt, error, slope, load, temp)
+@jit
+def missing(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):
+    """Return the torque of the disturbance observer; `c[i:]`: kind, limit, estimator."""
     missed, friction = external.tick(c, i + 2, p, x, s, j, q, dp, dt, u, 0.0, load, temp, 1.0)
     limit = c[i + 1]
     return share * friction - min(max(missed, -limit), limit)
 
 
 @jit
-def bristle(c, i, p, s, j, dp, dt, error, slope, load, temp):
+def bristle(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):
     """Return the torque of the LuGre observer; `s[j]`: sigma_0 z, `s[j + 1]`: theta."""
     v = dp / dt
     lo, hi, viscous = friction_.bounds(int(c[i + 6]), p, v, load, temp)
@@ -80,21 +80,29 @@ def bristle(c, i, p, s, j, dp, dt, error, slope, load, temp):
     s[j] = after
     bent = after + lugre.damping(p[e + 1], p[e + 2], v) * (after - before) / (sigma_0 * dt)
     s[j + 1] = min(max(s[j + 1] + dt * c[i + 3] * wrong * bent, c[i + 4]), c[i + 5])
-    return s[j + 1] * bent + viscous
+    return share * (s[j + 1] * bent + viscous)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Extra(Bounded):
-    """Base of what goes beyond a friction model."""
+class Extra(Bounded, ABC):
+    """Base of what goes beyond a friction model. Each stands with its kernel, and is imported in `compensator`.
 
-    KIND: ClassVar[int] = 0
+    Attributes:
+        KIND: number of its kernel, 1 to 62.
+        KERNEL: the torque of one tick, of all the arguments that `pulse` has; share: of the friction that is compensated.
+        INSTEAD: it stands in the model's place, for it runs the law itself.
+    """
+
+    KIND: ClassVar[int]
+    KERNEL: ClassVar[Callable]
+    INSTEAD: ClassVar[bool] = False
 
     def check(self, law: Law) -> None:
         """Say whether it goes with a law."""
 
+    @abstractmethod
     def row(self, dt: float, friction: FrictionEstimator) -> np.ndarray:
         """Return the row that the kernels read, (ROW,)."""
-        raise NotImplementedError
 
     def _row(self, *numbers: float) -> np.ndarray:
         c = np.zeros(ROW)
@@ -115,6 +123,7 @@ class Pulses(Extra):
     """
 
     KIND: ClassVar[int] = 1
+    KERNEL: ClassVar[Callable] = staticmethod(pulse)
 
     BOUNDS: ClassVar = {"height": POSITIVE, "width": POSITIVE, "wait": POSITIVE, "tolerance": NOT_NEGATIVE}
 
@@ -141,6 +150,8 @@ class BristleObserver(Extra):
     """
 
     KIND: ClassVar[int] = 2
+    KERNEL: ClassVar[Callable] = staticmethod(bristle)
+    INSTEAD: ClassVar[bool] = True
 
     BOUNDS: ClassVar = {
         "gain": FINITE,
@@ -184,6 +195,8 @@ class DisturbanceObserver(Extra):
     """
 
     KIND: ClassVar[int] = 3
+    KERNEL: ClassVar[Callable] = staticmethod(missing)
+    INSTEAD: ClassVar[bool] = True
 
     BOUNDS: ClassVar = {"limit": POSITIVE}
 

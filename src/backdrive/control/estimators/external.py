@@ -18,23 +18,23 @@ L M count/T and a raw second difference by M count/T^2.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 
-from backdrive._jit import jit, ladder
+from backdrive._jit import choice, jit, ladder, leaf
 from backdrive.control.estimators import friction as friction_
 from backdrive.control.estimators import sliding_mode
 from backdrive.control.estimators.friction import NOTHING, FrictionEstimator
+from backdrive.control.estimators.method import Method
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput
 from backdrive.parameters import FINITE, POSITIVE, Bounded
 
-METHODS = ("direct", "momentum", "disturbance", "extended", "kalman")
 FILTER, FRICTION = 9, 14  # places of the rows of filter and friction in the row
 ROW = FRICTION + friction_.ROW
 STATES = sliding_mode.STATES + 1 + 4  # filter, w, and four of the observer
-W, O = sliding_mode.STATES, sliding_mode.STATES + 1  # noqa: E741 (the observer's place)
+W, OBSERVER = sliding_mode.STATES, sliding_mode.STATES + 1
 
 
 @jit
@@ -42,6 +42,79 @@ def threefold(L, T):
     """Return the gains, in ticks, of an observer of q, v, d with all poles at exp(-L T)."""
     b = np.exp(-L * T)
     return 1.0 - b * b * b, 1.5 * (1.0 - b) * (1.0 - b) * (1.0 + b), (1.0 - b) * (1.0 - b) * (1.0 - b)
+
+
+@leaf
+def direct(c, i, s, j, q, dp, T, n):
+    """M a - n with the acceleration of the filter."""
+    return c[i + 1] * sliding_mode.motion(c, i + FILTER, s, j + 0, q, dp, T)[1] - n
+
+
+@leaf
+def momentum(c, i, s, j, q, dp, T, n):
+    """The generalised momentum's residual."""
+    M, L = c[i + 1], c[i + 4]
+    r = L * (M * (dp / T) - s[j + 6] - T * n) / (1.0 + L * T)
+    s[j + 6] += T * (n + r)
+    return r
+
+
+@leaf
+def disturbance(c, i, s, j, q, dp, T, n):
+    """M a - n through a first-order low pass, a differenced twice."""
+    M, L, v = c[i + 1], c[i + 4], dp / T
+    s[j + 7] = (s[j + 7] + L * T * (M * (v - s[j + 6]) / T - n)) / (1.0 + L * T)
+    s[j + 6] = v
+    return s[j + 7]
+
+
+@leaf
+def observed(c, i, s, j, q, dp, T, n):
+    """An observer: predict with what acted, correct with what was measured."""
+    M, L = c[i + 1], c[i + 4]
+    g_1, g_2, g_3 = c[i + 5], c[i + 6], c[i + 7]
+    if abs(T - c[i + 8]) > 0.1 * c[i + 8]:  # gains are in ticks, those of a tick of another length from L
+        g_1, g_2, g_3 = threefold(L, T)
+    d = s[j + 8]
+    acceleration = n / M + d
+    e = q - (s[j + 6] + T * s[j + 7] + 0.5 * T * T * acceleration)
+    s[j + 6] = q - (1.0 - g_1) * e
+    s[j + 7] += T * acceleration + g_2 * e / T
+    s[j + 8] = d + g_3 * e / (T * T)
+    return M * s[j + 8]
+
+
+def by_poles(estimator: ExternalForce, dt: float) -> tuple[float, float, float, float]:
+    """Return the gains of an observer with all poles at exp(-L T)."""
+    return (*threefold(estimator.bandwidth, dt), estimator.bandwidth)
+
+
+def stationary(estimator: ExternalForce, dt: float) -> tuple[float, float, float, float]:
+    """Return the gains of the stationary Kalman filter for d = tau_e/M that walks at random."""
+    from scipy.linalg import solve_discrete_are
+
+    # lengths in counts and times in ticks, so that the equation is well scaled
+    A = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
+    C = np.array([[1.0, 0.0, 0.0]])
+    walk = estimator.force_rate / estimator.inertia * np.sqrt(dt) * dt**2 / estimator.encoder_count
+    Q, R = np.diag([0.0, 0.0, walk**2]), np.array([[1.0 / 12.0]])
+    P = solve_discrete_are(A.T, C.T, Q, R)
+    K = (P @ C.T / (C @ P @ C.T + R)).ravel()
+    # of a threefold pole that corrects q by as much
+    return float(K[0]), float(K[1]), float(K[2]), float(-np.log(1.0 - K[0]) / (3.0 * dt))
+
+
+DIRECT = Method("direct", direct)
+MOMENTUM = Method("momentum", momentum)
+DISTURBANCE = Method("disturbance", disturbance)
+EXTENDED = Method("extended", observed, gains=by_poles, places=True)
+KALMAN = Method("kalman", observed, gains=stationary, places=True)
+#: Every method by name. A method is one file and one import of its `Method` above.
+KNOWN: dict[str, Method] = {m.name: m for m in globals().values() if isinstance(m, Method)}
+METHODS = tuple(KNOWN)
+
+estimate = choice({kind: m.kernel for kind, m in enumerate(KNOWN.values())}, direct)
+PLACES = sum(m.places << kind for kind, m in enumerate(KNOWN.values()))
 
 
 @ladder
@@ -52,42 +125,18 @@ def tick(c, i, p, x, s, j, q, dp, dt, u, known, load, temp, level):
     meanwhile, known: torque of gravity and of other joints beyond that of the row, level: factor on the friction.
     """
     tau_f = level * friction_.tick(c, i + FRICTION, p, x, s, j + W, dp, dt, load, temp)
-    M, L, T = c[i + 1], c[i + 4], dt
     n = u - known - tau_f
     if c[i + 2] != 0.0 or c[i + 3] != 0.0:
         n -= c[i + 2] * np.sin(q) + c[i + 3] * np.cos(q)
-    kind = int(c[i])
-    if kind == 0:
-        a = sliding_mode.motion(c, i + FILTER, s, j + 0, q, dp, T)[1]
-        return M * a - n, tau_f
-    if kind == 1:
-        r = L * (M * (dp / T) - s[j + 6] - T * n) / (1.0 + L * T)
-        s[j + 6] += T * (n + r)
-        return r, tau_f
-    if kind == 2:
-        v = dp / T
-        s[j + 7] = (s[j + 7] + L * T * (M * (v - s[j + 6]) / T - n)) / (1.0 + L * T)
-        s[j + 6] = v
-        return s[j + 7], tau_f
-    # predict with what acted, correct with what was measured; gains in ticks, those of a tick of another length from L
-    g_1, g_2, g_3 = c[i + 5], c[i + 6], c[i + 7]
-    if abs(T - c[i + 8]) > 0.1 * c[i + 8]:
-        g_1, g_2, g_3 = threefold(L, T)
-    d = s[j + 8]
-    acceleration = n / M + d
-    e = q - (s[j + 6] + T * s[j + 7] + 0.5 * T * T * acceleration)
-    s[j + 6] = q - (1.0 - g_1) * e
-    s[j + 7] += T * acceleration + g_2 * e / T
-    s[j + 8] = d + g_3 * e / (T * T)
-    return M * s[j + 8], tau_f
+    return estimate(int(c[i]), (c, i, s, j, q, dp, dt, n)), tau_f
 
 
 @jit
 def shift(c, i, s, j, by):
     """Move everything that is a position: the encoder counts from another zero."""
     s[j] += by
-    if c[i] >= 3.0:
-        s[j + 6] += by
+    if PLACES >> int(c[i]) & 1:
+        s[j + OBSERVER] += by
 
 
 @jit
@@ -122,7 +171,7 @@ class ExternalForce(Bounded):
 
     inertia: float
     friction: FrictionEstimator = field(default_factory=lambda: NOTHING)
-    method: Literal["direct", "momentum", "disturbance", "extended", "kalman"] = "direct"
+    method: str = "direct"
     filter: MotionFilter = field(default_factory=MotionFilter)
     bandwidth: float = 100.0
     gravity_sin: float = 0.0
@@ -133,35 +182,26 @@ class ExternalForce(Bounded):
     def row(self, dt: float) -> np.ndarray:
         """Return the row that `tick` reads, (21,)."""
         c = np.zeros(ROW)
-        c[:5] = METHODS.index(self.method), self.inertia, self.gravity_sin, self.gravity_cos, self.bandwidth
+        c[:5] = (
+            METHODS.index(self.method),
+            self.inertia,
+            self.gravity_sin,
+            self.gravity_cos,
+            self.bandwidth,
+        )
         c[8] = dt
-        if self.method == "extended":
-            c[5:8] = threefold(self.bandwidth, dt)
-        elif self.method == "kalman":
-            c[5:8] = self._stationary(dt)
-            c[4] = -np.log(1.0 - c[5]) / (3.0 * dt)  # of a threefold pole that corrects q by as much
+        gains = KNOWN[self.method].gains
+        if gains is not None:
+            *c[5:8], c[4] = gains(self, dt)
         c[FILTER:FRICTION], c[FRICTION:] = self.filter.row(), self.friction.row()
         return c
-
-    def _stationary(self, dt: float) -> tuple[float, float, float]:
-        """Return the gains of the stationary Kalman filter for d = tau_e/M that walks at random."""
-        from scipy.linalg import solve_discrete_are
-
-        # lengths in counts and times in ticks, so that the equation is well scaled
-        A = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
-        C = np.array([[1.0, 0.0, 0.0]])
-        walk = self.force_rate / self.inertia * np.sqrt(dt) * dt**2 / self.encoder_count
-        Q, R = np.diag([0.0, 0.0, walk**2]), np.array([[1.0 / 12.0]])
-        P = solve_discrete_are(A.T, C.T, Q, R)
-        K = (P @ C.T / (C @ P @ C.T + R)).ravel()
-        return float(K[0]), float(K[1]), float(K[2])
 
     def start(self, position: float) -> np.ndarray:
         """Return the state of a joint at rest at a position, (10,)."""
         s = np.zeros(STATES)
         s[0] = position
-        if self.method in ("extended", "kalman"):
-            s[O] = position
+        if KNOWN[self.method].places:
+            s[OBSERVER] = position
         return s
 
     def run(

@@ -14,6 +14,7 @@ from backdrive.identification.dynamic.unknowns import Scales
 from backdrive.identification.dynamics import earlier
 from backdrive.identification.terms import column, columns
 from backdrive.laws import Coulomb, HaywardArmstrong, Law, Leuven
+from backdrive.laws.base import Sizes
 from backdrive.logs.filters import low_pass
 
 GRID = 24  # break-away distances that elements side by side are first sought at
@@ -161,63 +162,18 @@ def guess(problem: TorqueProblem, scales: Scales) -> dict[str, float]:
     )
     F_s = float(np.quantile(near, 0.9)) if near.size > 20 else 1.2 * F
     F_s = float(np.clip(F_s, F, 3.0 * F))
-    v_s = 0.05 * V
-    K = scales.force / scales.length
-    known = {
-        "coulomb": F,
-        "coulomb_positive": F,
-        "coulomb_negative": F,
-        "positive": F,
-        "negative": F,
-        "viscous": b,
-        "viscous_positive": b,
-        "viscous_negative": b,
-        "breakaway": F_s,
-        "stribeck": max(F_s - F, 0.05 * F),
-        "stribeck_velocity": v_s,
-        "stribeck_velocity_load": v_s,
-        "stribeck_velocity_temperature": 0.0,
-        "stribeck_temperature": 0.0,
-        "viscous_temperature": b,
-        "thinning": 25.0,
-        "exponent": 1.0,
-        "growth": b * V**0.5,
-        "rise": 10.0 / v_s,
-        "fall": 0.7 / v_s,
-        "steepness": 3.0 / v_s,
-        "span": 2.0 * F,
-        "offset": found.get("offset", 0.0),
-        "shift": 0.0,
-        "stiffness": K,
-        "damping": 0.2 * K * scales.lag,
-        "damping_time": 0.002,
-        "fading": V,
-        "elastic": 0.6,
-        "decay_rate": 2.0,
-        "distance": 3.0 * scales.length,
-        "ratio": 0.4,
-        "overshoot": 0.3,
-        "excess": 0.1,
-        "attraction": 20.0 * F,
-        "sharpness": 2.0 if "leuven" in problem.shape.name else 100.0,
-        "margin": 0.9,
-        "reversal": 10.0,
-        "lag": 0.003,
-        "threshold": 0.01 * V,
-        "load": 0.05,
-        "driving": 0.05,
-        "driven": 0.05,
-        "load_stribeck": 0.05,
-        "load_motor": 0.05,
-        "load_external": 0.05,
-        "load_stribeck_motor": 0.03,
-        "load_stribeck_external": 0.03,
-        "quadratic_external": 0.01 / F,
-        "quadratic_motor": 0.01 / F,
-        "coulomb_load": 0.05,
-        "stribeck_load": 0.05,
-        "delay": problem.about,
-    }
+    sizes = Sizes(
+        coulomb=F,
+        breakaway=F_s,
+        viscous=b,
+        speed=V,
+        stiffness=scales.force / scales.length,
+        length=scales.length,
+        lag=scales.lag,
+    )
+    parameters = problem.shape.rate.PARAMETERS | problem.shape.element.PARAMETERS
+    starts = {name: p.start(sizes) if callable(p.start) else p.start for name, p in parameters.items()}
+    known = {"delay": problem.about} | starts
     parallel = side_by_side(problem, left, scales) if problem.side_by_side else {}
     if "threshold" in problem.names:
         known["threshold"] = threshold(problem, left)

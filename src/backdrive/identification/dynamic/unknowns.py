@@ -23,9 +23,6 @@ WIDEST = 9.0  # of the logarithm of a ratio of shares
 WIDE = 1e3  # a range whose ends differ by more than this factor is searched in the logarithm
 
 
-PEAKS = ("breakaway",)  # may not pass what was seen: where no motion is slow enough, nothing else holds them
-
-
 @dataclass(frozen=True, kw_only=True)
 class Scales:
     """Sizes that the data show, from which ranges follow.
@@ -141,7 +138,7 @@ def unknown(
     else:
         lower, upper = max(parameter.lower, -50.0 * size), min(parameter.upper, 50.0 * size)
     plain = name.partition("[")[0]
-    if plain in PEAKS:
+    if parameter.peak:
         upper = max(min(upper, scales.most), 2.0 * lower)
     if plain in bounds:
         asked = range_asked(plain, bounds[plain])

@@ -14,7 +14,7 @@ path counts. One step is exact for a constant velocity. P.-A. Bliman, M. Sorine,
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from backdrive.laws.base import Element, Parameter, Rate
 
 
 @leaf
-def step(p, e, x, lo, hi, dp):
+def step(p, e, x, lo, hi, dp, dt):
     """Torque of one tick; the states are the two bristles, in torques of the rate law."""
     distance, ratio, overshoot = p[e], p[e + 1], p[e + 2]
     if dp == 0.0:
@@ -51,10 +51,13 @@ class BlimanSorine(Element):
     KIND: ClassVar[int] = 3
     DRIFTS: ClassVar[bool] = True
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
-        "distance": Parameter(symbol="e", unit="length", lower=1e-12, upper=1e3, log=True),
-        "ratio": Parameter(symbol="eta", unit="1", lower=1e-3, upper=0.999),
-        "overshoot": Parameter(symbol="b", unit="1", lower=0.0, upper=10.0),
+        "distance": Parameter(
+            symbol="e", unit="length", lower=1e-12, upper=1e3, log=True, start=lambda d: 3.0 * d.length
+        ),
+        "ratio": Parameter(symbol="eta", unit="1", lower=1e-3, upper=0.999, start=0.4),
+        "overshoot": Parameter(symbol="b", unit="1", lower=0.0, upper=10.0, start=0.3),
     }
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(distance=1e-3, ratio=0.3, overshoot=0.5)
     CLAIMS: ClassVar[tuple[str, ...]] = (
         "The torque depends on the path alone, not on the speed at which it is run through.",
         "Break-away exceeds the Coulomb torque by a peak that depends on no velocity.",

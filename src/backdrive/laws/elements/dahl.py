@@ -10,7 +10,7 @@ TOR-0158(3107-18)-1, 1968; AIAA J. 14(12), 1976.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -30,7 +30,7 @@ def relaxed(z, lo, hi, dp):
 
 
 @leaf
-def step(p, e, x, lo, hi, dp):
+def step(p, e, x, lo, hi, dp, dt):
     """Torque of one tick; the state is the torque."""
     x[0] = relaxed(x[0], lo, hi, p[e] * dp)
     return x[0]
@@ -43,6 +43,7 @@ STIFFNESS = Parameter(
     typical=5e4,
     source="Iwatani 2017, Sec. 3.5.1: joints of a 6-joint arm with harmonic drives",
     log=True,
+    start=lambda d: d.stiffness,
 )
 
 
@@ -58,6 +59,7 @@ class Dahl(Element):
     KIND: ClassVar[int] = 2
     DRIFTS: ClassVar[bool] = True
     PARAMETERS: ClassVar[dict[str, Parameter]] = {"stiffness": STIFFNESS}
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(stiffness=1e4)
     CLAIMS: ClassVar[tuple[str, ...]] = (
         "The torque depends on the path alone, not on the speed at which it is run through.",
         "Vibration below break-away drifts.",

@@ -12,14 +12,14 @@ velocity. A velocity counted in encoder steps can fall on the threshold exactly:
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from backdrive._jit import leaf
 from backdrive.laws.base import Element, Parameter
 
 
 @leaf
-def step(p, e, lo, hi, dp, dt):
+def step(p, e, x, lo, hi, dp, dt):
     """Torque and motion of the viscous part of one tick: both 0 inside the zone."""
     width = p[e] * dt
     if dp > width:
@@ -39,6 +39,7 @@ class DeadZone(Element):
 
     NAME: ClassVar[str] = "dead-zone"
     KIND: ClassVar[int] = 1
+    ZONE: ClassVar[bool] = True
     SET_VALUED: ClassVar[bool] = True
     STEADY: ClassVar[bool] = False
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
@@ -50,8 +51,10 @@ class DeadZone(Element):
             typical=0.01,
             source="Iwatani 2017, Sec. 4.6.2: two counts of a 5 um encoder in 1 ms",
             log=True,
+            start=lambda d: 0.01 * d.speed,
         )
     }
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(threshold=0.01)
     CLAIMS: ClassVar[tuple[str, ...]] = (
         "The torque is 0 inside the zone and the rate law's outside.",
         "No motion from rest gets work out of it.",

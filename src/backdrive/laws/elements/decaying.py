@@ -11,7 +11,7 @@ alpha = 0 it is (3.11). The viscous part sees the slider.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from backdrive._jit import leaf
 from backdrive.laws.base import Element, Parameter, Rate
@@ -55,8 +55,10 @@ class Decaying(Element):
             typical=20.0,
             source="Iwatani 2017, Sec. 3.5.1",
             log=True,
+            start=2.0,
         ),
     }
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(stiffness=1e4, decay_rate=20.0)
     CLAIMS: ClassVar[tuple[str, ...]] = (
         "At a constant velocity the torque is min(F, K v/alpha).",
         "At rest the torque fades, and under a bias the joint creeps.",

@@ -13,7 +13,7 @@ V. Hayward, B. Armstrong, F. Altpeter, IEEE TAC 47(5), 2002.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -100,8 +100,10 @@ class Elastoplastic(LuGre):
             upper=0.99,
             typical=0.7,
             source="Dupont et al., IEEE TAC 47(5), 2002: z_ba = 0.7169 z_ss in their example",
+            start=0.6,
         )
     }
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(**LuGre.EXAMPLE, elastic=0.7)
     CLAIMS: ClassVar[tuple[str, ...]] = (
         "Vibration below the elastic share of break-away does not drift.",
         "The torque lags behind the velocity.",

@@ -12,13 +12,15 @@ unloading gains (s(0) - s(v))^2 w_i^2/(2 k_i). F. Al-Bender, V. Lampaert, J. Swe
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from backdrive._jit import leaf
 from backdrive.laws.base import Parameter, Rate
 from backdrive.laws.elements.maxwell_slip import MANY, Parallel
 
-ATTRACTION = Parameter(symbol="C", unit="force/s", lower=1e-9, typical=100.0, log=True)
+ATTRACTION = Parameter(
+    symbol="C", unit="force/s", lower=1e-9, typical=100.0, log=True, start=lambda d: 20.0 * d.coulomb
+)
 
 
 @leaf
@@ -65,6 +67,7 @@ class GMS(Parallel):
     NAME: ClassVar[str] = "gms"
     KIND: ClassVar[int] = 12
     PARAMETERS: ClassVar[dict[str, Parameter]] = MANY | {"attraction": ATTRACTION}
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(**Parallel.EXAMPLE, attraction=100.0)
     CLAIMS: ClassVar[tuple[str, ...]] = (
         "Vibration below break-away does not drift.",
         "The torque lags behind the velocity in sliding.",

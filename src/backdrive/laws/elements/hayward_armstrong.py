@@ -11,7 +11,7 @@ B. Armstrong, in Experimental Robotics VI, Springer, 2000.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from backdrive._jit import leaf
 from backdrive.laws.base import Element, Parameter
@@ -36,7 +36,7 @@ def between(slid, dp):
 
 
 @leaf
-def step(p, e, x, lo, hi, dp):
+def step(p, e, x, lo, hi, dp, dt):
     """Torque and slider's motion of one tick; the state is K (p - q)."""
     K = p[e]
     before = x[0]
@@ -59,6 +59,7 @@ class HaywardArmstrong(Element):
     KIND: ClassVar[int] = 7
     SLIDER: ClassVar[bool] = True
     PARAMETERS: ClassVar[dict[str, Parameter]] = {"stiffness": STIFFNESS}
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(stiffness=1e4)
     CLAIMS: ClassVar[tuple[str, ...]] = (
         "Vibration below break-away does not drift.",
         "No motion from rest gets work out of it, unless the viscous part falls with speed.",

@@ -12,7 +12,7 @@ Prajogo, IEEE TAC 45(4), 2000; with F_h/s and Maxwell-slip elements: V. Lampaert
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from backdrive._jit import jit, leaf
 from backdrive.laws.base import Parameter
@@ -117,9 +117,16 @@ class Leuven(Parallel):
     KIND: ClassVar[int] = 11
     DRIFTS: ClassVar[bool] = True
     PARAMETERS: ClassVar[dict[str, Parameter]] = MANY | {
-        "sharpness": Parameter(symbol="n", unit="1", lower=0.5, upper=50.0, typical=2.0),
-        "damping": Parameter(symbol="sigma_1", unit="force.s/length", lower=0.0, log=True),
+        "sharpness": Parameter(symbol="n", unit="1", lower=0.5, upper=50.0, typical=2.0, start=2.0),
+        "damping": Parameter(
+            symbol="sigma_1",
+            unit="force.s/length",
+            lower=0.0,
+            log=True,
+            start=lambda d: 0.2 * d.stiffness * d.lag,
+        ),
     }
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(**Parallel.EXAMPLE, sharpness=2.0, damping=5.0)
     CLAIMS: ClassVar[tuple[str, ...]] = (
         "Presliding remembers as many reversals as there are elements.",
         "Vibration below break-away drifts.",

@@ -15,7 +15,7 @@ where sigma_1(v) |v| <= 4 s(v), and |v| exp(-(v/v_d)^2) is v_d/sqrt(2 e) at most
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -70,13 +70,28 @@ class LuGre(Element):
     DRIFTS: ClassVar[bool] = True
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
         "stiffness": Parameter(
-            symbol="sigma_0", unit="force/length", lower=1e-9, typical=1e5, source=CANUDAS, log=True
+            symbol="sigma_0",
+            unit="force/length",
+            lower=1e-9,
+            typical=1e5,
+            source=CANUDAS,
+            log=True,
+            start=lambda d: d.stiffness,
         ),
         "damping": Parameter(
-            symbol="sigma_1", unit="force.s/length", lower=0.0, typical=316.0, source=CANUDAS, log=True
+            symbol="sigma_1",
+            unit="force.s/length",
+            lower=0.0,
+            typical=316.0,
+            source=CANUDAS,
+            log=True,
+            start=lambda d: 0.2 * d.stiffness * d.lag,
         ),
-        "fading": Parameter(symbol="v_d", unit="length/s", lower=0.0, upper=1e6, log=True),
+        "fading": Parameter(
+            symbol="v_d", unit="length/s", lower=0.0, upper=1e6, log=True, start=lambda d: d.speed
+        ),
     }
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(stiffness=1e4, damping=20.0, fading=0.05)
     CLAIMS: ClassVar[tuple[str, ...]] = (
         "Vibration below break-away drifts.",
         "The torque lags behind the velocity.",

@@ -10,7 +10,7 @@ exact. W. D. Iwan, J. Appl. Mech. 33(4), 1966; F. Al-Bender, V. Lampaert, J. Swe
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -23,7 +23,7 @@ MOST = 32  # elements
 
 
 @leaf
-def step(p, e, x, lo, hi, dp):
+def step(p, e, x, lo, hi, dp, dt):
     """Torque of one tick; the states are the elements' torques."""
     n = int(p[e])
     total = 0.0
@@ -38,7 +38,9 @@ def step(p, e, x, lo, hi, dp):
 
 
 MANY: dict[str, Parameter] = {
-    "stiffness": Parameter(symbol="k_i", unit="force/length", lower=1e-9, many=True, log=True),
+    "stiffness": Parameter(
+        symbol="k_i", unit="force/length", lower=1e-9, many=True, log=True, start=lambda d: d.stiffness
+    ),
     "share": Parameter(symbol="w_i", unit="1", lower=0.0, upper=1.0, many=True),
 }
 
@@ -51,6 +53,8 @@ class Parallel(Element):
         stiffness: k_i [N.m/rad or N/m], (N,).
         share: w_i of the bound of the rate law [-], (N,).
     """
+
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(stiffness=(1.2e4, 5e3, 2e3), share=(0.5, 0.3, 0.2))
 
     stiffness: tuple[float, ...]
     share: tuple[float, ...]

@@ -17,7 +17,7 @@ from backdrive.laws.base import Element, Parameter
 
 
 @leaf
-def step(lo, hi, dp):
+def step(p, e, x, lo, hi, dp, dt):
     """Torque of one tick from the limits at its velocity and its increment dp."""
     if dp > 0.0:
         return hi

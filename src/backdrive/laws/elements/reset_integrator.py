@@ -12,7 +12,7 @@ that shaking at break-away returns no more energy than it takes. D. A. Haessig, 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from backdrive._jit import leaf
 from backdrive.laws.base import Element, Parameter
@@ -65,9 +65,12 @@ class ResetIntegrator(Element):
     KIND: ClassVar[int] = 4
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
         "stiffness": STIFFNESS,
-        "excess": Parameter(symbol="a", unit="1", lower=0.0, upper=10.0),
-        "damping": Parameter(symbol="D", unit="force.s/length", lower=0.0),
+        "excess": Parameter(symbol="a", unit="1", lower=0.0, upper=10.0, start=0.1),
+        "damping": Parameter(
+            symbol="D", unit="force.s/length", lower=0.0, start=lambda d: 0.2 * d.stiffness * d.lag
+        ),
     }
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(stiffness=1e4, excess=0.2, damping=5.0)
     CLAIMS: ClassVar[tuple[str, ...]] = (
         "Vibration below break-away does not drift.",
         "No motion from rest gets work out of it.",

@@ -118,6 +118,7 @@ class SmoothedGMS(Parallel):
             upper=1e4,
             typical=100.0,
             source="`friction` library, GMS example",
+            start=100.0,
         ),
         "margin": Parameter(
             symbol="b",
@@ -126,9 +127,16 @@ class SmoothedGMS(Parallel):
             upper=0.999,
             typical=0.95,
             source="`friction` library, GMS example",
+            start=0.9,
         ),
         "reversal": Parameter(
-            symbol="c", unit="1", lower=1.0, upper=1e4, typical=10.0, source="`friction` library, GMS example"
+            symbol="c",
+            unit="1",
+            lower=1.0,
+            upper=1e4,
+            typical=10.0,
+            source="`friction` library, GMS example",
+            start=10.0,
         ),
     }
     CLAIMS: ClassVar[tuple[str, ...]] = (

@@ -16,7 +16,7 @@ Euler step is the same to the last bit. Many elements with lag are their multist
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -51,7 +51,15 @@ def step(p, e, x, lo, hi, dp, dt):
     return total
 
 
-DAMPING = Parameter(symbol="B", unit="force.s/length", lower=0.0, typical=50.0, source=ROBOT, log=True)
+DAMPING = Parameter(
+    symbol="B",
+    unit="force.s/length",
+    lower=0.0,
+    typical=50.0,
+    source=ROBOT,
+    log=True,
+    start=lambda d: 0.2 * d.stiffness * d.lag,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +74,7 @@ class ViscoElastoplastic(Element):
     NAME: ClassVar[str] = "visco-elastoplastic"
     KIND: ClassVar[int] = 8
     PARAMETERS: ClassVar[dict[str, Parameter]] = {"stiffness": STIFFNESS, "damping": DAMPING}
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(stiffness=1e4, damping=20.0)
     CLAIMS: ClassVar[tuple[str, ...]] = (
         "Vibration below break-away does not drift.",
         "No motion from rest gets work out of it.",
@@ -97,10 +106,17 @@ class XiongKikuuwe(ViscoElastoplastic):
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
         "stiffness": STIFFNESS,
         "damping": Parameter(
-            symbol="B", unit="force.s/length", lower=1e-12, typical=50.0, source=ROBOT, log=True
+            symbol="B",
+            unit="force.s/length",
+            lower=1e-12,
+            typical=50.0,
+            source=ROBOT,
+            log=True,
+            start=lambda d: 0.2 * d.stiffness * d.lag,
         ),
-        "lag": Parameter(symbol="t_d", unit="s", lower=0.0, upper=10.0, typical=0.003),
+        "lag": Parameter(symbol="t_d", unit="s", lower=0.0, upper=10.0, typical=0.003, start=0.003),
     }
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(**ViscoElastoplastic.EXAMPLE, lag=0.003)
 
     damping: float = 1.0
     lag: float = 0.0
@@ -125,10 +141,11 @@ class XiongKikuuweMulti(Parallel):
     KIND: ClassVar[int] = 8
     PARAMETERS: ClassVar[dict[str, Parameter]] = MANY | {
         "damping_time": Parameter(
-            symbol="B/K", unit="s", lower=0.0, upper=10.0, typical=0.01, source=ROBOT, log=True
+            symbol="B/K", unit="s", lower=0.0, upper=10.0, typical=0.01, source=ROBOT, log=True, start=0.002
         ),
-        "lag": Parameter(symbol="t_d", unit="s", lower=0.0, upper=10.0, typical=0.003),
+        "lag": Parameter(symbol="t_d", unit="s", lower=0.0, upper=10.0, typical=0.003, start=0.003),
     }
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(**Parallel.EXAMPLE, damping_time=0.002, lag=0.003)
     CLAIMS: ClassVar[tuple[str, ...]] = (
         "Vibration below break-away does not drift.",
         "The torque lags behind the velocity in sliding.",

@@ -10,7 +10,7 @@ number that remains when they are equal and nothing grows with speed.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -40,8 +40,17 @@ class Coulomb(Rate):
     NAME: ClassVar[str] = "coulomb"
     KIND: ClassVar[int] = 0
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
-        "coulomb": Parameter(symbol="F", unit="force", lower=0.0, typical=6.85, source=HP3J, log=True)
+        "coulomb": Parameter(
+            symbol="F",
+            unit="force",
+            lower=0.0,
+            typical=6.85,
+            source=HP3J,
+            log=True,
+            start=lambda d: d.coulomb,
+        )
     }
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(coulomb=5.0)
 
     coulomb: float
 
@@ -62,23 +71,49 @@ class CoulombViscous(Rate):
     """
 
     NAME: ClassVar[str] = "coulomb-viscous"
+    WORDS: ClassVar[str] = "Coulomb and viscous, by direction"
     KIND: ClassVar[int] = 0
     SYMMETRIC: ClassVar[bool] = False
     TIES: ClassVar[dict[str, str]] = {"coulomb_negative": "coulomb_positive"}
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
         "coulomb_positive": Parameter(
-            symbol="F_p", unit="force", lower=0.0, typical=6.85, source=HP3J, log=True
+            symbol="F_p",
+            unit="force",
+            lower=0.0,
+            typical=6.85,
+            source=HP3J,
+            log=True,
+            start=lambda d: d.coulomb,
         ),
         "coulomb_negative": Parameter(
-            symbol="F_n", unit="force", lower=0.0, typical=6.85, source=HP3J, log=True
+            symbol="F_n",
+            unit="force",
+            lower=0.0,
+            typical=6.85,
+            source=HP3J,
+            log=True,
+            start=lambda d: d.coulomb,
         ),
         "viscous_positive": Parameter(
-            symbol="sigma_p", unit="force.s/length", lower=0.0, typical=8.39, source=EROB
+            symbol="sigma_p",
+            unit="force.s/length",
+            lower=0.0,
+            typical=8.39,
+            source=EROB,
+            start=lambda d: d.viscous,
         ),
         "viscous_negative": Parameter(
-            symbol="sigma_n", unit="force.s/length", lower=0.0, typical=8.39, source=EROB
+            symbol="sigma_n",
+            unit="force.s/length",
+            lower=0.0,
+            typical=8.39,
+            source=EROB,
+            start=lambda d: d.viscous,
         ),
     }
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(
+        coulomb_positive=5.0, coulomb_negative=4.0, viscous_positive=1.0, viscous_negative=2.0
+    )
 
     coulomb_positive: float
     coulomb_negative: float

@@ -10,7 +10,7 @@ Grundlagen der Waelzlagertechnik, 1964). A power law of harmonic drives: S. Wolf
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -44,8 +44,18 @@ class Degressive(Rate):
     NAME: ClassVar[str] = "degressive"
     KIND: ClassVar[int] = 6
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
-        "coulomb": Parameter(symbol="F", unit="force", lower=0.0, typical=6.85, source=HP3J, log=True),
-        "growth": Parameter(symbol="k", unit="force.(s/length)^n", lower=0.0),
+        "coulomb": Parameter(
+            symbol="F",
+            unit="force",
+            lower=0.0,
+            typical=6.85,
+            source=HP3J,
+            log=True,
+            start=lambda d: d.coulomb,
+        ),
+        "growth": Parameter(
+            symbol="k", unit="force.(s/length)^n", lower=0.0, start=lambda d: d.viscous * d.speed**0.5
+        ),
         "exponent": Parameter(
             symbol="n",
             unit="1",
@@ -53,8 +63,10 @@ class Degressive(Rate):
             upper=1.0,
             typical=2.0 / 3.0,
             source="Palmgren 1964, lubricated rolling bearings",
+            start=1.0,
         ),
     }
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(coulomb=4.0, growth=1.5, exponent=0.5)
 
     coulomb: float
     growth: float

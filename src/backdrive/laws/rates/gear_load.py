@@ -15,7 +15,7 @@ experiments", ICRA 1993; two directions of power: Wang, Kim, "Directional effici
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -59,17 +59,47 @@ class GearLoad(Rate):
     KIND: ClassVar[int] = 9
     NEEDS: ClassVar[tuple[str, ...]] = ("load",)
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
-        "coulomb": Parameter(symbol="F_c", unit="force", lower=0.0, typical=0.0062, source=FITTED, log=True),
-        "load": Parameter(symbol="K", unit="1", lower=0.0, upper=2.0, typical=0.26, source=FITTED),
-        "driving": Parameter(symbol="S_d", unit="1", lower=0.0, upper=2.0, typical=0.18, source=FITTED),
-        "driven": Parameter(symbol="S_b", unit="1", lower=0.0, upper=2.0, typical=0.17, source=FITTED),
+        "coulomb": Parameter(
+            symbol="F_c",
+            unit="force",
+            lower=0.0,
+            typical=0.0062,
+            source=FITTED,
+            log=True,
+            start=lambda d: d.coulomb,
+        ),
+        "load": Parameter(
+            symbol="K", unit="1", lower=0.0, upper=2.0, typical=0.26, source=FITTED, start=0.05
+        ),
+        "driving": Parameter(
+            symbol="S_d", unit="1", lower=0.0, upper=2.0, typical=0.18, source=FITTED, start=0.05
+        ),
+        "driven": Parameter(
+            symbol="S_b", unit="1", lower=0.0, upper=2.0, typical=0.17, source=FITTED, start=0.05
+        ),
         "stribeck_velocity": Parameter(
-            symbol="v_s", unit="length/s", lower=1e-9, upper=1e6, typical=0.31, source=FITTED, log=True
+            symbol="v_s",
+            unit="length/s",
+            lower=1e-9,
+            upper=1e6,
+            typical=0.31,
+            source=FITTED,
+            log=True,
+            start=lambda d: d.slow,
         ),
         "viscous": Parameter(
-            symbol="K_v", unit="force.s/length", lower=0.0, typical=0.0072, source=FITTED, log=True
+            symbol="K_v",
+            unit="force.s/length",
+            lower=0.0,
+            typical=0.0072,
+            source=FITTED,
+            log=True,
+            start=lambda d: d.viscous,
         ),
     }
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(
+        coulomb=3.0, load=0.15, driving=0.1, driven=0.2, stribeck_velocity=0.05, viscous=1.0
+    )
 
     coulomb: float
     load: float = 0.0

@@ -15,7 +15,7 @@ Passault, Padois, Ly, "Extended Friction Models for the Physics Simulation of Se
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -44,23 +44,54 @@ def limits(p, v, load, temp):
 
 BAM = "Rhoban BAM, Dynamixel MX-106, M6"
 ALL: dict[str, Parameter] = {
-    "coulomb": Parameter(symbol="F_c", unit="force", lower=0.0, typical=0.100, source=BAM, log=True),
-    "stribeck": Parameter(symbol="F_st", unit="force", lower=0.0, typical=0.122, source=BAM, log=True),
+    "coulomb": Parameter(
+        symbol="F_c", unit="force", lower=0.0, typical=0.100, source=BAM, log=True, start=lambda d: d.coulomb
+    ),
+    "stribeck": Parameter(
+        symbol="F_st",
+        unit="force",
+        lower=0.0,
+        typical=0.122,
+        source=BAM,
+        log=True,
+        start=lambda d: max(d.breakaway - d.coulomb, 0.05 * d.coulomb),
+    ),
     "stribeck_velocity": Parameter(
-        symbol="v_s", unit="length/s", lower=1e-9, upper=1e6, typical=1.75, source=BAM, log=True
+        symbol="v_s",
+        unit="length/s",
+        lower=1e-9,
+        upper=1e6,
+        typical=1.75,
+        source=BAM,
+        log=True,
+        start=lambda d: d.slow,
     ),
-    "exponent": Parameter(symbol="alpha", unit="1", lower=0.1, upper=4.0, typical=1.14, source=BAM),
-    "viscous": Parameter(symbol="K_v", unit="force.s/length", lower=0.0, typical=0.0507, source=BAM),
-    "load": Parameter(symbol="K", unit="1", lower=0.0, upper=2.0),
-    "load_stribeck": Parameter(symbol="S", unit="1", lower=0.0, upper=2.0),
-    "load_motor": Parameter(symbol="K_m", unit="1", lower=0.0, upper=2.0, typical=0.198, source=BAM),
-    "load_external": Parameter(symbol="K_e", unit="1", lower=0.0, upper=2.0, typical=0.0222, source=BAM),
-    "load_stribeck_motor": Parameter(symbol="S_m", unit="1", lower=0.0, upper=2.0, typical=0.199, source=BAM),
+    "exponent": Parameter(
+        symbol="alpha", unit="1", lower=0.1, upper=4.0, typical=1.14, source=BAM, start=1.0
+    ),
+    "viscous": Parameter(
+        symbol="K_v", unit="force.s/length", lower=0.0, typical=0.0507, source=BAM, start=lambda d: d.viscous
+    ),
+    "load": Parameter(symbol="K", unit="1", lower=0.0, upper=2.0, start=0.05),
+    "load_stribeck": Parameter(symbol="S", unit="1", lower=0.0, upper=2.0, start=0.05),
+    "load_motor": Parameter(
+        symbol="K_m", unit="1", lower=0.0, upper=2.0, typical=0.198, source=BAM, start=0.05
+    ),
+    "load_external": Parameter(
+        symbol="K_e", unit="1", lower=0.0, upper=2.0, typical=0.0222, source=BAM, start=0.05
+    ),
+    "load_stribeck_motor": Parameter(
+        symbol="S_m", unit="1", lower=0.0, upper=2.0, typical=0.199, source=BAM, start=0.03
+    ),
     "load_stribeck_external": Parameter(
-        symbol="S_e", unit="1", lower=0.0, upper=2.0, typical=0.0871, source=BAM
+        symbol="S_e", unit="1", lower=0.0, upper=2.0, typical=0.0871, source=BAM, start=0.03
     ),
-    "quadratic_external": Parameter(symbol="Q_e", unit="1/force", lower=0.0, typical=7.33e-5, source=BAM),
-    "quadratic_motor": Parameter(symbol="Q_m", unit="1/force", lower=0.0, typical=0.0100, source=BAM),
+    "quadratic_external": Parameter(
+        symbol="Q_e", unit="1/force", lower=0.0, typical=7.33e-5, source=BAM, start=lambda d: 0.01 / d.coulomb
+    ),
+    "quadratic_motor": Parameter(
+        symbol="Q_m", unit="1/force", lower=0.0, typical=0.0100, source=BAM, start=lambda d: 0.01 / d.coulomb
+    ),
 }
 
 
@@ -108,6 +139,7 @@ class M1(LoadDependent):
     NAME: ClassVar[str] = "m1"
     NEEDS: ClassVar[tuple[str, ...]] = ()
     PARAMETERS: ClassVar[dict[str, Parameter]] = _only("coulomb", "viscous")
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(coulomb=4.0, viscous=1.0)
 
     coulomb: float
     viscous: float = 0.0
@@ -130,6 +162,7 @@ class M2(LoadDependent):
     PARAMETERS: ClassVar[dict[str, Parameter]] = _only(
         "coulomb", "viscous", "stribeck", "stribeck_velocity", "exponent"
     )
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(**M1.EXAMPLE, stribeck=2.0, stribeck_velocity=0.05, exponent=1.5)
 
     coulomb: float
     viscous: float = 0.0
@@ -150,6 +183,7 @@ class M3(LoadDependent):
 
     NAME: ClassVar[str] = "m3"
     PARAMETERS: ClassVar[dict[str, Parameter]] = _only("coulomb", "viscous", "load")
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(**M1.EXAMPLE, load=0.1)
 
     coulomb: float
     viscous: float = 0.0
@@ -168,6 +202,7 @@ class M4(M2):
     NAME: ClassVar[str] = "m4"
     NEEDS: ClassVar[tuple[str, ...]] = ("load",)
     PARAMETERS: ClassVar[dict[str, Parameter]] = M2.PARAMETERS | _only("load", "load_stribeck")
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(**M2.EXAMPLE, load=0.1, load_stribeck=0.05)
 
     load: float = 0.0
     load_stribeck: float = 0.0
@@ -189,6 +224,13 @@ class M5(M2):
     PARAMETERS: ClassVar[dict[str, Parameter]] = M2.PARAMETERS | _only(
         "load_motor", "load_external", "load_stribeck_motor", "load_stribeck_external"
     )
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(
+        **M2.EXAMPLE,
+        load_motor=0.15,
+        load_external=0.05,
+        load_stribeck_motor=0.06,
+        load_stribeck_external=0.02,
+    )
 
     load_motor: float = 0.0
     load_external: float = 0.0
@@ -209,6 +251,7 @@ class M6(M5):
     PARAMETERS: ClassVar[dict[str, Parameter]] = M5.PARAMETERS | _only(
         "quadratic_external", "quadratic_motor"
     )
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(**M5.EXAMPLE, quadratic_external=0.004, quadratic_motor=0.008)
 
     quadratic_external: float = 0.0
     quadratic_motor: float = 0.0

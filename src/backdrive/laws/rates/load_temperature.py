@@ -12,7 +12,7 @@ Stribeck velocity at a billionth, where the lines in T leave what is physical. A
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -70,19 +70,41 @@ class LoadTemperature(Rate):
     KIND: ClassVar[int] = 8
     NEEDS: ClassVar[tuple[str, ...]] = ("load", "temperature")
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
-        "coulomb": Parameter(symbol="F_c0", unit="force", lower=0.0, log=True),
-        "coulomb_load": Parameter(symbol="F_cl", unit="1", lower=0.0, upper=2.0),
-        "stribeck_load": Parameter(symbol="F_sl", unit="1", lower=0.0, upper=2.0),
-        "stribeck_velocity_load": Parameter(symbol="v_sl", unit="length/s", lower=1e-9, upper=1e6, log=True),
-        "stribeck": Parameter(symbol="F_s0", unit="force"),
+        "coulomb": Parameter(symbol="F_c0", unit="force", lower=0.0, log=True, start=lambda d: d.coulomb),
+        "coulomb_load": Parameter(symbol="F_cl", unit="1", lower=0.0, upper=2.0, start=0.05),
+        "stribeck_load": Parameter(symbol="F_sl", unit="1", lower=0.0, upper=2.0, start=0.05),
+        "stribeck_velocity_load": Parameter(
+            symbol="v_sl", unit="length/s", lower=1e-9, upper=1e6, log=True, start=lambda d: d.slow
+        ),
+        "stribeck": Parameter(
+            symbol="F_s0", unit="force", start=lambda d: max(d.breakaway - d.coulomb, 0.05 * d.coulomb)
+        ),
         "stribeck_temperature": Parameter(symbol="F_sT", unit="force/degC"),
-        "stribeck_velocity": Parameter(symbol="v_s0", unit="length/s", lower=-1e6, upper=1e6),
+        "stribeck_velocity": Parameter(
+            symbol="v_s0", unit="length/s", lower=-1e6, upper=1e6, start=lambda d: d.slow
+        ),
         "stribeck_velocity_temperature": Parameter(symbol="v_sT", unit="length/s/degC"),
-        "viscous": Parameter(symbol="F_v0", unit="force.s/length", lower=0.0),
-        "viscous_temperature": Parameter(symbol="F_vT", unit="force.s/length", lower=0.0),
-        "thinning": Parameter(symbol="T_v", unit="degC", lower=0.1, upper=1e4, log=True),
-        "exponent": Parameter(symbol="delta", unit="1", lower=0.1, upper=4.0),
+        "viscous": Parameter(symbol="F_v0", unit="force.s/length", lower=0.0, start=lambda d: d.viscous),
+        "viscous_temperature": Parameter(
+            symbol="F_vT", unit="force.s/length", lower=0.0, start=lambda d: d.viscous
+        ),
+        "thinning": Parameter(symbol="T_v", unit="degC", lower=0.1, upper=1e4, log=True, start=25.0),
+        "exponent": Parameter(symbol="delta", unit="1", lower=0.1, upper=4.0, start=1.0),
     }
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(
+        coulomb=3.0,
+        coulomb_load=0.05,
+        stribeck_load=0.1,
+        stribeck_velocity_load=0.1,
+        stribeck=1.0,
+        stribeck_temperature=0.05,
+        stribeck_velocity=0.02,
+        stribeck_velocity_temperature=0.001,
+        viscous=0.5,
+        viscous_temperature=3.0,
+        thinning=20.0,
+        exponent=1.3,
+    )
 
     coulomb: float
     coulomb_load: float = 0.0

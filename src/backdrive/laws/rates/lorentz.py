@@ -9,7 +9,7 @@ F_c: Coulomb torque, F_s: torque at the slowest motion [N.m or N]. v_s: speed at
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from backdrive._jit import leaf
 from backdrive.laws.base import Parameter, Rate
@@ -39,6 +39,7 @@ class StribeckLorentz(Rate):
     NAME: ClassVar[str] = "stribeck-lorentz"
     KIND: ClassVar[int] = 3
     PARAMETERS: ClassVar[dict[str, Parameter]] = COMMON
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(coulomb=4.0, breakaway=6.0, stribeck_velocity=0.05, viscous=1.0)
 
     coulomb: float
     breakaway: float

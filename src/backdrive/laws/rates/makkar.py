@@ -10,7 +10,7 @@ at rest and rises steeply: nothing holds a joint for good, and there is no Coulo
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -44,19 +44,66 @@ class Makkar(Rate):
     KIND: ClassVar[int] = 4
     SMOOTH: ClassVar[bool] = True
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
-        "stribeck": Parameter(symbol="g_1", unit="force", lower=0.0, typical=0.25, source=MAKKAR, log=True),
+        "stribeck": Parameter(
+            symbol="g_1",
+            unit="force",
+            lower=0.0,
+            typical=0.25,
+            source=MAKKAR,
+            log=True,
+            start=lambda d: max(d.breakaway - d.coulomb, 0.05 * d.coulomb),
+        ),
         "rise": Parameter(
-            symbol="g_2", unit="s/length", lower=1e-6, upper=1e9, typical=100.0, source=MAKKAR, log=True
+            symbol="g_2",
+            unit="s/length",
+            lower=1e-6,
+            upper=1e9,
+            typical=100.0,
+            source=MAKKAR,
+            log=True,
+            start=lambda d: 10.0 / d.slow,
         ),
         "fall": Parameter(
-            symbol="g_3", unit="s/length", lower=1e-6, upper=1e9, typical=10.0, source=MAKKAR, log=True
+            symbol="g_3",
+            unit="s/length",
+            lower=1e-6,
+            upper=1e9,
+            typical=10.0,
+            source=MAKKAR,
+            log=True,
+            start=lambda d: 0.7 / d.slow,
         ),
-        "coulomb": Parameter(symbol="g_4", unit="force", lower=0.0, typical=0.1, source=MAKKAR, log=True),
+        "coulomb": Parameter(
+            symbol="g_4",
+            unit="force",
+            lower=0.0,
+            typical=0.1,
+            source=MAKKAR,
+            log=True,
+            start=lambda d: d.coulomb,
+        ),
         "steepness": Parameter(
-            symbol="g_5", unit="s/length", lower=1e-6, upper=1e9, typical=100.0, source=MAKKAR, log=True
+            symbol="g_5",
+            unit="s/length",
+            lower=1e-6,
+            upper=1e9,
+            typical=100.0,
+            source=MAKKAR,
+            log=True,
+            start=lambda d: 3.0 / d.slow,
         ),
-        "viscous": Parameter(symbol="g_6", unit="force.s/length", lower=0.0, typical=0.01, source=MAKKAR),
+        "viscous": Parameter(
+            symbol="g_6",
+            unit="force.s/length",
+            lower=0.0,
+            typical=0.01,
+            source=MAKKAR,
+            start=lambda d: d.viscous,
+        ),
     }
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(
+        stribeck=2.0, rise=100.0, fall=20.0, coulomb=4.0, steepness=100.0, viscous=1.0
+    )
 
     stribeck: float
     rise: float

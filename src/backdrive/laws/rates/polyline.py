@@ -10,7 +10,7 @@ velocity. Where the two directions are equal this is the symmetric phi(v) of (2.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -62,14 +62,18 @@ class Polyline(Rate):
     """
 
     NAME: ClassVar[str] = "polyline"
+    WORDS: ClassVar[str] = "line sections, by direction"
     KIND: ClassVar[int] = 1
     SYMMETRIC: ClassVar[bool] = False
     TIES: ClassVar[dict[str, str]] = {"negative[0]": "positive[0]"}
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
         "velocity": Parameter(symbol="V_n", unit="length/s", lower=0.0, many=True),
-        "positive": Parameter(symbol="F_n+", unit="force", many=True),
-        "negative": Parameter(symbol="F_n-", unit="force", many=True),
+        "positive": Parameter(symbol="F_n+", unit="force", many=True, start=lambda d: d.coulomb),
+        "negative": Parameter(symbol="F_n-", unit="force", many=True, start=lambda d: d.coulomb),
     }
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(
+        velocity=(0.05, 0.2, 1.0), positive=(5.0, 4.5, 5.5), negative=(4.5, 4.0, 5.5)
+    )
 
     velocity: tuple[float, ...]
     positive: tuple[float, ...]

@@ -10,7 +10,7 @@ torque for a presliding element to carry.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -43,14 +43,30 @@ class Sigmoid(Rate):
     SMOOTH: ClassVar[bool] = True
     SYMMETRIC: ClassVar[bool] = False
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
-        "span": Parameter(symbol="phi_1", unit="force", lower=0.0, typical=0.54615, source=GAZ, log=True),
+        "span": Parameter(
+            symbol="phi_1",
+            unit="force",
+            lower=0.0,
+            typical=0.54615,
+            source=GAZ,
+            log=True,
+            start=lambda d: 2.0 * d.coulomb,
+        ),
         "steepness": Parameter(
-            symbol="phi_2", unit="s/length", lower=1e-6, upper=1e9, typical=5.1181, source=GAZ, log=True
+            symbol="phi_2",
+            unit="s/length",
+            lower=1e-6,
+            upper=1e9,
+            typical=5.1181,
+            source=GAZ,
+            log=True,
+            start=lambda d: 3.0 / d.slow,
         ),
         "shift": Parameter(
             symbol="phi_3", unit="length/s", lower=-1e6, upper=1e6, typical=0.039533, source=GAZ
         ),
     }
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(span=9.0, steepness=30.0, shift=0.005)
 
     span: float
     steepness: float

@@ -10,7 +10,7 @@ Bo and Pavelescu (Wear 82(3), 1982). sigma_2: viscous coefficient [N.m.s/rad or 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -40,12 +40,43 @@ def limits(p, v, load, temp):
 
 
 COMMON: dict[str, Parameter] = {
-    "coulomb": Parameter(symbol="F_c", unit="force", lower=0.0, typical=1.0, source=CANUDAS, log=True),
-    "breakaway": Parameter(symbol="F_s", unit="force", lower=0.0, typical=1.5, source=CANUDAS, log=True),
-    "stribeck_velocity": Parameter(
-        symbol="v_s", unit="length/s", lower=1e-9, upper=1e6, typical=1e-3, source=CANUDAS, log=True
+    "coulomb": Parameter(
+        symbol="F_c",
+        unit="force",
+        lower=0.0,
+        typical=1.0,
+        source=CANUDAS,
+        log=True,
+        start=lambda d: d.coulomb,
     ),
-    "viscous": Parameter(symbol="sigma_2", unit="force.s/length", lower=0.0, typical=0.4, source=CANUDAS),
+    "breakaway": Parameter(
+        symbol="F_s",
+        unit="force",
+        lower=0.0,
+        typical=1.5,
+        source=CANUDAS,
+        log=True,
+        start=lambda d: d.breakaway,
+        peak=True,
+    ),
+    "stribeck_velocity": Parameter(
+        symbol="v_s",
+        unit="length/s",
+        lower=1e-9,
+        upper=1e6,
+        typical=1e-3,
+        source=CANUDAS,
+        log=True,
+        start=lambda d: d.slow,
+    ),
+    "viscous": Parameter(
+        symbol="sigma_2",
+        unit="force.s/length",
+        lower=0.0,
+        typical=0.4,
+        source=CANUDAS,
+        start=lambda d: d.viscous,
+    ),
 }
 
 
@@ -63,6 +94,7 @@ class StribeckGauss(Rate):
     NAME: ClassVar[str] = "stribeck-gauss"
     KIND: ClassVar[int] = 2
     PARAMETERS: ClassVar[dict[str, Parameter]] = COMMON
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(coulomb=4.0, breakaway=6.0, stribeck_velocity=0.05, viscous=1.0)
 
     coulomb: float
     breakaway: float
@@ -100,9 +132,13 @@ class StribeckTustin(Rate):
             typical=1.0,
             source="Armstrong-Helouvry et al., Automatica 30(7), 1994: 0.5 to 2; harmonic drives up to 3 "
             "(Rhoban BAM, eRob80)",
+            start=1.0,
         ),
         "viscous": COMMON["viscous"],
     }
+    EXAMPLE: ClassVar[dict[str, Any]] = dict(
+        coulomb=4.0, breakaway=6.0, stribeck_velocity=0.05, exponent=0.8, viscous=1.0
+    )
 
     coulomb: float
     breakaway: float

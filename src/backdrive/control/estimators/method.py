@@ -1,0 +1,28 @@
+"""What a method of the estimator of external force consists of; each stands with its kernel, imported in `external`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from backdrive.control.estimators.external import ExternalForce
+
+
+@dataclass(frozen=True)
+class Method:
+    """A way to the external force.
+
+    Attributes:
+        name: what a person calls it.
+        kernel: `kernel(c, i, s, j, q, dp, T, n)`, the external force of a tick: `c[i:]` row, `s[j:]` state, q encoder, dp its
+            increment, T length of the tick, n what motor, gravity and friction leave [N.m or N].
+        gains: three gains of its row and the bandwidth that goes with them, of an estimator and a sampling time [s].
+        places: the state at OBSERVER is a position.
+    """
+
+    name: str
+    kernel: Callable
+    gains: Callable[[ExternalForce, float], tuple[float, float, float, float]] | None = None
+    places: bool = False
