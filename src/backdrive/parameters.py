@@ -96,7 +96,8 @@ def fault(name: str, value: Any, bound: Bound) -> str | None:
     if inside and (len(ends) == 1 or list(ends) == sorted(ends)):
         return None
     given = ":".join(str(x) if isinstance(x, int) else f"{x:g}" for x in ends)
-    rule = "its lower end has to come first" if inside else f"it has to be {bound}"
+    rule = f"it has to be {bound}".replace("be that is", "be")
+    rule = "its lower end has to come first" if inside else rule
     return f"{name} = {given}{f' {bound.unit}' if bound.unit else ''}, {rule}"
 
 
@@ -158,7 +159,8 @@ class Bounded:
         Raises:
             InvalidInput: names each number outside its bounds, or a word that is none of the choices.
         """
-        own, declared = vars(self), type(self).__dataclass_fields__  # type: ignore[attr-defined]
+        declared = type(self).__dataclass_fields__  # type: ignore[attr-defined]
+        own = {k: getattr(self, k) for k in declared}  # not `vars`: a decoder leaves out what has its default
         where = f"{type(self).__name__} '{own['name']}'" if "name" in own else type(self).__name__
         given = {k: own[k] for k in self.BOUNDS if own[k] is not None or declared[k].default is not None}
         check(where, self.BOUNDS, given)
