@@ -79,7 +79,7 @@ def outcome(table: str, kind: int, seed: int, smaller: bool = False) -> Outcome:
         kind=kind,
         motion=motion,
         refused=said.level == "refused",
-        graded=said.level not in ("good", "refused"),
+        graded=said.level not in ("good", "refused", *(() if base is said else (base.level,))),
         remarked=bool(own),
         remarks=len(said.remarks),
         moved=said.off > SHARE and said.sure > ERRORS,

@@ -1,8 +1,8 @@
 """Grades and remarks on planted trouble, clean logs, and what no log can show; and whether a repair leads away from the truth.
 
 Thirty kinds of trouble (sizes in the table, and smaller ones that are not required) in logs of an independent generator, five
-motions in turn. A log counts as caught when it is graded worse than good, refused, or remarked on with a sentence that its clean
-twin (the same noise) does not get. Columns: how many were refused, graded, remarked; caught; how many moved Coulomb or viscous by
+motions in turn. A log counts as caught when it is graded worse than good, refused, or remarked on with a sentence, where its
+clean twin (the same noise) is not. Columns: how many were refused, graded, remarked; caught; how many moved Coulomb or viscous by
 more than three stated errors and 5 %; the silent ones among those; and the median noncentrality: how much the trouble raises the
 residual of a line, inertia, gravity and delay by the true covariance. Kinds that move nothing are required all the same.
 
