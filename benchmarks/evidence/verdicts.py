@@ -6,10 +6,9 @@ clean twin (the same noise) is not. Columns: how many were refused, graded, rema
 more than three stated errors and 5 %; the silent ones among those; and the median noncentrality: how much the trouble raises the
 residual of a line, inertia, gravity and delay by the true covariance. Kinds that move nothing are required all the same.
 
-Clean logs have 100 to 5000 Hz, with and without gravity. A constant gain, a uniform clock, both signs flipped, and strokes under half
-a radian about centers that span 3.2 rad with a searched law, stay good. Where a
-check offers a repair, the repaired law may not lie farther from the truth, by more than three stated errors and 2 %, than without;
-nor may one be called good that lies off by 5 %.
+Clean logs have 100 to 5000 Hz, with and without gravity. A constant gain, a uniform clock, both signs flipped stay good, and so
+do strokes under half a radian about centers that span 3.2 rad. Where a check offers a repair, the repaired law may not lie farther
+from the truth, by more than three stated errors and 2 %, than without; nor may one be called good that lies off by 5 %.
 
     python benchmarks/evidence/verdicts.py --jobs 8
     python benchmarks/evidence/verdicts.py --only clock --logs 5
