@@ -3,7 +3,8 @@
 The old side is the tree of `_before.BEFORE`, taken from git into a temporary folder. Ten simulated logs (`_same_truth_logs` shares
 nothing with the package), and real ones where BACKDRIVE_DATA is set: every value within a tenth of the old standard error, every
 standard error within a tenth of the old one. Then processor times of a tick, a rollout, an identification and a start of the
-command, in turns of old and new, the least of each; no more than 5 % longer. `--short` identifies three logs and takes fewer turns.
+command, in turns of old and new, the least of each; no more than 5 % longer. `--short` identifies three logs and takes fewer turns;
+`--figures` prints instead the table of every former program's figures, before and now (half an hour; both sides with `--short`).
 Larger changes of a value are meant where friction with load, the table of terms or the preparation of signals were mended.
 """
 
@@ -14,13 +15,12 @@ import math
 import os
 import subprocess
 import sys
-import sysconfig
 import tempfile
-import venv
 from pathlib import Path
 
-from _before import BEFORE, ROOT, tree
+from _before import BEFORE, ROOT, interpreter, tree
 from _common import Judge, parser
+from _same_truth_figures import table
 from _same_truth_logs import OURS, REAL, Case, write
 
 VALUE, ERROR, SLOWER = 0.1, 0.1, 0.05
@@ -37,15 +37,12 @@ class Side:
     """
 
     def __init__(self, root: Path, folder: Path):
-        venv.create(folder, symlinks=True)
-        (packages,) = folder.glob("lib/python*/site-packages")
-        paths = [root / "src", *(sysconfig.get_path(name) for name in ("purelib", "platlib"))]
-        (packages / "side.pth").write_text("".join(f"{path}\n" for path in paths))
+        python = interpreter(root, folder)
         environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME")}
         environment |= {"NUMBA_CACHE_DIR": str(folder / "cache"), "OPENBLAS_NUM_THREADS": "1"}
         self.root = root
         self.process = subprocess.Popen(
-            [str(folder / "bin" / "python"), str(Path(__file__).parent / "_same_truth_side.py")],
+            [str(python), str(Path(__file__).parent / "_same_truth_side.py")],
             env=environment,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -138,7 +135,9 @@ def times(judge: Judge, sides: tuple[Side, ...], scratch: Path, turns: int) -> N
 
 def main() -> None:
     """Run both sides and judge."""
-    short = parser(__doc__).parse_args().short
+    options = parser(__doc__)
+    options.add_argument("--figures", action="store_true", help="the figures of every former program instead")
+    given = options.parse_args()
     judge = Judge()
     with tempfile.TemporaryDirectory() as folder:
         scratch = Path(folder)
@@ -147,10 +146,13 @@ def main() -> None:
         if old is None:
             print(f"nothing to compare with: no git history that holds {BEFORE} in {ROOT}")
             sys.exit(2)
+        if given.figures:
+            table(judge, old, ROOT, scratch)
+            judge.end()
         sides = tuple(Side(root, scratch / f"side-{name}") for root, name in ((old, "before"), (ROOT, "now")))
         try:
-            logs(judge, sides, scratch, short)
-            times(judge, sides, scratch, 3 if short else 25)
+            logs(judge, sides, scratch, given.short)
+            times(judge, sides, scratch, 3 if given.short else 25)
         finally:
             for side in sides:
                 side.close()
