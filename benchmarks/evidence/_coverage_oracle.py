@@ -1,0 +1,117 @@
+"""The oracle: least squares with the same terms and knots, by the true motion and the true covariance, the delay free."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from _independent import Record
+from scipy import stats
+
+MOVING = 1e-3  # slower samples than this share of the top speed are at rest [-]
+FLANK = 0.8  # a sweep uses samples faster than this share of a cycle's peak speed [-]
+
+
+class Terms(NamedTuple):
+    """What a result has.
+
+    Attributes:
+        knots: speeds, zero first where the curve has one there [rad/s].
+        symmetric: one curve for both directions.
+        gravity: sin q and cos q take part.
+        offset: a constant takes part.
+        inertia: inertia and delay take part.
+        flanks: only samples near the peaks of speed are used.
+        freedom: degrees of freedom of the t quantile; infinite: that of the normal distribution.
+    """
+
+    knots: np.ndarray
+    symmetric: bool
+    gravity: bool
+    offset: bool
+    inertia: bool
+    flanks: bool
+    freedom: float
+
+
+class Oracle(NamedTuple):
+    """Half widths of 95 % intervals.
+
+    Attributes:
+        curve: by direction and knot [N.m], (2, k).
+        viscous: by direction [N.m s/rad], (2,).
+        delay: standard error of the delay [s]; infinite where it is not determined.
+    """
+
+    curve: np.ndarray
+    viscous: np.ndarray
+    delay: float
+
+
+def hats(speed: np.ndarray, knots: np.ndarray) -> np.ndarray:
+    """Return hat functions whose outer sections go on, (n, k)."""
+    if knots.size == 1:
+        return np.ones((speed.size, 1))
+    left = np.clip(np.searchsorted(knots, speed, side="right") - 1, 0, knots.size - 2)
+    share = (speed - knots[left]) / (knots[left + 1] - knots[left])
+    shapes = np.zeros((speed.size, knots.size))
+    rows = np.arange(speed.size)
+    shapes[rows, left], shapes[rows, left + 1] = 1.0 - share, share
+    return shapes
+
+
+def oracle(records: Sequence[Record], terms: Terms) -> Oracle:
+    """Return the oracle's half widths."""
+    k = terms.knots.size
+    X = np.vstack([_whitened(record, terms) for record in records])
+    scale = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
+    covariance = np.linalg.pinv((X / scale).T @ (X / scale), rcond=1e-12) / np.outer(scale, scale)
+    quantile = float(stats.t.ppf(0.975, terms.freedom)) if terms.freedom > 0 else np.inf
+    curve = np.sqrt(np.maximum(np.diag(covariance), 0.0))[: 2 * k]
+    curves = [slice(0, k), slice(0, k) if terms.symmetric else slice(k, 2 * k)]
+    slope = np.zeros(k)
+    slope[0], slope[-1] = -1.0, 1.0
+    slope /= max(float(terms.knots[-1] - terms.knots[0]), 1e-300)
+    viscous = [np.sqrt(max(slope @ covariance[side, side] @ slope, 0.0)) for side in curves]
+    delay = np.inf
+    if terms.inertia:
+        delay = float(np.sqrt(covariance[-1, -1]) / records[0].joint.inertia)
+    return Oracle(
+        curve=quantile * np.stack([curve[side] for side in curves]),
+        viscous=quantile * np.array(viscous),
+        delay=delay,
+    )
+
+
+def _whitened(record: Record, terms: Terms) -> np.ndarray:
+    """Return the regressor of one log with noise of unit variance, (n, p)."""
+    q, v, a = record.motion
+    shapes = hats(np.abs(v), terms.knots)
+    if terms.symmetric:
+        curve = shapes * np.sign(v)[:, None]
+    else:
+        curve = np.hstack([shapes * (v > 0)[:, None], -shapes * (v < 0)[:, None]])
+    columns = [curve]
+    if terms.offset:
+        columns.append(np.ones((v.size, 1)))
+    if terms.gravity:
+        columns.append(np.stack([np.sin(q), np.cos(q)], axis=1))
+    if terms.inertia:
+        columns.append(np.stack([a, -np.gradient(a, 1.0 / record.logger.rate)], axis=1))
+    X = np.hstack(columns)
+    used = np.isfinite(record.position) & (np.abs(v) > MOVING * np.abs(v).max())
+    if terms.flanks:
+        used &= np.abs(v) > FLANK * _peak(v)
+    colour = record.logger.colour
+    following = used & np.r_[False, used[:-1]]
+    white = np.where(following[:, None], X - colour * np.roll(X, 1, axis=0), X * np.sqrt(1.0 - colour**2))
+    return white[used] / (record.logger.noise * np.sqrt(1.0 - colour**2))
+
+
+def _peak(v: np.ndarray) -> np.ndarray:
+    """Return the peak speed of the half cycle that each sample is in, (n,)."""
+    half = np.cumsum(np.r_[0, np.diff(np.sign(v)) != 0])
+    peak = np.zeros(half[-1] + 1)
+    np.maximum.at(peak, half, np.abs(v))
+    return peak[half]
