@@ -22,17 +22,12 @@ WIDTH = 32  # characters of a small plot
 MOST = 12  # logs shown one by one; of more, only what is the matter with them
 
 
+@_logs.shared
 def command(
     logs: _logs.Logs,
-    map: _logs.Map = None,
+    reading: _logs.Reading = _logs.USUAL,
     joint: _logs.Joints = None,
     plan: _logs.PlanFile = None,
-    names: _logs.Names = None,
-    unit: _logs.Units = None,
-    gear: _logs.Gear = None,
-    counts: _logs.Counts = None,
-    format: _logs.Format = None,
-    topic: _logs.Topic = None,
     accept: _logs.Accept = None,
     as_json: _logs.AsJson = False,
 ) -> None:
@@ -46,9 +41,7 @@ def command(
     linked = _logs.plan_from(plan)
     with progress(quiet=as_json) as say:
         say("Reading")
-        read = _logs.read(
-            logs, map=map, names=names, units=unit, gear=gear, counts=counts, format=format, topic=topic
-        )
+        read = reading.read(logs)
         read = [(log.select(joint) if joint else log).replace(plan=linked or log.plan) for log in read]
         say("Checking")
         findings = [check(log) for log in read]
