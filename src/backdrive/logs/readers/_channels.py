@@ -18,6 +18,8 @@ from backdrive.logs.readers.columns import Columns
 #: Stands for the sample number in a `--map`.
 INDEX = "index"
 
+AS_SI = "was taken as SI"  # begins a note of a doubt
+
 _SHORT = {channel: short for short, channel in CHANNEL_OF.items()}
 _SI = {"time": "s", "angle": "rad", "angle rate": "rad/s", "length": "m", "speed": "m/s", "torque": "N.m", "force": "N",
        "temperature": "degC"}  # fmt: skip
@@ -238,9 +240,10 @@ class Values:
                 remedy="Give the factor that makes it one, or name another column.",
             )
         ending = units.split_suffix(full)[1]
-        if plain and ending in ("deg", "deg/s", "rpm") and channel != "time":
+        unlikely = ("ma", "%") if channel == "torque" else ("deg", "deg/s", "rpm")
+        if plain and ending in unlikely and channel != "time":
             self.notes.append(
-                f"'{full}' was taken as SI, as --map gives no factor, though its name ends with {ending}."
+                f"'{full}' {AS_SI}, as --map gives no factor, though its name ends with {ending}."
             )
         if stated is not None and stated.kind in KINDS[channel]:
             self._settle(channel, stated.kind)

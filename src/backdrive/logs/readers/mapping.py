@@ -67,12 +67,12 @@ def to_log(
             remedy=f"Say it with --map, for example t=..., q=... or dq=..., tau=... . Columns: {described(columns)}.",
         )
     notes = [*found.notes, *values.notes, *_without_zeros(values.arrays, asked)]
+    own = _align_patterns(values) or columns.joints or found.joints
     width = _width(values.arrays)
     kind = _kinds(units, width)
     if kind is None:
         kind = ["m" if values.kind in ("length", "speed") else "rad"] * width
     notes += _from_degrees(values, kind, asked)
-    own = _align_patterns(values) or columns.joints or found.joints
     labels, order = _labels(names, own, width)
     ratios, encoder = _each(gear, len(order), "gear"), _each(counts, len(order), "counts")
     joints = tuple(

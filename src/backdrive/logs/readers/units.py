@@ -129,6 +129,7 @@ _SUFFIXES = {
             "n",
             "degc",
             "mrad",
+            "ma",
             "rev",
             "sec",
         )
