@@ -44,6 +44,7 @@ from backdrive.laws.examples import ELEMENT_EXAMPLES, RATE_EXAMPLES
 from backdrive.logs.log import Drive, Joint, Log
 from backdrive.model import Covariance, FrictionModel, JointFriction, Validity, load_model
 from backdrive.model.file import decode, encode
+from backdrive.report import write_report
 
 ALIKE = [name for name, rate in RATES.items() if rate.SYMMETRIC]
 V = np.array([-2.0, -0.3, -0.02, -1e-4, 1e-4, 0.02, 0.3, 2.0])
@@ -368,7 +369,7 @@ def test_where_directions_differ_the_data_ask_for_it_and_the_truth_comes_back(re
         assert result.model.torque("j", v) == pytest.approx(np.sign(v) * bound + slope * v, rel=0.01)
     result.model.save(tmp_path / "m.json")
     assert load_model(tmp_path / "m.json").joints[0].law == friction.law
-    result.report(tmp_path / "r.html")
+    write_report(result, tmp_path / "r.html", command="identify log.csv")
     assert "along \N{MINUS SIGN}q" in (tmp_path / "r.html").read_text(encoding="utf-8")
 
 
