@@ -20,7 +20,7 @@ from backdrive.logs.readers import (
     read_log,
     read_logs,
 )
-from backdrive.logs.readers._expression import parse
+from backdrive.logs.readers._expression import Column, parse
 from backdrive.logs.readers.columns import Columns, ReadOptions
 from backdrive.logs.readers.limits import Limits
 from backdrive.logs.readers.mapping import to_log
@@ -415,19 +415,15 @@ def test_names_in_doubt_and_notes():
 def test_maps_by_their_grammar():
     got = parse('t=0.001*index, q=-deg*a.b[1:3] + 2*k*"odd name"[0] - c,tau=none,dq=+v')
     assert got["torque"] is None
-    (time,), (first, second, third), (speed,) = got["time"], got["position"], got["velocity"]
-    assert (time.factor, time.column) == (0.001, "index")
-    assert (first.factor, first.factors, first.column, first.index) == (-1.0, ("deg",), "a.b", slice(1, 3))
-    assert (second.factor, second.factors, second.column, second.quoted, second.index) == (
-        2.0,
-        ("k",),
-        "odd name",
-        True,
-        slice(0, 1),
-    )
-    assert (third.factor, third.quoted, third.index, speed.factor) == (-1.0, False, None, 1.0)
-    assert parse("q=2*-3*x")["position"][0].factor == -6.0
-    for text, place in (("q=a b", 5), ("x=a", 1), ("q=a[2:2]", 9), ("q=$", 3), ("q=a,q", 6), ("q=2", 4)):
+    ((time,),), ((first, second, third),), ((speed,),) = got["time"], got["position"], got["velocity"]
+    assert (time.factor, time.columns) == (0.001, (Column("index"),))
+    assert (first.factor, first.factors) == (-1.0, (("deg", False),))
+    assert first.columns == (Column("a.b", slice(1, 3)),)
+    assert (second.factor, second.factors) == (2.0, (("k", False),))
+    assert second.columns == (Column("odd name", slice(0, 1)),)
+    assert (third.factor, third.columns[0].index, speed.factor) == (-1.0, None, 1.0)
+    assert parse("q=2*-3*x")["position"][0][0].factor == -6.0
+    for text, place in (("q=a b", 5), ("x=a", 1), ("q=a[2:2]", 9), ("q=$", 3), ("q=a,dq=", 8), ("q=2", 4)):
         with pytest.raises(MappingError, match=f"at position {place} of"):
             parse(text)
 

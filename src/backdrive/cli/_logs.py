@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
+import inspect
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
 from os.path import realpath
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 import typer
 
-from backdrive._files import check_regular, check_writable
-from backdrive.errors import InvalidInput
+from backdrive._files import check_regular, check_writable, read_whole
+from backdrive.errors import InvalidInput, ReadError
 
 if TYPE_CHECKING:
     from backdrive.logs.log import Log
+
+MOST_MATRIX = 1 << 20  # of a coupling's file [B]
 
 Logs = Annotated[
     list[Path],
@@ -23,8 +29,8 @@ Map = Annotated[
     str | None,
     typer.Option(
         "--map",
-        help='Which column is which channel: "t=t,q=qm,tau=35.15*vir". Channels: t q dq tau qr u q2 tau_ext tau_model '
-        "load temp. Factors: numbers, deg, rpm.",
+        help='Which columns are which channel: "t=t,q=q1..q6,tau=35.15*vir". Channels: t q dq tau qr u q2 tau_ext tau_model '
+        "load temp. Columns: lists, ranges, patterns (*_pos). Factors: numbers, deg, rpm, turn, one a joint: (2,-1)*(a,b).",
     ),
 ]
 Joints = Annotated[list[str] | None, typer.Option("--joint", help="Only this joint; may be repeated.")]
@@ -48,6 +54,23 @@ Format = Annotated[
     str | None, typer.Option("--format", help="Reader to use, where the file's name does not tell.")
 ]
 Topic = Annotated[str | None, typer.Option("--topic", help="Topic of the joint states in a bag.")]
+MotorSide = Annotated[
+    str | None,
+    typer.Option("--motor-side", help="Channels that --gear brings to the joint: q,dq,tau.  [default: tau]"),
+]
+Coupling = Annotated[
+    Path | None,
+    typer.Option(
+        "--coupling",
+        help="Matrix C of q_joint = C q_motor (CSV or JSON), where motors drive several joints; kept in the model.",
+    ),
+]
+Join = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--join", help="File whose columns belong to the log, interpolated onto its clock; may be repeated."
+    ),
+]
 Accept = Annotated[
     list[str] | None, typer.Option("--accept", help="Go on in spite of this health finding; may be repeated.")
 ]
@@ -65,6 +88,132 @@ PlanFiles = Annotated[
         help="plan.json, or its folder, that the logs were recorded with; may be repeated: one a log, in their order.",
     ),
 ]
+
+
+Start = Annotated[
+    str | None,
+    typer.Option(
+        "--start",
+        help="Where in the log its plan begins: seconds after the first sample, or auto, by the motion.  [default: at once]",
+    ),
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """How logs are read: the options that every command shares which reads them; see `shared`."""
+
+    map: Map = None
+    names: Names = None
+    unit: Units = None
+    gear: Gear = None
+    motor_side: MotorSide = None
+    coupling: Coupling = None
+    counts: Counts = None
+    join: Join = None
+    format: Format = None
+    topic: Topic = None
+
+    @property
+    def inputs(self) -> list[Path]:
+        """Files beside the logs."""
+        return [*(self.join or []), *([self.coupling] if self.coupling else [])]
+
+    def read(self, paths: Sequence[Path]) -> list[Log]:
+        """Return the logs a command was given."""
+        from backdrive.logs.readers import read_logs
+
+        unit, count = words(self.unit), numbers(self.counts, "--counts")
+        return read_logs(
+            [str(p) for p in paths],
+            map=self.map,
+            names=words(self.names),
+            units=unit[0] if unit and len(unit) == 1 else unit,
+            gear=numbers(self.gear, "--gear"),
+            counts=count[0] if count and len(count) == 1 else count,
+            motor_side=self.motor_side,
+            coupling=matrix_from(self.coupling),
+            join=[str(p) for p in self.join or []],
+            format=self.format,
+            topic=self.topic,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what was asked for, as plain values."""
+        given = {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name)}
+        given |= {"units": given.pop("unit")} if "unit" in given else {}
+        given |= {"join": [str(p) for p in self.join]} if self.join else {}
+        return given | ({"coupling": matrix_from(self.coupling)} if self.coupling else {})
+
+
+USUAL = Reading()
+
+
+def shared(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the options of `Reading` in the place of its parameter `reading`."""
+    own = inspect.signature(command, eval_str=True)
+    hints = get_type_hints(Reading, include_extras=True)
+    options = [
+        inspect.Parameter(f.name, inspect.Parameter.KEYWORD_ONLY, default=f.default, annotation=hints[f.name])
+        for f in fields(Reading)
+    ]
+    parameters: list[inspect.Parameter] = []
+    for parameter in own.parameters.values():
+        parameters += (
+            options
+            if parameter.name == "reading"
+            else [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)]
+        )
+
+    @functools.wraps(command)
+    def run(**given: Any) -> None:
+        reading = Reading(**{o.name: given.pop(o.name) for o in options if o.name in given})
+        command(reading=reading, **given)
+
+    run.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {p.name: p.annotation for p in parameters}
+    return run
+
+
+def matrix_from(path: Path | None) -> list[list[float]] | None:
+    """Return the matrix of a --coupling option, from rows of CSV or a JSON list of lists; or None.
+
+    Raises:
+        ReadError: the file cannot be read, or holds no matrix.
+    """
+    if path is None:
+        return None
+    text = read_whole(path, MOST_MATRIX).decode(errors="replace")
+    try:
+        if text.lstrip().startswith("["):
+            rows = json.loads(text)
+        else:
+            rows = [
+                line.replace(",", " ").replace(";", " ").split() for line in text.splitlines() if line.strip()
+            ]
+        return [[float(x) for x in row] for row in rows]
+    except (ValueError, TypeError, RecursionError) as error:
+        raise ReadError(
+            f"{path} holds no matrix of numbers ({str(error)[:200]}).",
+            remedy="Write C of q_joint = C q_motor, a line for each joint: 1,0,0 and so on, or JSON: [[1,0],[0.5,1]].",
+        ) from error
+
+
+def start_from(text: str | None) -> float | Literal["auto"] | None:
+    """Return what a --start option says.
+
+    Raises:
+        InvalidInput: it is neither a number nor `auto`.
+    """
+    if text is None or text == "auto":
+        return text
+    try:
+        return float(text)
+    except ValueError as error:
+        raise InvalidInput(
+            f"--start {text}: neither seconds nor auto.",
+            remedy="Give seconds after the log's first sample, such as 3.7.",
+        ) from error
 
 
 def words(text: str | None) -> list[str] | None:
@@ -163,30 +312,3 @@ def plans_from(paths: Sequence[Path] | None):
     """Return the plan of --plan options: None, one for all logs, or a list of one a log."""
     plans = [plan_from(path) for path in paths or []]
     return plans if len(plans) > 1 else next(iter(plans), None)
-
-
-def read(
-    paths: Sequence[Path],
-    *,
-    map: str | None = None,
-    names: str | None = None,
-    units: str | None = None,
-    gear: str | None = None,
-    counts: str | None = None,
-    format: str | None = None,
-    topic: str | None = None,
-) -> list[Log]:
-    """Read the logs a command was given."""
-    from backdrive.logs.readers import read_logs
-
-    unit, count = words(units), numbers(counts, "--counts")
-    return read_logs(
-        [str(p) for p in paths],
-        map=map,
-        names=words(names),
-        units=unit[0] if unit and len(unit) == 1 else unit,
-        gear=numbers(gear, "--gear"),
-        counts=count[0] if count and len(count) == 1 else count,
-        format=format,
-        topic=topic,
-    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from backdrive.identification import Identification
 
 
+@_logs.shared
 def command(
     logs: _logs.Logs,
     law: Annotated[
@@ -32,9 +34,10 @@ def command(
     method: Annotated[
         str, typer.Option("--method", help="auto, sweep, constant-velocity, motion, ramp, arm or dynamic.")
     ] = "auto",
-    map: _logs.Map = None,
+    reading: _logs.Reading = _logs.USUAL,
     joint: _logs.Joints = None,
     plan: _logs.PlanFiles = None,
+    start: _logs.Start = None,
     urdf: Annotated[Path | None, typer.Option("--urdf", help="Robot description, for a whole arm.")] = None,
     hold_out: Annotated[
         list[Path] | None,
@@ -115,12 +118,6 @@ def command(
         float,
         typer.Option("--gate", help="Exit with 1 where the unseen residual of a joint is above this [%]."),
     ] = 50.0,
-    names: _logs.Names = None,
-    unit: _logs.Units = None,
-    gear: _logs.Gear = None,
-    counts: _logs.Counts = None,
-    format: _logs.Format = None,
-    topic: _logs.Topic = None,
     accept: _logs.Accept = None,
     repair: _logs.Repair = False,
     as_json: _logs.AsJson = False,
@@ -137,30 +134,24 @@ def command(
     from backdrive.cli import _identify_tables as tables
     from backdrive.identification import identify
 
-    _logs.check_targets([output], [*logs, *(hold_out or []), *(plan or []), urdf], drawn=[report])
+    _logs.check_targets(
+        [output], [*logs, *(hold_out or []), *(plan or []), *reading.inputs, urdf], drawn=[report]
+    )
     if not gate > 0:
         raise typer.BadParameter(f"--gate {gate}: give a positive percentage.")
     _logs.check_urdf(urdf)
-    plans = _logs.plans_from(plan)
+    plans, begin = _logs.plans_from(plan), _logs.start_from(start)
     ranges = parse.bounds(bound)
     controller = parse.drive(drive, ranges)
-    options = {
-        "map": map,
-        "names": names,
-        "units": unit,
-        "gear": gear,
-        "counts": counts,
-        "format": format,
-        "topic": topic,
-    }
     with progress(quiet=as_json) as say:
         say("Reading")
-        read = _logs.read(logs, **options)
-        held = _logs.read(hold_out, **options) if hold_out else []
+        read = reading.read(logs)
+        held = replace(reading, join=None).read(hold_out) if hold_out else []
         result = identify(
             read,
             method=method,
             plan=plans,
+            start=begin,
             joints=joint,
             urdf=str(urdf) if urdf else None,
             held_out=held,
@@ -181,7 +172,7 @@ def command(
             accept=accept or [],
             repair=repair,
             progress=say,
-            reading={k: v for k, v in options.items() if v is not None},
+            reading=reading.to_dict(),
         )
         if output:
             result.model.save(output)

@@ -22,66 +22,92 @@ WIDTH = 32  # characters of a small plot
 MOST = 12  # logs shown one by one; of more, only what is the matter with them
 
 
+@_logs.shared
 def command(
     logs: _logs.Logs,
-    map: _logs.Map = None,
+    reading: _logs.Reading = _logs.USUAL,
     joint: _logs.Joints = None,
     plan: _logs.PlanFile = None,
-    names: _logs.Names = None,
-    unit: _logs.Units = None,
-    gear: _logs.Gear = None,
-    counts: _logs.Counts = None,
-    format: _logs.Format = None,
-    topic: _logs.Topic = None,
+    start: _logs.Start = None,
     accept: _logs.Accept = None,
+    repair: _logs.Repair = False,
     as_json: _logs.AsJson = False,
 ) -> None:
     """Show joints, channels, units, rate, gaps and ranges of a log, and its health; exit with 1 where a result would be spoiled.
 
     Example: backdrive inspect log.csv
     """
-    from backdrive.logs.health import CHECKS, check
+    from backdrive.logs.health import CHECKS, check, mend
 
     accepted = {lookup(n, {c.name: c.name for c in CHECKS}, "health check") for n in accept or []}
-    linked = _logs.plan_from(plan)
+    linked, begin = _logs.plan_from(plan), _logs.start_from(start)
     with progress(quiet=as_json) as say:
         say("Reading")
-        read = _logs.read(
-            logs, map=map, names=names, units=unit, gear=gear, counts=counts, format=format, topic=topic
-        )
+        read = reading.read(logs)
         read = [(log.select(joint) if joint else log).replace(plan=linked or log.plan) for log in read]
+        if begin is not None:
+            from backdrive.identification.alignment import with_plan
+
+            read = [with_plan(log, log.plan, begin) for log in read]
         say("Checking")
+        read = [mend(log, accepted) for log in read] if repair else read
         findings = [check(log) for log in read]
+        repairs = [
+            repairs_of(log, mend(log, accepted)) if any(f.repairable for f in found) else []
+            for log, found in zip(read, findings)
+        ]
     spoiled = [f for found in findings for f in found if f.severity == "spoils" and f.name not in accepted]
+    useless = [log for log in read if log.torque is None and log.drive_input is None]
     if as_json:
         print_json(
             {
-                "ok": not spoiled,
+                "ok": not spoiled and not useless,
                 "logs": [
-                    summary(log) | {"findings": [f.to_dict() for f in found]}
-                    for log, found in zip(read, findings)
+                    summary(log)
+                    | {"findings": [f.to_dict() for f in found], "repairs": mended, "doubts": doubts(log)}
+                    for log, found, mended in zip(read, findings, repairs)
                 ],
             }
         )
     else:
-        for log, found in zip(read, findings):
-            _print(log, found, accepted, brief=len(read) > MOST)
+        for log, found, mended in zip(read, findings, repairs):
+            _print(log, found, accepted, mended, brief=len(read) > MOST)
         if len(read) > MOST:
             echo(
                 f"{len(read)} logs, {sum(bool(f) for f in findings)} with findings; inspect one to see more of it."
             )
-    if spoiled:
+    if spoiled or useless:
         raise typer.Exit(1)
+
+
+def repairs_of(log: Log, mended: Log) -> list[str]:
+    """Return what a repair did to a log, in sentences."""
+    return [note for note in mended.notes if note not in log.notes]
+
+
+def doubts(log: Log) -> list[str]:
+    """Return why a healthy log may be of no use all the same, in sentences."""
+    from backdrive.logs.readers._channels import AS_SI
+
+    found = [note for note in log.notes if AS_SI in note]
+    if log.torque is None and log.drive_input is None:
+        found.append(
+            "There is no torque, and no input of a drive: friction cannot be identified. Name it, for example --map tau=COLUMN."
+        )
+    return found
 
 
 def summary(log: Log) -> dict[str, Any]:
     """Return what a log holds, as plain values in SI units."""
     import numpy as np
 
+    from backdrive.logs.health._exam import Exam
+    from backdrive.logs.health.jitter import variation
     from backdrive.logs.log import channel_unit
 
     steps = np.diff(log.time)
     period = log.period
+    jitter = variation(Exam(log))[0]
     channels: dict[str, Any] = {}
     for name, values in log.channels.items():
         for column, joint in enumerate(log.joints):
@@ -99,9 +125,7 @@ def summary(log: Log) -> dict[str, Any]:
         "samples": len(log),
         "duration": log.duration,
         "rate": 1.0 / period if period > 0 else None,
-        "jitter": float(np.percentile(np.abs(steps / period - 1.0), 95))
-        if steps.size and period > 0
-        else None,
+        "jitter": jitter if np.isfinite(jitter) else None,
         "longest_interval": float(steps.max()) if steps.size else None,
         "joints": [
             {
@@ -139,10 +163,11 @@ def small_plot(values, bars: str = BARS, width: int = WIDTH) -> str:
     return "".join(" " if not np.isfinite(i) else bars[int(i)] for i in level)
 
 
-def _print(log: Log, findings: list[Finding], accepted: set[str], *, brief: bool) -> None:
+def _print(log: Log, findings: list[Finding], accepted: set[str], repairs: list[str], *, brief: bool) -> None:
     from rich.text import Text
 
-    if brief and not findings:
+    unsure = doubts(log)
+    if brief and not findings and not unsure:
         return
     console = new_console()
     held = summary(log)
@@ -174,5 +199,9 @@ def _print(log: Log, findings: list[Finding], accepted: set[str], *, brief: bool
         console.print(Text.assemble((word, style), " ", (finding.name, "bold"), f": {finding.sentence}"))
         if i + 1 == len(findings) or findings[i + 1].remedy != finding.remedy:
             console.print(f"    {finding.remedy}", style="dim")
-    if not findings:
+    if repairs:
+        console.print("--repair would leave it so:", style="bold")
+        print_lines(console, (f"    {sentence}" for sentence in repairs))
+    print_lines(console, unsure, style="yellow")
+    if not findings and not unsure:
         console.print("Nothing is the matter with this log.", style="green")

@@ -18,24 +18,19 @@ if TYPE_CHECKING:
     from backdrive.model import FrictionModel
 
 
+@_logs.shared
 def command(
     model: Annotated[
         str, typer.Argument(help="Model file made by `identify -o` or `fit -o`, or preset:NAME.")
     ],
     logs: _logs.Logs,
-    map: _logs.Map = None,
+    reading: _logs.Reading = _logs.USUAL,
     urdf: Annotated[
         Path | None, typer.Option("--urdf", help="Robot description, for the model of an arm.")
     ] = None,
     gate: Annotated[
         float, typer.Option("--gate", help="Exit with 1 where a joint's residual is above this [%].")
     ] = 50.0,
-    names: _logs.Names = None,
-    unit: _logs.Units = None,
-    gear: _logs.Gear = None,
-    counts: _logs.Counts = None,
-    format: _logs.Format = None,
-    topic: _logs.Topic = None,
     accept: _logs.Accept = None,
     repair: _logs.Repair = False,
     as_json: _logs.AsJson = False,
@@ -52,9 +47,7 @@ def command(
     _logs.check_urdf(urdf)
     with progress(quiet=as_json) as say:
         say("Reading")
-        read = _logs.read(
-            logs, map=map, names=names, units=unit, gear=gear, counts=counts, format=format, topic=topic
-        )
+        read = reading.read(logs)
         say("Checking the logs")
         suspect: list[str] = []
         read = [healthy(log, accept or [], repair, suspect) for log in read]

@@ -11,6 +11,7 @@ import numpy as np
 
 from backdrive.engine import DriveModel
 from backdrive.errors import InvalidInput, UnhealthyLog
+from backdrive.identification.alignment import Start, with_plan
 from backdrive.identification.timing import Timing
 from backdrive.logs.log import Drive, Log
 from backdrive.model import FrictionModel
@@ -39,6 +40,7 @@ class Options:
 
     law: str | Sequence[str] | None = None
     method: str = "auto"
+    start: Start | None = None
     joints: Sequence[str] | None = None
     urdf: str | None = None
     symmetric: bool | None = None
@@ -190,6 +192,24 @@ def in_order(log: Log, first: Log) -> Log:
     return log
 
 
+def coupling_of(logs: Sequence[Log], names: Sequence[str]) -> tuple[tuple[float, ...], ...] | None:
+    """Return the matrix that brought all logs from coupled motors to their joints, rows in the order of these.
+
+    None where there is none, or where it is of more joints than these: how the logs were read is remembered all the same.
+
+    Raises:
+        InvalidInput: the logs differ in it.
+    """
+    matrices = {log.coupling for log in logs}
+    if len(matrices) > 1:
+        raise InvalidInput(
+            "The logs are of differently coupled motors.", remedy="Read all of them with the same --coupling."
+        )
+    if set(names) != set(logs[0].names):
+        return None
+    return logs[0].select(names).coupling
+
+
 def apart(logs: Sequence[Log], held_out: Sequence[Log]) -> None:
     """Refuse to judge on a file that is fitted, and to fit a part of a file twice."""
     fitted: dict[str, str] = {}
@@ -213,20 +233,26 @@ def apart(logs: Sequence[Log], held_out: Sequence[Log]) -> None:
                 )
 
 
-def planned(logs: Sequence[Log], plan: Any) -> list[Log]:
+def planned(logs: Sequence[Log], plan: Any, start: Start | None = None) -> list[Log]:
     """Return the logs with the plan that they were recorded with: one for all, one a log, or None for their own.
+
+    `start` says where in each log its plan begins; see `alignment.with_plan`.
 
     Raises:
         InvalidInput: there are several plans, and not one a log.
     """
-    if plan is None:
+    if plan is None and start is None:
         return list(logs)
     plans = list(plan) if isinstance(plan, (list, tuple)) else [plan] * len(logs)
+    if plan is None:
+        plans = [log.plan for log in logs]
     if len(plans) != len(logs):
         raise InvalidInput(
             f"{len(plans)} plans for {len(logs)} logs.",
             remedy="Give one plan for all logs, or one for each in their order.",
         )
+    if start is not None:
+        return [with_plan(log, one, start) for log, one in zip(logs, plans)]
     return [log.replace(plan=one) for log, one in zip(logs, plans)]
 
 

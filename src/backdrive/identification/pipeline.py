@@ -11,12 +11,14 @@ from backdrive._blas import on_one_thread
 from backdrive._catalog import lookup
 from backdrive.engine import DriveModel
 from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
+from backdrive.identification.alignment import Start
 from backdrive.identification.auto import METHODS, choose_method, moving_joints, own_turn
 from backdrive.identification.evidence import describe_fit
 from backdrive.identification.options import (
     Interval,
     Options,
     apart,
+    coupling_of,
     healthy,
     in_order,
     move_together,
@@ -50,6 +52,7 @@ def identify(
     law: str | Sequence[str] | None = None,
     method: str = "auto",
     plan: Any = None,
+    start: Start | None = None,
     joints: Sequence[str] | None = None,
     urdf: str | None = None,
     held_out: Sequence[Log] = (),
@@ -87,6 +90,7 @@ def identify(
             the methods `motion` and `constant-velocity`, `coulomb-viscous` or `polyline` to allow only that.
         method: `auto`, or one of `METHODS`.
         plan: the motion that was commanded (an object of `backdrive.plans`), or one a log; gives the sweep its windows.
+        start: where in the log the plan begins: seconds after the first sample, or `auto`, by the motion [s]; None: at once.
         joints: names of the joints wanted; None: every joint that moves.
         urdf: path of the robot description; needed for the method `arm`.
         held_out: logs to judge on, not seen by the fit.
@@ -131,6 +135,7 @@ def identify(
     options = Options(
         law=law,
         method=method,
+        start=start,
         joints=joints,
         urdf=urdf,
         symmetric=symmetric,
@@ -162,7 +167,7 @@ def identify(
     logs = [in_order(log, logs[0]) for log in logs]
     held_out = [in_order(log, logs[0]) for log in held_out]
     apart(logs, held_out)
-    logs = planned(logs, plan)
+    logs = planned(logs, plan, start)
     if _searches(logs, options):
         from backdrive.identification import dynamic
 
@@ -210,6 +215,7 @@ def identify(
         sources=tuple(s for log in logs for s in log.sources),
         options=options.remembered(method, plan, held_out, reading=dict(reading or {}), **settings),
         version=__version__,
+        coupling=coupling_of(logs, [j.joint.name for j in friction]),
     )
     if held_out and method not in ("motion", "arm", "dynamic"):
         options.say("Judging on the held-out logs")

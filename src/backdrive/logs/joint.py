@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -78,6 +78,31 @@ class Source:
 
     path: str
     sha256: str
+
+
+def check_coupling(coupling: Sequence[Sequence[float]], size: int) -> np.ndarray:
+    """Return C of q_joint = C q_motor as an array, (J, J).
+
+    Args:
+        coupling: rows in the order of the joints.
+        size: number of joints J.
+
+    Raises:
+        InvalidInput: it is no invertible matrix of the joints.
+    """
+    try:
+        matrix = np.array(coupling, dtype=np.float64)
+    except (TypeError, ValueError):
+        matrix = np.zeros(0)
+    if matrix.shape == (size, size) and np.all(np.isfinite(matrix)):
+        scale = np.abs(matrix).max(initial=0.0)
+        if scale > 0 and np.linalg.matrix_rank(matrix / scale) == size:
+            return matrix
+    shape = "x".join(map(str, matrix.shape)) if matrix.ndim == 2 else "no matrix"
+    raise InvalidInput(
+        f"The coupling of {size} joints is no invertible matrix of {size} rows and columns ({shape}).",
+        remedy="Give C of q_joint = C q_motor, a row for each joint and a column for each motor.",
+    )
 
 
 def digest(path: str | Path) -> str:

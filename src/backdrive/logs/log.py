@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.logs.joint import Drive, Joint, Source
+from backdrive.logs.joint import Drive, Joint, Source, check_coupling
 
 #: Beyond, a number is no measurement in any unit, and products of a few of them overflow; an infinity is a hole in a log.
 LARGEST = 1e60
@@ -57,6 +57,7 @@ class Log:
         plan: the motion plan it was recorded with (an object of `backdrive.plans`), if known.
         sources: files it came from.
         notes: what a reader or a repair did to the data, in sentences.
+        coupling: C of q_joint = C q_motor, by which the channels were brought from coupled motors to the joints, (J, J).
     """
 
     time: np.ndarray
@@ -75,6 +76,7 @@ class Log:
     plan: Any = None
     sources: tuple[Source, ...] = ()
     notes: tuple[str, ...] = ()
+    coupling: tuple[tuple[float, ...], ...] | None = None
 
     def __post_init__(self):
         time = _frozen(self.time, "time")
@@ -102,6 +104,9 @@ class Log:
                 )
             object.__setattr__(self, name, value)
             self._refuse_beyond(name, value)
+        if self.coupling is not None:
+            matrix = check_coupling(self.coupling, len(names))
+            object.__setattr__(self, "coupling", tuple(map(tuple, matrix.tolist())))
         if self.position is None and self.velocity is None:
             raise InvalidInput(
                 "A Log needs position or velocity, and has neither.",
@@ -213,7 +218,9 @@ class Log:
         wanted = [joints] if isinstance(joints, (str, int)) else list(joints)
         columns = [self.column(j) for j in wanted]
         arrays = {name: value[:, columns] for name, value in self.channels.items()}
-        return replace(self, joints=tuple(self.joints[c] for c in columns), **arrays)
+        every = self.coupling is not None and sorted(columns) == list(range(len(self.joints)))
+        coupling = tuple(self.coupling[c] for c in columns) if every and self.coupling else None
+        return replace(self, joints=tuple(self.joints[c] for c in columns), coupling=coupling, **arrays)
 
     def rows(self, index: slice | np.ndarray) -> Log:
         """Return the samples at a slice, mask or index array."""
@@ -247,6 +254,33 @@ class Log:
                 )
             total += factor * self.channels[name][:, column]
         return total
+
+    def apply_coupling(self, coupling: Sequence[Sequence[float]]) -> Log:
+        """Return the log of joints that coupled motors drive: motion by C, torque by its inverse transpose.
+
+        Power is the same on both sides, so q_joint = C q_motor means tau_motor = C^T tau_joint.
+
+        Args:
+            coupling: C, a row a joint and a column a motor, (J, J).
+
+        Raises:
+            InvalidInput: it is no invertible matrix of the joints, or the log is coupled already.
+        """
+        matrix = check_coupling(coupling, len(self.joints))
+        if self.coupling is not None:
+            raise InvalidInput(
+                "The log was brought from coupled motors to its joints already.", remedy="Do it once."
+            )
+        moves = {
+            c: self.channels[c] @ matrix.T
+            for c in ("position", "velocity", "reference")
+            if c in self.channels
+        }
+        torque = {} if self.torque is None else {"torque": np.linalg.solve(matrix.T, self.torque.T).T}
+        rows = tuple(map(tuple, matrix.tolist()))
+        return replace(self, coupling=rows, **moves, **torque).noted(
+            f"Brought from coupled motors to the joints: {', '.join([*moves, *torque])}."
+        )
 
     def on_joint_side(self) -> Log:
         """Return the log with motor-side torques multiplied by their gear ratios."""

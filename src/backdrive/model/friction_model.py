@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from backdrive._catalog import lookup
 from backdrive._upper import upper
 from backdrive.errors import ExtrapolationWarning, InvalidInput, NegativeFrictionWarning
-from backdrive.logs.log import Source
+from backdrive.logs.joint import Source, check_coupling
 from backdrive.model.joint_friction import JointFriction
 
 
@@ -59,7 +59,7 @@ class FrictionModel:
                 f"A FrictionModel needs distinct joints, got {names}.", remedy="Name each joint once."
             )
         if self.coupling is not None:
-            _check_coupling(self.coupling, len(names))
+            check_coupling(self.coupling, len(names))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -139,17 +139,6 @@ class FrictionModel:
     def save(self, path) -> None:
         """Write the model file (JSON), whole or not at all."""
         upper("model.file", "save")(self, path)
-
-
-def _check_coupling(coupling: Sequence[Sequence[float]], size: int) -> None:
-    """Refuse a coupling that is no invertible matrix of the joints."""
-    square = len(coupling) == size and all(len(row) == size for row in coupling)
-    matrix = np.array(coupling, dtype=np.float64) if square else np.zeros((1, 1))
-    if not np.all(np.isfinite(matrix)) or np.linalg.matrix_rank(matrix) < len(matrix):
-        raise InvalidInput(
-            f"The coupling of {size} joints is no invertible matrix of {size} rows and columns.",
-            remedy="Give C of q_joint = C q_motor.",
-        )
 
 
 def load_model(path) -> FrictionModel:

@@ -20,7 +20,7 @@ from backdrive.logs.health._exam import Exam
 from backdrive.logs.health._finding import Check, Finding, Repair, Severity
 from backdrive.logs.log import Log
 
-__all__ = ["CHECKS", "Check", "Finding", "Repair", "Severity", "check", "gate"]
+__all__ = ["CHECKS", "Check", "Finding", "Repair", "Severity", "check", "gate", "mend"]
 
 #: The clock first, then single samples, then channels, then what channels say of one another: a module and a line each.
 CHECKS: tuple[Check, ...] = tuple(
@@ -113,6 +113,21 @@ def passed(
         if f.severity == "warn" and f.name not in accepted and not (repair and f.repairable)
     ]
     return (result.replace(notes=(*result.notes, *notes)) if notes else result), left
+
+
+def mend(log: Log, accept: Iterable[str] = (), *, plan: Any = None) -> Log:
+    """Return the log as `gate` would leave it with `repair=True`, whether it would then pass or not; its notes say what was done.
+
+    Args:
+        log: any log.
+        accept: names of checks whose findings are not repaired.
+        plan: the motion plan it was recorded with; the log's own, if None.
+
+    Raises:
+        UnknownName: a name in `accept` is not a check.
+    """
+    known = {c.name: c for c in CHECKS}
+    return _examine(log, plan, frozenset(lookup(name, known, "health check").name for name in accept))[1]
 
 
 def _examine(log: Log, plan: Any, accepted: frozenset[str]) -> tuple[list[Finding], Log]:

@@ -11,24 +11,31 @@ from backdrive.logs.health._finding import Finding, check
 
 #: Standard deviation of the interval over its mean from which on derivatives suffer [1].
 LIMIT = 0.10
+FEWEST = 10  # intervals that tell it
+
+
+def variation(exam: Exam) -> tuple[float, np.ndarray]:
+    """Return the jitter of a clock, standard deviation of the intervals over their mean [1], and the intervals [s].
+
+    Gaps and steps that do not go forward are left out; NaN with fewer than ten intervals.
+    """
+    steps = np.delete(exam.steps, exam.gaps - 1)
+    steps = steps[steps > 0]
+    return (float(steps.std() / steps.mean()) if steps.size >= FEWEST else float("nan")), steps
 
 
 @check("jitter", f"sampling intervals that vary by more than {LIMIT:.0%}")
 def find(exam: Exam) -> Iterator[Finding]:
     """Report a standard deviation of the interval above `LIMIT` of its mean, gaps aside."""
-    steps = np.delete(exam.steps, exam.gaps - 1)
-    steps = steps[steps > 0]
-    if steps.size < 10:
-        return
-    mean, spread = float(steps.mean()), float(steps.std())
-    if spread <= LIMIT * mean:
+    jitter, steps = variation(exam)
+    if not jitter > LIMIT:
         return
     yield Finding(
         severity="warn",
         sentence=(
-            f"The sampling interval varies by {100 * spread / mean:.0f} % (standard deviation over mean, "
+            f"The sampling interval varies by {100 * jitter:.0f} % (standard deviation over mean, "
             f"{1e3 * steps.min():.3g} to {1e3 * steps.max():.3g} ms)."
         ),
         remedy="Use the sender's clock rather than the receiver's; otherwise differentiate over a wider window.",
-        value=spread / mean,
+        value=jitter,
     )

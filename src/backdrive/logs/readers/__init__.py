@@ -6,12 +6,13 @@ import contextlib
 import os
 import re
 from collections.abc import Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from backdrive._files import check_regular
 from backdrive.errors import FileTooLarge, ReadError, UnknownFormat
-from backdrive.logs.readers._formats import READERS, SUFFIXES, Format, by_name, recognise
+from backdrive.logs.readers._formats import LEROBOT, READERS, SUFFIXES, Format, by_name, recognise
 
 if TYPE_CHECKING:
     from backdrive.logs.log import Log
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 __all__ = ["READERS", "peek", "read_columns", "read_log", "read_logs"]
 
 _BAGS = (".mcap", ".db3")
+_INFO = Path("meta/info.json")  # describes a folder in LeRobot's layout
+_MOST_FILES = 10_000
 
 
 def read_log(
@@ -33,13 +36,16 @@ def read_log(
     units: str | Sequence[str] | None = None,
     gear: float | Sequence[float] | None = None,
     counts: float | Sequence[float] | None = None,
+    motor_side: str | Sequence[str] | None = None,
+    coupling: Sequence[Sequence[float]] | None = None,
+    join: str | os.PathLike | Sequence[str | os.PathLike] = (),
     limits: Limits | None = None,
     guarded: bool = True,
 ) -> Log:
     """Read one log.
 
     Args:
-        path: a file, or the folder of a ROS 2 bag.
+        path: a file, or the folder of a ROS 2 bag or of LeRobot's episodes.
         map: which column is which channel, for example `t=t,q=qm,tau=35.15*vir`; channels that it does not
             mention are found by their usual names.
         format: name of a reader, if the file's first bytes and suffix do not tell.
@@ -48,6 +54,9 @@ def read_log(
         units: `rad`, `m` or `deg` for the joints, if the file does not say.
         gear: motor turns per joint turn [1]; says that torque is of the motor side, and brings it to the joint.
         counts: encoder counts per rad or m at the joint [1/rad or 1/m].
+        motor_side: which of `q`, `dq`, `qr` and `tau` the gear brings to the joint; None: `tau`.
+        coupling: C of q_joint = C q_motor, (J, J); the torque goes by its inverse transpose.
+        join: files whose columns are interpolated onto this one's clock.
         limits: what parsing may use.
         guarded: parse in another process. Without it a hostile file can end this one.
 
@@ -69,35 +78,56 @@ def read_log(
     from backdrive.logs.readers.mapping import to_log
 
     files, form = _files(Path(path), format)
-    _size(files, limits)  # before all bytes are hashed
+    beside = [_files(Path(p), None) for p in ([join] if isinstance(join, (str, os.PathLike)) else join)]
+    every = [*files, *(file for others, _ in beside for file in others)]
+    _size(every, limits)  # before all bytes are hashed
     digests: list[str] = []
 
     def hash_all() -> None:
         with contextlib.suppress(OSError):  # a file that vanished is reported by its reader
-            digests.extend(digest(file) for file in files)
+            digests.extend(digest(file) for file in every)
 
     hashing = Thread(target=hash_all, daemon=True)
     hashing.start()  # hashing lets go of the interpreter, so it runs beside the parsing process
     try:
         columns = _parse(files, form, topic, limits, guarded, _listed(names))
+        parts = [(str(o[0]), _parse(o, kind, topic, limits, guarded)) for o, kind in beside]
     finally:
         hashing.join()
-    sources = tuple(Source(path=str(file), sha256=value) for file, value in zip(files, digests))
-    return to_log(columns, map=map, names=names, units=units, gear=gear, counts=counts, sources=sources)
+    if parts:
+        from backdrive.logs.readers._join import side_by_side
+
+        columns = side_by_side(columns, parts, map)
+    sources = tuple(Source(path=str(file), sha256=value) for file, value in zip(every, digests))
+    return to_log(
+        columns,
+        map=map,
+        names=names,
+        units=units,
+        gear=gear,
+        counts=counts,
+        motor_side=motor_side,
+        coupling=coupling,
+        sources=sources,
+    )
 
 
 def read_logs(paths: str | os.PathLike | Sequence[str | os.PathLike], **options) -> list[Log]:
     """Read several logs: files, or folders of files of one kind; takes the options of `read_log`.
 
     Raises:
-        ReadError: a folder holds no log, or logs of several kinds.
+        ReadError: a folder holds no log, or logs of several kinds, or there are several logs and a file to join.
     """
     given = [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
     if not given:
         raise ReadError("No log was named.", remedy="Name at least one file or folder.")
-    return [
-        read_log(file, **options) for path in given for file in _expanded(Path(path), options.get("format"))
-    ]
+    files = [file for path in given for file in _expanded(Path(path), options.get("format"))]
+    if options.get("join") and len(files) > 1:
+        raise ReadError(
+            f"{len(files)} logs, and a file to join: to which of them?",
+            remedy="Name one log and its --join, or read them one by one in Python: read_log(path, join=...).",
+        )
+    return [read_log(file, **options) for file in files]
 
 
 def read_columns(
@@ -181,9 +211,9 @@ def _listed(names: str | Sequence[str] | None) -> tuple[str, ...]:
 
 
 def _files(path: Path, format: str | None) -> tuple[list[Path], Format]:
-    """Return the files of one log: several only for a bag that was split."""
+    """Return the files of one log: several only for a bag that was split, or a folder of episodes."""
     if path.is_dir():
-        files = _bag_files(path)
+        files = _folder_files(path)
         if not files:
             found = _expanded(path, format)
             if len(found) > 1:
@@ -197,7 +227,22 @@ def _files(path: Path, format: str | None) -> tuple[list[Path], Format]:
         files = [path]
     for file in files:
         check_regular(file)
+    if path.is_dir() and files[0] == path / _INFO:
+        return files, LEROBOT
     return files, by_name(format) if format is not None else recognise(files[0])
+
+
+def _folder_files(folder: Path) -> list[Path]:
+    """Return the files of a folder that is one log, a bag or LeRobot's episodes; nothing if it is neither."""
+    if not (folder / _INFO).is_file():
+        return _bag_files(folder)
+    files = sorted(islice(folder.glob("data/**/*.parquet"), _MOST_FILES + 1), key=_natural_path)
+    if len(files) > _MOST_FILES:
+        raise FileTooLarge(
+            f"{folder} holds more than {_MOST_FILES} Parquet files.",
+            remedy="Name those that you want, or copy some to a folder of their own.",
+        )
+    return [folder / _INFO, *files]
 
 
 def _bag_files(folder: Path) -> list[Path]:
@@ -216,7 +261,7 @@ def _bag_files(folder: Path) -> list[Path]:
 
 def _expanded(path: Path, format: str | None) -> list[Path]:
     """Return the logs of a folder, in natural order; a file or a bag stands for itself."""
-    if not path.is_dir() or _bag_files(path):
+    if not path.is_dir() or _folder_files(path):
         return [path]
     suffixes = SUFFIXES if format is None else dict.fromkeys(by_name(format).suffixes)
     by_suffix: dict[str, list[Path]] = {}
@@ -230,7 +275,7 @@ def _expanded(path: Path, format: str | None) -> list[Path]:
             remedy="Name the files, or the kind: --format (in Python format=).",
         )
     if not by_suffix:
-        bags = sorted((sub for sub in path.iterdir() if sub.is_dir() and _bag_files(sub)), key=_natural)
+        bags = sorted((sub for sub in path.iterdir() if sub.is_dir() and _folder_files(sub)), key=_natural)
         if bags:
             return bags
         raise UnknownFormat(
@@ -238,6 +283,10 @@ def _expanded(path: Path, format: str | None) -> list[Path]:
             remedy="Name the folder that directly holds the files.",
         )
     return sorted(next(iter(by_suffix.values())), key=_natural)
+
+
+def _natural_path(path: Path) -> list[list[tuple[int, int, str]]]:
+    return [_natural(Path(part)) for part in path.parts]
 
 
 def _natural(path: Path) -> list[tuple[int, int, str]]:

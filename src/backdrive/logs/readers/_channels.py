@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 
 import numpy as np
@@ -10,12 +10,15 @@ import numpy as np
 from backdrive.errors import MappingError
 from backdrive.logs.log import LARGEST
 from backdrive.logs.readers import units
-from backdrive.logs.readers._expression import CHANNEL_OF, CONSTANTS, Term
+from backdrive.logs.readers._expression import CHANNEL_OF, Column, Sum, Term
 from backdrive.logs.readers._names import KINDS
+from backdrive.logs.readers._tokens import CONSTANTS
 from backdrive.logs.readers.columns import Columns
 
 #: Stands for the sample number in a `--map`.
 INDEX = "index"
+
+AS_SI = "was taken as SI"  # begins a note of a doubt
 
 _SHORT = {channel: short for short, channel in CHANNEL_OF.items()}
 _SI = {"time": "s", "angle": "rad", "angle rate": "rad/s", "length": "m", "speed": "m/s", "torque": "N.m", "force": "N",
@@ -28,6 +31,8 @@ class Values:
     Attributes:
         arrays: channel to (n, J); time is (n, 1).
         settled: channels whose unit the file or the person stated.
+        origin: what the time is counted from, where it is not counted from 0 [s].
+        labels: channel to the joints that patterns of a `--map` name, in the channel's order.
         kind: what the position, or else the velocity, was stated to measure; '' if nothing was stated.
         said: which column became which channel, in words.
         notes: what was left out, in sentences.
@@ -39,6 +44,8 @@ class Values:
         self._said_by_name = set(endings)
         self.arrays: dict[str, np.ndarray] = {}
         self.settled: set[str] = set()
+        self.labels: dict[str, tuple[str, ...]] = {}
+        self.origin = 0.0
         self.kind = ""
         self.said: list[str] = []
         self.notes: list[str] = []
@@ -51,14 +58,33 @@ class Values:
         """
         return self.columns.arrays[self._full(name)]
 
-    def add_sum(self, channel: str, terms: Sequence[Term]) -> None:
-        """Add a channel as `--map` has it.
+    def add_sums(self, channel: str, sums: Sequence[Sum]) -> None:
+        """Add a channel as `--map` has it: sums of columns side by side.
 
         Raises:
             MappingError: a column is unknown, has another length or measures something else.
         """
+        value = np.concatenate([self._sum(channel, terms) for terms in sums], axis=1)
+        if channel == "time" and value.shape[1] != 1:
+            raise MappingError(
+                f"Time has {value.shape[1]} columns.", remedy="Choose one, for example t=time[0]."
+            )
+        if channel == "time" and len(columns_of(sums)) == 1:
+            self.origin = self.columns.origin.get(columns_of(sums)[0], 0.0)
+        labels = [label for terms in sums for label in _labels(terms)]
+        if channel != "time" and labels and len(labels) == value.shape[1]:
+            self.labels[channel] = tuple(labels)
+        self.arrays[channel] = value
+        self.settled.add(channel)
+        written = (" + ".join(_written(term) for term in terms) for terms in sums)
+        self.said.append(f"{channel} = {', '.join(written)}")
+
+    def _sum(self, channel: str, terms: Sum) -> np.ndarray:
         total: np.ndarray | None = None
-        for term in terms:
+        constants = [term for term in terms if not term.columns]
+        for term in sorted(
+            terms, key=constants.__contains__
+        ):  # constants last: columns say how many joints there are
             value = self._term(channel, term)
             if (
                 total is not None
@@ -66,19 +92,13 @@ class Values:
                 and 1 not in (value.shape[1], total.shape[1])
             ):
                 raise MappingError(
-                    f"--map {_SHORT[channel]}: '{term.column}' has {value.shape[1]} columns, the terms before it "
+                    f"--map {_SHORT[channel]}: '{term.columns[0].name}' has {value.shape[1]} columns, the terms before it "
                     f"{total.shape[1]}.",
                     remedy="Choose columns with [i] or [i:j].",
                 )
             total = value if total is None else total + value
         assert total is not None
-        if channel == "time" and total.shape[1] != 1:
-            raise MappingError(
-                f"Time has {total.shape[1]} columns.", remedy="Choose one, for example t=time[0]."
-            )
-        self.arrays[channel] = np.broadcast_to(total, (self.n, total.shape[1]))
-        self.settled.add(channel)
-        self.said.append(f"{channel} = {' + '.join(_written(term) for term in terms)}")
+        return np.broadcast_to(total, (self.n, total.shape[1]))
 
     def add_columns(self, channel: str, names: Sequence[str]) -> None:
         """Add a channel by automatic names; columns that do not fit are noted and left out."""
@@ -93,6 +113,8 @@ class Values:
                 self._settle(channel, unit.kind)
             parts.append(value)
         value = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+        if channel == "time":
+            self.origin = self.columns.origin.get(names[0], 0.0)
         widths = [v.shape[1] for c, v in self.arrays.items() if c != "time"]
         if channel == "time":
             value = self._epoch(names[0], value)
@@ -126,26 +148,53 @@ class Values:
 
     def _term(self, channel: str, term: Term) -> np.ndarray:
         factor, word = term.factor, ""
-        for name in term.factors:
+        for name, divides in term.factors:
+            number = self._number(channel, name)
             if name in CONSTANTS and name not in self.columns.arrays:
-                factor *= CONSTANTS[name]
                 word = name
-                continue
-            single = self.find(name)
-            if single.size != 1:
+            if divides and number == 0.0:
                 raise MappingError(
-                    f"--map {_SHORT[channel]}: the factor '{name}' is not a single number but has shape {single.shape}.",
-                    remedy="Only numbers, deg, rpm and single-number columns can be factors.",
+                    f"--map {_SHORT[channel]}: '{name}' is 0, and nothing can be divided by it.",
+                    remedy="Name another column, or write the number.",
                 )
-            factor *= float(single.reshape(()))
-        if not abs(factor) <= LARGEST:
+            factor *= 1.0 / number if divides else number
+        named = term.columns[0].name if term.columns else "a number alone"
+        each = np.array(term.each or (1.0,)) * factor
+        if not np.abs(each).max() <= LARGEST:
             raise MappingError(
-                f"--map {_SHORT[channel]}: the factor of '{term.column}' is {factor:g}.",
+                f"--map {_SHORT[channel]}: the factor of '{named}' is {factor:g}.",
                 remedy=f"Give factors between {-LARGEST:g} and {LARGEST:g}.",
             )
-        if term.column == INDEX and INDEX not in self.columns.arrays:
-            return factor * np.arange(self.n, dtype=float)[:, None]
-        full = self._full(term.column)
+        if not term.columns:
+            return np.full((1, 1), factor)
+        parts = [self._column(channel, term, column, word) for column in term.columns]
+        if word:
+            self._settle(channel, "angle")
+        value = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+        if term.each and len(term.each) != value.shape[1]:
+            raise MappingError(
+                f"--map {_SHORT[channel]}: {len(term.each)} factors for {value.shape[1]} columns from '{named}' on.",
+                remedy="Give one factor a column, or a single one for all.",
+            )
+        return value if (each == 1.0).all() else value * each
+
+    def _number(self, channel: str, name: str) -> float:
+        """Return a named factor: a constant, or the only number of a column."""
+        if name in CONSTANTS and name not in self.columns.arrays:
+            return CONSTANTS[name]
+        single = self.find(name)
+        if single.size != 1:
+            raise MappingError(
+                f"--map {_SHORT[channel]}: the factor '{name}' is not a single number but has shape {single.shape}.",
+                remedy=f"Only numbers, {', '.join(CONSTANTS)} and single-number columns can be factors.",
+            )
+        return float(single.reshape(()))
+
+    def _column(self, channel: str, term: Term, column: Column, word: str) -> np.ndarray:
+        """Return one column of a term before its factors, (n, k); in SI where its unit is to be heeded."""
+        if column.name == INDEX and INDEX not in self.columns.arrays:
+            return np.arange(self.n, dtype=float)[:, None]
+        full = self._full(column.name)
         raw = self.columns.arrays[full]
         value = raw.reshape(1, 1).astype(float) if raw.size == 1 and self.n != 1 else oriented(raw, self.n)
         if value is None:
@@ -153,36 +202,14 @@ class Values:
                 f"--map {_SHORT[channel]}: '{full}' has shape {raw.shape}, but the time has {self.n} samples.",
                 remedy=f"Columns: {described(self.columns)}.",
             )
-        if term.index is not None:
-            if term.index.stop > value.shape[1]:
+        if column.index is not None:
+            if column.index.stop > value.shape[1]:
                 raise MappingError(
-                    f"--map {_SHORT[channel]}: '{full}' has {value.shape[1]} columns, [{term.index.stop - 1}] is not there.",
+                    f"--map {_SHORT[channel]}: '{full}' has {value.shape[1]} columns, [{column.index.stop - 1}] is not there.",
                     remedy="Columns are counted from 0.",
                 )
-            value = value[:, term.index]
-        stated = None if full in self._said_by_name else units.parse(self.stated.get(full, ""))
-        if word and stated is not None:
-            if not np.isclose(stated.factor, CONSTANTS[word], rtol=1e-12):
-                raise MappingError(
-                    f"--map {_SHORT[channel]}: '{full}' is stated in {self.stated[full]}, not in {word}.",
-                    remedy="Columns with a stated unit are brought to SI without a factor: leave it out.",
-                )
-            stated = None
-        plain = not word and not term.factors and abs(term.factor) == 1.0
-        if stated is not None and plain and stated.kind not in KINDS[channel]:
-            raise MappingError(
-                f"--map {_SHORT[channel]}: '{full}' is in {self.stated[full]}, which is no unit of {channel}.",
-                remedy="Give the factor that makes it one, or name another column.",
-            )
-        ending = units.split_suffix(full)[1]
-        if plain and ending in ("deg", "deg/s", "rpm") and channel != "time":
-            self.notes.append(
-                f"'{full}' was taken as SI, as --map gives no factor, though its name ends with {ending}."
-            )
-        if stated is not None and stated.kind in KINDS[channel]:
-            self._settle(channel, stated.kind)
-        if word:
-            self._settle(channel, "angle")
+            value = value[:, column.index]
+        stated = self._unit_of(channel, term, full, word)
         value = value.astype(float) if stated is None else _in_si(value, stated)
         peak = np.abs(value[np.isfinite(value)]).max(initial=0.0)
         if peak > LARGEST:
@@ -190,7 +217,46 @@ class Values:
                 f"--map {_SHORT[channel]}: '{full}' holds {peak:g}, beyond what can be reckoned with ({LARGEST:g}).",
                 remedy="Mark missing samples as NaN, or drop them.",
             )
-        return value * factor if factor != 1.0 else value
+        return value
+
+    def _unit_of(self, channel: str, term: Term, full: str, word: str) -> units.Unit | None:
+        """Return the unit by which a column is brought to SI; None where it states none, or where a factor does that.
+
+        Raises:
+            MappingError: the unit and a factor contradict each other, or both would apply.
+        """
+        stated = None if full in self._said_by_name else units.parse(self.stated.get(full, ""))
+        if word and stated is not None:
+            if not np.isclose(stated.factor, CONSTANTS[word], rtol=1e-12):
+                raise MappingError(
+                    f"--map {_SHORT[channel]}: '{full}' is stated in {self.stated[full]}, not in {word}.",
+                    remedy="Columns with a stated unit are brought to SI without a factor: leave it out.",
+                )
+            return None
+        plain = not term.factors and not term.each and abs(term.factor) == 1.0
+        if stated is not None and plain and stated.kind not in KINDS[channel]:
+            raise MappingError(
+                f"--map {_SHORT[channel]}: '{full}' is in {self.stated[full]}, which is no unit of {channel}.",
+                remedy="Give the factor that makes it one, or name another column.",
+            )
+        ending = units.split_suffix(full)[1]
+        unlikely = ("ma", "%") if channel == "torque" else ("deg", "deg/s", "rpm")
+        if plain and ending in unlikely and channel != "time":
+            self.notes.append(
+                f"'{full}' {AS_SI}, as --map gives no factor, though its name ends with {ending}."
+            )
+        if stated is not None and stated.kind in KINDS[channel]:
+            self._settle(channel, stated.kind)
+        if stated is None or plain or stated == units.Unit(stated.kind):
+            return stated
+        if np.isclose(np.abs(term.numbers), stated.factor, rtol=1e-9).any():
+            return None  # the factor is the unit's: 0.001*"time [ms]"
+        if not units.split(full)[1]:
+            return stated  # the file itself says so beside the name: a factor comes on top
+        raise MappingError(
+            f"--map {_SHORT[channel]}: '{full}' is stated in {self.stated[full]}, and has a factor: are both meant?",
+            remedy=f"Write the unit's factor too, {stated.factor:.6g}*..., or leave all factors out.",
+        )
 
     def _si(self, name: str, value: np.ndarray) -> tuple[np.ndarray, units.Unit | None]:
         unit = units.parse(self.stated.get(name, ""))
@@ -211,6 +277,7 @@ class Values:
         for digits, unit, factor in ((17, "ns", 1e-9), (14, "us", 1e-6), (11, "ms", 1e-3)):
             if 8 * 10**digits < start < 5 * 10 ** (digits + 1):
                 self.notes.append(f"'{name}' counts {unit} since 1970; time is in s since the first sample.")
+                self.origin = float(value[0, 0]) * factor
                 return (value - value[0]).astype(float) * factor
         return value
 
@@ -249,7 +316,26 @@ def _in_si(value: np.ndarray, unit: units.Unit) -> np.ndarray:
     return np.where(np.isinf(scaled), value, scaled)
 
 
+def columns_of(sums: Iterable[Sum]) -> list[str]:
+    """Return the names of all columns of some sums."""
+    return [column.name for terms in sums for term in terms for column in term.columns]
+
+
+def _labels(terms: Sum) -> list[str]:
+    """Return what the stars of the first term with a pattern stand for; empty strings where there is none."""
+    for term in terms:
+        if any(column.label for column in term.columns):
+            return [column.label for column in term.columns]
+    return []
+
+
 def _written(term: Term) -> str:
-    index = "" if term.index is None else f"[{term.index.start}:{term.index.stop}]"
-    factor = "" if term.factor == 1.0 else f"{term.factor:.10g}*"
-    return factor + "".join(f"{name}*" for name in term.factors) + f"'{term.column}'" + index
+    factor = "" if term.factor == 1.0 and term.columns else f"{term.factor:.10g}*"
+    factor += f"({','.join(f'{x:.10g}' for x in term.each)})*" if term.each else ""
+    factor += "".join(f"1/{name}*" if divides else f"{name}*" for name, divides in term.factors)
+    if not term.columns:
+        return factor.rstrip("*")
+    shown = [
+        f"'{c.name}'" + ("" if c.index is None else f"[{c.index.start}:{c.index.stop}]") for c in term.columns
+    ]
+    return factor + (shown[0] if len(shown) == 1 else f"{shown[0]} to {shown[-1]}")

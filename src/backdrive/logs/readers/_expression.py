@@ -1,21 +1,25 @@
-"""The grammar of `--map`: `channel=sum`, comma-separated; a sum of columns with factors. Nothing is evaluated as code.
+"""The grammar of `--map`: which columns, with which factors, make up which channel. Nothing is evaluated as code.
 
-    channel = sum        sum = term (+|- term)*        term = [factor*...] column
-    factor  = number | deg | rpm | a column that holds a single number
-    column  = dotted name, or "quoted" when it holds other characters, optionally [i] or [i:j]
+    map     = channel=columns, ...        a comma before `name=` begins the next channel
+    columns = sum, ...                    joints one after another; `none` leaves the channel out
+    sum     = term (+|- term)*            a number alone is an offset
+    term    = [factor (*|/)]... column    from the left
+    column  = name | "any name" | name1..name9 | *_position | (a,b,c), optionally [i] or [i:j]
+    factor  = number | deg | rpm | turn | (2.5,-1.2,0.4), one a joint | a column that holds a single number
 
-`deg` is pi/180 and `rpm` is 2 pi/60, so that `q=deg*angle` reads degrees. `index` is the sample's number.
+`deg` is pi/180, `rpm` is 2 pi/60 and `turn` is 2 pi, so that `q=deg*angle` reads degrees. `index` is the sample's number.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import NoReturn
 
 from backdrive.errors import MappingError
+from backdrive.logs.readers._tokens import CONSTANTS, Names, Token, refuse, tokens
 
 #: What a person writes on the left of `=`, and the channel of `Log` it means.
 CHANNEL_OF: dict[str, str] = {
@@ -32,85 +36,88 @@ CHANNEL_OF: dict[str, str] = {
     "temp": "temperature",
 }
 
-#: Factors by name [SI/unit].
-CONSTANTS = {"deg": math.pi / 180, "rpm": 2 * math.pi / 60}
-
 LONGEST = 9  # digits of a column index
+MOST = 4096  # columns of a range
 
-_TOKEN = re.compile(
-    r"""\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?![\w.])
-      |(?P<quoted>"[^"]*")
-      |(?P<name>[^\W\d][\w]*(?:[./#]+\w+)*)
-      |(?P<sign>[-+*=,:\[\]]))""",
-    re.VERBOSE,
-)
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a term.
+
+    Attributes:
+        name: as written.
+        index: columns of it that are meant, or None for all.
+        label: what the star of a pattern stands for; empty without one.
+    """
+
+    name: str
+    index: slice | None = None
+    label: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Term:
-    """One summand.
+    """One summand: factors times columns side by side.
 
     Attributes:
-        factor: product of sign and numbers [1].
-        factors: names of factors: `deg`, `rpm`, or single-number columns.
-        column: name as written.
-        quoted: whether it was in quotes.
-        index: columns of it that are meant, or None for all.
+        numbers: that it is multiplied by, signs as -1 and divisors as their inverse [1].
+        each: factors of the columns one by one [1]; empty for none.
+        factors: named factors, `deg`, `rpm`, `turn` or single-number columns, each with whether it divides.
+        columns: none for a constant.
     """
 
-    factor: float
-    factors: tuple[str, ...]
-    column: str
-    quoted: bool
-    index: slice | None
+    numbers: tuple[float, ...] = ()
+    each: tuple[float, ...] = ()
+    factors: tuple[tuple[str, bool], ...] = ()
+    columns: tuple[Column, ...] = ()
+
+    @property
+    def factor(self) -> float:
+        """Product of the numbers [1]."""
+        return math.prod(self.numbers)
 
 
-def parse(text: str | Mapping[str, str]) -> dict[str, tuple[Term, ...] | None]:
-    """Return the terms of every channel of a `--map`; None for a channel that is to be left out (`dq=none`).
+Sum = tuple[Term, ...]
+
+
+def parse(text: str | Mapping[str, str], columns: Collection[str] = ()) -> dict[str, tuple[Sum, ...] | None]:
+    """Return the sums of every channel of a `--map`; None for a channel that is to be left out (`dq=none`).
+
+    Args:
+        text: as a person writes it.
+        columns: of the file, in its order.
 
     Raises:
         MappingError: says where the text does not follow the grammar.
     """
     if isinstance(text, Mapping):
         text = ",".join(f"{channel}={value}" for channel, value in text.items())
-    parser = _Parser(text)
-    result: dict[str, tuple[Term, ...] | None] = {}
+    parser = _Parser(text, Names(columns))
+    result: dict[str, tuple[Sum, ...] | None] = {}
     while not parser.at_end():
         channel = parser.channel()
         if channel in result:
             raise MappingError(f"--map names '{channel}' twice.", remedy="Join the columns with + and -.")
-        result[channel] = parser.sum()
-        parser.comma()
+        result[channel] = parser.sums()
     if not result:
         raise MappingError("--map is empty.", remedy="Write for example t=time,q=position,tau=effort.")
     return result
 
 
 class _Parser:
-    def __init__(self, text: str):
-        self.text = text
-        self.tokens: list[tuple[str, str, int]] = []
-        at = 0
-        while text[at:].strip():
-            match = _TOKEN.match(text, at)
-            if match is None:
-                start = at + len(text[at:]) - len(text[at:].lstrip())
-                self.fail(f"'{text[start : start + 12]}' is not understood", start)
-            assert match.lastgroup is not None  # every alternative of the pattern has a name
-            self.tokens.append((match.lastgroup, match[match.lastgroup], match.start(match.lastgroup)))
-            at = match.end()
+    def __init__(self, text: str, names: Names):
+        self.text, self.names = text, names
+        self.tokens = tokens(text, names)
         self.at = 0
 
     def fail(self, what: str, where: int) -> NoReturn:
-        raise MappingError(
-            f"--map: {what}, at position {where + 1} of '{self.text}'.",
-            remedy='Write channel=[factor*]column[+...], for example q=deg*angle,tau=0.5*"motor current [A]".',
-        )
+        refuse(self.text, what, where)
 
-    def peek(self) -> tuple[str, str, int]:
-        return self.tokens[self.at] if self.at < len(self.tokens) else ("end", "", len(self.text))
+    def peek(self, ahead: int = 0) -> Token:
+        at = self.at + ahead
+        return self.tokens[at] if at < len(self.tokens) else ("end", "", len(self.text))
 
-    def take(self) -> tuple[str, str, int]:
+    def take(self) -> Token:
         token = self.peek()
         self.at += 1
         return token
@@ -132,46 +139,179 @@ class _Parser:
             self.fail(f"'=' is missing after '{name}'", self.peek()[2])
         return known[name]
 
-    def comma(self) -> None:
-        if not self.at_end() and not self.takes(","):
-            self.fail(f"',' or '+' or '-' is missing before '{self.peek()[1]}'", self.peek()[2])
-
-    def sum(self) -> tuple[Term, ...] | None:
+    def sums(self) -> tuple[Sum, ...] | None:
+        """Return the sums of a channel, and go on to where the next channel begins."""
         if self.peek()[:2] == ("name", "none"):
             self.take()
-            return None
-        terms = [self.term(-1.0 if self.takes("-") else (self.takes("+"), 1.0)[1])]
-        while True:
-            if self.takes("+"):
-                terms.append(self.term(1.0))
-            elif self.takes("-"):
-                terms.append(self.term(-1.0))
-            else:
-                return tuple(terms)
+            found = None
+        else:
+            found = [self.sum()]
+        while not self.at_end():
+            if not self.takes(","):
+                self.fail(f"',' or '+' or '-' is missing before '{self.peek()[1]}'", self.peek()[2])
+            begins = self.peek()[0] == "name" and self.peek(1)[:2] == ("sign", "=")
+            if self.at_end() or begins or found is None:
+                break
+            found.append(self.sum())
+        return None if found is None else tuple(found)
 
-    def term(self, factor: float) -> Term:
-        factors: list[str] = []
+    def sum(self) -> Sum:
+        terms = [self.term(self.takes("-") or (self.takes("+") and False))]
+        while self.peek()[:2] in (("sign", "+"), ("sign", "-")):
+            terms.append(self.term(self.take()[1] == "-"))
+        if not any(term.columns for term in terms):
+            self.fail("a column must follow the number", self.peek()[2])
+        return tuple(terms)
+
+    def term(self, negative: bool) -> Term:
+        numbers = [-1.0] if negative else []
+        each: tuple[float, ...] = ()
+        named: list[tuple[tuple[Column, ...], bool, int]] = []
+        divides = False
         while True:
-            if self.takes("-"):
-                factor = -factor
-            kind, value, where = self.take()
-            if kind == "number":
-                factor *= float(value)
-                if not self.takes("*"):
-                    self.fail("a column must follow the number", self.peek()[2])
-            elif kind in ("name", "quoted"):
-                quoted = kind == "quoted"
-                name = value[1:-1] if quoted else value
-                if self.takes("*"):
-                    factors.append(name)
-                    continue
-                if not math.isfinite(factor):
-                    self.fail("a factor is not finite", where)
-                return Term(
-                    factor=factor, factors=tuple(factors), column=name, quoted=quoted, index=self.index()
-                )
+            while self.takes("-"):
+                numbers.append(-1.0)
+            where = self.peek()[2]
+            operand = self.operand()
+            if isinstance(operand, (int, float)):
+                numbers.append(self.inverse(operand, where) if divides else operand)
+            elif isinstance(operand[0], Column):
+                named.append((tuple(c for c in operand if isinstance(c, Column)), divides, where))
+            elif each:
+                self.fail("a term has more than one list of factors", where)
             else:
-                self.fail("a column is missing", where)
+                factors = [x for x in operand if isinstance(x, float)]
+                each = tuple(self.inverse(x, where) if divides else x for x in factors)
+            if self.takes("*"):
+                divides = False
+            elif self.takes("/"):
+                divides = True
+            else:
+                return self.product(numbers, each, named)
+
+    def product(
+        self,
+        numbers: list[float],
+        each: tuple[float, ...],
+        named: list[tuple[tuple[Column, ...], bool, int]],
+    ) -> Term:
+        """Return a term: the last of its names that is no divisor and no constant is its column, the others are factors."""
+        free = [
+            i
+            for i, (columns, divides, _) in enumerate(named)
+            if not divides and not (len(columns) == 1 and self.constant(columns[0]))
+        ]
+        chosen = free[-1] if free else None  # none: an offset, such as 30*deg
+        if each and chosen is None:
+            self.fail("a list of factors needs columns", self.peek()[2])
+        own, where = ((), self.peek()[2]) if chosen is None else (named[chosen][0], named[chosen][2])
+        if not all(map(math.isfinite, (*numbers, *each, math.prod(numbers)))):
+            self.fail("a factor is not finite", where)
+        factors = []
+        for i, (columns, divides, place) in enumerate(named):
+            if i == chosen:
+                continue
+            if len(columns) > 1 or any(column.index is not None for column in columns):
+                self.fail("a factor is a number or a single-number column, and no list", place)
+            factors += [(column.name, divides) for column in columns]
+        return Term(
+            numbers=tuple(numbers),
+            each=each,
+            factors=tuple(factors),
+            columns=own,
+        )
+
+    def constant(self, column: Column) -> bool:
+        return column.name in CONSTANTS and column.name not in self.names
+
+    def inverse(self, number: float, where: int) -> float:
+        if number == 0.0:
+            self.fail("a division by 0", where)
+        return 1.0 / number
+
+    def operand(self) -> float | tuple[Column | float, ...]:
+        """Return a number, or a list of columns or of numbers."""
+        if self.peek()[:2] != ("sign", "("):
+            return self.element()
+        start = self.take()[2]
+        members: list[Column | float] = []
+        while True:
+            sign = -1.0 if self.takes("-") else 1.0
+            where = self.peek()[2]
+            member = self.element()
+            if isinstance(member, (int, float)):
+                members.append(sign * member)
+            elif sign < 0:
+                self.fail("a sign stands before the list, or as a factor, (1,-1)*(a,b)", where)
+            else:
+                members += member
+            if self.takes(")"):
+                break
+            if not self.takes(","):
+                self.fail("')' or ',' is missing in a list", self.peek()[2])
+        if len({isinstance(m, float) for m in members}) > 1:
+            self.fail("a list holds numbers or columns, and not both", start)
+        return tuple(members)
+
+    def element(self) -> float | tuple[Column, ...]:
+        kind, value, where = self.take()
+        if kind == "number":
+            return float(value)
+        if kind == "glob" or (kind == "quoted" and "*" in value and value[1:-1] not in self.names):
+            return self.matching(value.strip('"'), where)
+        if kind not in ("name", "quoted"):
+            self.fail("a column is missing", where)
+        first = self.column(value, kind == "quoted")
+        if not self.takes(".."):
+            return first
+        kind, value, place = self.take()
+        if kind not in ("name", "quoted"):
+            self.fail("a range ends with a column, as in I1..I3", place)
+        last = self.column(value, kind == "quoted")
+        if len(first) + len(last) > 2 or first[0].index is not None or last[0].index is not None:
+            self.fail("a range goes from one column to another, as in I1..I3", where)
+        return self.range(first[0].name, last[0].name, where)
+
+    def matching(self, pattern: str, where: int) -> tuple[Column, ...]:
+        found = self.names.matching(pattern)
+        if not found:
+            columns = ", ".join(name[:80] for name in self.names.columns[:60])
+            raise MappingError(
+                f"--map: no column matches '{pattern}', at position {where + 1} of '{self.text}'.",
+                remedy=f"Columns: {columns}." if columns else "The file has no columns.",
+            )
+        return tuple(Column(name, label=label) for name, label in found)
+
+    def range(self, first: str, last: str, where: int) -> tuple[Column, ...]:
+        """Return the columns from one number to another."""
+        begin, end = re.split(r"(\d+)", first), re.split(r"(\d+)", last)
+        differ = [i for i, (a, b) in enumerate(zip(begin, end)) if a != b]
+        if len(begin) != len(end) or len(begin) < 2 or len(differ) > 1 or (differ and differ[0] % 2 == 0):
+            self.fail(f"'{first}' and '{last}' differ in more than one number", where)
+        at = differ[0] if differ else len(begin) - 2
+        if max(len(begin[at]), len(end[at])) > LONGEST:
+            self.fail(f"'{end[at][:40]}' is no number of a column", where)
+        low, high = int(begin[at]), int(end[at])
+        if high < low:
+            self.fail(f"the range from '{first}' to '{last}' runs backwards", where)
+        if high - low >= MOST:
+            self.fail(f"the range holds {high - low + 1} columns, more than {MOST}", where)
+        width = len(begin[at]) if begin[at].startswith("0") else 0
+        return tuple(
+            Column("".join([*begin[:at], f"{number:0{width}d}", *begin[at + 1 :]]))
+            for number in range(low, high + 1)
+        )
+
+    def column(self, value: str, quoted: bool) -> tuple[Column, ...]:
+        """Return a column with its index; `name[i]` is a column itself where the file calls one so."""
+        name = value[1:-1] if quoted else value
+        index = self.index()
+        if index is None:
+            return (Column(name),)
+        parts = [f"{name}[{i}]" for i in range(index.start, min(index.stop, index.start + MOST))]
+        if name not in self.names and all(part in self.names for part in parts):
+            return tuple(Column(part) for part in parts)
+        return (Column(name, index),)
 
     def index(self) -> slice | None:
         if not self.takes("["):

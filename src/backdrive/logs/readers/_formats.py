@@ -41,6 +41,9 @@ READERS: tuple[Format, ...] = (
     Format("csv", "csv_", (".csv", ".tsv", ".txt", ".dat", ".asc", ".log")),
 )
 
+#: A folder in LeRobot's layout, told by its `meta/info.json` and by no suffix.
+LEROBOT = Format("lerobot", "lerobot", ())
+
 SUFFIXES: dict[str, Format] = {suffix: form for form in READERS for suffix in form.suffixes}
 
 

@@ -137,6 +137,7 @@ class Gatherer:
             joints=names,
             channels={name: "torque" if name == "effort" else name for name in arrays},
             notes=tuple(notes),
+            origin={"time": float(stamp[0]) / 1e9},
         )
 
     def _choose(self, options: ReadOptions, notes: list[str]) -> frozenset[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Container, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from backdrive.logs.readers import units
@@ -71,7 +71,7 @@ _NUMBERED = (
 _NO_JOINT = frozenset(
     _words(
         "desired measured actual target command commanded cmd ref reference state states raw filtered filt meas act des goal "
-        "error sim model input output"
+        "error sim model input output present previous last next set mean max min"
     )
 )
 
@@ -112,18 +112,13 @@ def guess(widths: Mapping[str, int], stated: Mapping[str, str], settled: Contain
         stated: units that the file states, by column name.
         settled: channels that need no guess.
     """
-    scopes: dict[str, list[_Hit]] = {}
-    notes: list[str] = []
-    for column in widths:
-        if len(column) > units.LONGEST:
-            continue
-        prefix, leaf = _split_path(column)
-        hit = _hit(column, leaf, stated.get(column, ""), settled, notes)
-        if hit is not None:
-            scopes.setdefault(prefix, []).append(hit)
-    moving = {
-        p: hits for p, hits in scopes.items() if any(h.channel in ("position", "velocity") for h in hits)
-    }
+    scopes, notes = _places(widths, stated, settled, _split_path)
+    moving = _with_motion(scopes)
+    if not moving:  # elbow_joint_pos, where nothing has a usual name
+        labelled, labelled_notes = _places(widths, stated, settled, _split_joint)
+        if _with_motion(labelled):
+            scopes, notes = labelled, labelled_notes
+            moving = _with_motion(scopes)
     shared_time = [h for h in scopes.get("", []) if h.channel == "time"]
     if "" in moving or len(moving) <= 1:
         scope = "" if "" in moving or not moving else next(iter(moving))
@@ -159,6 +154,30 @@ def guess(widths: Mapping[str, int], stated: Mapping[str, str], settled: Contain
     return Guess(columns=columns, joints=joints, units=found, notes=tuple(notes))
 
 
+def _places(
+    widths: Iterable[str],
+    stated: Mapping[str, str],
+    settled: Container[str],
+    split: Callable[[str], tuple[str, str]],
+) -> tuple[dict[str, list[_Hit]], list[str]]:
+    """Return what is known of the columns by the place that their names begin with, and what was left out for which reason."""
+    scopes: dict[str, list[_Hit]] = {}
+    notes: list[str] = []
+    for column in widths:
+        if len(column) > units.LONGEST:
+            continue
+        prefix, leaf = split(column)
+        hit = _hit(column, leaf, stated.get(column, ""), settled, notes)
+        if hit is not None:
+            scopes.setdefault(prefix, []).append(hit)
+    return scopes, notes
+
+
+def _with_motion(scopes: Mapping[str, list[_Hit]]) -> dict[str, list[_Hit]]:
+    moves = ("position", "velocity")
+    return {place: hits for place, hits in scopes.items() if any(h.channel in moves for h in hits)}
+
+
 def bare(name: str) -> str:
     """Return a name as it is compared: lower case, words joined by underscores."""
     name = re.sub(r"([a-z])([A-Z])", r"\1_\2", name)
@@ -175,6 +194,24 @@ def _split_path(column: str) -> tuple[str, str]:
     if not dot:
         return "", name
     return head.strip("/"), leaf + (number[0] if number else "")
+
+
+def _split_joint(column: str) -> tuple[str, str]:
+    """Split a name such as `shoulder_pan_joint_pos` into its joint and its channel; the joint's name is as long as can be."""
+    place, leaf = _split_path(column)
+    words = leaf.split("_")
+    for at in range(len(words) - 1, 0, -1):
+        joint, rest = "_".join(words[:at]), "_".join(words[at:])
+        channel = _CHANNEL_OF.get(bare(units.split_suffix(rest)[0])) or _CHANNEL_OF.get(bare(rest))
+        if not channel or channel[0] == "time" or len(rest) < 2:
+            continue
+        longer = "_".join(words[at - 1 :])
+        if at > 1 and words[at - 1].lower() != "joint" and bare(longer) in _CHANNEL_OF:
+            continue  # elbow_actual_position
+        if _NO_JOINT & {word.lower() for word in words[:at]}:
+            return place, leaf
+        return "/".join(part for part in (place, joint) if part), rest
+    return place, leaf
 
 
 def _hit(column: str, leaf: str, unit: str, settled: Container[str], notes: list[str]) -> _Hit | None:

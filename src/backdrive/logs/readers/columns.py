@@ -48,6 +48,7 @@ class Columns:
         channels: what the format itself says a column is: column name to `time` or a channel of `Log`.
         drive: law behind the drive input, where the format knows it.
         notes: what the reader did, in sentences.
+        origin: instant at which a column of time that is counted from its first sample begins, by column name [s since 1970].
     """
 
     arrays: Mapping[str, np.ndarray]
@@ -56,6 +57,7 @@ class Columns:
     channels: Mapping[str, str] = field(default_factory=dict)
     drive: Drive | None = None
     notes: tuple[str, ...] = ()
+    origin: Mapping[str, float] = field(default_factory=dict)
 
 
 def plain(array: np.ndarray) -> np.ndarray | None:
@@ -89,6 +91,7 @@ def frames(columns: Columns) -> Iterator[bytes | memoryview]:
             "channels": dict(columns.channels),
             "drive": None if drive is None else {"law": drive.law, "gains": dict(drive.gains)},
             "notes": list(columns.notes),
+            "origin": dict(columns.origin),
         }
     )
     for value in arrays.values():
@@ -124,6 +127,7 @@ def unframe(content: Mapping, receive: Callable[[memoryview], None], limits: Lim
         joints = tuple(clean(name) for name in content["joints"])
         channels = {clean(k): str(v) for k, v in content["channels"].items() if v == "time" or v in CHANNELS}
         notes = tuple(clean(note, 1000) for note in content["notes"][:200])
+        origin = {clean(k): float(v) for k, v in content.get("origin", {}).items()}
         drive = content["drive"]
         if drive is not None:
             drive = Drive(
@@ -150,7 +154,9 @@ def unframe(content: Mapping, receive: Callable[[memoryview], None], limits: Lim
         while name in arrays:
             name += "'"
         arrays[name] = value
-    return Columns(arrays=arrays, units=units, joints=joints, channels=channels, drive=drive, notes=notes)
+    return Columns(
+        arrays=arrays, units=units, joints=joints, channels=channels, drive=drive, notes=notes, origin=origin
+    )
 
 
 def clean(text: object, longest: int = 300) -> str:

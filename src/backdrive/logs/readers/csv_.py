@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import csv
 from array import array
-from datetime import datetime
+from datetime import UTC, datetime
 from itertools import islice
 
 import numpy as np
 
 from backdrive.errors import ReadError, UnknownFormat
 from backdrive.logs.readers._dialect import Dialect, cells, number, sniff
+from backdrive.logs.readers._labels import repeated_names
 from backdrive.logs.readers.columns import Columns, ReadOptions
 
 _SAMPLE = 1 << 16
@@ -38,9 +39,11 @@ def read(path: str, options: ReadOptions) -> Columns:
     if dialect.headless:
         notes.append("The table has no header: its columns are called column_1, column_2 and so on.")
     table = _regular(path, dialect) if dialect.regular else None
-    times: dict[int, np.ndarray] = {}
+    words: dict[int, list[str]] = {}
     if table is None:
-        table, times = _careful(path, dialect, notes)
+        table, words = _careful(path, dialect, notes)
+    times = {i: time for i, cells in words.items() if (time := _clock(cells)) is not None}
+    joints = repeated_names({dialect.names[i]: cells for i, cells in words.items() if i not in times})
     arrays = {}
     for i, name in enumerate(dialect.names):
         if i in times:
@@ -49,7 +52,8 @@ def read(path: str, options: ReadOptions) -> Columns:
             notes.append(f"Column '{name}' holds words and was left out.")
         elif not name.startswith("column_") or dialect.headless or np.isfinite(table[:, i]).any():
             arrays[name] = np.ascontiguousarray(table[:, i])
-    return Columns(arrays=arrays, units=dialect.units, notes=tuple(notes))
+    origin = {dialect.names[i]: _begin(words[i][0]) for i in times if words[i]}
+    return Columns(arrays=arrays, units=dialect.units, joints=joints, notes=tuple(notes), origin=origin)
 
 
 def _regular(path: str, dialect: Dialect) -> np.ndarray | None:
@@ -67,7 +71,7 @@ def _regular(path: str, dialect: Dialect) -> np.ndarray | None:
             return None
 
 
-def _careful(path: str, dialect: Dialect, notes: list[str]) -> tuple[np.ndarray, dict[int, np.ndarray]]:
+def _careful(path: str, dialect: Dialect, notes: list[str]) -> tuple[np.ndarray, dict[int, list[str]]]:
     """Read line by line; uneven lines are dropped, words become NaN, and both are noted."""
     width = dialect.width
     flat = array("d")
@@ -117,7 +121,7 @@ def _careful(path: str, dialect: Dialect, notes: list[str]) -> tuple[np.ndarray,
         notes.append(f"{len(uneven)} uneven lines were dropped (line {told}).")
     for i, found in odd.items():
         notes.append(f"Column '{dialect.names[i]}' has words in {len(found)} cells ({'; '.join(found[:3])}).")
-    return table, {i: time for i, column in words.items() if (time := _clock(column)) is not None}
+    return table, words
 
 
 def _plain(line: str, dialect: Dialect) -> list[float] | None:
@@ -139,3 +143,9 @@ def _clock(cells: list[str]) -> np.ndarray | None:
         return np.array([(stamp - stamps[0]).total_seconds() for stamp in stamps])
     except (ValueError, TypeError, IndexError):
         return None
+
+
+def _begin(cell: str) -> float:
+    """Return an ISO date-time as seconds since 1970; without a zone it is taken as UTC."""
+    stamp = datetime.fromisoformat(cell)
+    return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()

@@ -13,6 +13,7 @@ import numpy as np
 
 from backdrive.errors import ReadError, TruncatedFile
 from backdrive.logs.log import Drive
+from backdrive.logs.readers._labels import holds_names, in_order, read_names
 from backdrive.logs.readers.columns import Columns, ReadOptions
 
 _FULL_DUTY = 885.0
@@ -63,6 +64,11 @@ def read(path: str, options: ReadOptions) -> Columns:
             "The JSON holds no samples.", remedy="Write a list of objects, or an object of lists."
         )
     options.limits.check_count(len(table), "columns")
+    joints: tuple[str, ...] = ()
+    order: np.ndarray | None = None
+    for key in [key for key in table if holds_names(key) and isinstance(table[key], list)]:
+        joints, order = read_names(table[key], key, notes)
+        table = {k: v for k, v in table.items() if k != key or not joints}
     arrays: dict[str, np.ndarray] = {}
     _numbers("", table, arrays, notes, 0)
     if not arrays:
@@ -75,7 +81,8 @@ def read(path: str, options: ReadOptions) -> Columns:
         and "kp" in content
     ):
         return _bam(content, arrays, notes)
-    return Columns(arrays=arrays, notes=tuple(notes))
+    arrays = in_order(arrays, order, notes)
+    return Columns(arrays=arrays, joints=joints, notes=tuple(notes))
 
 
 def _of_samples(samples: list[dict], notes: list[str]) -> dict[str, list]:

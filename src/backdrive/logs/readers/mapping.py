@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from backdrive.errors import InvalidInput, MappingError
 from backdrive.logs.log import CHANNELS, Joint, Log, Source, channel_unit
 from backdrive.logs.readers import _expression, _names
-from backdrive.logs.readers._channels import INDEX, Values, described, extent
+from backdrive.logs.readers._channels import INDEX, Values, columns_of, described, extent
+from backdrive.logs.readers._sides import divide_by_gear, motor_channels
 from backdrive.logs.readers.columns import Columns
 
 _POSITIONS = ("position", "reference", "second_encoder")
@@ -24,6 +26,8 @@ def to_log(
     units: str | Sequence[str] | None = None,
     gear: float | Sequence[float] | None = None,
     counts: float | Sequence[float] | None = None,
+    motor_side: str | Sequence[str] | None = None,
+    coupling: Sequence[Sequence[float]] | None = None,
     sources: tuple[Source, ...] = (),
 ) -> Log:
     """Make a log of a file's columns.
@@ -35,6 +39,8 @@ def to_log(
         units: `rad`, `m`, or `deg` (positions and velocities that state no unit are then degrees), for all or each.
         gear: motor turns per joint turn [1]; says that torque is of the motor side, and brings it to the joint.
         counts: encoder counts per rad or m at the joint [1/rad or 1/m].
+        motor_side: which of `q`, `dq`, `qr` and `tau` the gear brings to the joint; None: `tau`.
+        coupling: C of q_joint = C q_motor, after the gear (J, J); the torque goes by its inverse transpose.
         sources: files the columns came from.
 
     Returns:
@@ -42,14 +48,15 @@ def to_log(
 
     Raises:
         MappingError: a column is unknown or does not fit; the message lists the columns.
-        InvalidInput: names, units, gear or counts do not fit the joints.
+        InvalidInput: names, units, gear, counts, motor side or coupling do not fit the joints.
     """
-    asked = _expression.parse(map) if map is not None else {}
-    found = _automatic(columns, asked)
-    values = Values(columns, found.units, _length(columns, asked, found))
-    for channel, terms in asked.items():
-        if terms is not None:
-            values.add_sum(channel, terms)
+    on_motor = motor_channels(motor_side, gear)
+    asked = _expression.parse(map, columns.arrays) if map is not None else {}
+    found = automatic(columns, asked)
+    values = Values(columns, found.units, length(columns, asked, found))
+    for channel, sums in asked.items():
+        if sums is not None:
+            values.add_sums(channel, sums)
     for channel, names_of in found.columns.items():
         if channel not in asked:
             values.add_columns(channel, names_of)
@@ -60,21 +67,22 @@ def to_log(
             remedy=f"Say it with --map, for example t=..., q=... or dq=..., tau=... . Columns: {described(columns)}.",
         )
     notes = [*found.notes, *values.notes, *_without_zeros(values.arrays, asked)]
+    own = _align_patterns(values) or columns.joints or found.joints
     width = _width(values.arrays)
     kind = _kinds(units, width)
     if kind is None:
         kind = ["m" if values.kind in ("length", "speed") else "rad"] * width
     notes += _from_degrees(values, kind, asked)
-    labels, order = _labels(names, columns.joints or found.joints, width)
+    labels, order = _labels(names, own, width)
     ratios, encoder = _each(gear, len(order), "gear"), _each(counts, len(order), "counts")
     joints = tuple(
         Joint(
             name=labels[i],
             unit="m" if kind[column] == "m" else "rad",
-            torque_side="joint" if ratios is None else "motor",
+            torque_side="joint" if ratios is None or "torque" not in on_motor else "motor",
             gear_ratio=1.0 if ratios is None else ratios[i],
             encoder_counts=None if encoder is None else encoder[i],
-            named=names is not None or labels[i] in (columns.joints or found.joints),
+            named=names is not None or labels[i] in own,
         )
         for i, column in enumerate(order)
     )
@@ -85,7 +93,9 @@ def to_log(
             f"Columns: {described(columns)}."
         )
     whole = order == list(range(width))
-    channels = {c: v if whole else v[:, order] for c, v in values.arrays.items() if c != "time"}
+    channels: dict[str, Any] = {
+        c: v if whole else v[:, order] for c, v in values.arrays.items() if c != "time"
+    }
     log = Log(
         time=values.arrays["time"][:, 0],
         joints=joints,
@@ -94,10 +104,33 @@ def to_log(
         notes=(*columns.notes, "Channels: " + "; ".join(values.said) + ".", *notes),
         **channels,
     )
-    return log.on_joint_side()
+    if motor_side is not None:
+        log = divide_by_gear(log, on_motor)
+    log = log.on_joint_side()
+    return log if coupling is None else log.apply_coupling(coupling)
 
 
-def _automatic(columns: Columns, asked: Mapping) -> _names.Guess:
+def _align_patterns(values: Values) -> tuple[str, ...]:
+    """Return the joints that patterns of a `--map` name, and bring all channels with a pattern to one order.
+
+    Raises:
+        MappingError: the channels' patterns match different joints.
+    """
+    if not values.labels:
+        return ()
+    main = next(c for c in CHANNELS if c in values.labels)
+    wanted = values.labels[main]
+    for channel, labels in values.labels.items():
+        if sorted(labels) != sorted(wanted) or len(set(labels)) < len(labels):
+            raise MappingError(
+                f"--map: the pattern of {main} names the joints {', '.join(wanted)}, that of {channel} {', '.join(labels)}.",
+                remedy="Choose patterns that match one column of each joint, or list the columns: q=(a,b),tau=(c,d).",
+            )
+        values.arrays[channel] = values.arrays[channel][:, [labels.index(label) for label in wanted]]
+    return wanted if all(wanted) else ()
+
+
+def automatic(columns: Columns, asked: Mapping) -> _names.Guess:
     """Return what the format, or else the names, say about the columns that fit the time."""
     if columns.channels:
         return _names.Guess(
@@ -110,24 +143,24 @@ def _automatic(columns: Columns, asked: Mapping) -> _names.Guess:
     found = _names.guess(
         {name: min(shape) if len(shape) == 2 else 1 for name, shape in shapes.items()}, columns.units, asked
     )
-    n = _length(columns, asked, found)
+    n = length(columns, asked, found)
     fitting = {name: extent(shape, n) for name, shape in shapes.items()}
     return _names.guess({name: width for name, width in fitting.items() if width}, columns.units, asked)
 
 
-def _length(columns: Columns, asked: Mapping, found: _names.Guess) -> int:
+def length(columns: Columns, asked: Mapping, found: _names.Guess) -> int:
     """Return the number of samples: that of the time, or of what moves where time is counted with `index`."""
-    terms = asked.get("time")
-    if terms is None and "time" in asked:
+    sums = asked.get("time")
+    if sums is None and "time" in asked:
         raise MappingError("--map t=none: a log needs a time.", remedy="Write for example t=0.001*index.")
-    of_time = [term.column for term in terms] if terms else list(found.columns.get("time", ()))
-    moving = [t.column for c in ("position", "velocity") for t in asked.get(c) or ()]
+    of_time = columns_of(sums) if sums else list(found.columns.get("time", ()))
+    moving = [name for c in ("position", "velocity") for name in columns_of(asked.get(c) or ())]
     moving += [name for c in ("position", "velocity") for name in found.columns.get(c, ())]
-    counted = bool(terms) and all(name == INDEX for name in of_time)
+    counted = bool(sums) and all(name == INDEX for name in of_time)
     for name in moving if counted else of_time:
         if name in columns.arrays:
             return max(columns.arrays[name].shape)
-        if terms or counted:
+        if sums or counted:
             shape = Values(columns, {}, 0).find(name).shape
             return max(shape)
     raise MappingError(

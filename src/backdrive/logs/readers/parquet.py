@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from backdrive.errors import ReadError, TruncatedFile, require
+from backdrive.logs.readers._labels import holds_names, in_order, read_names
 from backdrive.logs.readers.columns import Columns, ReadOptions
 
 if TYPE_CHECKING:
@@ -61,9 +62,16 @@ def read(path: str, options: ReadOptions) -> Columns:
         raise ReadError("The table has no rows.", remedy="Record the log again.")
     arrays: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
+    origin: dict[str, float] = {}
     notes: list[str] = []
+    joints: tuple[str, ...] = ()
+    order: np.ndarray | None = None
     for i, field in enumerate(table.schema):
         name = field.name if field.name not in arrays else f"{field.name}#{i + 1}"
+        if not joints and holds_names(field.name) and _of_text(field.type):
+            joints, order = read_names(table.column(i).to_pylist(), field.name, notes)
+            if joints:
+                continue
         value, unit = _numbers(table.column(i))
         if value is None:
             notes.append(f"Column '{field.name}' ({str(field.type)[:60]}) is not numbers and was left out.")
@@ -71,7 +79,16 @@ def read(path: str, options: ReadOptions) -> Columns:
         arrays[name] = value
         if unit:
             units[name] = unit
-    return Columns(arrays=arrays, units=units, notes=tuple(notes))
+            origin[name] = _begin(table.column(i))
+    arrays = in_order(arrays, order, notes)
+    return Columns(arrays=arrays, units=units, joints=joints, notes=tuple(notes), origin=origin)
+
+
+def _of_text(kind: pa.DataType) -> bool:
+    import pyarrow as pa
+
+    lists = pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind)
+    return lists and (pa.types.is_string(kind.value_type) or pa.types.is_large_string(kind.value_type))
 
 
 def _numbers(column: pa.ChunkedArray) -> tuple[np.ndarray | None, str]:
@@ -108,6 +125,14 @@ def _numbers(column: pa.ChunkedArray) -> tuple[np.ndarray | None, str]:
             return None, ""
         return _flat(flat).reshape(len(column), width), ""
     return None, ""
+
+
+def _begin(column: pa.ChunkedArray) -> float:
+    """Return the first instant of a column of time [s], as it is stored."""
+    import pyarrow as pa
+
+    start = next((value.as_py() for value in column.cast(pa.int64()) if value.is_valid), 0)
+    return start * {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[column.type.unit]
 
 
 def _flat(column: pa.ChunkedArray | pa.Array) -> np.ndarray:

@@ -129,6 +129,7 @@ _SUFFIXES = {
             "n",
             "degc",
             "mrad",
+            "ma",
             "rev",
             "sec",
         )
@@ -176,7 +177,7 @@ def split(name: str) -> tuple[str, str]:
         return name, ""
     match = _BRACKETS.search(name)
     if (
-        match and match[0].startswith("[") and match[1].isdigit()
+        match and match[0][0] in "[(" and match[1].isdigit()
     ):  # q[1] is the second of several, x [1] is a ratio
         return name.strip(), ""
     if match and parse(match[1]) and match.start() > 0:

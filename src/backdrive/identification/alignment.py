@@ -1,0 +1,140 @@
+"""Where in a log its plan begins: as a person says, or by the lag at which the planned motion fits the measured one best."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import isfinite
+from typing import Any, Literal
+
+import numpy as np
+from scipy.signal import correlate
+
+from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.logs.log import Log
+
+ALIKE = 0.8  # least correlation of planned and measured velocity [-]
+MOST = 1 << 19  # samples of the lag's grid
+
+Start = float | Literal["auto"]
+
+
+def with_plan(log: Log, plan: Any, start: Start) -> Log:
+    """Return a log linked to its plan, which begins where in the log it was run.
+
+    Args:
+        log: with position or velocity.
+        plan: an object of `backdrive.plans`.
+        start: seconds after the first sample, or `auto` [s].
+
+    Raises:
+        InvalidInput: the start is no time within the log, or the plan is not one of positions.
+        NotIdentifiable: no lag makes the planned motion like the measured one.
+    """
+    if plan is None:
+        raise InvalidInput(
+            "--start, and no plan that could begin there.", remedy="Give --plan (in Python plan=)."
+        )
+    if start == "auto":
+        lag, alike = best_lag(log, plan)
+        told = f"by the motion (correlation {alike:.3f})"
+    else:
+        lag, told = _seconds(start), "as asked"
+    if not -plan.duration < lag < log.duration:
+        raise InvalidInput(
+            f"A plan of {plan.duration:.6g} s that begins at {lag:g} s lies outside the log of {log.duration:.6g} s.",
+            remedy="Give seconds after the first sample, or auto.",
+        )
+    begin = float(log.time[0]) + lag
+    return log.replace(plan=replace(plan, start=begin)).noted(
+        f"The plan begins {lag:.4g} s after the first sample, {told}."
+    )
+
+
+def best_lag(log: Log, plan: Any) -> tuple[float, float]:
+    """Return the time from a log's first sample to the begin of its plan [s], and the correlation of the velocities there [-].
+
+    The lag is where the cross-correlation of planned and measured velocity is largest, summed over the joints of the plan; with
+    a plan of one joint that the log does not name, over the joint that fits best.
+
+    Raises:
+        InvalidInput: the plan is not one of positions, or the log has no clock.
+        NotIdentifiable: even there they are not alike.
+    """
+    if getattr(plan, "commands", "") != "position":
+        raise InvalidInput(
+            "The start of a plan of torques does not show in the motion.", remedy="Give --start SECONDS."
+        )
+    step = max(log.period, (log.duration + plan.duration) / MOST) if len(log) > 1 else 0.0
+    if not step > 0.0:
+        raise InvalidInput(
+            "The log has no clock that runs.", remedy="Correct its time, or give --start SECONDS."
+        )
+    instants = np.arange(int(plan.duration / step) + 1) * step
+    planned = np.reshape(replace(plan, start=0.0).velocity(instants), (instants.size, -1))
+    columns = _columns(log, plan)
+    measured = {c: _velocity(log, c, step) for c in {c for pairs in columns for c, _ in pairs}}
+    best = (0.0, -1.0)
+    for pairs in columns:
+        product = sum(correlate(measured[c], planned[:, p], mode="full", method="fft") for c, p in pairs)
+        product = np.asarray(product)
+        at = int(np.argmax(product))
+        lag = at - (instants.size - 1)
+        rows = slice(max(lag, 0), min(lag + instants.size, len(measured[pairs[0][0]])))
+        same = slice(rows.start - lag, rows.stop - lag)
+        energy = (
+            sum(np.sum(measured[c][rows] ** 2) for c, _ in pairs),
+            sum(np.sum(planned[same, p] ** 2) for _, p in pairs),
+        )
+        whole = sum(np.sum(planned[:, p] ** 2) for _, p in pairs)
+        size = float(np.sqrt(energy[0] * max(energy[1], 0.5 * whole)))
+        alike = float(product[at]) / size if size > 0.0 else 0.0
+        if alike > best[1]:
+            best = ((lag + _vertex(product, at)) * step, alike)
+    if not best[1] >= ALIKE:
+        raise NotIdentifiable(
+            f"The log does not hold the motion of its plan: their velocities correlate by {max(best[1], 0.0):.2f} at best.",
+            remedy="Link the log to the plan that was run, give --start SECONDS, or leave the plan out.",
+        )
+    return best
+
+
+def _columns(log: Log, plan: Any) -> list[list[tuple[int, int]]]:
+    """Return ways to pair columns of the log with columns of the plan's velocity."""
+    names: Sequence[str] = getattr(plan, "joints", (getattr(plan, "joint", ""),))
+    pairs = [(log.names.index(name), i) for i, name in enumerate(names) if name in log.names]
+    if pairs:
+        return [pairs]
+    if len(names) == 1:
+        return [[(column, 0)] for column in range(len(log.names))]
+    raise InvalidInput(
+        f"The plan is of {', '.join(names)}, the log of {', '.join(log.names)}.",
+        remedy="Name the log's joints as the plan has them (--names), or give --start SECONDS.",
+    )
+
+
+def _velocity(log: Log, column: int, step: float) -> np.ndarray:
+    """Return a joint's velocity on an even grid from the first sample on, (n,); 0 where nothing is known."""
+    channel = log.position if log.position is not None else log.need("velocity")
+    usable = np.isfinite(channel[:, column]) & np.isfinite(log.time)
+    time, where = np.unique(log.time[usable], return_index=True)
+    if time.size < 2:
+        return np.zeros(2)
+    grid = log.time[0] + np.arange(int(log.duration / step) + 1) * step
+    values = np.interp(grid, time, channel[usable, column][where])
+    return np.gradient(values, step) if log.position is not None else values
+
+
+def _vertex(values: np.ndarray, at: int) -> float:
+    """Return how far the top of a parabola through three samples is from the middle one [samples]."""
+    if not 0 < at < len(values) - 1:
+        return 0.0
+    before, top, after = values[at - 1 : at + 2]
+    bend = before - 2.0 * top + after
+    return float(0.5 * (before - after) / bend) if bend < 0.0 else 0.0
+
+
+def _seconds(start: object) -> float:
+    if isinstance(start, (int, float)) and not isinstance(start, bool) and isfinite(start):
+        return float(start)
+    raise InvalidInput(f"start = {start!r}.", remedy="Give seconds after the log's first sample, or auto.")

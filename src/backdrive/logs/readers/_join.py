@@ -1,0 +1,144 @@
+"""Files side by side: columns of one file interpolated onto the clock of another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from backdrive.errors import MappingError
+from backdrive.logs.readers import _expression
+from backdrive.logs.readers._channels import INDEX, Values, columns_of, oriented
+from backdrive.logs.readers.columns import Columns
+from backdrive.logs.readers.mapping import automatic, length
+
+GAP = 2.5  # an interval this many times longer than usual is a gap, and nothing is interpolated across [-]
+FEWEST = 2  # samples that must be left
+
+
+def side_by_side(
+    first: Columns, others: Sequence[tuple[str, Columns]], map: str | Mapping[str, str] | None = None
+) -> Columns:
+    """Return the columns of a file and, interpolated onto its clock, those of others.
+
+    Rows of the first file before, after or within a gap of another's clock are left out, and noted.
+
+    Args:
+        first: gives the clock.
+        others: path and columns of each file to join.
+        map: as `--map` has it; its time counts for every file that holds the column.
+
+    Raises:
+        MappingError: a file says nothing of its time, or the clocks do not overlap.
+    """
+    names = list(
+        dict.fromkeys(name for columns in (first, *(c for _, c in others)) for name in columns.arrays)
+    )
+    asked = _expression.parse(map, names) if map is not None else {}
+    for path, other in others:
+        first = _join(first, other, path, asked)
+    return first
+
+
+def _join(first: Columns, other: Columns, path: str, asked: Mapping) -> Columns:
+    clock, _ = _clock(first, asked, "The first file")
+    theirs, of_time = _clock(other, asked, path)
+    usable = np.flatnonzero(np.isfinite(theirs))
+    stamps, where = np.unique(theirs[usable], return_index=True)
+    rows = usable[where]
+    notes = []
+    if rows.size < theirs.size:
+        notes.append(
+            f"{theirs.size - rows.size} samples of {path} without a stamp of their own were left out."
+        )
+    if rows.size < FEWEST:
+        raise MappingError(
+            f"{path} has {rows.size} usable instants.", remedy="Check its time: --map t=COLUMN."
+        )
+    inside = (clock >= stamps[0]) & (clock <= stamps[-1])
+    steps = np.diff(stamps)
+    usual = GAP * float(np.quantile(steps, 0.9))
+    after = np.clip(np.searchsorted(stamps, clock), 1, stamps.size - 1)
+    across = inside & (steps[after - 1] > usual) & (stamps[after] != clock) & (stamps[after - 1] != clock)
+    keep = inside & ~across
+    if np.count_nonzero(keep) < FEWEST:
+        raise MappingError(
+            f"{path} does not overlap the first file in time: {_span(stamps)}, and {_span(clock[np.isfinite(clock)])}.",
+            remedy="Join files of one recording, on one clock; shift one of them with --map t=COLUMN-SECONDS where it has a "
+            "column of its own.",
+        )
+    if not keep.all():
+        notes.append(f"{np.count_nonzero(~keep)} samples before, after or in a gap of {path} were left out.")
+    rates = (
+        1.0 / float(np.median(np.diff(np.sort(clock[np.isfinite(clock)])))),
+        1.0 / float(np.median(steps)),
+    )
+    notes.append(
+        f"{path} was joined by time: from {rates[1]:.6g} Hz onto {rates[0]:.6g} Hz, by straight lines."
+    )
+    if clock[0] == theirs[0] == 0.0:
+        notes.append(f"Both clocks begin at 0, so {path} is taken to have begun at the same moment.")
+    arrays = {name: _rows(value, clock.size, keep) for name, value in first.arrays.items()}
+    units, named = dict(first.units), {}
+    for name, value in other.arrays.items():
+        lying = oriented(value, theirs.size)
+        if name in of_time or lying is None:
+            continue
+        label = name if name not in arrays else f"{Path(path).stem}/{name}"
+        named[name] = label
+        arrays[label] = np.column_stack(
+            [np.interp(clock[keep], stamps, column[rows].astype(float)) for column in lying.T]
+        )
+        if arrays[label].shape[1] == 1:
+            arrays[label] = arrays[label][:, 0]
+        if name in other.units:
+            units[label] = other.units[name]
+    channels = dict(first.channels)
+    for name, channel in other.channels.items():
+        if first.channels and channel != "time" and name in named and channel not in channels.values():
+            channels[named[name]] = channel
+    if first.channels and not other.channels:
+        notes.append(
+            f"The format of the first file says what its columns are: name those of {path} with --map."
+        )
+    return replace(
+        first,
+        arrays=arrays,
+        units=units,
+        joints=first.joints or other.joints,
+        channels=channels,
+        notes=(*first.notes, *other.notes, *notes),
+    )
+
+
+def _clock(columns: Columns, asked: Mapping, path: str) -> tuple[np.ndarray, list[str]]:
+    """Return the instants of a file on its own clock [s], (n,), and the columns that they are of."""
+    sums = asked.get("time")
+    of_time = columns_of(sums) if sums else []
+    own = (
+        {"time": sums} if of_time and all(name in columns.arrays or name == INDEX for name in of_time) else {}
+    )
+    try:
+        found = automatic(columns, own)
+        values = Values(columns, found.units, length(columns, own, found))
+        if sums and own:
+            values.add_sums("time", sums)
+        else:
+            of_time = list(found.columns["time"])
+            values.add_columns("time", of_time)
+    except MappingError as error:
+        raise MappingError(f"{path}: {error.message}", remedy=error.remedy) from error
+    return values.arrays["time"][:, 0] + values.origin, of_time
+
+
+def _rows(value: np.ndarray, n: int, keep: np.ndarray) -> np.ndarray:
+    lying = oriented(value, n)
+    if lying is None:
+        return value
+    return lying[keep] if value.ndim > 1 else value[keep]
+
+
+def _span(clock: np.ndarray) -> str:
+    return f"{clock.min():.10g} to {clock.max():.10g} s" if clock.size else "no instants"

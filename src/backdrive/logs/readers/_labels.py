@@ -1,0 +1,88 @@
+"""Joint names that a table holds itself, beside lists of numbers: `name` of a joint state."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from backdrive.errors import ReadError
+from backdrive.logs.readers.columns import clean
+
+_NAME = re.compile(r"(?:.*[./])?(?:joint_?)?names?$", re.IGNORECASE)
+_INDEXED = re.compile(r"(?P<stem>.*?)[\[(_.]?(?P<index>\d{1,4})[\])]?$")
+
+
+def holds_names(column: str) -> bool:
+    """Return whether a column by this name holds names of joints."""
+    return len(column) < 200 and _NAME.match(column) is not None
+
+
+def read_names(
+    rows: Sequence[object], column: str, notes: list[str]
+) -> tuple[tuple[str, ...], np.ndarray | None]:
+    """Return the names of a column of lists, and where each row has them.
+
+    Args:
+        rows: one list of names a row.
+        column: for the messages.
+        notes: a sentence is added where the column holds no names.
+
+    Returns:
+        The names as the first row has them, none where the rows are no lists of names; and for every row the places of these
+        names, (n, J), or None where all rows are alike.
+
+    Raises:
+        ReadError: the rows name different joints, so that no number could be told from another's.
+    """
+    first = rows[0] if rows else None
+    if not isinstance(first, list) or not first or not all(isinstance(name, str) and name for name in first):
+        notes.append(f"Column '{column}' is no list of names in every row and was left out.")
+        return (), None
+    joints = tuple(clean(name) for name in first)
+    if len(set(joints)) < len(joints):
+        notes.append(f"Column '{column}' names {', '.join(joints)}, some of them twice, and was left out.")
+        return (), None
+    if all(row == first for row in rows):
+        return joints, None
+    known: dict[tuple[str, ...], list[int]] = {}
+    order = np.empty((len(rows), len(first)), dtype=np.intp)
+    for i, row in enumerate(rows):
+        key = tuple(row) if isinstance(row, list) and all(isinstance(x, str) for x in row) else ()
+        if key not in known:
+            if sorted(key) != sorted(first):
+                raise ReadError(
+                    f"Row {i + 1} of '{column}': {', '.join(map(clean, key)) or 'nothing'}, but first {', '.join(joints)}.",
+                    remedy="Log the same joints in every row, or leave these names out.",
+                )
+            known[key] = [key.index(name) for name in first]
+        order[i] = known[key]
+    return joints, order
+
+
+def in_order(
+    arrays: dict[str, np.ndarray], order: np.ndarray | None, notes: list[str]
+) -> dict[str, np.ndarray]:
+    """Return columns with the numbers of every row where `read_names` has found their joints, (n, J)."""
+    if order is None:
+        return arrays
+    notes.append("The order of the joints changes from row to row: they were matched by name.")
+    return {
+        name: np.take_along_axis(value, order, axis=1) if value.shape == order.shape else value
+        for name, value in arrays.items()
+    }
+
+
+def repeated_names(columns: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
+    """Return joint names that columns of words such as `name[0]`, `name[1]` repeat in every row; none where they are not so."""
+    found: dict[int, str] = {}
+    for column, words in columns.items():
+        match = _INDEXED.match(column) if len(column) < 200 else None
+        if match is None or not holds_names(match["stem"]) or not words or not words[0].strip('" '):
+            continue
+        if any(word != words[0] for word in words):
+            return ()
+        found[int(match["index"])] = clean(words[0].strip('" '))
+    names = tuple(found[index] for index in sorted(found))
+    return names if len(set(names)) == len(names) else ()

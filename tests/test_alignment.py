@@ -1,0 +1,134 @@
+"""Plans that were recorded late, and the commands that read tables: options shared, checked before the work begins."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from backdrive import Joint, Log, Sweep, identify, load_model
+from backdrive.cli._app import app
+from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.identification.alignment import best_lag, with_plan
+from backdrive.plans import InTurn
+
+PLAN = Sweep(stroke=0.8, top_speed=1.5, cycles=4)
+RATE = 200.0
+RUN = CliRunner()
+
+
+def recorded(late: float, clock: float = 0.0, joints: int = 1) -> Log:
+    """Return a sweep that begins so long after the first sample [s]."""
+    rng = np.random.default_rng(1)
+    time = np.arange(round((PLAN.duration + late + 1.0) * RATE)) / RATE
+    inside = np.clip(time - late, 0.0, PLAN.duration)
+    q = PLAN.position(inside)[:, None] * np.r_[np.zeros(joints - 1), 1.0]
+    dq = PLAN.velocity(inside)[:, None] * np.r_[np.zeros(joints - 1), 1.0]
+    tau = 1.5 * np.tanh(dq / 1e-3) + 0.3 * dq + 0.01 * rng.standard_normal(q.shape)
+    names = tuple(Joint(name=f"j{i}") for i in range(joints))
+    return Log(time=time + clock, joints=names, position=q + 1e-5 * rng.standard_normal(q.shape), torque=tau)
+
+
+@pytest.mark.parametrize(("late", "clock", "joints"), [(3.7, 0.0, 1), (3.7031, 1.7e9, 2), (0.0, 5.0, 1)])
+def test_the_lag_of_a_plan_shows_in_the_motion(late, clock, joints):
+    lag, alike = best_lag(recorded(late, clock, joints), PLAN)
+    assert lag == pytest.approx(late, abs=0.2 / RATE)
+    assert alike > 0.95
+
+
+def test_a_recording_that_began_after_its_plan():
+    whole = recorded(0.0)
+    late = whole.rows(whole.time >= 2.0)
+    assert best_lag(late, PLAN)[0] == pytest.approx(-2.0, abs=0.2 / RATE)
+
+
+def test_a_sweep_is_found_where_its_plan_begins():
+    log = recorded(3.7, clock=100.0)
+    for start in ("auto", 3.7):
+        result = identify(log, plan=PLAN, start=start, method="sweep")
+        assert any("The plan begins 3.7 s after the first sample" in note for note in result.notes)
+        assert result.model.options["start"] == start
+        assert not any(
+            "did not follow the plan" in w for w in (*result.warnings, *result.model.joints[0].remarks())
+        )
+
+
+def test_turns_are_aligned_by_the_names_of_the_joints():
+    plan = InTurn((Sweep(stroke=0.8, top_speed=1.5, cycles=4, joint="j1"),))
+    assert best_lag(recorded(2.0, joints=2), plan)[0] == pytest.approx(2.0, abs=0.2 / RATE)
+
+
+def test_starts_that_make_no_sense():
+    log = recorded(1.0)
+    for start, match in (
+        (float("nan"), "start = nan"),
+        (1e6, "lies outside the log"),
+        (-1e6, "lies outside"),
+        (True, "start"),
+    ):
+        with pytest.raises(InvalidInput, match=match):
+            with_plan(log, PLAN, start)
+    with pytest.raises(InvalidInput, match="no plan"):
+        identify(log, start=1.0)
+    noise = log.replace(position=np.random.default_rng(0).standard_normal((len(log), 1)))
+    with pytest.raises(NotIdentifiable, match="does not hold the motion of its plan"):
+        with_plan(noise, PLAN, "auto")
+
+
+def write(path, header, *columns):
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.12g")
+    return str(path)
+
+
+def test_a_coupling_is_kept_in_the_model(tmp_path):
+    log = recorded(0.5)
+    q, tau = log.position[:, 0], log.torque[:, 0]
+    file = write(tmp_path / "log.csv", "time,q1,q2,tau1,tau2", log.time, q, 1.5 * q, tau, tau)
+    (tmp_path / "c.json").write_text("[[1, 0], [-0.5, 1]]")
+    model = tmp_path / "model.json"
+    command = [
+        "identify",
+        file,
+        "--coupling",
+        str(tmp_path / "c.json"),
+        "-o",
+        str(model),
+        "--method",
+        "motion",
+        "--gate",
+        "1000",
+    ]
+    RUN.invoke(app, command)
+    kept = load_model(model)
+    assert kept.coupling == ((1.0, 0.0), (-0.5, 1.0))
+    assert kept.options["reading"]["coupling"] == [[1.0, 0.0], [-0.5, 1.0]]
+    assert RUN.invoke(app, [*command[:4], "-o", str(tmp_path / "c.json")]).exception is not None
+    assert json.loads((tmp_path / "c.json").read_text()) == [[1, 0], [-0.5, 1]]  # not written over
+    for text in ("", "1,2\n3", "1,0\n0,x", "[" * 5000, '{"a": 1}', "1,1\n1,1"):
+        (tmp_path / "bad.csv").write_text(text)
+        result = RUN.invoke(app, ["inspect", file, "--coupling", str(tmp_path / "bad.csv")])
+        assert result.exception is not None and ("matrix" in str(result.exception)), text[:20]
+
+
+def test_inspect_previews_a_repair_and_makes_it(tmp_path):
+    log = recorded(0.5)
+    q = log.position[:, 0].copy()
+    q[50] = np.nan
+    file = write(tmp_path / "log.csv", "time,q,tau", log.time, q, log.torque)
+    plain = RUN.invoke(app, ["inspect", file])
+    assert "--repair would leave it so" in plain.output and plain.exit_code == 1
+    told = json.loads(RUN.invoke(app, ["inspect", file, "--json"]).output)
+    assert told["logs"][0]["repairs"] and not told["ok"]
+    after = json.loads(RUN.invoke(app, ["inspect", file, "--repair", "--json"]).output)
+    assert "nan" not in [f["name"] for f in after["logs"][0]["findings"]]
+
+
+def test_inspect_does_not_call_a_log_without_torque_fine(tmp_path):
+    log = recorded(0.5)
+    file = write(tmp_path / "log.csv", "time,q,current_mA", log.time, log.position, 1e3 * log.torque)
+    result = RUN.invoke(app, ["inspect", file])
+    assert result.exit_code == 1 and "Nothing is the matter" not in result.output
+    assert "There is no torque" in " ".join(result.output.split())
+    taken = RUN.invoke(app, ["inspect", file, "--map", "tau=current_mA"])
+    assert "Nothing is the matter" not in taken.output
+    assert "its name ends with ma" in " ".join(taken.output.split())

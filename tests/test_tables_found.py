@@ -1,0 +1,192 @@
+"""Tables as they are found: files side by side, names inside the log, LeRobot folders, hostile ones among them."""
+
+import json
+
+import numpy as np
+import pytest
+
+from backdrive import read_log, read_logs
+from backdrive.errors import FileTooLarge, MappingError, ReadError
+from backdrive.logs.readers.limits import Limits
+
+T = np.arange(60) * 0.01
+Q = np.sin(T)
+
+
+def table(path, header, *columns):
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.16g")
+    return path
+
+
+def read(path, **options):
+    return read_log(path, guarded=False, **options)
+
+
+# ---------------------------------------------------------------------------------------- side by side
+
+
+def test_columns_of_another_file_come_onto_the_first_clock(tmp_path):
+    first = table(tmp_path / "q.csv", "time,q", T + 1.7e9, Q)
+    late = T[5:-7] + 0.003
+    log = read(
+        first, join=table(tmp_path / "tau.csv", "time [ms],tau,q", 1e3 * (late + 1.7e9), 3.0 * late, late)
+    )
+    assert np.allclose(log.torque[:, 0], 3.0 * (log.time - 1.7e9), atol=1e-5)
+    assert np.allclose(log.position[:, 0], np.sin(log.time - 1.7e9), atol=1e-6)
+    assert len(log) == 47 and len(log.sources) == 2
+    assert any("13 samples before, after or in a gap" in note for note in log.notes)
+
+
+def test_date_times_keep_their_day_when_joined(tmp_path):
+    def stamps(day, seconds):
+        return [f"2024-05-{day}T10:00:{s:06.3f}" for s in seconds]
+
+    def write(name, header, clock, values):
+        rows = "\n".join(f"{c},{v:.9g}" for c, v in zip(clock, values))
+        (tmp_path / name).write_text(f"{header}\n{rows}\n")
+        return tmp_path / name
+
+    first = write("q.csv", "time,q", stamps("02", T), Q)
+    log = read(first, join=write("tau.csv", "time,tau", stamps("02", T + 0.1), T))
+    assert np.allclose(log.torque[:, 0], log.time - 0.1, atol=1e-6)
+    with pytest.raises(MappingError, match=r"other\.csv does not overlap"):
+        read(first, join=write("other.csv", "time,tau", stamps("03", T), T))
+
+
+def test_joins_that_do_not_fit(tmp_path):
+    first = table(tmp_path / "q.csv", "time,q", T, Q)
+    far = table(tmp_path / "far.csv", "time,tau", T + 100.0, T)
+    with pytest.raises(MappingError, match=r"far\.csv does not overlap .*100 to 100.59 s, and 0 to 0.59 s"):
+        read(first, join=far)
+    with pytest.raises(MappingError, match=r"nameless\.csv: No column is known to be the time"):
+        read(first, join=table(tmp_path / "nameless.csv", "x,tau", T, T))
+    with pytest.raises(ReadError, match="does not exist"):
+        read(first, join=tmp_path / "absent.csv")
+    with pytest.raises(ReadError, match="2 logs, and a file to join"):
+        read_logs([first, far], join=[far])
+    hole = table(tmp_path / "hole.csv", "time,tau", np.delete(T, slice(20, 40)), np.delete(T, slice(20, 40)))
+    assert len(read(first, join=hole)) == 40
+
+
+# -------------------------------------------------------------------------------- names inside the log
+
+
+def test_names_beside_numbers(tmp_path):
+    rows = "\n".join(f"{t:.2f},hip,knee,{t},{2 * t},{t},{t}" for t in T)
+    (tmp_path / "n.csv").write_text(
+        f"time,name[0],name[1],position[0],position[1],effort[0],effort[1]\n{rows}\n"
+    )
+    assert read(tmp_path / "n.csv").names == ("hip", "knee")
+    swapped = [
+        {"time": t, "name": ["a", "b"][:: 1 - 2 * (i % 2)], "position": [1.0, 2.0][:: 1 - 2 * (i % 2)]}
+        for i, t in enumerate(T)
+    ]
+    (tmp_path / "n.json").write_text(json.dumps(swapped))
+    log = read(tmp_path / "n.json")
+    assert log.names == ("a", "b") and log.position[1].tolist() == [1.0, 2.0]
+    swapped[3]["name"] = ["a", "c"]
+    (tmp_path / "n.json").write_text(json.dumps(swapped))
+    with pytest.raises(ReadError, match="Row 4 of 'name': a, c, but first a, b"):
+        read(tmp_path / "n.json")
+
+
+def test_joints_that_stand_before_their_channel(tmp_path):
+    header = "timestamp,shoulder_pan_joint_pos_deg,elbow_joint_pos_deg,shoulder_pan_joint_effort,elbow_joint_effort"
+    log = read(table(tmp_path / "s.csv", header, T, Q, Q, Q, Q))
+    assert log.names == ("shoulder_pan_joint", "elbow_joint")
+    assert np.allclose(log.position[:, 0], np.deg2rad(Q), atol=1e-9)
+    with pytest.raises(MappingError, match="does not say what moves"):
+        read(table(tmp_path / "w.csv", "t,target_pos,present_pos", T, Q, Q))
+    assert read(table(tmp_path / "i.csv", "t,position[0],position[1]", T, Q, Q)).names == (
+        "joint_0",
+        "joint_1",
+    )
+    assert read(table(tmp_path / "p.csv", "t,position(1),position(2)", T, Q, Q)).names == (
+        "joint_1",
+        "joint_2",
+    )
+
+
+# ---------------------------------------------------------------------------------------------- LeRobot
+
+
+def lerobot(folder, info=None, names=("pan.pos", "lift.pos"), **columns):
+    pa, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    (folder / "meta").mkdir(parents=True)
+    (folder / "data" / "chunk-000").mkdir(parents=True)
+    state = np.column_stack([Q, 2 * Q])
+    content = {
+        "observation.state": state.tolist(),
+        "action": state.tolist(),
+        "timestamp": np.r_[T[:30], T[:30]],
+        "episode_index": np.repeat([0, 1], 30),
+        "frame_index": np.r_[np.arange(30), np.arange(30)],
+        **columns,
+    }
+    content = {key: value for key, value in content.items() if value is not None}
+    parquet.write_table(pa.table(content), folder / "data" / "chunk-000" / "file-000.parquet")
+    features = {key: {"dtype": "float32", "names": list(names)} for key in ("observation.state", "action")}
+    info = {"codebase_version": "v3.0", "fps": 100, "features": features} if info is None else info
+    (folder / "meta" / "info.json").write_text(info if isinstance(info, str) else json.dumps(info))
+    return folder
+
+
+def test_episodes_stand_one_after_the_other(tmp_path):
+    log = read_log(lerobot(tmp_path / "set"))
+    assert log.names == ("pan", "lift") and len(log) == 60
+    assert np.allclose(np.diff(log.time)[:29], 0.01) and np.diff(log.time)[29] == pytest.approx(1.0)
+    assert np.array_equal(log.reference, log.position)
+    assert [len(log) for log in read_logs(tmp_path)] == [60]
+    assert np.allclose(read(lerobot(tmp_path / "clockless", timestamp=None)).time, log.time)
+    one = read(lerobot(tmp_path / "bare", names=()))
+    assert one.names == ("joint_1", "joint_2")
+
+
+HOSTILE = [
+    ("{", "is not JSON"),
+    ("[]", "no JSON object"),
+    ("[" * 100_000, "nests|not JSON|deep"),
+    ('{"features": 3}', "names no features"),
+    ("{}" + " " * (1 << 23), "larger|more than"),
+]
+
+
+@pytest.mark.parametrize(("info", "match"), HOSTILE)
+def test_a_hostile_description_is_refused(tmp_path, info, match):
+    with pytest.raises(ReadError, match=match):
+        read_log(lerobot(tmp_path / "set", info=info))
+
+
+def test_paths_and_counts_of_a_description_are_not_followed(tmp_path):
+    features = {"observation.state": {"names": {"motors": ["a", "b"]}}, "action": {"names": ["x"] * 9}}
+    info = {
+        "features": features,
+        "data_path": "../../../etc/{x.__class__}",
+        "total_frames": 10**18,
+        "fps": -1,
+    }
+    log = read_log(lerobot(tmp_path / "set", info=info))
+    assert log.names == ("a", "b")
+    assert any("speaks of 1000000000000000000 frames, the files hold 60" in note for note in log.notes)
+    with pytest.raises(ReadError, match="fps is -1"):
+        read_log(lerobot(tmp_path / "clockless", info=info, timestamp=None))
+
+
+def test_folders_that_lack_or_hold_too_much(tmp_path):
+    folder = lerobot(tmp_path / "set")
+    with pytest.raises(FileTooLarge, match="more than the limit"):
+        read(folder, limits=Limits(max_bytes=2000))
+    second = folder / "data" / "chunk-000" / "file-001.parquet"
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    parquet.write_table(pa.table({"other": T}), second)
+    with pytest.raises(ReadError, match=r"chunk-000/file-001\.parquet holds other columns"):
+        read(folder)
+    second.write_bytes(b"PAR1 nothing")
+    with pytest.raises(ReadError, match=r"file-001\.parquet"):
+        read_log(folder)
+    for file in folder.glob("data/*/*"):
+        file.unlink()
+    with pytest.raises(ReadError, match="no Parquet files"):
+        read(folder)
