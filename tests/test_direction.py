@@ -394,10 +394,10 @@ def test_without_presliding_a_constant_torque_is_left_to_the_directions(differin
     friction: Any = identify(differing, **only).model.joints[0]
     rate = friction.law.rate
     assert "offset" not in friction.dynamics
-    assert (rate.coulomb, rate.coulomb_backward) == pytest.approx((4.7, 2.3), rel=0.03)
+    assert (rate.coulomb, rate.coulomb_backward) == pytest.approx((4.7, 2.3), rel=0.06)
     kept: Any = identify(differing, **only, bounds={"offset": (-2.0, 2.0)}).model.joints[0]
     assert kept.law.rate.coulomb == kept.law.rate.coulomb_backward == pytest.approx(3.5, rel=0.03)
-    assert kept.dynamics["offset"].value == pytest.approx(1.2, rel=0.05)
+    assert kept.dynamics["offset"].value == pytest.approx(1.2, rel=0.06)
     assert any("'coulomb_backward' is taken to equal 'coulomb'" in w for w in kept.warnings)
 
 

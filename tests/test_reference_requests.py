@@ -83,7 +83,7 @@ FOR = {
     "timing": ("sweep",), "payloads": ("sweep",), "cutoff": ("motion", "arm", "dynamic"),
     "joints": ("sweep", "constant-velocity", "motion", "ramp", "dynamic"), "urdf": ("arm",), "delay": ("dynamic",),
     "bounds": ("dynamic",), "known": ("dynamic",), "drive": ("dynamic",), "loss": ("dynamic",), "interval": ("dynamic",),
-    "step": ("dynamic",), "seed": ("dynamic",), "symmetric": ("sweep", "constant-velocity", "motion", "ramp", "arm"),
+    "step": ("dynamic",), "seed": ("dynamic",), "symmetric": ("sweep", "constant-velocity", "motion", "ramp", "arm", "dynamic"),
 }  # fmt: skip
 SET = {
     "law": "polyline", "gravity": True, "literal": True, "timing": "sample", "payloads": [(1.0, 2.0)], "cutoff": 9.0,

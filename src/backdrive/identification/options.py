@@ -30,6 +30,7 @@ APPLIES: dict[str, tuple[str, ...]] = {
     "cutoff": ("motion", "arm", "dynamic"),
     "joints": ("sweep", "constant-velocity", "motion", "ramp", "dynamic"),
     "urdf": ("arm",),
+    "symmetric": ("sweep", "constant-velocity", "motion", "ramp", "arm", "dynamic"),
     **dict.fromkeys(("delay", "bounds", "known", "drive", "loss", "interval", "step", "seed"), ("dynamic",)),
 }
 
