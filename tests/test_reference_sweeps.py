@@ -392,7 +392,10 @@ def test_sweeps_about_three_centers_are_the_sum_of_their_parts(three):
     # the last sweep is judged by the fit to the others where these tell its gravity: two centers do not
     assert found.held_out is None and shown.samples.fitted.all()
     assert shown.verdict == verdict(found, one) and shown.joint == "a"
-    assert shown.curve.standard_error == pytest.approx(error_of_curve(found)(shown.curve.velocity))
+    known = np.abs(shown.curve.velocity) >= found.validity.lowest_speed
+    band = error_of_curve(found)(shown.curve.velocity)
+    assert shown.curve.standard_error[known] == pytest.approx(band[known])
+    assert shown.curve.standard_error.max() > 0.2 * found.law.torque(found.validity.lowest_speed)
     torque = np.concatenate([s.torque for s in stretches])
     stride = -(-torque.size // 4000)
     rest = np.concatenate([dynamics.rest_of_dynamics(found, s)[::stride] for s in stretches])

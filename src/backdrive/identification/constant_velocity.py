@@ -22,6 +22,7 @@ from backdrive.model.covariance import errors_by_parameter
 
 SECTIONS = (1, 2, 3, 4, 5, 6)  # line sections per direction that are tried
 GAIN = 2.0  # a curve must beat the line by so many standard errors of the mean gain [-]
+CLEAR, CLEAR_GAIN = 0.6, 1.0  # where it leaves less than this share, so many are enough [-]
 
 
 def _knots(speed: np.ndarray, sections: int) -> np.ndarray:
@@ -131,6 +132,7 @@ def identify_constant_velocity(
         method="constant-velocity",
         warnings=_warnings(runs, both, directional, "offset" in values, about),
     )
+    of_curve, slowest = curves.error_of_curve(form, curve_covariance), float(np.abs(v).min())
     samples = Samples(
         time=np.array([r.start for r in runs]),
         position=np.full(v.size, np.nan),
@@ -143,7 +145,7 @@ def identify_constant_velocity(
     return friction, JointEvidence(
         joint=about.name,
         samples=samples,
-        curve=curve(friction, curves.error_of_curve(form, curve_covariance)),
+        curve=curve(friction, curves.widened_below(found, slowest, of_curve)),
         verdict=f"{verdict(friction)} {remark}",
     )
 
@@ -156,7 +158,8 @@ def _choose(losses: dict[int, np.ndarray]) -> tuple[int, str]:
         return best, f"{best} line sections per direction were fitted."
     gain = losses[1] ** 2 - losses[best] ** 2
     error = float(np.std(gain) / np.sqrt(gain.size))
-    if float(np.mean(gain)) <= GAIN * error:
+    needed = CLEAR_GAIN if rms[best] < CLEAR * rms[1] else GAIN
+    if float(np.mean(gain)) <= needed * error:
         return (
             1,
             f"A straight line per direction suffices: no curve predicts left-out runs better ({rms[1]:.3g}).",

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -90,28 +91,22 @@ def identify_motion(
     )[-1]
     seconds = bin_time(stretches, smooth.cutoff or default_cutoff(stretches[0].rate))
     slip = seek_slip(stretches, knots, full, seconds)
-    on_time = [delayed(s, slip.delay) for s in stretches]
-    raw = bin_means(on_time, knots, seconds=seconds)
-    bins = raw.whitened(slip.correlation)
-    options = design.candidates(
-        knots,
-        {name: knots[list(keep)] for name, keep in curves.of_law(law, shapes).items()},
-        slip=slip.fitted,
-        symmetric=symmetric,
-        **given,
-    )
-    if slip.fitted:
-        options = [option for option in options if "jerk" in option.terms]
-    choice = design.choose(bins.equations(), options)
-    slow = SLOW * (min(-speeds.min(), speeds.max()) if both else top)
-    if (
-        choice.candidate.form.knots[0] == 0.0 and slowest < slow
-    ):  # a line is not asked to follow a crossing of zero
-        bins, slowest = raw.faster(slow).whitened(slip.correlation), float(slow)
-        lines = [option for option in options if option.form.knots[0] == 0.0]
-        choice = design.choose(bins.equations(), lines)
-    covariance = covariance_of(bins, choice.candidate.spread, choice.coefficients)
-    choice = design.offset_apart(replace(choice, covariance=covariance))
+    allowed = {name: knots[list(keep)] for name, keep in curves.of_law(law, shapes).items()}
+    slow = float(SLOW * (min(-speeds.min(), speeds.max()) if both else top))
+
+    def chosen(slip: Slip) -> tuple[design.Choice, Bins, float]:
+        raw = bin_means([delayed(s, slip.delay) for s in stretches], knots, seconds=seconds)
+        options = design.candidates(knots, allowed, slip=slip.fitted, symmetric=symmetric, **given)
+        if slip.fitted:
+            options = [option for option in options if "jerk" in option.terms]
+        # whitened residuals ask for a model that is right at all frequencies: no more than that for what is not known anyway
+        return _choose(raw, options, slip.correlation if slip.fitted else 0.0, (slowest, slow))
+
+    choice, bins, slowest = chosen(slip)
+    if slip.fitted and (error := _error_of_delay(choice)) > slip.least:
+        slip = replace(slip, delay=0.0, error=error)
+        choice, bins, slowest = chosen(slip)
+    choice = design.offset_apart(choice)
     velocity = float(speeds.min()), float(speeds.max())
     friction = as_friction(choice, choice.coefficients, about, velocity, slip.delay)
     friction = replace(friction, validity=replace(friction.validity, lowest_speed=slowest))
@@ -156,6 +151,35 @@ def identify_motion(
         curves.widened_below(friction.law, slowest, of_curve),
     )
     return friction, replace(support, verdict=f"{support.verdict} {smooth.note}".rstrip())
+
+
+def _choose(
+    raw: Bins, options: list[design.Candidate], correlation: float, speeds: tuple[float, float]
+) -> tuple[design.Choice, Bins, float]:
+    """Return the choice with its covariance, the bins that it was fitted to, and from which speed on they tell.
+
+    Args:
+        raw: bins, not whitened.
+        options: candidates.
+        correlation: of the noise of neighbouring bins [-].
+        speeds: from which the bins tell, and below which a line is not asked to follow a crossing of zero [rad/s or m/s].
+    """
+    bins, (slowest, slow) = raw.whitened(correlation), speeds
+    choice = design.choose(bins.equations(), options)
+    if choice.candidate.form.knots[0] == 0.0 and slowest < slow:
+        lines = [option for option in options if option.form.knots[0] == 0.0]
+        faster = raw.faster(slow).whitened(correlation)
+        with suppress(NotIdentifiable):  # where hardly anything is faster, the slow motion is kept
+            choice = design.choose(faster.equations(), lines)
+            bins, slowest = faster, slow
+    covariance = covariance_of(bins, choice.candidate.spread, choice.coefficients)
+    return replace(choice, covariance=covariance), bins, slowest
+
+
+def _error_of_delay(choice: design.Choice) -> float:
+    """Return the standard error of what is left of the delay [s]."""
+    inertia, jerk = (choice.candidate.terms.index(term) for term in ("inertia", "jerk"))
+    return float(np.sqrt(choice.covariance[jerk, jerk]) / max(abs(choice.coefficients[inertia]), 1e-300))
 
 
 def slowest_sliding(stretches: Sequence[Any], knots: np.ndarray) -> float:
