@@ -99,15 +99,20 @@ def test_names_are_told_from_those_that_were_made_up(tmp_path):
     assert replace(log.joints[0], named=True) == log.joints[0]  # the same joint, whoever named it
 
 
-def test_torque_limits_are_those_of_the_description(tmp_path):
-    from backdrive.identification.pipeline import _effort
+def test_limits_are_those_of_the_description(tmp_path):
+    from backdrive.identification.supplement import supplement
+    from backdrive.plans.limits import read_limits
 
     limit = '<limit lower="-1" upper="1" effort="40" velocity="2"/>'
     joint = f'<joint name="elbow" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>{limit}</joint>'
     path = tmp_path / "r.urdf"
     path.write_text(f'<robot name="r"><link name="a"/><link name="b"/>{joint}</robot>')
-    assert _effort(str(path)) == {"elbow": 40.0}
-    assert _effort(None) == _effort(str(tmp_path / "none.urdf")) == {}
+    log = any_motion(friction, noise=NOISE)
+    log = log.replace(joints=(replace(log.joints[0], name="elbow"),))
+    result = identify(log)
+    known = supplement(result.model.joints[0], result.evidence[0], [log], read_limits(path))
+    assert (known.actuator.torque_limit, known.actuator.trip_speed) == (40.0, 2.0)
+    assert result.model.joints[0].actuator is None
 
 
 def test_an_open_drive_has_a_gain_and_a_limit():

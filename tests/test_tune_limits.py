@@ -8,9 +8,11 @@ import pytest
 from backdrive.cli import _joint_options
 from backdrive.control import Loop
 from backdrive.errors import InvalidInput, ModelFileError
-from backdrive.laws import CoulombViscous
+from backdrive.laws import CoulombViscous, Decaying, Law
+from backdrive.logs.log import Joint
+from backdrive.model import Actuator, Estimate, JointFriction, Validity
 from backdrive.tuning import load_tunings, save_tunings
-from backdrive.tuning.facts import Facts
+from backdrive.tuning.facts import Facts, facts_of
 from backdrive.tuning.propose import fixed_rule, tune, within
 from backdrive.tuning.tuning import LOOP, Number, Tuning
 
@@ -141,3 +143,21 @@ def test_top_speed_and_effort_of_the_robot_description_are_taken_unless_said(tmp
     }
     with pytest.raises(InvalidInput, match=r"no joint 'knee'.*elbow, wrist.*--top-speed"):
         _joint_options.guards({}, {}, path, ["knee"])
+
+
+def test_what_the_model_knows_of_its_actuator_limits_the_loop():
+    known = replace(FACTS, trip_speed=3.0, effort=5.0)
+    assert tune(known, "admit", joints=8).trip_speed == 3.0
+    assert tune(known, "admit", joints=8, trip_speed=2.0).trip_speed == 2.0
+    law = Law(rate=RATE, element=Decaying(stiffness=1e5, decay_rate=20.0))
+    friction = JointFriction(
+        joint=Joint(name="elbow", encoder_counts=1e4),
+        law=law,
+        validity=Validity(velocity=(-1.0, 1.0)),
+        dynamics={"inertia": Estimate(value=0.7, unit="kg.m^2")},
+        actuator=Actuator(torque_limit=5.0, trip_speed=3.0),
+    )
+    facts = facts_of(friction)
+    assert (facts.effort, facts.trip_speed) == (5.0, 3.0)
+    bounded = within(TUNING, facts.trip_speed, None, facts.effort, 1.0)
+    assert bounded.limit == 5.0

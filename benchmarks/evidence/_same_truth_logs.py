@@ -57,14 +57,15 @@ REAL = (
 )
 
 
-def write(case: Case, folder: Path) -> Path:
+def write(case: Case, folder: Path, twin: int = 0) -> Path:
     """Write one of OURS and return its path.
 
     Args:
         case: which.
         folder: an existing one.
+        twin: another draw of motion and noise.
     """
-    rng = np.random.default_rng(OURS.index(case))
+    rng = np.random.default_rng([OURS.index(case), twin] if twin else OURS.index(case))
     rate = 500.0
     t = np.arange(int(24.0 * rate)) / rate
     columns = []
@@ -78,9 +79,31 @@ def write(case: Case, folder: Path) -> Path:
         noise = NOISE * F * rng.standard_normal(t.size)
         count = 2.0 * np.pi / 2**17
         columns.append((count * np.round(q / count), tau + noise))
-    path = folder / f"{case.name.replace(' ', '_')}.npz"
+    path = folder / f"{case.name.replace(' ', '_')}{twin or ''}.npz"
     np.savez(path, t=t, q=np.array([c[0] for c in columns]).T, tau=np.array([c[1] for c in columns]).T)
     return path
+
+
+SPEEDS = np.linspace(0.1, 0.6, 11)  # in both directions, at which curves are compared with the truth [rad/s]
+
+
+def truth(case: Case, joint: int) -> dict[str, float]:
+    """Return what one of OURS was made of: terms of the dynamics by name.
+
+    Args:
+        case: which.
+        joint: of its joints, from 0.
+    """
+    rest = {"inertia": 0.6} if case.name == "by direction" else {"inertia": 0.6, "offset": 0.2}
+    return rest | ({"gravity_sin": 3.0, "gravity_cos": 1.0} if case.name == "motion with gravity" else {})
+
+
+def true_curve(case: Case, joint: int) -> np.ndarray:
+    """Return friction in steady motion at SPEEDS forwards, then backwards, (22,); the offset too where no fit tells it apart."""
+    v = np.concatenate([SPEEDS, -SPEEDS])
+    if "lugre" in case.law:
+        return (4.0 + 1.5 * np.exp(-((v / 0.1) ** 2))) * np.sign(v) + 1.5 * v
+    return _friction(case, v, 4.0 + joint, 1.0) + (0.2 if case.name == "by direction" else 0.0)
 
 
 def _multisine(t: np.ndarray, rng: np.random.Generator, f_0: float) -> tuple[np.ndarray, ...]:

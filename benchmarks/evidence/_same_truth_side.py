@@ -16,6 +16,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from _same_truth_logs import SPEEDS
 
 import backdrive
 from backdrive import identify, read_log, rollout
@@ -50,7 +51,11 @@ def identified(job: dict[str, Any]) -> dict[str, Any]:
     known = inspect.signature(function).parameters
     result = function(log, **{name: value for name, value in options.items() if name in known})
     return {
-        f.joint.name: {"law": f.law.name, "numbers": {n: (v, e) for n, v, e in numbers(f)}}
+        f.joint.name: {
+            "law": f.law.name,
+            "numbers": {n: (v, e) for n, v, e in numbers(f)},
+            "curve": f.law.torque(np.concatenate([SPEEDS, -SPEEDS])).tolist(),
+        }
         for f in result.model.joints
     }
 

@@ -29,7 +29,7 @@ from backdrive import identify
 from backdrive.control.estimators.external import ExternalForce
 from backdrive.control.estimators.friction import NOTHING, FrictionEstimator
 from backdrive.control.estimators.sliding_mode import MotionFilter
-from backdrive.identification.arm_predict import explained
+from backdrive.identification.arm_predict import torque_parts
 from backdrive.identification.arm_signals import ArmSignals, prepare_arm
 from backdrive.identification.arm_terms import Regressor
 from backdrive.identification.dynamic import LawFit
@@ -145,7 +145,7 @@ def known_parts(arm: FrictionModel, robot: Robot, s: ArmSignals) -> tuple[np.nda
     """Return rigid bodies, inertia of drives and offset; friction that grows with the load; the curve; (n, J) each."""
     assert arm.arm is not None
     frictions = [arm.joint(name) for name in robot.joints]
-    whole, rest = explained(s, robot, arm.arm, frictions)
+    whole, rest = torque_parts(s, robot, arm.arm, frictions)
     bodies = Regressor(robot, [s]).bodies(0, robot.base.relation @ np.array(arm.arm.parameters))
     grown = np.empty_like(rest)
     for j, friction in enumerate(frictions):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import os
 import re
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -53,6 +54,7 @@ _lock = threading.Lock()
 _under_way = 0
 _before: dict[str, int] = {}  # library -> threads that it had
 _environment: dict[str, str | None] = {}
+_known: dict[int, list[_Library]] = {}  # modules imported -> libraries loaded by then
 
 
 @contextmanager
@@ -105,6 +107,15 @@ def _restore() -> None:
 
 
 def _loaded() -> list[_Library]:
+    """Return the libraries of linear algebra; sought again only where modules were imported since, for each comes with one."""
+    modules = len(sys.modules)
+    if modules not in _known:
+        _known.clear()
+        _known[modules] = _libraries()
+    return _known[modules]
+
+
+def _libraries() -> list[_Library]:
     import ctypes  # a command that needs none of this loads none of it
 
     found = []

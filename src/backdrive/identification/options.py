@@ -29,7 +29,6 @@ APPLIES: dict[str, tuple[str, ...]] = {
     "cutoff": ("motion", "arm", "dynamic"),
     "joints": ("sweep", "constant-velocity", "motion", "ramp", "dynamic"),
     "urdf": ("arm",),
-    "symmetric": ("sweep", "constant-velocity", "motion", "ramp", "arm"),  # else the law's name says it
     **dict.fromkeys(("delay", "bounds", "known", "drive", "loss", "interval", "step", "seed"), ("dynamic",)),
 }
 

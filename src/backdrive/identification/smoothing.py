@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from backdrive.identification.signals import between_gaps, default_cutoff
-from backdrive.logs.filters import derivative, low_pass, squared_gain
+from backdrive.logs.filters import fft_length, spectrum_of, squared_gain
 from backdrive.logs.log import Log
 from backdrive.logs.resolution import encoder_step
 
@@ -24,7 +24,7 @@ CLEAR = 0.1  # share of the power that an error may be where the motion is told 
 LOWEST = 3.0  # cutoff [Hz]
 FACTOR = 0.8  # from one cutoff to the next lower one
 LONGEST = 100_000  # samples that are looked at
-GRID = 4096  # frequencies
+GRID = 1024  # frequencies
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +67,7 @@ def _of_log(log: Log) -> Smoothing:
     while cutoffs[-1] * FACTOR >= LOWEST:
         cutoffs.append(cutoffs[-1] * FACTOR)
     error = np.array([noise(step, f, rate) for f in cutoffs])
-    power = np.array([_acceleration(position, f, rate) for f in cutoffs])
+    power = _accelerations(position, cutoffs, rate)
     signal = np.maximum(power - error, 0.0)
     if error[0] <= SHARE**2 * signal[0]:
         return Smoothing()
@@ -122,6 +122,11 @@ def _longest(log: Log) -> np.ndarray | None:
     return log.position[part[middle : middle + LONGEST], 0]
 
 
-def _acceleration(position: np.ndarray, cutoff: float, rate: float) -> float:
-    smooth = low_pass(position, cutoff, rate)
-    return float(np.mean(derivative(derivative(smooth, 1.0 / rate), 1.0 / rate) ** 2))
+def _accelerations(position: np.ndarray, cutoffs: Sequence[float], rate: float) -> np.ndarray:
+    """Return the mean square of the acceleration behind low passes [rad^2/s^4 or m^2/s^4], from one transform, (k,)."""
+    n, pad = position.size, min(round(3 * rate / min(cutoffs)), position.size - 1)
+    length = fft_length(n + 2 * pad)
+    f = np.arange(length // 2 + 1) / length
+    spectrum = spectrum_of(position, pad, length) * -((rate * np.sin(2.0 * np.pi * f)) ** 2)
+    gains = (squared_gain(f, cutoff / rate) for cutoff in cutoffs)
+    return np.array([np.mean(np.fft.irfft(spectrum * gain, length)[pad : pad + n] ** 2) for gain in gains])

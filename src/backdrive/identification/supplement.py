@@ -14,10 +14,11 @@ from backdrive.logs.log import Log
 from backdrive.logs.resolution import white_noise
 from backdrive.model import Actuator, JointFriction, TorqueChannel, Verdict
 from backdrive.parameters import BIG
+from backdrive.plans.limits import JointLimits
 
 
 def supplement(
-    friction: JointFriction, evidence: JointEvidence, logs: Sequence[Log], effort: Mapping[str, float]
+    friction: JointFriction, evidence: JointEvidence, logs: Sequence[Log], limits: Mapping[str, JointLimits]
 ) -> JointFriction:
     """Return the joint with delay and noise of its torque, limits, ranges, bands and verdict.
 
@@ -25,7 +26,7 @@ def supplement(
         friction: as the method gives it; all methods bring torque to the joint's side.
         evidence: of the same joint.
         logs: that were fitted.
-        effort: largest torque by joint, as the robot's description states it [N.m or N].
+        limits: by joint, as the robot's description states them; its greatest speed is where a loop takes the joint for a runaway.
     """
     name, validity, actuator = friction.joint.name, friction.validity, friction.actuator
     singles = [log.select(name).on_joint_side() for log in logs]
@@ -35,9 +36,10 @@ def supplement(
     if warmth and np.concatenate(warmth).size:
         both = np.concatenate(warmth)
         validity = replace(validity, temperature=(float(both.min()), float(both.max())))
-    limit = effort.get(name, math.inf)
-    if math.isfinite(limit):
-        actuator = replace(actuator or Actuator(), torque_limit=limit)
+    known = limits.get(name, JointLimits())
+    stated = {"torque_limit": known.effort, "trip_speed": known.velocity}
+    if stated := {key: value for key, value in stated.items() if math.isfinite(value)}:
+        actuator = replace(actuator or Actuator(), **stated)
     return replace(
         friction,
         validity=validity,

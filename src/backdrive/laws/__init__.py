@@ -10,6 +10,8 @@ from backdrive._catalog import lookup
 from backdrive.errors import InvalidInput
 from backdrive.laws.base import Element, Rate, Rows, by_name
 from backdrive.laws.base import Parameter as Parameter
+from backdrive.laws.direction import BEHIND, law_by_direction
+from backdrive.laws.direction import by_direction as by_direction
 from backdrive.laws.elements.bliman_sorine import BlimanSorine as BlimanSorine
 from backdrive.laws.elements.dahl import Dahl as Dahl
 from backdrive.laws.elements.dead_zone import DeadZone as DeadZone
@@ -113,9 +115,10 @@ class Law:
         """Return the row that `kernels` reads, (1 + m + e,)."""
         rate = self.rate.row()
         if self.growth is None:
-            return np.concatenate([[rate.size], rate, self.element.row()])
+            return np.concatenate([[rate.size + self.rate.MARK], rate, self.element.row()])
         grown = self.growth.row()
-        return np.concatenate([[rate.size + grown.size + MARK], rate, grown, self.element.row()])
+        size = rate.size + grown.size + MARK + self.rate.MARK
+        return np.concatenate([[size], rate, grown, self.element.row()])
 
     @property
     def usual_load(self) -> tuple[float, float]:
@@ -186,7 +189,14 @@ def carried(law: Rate | Law, element: Element) -> Law:
 
 
 def rate_law(name: str) -> type[Rate]:
-    """Return the class of a rate law; an unknown name is answered with the known ones."""
+    """Return the class of a rate law, `NAME-by-direction` of one that differs by direction.
+
+    Raises:
+        UnknownName: no such law; the message names the known ones.
+        InvalidInput: a law that has both directions by itself is asked for by direction.
+    """
+    if name.endswith(BEHIND):
+        return law_by_direction(lookup(name.removesuffix(BEHIND), RATES, "rate law"))
     return lookup(name, RATES, "rate law")
 
 

@@ -156,10 +156,12 @@ class Rate(Rows):
         SYMMETRIC: both directions resist alike, whatever the parameters.
         TIES: parameters that a constant torque makes up for, and what they are taken to equal where one is sought too.
         NEEDS: channels beyond the velocity, of `load` and `temperature`.
+        MARK: what is added to p[0], the size of the row, for the kernels to know it by.
     """
 
     SMOOTH: ClassVar[bool] = False
     SYMMETRIC: ClassVar[bool] = True
+    MARK: ClassVar[float] = 0.0
     TIES: ClassVar[dict[str, str]] = {}
     NEEDS: ClassVar[tuple[str, ...]] = ()
 
@@ -195,7 +197,7 @@ class Rate(Rows):
         from backdrive.laws import kernels
 
         row = self.row()
-        row = np.concatenate([[row.size], row])
+        row = np.concatenate([[row.size + self.MARK], row])
         result = {}
         for way in (1.0, -1.0):
             result[way] = []

@@ -6,8 +6,9 @@ The pictures of the docs, the contract tests and `backdrive laws` run on these, 
 from __future__ import annotations
 
 from backdrive._catalog import lookup
-from backdrive.laws import ELEMENTS, RATES, Law
+from backdrive.laws import ELEMENTS, RATES, Law, rate_law
 from backdrive.laws.base import Element, Rate
+from backdrive.laws.direction import BEHIND
 
 RATE_EXAMPLES: dict[str, Rate] = {name: law(**law.EXAMPLE) for name, law in RATES.items()}
 ELEMENT_EXAMPLES: dict[str, Element] = {name: law(**law.EXAMPLE) for name, law in ELEMENTS.items()}
@@ -16,11 +17,10 @@ ELEMENT_EXAMPLES: dict[str, Element] = {name: law(**law.EXAMPLE) for name, law i
 def example(name: str) -> Law:
     """Return the example of a law: a rate law by itself, an element under Gauss' Stribeck curve, or `rate+element`."""
     rate, plus, carrier = name.partition("+")
-    if plus:
-        return Law(
-            rate=lookup(rate, RATE_EXAMPLES, "rate law"),
-            element=lookup(carrier, ELEMENT_EXAMPLES, "presliding element"),
-        )
+    if plus or rate.endswith(BEHIND):
+        kind = rate_law(rate)
+        element = lookup(carrier or "none", ELEMENT_EXAMPLES, "presliding element")
+        return Law(rate=kind(**kind.EXAMPLE), element=element)
     known = RATE_EXAMPLES | ELEMENT_EXAMPLES
     found = lookup(name, known, "friction law")
     return (

@@ -1,8 +1,9 @@
 """The ladder: one compiled entry for every law, chosen by an integer.
 
 A law is a row `p`: p[0] is the number m of rate-law parameters, p[1:1+m] the rate law's row, p[1+m:] the element's. Where
-friction grows with the load, p[0] is m + 1/2, and the last of the m numbers say how (`growth`). A rate law reads its row from
-p[1] on, an element from p[e] on: a slice would cost more than the law. `rate` and `element` are the integers of their
+friction grows with the load, p[0] is 1/2 more, and the last of the m numbers say how (`growth`). Where the rate law differs by
+direction, p[0] is 1/4 more, and its row is there twice (`direction`). A rate law reads its row from p[1] on, an element from
+p[e] on: a slice would cost more than the law. `rate` and `element` are the integers of their
 classes; `x` is the element's state, followed by as much room for `solve` to keep it while it tries steps; `load` is the pair
 of motor-side and external torque, a tuple, `temp` the temperature. `limits`, `step` and `solve` are the three kernels that a
 law offers.
@@ -56,13 +57,26 @@ carry = choice(kernels_of([c for c in ELEMENTS.values() if c not in MOVERS], "st
 carry_moving = choice(kernels_of(MOVERS, "step"), no_motion)
 
 
+@jit
+def backward(rate, p, place, v, load, temp):
+    """Rate law of the numbers behind p[place]: (lo, hi, viscous)."""
+    return curve(rate, (p[place:], v, load, temp))
+
+
 @ladder
 def limits(rate, p, v, load, temp):
     """Rate law at velocity v under a load: (lo, hi, viscous)."""
     lo, hi, viscous = curve(rate, (p, v, load, temp))
     m = int(p[0])
     if p[0] > m:
-        lo, hi = growth.grown(p, m + 1 - growth.ROW, v, load, lo, hi, viscous)
+        more = p[0] - m
+        if more != growth.MARK:
+            place = m // 2 if more < growth.MARK else (m - growth.ROW) // 2
+            lo, _, viscous_backward = backward(rate, p, place, v, load, temp)
+            if v < 0.0:
+                viscous = viscous_backward
+        if more >= growth.MARK:
+            lo, hi = growth.grown(p, m + 1 - growth.ROW, v, load, lo, hi, viscous)
     return lo, hi, viscous
 
 

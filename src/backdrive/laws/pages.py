@@ -15,8 +15,9 @@ import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive.errors import InvalidInput
-from backdrive.laws import ELEMENTS, RATES, Law, examples
+from backdrive.laws import ELEMENTS, RATES, Law, examples, rate_law
 from backdrive.laws.base import Element, Parameter, Rate, Rows
+from backdrive.laws.direction import BEHIND, ByDirection
 
 Kind = type[Rate] | type[Element]
 
@@ -49,7 +50,11 @@ class Entry:
 
 def find(name: str) -> Kind:
     """Return the class of a rate law or an element; an unknown name is answered with near ones."""
-    return lookup(name, {**RATES, **ELEMENTS}, "rate law or presliding element")
+    return (
+        rate_law(name)
+        if name.endswith(BEHIND)
+        else lookup(name, {**RATES, **ELEMENTS}, "rate law or presliding element")
+    )
 
 
 def summary(kind: Kind) -> str:
@@ -64,7 +69,8 @@ def shared(kind: Kind) -> bool:
 
 def paragraphs(kind: Kind) -> list[tuple[str, bool]]:
     """Return the docstring of a law's file by paragraphs, each with whether it is an equation."""
-    text = inspect.cleandoc(sys.modules[kind.__module__].__doc__ or "")
+    files = [kind.ONE, kind] if issubclass(kind, ByDirection) else [kind]
+    text = "\n\n".join(inspect.cleandoc(sys.modules[one.__module__].__doc__ or "") for one in files)
     parts = [part for part in re.split(r"\n\s*\n", text) if part.strip()]
     return [
         (inspect.cleandoc(part), True)
@@ -149,8 +155,8 @@ def partners(kind: Kind) -> tuple[list[str], str]:
     good, reason = [], ""
     others = examples.ELEMENT_EXAMPLES if issubclass(kind, Rate) else examples.RATE_EXAMPLES
     for name, other in others.items():
-        rate = examples.RATE_EXAMPLES[kind.NAME] if issubclass(kind, Rate) else other
-        element = other if issubclass(kind, Rate) else examples.ELEMENT_EXAMPLES[kind.NAME]
+        own = kind(**kind.EXAMPLE)
+        rate, element = (own, other) if issubclass(kind, Rate) else (other, own)
         try:
             Law(rate=rate, element=element)  # pyright: ignore[reportArgumentType]
         except InvalidInput as error:

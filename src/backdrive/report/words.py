@@ -7,7 +7,9 @@ import math
 import re
 from typing import NamedTuple
 
-from backdrive.laws import RATES
+from backdrive.errors import BackdriveError
+from backdrive.laws import rate_law
+from backdrive.laws.direction import plain as without_direction
 from backdrive.model import Estimate, JointFriction
 from backdrive.report.pictures.canvas import pretty_unit
 from backdrive.report.pictures.sizes import scaled
@@ -142,6 +144,8 @@ def bounds(lower: float, upper: float) -> str:
 
 def term(name: str) -> str:
     """Return a dynamics term or a parameter in words."""
+    if without_direction(name) != name:
+        return f"{term(without_direction(name))}, along {MINUS}q"
     return TERMS.get(name, name.replace("_", " "))
 
 
@@ -200,14 +204,19 @@ def entries(friction: JointFriction, *, knots: bool) -> list[Entry]:
 
 def law_name(name: str) -> str:
     """Return a rate law in words."""
-    return (RATES[name].WORDS if name in RATES else "") or name
+    try:
+        return rate_law(name).WORDS or name
+    except BackdriveError:
+        return name
 
 
 def symbol(text: str) -> str:
     """Return a symbol of the papers as HTML: `sigma_p` becomes a sigma with a subscript."""
+    text, _, way = text.partition("^")
     head, _, tail = text.partition("_")
     head = _GREEK.get(head, head)
-    return f"<i>{esc(head)}</i>" + (f"<sub>{esc(tail)}</sub>" if tail else "")
+    way = f"<sup>{esc(way).replace('-', MINUS)}</sup>" if way else ""
+    return f"<i>{esc(head)}</i>" + (f"<sub>{esc(tail)}</sub>" if tail else "") + way
 
 
 def counted(n: int, one: str, many: str | None = None) -> str:

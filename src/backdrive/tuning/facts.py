@@ -15,7 +15,7 @@ from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.dynamics import growth_with_load
 from backdrive.laws import REFERENCE, Growth, Law, Polyline
 from backdrive.laws.base import Rate
-from backdrive.model import JointFriction
+from backdrive.model import Actuator, JointFriction
 from backdrive.tuning import rules
 from backdrive.tuning.bounds import BOUNDS, between, check_given
 
@@ -60,6 +60,8 @@ class Facts:
         interval: sampling time T [s].
         temperature: interval of it [degC].
         top_speed: fastest that the model has seen [rad/s or m/s].
+        trip_speed: above which the robot stops the joint itself, if the model knows it [rad/s or m/s].
+        effort: largest torque of the actuator that the model knows [N.m or N].
         notes: what was assumed, in sentences.
     """
 
@@ -82,6 +84,8 @@ class Facts:
     delay: float = 1e-3
     interval: float = 1e-3
     temperature: Interval = (REFERENCE, REFERENCE)
+    trip_speed: float | None = None
+    effort: float = np.inf
     notes: tuple[str, ...] = field(default=())
 
     def __post_init__(self):
@@ -178,7 +182,7 @@ def facts_of(
         NotIdentifiable: nobody knows stiffness, inertia or encoder count; there is no friction; the encoder is too coarse.
         InvalidInput: a number makes no sense.
     """
-    joint, law = friction.joint, friction.law
+    joint, law, actuator = friction.joint, friction.law, friction.actuator or Actuator()
     check_given(
         f"Joint '{joint.name}'",
         stiffness=stiffness,
@@ -255,6 +259,8 @@ def facts_of(
         interval=interval,
         temperature=warm,
         top_speed=top,
+        trip_speed=actuator.trip_speed,
+        effort=np.inf if actuator.torque_limit is None else actuator.torque_limit,
         notes=tuple(notes),
     )
 

@@ -78,9 +78,9 @@ def tune(
         draw: work out the safe region too.
         dither: propose one where it is safe.
         trip_speed: above which the loop takes the joint for a runaway, from the robot's description or a person, kept in the tuning
-            [rad/s or m/s]; None: `Tuning.loop` asks for it.
+            [rad/s or m/s]; None: the model's, and where it knows none `Tuning.loop` asks for it.
         limit: of the compensating torque [N.m or N]; None: that of `torque_limit`, at most `effort`.
-        effort: greatest torque of the robot's description [N.m or N].
+        effort: greatest torque of the robot's description [N.m or N]; the model's counts too.
         say: told what is going on.
 
     Raises:
@@ -89,6 +89,7 @@ def tune(
     """
     if goal not in GOALS:
         raise InvalidInput(f"There is no goal '{goal}'.", remedy=f"Goals are {', '.join(GOALS)}.")
+    trip_speed = facts.trip_speed if trip_speed is None else trip_speed
     check_given(f"Joint '{facts.name}'", joints=joints, seed=seed, trip_speed=trip_speed, limit=limit)
     if trip_speed is not None:
         JointLoop(limit=0.0, top_speed=trip_speed, encoder_count=facts.count)
@@ -138,7 +139,9 @@ def tune(
         notes=tuple(notes),
         seed=seed,
     )
-    return within(tuning, trip_speed, limit, effort, scenes.PEAK * stroke.length / stroke.duration)
+    return within(
+        tuning, trip_speed, limit, min(effort, facts.effort), scenes.PEAK * stroke.length / stroke.duration
+    )
 
 
 def within(

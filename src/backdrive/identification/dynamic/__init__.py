@@ -13,6 +13,7 @@ from backdrive.identification.dynamic import stopping
 from backdrive.identification.dynamic.choice import Candidate as Candidate
 from backdrive.identification.dynamic.choice import Choice as Choice
 from backdrive.identification.dynamic.choice import shortlist
+from backdrive.identification.dynamic.directions import symmetric_shape
 from backdrive.identification.dynamic.driven import model_of, sought_of
 from backdrive.identification.dynamic.fit import Fit as Fit
 from backdrive.identification.dynamic.given_drive import MotionTask
@@ -75,7 +76,9 @@ def check(options: Options) -> None:
             )
     if options.law not in (None, "auto"):
         for name in shortlist(options.law, presliding=True, load=True, warm=True):
-            LawShape.named(name)
+            shape = LawShape.named(name)
+            if options.symmetric:
+                symmetric_shape(shape)
 
 
 def fit_joints(

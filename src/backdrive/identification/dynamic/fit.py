@@ -171,7 +171,8 @@ def conclude(problem: Problem, found: Found, loss: str = "huber") -> Fit:
     for i in np.flatnonzero(at_bound):
         u, end = problem.unknowns[i], "lower" if low[i] else "upper"
         notes.append(f"'{u.name}' ended at the {end} bound of its range, {values[u.name]:.3g} {u.unit}.")
-    advice, ties = law.element.advice(law.rate), problem.shape.ties
+    advice, shape = law.element.advice(law.rate), problem.shape
+    ties = {a: b for a, b in shape.ties.items() if a in shape.rate.TIES}
     notes += sentences(
         (advice, advice or ""),
         (found.interrupted, "The search was interrupted; this is the best that it had found."),

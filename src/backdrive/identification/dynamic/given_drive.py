@@ -15,7 +15,7 @@ import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive.engine import Axis
-from backdrive.identification.dynamic import choice, starts
+from backdrive.identification.dynamic import choice, directions, starts
 from backdrive.identification.dynamic.driven import drive_of, driven, held_out_masks, sought_of, split, whole
 from backdrive.identification.dynamic.fit import Fit, conclude
 from backdrive.identification.dynamic.given_motion import gravity_sought
@@ -92,7 +92,8 @@ class MotionTask(Task):
         else:
             self.shown, self.judges = split(self.fitted, self.held)
         self.masks = [log.counts for log in self.judges]
-        self.laws = choice.shortlist(options.law or "auto", presliding=False, load=False, warm=False)
+        laws = choice.shortlist(options.law or "auto", presliding=False, load=False, warm=False)
+        self.laws = directions.laws_to_try(laws, options.symmetric)
         position = np.concatenate([d.log.position - d.log.position.mean() for d in self.fitted])
         self.what = ("motion", info.unit, float(np.sqrt(np.mean(position**2))))
 
@@ -112,9 +113,12 @@ class MotionTask(Task):
 
     def fit(self, law: str, records: Sequence[MotionLog], begin_at: Mapping[str, float] | None = None) -> Fit:
         """Return the fit of one law to motion logs, begun at a fit to the drive's torque or at values by name [SI]."""
-        shape = LawShape.named(law).beside(self.terms)
-        start = dict(begin_at) if begin_at else self._start(shape)
-        free = self._free(shape, start)
+        shape = LawShape.named(law)
+        shape = directions.symmetric_shape(shape) if self.options.symmetric else shape
+        terms = directions.terms_beside(shape, self.terms, self.options)
+        shape = shape.beside(terms)
+        start = dict(begin_at) if begin_at else self._start(shape, terms)
+        free = self._free(shape, terms, start)
         problem = MotionProblem(
             shape,
             records,
@@ -144,14 +148,14 @@ class MotionTask(Task):
         """Return whether a fit to everything is to be taken: always, but where it was cut short before it was as good."""
         return not (final.interrupted and final.rms > judged.rms)
 
-    def _start(self, shape: LawShape) -> dict[str, float]:
+    def _start(self, shape: LawShape, terms: Sequence[str]) -> dict[str, float]:
         law_bounds = {n: r for n, r in self.bounds.items() if n in numbers_of(shape)}
         found = fit_law(
             PLAIN if shape.rate.NEEDS else shape,
             self.stretches,
             unit=self.info.unit,
             counts=self.info.encoder_counts,
-            terms=self.terms,
+            terms=terms,
             delay=self.options.delay and not self.held,  # a controller's input alone is late
             bounds=None if shape.rate.NEEDS else law_bounds,
             scales=self.scales,
@@ -165,11 +169,11 @@ class MotionTask(Task):
         start["drive.delay"] = float(np.clip(-start.pop("delay", 0.0), 0.0, LATEST))
         return start
 
-    def _free(self, shape: LawShape, start: dict[str, float]) -> dict[str, Any]:
+    def _free(self, shape: LawShape, terms: Sequence[str], start: dict[str, float]) -> dict[str, Any]:
         """Return the ranges of everything that is sought; those asked for come before ours."""
         force = max(float(np.abs(s.torque).max()) for s in self.stretches)
         free: dict[str, Any] = {}
-        for term in self.terms:
+        for term in terms:
             value = start.get(term, 0.0)
             if term == "inertia":
                 top = max(float(np.abs(s.acceleration).max()) for s in self.stretches)

@@ -10,18 +10,19 @@ import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive.errors import NotIdentifiable
-from backdrive.identification.dynamic import choice, starts
+from backdrive.identification.dynamic import choice, directions, starts
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.joint_fit import Task
 from backdrive.identification.dynamic.law_fit import fit_law
 from backdrive.identification.dynamic.result import finish
 from backdrive.identification.dynamic.torque import SMOOTHED, Stretch, stretch
+from backdrive.identification.dynamic.unknowns import LawShape
+from backdrive.identification.dynamics import earlier
 from backdrive.identification.options import Options
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.terms import GRAVITY, RIGID, estimates
-from backdrive.laws import RATES, rate_law
 from backdrive.logs.log import Log
 from backdrive.model import JointFriction
 
@@ -82,7 +83,8 @@ class TorqueTask(Task):
             "seed": options.seed,
         }
         asked = options.law or "auto"
-        self.laws = choice.shortlist(asked, presliding=presliding, load=self.load, warm=self.warm)
+        laws = choice.shortlist(asked, presliding=presliding, load=self.load, warm=self.warm)
+        self.laws = directions.laws_to_try(laws, options.symmetric)
         self.others = (*RIGID, *(("delay",) if options.delay else ()))
         size = float(np.sqrt(np.mean(np.concatenate([s.torque for s in stretches]) ** 2)))
         self.what = ("torque", info.torque_unit, size)
@@ -93,16 +95,17 @@ class TorqueTask(Task):
         Raises:
             NotIdentifiable: the law depends on a load or a temperature that does not vary.
         """
-        first = law.partition("+")[0]
-        needs = rate_law(first).NEEDS if first in RATES else ()
+        shape = LawShape.named(law)
         for need, there in (("load", self.load), ("temperature", self.warm)):
-            if need in needs and not there:
+            if need in shape.rate.NEEDS and not there:
                 raise NotIdentifiable(
                     f"'{law}' depends on the {need}, and the log holds none that varies.",
                     remedy=f"Name the channel, for example --map {need[:4]}=COLUMN.",
                 )
         warm_start = {"begin": 8, "descend": 1, "begin_at": begin_at} if begin_at else {}
-        return fit_law(law, records, tick=self.options.ticker(self.info.name), **self.asked, **warm_start)
+        shape = directions.symmetric_shape(shape) if self.options.symmetric else shape
+        asked = self.asked | {"terms": directions.terms_beside(shape, self.asked["terms"], self.options)}
+        return fit_law(shape, records, tick=self.options.ticker(self.info.name), **asked, **warm_start)
 
     def error(self, one: Fit) -> tuple[float, int]:
         """Return the mean squared error on what was fitted, rests included, and the number of its samples."""
@@ -111,6 +114,12 @@ class TorqueTask(Task):
     def shows(self, one: Fit) -> bool:
         """Return whether the motion shows a law's presliding."""
         return choice.shows_presliding(one.problem.shape, one.unseen, one.at_bound)
+
+    def differs(self, one: Fit) -> bool:
+        """Return whether numbers for each direction may lower the error by enough to matter, to first order."""
+        late = one.values.get("delay", 0.0)
+        velocity = [earlier(s.velocity, late / s.dt)[s.judged] for s in one.problem.stretches]  # type: ignore[attr-defined]
+        return directions.gain(one, np.concatenate(velocity)) > 1.0 - (1.0 - choice.WORTH) ** 2
 
     def explains(self, final: Fit, judged: Fit) -> bool:
         """Return whether a fit to everything explains everything about as well as the one that was judged."""

@@ -15,6 +15,7 @@ import numpy as np
 
 from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
 from backdrive.identification.dynamic import choice as choice_
+from backdrive.identification.dynamic import directions
 from backdrive.identification.dynamic.choice import Candidate, Choice
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.stopping import unless_stopped
@@ -89,6 +90,10 @@ class Task(ABC):
         """Return whether the records show a law's presliding; where they do not, a law without is preferred."""
         return True
 
+    def differs(self, one: Fit) -> bool:
+        """Return whether a symmetric law is worth a fit by direction, as its own residuals say; False where they cannot."""
+        return False
+
     @abstractmethod
     def explains(self, final: Fit, judged: Fit) -> bool:
         """Return whether a fit to everything is to be taken, and not the one that was judged."""
@@ -135,6 +140,15 @@ def fit_joint(task: Task) -> JointFit:
         raise failure or NotIdentifiable("No law could be judged.", remedy="Record a longer log.")
     what, unit, size = task.what
     choice = choice_.choose(name, candidates, unit, size, what)
+    if not stopped and (more := _by_direction(task, choice, candidates)) is not None:
+        stopped = bool(more.fit and more.fit.interrupted)
+        again = choice_.choose(name, [*candidates, more], unit, size, what)
+        if again.chosen == more.name:
+            choice = again
+            candidates.append(more)
+        elif np.isfinite(more.held_out):
+            words = f"With numbers for each direction, {more.parameters} in all, it leaves {more.held_out:.3g} {unit}"
+            choice = replace(choice, reason=f"{choice.reason} {words}: it is not worth it.")
     best = choice.candidate().fit
     assert best is not None
     final, remarks, whole = best, list(task.remarks), task.whole
@@ -167,6 +181,22 @@ def fit_joint(task: Task) -> JointFit:
         notes=task.notes,
         settings=task.settings(final, choice.candidate().held_out),
     )
+
+
+def _by_direction(task: Task, choice: Choice, candidates: Sequence[Candidate]) -> Candidate | None:
+    """Return the chosen law by direction, fitted and judged as the others; None where nothing asks for it."""
+    one = choice.candidate().fit
+    if one is None or task.options.symmetric is not None or not one.problem.shape.rate.SYMMETRIC:
+        return None
+    law = directions.name_by_direction(one.name)
+    if law in [c.name for c in candidates] or not task.differs(one):
+        return None
+    task.options.say(f"{task.info.name}: fitting {law}")
+    begun = clock.perf_counter()
+    try:
+        return unless_stopped(lambda: _candidate(task, law, begun))
+    except BackdriveError as error:
+        return Candidate(name=law, seconds=clock.perf_counter() - begun, remark=error.message)
 
 
 def _candidate(task: Task, law: str, begun: float) -> Candidate:

@@ -20,6 +20,7 @@ from backdrive.engine import Axis, DriveModel
 from backdrive.errors import InvalidInput
 from backdrive.identification.dynamic.unknowns import LawShape, Scales, Unknown
 from backdrive.identification.terms import unit_of
+from backdrive.laws.direction import plain as without_direction
 
 Range = Sequence[Any]
 FACTOR = 3.0  # about a start, within which starts are drawn, of what is sought in its logarithm
@@ -111,7 +112,7 @@ def assemble(
     unknowns, boxes, used = [], [], set()
     for u in shape.unknowns(scales):
         plain = u.name.partition("[")[0]
-        given = next((key for key in (u.name, plain) if key in free), None)
+        given = next((key for key in (u.name, plain, without_direction(plain)) if key in free), None)
         if given is not None:
             used.add(given)
             u, box = range_of(u.name, free[given], u.unit)
@@ -151,8 +152,8 @@ def _size(shape: LawShape, u: Unknown, scales: Scales) -> float:
     parameter = {**shape.rate.PARAMETERS, **shape.element.PARAMETERS}[u.name.partition("[")[0]]
     typical = {"exponent": 1.0, "stribeck_velocity": 0.05 * scales.speed, "shift": 0.0}
     typical |= {"breakaway": 1.3 * scales.force, "stribeck": 0.3 * scales.force}
-    if u.name in typical:
-        return typical[u.name]
+    if without_direction(u.name) in typical:
+        return typical[without_direction(u.name)]
     if parameter.unit == "1":
         return 0.1 if parameter.upper > 1.0 else 0.5
     return (0.3 if parameter.unit == "force.s/length" else 1.0) * scales.of(parameter.unit)

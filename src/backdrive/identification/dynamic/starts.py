@@ -15,6 +15,7 @@ from backdrive.identification.dynamics import earlier
 from backdrive.identification.terms import column, columns
 from backdrive.laws import Coulomb, HaywardArmstrong, Law, Leuven
 from backdrive.laws.base import Sizes
+from backdrive.laws.direction import plain as without_direction
 from backdrive.logs.filters import low_pass
 
 GRID = 24  # break-away distances that elements side by side are first sought at
@@ -155,24 +156,14 @@ def presliding_length(stretches: Sequence[Stretch], left: Sequence[np.ndarray], 
 def guess(problem: TorqueProblem, scales: Scales) -> dict[str, float]:
     """Return starting values by name."""
     found, left = rest_of(problem.stretches, problem.terms, problem.known)
-    F, V = max(found["coulomb"], 0.05 * scales.force), scales.speed
-    b = min(found["viscous"], 2.0 * F / V)
-    near = np.concatenate(
-        [np.abs(f[s.judged & _slow(s)]) for s, f in zip(problem.stretches, left)] or [np.array([F])]
-    )
-    F_s = float(np.quantile(near, 0.9)) if near.size > 20 else 1.2 * F
-    F_s = float(np.clip(F_s, F, 3.0 * F))
-    sizes = Sizes(
-        coulomb=F,
-        breakaway=F_s,
-        viscous=b,
-        speed=V,
-        stiffness=scales.force / scales.length,
-        length=scales.length,
-        lag=scales.lag,
-    )
+    sizes = backward = _sizes(problem, scales, found["coulomb"], found["viscous"], left)
+    if problem.shape.rate.MARK and "offset" not in problem.terms:  # Coulomb friction by direction
+        sizes, backward = (_sizes_along(problem, scales, left, way, sizes) for way in (1.0, -1.0))
     parameters = problem.shape.rate.PARAMETERS | problem.shape.element.PARAMETERS
-    starts = {name: p.start(sizes) if callable(p.start) else p.start for name, p in parameters.items()}
+    starts = {}
+    for name, p in parameters.items():
+        along = sizes if without_direction(name) == name else backward
+        starts[name] = p.start(along) if callable(p.start) else p.start
     known = {"delay": problem.about} | starts
     parallel = side_by_side(problem, left, scales) if problem.side_by_side else {}
     if "threshold" in problem.names:
@@ -186,6 +177,48 @@ def guess(problem: TorqueProblem, scales: Scales) -> dict[str, float]:
             values[u.name] = known.get(plain, found.get(plain, 0.0))
         values[u.name] = float(np.clip(values[u.name], u.lower, u.upper))
     return values
+
+
+def _sizes(
+    problem: TorqueProblem,
+    scales: Scales,
+    coulomb: float,
+    viscous: float,
+    left: Sequence[np.ndarray],
+    way: float = 0.0,
+) -> Sizes:
+    """Return what the data tell of friction, in all motion or in that of one direction, 1 or -1."""
+    F, V = max(coulomb, 0.05 * scales.force), scales.speed
+    near = np.concatenate(
+        [np.abs(f[s.judged & _slow(s) & (way * s.velocity >= 0.0)]) for s, f in zip(problem.stretches, left)]
+        or [np.array([F])]
+    )
+    F_s = float(np.quantile(near, 0.9)) if near.size > 20 else 1.2 * F
+    return Sizes(
+        coulomb=F,
+        breakaway=float(np.clip(F_s, F, 3.0 * F)),
+        viscous=min(viscous, 2.0 * F / V),
+        speed=V,
+        stiffness=scales.force / scales.length,
+        length=scales.length,
+        lag=scales.lag,
+    )
+
+
+def _sizes_along(
+    problem: TorqueProblem, scales: Scales, left: Sequence[np.ndarray], way: float, both: Sizes
+) -> Sizes:
+    """Return what the data tell of friction in one direction, 1 or -1; as in both where there is little motion in it."""
+    rows, targets = [], []
+    for s, f in zip(problem.stretches, left):
+        speed = way * s.velocity
+        moving = s.judged & (speed > SLOW * np.abs(s.velocity).max())
+        rows.append(np.vstack([np.ones(moving.sum()), speed[moving]]).T)
+        targets.append(way * f[moving])
+    if sum(len(y) for y in targets) < 50:
+        return both
+    F, b = _least_squares(np.concatenate(rows), np.concatenate(targets))
+    return _sizes(problem, scales, float(F), max(float(b), 0.0), left, way)
 
 
 def side_by_side(problem: TorqueProblem, left: Sequence[np.ndarray], scales: Scales) -> dict[str, float]:

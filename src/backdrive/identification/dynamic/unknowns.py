@@ -17,6 +17,7 @@ from backdrive.errors import InvalidInput
 from backdrive.laws import ELEMENTS, RATES, Law, rate_law
 from backdrive.laws import element as element_law
 from backdrive.laws.base import Element, Parameter, Rate
+from backdrive.laws.direction import plain as without_direction
 from backdrive.laws.elements.maxwell_slip import Parallel
 
 WIDEST = 9.0  # of the logarithm of a ratio of shares
@@ -138,6 +139,7 @@ def unknown(
     else:
         lower, upper = max(parameter.lower, -50.0 * size), min(parameter.upper, 50.0 * size)
     plain = name.partition("[")[0]
+    plain = plain if plain in bounds else without_direction(plain)  # one range for both directions
     if parameter.peak:
         upper = max(min(upper, scales.most), 2.0 * lower)
     if plain in bounds:
@@ -181,7 +183,7 @@ class LawShape:
             UnknownName: no such law; the message names near ones.
             InvalidInput: the rate law cannot be carried by the element, or a fixed parameter is none of the law's.
         """
-        from backdrive.laws.examples import ELEMENT_EXAMPLES, RATE_EXAMPLES
+        from backdrive.laws.examples import ELEMENT_EXAMPLES
 
         first, plus, second = name.partition("+")
         if not plus and first in ELEMENTS and first not in RATES:
@@ -189,7 +191,8 @@ class LawShape:
         shape = cls(
             rate=rate_law(first), element=element_law(second or "none"), count=count, fixed=dict(fixed or {})
         )
-        Law(rate=RATE_EXAMPLES[first], element=ELEMENT_EXAMPLES[second or "none"])  # says why not, where not
+        rate = shape.rate(**shape.rate.EXAMPLE)
+        Law(rate=rate, element=ELEMENT_EXAMPLES[second or "none"])  # says why not, where not
         strange = set(shape.fixed) - set(shape.rate.PARAMETERS) - set(shape.element.PARAMETERS)
         if strange:
             raise InvalidInput(
@@ -203,15 +206,24 @@ class LawShape:
         """Return `rate`, or `rate+element`."""
         return self.rate.NAME if self.element.NAME == "none" else f"{self.rate.NAME}+{self.element.NAME}"
 
+    @property
+    def tells_offset(self) -> bool:
+        """Whether reversals tell a constant torque from Coulomb friction that differs by direction."""
+        return self.rate.MARK > 0.0 and not (self.element.SET_VALUED or self.element.ZONE)
+
     def beside(self, terms: Sequence[str]) -> LawShape:
         """Return the shape to be sought beside these terms of the dynamics.
 
         Nothing tells a constant torque from Coulomb friction that differs by direction: where an `offset` is sought, the
-        directions are taken to resist alike.
+        directions are taken to resist alike; but for a law of two curves with presliding, which starts from either bound.
         """
-        loose = "offset" not in terms or any(name in self.fixed for name in self.rate.TIES.values())
+        loose = (
+            "offset" not in terms
+            or self.tells_offset
+            or any(name in self.fixed for name in self.rate.TIES.values())
+        )
         ties = {} if loose else {a: b for a, b in self.rate.TIES.items() if a not in self.fixed}
-        return replace(self, ties=ties)
+        return replace(self, ties={**self.ties, **ties})
 
     def complete(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return values by name, those of the tied parameters among them."""

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from backdrive.laws.direction import plain as without_direction
+
 #: Parameter -> (what the motion lacks, what would show it).
 REASONS: dict[str, tuple[str, str]] = {
     "stiffness": (
@@ -104,7 +106,7 @@ def alike(ties: Mapping[str, str]) -> str:
 
 def why(name: str) -> tuple[str, str]:
     """Return what a motion lacks that does not show this parameter, and what would."""
-    plain = name.partition("[")[0]
+    plain = without_direction(name.partition("[")[0])
     if plain not in REASONS and plain.startswith("drive."):
         plain = plain[6:]
     if plain in REASONS:

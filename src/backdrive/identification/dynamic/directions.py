@@ -1,0 +1,71 @@
+"""Whether a law differs by direction: as asked for, or where the data of its symmetric fit say that it pays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+from backdrive.identification.dynamic.fit import Fit
+from backdrive.identification.dynamic.unknowns import LawShape
+from backdrive.identification.options import Options
+from backdrive.laws.direction import BACKWARD, law_by_direction
+
+ALIKE = ("_negative", "_positive")  # parameters of laws that have both directions by themselves
+
+
+def name_by_direction(law: str) -> str:
+    """Return the name of a law whose directions have numbers of their own; itself where they have them already."""
+    shape = LawShape.named(law)
+    return replace(shape, rate=law_by_direction(shape.rate)).name if shape.rate.SYMMETRIC else shape.name
+
+
+def laws_to_try(laws: Sequence[str], symmetric: bool | None) -> list[str]:
+    """Return the names of the laws to try, each by direction where that is asked for."""
+    return list(dict.fromkeys(map(name_by_direction, laws))) if symmetric is False else list(laws)
+
+
+def terms_beside(shape: LawShape, terms: Sequence[str], options: Options) -> list[str]:
+    """Return the terms that are sought beside a law: no constant torque where Coulomb friction by direction says the same."""
+    kept = options.symmetric is not False or shape.tells_offset or "offset" in options.bounds
+    return [term for term in terms if kept or term != "offset"]
+
+
+def symmetric_shape(shape: LawShape) -> LawShape:
+    """Return a shape whose directions have the same numbers.
+
+    Raises:
+        InvalidInput: the law's parameters are not those of one direction and of the other.
+    """
+    if shape.rate.SYMMETRIC:
+        return shape
+    first = {name: name.removesuffix(BACKWARD).replace(*ALIKE) for name in shape.rate.PARAMETERS}
+    ties = {name: one for name, one in first.items() if one != name}
+    if 2 * len(ties) != len(shape.rate.PARAMETERS):
+        raise InvalidInput(
+            f"'{shape.rate.NAME}' differs by direction and has no symmetric form.",
+            remedy="Leave `symmetric` out, or choose a law that is alike in both directions: stribeck-gauss.",
+        )
+    return replace(shape, ties=ties)
+
+
+def gain(one: Fit, velocity: np.ndarray) -> float:
+    """Return by what share the mean square would fall if each direction had numbers of its own [-]; to first order.
+
+    A number of the rate law acts where the joint moves its way: so its derivatives, cut in two, are those of both directions.
+
+    Args:
+        one: fit of a symmetric law to torque.
+        velocity: of the samples that were fitted [rad/s or m/s], (m,).
+    """
+    residual, jacobian = one.found.residual, one.found.jacobian
+    names = one.problem.shape.rate.PARAMETERS
+    of_rate = [i for i, name in enumerate(one.problem.names) if name in names]
+    backward = jacobian[:, of_rate] * (velocity < 0.0)[:, None]
+    A = np.hstack([jacobian, backward])
+    A = A / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    left = residual - A @ np.linalg.lstsq(A, residual, rcond=1e-8)[0]
+    square = float(residual @ residual)
+    return 1.0 - float(left @ left) / square if square > 0.0 else 0.0

@@ -1,0 +1,145 @@
+"""A rate law that differs by direction: the same equation twice, each direction with numbers of its own.
+
+    hi = hi_p,   lo = lo_n,   viscous = viscous_p where v >= 0,   viscous_n where v < 0
+
+p, n: bounds and viscous part of the rate law with the numbers of motion along +q and along -q. Those along -q have the names of the
+law's parameters and `_backward` behind them. A rate law that has both directions by itself (`coulomb-viscous`) is left as it is.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field, make_dataclass, replace
+from functools import cache
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+from backdrive.laws.base import Rate
+
+BEHIND = "-by-direction"  # the name of the rate law
+BACKWARD = "_backward"  # the name of a parameter along -q
+MARK = 0.25  # added to p[0], the number of parameters before the element, where the rate law's row is there twice
+
+R = TypeVar("R", bound=Rate)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ByDirection(Rate):
+    """Base of the rate laws that `law_by_direction` makes.
+
+    Attributes:
+        ONE: rate law of either direction.
+    """
+
+    ONE: ClassVar[type[Rate]]
+    SYMMETRIC: ClassVar[bool] = False
+    MARK: ClassVar[float] = MARK
+
+    def __post_init__(self):
+        super().__post_init__()
+        names = self.ONE.PARAMETERS
+        ways = [self.ONE(**{n: getattr(self, n + behind) for n in names}) for behind in ("", BACKWARD)]
+        object.__setattr__(self, "_ways", tuple(ways))
+
+    def __reduce__(self):
+        return by_direction, (self.forward, self.backward)
+
+    @property
+    def forward(self) -> Rate:
+        """Return the rate law of motion along +q."""
+        return self._ways[0]  # type: ignore[attr-defined]
+
+    @property
+    def backward(self) -> Rate:
+        """Return the rate law of motion along -q."""
+        return self._ways[1]  # type: ignore[attr-defined]
+
+    def row(self) -> np.ndarray:
+        """Return both rows, (2 P,)."""
+        return np.concatenate([way.row() for way in self._ways])  # type: ignore[attr-defined]
+
+
+@cache
+def law_by_direction(kind: type[Rate]) -> type[ByDirection]:
+    """Return the class of a rate law of which each direction has numbers of its own.
+
+    Raises:
+        InvalidInput: the law's directions have numbers of their own already.
+    """
+    if not kind.SYMMETRIC:
+        raise InvalidInput(
+            f"'{kind.NAME}' has numbers for each direction by itself.", remedy="Use it as it is, with both."
+        )
+    parameters, members = dict(kind.PARAMETERS), []
+    defaults = {f.name: f for f in kind.__dataclass_fields__.values()}
+    for behind in ("", BACKWARD):
+        for name, parameter in kind.PARAMETERS.items():
+            parameters[name + behind] = replace(parameter, symbol=parameter.symbol + ("^-" if behind else ""))
+            members.append((name + behind, float, field(default=defaults[name].default, kw_only=True)))
+    forces = [n for n, parameter in kind.PARAMETERS.items() if parameter.unit == "force"]
+    weaker = kind.EXAMPLE | {n: 0.8 * kind.EXAMPLE[n] for n in forces if n in kind.EXAMPLE}
+    example = kind.EXAMPLE | {name + BACKWARD: value for name, value in weaker.items()}
+    namespace: dict[str, Any] = {
+        "ONE": kind,
+        "NAME": kind.NAME + BEHIND,
+        "WORDS": f"{kind.WORDS or kind.NAME}, by direction",
+        "KIND": kind.KIND,
+        "PARAMETERS": parameters,
+        "EXAMPLE": example,
+        "SMOOTH": kind.SMOOTH,
+        "NEEDS": kind.NEEDS,
+        "TIES": {"coulomb" + BACKWARD: "coulomb"} if "coulomb" in kind.PARAMETERS else {},
+        "__module__": __name__,
+        "__doc__": _documentation(kind),
+    }
+    return make_dataclass(
+        f"{kind.__name__}ByDirection",
+        members,
+        bases=(ByDirection,),
+        namespace=namespace,
+        frozen=True,
+        kw_only=True,
+    )
+
+
+def _documentation(kind: type[Rate]) -> str:
+    """Return the docstring of a law by direction, whose parameters along -q have symbols of their own."""
+    first = (kind.__doc__ or kind.NAME).strip().splitlines()[0].rstrip(".")
+    lines = (kind.__doc__ or "").partition("Attributes:\n")[2].rstrip().splitlines()
+    backward = "\n".join(lines)
+    for name, parameter in kind.PARAMETERS.items():
+        backward = re.sub(
+            rf"^( +){name}: ", rf"\g<1>{name}{BACKWARD}: along -q, ", backward, flags=re.MULTILINE
+        )
+        backward = backward.replace(f"along -q, {parameter.symbol}", f"{parameter.symbol}^-, along -q")
+    return "\n".join([f"{first}, by direction.\n\n    Attributes:", *lines, backward])
+
+
+def by_direction(forward: R, backward: R) -> ByDirection:
+    """Return a rate law that differs by direction.
+
+    Args:
+        forward: rate law of motion along +q.
+        backward: of motion along -q, of the same class.
+
+    Raises:
+        InvalidInput: they are of two classes, or of one that has both directions by itself.
+
+    Example:
+        >>> by_direction(Coulomb(coulomb=5.0), Coulomb(coulomb=4.0)).coulomb_backward
+        4.0
+    """
+    if type(forward) is not type(backward) or not isinstance(forward, Rate):
+        what = " and ".join(type(way).__name__ for way in (forward, backward))
+        raise InvalidInput(
+            f"The directions of a rate law are {what}.", remedy="Give two rate laws of the same class."
+        )
+    behind = {name + BACKWARD: value for name, value in backward.values().items()}
+    return law_by_direction(type(forward))(**forward.values(), **behind)
+
+
+def plain(name: str) -> str:
+    """Return the name of a parameter without its direction."""
+    return name.removesuffix(BACKWARD)
