@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from _synthetic import constant_runs
-from backdrive import Joint, Log
+from backdrive import Joint, Log, identify
 from backdrive.errors import NotIdentifiable
 from backdrive.identification.constant_velocity import identify_constant_velocity
 from backdrive.identification.runs import find_runs
@@ -95,3 +95,25 @@ def test_gravity_that_turns_with_the_joint_is_seen_inside_the_runs():
 def test_too_few_runs_are_refused_with_the_number_needed():
     with pytest.raises(NotIdentifiable, match="at least 4|At least 4"):
         identify_constant_velocity(constant_runs(straight, (1.0,)), "j1")
+
+
+def test_a_start_and_an_encoders_noise_leave_a_run_what_it_is():
+    rng = np.random.default_rng(0)
+    time = np.arange(3000) * 1e-3
+    logs = []
+    for v in (0.1, 0.3, 0.6, 1.0, 2.0):
+        for way in (1.0, -1.0):
+            velocity = way * v * np.clip(time / 0.3, 0.0, 1.0)
+            torque = 1.5 * way + 0.4 * velocity + 0.15 * np.gradient(velocity, time)
+            position = np.cumsum(velocity) * 1e-3 + 1e-3 * rng.standard_normal(
+                time.size
+            )  # a third runs backwards
+            noisy = torque + 0.05 * rng.standard_normal(time.size)
+            logs.append(Log(time=time, joints=(Joint(name="a"),), position=position, torque=noisy))
+    result = identify(logs)
+    law = result.model.joints[0].law.rate
+    assert result.method == "constant-velocity"
+    assert (law.coulomb_positive, law.viscous_negative) == (
+        pytest.approx(1.5, abs=0.01),
+        pytest.approx(0.4, abs=0.01),
+    )

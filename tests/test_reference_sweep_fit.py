@@ -402,10 +402,10 @@ def test_the_words_of_a_sweep():
     knots = "Its 4 knots have standard errors up to 0.035 N.m."
     assert (
         verdict(shown(even), even)
-        == f"Friction is 9 N.m at low speed and 15 N.m at 2 rad/s. {knots} {apart} {EXPLAINS}"
+        == f"Friction is 10.5 N.m at 0.5 rad/s and 15 N.m at 2 rad/s. {knots} {apart} {EXPLAINS}"
     )
     assert verdict(shown(even, errors=False), even) == (
-        f"Friction is 9 N.m at low speed and 15 N.m at 2 rad/s. {apart} {EXPLAINS}"
+        f"Friction is 10.5 N.m at 0.5 rad/s and 15 N.m at 2 rad/s. {apart} {EXPLAINS}"
     )
     for constant, said in ((0.44, False), (0.46, True), (-0.46, True)):  # three hundredths of 15
         found = rotary([pairs(up(SPEEDS) + constant, up(SPEEDS) - constant)])
@@ -414,16 +414,15 @@ def test_the_words_of_a_sweep():
     (p, a), (n, b) = told.constants()
     said = verdict(shown(told), told)
     assert said.startswith(
-        "Friction is 9.8 N.m along +q and 8.2 N.m along -q at low speed, 15.8 and 14.2 N.m at 2 rad/s. Its 4 knots have "
-        f"standard errors up to {max(told.error_pos.max(), told.error_neg.max()):.2g} N.m. The first section meets rest at "
+        "Friction is 11.3 N.m along +q and 9.7 N.m along -q at 0.5 rad/s, 15.8 and 14.2 N.m at 2 rad/s. Its 4 knots have "
+        f"standard errors up to {max(told.error_pos.max(), told.error_neg.max()):.2g} N.m. Below 0.5 rad/s nothing is "
+        "known; the first section meets rest at "
         f"9.800 +- {1.96 * a:.3f} N.m along +q and 8.200 +- {1.96 * b:.3f} N.m along -q (95 %)."
     )
     assert p > n and "was set apart" not in said and said.endswith(f"{told.notes[0]} {EXPLAINS}")
     line = fit([pairs(up(SPEEDS) + 1.5, up(SPEEDS) - 1.5, error=1e-3)], unit="m", name="a")
     said = verdict(shown(line, Joint(name="a", unit="m")), line)
-    assert said.startswith(
-        "Friction is 10.5 N along +q and 7.5 N along -q at low speed, 16.5 and 13.5 N at 2 m/s."
-    )
-    assert "The first section" not in said
+    assert said.startswith("Friction is 12 N along +q and 9 N along -q at 0.5 m/s, 16.5 and 13.5 N at 2 m/s.")
+    assert "first section" not in said
     bent = rotary(about(THREE, WEIGHT, bend=0.6))
     assert isinstance(bent.law, Polyline) and not bent.symmetric

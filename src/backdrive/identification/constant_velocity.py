@@ -21,7 +21,8 @@ from backdrive.model import Covariance, JointFriction, Quality, Validity
 from backdrive.model.covariance import errors_by_parameter
 
 SECTIONS = (1, 2, 3, 4, 5, 6)  # line sections per direction that are tried
-GAIN = 1.0  # a curve must beat the line by so many standard errors of the mean gain [-]
+GAIN = 2.0  # a curve must beat the line by so many standard errors of the mean gain [-]
+CLEAR, CLEAR_GAIN = 0.6, 1.0  # where it leaves less than this share, so many are enough [-]
 
 
 def _knots(speed: np.ndarray, sections: int) -> np.ndarray:
@@ -102,9 +103,8 @@ def identify_constant_velocity(
     losses = {sections: loss for sections, (_, _, loss) in tried.items()}
     sections, remark = _choose(losses)
     form, X, _ = tried[sections]
-    blocks = regression.accumulate(X, y, np.ones(y.size), np.arange(y.size), y.size)
-    theta = blocks.solution()
-    covariance = regression.sandwich(blocks, theta)
+    theta = regression.solve(X.T @ X, X.T @ y)
+    covariance = regression.classical(X, y - X @ theta)
     r = form.spread.shape[1]
     curve_values, apart, rest = theta[:r], np.eye(r, theta.size), np.eye(theta.size)[r:]
     if theta.size == r and not form.symmetric and curve_values.min() < 0.0:
@@ -132,6 +132,7 @@ def identify_constant_velocity(
         method="constant-velocity",
         warnings=_warnings(runs, both, directional, "offset" in values, about),
     )
+    of_curve, slowest = curves.error_of_curve(form, curve_covariance), float(np.abs(v).min())
     samples = Samples(
         time=np.array([r.start for r in runs]),
         position=np.full(v.size, np.nan),
@@ -144,7 +145,7 @@ def identify_constant_velocity(
     return friction, JointEvidence(
         joint=about.name,
         samples=samples,
-        curve=curve(friction, curves.error_of_curve(form, curve_covariance)),
+        curve=curve(friction, curves.widened_below(found, slowest, of_curve)),
         verdict=f"{verdict(friction)} {remark}",
     )
 
@@ -157,7 +158,8 @@ def _choose(losses: dict[int, np.ndarray]) -> tuple[int, str]:
         return best, f"{best} line sections per direction were fitted."
     gain = losses[1] ** 2 - losses[best] ** 2
     error = float(np.std(gain) / np.sqrt(gain.size))
-    if float(np.mean(gain)) <= GAIN * error:
+    needed = CLEAR_GAIN if rms[best] < CLEAR * rms[1] else GAIN
+    if float(np.mean(gain)) <= needed * error:
         return (
             1,
             f"A straight line per direction suffices: no curve predicts left-out runs better ({rms[1]:.3g}).",

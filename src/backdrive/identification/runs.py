@@ -15,6 +15,12 @@ from backdrive.logs.log import Log
 LEAST_RUNS = 4  # fewer runs do not make a curve
 LEAST_TIME = 0.3  # a plateau inside a longer log lasts at least so long [s]
 STEADY = 0.08  # and stays this close to its level [share of the level]
+SMOOTH = 0.05  # means over so long tell where a run starts and stops [s]
+STARTING = (
+    0.5  # a log starts, or stops, where its first, or last, moment is slower than this share of its level [-]
+)
+UP_TO_SPEED = 0.95  # and has started where this share is reached [-]
+LEAST_SHARE = 0.5  # of a log that is left without start and stop, if it is one run [-]
 SEEN = 0.25  # gravity must explain so much of the torque's variance within the runs [-]
 
 
@@ -77,8 +83,8 @@ def find_runs(log: Log, joint: str | int) -> list[Run]:
     time, velocity, torque = log.time[good], velocity[good], torque[good]
     turns = log.position is not None and log.joints[0].unit == "rad"
     angle = log.need("position")[good, 0] if turns else None
-    if _keeps_level(velocity):
-        return [_run(time, velocity, torque, angle)]
+    if level := _level(velocity, log.period):
+        return [_run(time[level], velocity[level], torque[level], None if angle is None else angle[level])]
     return [
         _run(time[a:b], velocity[a:b], torque[a:b], None if angle is None else angle[a:b])
         for a, b in _plateaus(velocity, log.period)
@@ -86,11 +92,11 @@ def find_runs(log: Log, joint: str | int) -> list[Run]:
 
 
 def whole_run(log: Log, joint: str | int) -> bool:
-    """Say whether a log keeps one velocity throughout."""
+    """Say whether a log keeps one velocity throughout, but for a start and a stop."""
     if len(log) < 20:
         return False
     velocity = _velocity(log.select(joint))
-    return _keeps_level(velocity[np.isfinite(velocity)])
+    return _level(velocity[np.isfinite(velocity)], log.period) is not None
 
 
 def _velocity(log: Log) -> np.ndarray:
@@ -98,12 +104,44 @@ def _velocity(log: Log) -> np.ndarray:
     return velocity[:, 0]
 
 
-def _keeps_level(velocity: np.ndarray) -> bool:
-    """Say whether the means of the thirds agree and none is zero: single samples may jump (stick-slip)."""
+def _level(velocity: np.ndarray, period: float) -> slice | None:
+    """Return the part of a log that keeps one velocity, without start and stop; None where it does not keep it for long enough.
+
+    Args:
+        velocity: as measured, noise of an encoder and stick-slip included [rad/s or m/s], (n,).
+        period: sampling interval [s].
+    """
     if velocity.size < 20:
-        return False
+        return None
+    smooth = _smoothed(velocity, period)
+    level = float(np.median(smooth))
+    way = smooth * np.sign(level)
+    reached = np.flatnonzero(way > UP_TO_SPEED * abs(level))
+    if not reached.size:
+        return None
+    begin, end = 0, velocity.size
+    if way[0] < STARTING * abs(level):
+        begin = int(reached[0]) + round(SMOOTH / period)
+    if way[-1] < STARTING * abs(level):
+        end = int(reached[-1]) + 1 - round(SMOOTH / period)
+    if end - begin < max(LEAST_SHARE * velocity.size, 20):
+        return None
+    return slice(begin, end) if _keeps_level(velocity[begin:end], smooth[begin:end]) else None
+
+
+def _smoothed(velocity: np.ndarray, period: float) -> np.ndarray:
+    """Return means over a moment about each sample, shorter at the ends, (n,)."""
+    half = min(round(0.5 * SMOOTH / period), velocity.size // 2)
+    total = np.concatenate([[0.0], np.cumsum(velocity)])
+    index = np.arange(velocity.size)
+    first, last = np.maximum(index - half, 0), np.minimum(index + half + 1, velocity.size)
+    return (total[last] - total[first]) / (last - first)
+
+
+def _keeps_level(velocity: np.ndarray, smooth: np.ndarray) -> bool:
+    """Say whether the means of the thirds agree and none is zero: single samples may jump (stick-slip, an encoder's noise)."""
     levels = [float(np.mean(part)) for part in np.array_split(velocity, 3)]
-    if np.mean(velocity * np.sign(np.mean(velocity)) < 0.0) > 0.1:  # it moves to and fro
+    if np.mean(smooth * np.sign(np.mean(velocity)) < 0.0) > 0.1:  # it moves to and fro
         return False
     return min(np.abs(levels)) > 0 and float(np.ptp(levels)) < 0.25 * float(np.max(np.abs(levels)))
 

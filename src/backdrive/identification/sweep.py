@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.identification.curves import knot_names
+from backdrive.identification.curves import knot_names, widened_below
 from backdrive.identification.evidence import evidence, parts_of
 from backdrive.identification.function_a import SHARE, corrected, function_a
 from backdrive.identification.function_a import literal as literal_pairs
@@ -140,7 +140,10 @@ def identify_sweep(
         if others.tells(each[-1].center):
             friction = replace(friction, held_out=assess(before, stretches[-1]))
             parts[-1] = parts_of(before, stretches[-1], False)
-    support = evidence(friction, [part for log in parts for part in log], error_of_curve(friction))
+    of_curve = error_of_curve(friction)
+    if not literal:
+        of_curve = widened_below(friction.law, friction.validity.lowest_speed or 0.0, of_curve)
+    support = evidence(friction, [part for log in parts for part in log], of_curve)
     return friction, replace(support, verdict=verdict(friction, found))
 
 

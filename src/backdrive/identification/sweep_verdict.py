@@ -50,17 +50,17 @@ def _bend(V: np.ndarray, F: np.ndarray) -> np.ndarray:
 
 def verdict(friction: JointFriction, found: SweepFit) -> str:
     """Say the result in some sentences."""
-    unit, rate = friction.joint.torque_unit, friction.law.rate
+    unit, speed, rate = friction.joint.torque_unit, f"{friction.joint.unit}/s", friction.law.rate
     assert isinstance(rate, Polyline)
-    top = rate.velocity[-1]
-    rest = friction.law.torque(np.array([1e-9, -1e-9])) * (1, -1)
+    slowest, top = rate.velocity[0], rate.velocity[-1]
+    slow = friction.law.torque(np.array([slowest, -slowest])) * (1, -1)
     fast = friction.law.torque(np.array([top, -top])) * (1, -1)
     if found.symmetric:
-        said = f"Friction is {rest[0]:.3g} {unit} at low speed and {fast[0]:.3g} {unit} at {top:.3g} {friction.joint.unit}/s."
+        said = f"Friction is {slow[0]:.3g} {unit} at {slowest:.3g} {speed} and {fast[0]:.3g} {unit} at {top:.3g} {speed}."
     else:
         said = (
-            f"Friction is {rest[0]:.3g} {unit} along +q and {rest[1]:.3g} {unit} along -q at low speed, {fast[0]:.3g} and "
-            f"{fast[1]:.3g} {unit} at {top:.3g} {friction.joint.unit}/s."
+            f"Friction is {slow[0]:.3g} {unit} along +q and {slow[1]:.3g} {unit} along -q at {slowest:.3g} {speed}, {fast[0]:.3g} "
+            f"and {fast[1]:.3g} {unit} at {top:.3g} {speed}."
         )
     if friction.standard_errors:
         worst = np.max([found.error_pos, found.error_neg])
@@ -68,7 +68,8 @@ def verdict(friction: JointFriction, found: SweepFit) -> str:
         if np.isfinite(found.noise_gain) and not found.symmetric:
             (up, a), (down, b) = found.constants()
             said += (
-                f" The first section meets rest at {up:.3f} +- {1.96 * a:.3f} {unit} along +q and {down:.3f} +- "
+                f" Below {slowest:.3g} {speed} nothing is known; the first section meets rest at {up:.3f} +- {1.96 * a:.3f} {unit} "
+                f"along +q and {down:.3f} +- "
                 f"{1.96 * b:.3f} {unit} along -q (95 %)."
             )
     offset = found.terms.get("offset", (0.0, 0.0))[0]
