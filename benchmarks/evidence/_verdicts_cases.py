@@ -13,7 +13,7 @@ from _verdicts_scenes import MOTIONS, scene, tell
 
 from backdrive import check, identify
 from backdrive.errors import BackdriveError
-from backdrive.identification.grade import grade
+from backdrive.identification.quality import grade
 
 ERRORS, SHARE, REPAIR_SHARE = 3.0, 0.05, 0.02  # stated errors; of the friction
 RATES = (200.0, 500.0, 1000.0)

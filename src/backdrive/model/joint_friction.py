@@ -130,7 +130,7 @@ class JointFriction:
         """Return where in the validity range friction drives the motion, as negative friction does.
 
         Friction resists where tau_f v >= 0. Looked at 201 velocities, and at the knots, between which line sections are
-        straight.
+        straight; not below the lowest speed that the data hold.
 
         Returns:
             Lowest and highest such velocity [rad/s or m/s]; None where there is none.
@@ -139,6 +139,7 @@ class JointFriction:
         knots = np.asarray(getattr(self.law.rate, "velocity", ()), dtype=np.float64)
         velocity = np.concatenate([np.linspace(low, high, 201), knots, -knots])
         velocity = velocity[(velocity >= low) & (velocity <= high)]
+        velocity = velocity[np.abs(velocity) >= (self.validity.lowest_speed or 0.0)]
         wrong = velocity[self.law.torque(velocity) * velocity < 0.0]
         return (float(wrong.min()), float(wrong.max())) if wrong.size else None
 
