@@ -149,7 +149,11 @@ def earlier(x: np.ndarray, samples: float) -> np.ndarray:
 
 def _then(friction: JointFriction, signals: Signals) -> Signals:
     """Return the motion and the load that the torque of each sample belongs to; what is known from elsewhere stays."""
-    delay = friction.dynamics["delay"].value if "delay" in friction.dynamics else 0.0
+    return delayed(signals, friction.dynamics["delay"].value if "delay" in friction.dynamics else 0.0)
+
+
+def delayed(signals: Signals, delay: float) -> Signals:
+    """Return signals with motion and load as they were a delay [s] before; torques stay."""
     if not delay:
         return signals
     samples = delay * signals.rate

@@ -17,7 +17,10 @@ FASTEST = {"rad": 2000.0, "m": 100.0}  # faster than any joint [rad/s or m/s]
 
 def direction(case: Case) -> Remark | None:
     """Friction that drives."""
-    ends, unit = case.friction.driving(), f"{case.friction.joint.unit}/s"
+    ends, unit = (
+        case.friction.driving(case.friction.validity.lowest_speed or 0.0),
+        f"{case.friction.joint.unit}/s",
+    )
     if ends is None:
         return None
     return Remark(

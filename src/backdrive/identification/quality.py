@@ -66,9 +66,9 @@ class Grade:
 
 
 def credible(friction: JointFriction) -> bool:
-    """Say whether friction opposes motion everywhere in its range, and the inertia is positive."""
+    """Say whether friction opposes motion at every velocity that the data tell of, and the inertia is positive."""
     inertia = friction.dynamics.get("inertia")
-    dissipates = friction.driving() is None
+    dissipates = friction.driving(friction.validity.lowest_speed or 0.0) is None
     if inertia is None:
         return dissipates
     slack = 2 * inertia.standard_error if math.isfinite(inertia.standard_error) else 0.0

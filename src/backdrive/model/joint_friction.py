@@ -126,11 +126,14 @@ class JointFriction:
                 errors[name] = self.standard_errors.get(name, unknown)
         return errors
 
-    def driving(self) -> tuple[float, float] | None:
+    def driving(self, above: float = 0.0) -> tuple[float, float] | None:
         """Return where in the validity range friction drives the motion, as negative friction does.
 
         Friction resists where tau_f v >= 0. Looked at 201 velocities, and at the knots, between which line sections are
-        straight; not below the lowest speed that the data hold.
+        straight.
+
+        Args:
+            above: slower velocities are not looked at [rad/s or m/s].
 
         Returns:
             Lowest and highest such velocity [rad/s or m/s]; None where there is none.
@@ -138,8 +141,7 @@ class JointFriction:
         low, high = self.validity.velocity
         knots = np.asarray(getattr(self.law.rate, "velocity", ()), dtype=np.float64)
         velocity = np.concatenate([np.linspace(low, high, 201), knots, -knots])
-        velocity = velocity[(velocity >= low) & (velocity <= high)]
-        velocity = velocity[np.abs(velocity) >= (self.validity.lowest_speed or 0.0)]
+        velocity = velocity[(velocity >= low) & (velocity <= high) & (np.abs(velocity) >= above)]
         wrong = velocity[self.law.torque(velocity) * velocity < 0.0]
         return (float(wrong.min()), float(wrong.max())) if wrong.size else None
 
