@@ -632,7 +632,7 @@ def test_the_whole_way_with_a_known_payload():
         (-2.0, 2.0), abs=0.02
     )
     assert f"{grown['load_driving']:.4f} +- " in shown.verdict and friction_.fitted.samples == sum(
-        len(log) for log in logs[::2]
+        np.count_nonzero(s.sliding) for log in logs[::2] for s in prepare(log, "a")
     )
     for wrong, said in (
         ((logs, payloads[:5]), "5 payloads for 6"),

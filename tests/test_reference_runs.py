@@ -61,10 +61,10 @@ def test_runs_on_two_lines_come_back_with_every_number():
     assert (found.method, len(found.warnings)) == ("constant-velocity", 1)
     assert found.warnings[0].startswith("A constant bias torque (gravity, cable")
     bread = np.linalg.inv(X.T @ X)
-    student = 2.093 / 1.96  # 19 degrees of freedom
-    error = np.sqrt(np.diag(bread @ (X * left[:, None] ** 2).T @ X @ bread) * 20 / 19) * student
-    assert found.standard_errors["coulomb_positive"] == pytest.approx(error[0], rel=0.02)
-    assert found.standard_errors["viscous_negative"] == pytest.approx(error[3], rel=0.02)
+    student = 2.120 / 1.96  # 16 degrees of freedom
+    error = np.sqrt(np.diag(bread) * (left @ left) / 16) * student
+    assert found.standard_errors["coulomb_positive"] == pytest.approx(error[0], rel=1e-3)
+    assert found.standard_errors["viscous_negative"] == pytest.approx(error[3], rel=1e-3)
     s = shown.samples
     assert s.time.tolist() == [10.0 * k for k in range(20)] and np.isnan(s.position).all() and s.fitted.all()
     assert (

@@ -387,7 +387,7 @@ def test_sweeps_about_three_centers_are_the_sum_of_their_parts(three):
     stretches = [s for log in three for s in prepare(log, "a")]
     speeds = np.concatenate([s.velocity for s in stretches])
     assert found.validity.velocity == (speeds.min(), speeds.max())
-    off = np.concatenate([(s.torque - dynamics.predict(found, s))[s.moving] for s in stretches])
+    off = np.concatenate([(s.torque - dynamics.predict(found, s))[s.sliding] for s in stretches])
     assert found.fitted.rms == pytest.approx(np.sqrt(np.mean(off**2))) and found.fitted.samples == off.size
     # the last sweep is judged by the fit to the others where these tell its gravity: two centers do not
     assert found.held_out is None and shown.samples.fitted.all()
@@ -414,7 +414,7 @@ def test_the_last_sweep_is_judged_by_the_others_where_they_tell_its_gravity(thre
     found, shown = identify_sweep(logs, "a", timing="command")
     before, _ = identify_sweep(logs[:2], "a", timing="command")
     (s,) = prepare(again, "a")
-    assert found.held_out == assess(before, [s]) and found.held_out.samples == np.count_nonzero(s.moving)
+    assert found.held_out == assess(before, [s]) and found.held_out.samples == np.count_nonzero(s.sliding)
     assert found.fitted == assess(found, [s for log in logs for s in prepare(log, "a")])
     unseen = ~shown.samples.fitted
     assert 0.3 < unseen.mean() < 0.37 and not unseen[: unseen.size // 2].any()

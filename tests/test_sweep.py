@@ -336,7 +336,7 @@ def test_what_an_identification_says(log):
 def test_several_sweeps_judge_the_last_one_unseen():
     logs = [simulate(joint_1(), Sweep(A, V, 4), seed=seed) for seed in range(3)]
     friction, evidence = identify_sweep(logs, "joint_1")
-    assert friction.held_out.samples == pytest.approx(len(logs[2]), rel=0.05)
+    assert friction.held_out.samples == pytest.approx(0.78 * len(logs[2]), rel=0.05)  # where it slides
     assert friction.held_out.residual < 4.0
     seen = evidence.samples.fitted
     assert 0.6 < seen.mean() < 0.7

@@ -21,7 +21,7 @@ from backdrive.model import Covariance, JointFriction, Quality, Validity
 from backdrive.model.covariance import errors_by_parameter
 
 SECTIONS = (1, 2, 3, 4, 5, 6)  # line sections per direction that are tried
-GAIN = 1.0  # a curve must beat the line by so many standard errors of the mean gain [-]
+GAIN = 2.0  # a curve must beat the line by so many standard errors of the mean gain [-]
 
 
 def _knots(speed: np.ndarray, sections: int) -> np.ndarray:
@@ -102,9 +102,8 @@ def identify_constant_velocity(
     losses = {sections: loss for sections, (_, _, loss) in tried.items()}
     sections, remark = _choose(losses)
     form, X, _ = tried[sections]
-    blocks = regression.accumulate(X, y, np.ones(y.size), np.arange(y.size), y.size)
-    theta = blocks.solution()
-    covariance = regression.sandwich(blocks, theta)
+    theta = regression.solve(X.T @ X, X.T @ y)
+    covariance = regression.classical(X, y - X @ theta)
     r = form.spread.shape[1]
     curve_values, apart, rest = theta[:r], np.eye(r, theta.size), np.eye(theta.size)[r:]
     if theta.size == r and not form.symmetric and curve_values.min() < 0.0:

@@ -27,17 +27,38 @@ COARSE: dict[str, tuple[int, ...]] = {
 }
 
 
-def of_law(law: str | None) -> dict[str, tuple[int, ...]]:
-    """Return the candidates of `COARSE` that a law allows: a line for Coulomb and viscous, sections for line sections.
+def from_speed(knots: np.ndarray, slowest: float) -> dict[str, tuple[int, ...]]:
+    """Return the candidates of `COARSE` with no knot below the slowest speed that data tell of; a line goes from rest.
+
+    Args:
+        knots: of the fine basis [rad/s or m/s], (K,).
+        slowest: one of them [rad/s or m/s].
+    """
+    first = int(np.argmin(np.abs(knots - slowest)))
+    made = {"line": COARSE["line"]}
+    for name, keep in COARSE.items():
+        sections = (first, *(i for i in keep if i > first))
+        if name != "line" and len(sections) > 1 and sections not in made.values():
+            made[name] = sections
+    return made
+
+
+def of_law(law: str | None, shapes: dict[str, tuple[int, ...]] | None = None) -> dict[str, tuple[int, ...]]:
+    """Return the candidates that a law allows: a line for Coulomb and viscous, sections for line sections.
+
+    Args:
+        law: `coulomb-viscous`, `polyline`, or None for all.
+        shapes: name -> knots of SHARES; None: `COARSE`.
 
     Raises:
         UnknownName: no curve of that law is fitted here.
     """
+    shapes = shapes or COARSE
     if law is None:
-        return COARSE
+        return shapes
     allowed = {
-        "coulomb-viscous": {"line": COARSE["line"]},
-        "polyline": {k: v for k, v in COARSE.items() if k != "line"},
+        "coulomb-viscous": {"line": shapes["line"]},
+        "polyline": {k: v for k, v in shapes.items() if k != "line"},
     }
     return lookup(law, allowed, "law that curves are fitted with")
 
@@ -177,3 +198,27 @@ def error_of_curve(form: Form, covariance: np.ndarray) -> Callable[[np.ndarray],
         return np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", shapes, covariance, shapes), 0.0))
 
     return standard_error
+
+
+PEAK = (
+    0.25  # standard deviation of what friction at rest may be above that of the slowest sliding [share of it]
+)
+
+
+def widened_below(
+    law: Law, slowest: float, standard_error: Callable[[np.ndarray], np.ndarray]
+) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the same error of a curve, but wider below the slowest sliding, where there may be a Stribeck peak.
+
+    Args:
+        law: that was fitted.
+        slowest: below which nothing was seen of sliding [rad/s or m/s].
+        standard_error: of the curve by its coefficients.
+    """
+
+    def wider(velocity: np.ndarray) -> np.ndarray:
+        level = np.abs(law.torque(np.where(velocity < 0.0, -slowest, slowest)))
+        unseen = np.clip(1.0 - np.abs(velocity) / max(slowest, 1e-300), 0.0, 1.0)
+        return np.hypot(standard_error(velocity), PEAK * unseen * level)
+
+    return wider

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from backdrive.identification.terms import GRAVITY
 COLUMNS = ("inertia", "jerk", "offset", "gravity_sin", "gravity_cos", "model_torque")
 LARGEST_SLIP = 0.02  # a longer delay of the torque is no slip of the clock but something else [s]
 TOLERANCE = 1.01  # a simpler model is kept while its left-out loss is within this factor of the best [-]
+GAIN = 1.5  # or within so many standard errors of the sum over blocks
 UNSOUND = (
     2.0  # so much more loss is put up with for a curve that dissipates and an inertia that is positive [-]
 )
@@ -128,6 +130,7 @@ def choose(blocks: regression.Blocks, options: list[Candidate]) -> Choice:
     """
     total = max(float(blocks.rows.sum()), 1e-300)
     fits: list[tuple[float, Candidate, regression.Blocks, np.ndarray]] = []
+    by_block: dict[int, np.ndarray] = {}
     for option in options:
         mapped = blocks.mapped(option.spread)
         weight = np.diag(mapped.gram.sum(axis=0))
@@ -142,7 +145,8 @@ def choose(blocks: regression.Blocks, options: list[Candidate]) -> Choice:
             errors = np.sqrt(np.maximum(np.diag(regression.sandwich(mapped, theta))[k:], 0.0))
             if errors.max() > VAGUE * np.abs(theta[k:]).max():
                 continue
-        loss = max(regression.left_out_losses(mapped).sum(), ROUNDING * blocks.power.sum())
+        by_block[id(option)] = regression.left_out_losses(mapped)
+        loss = max(by_block[id(option)].sum(), ROUNDING * blocks.power.sum())
         fits.append((float(loss) / total, option, mapped, theta))
     if not fits:
         raise NotIdentifiable(
@@ -153,7 +157,10 @@ def choose(blocks: regression.Blocks, options: list[Candidate]) -> Choice:
     sound = [fit for fit in fits if _plausible(fit[1], fit[3])]
     if sound and min(loss for loss, *_ in sound) <= UNSOUND * best:
         fits, best = sound, min(loss for loss, *_ in sound)
-    _, chosen, mapped, theta = next(fit for fit in fits if fit[0] <= TOLERANCE * best + 1e-300)
+    best_blocks = by_block[id(next(fit[1] for fit in fits if fit[0] == best))]
+    _, chosen, mapped, theta = next(
+        fit for fit in fits if fit[0] <= TOLERANCE * best + 1e-300 or _tie(by_block[id(fit[1])] - best_blocks)
+    )
     return Choice(
         candidate=chosen,
         coefficients=theta,
@@ -162,6 +169,11 @@ def choose(blocks: regression.Blocks, options: list[Candidate]) -> Choice:
         condition=regression.condition(mapped.gram.sum(axis=0)),
         loss={f"{'+'.join(option.terms)} | {option.form.name}": loss for loss, option, *_ in fits},
     )
+
+
+def _tie(worse: np.ndarray) -> bool:
+    """Say whether the losses of blocks, less those of the best model, are within their scatter of zero."""
+    return bool(worse.sum() <= GAIN * math.sqrt(worse.size) * float(worse.std(ddof=1)))
 
 
 def _plausible(option: Candidate, theta: np.ndarray) -> bool:

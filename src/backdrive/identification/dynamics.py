@@ -1,12 +1,10 @@
 """The rest of a joint's inverse dynamics, by term, and the torque that it all adds up to.
 
-    tau = inertia (ddq - time_slip dddq) + offset + gravity_sin sin q + gravity_cos cos q
-          + model_torque tau_model + tau_f(dq, l)
+    tau = inertia ddq + offset + gravity_sin sin q + gravity_cos cos q + model_torque tau_model + tau_f(dq, l)
 
 l = g(q) + inertia ddq is the load that the joint carries, under which friction grows where its law knows how (`laws.growth`).
-`time_slip` is the delay of the measured torque behind the motion as `identify` estimates it: to first order it shows as jerk
-times inertia, which is where an unnoticed slip spoils a friction curve. `delay` is the same as a search estimates it: all of the
-motion, in friction, inertia and gravity, is that of a moment before.
+`time_slip` is the delay of the measured torque behind the motion as a regression estimates it, `delay` the same as a search
+does: all of the motion, in friction, inertia and gravity, is that of a moment before.
 """
 
 from __future__ import annotations
@@ -37,7 +35,7 @@ def _rest(friction: JointFriction, signals: Signals) -> np.ndarray:
     value = {k: e.value for k, e in friction.dynamics.items()}
     tau = np.full(signals.velocity.shape, value.get("offset", 0.0))
     if value.get("inertia"):
-        tau += value["inertia"] * (signals.acceleration - value.get("time_slip", 0.0) * signals.jerk)
+        tau += value["inertia"] * signals.acceleration
     tau += _pull(friction, signals)
     if "model_torque" in value:
         if signals.model_torque is None:
@@ -149,19 +147,23 @@ def earlier(x: np.ndarray, samples: float) -> np.ndarray:
 
 def _then(friction: JointFriction, signals: Signals) -> Signals:
     """Return the motion and the load that the torque of each sample belongs to; what is known from elsewhere stays."""
-    return delayed(signals, friction.dynamics["delay"].value if "delay" in friction.dynamics else 0.0)
+    return delayed(
+        signals, sum(friction.dynamics[t].value for t in ("delay", "time_slip") if t in friction.dynamics)
+    )
 
 
 def delayed(signals: Signals, delay: float) -> Signals:
-    """Return signals with motion and load as they were a delay [s] before; torques stay."""
+    """Return signals whose motion and load are those of some time before [s]; torque and what is known from elsewhere stay."""
     if not delay:
         return signals
     samples = delay * signals.rate
+    sliding = earlier(signals.sliding.astype(float), float(round(samples))) > 0.5
     return replace(
         signals,
         velocity=earlier(signals.velocity, samples),
         acceleration=earlier(signals.acceleration, samples),
         jerk=earlier(signals.jerk, samples),
         position=None if signals.position is None else earlier(signals.position, samples),
+        sliding=sliding & signals.moving,
         load=None if signals.load is None else np.ascontiguousarray(earlier(signals.load.T, samples).T),
     )

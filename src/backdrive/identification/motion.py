@@ -9,32 +9,34 @@ samples from mattering.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, design, regression
-from backdrive.identification.dynamics import predict, rest_of_dynamics
+from backdrive.identification.dynamics import delayed, predict, rest_of_dynamics
 from backdrive.identification.evidence import evidence, parts_of, sentences
+from backdrive.identification.motion_bins import Bins, bin_means, bin_size, bin_time
 from backdrive.identification.quality import assess, judge
 from backdrive.identification.result import JointEvidence
-from backdrive.identification.signals import Signals, prepare
+from backdrive.identification.signals import SLOW, Signals, default_cutoff, prepare
+from backdrive.identification.slip import Slip, covariance_of, seek_slip
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.terms import estimates
 from backdrive.logs.log import Joint, Log
 from backdrive.model import Covariance, JointFriction, Validity
 from backdrive.model.covariance import errors_by_parameter
 
-BIN_TIME = 0.01  # torque and regressors are averaged over this long [s]
-BLOCK_TIME = 1.5  # aimed length of a cross-validation block [s]
-BLOCKS = (8, 24)  # least and most blocks
 SHORT, FEW_TURNS = 4.0, 4  # less motion [s], or fewer reversals, is remarked on
-SUSTAINED = 0.1  # a joint slides where its velocity would last so long at its acceleration [s]
+LONG_ENOUGH = 0.25  # a joint must have slid near a speed for so long [s]
+MOVE = 0.1  # a move lasts so long at least [s]
+LEAST_FREEDOM = 3  # with fewer degrees of freedom nothing is told of errors
+LEAST_MOVES = 6  # and with fewer moves
 SPAN_FOR_GRAVITY = 0.15  # a rotary joint must travel so far before gravity is looked for [rad]
-Columns = Callable[[Signals, np.ndarray, slice], np.ndarray]
-CHUNK = 200_000  # samples turned into a regressor at a time
 
 
 def identify_motion(
@@ -72,29 +74,51 @@ def identify_motion(
         )
     top = float(np.percentile(np.abs(speeds), 99.9))
     knots = top * np.array(curves.SHARES)
-    blocks = binned(stretches, knots)
+    slowest = slowest_sliding(stretches, knots)
     positions = [s.position for s in stretches if s.position is not None]
     travel = max((float(np.ptp(p)) for p in positions), default=0.0)
     both = bool(min(-speeds.min(), speeds.max()) > 0.05 * top)
-    choice = design.choose(
-        blocks,
-        design.candidates(
-            knots,
-            {name: knots[list(keep)] for name, keep in curves.of_law(law).items()},
-            dynamic=True,
-            slip=True,
-            gravity=gravity if about.unit == "rad" and travel > SPAN_FOR_GRAVITY else False,
-            model_torque=any(s.model_torque is not None for s in stretches),
-            both_directions=both,
-            symmetric=symmetric,
-        ),
+    given: dict[str, Any] = {
+        "dynamic": True,
+        "gravity": gravity if about.unit == "rad" and travel > SPAN_FOR_GRAVITY else False,
+        "model_torque": any(s.model_torque is not None for s in stretches),
+        "both_directions": both,
+    }
+    shapes = curves.from_speed(knots, slowest)
+    full = design.candidates(
+        knots, {"": knots[list(shapes.get("5 sections", shapes["line"]))]}, slip=True, **given
+    )[-1]
+    seconds = bin_time(stretches, smooth.cutoff or default_cutoff(stretches[0].rate))
+    slip = seek_slip(stretches, knots, full, seconds)
+    on_time = [delayed(s, slip.delay) for s in stretches]
+    raw = bin_means(on_time, knots, seconds=seconds)
+    bins = raw.whitened(slip.correlation)
+    options = design.candidates(
+        knots,
+        {name: knots[list(keep)] for name, keep in curves.of_law(law, shapes).items()},
+        slip=slip.fitted,
+        symmetric=symmetric,
+        **given,
     )
-    choice = design.offset_apart(choice)
-    friction = as_friction(choice, choice.coefficients, about, (float(speeds.min()), float(speeds.max())))
+    if slip.fitted:
+        options = [option for option in options if "jerk" in option.terms]
+    choice = design.choose(bins.equations(), options)
+    slow = SLOW * (min(-speeds.min(), speeds.max()) if both else top)
+    if (
+        choice.candidate.form.knots[0] == 0.0 and slowest < slow
+    ):  # a line is not asked to follow a crossing of zero
+        bins, slowest = raw.faster(slow).whitened(slip.correlation), float(slow)
+        lines = [option for option in options if option.form.knots[0] == 0.0]
+        choice = design.choose(bins.equations(), lines)
+    covariance = covariance_of(bins, choice.candidate.spread, choice.coefficients)
+    choice = design.offset_apart(replace(choice, covariance=covariance))
+    velocity = float(speeds.min()), float(speeds.max())
+    friction = as_friction(choice, choice.coefficients, about, velocity, slip.delay)
+    friction = replace(friction, validity=replace(friction.validity, lowest_speed=slowest))
     friction = with_warnings(friction, choice, both)
     duration = sum(float(np.count_nonzero(s.moving)) / s.rate for s in stretches)
     turns = sum(int(np.count_nonzero(np.diff(np.sign(s.velocity[s.moving])))) for s in stretches)
-    slowest = slowest_sliding(stretches, knots)
+    open_ = reasons(bins, friction, stretches, slip)
     remarks = sentences(
         (smooth.warning, smooth.warning),
         (
@@ -102,13 +126,14 @@ def identify_motion(
             f"Only {duration:.2g} s of motion with {turns} reversals: too little to separate friction from the rest surely.",
         ),
         (
-            np.any((choice.candidate.form.knots > 0.0) & (choice.candidate.form.knots < slowest)),
-            f"Below {slowest:.2g} {about.unit}/s the joint moved only while it turned round: what the curve shows there is the "
-            "torque of reversals, not sliding friction.",
+            slip.too_long,
+            f"The torque seems to come {1e3 * slip.delay:.3g} ms after the motion, longer than a clock slips: align the channels "
+            "(`backdrive inspect`), or look for a filter in one of them.",
         ),
+        (open_, f"No standard errors are stated: {'; '.join(open_)}."),
     )
     others = [s for log in held_out for s in prepare(log, joint, cutoff=smooth.cutoff)]
-    unseen = _left_out(stretches, choice, about, friction.validity.velocity) if not held_out else None
+    unseen = _left_out(stretches, choice, about, velocity, slip.delay, seconds) if not held_out else None
     load = np.concatenate([rest_of_dynamics(friction, s) for s in stretches])
     friction = replace(
         friction,
@@ -119,20 +144,22 @@ def identify_motion(
             friction.validity,
             load=(float(load.min()), float(load.max())),
             nominal_load=float(np.abs(load).mean()),
-            lowest_speed=slowest,
         ),
     )
     k = len(choice.candidate.terms)
+    of_curve = curves.error_of_curve(choice.candidate.form, choice.covariance[k:, k:])
+    if open_:
+        friction, of_curve = without_errors(friction), lambda velocity: np.full(velocity.shape, np.nan)
     support = evidence(
         friction,
         parts_of(friction, stretches, True) + parts_of(friction, others, False),
-        curves.error_of_curve(choice.candidate.form, choice.covariance[k:, k:]),
+        curves.widened_below(friction.law, slowest, of_curve),
     )
     return friction, replace(support, verdict=f"{support.verdict} {smooth.note}".rstrip())
 
 
-def slowest_sliding(stretches: Sequence[Signals], knots: np.ndarray) -> float:
-    """Return the slowest knot near which the joint kept its velocity for a while [rad/s or m/s].
+def slowest_sliding(stretches: Sequence[Any], knots: np.ndarray) -> float:
+    """Return the slowest knot near which the joint slid for a while [rad/s or m/s].
 
     Args:
         stretches: of one joint.
@@ -141,55 +168,54 @@ def slowest_sliding(stretches: Sequence[Signals], knots: np.ndarray) -> float:
     for knot in knots[1:]:
         kept = 0.0
         for s in stretches:
-            speed = np.abs(s.velocity)
-            steady = np.abs(s.acceleration) * SUSTAINED < speed
-            kept += float(np.count_nonzero(steady & (speed > 0.5 * knot) & (speed < 1.5 * knot))) / s.rate
-        if kept >= SUSTAINED:
+            speed = np.abs(s.velocity[s.sliding])
+            kept += float(np.count_nonzero((speed > 0.5 * knot) & (speed < 1.5 * knot))) / s.rate
+        if kept >= LONG_ENOUGH:
             return float(knot)
     return float(knots[-1])
 
 
-def bins(s: Signals) -> tuple[int, int]:
-    """Return the width of a bin and the number of whole bins [sample]."""
-    width = max(1, round(BIN_TIME * s.rate))
-    return width, s.time.size // width
-
-
-def block_count(stretches: Sequence[Signals]) -> int:
-    """Return how many blocks of neighbouring samples all stretches together are cut into."""
-    duration = sum(s.time.size / s.rate for s in stretches)
-    return int(np.clip(duration / BLOCK_TIME, *BLOCKS))
-
-
-def binned(
-    stretches: Sequence[Signals], knots: np.ndarray, columns: Columns = design.columns
-) -> regression.Blocks:
-    """Return the robustly weighted normal equations of all columns, by block of neighbouring samples.
-
-    Args:
-        stretches: of one joint.
-        knots: of the curve among the columns [rad/s or m/s], (k,).
-        columns: what gives the regressor of some samples of a stretch, (n, p).
-    """
-    parts = []
+def moves(stretches: Sequence[Signals]) -> int:
+    """Return how many times the joint slid from one reversal or rest to the next."""
+    count = 0
     for s in stretches:
-        width, count = bins(s)
-        per_chunk = max(1, CHUNK // width)
-        for first in range(0, count, per_chunk):
-            n = min(per_chunk, count - first)
-            rows = slice(first * width, (first + n) * width)
-            series = columns(s, knots, rows), s.torque[rows], s.moving[rows]
-            parts.append([x.reshape(n, width, -1).mean(axis=1) for x in series])
-    X, y, w = (np.concatenate(part) for part in zip(*parts))
-    w = regression.robust_weights(X, y[:, 0], np.where(w > 0.5, w, 0.0)[:, 0])
-    count = block_count(stretches)
-    return regression.accumulate(X, y[:, 0], w, regression.block_index(len(y), count), count)
+        way = (np.sign(s.velocity) * s.sliding)[s.sliding | ~s.moving]
+        edges = np.flatnonzero(np.diff(way, prepend=0.0, append=0.0) != 0)
+        lasting = np.diff(edges) >= MOVE * s.rate
+        count += int(np.count_nonzero(way[edges[:-1]][lasting]))
+    return count
+
+
+def reasons(bins: Bins, friction: JointFriction, stretches: Sequence[Signals], slip: Slip) -> tuple[str, ...]:
+    """Return why nothing can be told of the errors; none where it can."""
+    unknowns = len(friction.standard_errors) + len(friction.dynamics)
+    freedom, count, error = int(np.count_nonzero(bins.used)) - unknowns, moves(stretches), slip.error
+    if "time_slip" in friction.dynamics:
+        error = max(error, friction.dynamics["time_slip"].standard_error)
+    late = (
+        f"is known to {1e3 * error:.2g} ms only" if np.isfinite(error) else "is not determined by the motion"
+    )
+    return sentences(
+        (freedom < LEAST_FREEDOM, "there is hardly more data than unknowns"),
+        (count < LEAST_MOVES, f"the joint made only {count} moves"),
+        (error > slip.least, f"the delay of the torque {late}"),
+    )
+
+
+def without_errors(friction: JointFriction) -> JointFriction:
+    """Return a result that states no standard errors."""
+    dynamics = {name: replace(e, standard_error=math.nan) for name, e in friction.dynamics.items()}
+    return replace(friction, standard_errors={}, covariance=None, dynamics=dynamics)
 
 
 def as_friction(
-    choice: design.Choice, coefficients: np.ndarray, joint: Joint, velocity: tuple[float, float]
+    choice: design.Choice,
+    coefficients: np.ndarray,
+    joint: Joint,
+    velocity: tuple[float, float],
+    delay: float = 0.0,
 ) -> JointFriction:
-    """Return the joint's friction for a vector of coefficients of the chosen candidate."""
+    """Return the joint's friction for a vector of coefficients of the chosen candidate, fitted to motion delayed by so much."""
     candidate = choice.candidate
     k = len(candidate.terms)
     law = curves.to_law(candidate.form, coefficients[k:])
@@ -204,6 +230,8 @@ def as_friction(
     names, covariance = (*terms, *parameters), spread @ choice.covariance @ spread.T
     errors = errors_by_parameter(names, covariance)
     values = {term: (value * s, errors[term]) for term, value, s in zip(terms, coefficients, size)}
+    if "time_slip" in values:
+        values["time_slip"] = values["time_slip"][0] + delay, values["time_slip"][1]
     return JointFriction(
         joint=joint,
         law=law,
@@ -241,19 +269,19 @@ def with_warnings(friction: JointFriction, choice: design.Choice, both_direction
     return replace(friction, warnings=warnings)
 
 
-def _left_out(stretches, choice, joint, velocity):
+def _left_out(stretches, choice, joint, velocity, delay, seconds):
     """Predict every block by the fit that did not see it."""
     bare = replace(choice, covariance=np.zeros_like(choice.covariance))  # a prediction needs no errors
-    models = [as_friction(bare, theta, joint, velocity) for theta in choice.left_out]
-    block = regression.block_index(sum(bins(s)[1] for s in stretches), len(models))
+    models = [as_friction(bare, theta, joint, velocity, delay) for theta in choice.left_out]
+    block = regression.block_index(sum(bin_size(s, seconds)[1] for s in stretches), len(models))
     first, pairs = 0, []
     for s in stretches:
-        width, count = bins(s)
+        width, count = bin_size(s, seconds)
         of_bin = block[first : first + count] if count else np.zeros(1, dtype=int)
         first += count
         of_sample = of_bin[np.minimum(np.arange(s.time.size) // width, of_bin.size - 1)]
         edges = np.searchsorted(of_sample, np.unique(of_sample)).tolist()
         rows = [slice(a, b) for a, b in zip(edges, [*edges[1:], s.time.size])]
         predicted = [predict(models[of_sample[part.start]], s.rows(part)) for part in rows]
-        pairs.append((s.torque, np.concatenate(predicted), s.rate, s.moving))
+        pairs.append((s.torque, np.concatenate(predicted), s.rate, s.sliding))
     return pairs

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from backdrive.identification import regression
 from backdrive.logs.filters import fft_length
 
 LONGEST = 120  # lag that is looked at, at most [sample]
@@ -79,6 +80,40 @@ def noise_of(residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], 
         whole = (raw + taken) / count
         correlation = tapered(whole / whole[0], sum(r.size for r in left))
     return Noise(correlation=correlation, size=np.sqrt(power / kept))
+
+
+def covariance_of_fit(X: np.ndarray, residual: np.ndarray, used: np.ndarray, width: float) -> np.ndarray:
+    """Return the covariance of coefficients that Huber's loss was fitted with, under the correlation of its own residuals, (p, p).
+
+    It is widened by the lost degrees of freedom, and as Student's distribution is with so few independent samples.
+
+    Args:
+        X: regressor of evenly spaced samples, (n, p).
+        residual: of the fit, (n,).
+        used: False where a sample did not take part, (n,).
+        width: of Huber's loss, beyond which a residual counts less [unit of the residual].
+    """
+    size, p = int(np.count_nonzero(used)), X.shape[1]
+    score = np.where(used, np.clip(residual, -width, width), 0.0)
+    mask = used.astype(float)
+    lags = min(LONGEST, len(score))
+    pairs = np.maximum(_products(mask[:, None], mask[:, None], lags)[0, 0], 1.0)
+    products = _products(score[:, None], score[:, None], lags)[0, 0] / pairs
+    if not products[0] > 0.0:
+        return np.zeros((p, p))
+    correlation = tapered(products / products[0], size)
+    independent = size / max(correlation[0] + 2.0 * float(correlation[1:].sum()), 1.0)
+    kept = X * mask[:, None]
+    scale = np.linalg.norm(kept, axis=0)
+    scale[scale == 0.0] = 1.0
+    kept = kept / scale
+    inside = float(np.mean(np.abs(residual[used]) <= width))
+    bread = regression.inverted(kept.T @ kept) / max(inside, LEAST)
+    full, white = kept.T @ _toeplitz(kept, correlation), kept.T @ kept
+    middle = LEAST * white if np.any(np.diag(full) < LEAST * np.diag(white)) else 0.5 * (full + full.T)
+    lost = size / max(size - p, 1)
+    covariance = products[0] * lost * bread @ middle @ bread / np.outer(scale, scale)
+    return regression.widened(covariance, independent - p)
 
 
 def tapered(correlation: np.ndarray, count: int) -> np.ndarray:

@@ -15,6 +15,7 @@ from backdrive.logs.filters import low_pass
 from backdrive.model import JointFriction, Quality
 
 JUDGED_BELOW = 5.0  # corner of the zero-phase low pass on both torques [Hz]
+LEAST_SHARE = 0.2  # of the low pass within the mask that is made up for [-]
 GOOD, FAIR = 15.0, 35.0  # residual up to which a result is called good, or usable with care [%]
 
 
@@ -27,7 +28,9 @@ def judge(pairs: Iterable[tuple[np.ndarray, np.ndarray, float, np.ndarray]]) -> 
     total, count = np.zeros(4), 0
     for tau, tau_hat, rate, mask in pairs:
         error = tau - tau_hat
-        series = low_pass(error, JUDGED_BELOW, rate), low_pass(tau, JUDGED_BELOW, rate), error, tau
+        if not mask.any():
+            continue
+        series = _slow(error, mask, rate), _slow(tau, mask, rate), error, tau
         total += [np.sum(x[mask] ** 2) for x in series]
         count += int(np.count_nonzero(mask))
     above, below, raw_above, raw_below = total.tolist()
@@ -39,17 +42,26 @@ def judge(pairs: Iterable[tuple[np.ndarray, np.ndarray, float, np.ndarray]]) -> 
     )
 
 
+def _slow(x: np.ndarray, mask: np.ndarray, rate: float) -> np.ndarray:
+    """Return a low-passed series to which samples outside the mask add nothing, (n,)."""
+    if mask.all():
+        return low_pass(x, JUDGED_BELOW, rate)
+    inside = mask.astype(float)
+    share = np.maximum(low_pass(inside, JUDGED_BELOW, rate), LEAST_SHARE)
+    return low_pass(x * inside, JUDGED_BELOW, rate) / share
+
+
 def _percent(above: float, below: float) -> float:
     return 100.0 * math.sqrt(above / below) if below > 0 else math.nan
 
 
 def assess(friction: JointFriction, stretches: Iterable[Signals]) -> Quality:
-    """Return how well a joint's friction, with the rest of its dynamics, predicts the torque of stretches where it moves.
+    """Return how well a joint's friction, with the rest of its dynamics, predicts the torque of stretches where it slides.
 
     Raises:
         InvalidInput: the model needs a channel that the log does not hold.
     """
-    return judge((s.torque, predict(friction, s), s.rate, s.moving) for s in stretches)
+    return judge((s.torque, predict(friction, s), s.rate, s.sliding) for s in stretches)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+NORMAL = 1.959964  # half width of a 95 % interval [standard error]
 HUBER = 1.345  # 95 % efficiency on normal residuals [standard deviation]
 
 
@@ -137,6 +138,29 @@ def sandwich(blocks: Blocks, theta: np.ndarray) -> np.ndarray:
     used = max(int(np.sum(blocks.rows > 0)), 2)
     few = 1.0 + 1.22 / (used - 1)  # quantile of Student's distribution over that of the normal one, to 1 %
     return inverse @ (scores.T @ scores) @ inverse * used / (used - 1) * few**2
+
+
+def widened(covariance: np.ndarray, freedom: float) -> np.ndarray:
+    """Return a covariance widened so that 1.96 standard errors hold what Student's quantile would, (p, p).
+
+    Args:
+        covariance: as estimated from residuals, (p, p).
+        freedom: degrees of freedom that these have, at least 1.
+    """
+    from scipy.special import stdtrit
+
+    return covariance * (float(stdtrit(max(freedom, 1.0), 0.975)) / NORMAL) ** 2
+
+
+def classical(X: np.ndarray, residual: np.ndarray) -> np.ndarray:
+    """Return the covariance of an ordinary least-squares fit whose errors are independent and of one size, (p, p).
+
+    Args:
+        X: regressor, (n, p).
+        residual: of the fit, (n,).
+    """
+    freedom = max(len(X) - X.shape[1], 1)
+    return widened(float(residual @ residual) / freedom * inverted(X.T @ X), freedom)
 
 
 def inverted(gram: np.ndarray, least: float = 1e-10) -> np.ndarray:

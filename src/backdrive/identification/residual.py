@@ -20,8 +20,6 @@ from backdrive.logs.resolution import resolution
 
 MEAN = 0.01  # length of a mean [s]
 BLOCK = 0.4  # length of a block of means [s]
-SLOW = 0.1  # a joint slides above this share of its top speed [-]
-TURN = 0.05  # and so long after and before its velocity changes sign [s]
 FEWEST_BLOCKS = 8  # more than there are columns, for a test
 WILD = 8.0  # a sample farther off than so many standard deviations is wild
 LATEST = 0.15  # longest delay that is sought [s]
@@ -224,11 +222,10 @@ def residual_of(parts: Sequence[Part]) -> Residual | None:
     parts = [part for part in parts if part[0].time.size]
     if not parts:
         return None
-    top = max(float(np.percentile(np.abs(s.velocity), 99.5)) for s, *_ in parts)
     columns: list[list[Any]] = []
     far, count = 0, 0
     for number, (s, friction, predicted, _) in enumerate(parts):
-        slides = sliding(s, top)
+        slides = s.sliding
         known = np.zeros_like(s.torque) if s.model_torque is None else s.model_torque
         position = np.full(s.time.size, np.nan) if s.position is None else s.position
         series = (s.time, position, s.velocity, s.acceleration, s.torque, friction, predicted, known)
@@ -262,18 +259,3 @@ def residual_of(parts: Sequence[Part]) -> Residual | None:
         wild=far / count if count else 0.0,
         step=min(resolution(s.torque) for s, *_ in parts),
     )
-
-
-def sliding(s: Signals, top: float) -> np.ndarray:
-    """Return which samples are away from rests and reversals, (n,).
-
-    Args:
-        s: motion.
-        top: speed of the joint [rad/s or m/s].
-    """
-    inside = s.moving & (np.abs(s.velocity) > SLOW * top)
-    reach = round(TURN * s.rate)
-    way = np.sign(s.velocity)
-    for turn in np.flatnonzero(way[1:] != way[:-1]).tolist():
-        inside[max(turn + 1 - reach, 0) : turn + 1 + reach] = False
-    return inside

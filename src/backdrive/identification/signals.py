@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,6 +14,12 @@ GAP = 3.5  # an interval of so many periods is a gap; nothing is interpolated ac
 SHORTEST = 50  # a segment between gaps with fewer samples is left out [sample]
 REST = 0.002  # below this share of the top speed a joint is taken to rest [-]
 REST_TIME = 0.25  # when it does so for longer than this [s]
+SLOW = 0.08  # below this share of the top speed a joint slides only where it keeps its velocity [-]
+SUSTAINED = 0.1  # for so long, at its acceleration [s]
+REVERSAL = 0.05  # a joint reverses for so long, at least, before and after its velocity changes sign [s]
+BLURRED = 1.0  # and so many periods of the low pass's corner [-]
+CONTINUED = 2.0  # nor does it at the ends of a stretch, for so many of them [-]
+OF_A_MOVE = 0.25  # but for no larger share of the time between two reversals [-]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,6 +36,8 @@ class Signals:
         position: low-passed like the velocity [rad or m], (n,); None for a velocity-only log.
         model_torque: torque known from elsewhere [N.m or N], (n,); None if absent.
         moving: False where the joint rests so long that its friction may be anything, (n,).
+        sliding: True where it moves, reverses neither just before nor just after, and is not slow but in passing, (n,): there the
+            friction is that of sliding; empty: where it moves.
         load: motor-side and external torque, for laws that depend on load [N.m or N], (n, 2); None if absent.
         temperature: [degC], (n,); None if absent.
     """
@@ -43,8 +51,13 @@ class Signals:
     position: np.ndarray | None
     model_torque: np.ndarray | None
     moving: np.ndarray
+    sliding: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     load: np.ndarray | None = None
     temperature: np.ndarray | None = None
+
+    def __post_init__(self):
+        if not self.sliding.size:
+            object.__setattr__(self, "sliding", self.moving)
 
     def rows(self, part: slice) -> Signals:
         """Return some of the samples."""
@@ -135,6 +148,7 @@ def _segment(log: Log, period: float, cutoff: float | None, top: float) -> Signa
         position, velocity = None, filters.low_pass(log.need("velocity")[:, 0], cutoff, rate)
     acceleration = filters.derivative(velocity, period)
     jerk = filters.derivative(acceleration, period)
+    moving = _moving(velocity, rate, top)
     return Signals(
         time=clock,
         velocity=velocity,
@@ -144,7 +158,8 @@ def _segment(log: Log, period: float, cutoff: float | None, top: float) -> Signa
         rate=rate,
         position=position,
         model_torque=None if log.model_torque is None else log.model_torque[:, 0],
-        moving=_moving(velocity, rate, top),
+        moving=moving,
+        sliding=moving & _sliding(velocity, acceleration, rate, cutoff, top),
         load=_load(log),
         temperature=None if log.temperature is None else log.temperature[:, 0],
     )
@@ -171,3 +186,27 @@ def _moving(velocity: np.ndarray, rate: float, top: float) -> np.ndarray:
         if stop - start > REST_TIME * rate:
             moving[start:stop] = False
     return moving
+
+
+def _sliding(
+    velocity: np.ndarray, acceleration: np.ndarray, rate: float, cutoff: float, top: float
+) -> np.ndarray:
+    """Mark the samples whose friction is that of sliding.
+
+    About a reversal a joint sticks, bends what is elastic in it, and breaks away, which no function of the velocity describes;
+    and the low pass of the motion blurs it.
+    """
+    speed = np.abs(velocity)
+    steady = (speed >= SLOW * top) | (np.abs(acceleration) * SUSTAINED < speed)
+    turns = np.flatnonzero(np.diff(np.sign(velocity)) != 0) + 1
+    bounds = np.r_[0, turns, velocity.size]
+    length = np.diff(bounds)
+    reach = np.minimum(max(REVERSAL, BLURRED / cutoff) * rate, OF_A_MOVE * length)
+    reach = np.repeat(reach, length)
+    index = np.arange(velocity.size)
+    since = index - np.repeat(bounds[:-1], length) if turns.size else index + velocity.size
+    until = np.repeat(bounds[1:], length) - 1 - index if turns.size else velocity.size + index
+    since[: bounds[1]] = velocity.size  # neither end of a log is a reversal
+    until[bounds[-2] :] = velocity.size
+    from_end = np.minimum(index, index[::-1])  # but the low pass does not know what lies beyond
+    return steady & (since >= reach) & (until >= reach) & (from_end >= CONTINUED / cutoff * rate)

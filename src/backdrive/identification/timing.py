@@ -12,7 +12,8 @@ from typing import Literal
 
 import numpy as np
 
-from backdrive.identification import curves, motion, regression
+from backdrive.identification import curves, regression
+from backdrive.identification.motion_bins import bin_means
 from backdrive.identification.signals import Signals
 
 Timing = Literal["command", "sample"]
@@ -36,7 +37,7 @@ def torque_timing(stretches: Sequence[Signals]) -> tuple[Timing | None, float, f
     knots = float(np.percentile(speeds, 99.9)) * np.array(
         [curves.SHARES[i] for i in curves.COARSE["7 sections"]]
     )
-    blocks = motion.binned(stretches, knots, _columns)
+    blocks = bin_means(stretches, knots, _columns, reversals=True).equations()
     theta = blocks.solution()
     if not theta[0] > 0:
         return None, float("nan"), float("nan")

@@ -173,7 +173,7 @@ def _predictions(
     if cutoff is None and friction.method == "motion":
         cutoff = smoothing([log], name).cutoff
     stretches = prepare(log, name, cutoff=cutoff)
-    return [(s.torque, predict(friction, s), s.rate, s.moving) for s in stretches], [
+    return [(s.torque, predict(friction, s), s.rate, s.sliding) for s in stretches], [
         s.velocity for s in stretches
     ]
 
