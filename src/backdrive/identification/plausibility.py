@@ -34,7 +34,6 @@ RULES: tuple[Rule, ...] = (
     numbers.delay_range,
     residual.delay,
     residual.structure,
-    residual.slow_torque,
     numbers.break_away,
     residual.torque_steps,
     residual.encoder_steps,

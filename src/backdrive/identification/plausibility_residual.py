@@ -13,7 +13,7 @@ GRAVE = 0.25  # of the friction: from here on a remark lowers the grade [-]
 LEFT = 0.1  # of the friction: so much slow torque may be left [-]
 LATE = 0.015  # torque that comes so much later than motion is remarked on [s]
 WORTH = 0.9  # and the residual falls to less than this by it [-]
-WILD = 5e-4  # share of samples that are far off [-]
+WILD = 3e-3  # share of samples that are far off [-]
 COARSE = 0.25  # of the friction: a step of the torque's readings [-]
 FEW_STEPS = 0.3  # of the way in a mean at top speed: a step of the encoder [-]
 SLOWEST = 5.0  # sampling rate below which time is not in seconds [Hz]
@@ -82,7 +82,7 @@ def wild_samples(case: Case) -> Remark | None:
 
 
 def structure(case: Case) -> Remark | None:
-    """What explains most of the residual: time, load or position."""
+    """What explains most of the residual: time, load or position; or that nothing does, where much is left."""
     if case.residual is None or not case.residual.size > 0.0:
         return None
     res = case.residual.slides
@@ -91,7 +91,7 @@ def structure(case: Case) -> Remark | None:
     time = order / max(res.time.size - 1, 1) - 0.5
     late = np.sign(time)
     load = np.abs(res.torque - res.friction)
-    share, wave = "{share:.0%} of the friction", "every {wave:.3g} " + case.friction.joint.unit
+    share, wave = "{share:.0%} of the friction", "every {wave:.2g} " + case.friction.joint.unit
     tests: list[tuple[Explained | None, str]] = [
         (
             res.explained(time, late),
@@ -114,7 +114,7 @@ def structure(case: Case) -> Remark | None:
     ]
     sure = [(e, s) for e, s in tests if e is not None and e.chance < CHANCE and e.size > STRUCTURE * size]
     if not sure:
-        return None
+        return slow_torque(case)
     best, sentence = max(sure, key=lambda pair: pair[0].size)
     named = sentence.format(share=best.size / size, wave=2.0 * np.pi / best.wave if best.wave else 0.0)
     return Remark(severity="care" if best.size > GRAVE * size else "note", sentence=named)

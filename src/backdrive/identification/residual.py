@@ -20,6 +20,8 @@ from backdrive.logs.resolution import resolution
 
 MEAN = 0.01  # length of a mean [s]
 BLOCK = 0.4  # length of a block of means [s]
+SLOW = 0.1  # a mean counts above this share of the top speed [-]
+TURN = 0.05  # and so long after and before the velocity changes sign [s]
 FEWEST_BLOCKS = 8  # more than there are columns, for a test
 WILD = 8.0  # a sample farther off than so many standard deviations is wild
 LATEST = 0.15  # longest delay that is sought [s]
@@ -165,7 +167,7 @@ class Residual:
         finest = min(FINEST, 0.5 * np.pi / (self.period * max(top, 1e-12)))
         if not span > 0.0 or finest <= 2.0 * np.pi / span:
             return None
-        step = max(np.pi / span, finest * self.time.size / MOST)
+        step = max(0.5 * np.pi / span, finest * self.time.size / MOST)
         waves = np.arange(2.0 * np.pi / span, finest, step)
         left = self._apart(self.left)
         power = []
@@ -196,11 +198,7 @@ class Residual:
         if reach < 3 or n < 20 * reach:
             return None
         inside = np.arange(reach, n - reach)
-        inside = inside[
-            (self.part[inside - reach] == self.part[inside + reach])
-            & self.moving[inside - reach]
-            & self.moving[inside]
-        ]
+        inside = inside[(self.part[inside - reach] == self.part[inside + reach]) & self.sliding[inside]]
         if inside.size < 20 * reach // 2:
             return None
         basis, _ = np.linalg.qr(self.columns[inside])
@@ -222,10 +220,11 @@ def residual_of(parts: Sequence[Part]) -> Residual | None:
     parts = [part for part in parts if part[0].time.size]
     if not parts:
         return None
+    top = max(float(np.percentile(np.abs(s.velocity), 99.5)) for s, *_ in parts)
     columns: list[list[Any]] = []
     far, count = 0, 0
     for number, (s, friction, predicted, _) in enumerate(parts):
-        slides = s.sliding
+        slides = sliding(s, top)
         known = np.zeros_like(s.torque) if s.model_torque is None else s.model_torque
         position = np.full(s.time.size, np.nan) if s.position is None else s.position
         series = (s.time, position, s.velocity, s.acceleration, s.torque, friction, predicted, known)
@@ -259,3 +258,17 @@ def residual_of(parts: Sequence[Part]) -> Residual | None:
         wild=far / count if count else 0.0,
         step=min(resolution(s.torque) for s, *_ in parts),
     )
+
+
+def sliding(s: Signals, top: float) -> np.ndarray:
+    """Return which samples are well away from rests and reversals, however short the moves, (n,).
+
+    Args:
+        s: motion.
+        top: speed of the joint [rad/s or m/s].
+    """
+    inside = s.sliding & (np.abs(s.velocity) > SLOW * top)
+    reach, way = round(TURN * s.rate), np.sign(s.velocity)
+    for turn in np.flatnonzero(way[1:] != way[:-1]).tolist():
+        inside[max(turn + 1 - reach, 0) : turn + 1 + reach] = False
+    return inside
