@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from _synthetic import any_motion
+from backdrive import identify
 from backdrive.errors import NotIdentifiable
 from backdrive.identification.motion import identify_motion
 
@@ -119,9 +120,10 @@ def test_another_log_is_judged_when_given():
 
 def test_an_inverted_torque_is_said():
     log = any_motion(lambda v: 5.0 * np.sign(v) + 2.0 * v)
-    friction, evidence = identify_motion([log.replace(torque=-log.torque)], "j1")
-    assert any("inverted" in w for w in friction.warnings)
-    assert "not credible" in evidence.verdict
+    inverted = log.replace(torque=-log.torque)
+    result = identify(inverted, method="motion", accept=("torque-sign", "no-friction"))
+    assert "inverted" in result.model.joints[0].warnings[0]
+    assert "not credible" in result.evidence[0].verdict
 
 
 def test_a_joint_at_rest_is_not_identified():

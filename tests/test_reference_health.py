@@ -271,12 +271,24 @@ def test_velocity_and_position_are_compared_by_scale_and_delay():
 
 
 @pytest.mark.parametrize(
-    ("scale", "names"), [(0.86, []), (0.84, ["velocity-mismatch"]), (1.14, []), (1.16, ["velocity-mismatch"])]
+    ("scale", "severities"),
+    [
+        (0.84, ["spoils"]),
+        (0.86, ["warn"]),
+        (0.97, ["warn"]),
+        (0.99, []),
+        (1.01, []),
+        (1.03, ["warn"]),
+        (1.14, ["warn"]),
+        (1.16, ["spoils"]),
+    ],
 )
-def test_a_velocity_may_be_off_by_15_percent(scale, names):
+def test_a_velocity_off_by_2_percent_is_remarked_on_and_spoils_from_15_on(scale, severities):
     t = 1e-3 * np.arange(6000)
     log = log_of(6000, position=np.sin(3.0 * t), velocity=3.0 / scale * np.cos(3.0 * t))
-    assert [f.name for f in check(log) if f.severity != "note"] == names
+    findings = [f for f in check(log) if f.severity != "note"]
+    assert [f.severity for f in findings] == severities
+    assert all(f.name == "velocity-mismatch" and f.repairable == (f.severity == "spoils") for f in findings)
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(180.0 / np.pi, "rad"), (1000.0, "m")])

@@ -1,5 +1,7 @@
 """Any motion from end to end: every number returned by brute force, every remark and choice from both sides."""
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,8 @@ from backdrive.identification import curves, design, dynamics, motion, noise, re
 from backdrive.identification.evidence import verdict
 from backdrive.identification.motion import as_friction, identify_motion, with_warnings
 from backdrive.identification.motion_bins import bin_means
+from backdrive.identification.plausibility import remarks
+from backdrive.identification.result import Curve, JointEvidence, Samples
 from backdrive.identification.signals import SLOW, prepare
 from backdrive.identification.slip import seek_slip
 from backdrive.logs.log import Joint, Log
@@ -313,18 +317,7 @@ GOOD = [0.5, 3.0, 5.0, 3.0, 5.0]
             ["separates the terms poorly"],
         ),
         (("inertia",), [0.5, 3.0, 5.0], {"symmetric": True, "condition": 0.99e4}, True, []),
-        (("inertia",), [-0.19, 3.0, 5.0], {"symmetric": True}, True, []),
-        (
-            ("inertia",),
-            [-0.21, 3.0, 5.0],
-            {"symmetric": True},
-            True,
-            ["The inertia came out negative (-0.21 kg.m^2)"],
-        ),
         ((), [3.0, 5.0], {"symmetric": True}, True, []),
-        ((), [-1.0, 5.0], {"symmetric": True}, True, ["feeds energy in"]),
-        ((), [3.0, -0.1], {"symmetric": True}, True, ["feeds energy in"]),
-        ((), [3.0, 0.1], {"symmetric": True}, True, []),
     ],
 )
 def test_remarks_on_a_motion(terms, values, more, both, words):
@@ -332,6 +325,29 @@ def test_remarks_on_a_motion(terms, values, more, both, words):
     found = as_friction(choice, choice.coefficients, Joint(name="x"), (-2.0, 2.0))
     got = with_warnings(found, choice, both).warnings
     assert len(got) == len(words) and all(w in g for w, g in zip(words, got))
+
+
+@pytest.mark.parametrize(
+    ("terms", "values", "words"),
+    [
+        (("inertia",), [-0.19, 3.0, 5.0], []),
+        (("inertia",), [-0.21, 3.0, 5.0], ["The inertia came out negative (-0.21 kg.m^2)"]),
+        ((), [3.0, 5.0], []),
+        ((), [-1.0, 5.0], ["feeds energy in"]),
+        ((), [3.0, -0.1], ["feeds energy in"]),
+        ((), [3.0, 0.1], []),
+    ],
+)
+def test_what_physics_forbids_is_not_credible(terms, values, words):
+    choice = choice_of(terms, values, symmetric=True)
+    friction = as_friction(choice, choice.coefficients, Joint(name="x"), (-2.0, 2.0))
+    none = np.empty(0)
+    curve = Curve(velocity=none, torque=none, standard_error=none)
+    samples = Samples(**{f.name: none for f in fields(Samples)})
+    evidence = JointEvidence(joint="x", samples=samples, curve=curve, verdict="")
+    got = remarks(friction, evidence)
+    assert [r.severity for r in got] == ["poor"] * len(words)
+    assert all(w in r.sentence for w, r in zip(words, got))
 
 
 # ---------------------------------------------------------------------------------- what is chosen

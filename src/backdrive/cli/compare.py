@@ -95,17 +95,25 @@ def _pairs(
     first: FrictionModel, second: FrictionModel, joint: list[str] | None
 ) -> tuple[list[tuple[str, str]], list[str]]:
     """Return names of the joints to compare, and a sentence for every joint that only one model has."""
+    from backdrive.identification.names import same_names
+
     if joint:
         words = [word.partition("=") for word in joint]
         pairs = [(first.joint(a).joint.name, second.joint(b or a).joint.name) for a, _, b in words]
         return list(dict.fromkeys(pairs)), []
+    by_order = same_names(
+        [j.joint for j in first.joints], [j.joint for j in second.joints], "first", "second"
+    )
     common = [name for name in first.names if name in second.names]
     if not common:
         raise InvalidInput(
             f"The models have no joint in common: {', '.join(first.names)}, and {', '.join(second.names)}.",
             remedy=f"Name them, for example --joint {first.names[0]}={second.names[0]}.",
         )
-    left_out = [f"Joint '{n}' is only in the first model." for n in first.names if n not in common]
+    left_out = [
+        *by_order,
+        *(f"Joint '{n}' is only in the first model." for n in first.names if n not in common),
+    ]
     left_out += [f"Joint '{n}' is only in the second model." for n in second.names if n not in common]
     return [(name, name) for name in common], left_out
 

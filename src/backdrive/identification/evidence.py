@@ -11,12 +11,12 @@ import numpy as np
 from backdrive.identification.bands import bands_of, long_run_of
 from backdrive.identification.dynamics import predict, rest_of_dynamics
 from backdrive.identification.quality import grade
+from backdrive.identification.residual import Part, residual_of
 from backdrive.identification.result import Curve, JointEvidence, Samples
 from backdrive.identification.signals import Signals
 from backdrive.model import JointFriction
 
 MOST = 4000  # samples kept for pictures
-Part = tuple[Signals, np.ndarray, np.ndarray, bool]
 
 
 def sentences(*table: tuple[Any, str]) -> tuple[str, ...]:
@@ -59,6 +59,7 @@ def evidence(
         presliding=presliding,
         bands=bands_of(parts),
         long_run=long_run_of(parts),
+        residual=residual_of(parts),
     )
 
 

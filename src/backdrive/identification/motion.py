@@ -269,20 +269,8 @@ def as_friction(
 
 def with_warnings(friction: JointFriction, choice: design.Choice, both_directions: bool) -> JointFriction:
     """Return the result with what makes it suspect said in sentences."""
-    inertia = friction.dynamics.get("inertia")
-    negative = inertia is not None and inertia.value < -2 * inertia.standard_error
     symmetric, apart = choice.candidate.form.symmetric, "offset" in choice.candidate.terms
     warnings = sentences(
-        (
-            friction.driving(friction.validity.lowest_speed or 0.0) is not None,
-            "At some velocities the friction found feeds energy in instead of dissipating it: the torque's sign is inverted, "
-            "or torques act that the model does not know.",
-        ),
-        (
-            negative,
-            f"The inertia came out negative ({inertia.value if inertia else 0.0:.4g} {inertia.unit if inertia else ''}): torque "
-            "sign, or other axes' pull.",
-        ),
         (
             not both_directions,
             "The joint moved in one direction only: friction and a constant torque cannot be told apart.",

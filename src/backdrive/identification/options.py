@@ -298,7 +298,9 @@ def healthy(log: Log, accept: Sequence[str], repair: bool, warnings: list[str]) 
     try:
         mended, suspect = health.passed(log, accept=accept, repair=repair)
         where = f"{log.sources[0].path}: " if log.sources else ""
-        warnings += [f"{where}[{f.name}] {f.sentence}" for f in suspect]
+        for f in suspect:
+            if not any(f"[{f.name}] " in before and f"{f.joint}" in before for before in warnings):
+                warnings.append(f"{where}[{f.name}] {f.sentence}")
         return mended
     except UnhealthyLog as error:
         if not log.sources:

@@ -26,6 +26,7 @@ from backdrive.identification.options import (
     slow_clock,
     unused_torque,
 )
+from backdrive.identification.plausibility import with_verdict
 from backdrive.identification.result import Identification, JointEvidence
 from backdrive.identification.supplement import supplement
 from backdrive.identification.timing import Timing
@@ -220,6 +221,7 @@ def identify(
     if held_out and method not in ("motion", "arm", "dynamic"):
         options.say("Judging on the held-out logs")
         model, evidence = _judged_on(model, evidence, held_out)
+    model, evidence = _with_verdicts(model, evidence, logs)
     limits = _limits(options.urdf)
     model = replace(
         model, joints=tuple(supplement(j, e, logs, limits) for j, e in zip(model.joints, evidence))
@@ -321,8 +323,22 @@ def _judged_on(
     """Return model and evidence with the quality on held-out logs, for methods that do not judge themselves."""
     qualities = validate(model, held_out)
     joints = tuple(replace(j, held_out=qualities.get(j.joint.name, j.held_out)) for j in model.joints)
-    described = [
-        replace(e, verdict=e.verdict.replace(describe_fit(before), describe_fit(after)))
-        for e, before, after in zip(evidence, model.joints, joints)
+    return replace(model, joints=joints), _described(evidence, model.joints, joints)
+
+
+def _with_verdicts(
+    model: FrictionModel, evidence: Sequence[JointEvidence], logs: Sequence[Log]
+) -> tuple[FrictionModel, list[JointEvidence]]:
+    """Return model and evidence with what the rules of plausibility have to say."""
+    joints = tuple(with_verdict(j, e, logs) for j, e in zip(model.joints, evidence))
+    return replace(model, joints=joints), _described(evidence, model.joints, joints)
+
+
+def _described(
+    evidence: Sequence[JointEvidence], before: Sequence[JointFriction], after: Sequence[JointFriction]
+) -> list[JointEvidence]:
+    """Return the evidence with the sentence on the fit as it is now."""
+    return [
+        replace(e, verdict=e.verdict.replace(describe_fit(old), describe_fit(new)))
+        for e, old, new in zip(evidence, before, after)
     ]
-    return replace(model, joints=joints), described

@@ -88,14 +88,16 @@ def credible(friction: JointFriction) -> bool:
 
 
 def grade(friction: JointFriction) -> Grade:
-    """Return the grade of a joint, by its residual on held-out data where there is some."""
-    quality = friction.held_out or friction.fitted
+    """Return the grade of a joint: by plausibility first, then by its residual on held-out data where there is some."""
+    quality, allowed = friction.held_out or friction.fitted, friction.verdict
     if quality is None or not math.isfinite(quality.residual):
         return Grade(level="unknown", word="not judged")
     if not credible(friction):
         return Grade(level="poor", word="not credible")
-    if quality.residual <= GOOD:
-        return Grade(level="good", word="good, with a remark" if friction.warnings else "good")
-    if quality.residual <= FAIR:
+    if quality.residual > FAIR:
+        return Grade(level="poor", word="poor")
+    if allowed is not None and allowed.grade in ("poor", "unknown"):
+        return Grade(level=allowed.grade, word="not credible" if allowed.grade == "poor" else "cannot tell")
+    if quality.residual > GOOD or (allowed is not None and allowed.grade == "care"):
         return Grade(level="care", word="usable with care")
-    return Grade(level="poor", word="poor")
+    return Grade(level="good", word="good, with a remark" if friction.warnings else "good")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from backdrive.errors import InvalidInput
+from backdrive.identification.residual import Residual
 from backdrive.model import Bands, FrictionModel
 
 if TYPE_CHECKING:
@@ -70,6 +71,7 @@ class JointEvidence:
         presliding: None, or displacement [rad or m] and torque [N.m or N] of a ramp, (n, 2).
         bands: how far measured torque lies from the predicted one, by state of motion.
         long_run: standard deviation of the mean, over one second, of what the model leaves of the torque [N.m or N].
+        residual: what the model leaves, in short means; None where the method has none.
     """
 
     joint: str
@@ -79,6 +81,7 @@ class JointEvidence:
     presliding: np.ndarray | None = None
     bands: Bands | None = None
     long_run: float | None = None
+    residual: Residual | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

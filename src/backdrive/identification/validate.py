@@ -9,7 +9,9 @@ import numpy as np
 
 from backdrive.engine import Axis, DriveModel, forward
 from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
+from backdrive.identification.auto import moving_joints
 from backdrive.identification.dynamics import predict
+from backdrive.identification.names import same_names
 from backdrive.identification.options import Options, settings_of
 from backdrive.identification.quality import judge
 from backdrive.identification.runs import find_runs
@@ -48,9 +50,18 @@ def validate(
         from backdrive.identification.arm import validate_arm
 
         return validate_arm(model, logs, urdf, remarks)
+    said = [] if remarks is None else remarks
+    said += same_names(
+        [j.joint for j in model.joints], [joint for log in logs for joint in log.joints], "model", "logs"
+    )
+    idle = moving_joints(logs, None)[1]
     result = {}
     for name in shared:
+        if name in idle:
+            said.append(f"Joint '{name}' hardly moves in the logs and was not judged.")
+            continue
         friction = model.joint(name)
+        said += _of_identification(friction)
         units = {log.joints[log.column(name)].unit for log in logs}
         if units != {friction.joint.unit}:
             raise InvalidInput(
@@ -65,9 +76,23 @@ def validate(
             )
         result[name] = judge(pairs)
         beyond = friction.extrapolated(np.concatenate([v for _, moved in each for v in moved]))
-        if beyond and remarks is not None:
-            remarks.append(beyond)
+        if beyond:
+            said.append(beyond)
+    if not result:
+        raise NotIdentifiable(
+            "No joint that the model knows moves in the logs.", remedy="Give a log in which one moves."
+        )
     return result
+
+
+def _of_identification(friction: JointFriction) -> list[str]:
+    """Return what the identification itself held against a joint's numbers, in a sentence."""
+    grade = None if friction.verdict is None else friction.verdict.grade
+    if grade not in ("poor", "unknown"):
+        return []
+    why = f": {friction.warnings[0]}" if friction.warnings else "."
+    word = "not credible, or poor," if grade == "poor" else "not to be judged"
+    return [f"Joint '{friction.joint.name}' was {word} when it was identified{why}"]
 
 
 def validate_motion(model: FrictionModel, logs: Sequence[Log]) -> dict[str, Quality]:

@@ -6,7 +6,6 @@ what the sampling cannot resolve without biasing the fit.
 
 from __future__ import annotations
 
-import math
 from functools import cache
 
 import numpy as np
@@ -61,8 +60,10 @@ def squared_gain(frequency: np.ndarray, cutoff: float, order: int = 4) -> np.nda
         cutoff: by the sampling rate [-].
         order: of one pass.
     """
-    square = (np.tan(np.pi * frequency) / np.tan(np.pi * cutoff)) ** 2
-    return 1.0 / (1.0 + math.prod([square] * order))  # not `**`: a product takes a tenth of the time
+    power = square = (np.tan(np.pi * frequency) / np.tan(np.pi * cutoff)) ** 2
+    for _ in range(order - 1):  # not `**`: products take a tenth of the time
+        power = power * square
+    return 1.0 / (1.0 + power)
 
 
 def _filtered(x: np.ndarray, gain: np.ndarray, pad: int, n: int) -> np.ndarray:

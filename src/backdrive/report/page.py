@@ -58,7 +58,11 @@ def overall(result: Identification) -> str:
         ]
         said = f"Of {len(joints)} joints, {', '.join(parts[:-1])} and {parts[-1]}."
     n = len(result.warnings) + sum(len(j.warnings) for j in joints)
-    return said + (f" Read {counted(n, 'warning')} before using the numbers." if n else "")
+    if not n:
+        return said
+    if set(levels) == {"good"}:
+        return f"{said} There {'is' if n == 1 else 'are'} {counted(n, 'remark')}; none lowers the grade."
+    return f"{said} Read {counted(n, 'warning')} before using the numbers."
 
 
 def header(result: Identification, title: str) -> str:

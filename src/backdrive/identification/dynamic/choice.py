@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.special import stdtrit
 
 from backdrive._catalog import lookup
 from backdrive.errors import InvalidInput
@@ -17,6 +18,9 @@ from backdrive.identification.signals import spans
 
 WINDOWS = 15  # of time; every third is held out
 WORTH = 0.02  # a richer law must lower the held-out error by this share [-]
+LEAST = 0.002  # or by this, where the windows agree [-]
+CLEAR = 0.999  # probability by which they agree [-]
+LOST = 0.1  # of the gain that a richer law may lose in some windows, where few of them hold the gain [-]
 
 #: Laws that `auto` considers by what the data can support.
 CURVES = ("coulomb-viscous", "stribeck-gauss", "stribeck-tustin", "degressive")
@@ -222,11 +226,15 @@ def _left(candidate: Candidate) -> float:
 
 
 def _worth(simple: Candidate, best: Candidate) -> bool:
-    """Say whether the best law beats a simpler one by more than the windows' scatter, and by enough to matter."""
-    if best.held_out >= (1.0 - WORTH) * simple.held_out:
-        return False
+    """Say whether the best law beats a simpler one by more than the windows' scatter, and by enough to matter or beyond doubt."""
+    enough = best.held_out < (1.0 - WORTH) * simple.held_out
     if simple.windows is None or best.windows is None or len(simple.windows) != len(best.windows):
-        return True
+        return enough
     gain = simple.windows - best.windows
-    error = float(gain.std(ddof=1) / np.sqrt(len(gain))) if len(gain) > 1 else 0.0
-    return float(gain.mean()) > error
+    mean, count = float(gain.mean()), len(gain)
+    if not mean > 0.0 or best.held_out >= (1.0 - LEAST) * simple.held_out:
+        return False
+    error = float(gain.std(ddof=1) / np.sqrt(count)) if count > 1 else 0.0
+    clear = count > 1 and mean > error * float(stdtrit(count - 1, CLEAR))
+    steady = float(np.maximum(-gain, 0.0).sum()) < LOST * float(gain.sum())  # what slow windows alone show
+    return clear or (enough and (mean > error or steady))

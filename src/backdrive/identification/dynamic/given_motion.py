@@ -17,7 +17,7 @@ from backdrive.identification.dynamic.law_fit import fit_law
 from backdrive.identification.dynamic.result import finish
 from backdrive.identification.dynamic.torque import SMOOTHED, Stretch, stretch
 from backdrive.identification.dynamic.unknowns import LawShape
-from backdrive.identification.dynamics import earlier
+from backdrive.identification.dynamics import delayed, earlier
 from backdrive.identification.options import Options
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
@@ -47,21 +47,24 @@ class TorqueTask(Task):
 
     def __init__(self, logs: Sequence[Log], held_out: Sequence[Log], name: str, options: Options):
         for term in options.known:
-            lookup(term, dict.fromkeys(RIGID, 0), "number that a fit of torque takes as known")
+            lookup(term, dict.fromkeys((*RIGID, "delay"), 0), "number that a fit of torque takes as known")
         self.options, self.logs = options, logs
         info = self.info = logs[0].joints[logs[0].column(name)]
         smooth = smoothing([*logs, *held_out], name, options.cutoff)
         self.cutoff = smooth.cutoff
         self.remarks, self.notes = ((s,) if s else () for s in (smooth.warning, smooth.note))
-        self.pairs = [pair for log in logs for pair in _stretches(log, name, smooth.cutoff)]
-        self.unseen = [pair for log in held_out for pair in _stretches(log, name, smooth.cutoff)]
+        late = options.known.get("delay", 0.0)
+        self.pairs = [pair for log in logs for pair in _stretches(log, name, smooth.cutoff, late)]
+        self.unseen = [pair for log in held_out for pair in _stretches(log, name, smooth.cutoff, late)]
+        known = {term: value for term, value in options.known.items() if term != "delay"}
+        delay = options.delay and "delay" not in options.known
         stretches = [s for _, s in self.pairs]
         sought = ("inertia", "offset", *gravity_sought(stretches, info.unit, options.gravity))
         asked = dict.fromkeys((*sought, *(term for term in RIGID if term in options.bounds)))
         terms = [term for term in asked if term not in options.known]
         self.load = all(s.load.shape[0] > 1 and _varies(s.load[:, 1]) for s in stretches)
         self.warm = all(s.temperature.size > 1 and _varies(s.temperature) for s in stretches)
-        sizes = starts.scales(stretches, terms, info.unit, info.encoder_counts, options.known)
+        sizes = starts.scales(stretches, terms, info.unit, info.encoder_counts, known)
         presliding = sizes.length * (info.encoder_counts or np.inf) >= 5.0
         presliding = presliding and _slow_reversals(stretches, sizes.length)
         if self.unseen:
@@ -75,9 +78,9 @@ class TorqueTask(Task):
             "unit": info.unit,
             "counts": info.encoder_counts,
             "terms": terms,
-            "delay": options.delay,
+            "delay": delay,
             "bounds": options.bounds,
-            "known": options.known,
+            "known": known,
             "scales": sizes,
             "loss": options.loss,
             "seed": options.seed,
@@ -85,7 +88,7 @@ class TorqueTask(Task):
         asked = options.law or "auto"
         laws = choice.shortlist(asked, presliding=presliding, load=self.load, warm=self.warm)
         self.laws = directions.laws_to_try(laws, options.symmetric)
-        self.others = (*RIGID, *(("delay",) if options.delay else ()))
+        self.others = (*RIGID, *(("delay",) if delay else ()))
         size = float(np.sqrt(np.mean(np.concatenate([s.torque for s in stretches]) ** 2)))
         self.what = ("torque", info.torque_unit, size)
 
@@ -140,19 +143,28 @@ class TorqueTask(Task):
 
 
 def gravity_sought(stretches: Sequence[Stretch], unit: str, wanted: bool | None) -> tuple[str, ...]:
-    """Return the terms of gravity that are sought: where asked for, or where the joint turns far enough to show it."""
+    """Return the terms of gravity that are sought: where asked for, or where all stretches together turn far enough to show it."""
     turns = unit == "rad" and all(s.position is not None for s in stretches)
-    far = turns and max(float(np.ptp(s.position)) for s in stretches) > TURNS  # type: ignore[arg-type]
+    ends = [end(s.position) for s in stretches for end in (np.min, np.max) if s.position is not None]
+    far = turns and max(ends) - min(ends) > TURNS
     return GRAVITY if wanted or (wanted is None and far) else ()
 
 
-def _stretches(log: Log, name: str, cutoff: float | None) -> list[tuple[Signals, Stretch]]:
-    """Return signals and stretches of one joint, with its load and temperature; a torque known from elsewhere is taken off."""
+def _stretches(log: Log, name: str, cutoff: float | None, late: float = 0.0) -> list[tuple[Signals, Stretch]]:
+    """Return signals and stretches of one joint, with its load and temperature; a torque known from elsewhere is taken off.
+
+    Args:
+        log: that holds it.
+        name: of the joint.
+        cutoff: low pass of the motion [Hz].
+        late: delay of the torque that is known; the stretches hold the motion of so long before [s].
+    """
     found = []
     for signals in prepare(log, name, cutoff=cutoff):
+        then = delayed(signals, late)
         one = stretch(
-            signals,
-            load=signals.load,
+            then,
+            load=then.load,
             temperature=signals.temperature,
             bandwidth=SMOOTHED if cutoff is None else min(cutoff, SMOOTHED),
         )

@@ -19,6 +19,7 @@ _WINDOW, _MOVED = 5, 24.0
 #: Windows shall be longer than a delay worth the name [s].
 _LONG = 0.1
 _MOST_WINDOWS = 8192
+_FOLDS = 24  # stretches of the log by which the error of the scale is estimated
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,7 @@ class VelocityFit:
         residual: RMS of what is left over the RMS of the change of position [1].
         plain: the same without the delay [1].
         window: length of the windows compared [s].
+        error: standard error of `scale` [1]; infinite where nobody knows it.
     """
 
     scale: float
@@ -38,6 +40,7 @@ class VelocityFit:
     residual: float
     plain: float
     window: float
+    error: float = float("inf")
 
 
 @once
@@ -69,8 +72,8 @@ def velocity_fit(exam: Exam, j: int) -> VelocityFit | None:
         window *= 3
     if not enough and not (moved > 0.5 * least and max(moved, expected) > 0.5 * unsure):
         return None
-    scale, delay, residual, plain = _solve(change, integral, ends)
-    return VelocityFit(scale, delay, residual, plain, window * exam.period)
+    scale, delay, residual, plain, error = _solve(change, integral, ends)
+    return VelocityFit(scale, delay, residual, plain, window * exam.period, error)
 
 
 def _windows(pieces, window: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -86,14 +89,16 @@ def _windows(pieces, window: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.concatenate(changes), np.concatenate(integrals), np.concatenate(ends)
 
 
-def _solve(change: np.ndarray, integral: np.ndarray, ends: np.ndarray) -> tuple[float, float, float, float]:
+def _solve(
+    change: np.ndarray, integral: np.ndarray, ends: np.ndarray
+) -> tuple[float, float, float, float, float]:
     keep = np.ones(change.size, bool)
     power = float(np.mean(change**2))
     for _ in range(2):  # the second time without what fits worst, such as the windows across a jump
         a, d, e = integral[keep], change[keep], ends[keep]
         matrix = np.array([[a @ a, a @ e], [a @ e, e @ e]])
         if not matrix[0, 0] > 0:
-            return 0.0, 0.0, 1.0, 1.0
+            return 0.0, 0.0, 1.0, 1.0, float("inf")
         if matrix[1, 1] * matrix[0, 0] - matrix[0, 1] ** 2 <= 1e-9 * matrix[0, 0] * matrix[1, 1]:
             scale, slope = float(a @ d / matrix[0, 0]), 0.0
         else:
@@ -104,4 +109,6 @@ def _solve(change: np.ndarray, integral: np.ndarray, ends: np.ndarray) -> tuple[
     lone = integral @ change / (integral @ integral)
     plain = np.sqrt(np.mean((change - lone * integral) ** 2) / power)
     delay = slope / scale if scale else 0.0
-    return float(scale), float(delay), float(residual), float(plain)
+    scores = [float(part.sum()) for part in np.array_split(np.where(keep, left * integral, 0.0), _FOLDS)]
+    error = np.sqrt(np.sum(np.square(scores))) / (integral[keep] @ integral[keep])
+    return float(scale), float(delay), float(residual), float(plain), float(error)

@@ -11,6 +11,8 @@ from backdrive.logs.health.degrees import unlike
 
 #: Scale off by more than this; residual from which velocity is another quantity [1].
 SCALE, NONSENSE = 0.15, 0.4
+#: From this on a word is due, where it is so many standard errors [1].
+CLOCK, SURE = 0.02, 3.0
 #: A filter's delay is below this; in samples, and in seconds.
 DELAY_SAMPLES, DELAY = 6.0, 0.025
 #: And the delay explains what position and velocity do not share: without it this many times as much is left.
@@ -37,7 +39,7 @@ def find(exam: Exam) -> Iterator[Finding]:
             sentence=sentence,
             remedy=keep if severity == "note" else mend,
             value=value,
-            repairable=severity != "note",
+            repairable=severity != "note" and not _clock(fit),
         )
 
 
@@ -58,6 +60,13 @@ def _say(fit: VelocityFit, period: float, what: str) -> tuple[Severity, float, s
             fit.scale,
             f"{what} is off by a factor: its position changes {fit.scale:.3g} times as fast.",
         )
+    if _clock(fit):
+        return (
+            "warn",
+            fit.scale,
+            f"{what} and the change of its position differ by a factor of {fit.scale:.3g} ± {fit.error:.1g}: the clock, or the "
+            "scale of one of them, is wrong.",
+        )
     way = "lags" if fit.delay > 0 else "leads"
     by = f"{1e3 * abs(fit.delay):.3g} ms ({abs(fit.delay) / period:.1f} samples)"
     if abs(fit.delay) > max(DELAY_SAMPLES * period, DELAY) and fit.plain > _HELPS * fit.residual:
@@ -65,6 +74,11 @@ def _say(fit: VelocityFit, period: float, what: str) -> tuple[Severity, float, s
     if abs(fit.delay) > max(1.5 * period, 3e-3):
         return "note", fit.delay, f"{what} {way} its position by {by}, as a filter does."
     return None
+
+
+def _clock(fit: VelocityFit) -> bool:
+    """Return whether the scale is off by little, and surely."""
+    return max(CLOCK, SURE * fit.error) < abs(fit.scale - 1.0) <= SCALE and fit.residual < NONSENSE
 
 
 @find.mended_by

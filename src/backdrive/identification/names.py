@@ -1,0 +1,36 @@
+"""Joints of two sides are the same where their names are; names that were made up tell nothing but an order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from backdrive.errors import InvalidInput
+from backdrive.logs.log import Joint
+
+
+def same_names(first: Iterable[Joint], second: Iterable[Joint], *sides: str) -> list[str]:
+    """Return a remark where joints are matched by names that were made up in their order.
+
+    Args:
+        first: joints of one side.
+        second: of the other.
+        sides: what the two are called.
+
+    Raises:
+        InvalidInput: names were made up, and the sides do not have the same ones: an order tells nothing then.
+    """
+    mine, theirs = (list(dict.fromkeys((j.name, j.named) for j in side)) for side in (first, second))
+    if all(named is not False for _, named in (*mine, *theirs)):
+        return []
+    left, right = (list(dict.fromkeys(name for name, _ in side)) for side in (mine, theirs))
+    listed = f"{sides[0]}: {', '.join(left)}; {sides[1]}: {', '.join(right)}"
+    if set(left) != set(right):
+        raise InvalidInput(
+            f"Joints cannot be matched: names are missing in the data, and those made up differ ({listed}).",
+            remedy="Name the joints as they are meant (--names when reading, or --joint A=B).",
+        )
+    return (
+        []
+        if len(left) == 1
+        else [f"Names are missing in the data; joints were matched by their order ({listed})."]
+    )

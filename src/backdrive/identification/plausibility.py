@@ -1,0 +1,69 @@
+"""Is a result plausible? The rules that every method's results pass, and the one verdict that follows.
+
+Physics comes before the residual: what it forbids is not credible however little torque is left. Each rule looks at a joint's
+numbers with their errors, or at what the model leaves of the torque, and says in a sentence with numbers what is the matter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from backdrive.identification import plausibility_numbers as numbers
+from backdrive.identification import plausibility_residual as residual
+from backdrive.identification.remark import Case, Remark, Severity
+from backdrive.identification.result import JointEvidence
+from backdrive.logs.log import Log
+from backdrive.logs.resolution import encoder_step
+from backdrive.model import JointFriction, Verdict
+
+ORDER: tuple[Severity, ...] = ("poor", "unknown", "care", "note")
+
+Rule = Callable[[Case], Remark | None]
+
+#: The rules, the gravest first; a line each.
+RULES: tuple[Rule, ...] = (
+    numbers.speed,
+    residual.clock,
+    numbers.direction,
+    numbers.inertia,
+    numbers.balance,
+    numbers.certainty,
+    numbers.known_torque,
+    numbers.directions,
+    numbers.delay_range,
+    residual.delay,
+    residual.structure,
+    numbers.break_away,
+    residual.torque_steps,
+    residual.encoder_steps,
+    residual.wild_samples,
+    numbers.vague_terms,
+)
+
+
+def remarks(friction: JointFriction, evidence: JointEvidence, logs: Sequence[Log] = ()) -> list[Remark]:
+    """Return what the rules have to say of a joint's result, the gravest first.
+
+    Args:
+        friction: of the joint.
+        evidence: of the same joint.
+        logs: that were fitted.
+    """
+    steps = [encoder_step(log.select(friction.joint.name)) for log in logs]
+    case = Case(
+        friction=friction, evidence=evidence, residual=evidence.residual, count=max(steps, default=0.0)
+    )
+    every = [remark for rule in RULES if (remark := rule(case)) is not None]
+    return sorted(every, key=lambda remark: ORDER.index(remark.severity))
+
+
+def with_verdict(friction: JointFriction, evidence: JointEvidence, logs: Sequence[Log] = ()) -> JointFriction:
+    """Return the joint with its remarks before the method's own, and the grade that they allow; see `remarks`."""
+    every = remarks(friction, evidence, logs)
+    if not every:
+        return friction
+    worst = every[0].severity
+    sentences = dict.fromkeys([*(remark.sentence for remark in every), *friction.warnings])
+    grade = "good" if worst == "note" else worst
+    return replace(friction, warnings=tuple(sentences), verdict=Verdict(grade=grade, text=evidence.verdict))

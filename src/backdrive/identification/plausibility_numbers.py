@@ -1,0 +1,165 @@
+"""Rules of plausibility on a result's numbers: sign, size, balance against each other, their errors, and the edges of ranges."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from backdrive.identification.design import LARGEST_SLIP
+from backdrive.identification.remark import SHARE, SURE, Case, Remark
+from backdrive.identification.terms import GRAVITY
+
+CANCEL = 3.0  # two terms that oppose each other are this much larger than the torque [-]
+UNEQUAL = 3.0  # friction one way by that the other way [-]
+FASTEST = {"rad": 2000.0, "m": 100.0}  # faster than any joint [rad/s or m/s]
+
+
+def direction(case: Case) -> Remark | None:
+    """Friction that drives."""
+    ends, unit = (
+        case.friction.driving(case.friction.validity.lowest_speed or 0.0),
+        f"{case.friction.joint.unit}/s",
+    )
+    if ends is None:
+        return None
+    return Remark(
+        severity="poor",
+        sentence=f"Friction is negative between {ends[0]:.4g} and {ends[1]:.4g} {unit}: there it feeds energy in instead of "
+        "dissipating it. The torque's sign is inverted, or torques act that the model does not know.",
+    )
+
+
+def inertia(case: Case) -> Remark | None:
+    """A negative inertia."""
+    value, error = case.value("inertia")
+    if not value < -2.0 * (error if math.isfinite(error) else 0.0):
+        return None
+    return Remark(
+        severity="poor",
+        sentence=f"The inertia came out negative ({value:.4g} {case.friction.dynamics['inertia'].unit}): torque sign, or other "
+        "axes' pull.",
+    )
+
+
+def speed(case: Case) -> Remark | None:
+    """Faster than any machine."""
+    top, unit = max(abs(v) for v in case.friction.validity.velocity), case.friction.joint.unit
+    if not top > FASTEST[unit]:
+        return None
+    return Remark(
+        severity="poor",
+        sentence=f"The joint moves at up to {top:.3g} {unit}/s, faster than any machine: positions or time are in another unit.",
+    )
+
+
+def balance(case: Case) -> Remark | None:
+    """Gravity and an offset that cancel each other."""
+    res = case.residual
+    if res is None or not np.isfinite(res.position).all() or not res.size > 0.0:
+        return None
+    offset = case.value("offset")[0]
+    pull = [case.value(term)[0] for term in GRAVITY]
+    if not all(math.isfinite(x) for x in (offset, *pull)):
+        return None
+    gravity = pull[0] * np.sin(res.position) + pull[1] * np.cos(res.position)
+    torque = float(np.sqrt(np.mean(res.torque**2)))
+    least = min(float(np.sqrt(np.mean(gravity**2))), abs(offset))
+    if least <= CANCEL * torque:
+        return None
+    return Remark(
+        severity="poor",
+        sentence=f"Gravity of {math.hypot(*pull):.3g} {case.unit} and an offset of {offset:.3g} {case.unit} cancel each "
+        f"other where the joint moved; the torque is {torque:.3g} {case.unit}. Leave gravity out (--no-gravity), or move farther.",
+    )
+
+
+def directions(case: Case) -> Remark | None:
+    """Friction that is far larger one way."""
+    low, high = case.friction.validity.velocity
+    top = min(-low, high)
+    if not top > 0.05 * max(-low, high):
+        return None
+    speeds = top * np.array([0.3, 0.6, 0.9])
+    forth, back = (float(np.mean(np.abs(case.friction.law.torque(sign * speeds)))) for sign in (1.0, -1.0))
+    if max(forth, back) <= UNEQUAL * min(forth, back):
+        return None
+    return Remark(
+        severity="care",
+        sentence=f"Friction is {forth:.3g} {case.unit} forwards and {back:.3g} {case.unit} backwards: rather a constant "
+        "torque (gravity, a bias) than friction is unequal so much.",
+    )
+
+
+def vague_terms(case: Case) -> Remark | None:
+    """Terms no larger than their error."""
+    res, vague = case.residual, []
+    if res is None or not res.size > 0.0:
+        return None
+    for term, estimate in case.friction.dynamics.items():
+        if term not in ("offset", "inertia", *GRAVITY):
+            continue
+        column = float(np.sqrt(np.mean(res.slides.acceleration**2))) if term == "inertia" else 1.0
+        error = estimate.standard_error
+        if abs(estimate.value) < error and error * column > 2.0 * SHARE * res.size:
+            vague.append(f"{term} {estimate.value:.3g} ± {error:.2g} {estimate.unit}")
+    if not vague:
+        return None
+    return Remark(
+        severity="note",
+        sentence=f"The data do not tell {', '.join(vague)}: no larger than the error.",
+    )
+
+
+def certainty(case: Case) -> Remark | None:
+    """A curve with a wide band."""
+    curve = case.evidence.curve
+    error, torque = curve.standard_error, np.abs(curve.torque)
+    if not error.size or not np.isfinite(error).all() or not torque.mean() > 0.0:
+        return None
+    share = 2.0 * float(np.median(error)) / float(torque.mean())
+    if share < 0.5:
+        return None
+    return Remark(
+        severity="unknown" if share > 1.0 else "care",
+        sentence=f"The curve is known to ± {100.0 * share:.0f} % only: record more reversals, at more speeds.",
+    )
+
+
+def delay_range(case: Case) -> Remark | None:
+    """A delay at the edge of its range."""
+    value, error = case.value("time_slip")
+    spread = 2.0 * error if math.isfinite(error) else 0.0
+    if not abs(value) + spread >= LARGEST_SLIP:
+        return None
+    return Remark(
+        severity="care",
+        sentence=f"The delay of the torque, {1e3 * value:.3g} ms, is at the edge of what is sought ({1e3 * LARGEST_SLIP:.3g} ms): "
+        "it may be longer.",
+    )
+
+
+def known_torque(case: Case) -> Remark | None:
+    """A share of known torque other than one."""
+    value, error = case.value("model_torque")
+    spread = SURE * error if math.isfinite(error) else 0.0
+    if not abs(value - 1.0) > max(spread, SHARE):
+        return None
+    return Remark(
+        severity="care",
+        sentence=f"The torque known from elsewhere has a share of {value:.3g} ± {error:.2g} where 1 is meant: its size or the "
+        "gain of the measured torque is wrong, and friction with it.",
+    )
+
+
+def break_away(case: Case) -> Remark | None:
+    """Break-away below Coulomb friction."""
+    law = case.friction.law.rate
+    rest, slide = getattr(law, "breakaway", math.nan), getattr(law, "coulomb", math.nan)
+    if not rest < slide * (1.0 - SHARE):
+        return None
+    return Remark(
+        severity="note",
+        sentence=f"Break-away friction ({rest:.3g} {case.unit}) lies below Coulomb friction ({slide:.3g} {case.unit}): slow motion "
+        "did not show it.",
+    )

@@ -1,0 +1,139 @@
+"""Rules of plausibility on what a model leaves of the torque, and on how torque, position and time were recorded."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from backdrive.identification.remark import Case, Remark
+from backdrive.identification.residual import MEAN, Explained
+
+CHANCE = 1e-5  # noise explains a residual so well once in so many times [-]
+STRUCTURE = 0.015  # of the friction: what of the residual has a cause is remarked on from here on [-]
+GRAVE = 0.25  # of the friction: from here on a remark lowers the grade [-]
+LEFT = 0.1  # of the friction: so much slow torque may be left [-]
+LATE = 0.015  # torque that comes so much later than motion is remarked on [s]
+WORTH = 0.9  # and the residual falls to less than this by it [-]
+WILD = 3e-3  # share of samples that are far off [-]
+COARSE = 0.25  # of the friction: a step of the torque's readings [-]
+FEW_STEPS = 0.3  # of the way in a mean at top speed: a step of the encoder [-]
+SLOWEST = 5.0  # sampling rate below which time is not in seconds [Hz]
+
+
+def clock(case: Case) -> Remark | None:
+    """Time in another unit than seconds."""
+    if case.residual is None or not case.residual.period > 1.0 / SLOWEST:
+        return None
+    rate = 1.0 / case.residual.period
+    return Remark(
+        severity="care",
+        sentence=f"The log has {rate:.3g} samples a second, and still the motion is smooth: its time is probably in "
+        "another unit than seconds (--map t=0.001*COLUMN for milliseconds).",
+    )
+
+
+def delay(case: Case) -> Remark | None:
+    """Torque that comes late, by the shift at which a line explains it best."""
+    found = None if case.residual is None else case.residual.delay()
+    if found is None or abs(found[0]) < LATE or found[1] > WORTH:
+        return None
+    known = max(
+        (abs(case.value(term)[0]) for term in ("delay", "time_slip") if term in case.friction.dynamics),
+        default=0.0,
+    )
+    told = abs(known - abs(found[0])) < 0.3 * abs(found[0])
+    way = "later" if found[0] > 0.0 else "earlier"
+    return Remark(
+        severity="note" if told else "care",
+        sentence=f"Torque comes about {1e3 * abs(found[0]):.0f} ms {way} than motion.",
+    )
+
+
+def torque_steps(case: Case) -> Remark | None:
+    """Torque in steps."""
+    if case.residual is None or not case.residual.step > COARSE * case.residual.size:
+        return None
+    return Remark(
+        severity="note",
+        sentence=f"Torque is read in steps of {case.residual.step:.3g} {case.unit}, {case.residual.step / case.residual.size:.0%} "
+        "of the friction.",
+    )
+
+
+def encoder_steps(case: Case) -> Remark | None:
+    """Positions in steps."""
+    top = max(abs(v) for v in case.friction.validity.velocity)
+    if not case.count > FEW_STEPS * top * MEAN:
+        return None
+    return Remark(
+        severity="note",
+        sentence=f"The encoder's step of {case.count:.3g} {case.friction.joint.unit} lasts {1e3 * case.count / top:.2g} ms even at "
+        "top speed: velocity and acceleration are coarse. Read a finer encoder, or move faster.",
+    )
+
+
+def wild_samples(case: Case) -> Remark | None:
+    """Single samples far off."""
+    if case.residual is None or not case.residual.wild > WILD:
+        return None
+    return Remark(
+        severity="note",
+        sentence=f"{100.0 * case.residual.wild:.2g} % of the torque's samples in motion are far off their neighbours.",
+    )
+
+
+def structure(case: Case) -> Remark | None:
+    """What explains most of the residual: time, load or position; or that nothing does, where much is left."""
+    if case.residual is None or not case.residual.size > 0.0:
+        return None
+    res = case.residual.slides
+    way, size = np.sign(res.velocity), case.residual.size
+    order = np.arange(res.time.size)
+    time = order / max(res.time.size - 1, 1) - 0.5
+    late = np.sign(time)
+    load = np.abs(res.torque - res.friction)
+    share, wave = "{share:.0%} of the friction", "every {wave:.2g} " + case.friction.joint.unit
+    tests: list[tuple[Explained | None, str]] = [
+        (
+            res.explained(time, late),
+            f"The torque drifts over the log, by {share}: warming, a bias, or a cable.",
+        ),
+        (
+            res.explained(way * time, way * late),
+            f"Friction changes over the log, by {share}: warming, or changed midway.",
+        ),
+        (
+            res.explained(res.predicted * late),
+            f"The torque changed midway, by {share}: its gain, or its sign.",
+        ),
+        (
+            res.explained(way * load),
+            f"Friction follows the load, by {share}: a law of load says how (--law m3).",
+        ),
+        (res.wave(), f"Torque follows the position {wave}, by {share}: cogging, or a gear's ripple."),
+        (res.wave(way), f"Friction follows the position {wave}, by {share}."),
+    ]
+    sure = [(e, s) for e, s in tests if e is not None and e.chance < CHANCE and e.size > STRUCTURE * size]
+    if not sure:
+        return slow_torque(case)
+    best, sentence = max(sure, key=lambda pair: pair[0].size)
+    named = sentence.format(share=best.size / size, wave=2.0 * np.pi / best.wave if best.wave else 0.0)
+    return Remark(severity="care" if best.size > GRAVE * size else "note", sentence=named)
+
+
+def slow_torque(case: Case) -> Remark | None:
+    """Slow torque without a cause that is known."""
+    if case.residual is None or not case.residual.size > 0.0:
+        return None
+    res = case.residual.slides
+    width = max(round(0.1 / res.period), 1)
+    n = res.time.size // width
+    if n < 10:
+        return None
+    slow = float(np.sqrt(np.mean(res.left[: n * width].reshape(n, width).mean(axis=1) ** 2)))
+    if slow <= LEFT * res.size:
+        return None
+    return Remark(
+        severity="note",
+        sentence=f"{slow:.3g} {case.unit} of slow torque is left in motion, {slow / res.size:.0%} of the friction: something "
+        "acts that the model does not hold.",
+    )

@@ -1,0 +1,55 @@
+"""One joint's result as the rules of plausibility look at it, and a remark that a rule makes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from backdrive.identification.residual import Residual
+from backdrive.identification.result import JointEvidence
+from backdrive.model import JointFriction
+
+SURE = 3.0  # standard errors by which something differs
+SHARE = 0.05  # and by so much of it, or of the friction [-]
+Severity = Literal["poor", "unknown", "care", "note"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Remark:
+    """What a rule has to say.
+
+    Attributes:
+        severity: the grade that it allows; a `note` leaves the grade as it is.
+        sentence: with the numbers.
+    """
+
+    severity: Severity
+    sentence: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Case:
+    """What the rules look at.
+
+    Attributes:
+        friction: of one joint.
+        evidence: of the same joint.
+        residual: means of what the model leaves; None where the method gives none.
+        count: the encoder's step [rad or m]; 0 where positions come in none.
+    """
+
+    friction: JointFriction
+    evidence: JointEvidence
+    residual: Residual | None
+    count: float = 0.0
+
+    @property
+    def unit(self) -> str:
+        """Unit of torques."""
+        return self.friction.joint.torque_unit
+
+    def value(self, term: str) -> tuple[float, float]:
+        """Return value and standard error of a term; NaN where there is none."""
+        estimate = self.friction.dynamics.get(term)
+        return (math.nan, math.nan) if estimate is None else (estimate.value, estimate.standard_error)

@@ -1,0 +1,274 @@
+"""What a model leaves of the measured torque, in short means, and whether something explains it: position, load, time, delay.
+
+A column explains the residual where its coefficient differs from zero by an F test whose covariance comes from the scores of blocks
+of neighbouring means (Liang & Zeger 1986), so that noise may be coloured. What any single-axis model may hold (inertia, gravity,
+a line and a constant by direction) is taken out of column and residual before: a term that a model rightly lacks does not count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.special import fdtrc
+
+from backdrive.identification.signals import Signals
+from backdrive.logs.resolution import resolution
+
+MEAN = 0.01  # length of a mean [s]
+BLOCK = 0.4  # length of a block of means [s]
+SLOW = 0.1  # a mean counts above this share of the top speed [-]
+TURN = 0.05  # and so long after and before the velocity changes sign [s]
+FEWEST_BLOCKS = 8  # more than there are columns, for a test
+WILD = 8.0  # a sample farther off than so many standard deviations is wild
+LATEST = 0.15  # longest delay that is sought [s]
+FINEST = 60.0  # waves a radian or metre by 2 pi, at most [rad/rad or rad/m]
+APART = 0.05  # share of a column that the rest of the dynamics cannot hold, at least [-]
+MOST = 4_000_000  # numbers looked at in search of a wave
+Part = tuple[Signals, np.ndarray, np.ndarray, bool]  # as `evidence` takes it
+
+
+@dataclass(frozen=True, kw_only=True)
+class Explained:
+    """What some columns explain of a residual.
+
+    Attributes:
+        size: root mean square of what these add to the torque, what the rest could hold of it included [N.m or N].
+        chance: probability that noise explains as much [-].
+        coefficients: of the columns, in the order of these.
+        wave: of a position, where one was sought [rad/rad or rad/m].
+    """
+
+    size: float
+    chance: float
+    coefficients: tuple[float, ...] = ()
+    wave: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Residual:
+    """Means of motion and torque of one joint.
+
+    Attributes:
+        time: [s], (n,).
+        position: [rad or m], (n,); NaN where the log has none.
+        velocity: [rad/s or m/s], (n,).
+        acceleration: [rad/s^2 or m/s^2], (n,).
+        torque: measured [N.m or N], (n,).
+        friction: measured torque less the rest of the dynamics [N.m or N], (n,).
+        predicted: torque by the model [N.m or N], (n,).
+        known: torque known from elsewhere [N.m or N], (n,); zero without.
+        part: number of the stretch, (n,).
+        moving: False in long rests, (n,).
+        sliding: away from rests and reversals, (n,).
+        period: between means [s].
+        wild: share of the samples that are far off their neighbours [-].
+        step: of the torque's readings [N.m or N]; 0 where they come in none.
+    """
+
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    torque: np.ndarray
+    friction: np.ndarray
+    predicted: np.ndarray
+    known: np.ndarray
+    part: np.ndarray
+    moving: np.ndarray
+    sliding: np.ndarray
+    period: float
+    wild: float
+    step: float
+
+    @property
+    def left(self) -> np.ndarray:
+        """Measured less predicted torque [N.m or N], (n,)."""
+        return self.torque - self.predicted
+
+    @cached_property
+    def size(self) -> float:
+        """Mean size of the friction while the joint slides [N.m or N]; NaN where it never does."""
+        return float(np.mean(np.abs(self.friction[self.sliding]))) if self.sliding.any() else np.nan
+
+    @cached_property
+    def slides(self) -> Residual:
+        """The means in which the joint slides."""
+        series = {f.name: getattr(self, f.name) for f in fields(self)}
+        return replace(self, **{k: x[self.sliding] for k, x in series.items() if isinstance(x, np.ndarray)})
+
+    @cached_property
+    def columns(self) -> np.ndarray:
+        """What any model of a single axis may hold, (n, p)."""
+        way = np.sign(self.velocity)
+        rows = [way, self.velocity, np.abs(self.velocity), np.ones_like(way), self.acceleration]
+        if np.isfinite(self.position).all():
+            rows += [np.sin(self.position), np.cos(self.position)]
+        if np.any(self.known):
+            rows.append(self.known)
+        return np.stack(rows, axis=1)
+
+    @cached_property
+    def _basis(self) -> np.ndarray:
+        """Return orthonormal columns of what any model may hold, (n, r)."""
+        scaled = self.columns / np.maximum(np.linalg.norm(self.columns, axis=0), 1e-300)
+        u, s, _ = np.linalg.svd(scaled, full_matrices=False)
+        return u[:, s > 1e-6 * s[0]] if s.size else u
+
+    def _apart(self, columns: np.ndarray) -> np.ndarray:
+        return columns - self._basis @ (self._basis.T @ columns)
+
+    @cached_property
+    def _blocks(self) -> np.ndarray:
+        """First mean of each block, (B,)."""
+        return np.arange(0, self.time.size, max(round(BLOCK / self.period), 1))
+
+    def explained(self, *columns: np.ndarray) -> Explained | None:
+        """Return what columns explain beside what any model may hold; None where the log is too short to tell.
+
+        Args:
+            columns: one value a mean, (n,) each.
+        """
+        whole, k = np.stack(columns, axis=1), len(columns)
+        B = self._blocks.size
+        if B - k < FEWEST_BLOCKS:
+            return None
+        size, Z = np.linalg.norm(whole, axis=0), self._apart(whole)
+        if not np.all(np.linalg.norm(Z, axis=0) > APART * size):
+            return None  # the motion does not tell them from the rest
+        left = self._apart(self.left)
+        coefficients, _, rank, _ = np.linalg.lstsq(Z, left, rcond=1e-6)
+        if rank < k:
+            return None
+        fit = Z @ coefficients
+        scores = np.add.reduceat(Z * (left - fit)[:, None], self._blocks, axis=0)
+        middle = np.linalg.pinv(scores.T @ scores * B / (B - 1))
+        moment = Z.T @ fit
+        wald = float(moment @ middle @ moment)
+        chance = float(fdtrc(k, B - k, wald * (B - k) / (k * (B - 1))))
+        return Explained(
+            size=float(np.sqrt(np.mean((whole @ coefficients) ** 2))),
+            chance=chance,
+            coefficients=tuple(coefficients.tolist()),
+        )
+
+    def wave(self, factor: np.ndarray | float = 1.0) -> Explained | None:
+        """Return what the best wave over position explains; None where no position tells.
+
+        Args:
+            factor: of the wave, such as the sign of the velocity, (n,).
+        """
+        if self.time.size < 2 or not np.isfinite(self.position).all():
+            return None
+        span, top = float(np.ptp(self.position)), float(np.abs(self.velocity).max())
+        finest = min(FINEST, 0.5 * np.pi / (self.period * max(top, 1e-12)))
+        if not span > 0.0 or finest <= 2.0 * np.pi / span:
+            return None
+        step = max(0.5 * np.pi / span, finest * self.time.size / MOST)
+        waves = np.arange(2.0 * np.pi / span, finest, step)
+        left = self._apart(self.left)
+        power = []
+        for wave in waves.tolist():
+            Z = self._apart(self._wave(wave, factor))
+            moment = Z.T @ left
+            power.append(float(moment @ np.linalg.pinv(Z.T @ Z, rcond=1e-6) @ moment))
+        if not power:
+            return None
+        best = float(waves[int(np.argmax(power))])
+        result = self.explained(*self._wave(best, factor).T)
+        if result is None:
+            return None
+        chance = min(result.chance * waves.size, 1.0)
+        return Explained(size=result.size, chance=chance, coefficients=result.coefficients, wave=best)
+
+    def _wave(self, wave: float, factor: np.ndarray | float) -> np.ndarray:
+        phase = wave * self.position
+        return np.stack([factor * np.sin(phase), factor * np.cos(phase)], axis=1)
+
+    def delay(self) -> tuple[float, float] | None:
+        """Return by how much torque comes later than motion [s], and the residual there by that without a delay [-].
+
+        A line and the rest of a single axis are fitted to torque at every shift; None where the log is too short.
+        """
+        reach = round(LATEST / self.period)
+        n = self.time.size
+        if reach < 3 or n < 20 * reach:
+            return None
+        inside = np.arange(reach, n - reach)
+        inside = inside[(self.part[inside - reach] == self.part[inside + reach]) & self.sliding[inside]]
+        if inside.size < 20 * reach // 2:
+            return None
+        basis, _ = np.linalg.qr(self.columns[inside])
+        powers = []
+        for shift in range(-reach, reach + 1):
+            torque = self.torque[inside + shift]
+            rest = torque - basis @ (basis.T @ torque)
+            powers.append(float(rest @ rest))
+        best = int(np.argmin(powers))
+        return (best - reach) * self.period, float(np.sqrt(powers[best] / max(powers[reach], 1e-300)))
+
+
+def residual_of(parts: Sequence[Part]) -> Residual | None:
+    """Return the means of what a model leaves; None where there is no motion.
+
+    Args:
+        parts: signals, measured friction, predicted torque [N.m or N] and whether the fit saw them.
+    """
+    parts = [part for part in parts if part[0].time.size]
+    if not parts:
+        return None
+    top = max(float(np.percentile(np.abs(s.velocity), 99.5)) for s, *_ in parts)
+    columns: list[list[Any]] = []
+    far, count = 0, 0
+    for number, (s, friction, predicted, _) in enumerate(parts):
+        slides = sliding(s, top)
+        known = np.zeros_like(s.torque) if s.model_torque is None else s.model_torque
+        position = np.full(s.time.size, np.nan) if s.position is None else s.position
+        series = (s.time, position, s.velocity, s.acceleration, s.torque, friction, predicted, known)
+        width = max(1, round(MEAN * s.rate))
+        n = s.time.size // width
+        means = [x[: n * width].reshape(n, width).mean(axis=1) for x in series]
+        masks = [x[: n * width].reshape(n, width).all(axis=1) for x in (s.moving, slides)]
+        columns.append([*means, np.full(n, number), *masks])
+        error = (s.torque - predicted)[slides]
+        if error.size:
+            error = np.abs(error - np.median(error))
+            off = np.r_[False, error > WILD * 1.4826 * np.median(error), False]
+            far += int(np.count_nonzero(off[1:-1] & ~off[:-2] & ~off[2:]))
+            count += error.size
+    names = (
+        "time",
+        "position",
+        "velocity",
+        "acceleration",
+        "torque",
+        "friction",
+        "predicted",
+        "known",
+        "part",
+    )
+    joined = [np.concatenate(each) for each in zip(*columns)]
+    rate = float(np.median([s.rate for s, *_ in parts]))
+    return Residual(
+        **dict(zip((*names, "moving", "sliding"), joined)),
+        period=max(1, round(MEAN * rate)) / rate,
+        wild=far / count if count else 0.0,
+        step=min(resolution(s.torque) for s, *_ in parts),
+    )
+
+
+def sliding(s: Signals, top: float) -> np.ndarray:
+    """Return which samples are well away from rests and reversals, however short the moves, (n,).
+
+    Args:
+        s: motion.
+        top: speed of the joint [rad/s or m/s].
+    """
+    inside = s.sliding & (np.abs(s.velocity) > SLOW * top)
+    reach, way = round(TURN * s.rate), np.sign(s.velocity)
+    for turn in np.flatnonzero(way[1:] != way[:-1]).tolist():
+        inside[max(turn + 1 - reach, 0) : turn + 1 + reach] = False
+    return inside

@@ -1,0 +1,72 @@
+"""The rules of plausibility: what is planted is remarked on, once, with its numbers, and nothing on a sound log."""
+
+import numpy as np
+import pytest
+
+from _synthetic import any_motion
+from backdrive import identify
+from backdrive.errors import InvalidInput
+from backdrive.identification.names import same_names
+from backdrive.identification.quality import grade
+from backdrive.logs.log import Joint
+
+
+def dry(v):
+    return 5.0 * np.sign(v) + 2.0 * v
+
+
+def remarks(log, **options):
+    friction = identify(log, method="motion", **options).model.joints[0]
+    return grade(friction).level, friction.warnings
+
+
+def half(log):
+    return np.arange(len(log))[:, None] > len(log) // 2
+
+
+@pytest.fixture(scope="module")
+def sound():
+    return any_motion(dry)
+
+
+def test_a_sound_log_is_good(sound):
+    assert remarks(sound)[0] == "good"
+
+
+@pytest.mark.parametrize(
+    ("plant", "words"),
+    [
+        (
+            lambda log: log.torque + 1.0 * np.sin(9.0 * log.position),
+            "Torque follows the position",
+        ),
+        (lambda log: log.torque * np.where(half(log), 1.3, 1.0), "changed midway"),
+        (lambda log: log.torque + 3.0 * np.linspace(0.0, 1.0, len(log))[:, None], "drifts over the log"),
+        (lambda log: np.round(log.torque / 3.0) * 3.0, "Torque is read in steps of 3 N.m"),
+        (
+            lambda log: log.torque + 60.0 * (np.arange(len(log))[:, None] % 150 == 7),
+            "far off their neighbours",
+        ),
+    ],
+)
+def test_what_is_planted_is_remarked_on_first(sound, plant, words):
+    _, sentences = remarks(sound.replace(torque=plant(sound)), accept=("outlier",))
+    assert sum(words in s for s in sentences) == 1
+    assert len(set(sentences)) == len(sentences)
+
+
+def test_known_torque_has_a_share_of_one(sound):
+    known = 4.0 * np.sin(sound.position)
+    level, sentences = remarks(sound.replace(torque=sound.torque + known, model_torque=0.6 * known))
+    assert level == "care"
+    assert "a share of 1.67" in sentences[0]
+
+
+def test_names_that_were_made_up_match_by_order_alone():
+    made = [Joint(name=f"joint_{i}", named=False) for i in (1, 2)]
+    given = [Joint(name=name, named=True) for name in ("base", "arm")]
+    assert same_names(given, given, "model", "logs") == []
+    assert same_names(made[:1], made[:1], "model", "logs") == []
+    assert "matched by their order" in same_names(made, made, "model", "logs")[0]
+    with pytest.raises(InvalidInput, match="model: base, arm; logs: joint_1, joint_2"):
+        same_names(given, made, "model", "logs")
