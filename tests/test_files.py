@@ -428,7 +428,7 @@ WRITERS = {
 @pytest.mark.parametrize("what", ["a device", "a FIFO", "a socket", "a folder"])
 @pytest.mark.parametrize("writer", WRITERS)
 def test_commands_refuse_a_strange_output_before_they_compute(command, tmp_path, monkeypatch, writer, what):
-    monkeypatch.setattr("backdrive.cli._logs.read", lambda *_, **__: pytest.fail("began"))
+    monkeypatch.setattr("backdrive.cli._logs.Reading.read", lambda *_, **__: pytest.fail("began"))
     monkeypatch.setattr("backdrive.model.load_model", lambda *_: pytest.fail("began"))
     out = STRANGE[what](tmp_path / "out.png")
     before = state(out)
@@ -458,7 +458,7 @@ def test_folders_are_looked_at_before_anything_is_computed(command, tmp_path, mo
     "writer", ["identify --report", "identify --law --report", "show --plot", "laws --plot"]
 )
 def test_a_missing_extra_is_found_before_anything_is_computed(command, tmp_path, monkeypatch, writer):
-    monkeypatch.setattr("backdrive.cli._logs.read", lambda *_, **__: pytest.fail("began"))
+    monkeypatch.setattr("backdrive.cli._logs.Reading.read", lambda *_, **__: pytest.fail("began"))
     monkeypatch.setattr("backdrive.model.load_model", lambda *_: pytest.fail("began"))
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     code, _, err = command(*WRITERS[writer](tmp_path / "log.csv", tmp_path / "out.svg"))
@@ -479,7 +479,7 @@ def test_the_demo_and_the_book_find_a_missing_extra_first(command, tmp_path, mon
 
 
 def test_description_and_plan_are_looked_at_before_the_logs(command, tmp_path, monkeypatch):
-    monkeypatch.setattr("backdrive.cli._logs.read", lambda *_, **__: pytest.fail("began"))
+    monkeypatch.setattr("backdrive.cli._logs.Reading.read", lambda *_, **__: pytest.fail("began"))
     os.mkfifo(tmp_path / "f")
     log = tmp_path / "log.csv"
     for words in (

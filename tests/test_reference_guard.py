@@ -152,6 +152,7 @@ def test_columns_in_frames():
         "channels": {"a": "position"},
         "drive": {"law": "duty", "gains": {"k": 2.0}},
         "notes": ["n"],
+        "origin": {},
     }
     assert bodies == [Q.T.tobytes()]
 

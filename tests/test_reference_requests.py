@@ -388,7 +388,7 @@ def test_a_model_is_judged_joint_by_joint_on_all_logs():
     logs = [moving_log(), moving_log(n=400)]
     model = FrictionModel(joints=(friction("b"), friction("a")))
     (name,) = got = validate(model, logs)
-    assert name == "a" and got["a"].samples == 1000
+    assert name == "a" and 800 < got["a"].samples < 1000  # but reversals and ends
     assert got["a"].rms == pytest.approx(0.01, rel=0.6) or got["a"].rms < 0.4  # reversals
     off = [log.replace(torque=log.torque + 1.0) for log in logs]
     v = logs[0].time * 1.5
@@ -453,10 +453,10 @@ def test_a_model_of_runs_is_judged_by_mean_torques():
     size = np.sqrt(np.mean([(line(v) + 0.5) ** 2 for v in speeds]))
     assert got.residual == pytest.approx(100.0 * 0.5 / size)
     for judged in (friction(method="constant-velocity", inertia=1e-9), friction(method="motion")):
-        assert validate(FrictionModel(joints=(judged,)), logs)["a"].samples == 800
+        assert validate(FrictionModel(joints=(judged,)), logs)["a"].samples == 640  # without the ends of four
     located = [log.replace(position=np.cumsum(log.velocity, axis=0) / 100.0) for log in logs]
-    assert validate(model, located)["a"].samples == 800
-    with pytest.raises(NotIdentifiable, match="nothing to judge on"):
+    assert validate(model, located)["a"].samples == 640
+    with pytest.raises(NotIdentifiable, match="No joint of this log moves"):
         validate(model, [logs[0].replace(velocity=np.zeros((200, 1)))])
 
 

@@ -21,7 +21,7 @@ from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, design, regression
 from backdrive.identification.dynamics import delayed, predict, rest_of_dynamics
 from backdrive.identification.evidence import evidence, parts_of, sentences
-from backdrive.identification.motion_bins import Bins, bin_means, bin_size, bin_time
+from backdrive.identification.motion_bins import BIN_TIME, FILLED, HALF, Bins, bin_means, bin_size, bin_time
 from backdrive.identification.quality import assess, judge
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import SLOW, Signals, default_cutoff, prepare
@@ -89,18 +89,25 @@ def identify_motion(
     full = design.candidates(
         knots, {"": knots[list(shapes.get("5 sections", shapes["line"]))]}, slip=True, **given
     )[-1]
-    seconds = bin_time(stretches, smooth.cutoff or default_cutoff(stretches[0].rate))
+    few = (
+        moves(stretches) < LEAST_MOVES
+    )  # no delay and no errors can be told, and nothing spared: reversals take part
+    seconds = BIN_TIME if few else bin_time(stretches, smooth.cutoff or default_cutoff(stretches[0].rate))
     slip = seek_slip(stretches, knots, full, seconds)
+    slip = replace(slip, delay=0.0, error=np.inf) if few else slip
     allowed = {name: knots[list(keep)] for name, keep in curves.of_law(law, shapes).items()}
     slow = float(SLOW * (min(-speeds.min(), speeds.max()) if both else top))
 
     def chosen(slip: Slip) -> tuple[design.Choice, Bins, float]:
-        raw = bin_means([delayed(s, slip.delay) for s in stretches], knots, seconds=seconds)
+        late = [delayed(s, slip.delay) for s in stretches]
+        raw = bin_means(late, knots, seconds=seconds, reversals=few, filled=HALF if few else FILLED)
         options = design.candidates(knots, allowed, slip=slip.fitted, symmetric=symmetric, **given)
         if slip.fitted:
             options = [option for option in options if "jerk" in option.terms]
         # whitened residuals ask for a model that is right at all frequencies: no more than that for what is not known anyway
-        return _choose(raw, options, slip.correlation if slip.fitted else 0.0, (slowest, slow))
+        return _choose(
+            raw, options, slip.correlation if slip.fitted else 0.0, (slowest, 0.0 if few else slow)
+        )
 
     choice, bins, slowest = chosen(slip)
     if slip.fitted and (error := _error_of_delay(choice)) > slip.least:

@@ -15,7 +15,7 @@ LONGEST_BIN = 0.1  # and at most [s]
 OF_A_MOVE = 0.125  # and at most over so much of the time between two reversals [-]
 BLOCK_TIME = 1.5  # aimed length of a cross-validation block [s]
 BLOCKS = (8, 24)  # least and most blocks
-FILLED = 0.9  # share of a bin that must be of sliding [-]
+FILLED, HALF = 0.9, 0.5  # share of a bin that must be of sliding; of motion, where there is little of it [-]
 CHUNK = 200_000  # samples turned into a regressor at a time
 Columns = Callable[[Signals, np.ndarray, slice], np.ndarray]
 
@@ -98,6 +98,7 @@ def bin_means(
     columns: Columns = design.columns,
     seconds: float = BIN_TIME,
     reversals: bool = False,
+    filled: float = FILLED,
 ) -> Bins:
     """Return the means over bins, where the joint slides.
 
@@ -107,6 +108,7 @@ def bin_means(
         columns: what gives the regressor of some samples of a stretch, (n, p).
         seconds: of each bin [s].
         reversals: take part as well.
+        filled: share of a bin that must take part for it to be used [-].
     """
     parts = []
     for s in stretches:
@@ -119,4 +121,4 @@ def bin_means(
             series = columns(s, knots, rows), s.torque[rows], mask[rows], np.abs(s.velocity[rows])
             parts.append([x.reshape(n, width, -1).mean(axis=1) for x in series])
     X, y, used, speed = (np.concatenate(part) for part in zip(*parts))
-    return Bins(X=X, y=y[:, 0], used=used[:, 0] > FILLED, speed=speed[:, 0], blocks=block_count(stretches))
+    return Bins(X=X, y=y[:, 0], used=used[:, 0] > filled, speed=speed[:, 0], blocks=block_count(stretches))
