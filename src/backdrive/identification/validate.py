@@ -173,9 +173,10 @@ def _predictions(
     if cutoff is None and friction.method == "motion":
         cutoff = smoothing([log], name).cutoff
     stretches = prepare(log, name, cutoff=cutoff)
-    return [(s.torque, predict(friction, s), s.rate, s.sliding) for s in stretches], [
-        s.velocity for s in stretches
-    ]
+    searched = friction.method.startswith("fit of")  # presliding too: judged, as fitted, through reversals
+    return [
+        (s.torque, predict(friction, s), s.rate, s.moving if searched else s.sliding) for s in stretches
+    ], [s.velocity for s in stretches]
 
 
 def _positive(cutoff: Any) -> float | None:

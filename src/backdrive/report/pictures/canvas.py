@@ -243,7 +243,9 @@ def content(figure: Any, kind: str, scale: float = 2.0) -> bytes:
         unsaid = dict.fromkeys(("Date", "Creator", "Format", "Type"))
         FigureCanvasSVG(figure).print_svg(stream, metadata=unsaid)
     else:
-        raise InvalidInput(f"A picture cannot be written as '{ending}'.", remedy="Name a .png or .svg file.")
+        raise InvalidInput(
+            f"{kind}: a picture cannot be written as '{ending}'.", remedy="Name a .png or .svg file."
+        )
     return stream.getvalue()
 
 
