@@ -261,3 +261,5 @@ def test_show_prints_schemas_and_what_is_known_beside_the_law(tmp_path, monkeypa
     assert code == 0 and json.loads(out)["model"]["coupling"] is None
     code, out = run(monkeypatch, capsys)
     assert code == 2 and "--schema" in out
+    code, out = run(monkeypatch, capsys, "--schema", "report")
+    assert code == 2 and "'report'" in out and "model or tuning" in out

@@ -7,7 +7,7 @@ import json
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
@@ -17,6 +17,7 @@ from backdrive.cli._output import echo, print_json, print_lines
 from backdrive.errors import InvalidInput
 
 SPEEDS = 21  # velocities of the table in --json
+SCHEMAS = ("model", "tuning")  # of our files
 
 
 def command(
@@ -24,7 +25,7 @@ def command(
         str | None,
         typer.Argument(
             metavar="MODEL.json",
-            help="Model file made by `identify -o` or `fit -o`, or preset:NAME; preset: alone lists them.",
+            help="Model file made by `identify -o` or preset:NAME; preset: alone lists them.",
         ),
     ] = None,
     joint: Annotated[
@@ -41,8 +42,8 @@ def command(
         bool, typer.Option("--json", help="Print the model file and its evaluated curves as JSON.")
     ] = False,
     schema: Annotated[
-        Literal["model", "tuning"] | None,
-        typer.Option("--schema", help="Print the JSON schema of model or of tuning files instead."),
+        str | None,
+        typer.Option("--schema", metavar="model|tuning", help="Print the JSON schema of model or of tuning files instead."),
     ] = None,
 ) -> None:
     """Show a friction model: its laws with errors and bounds, where it holds, how good it is, where it comes from.
@@ -83,8 +84,11 @@ def command(
             echo(f"Wrote {plot}.")
 
 
-def _print_schema(kind: Literal["model", "tuning"]) -> None:
+def _print_schema(kind: str) -> None:
     from importlib.resources import files
+
+    if kind not in SCHEMAS:
+        raise InvalidInput(f"--schema is {kind!r}.", remedy=f"Give {' or '.join(SCHEMAS)}.")
 
     echo(files(f"backdrive.{kind}").joinpath(f"{kind}.schema.json").read_text().rstrip())
 
