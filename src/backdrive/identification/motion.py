@@ -127,11 +127,6 @@ def identify_motion(
             duration < SHORT or turns < FEW_TURNS,
             f"Only {duration:.2g} s of motion with {turns} reversals: too little to separate friction from the rest surely.",
         ),
-        (
-            slip.too_long,
-            f"The torque seems to come {1e3 * slip.delay:.3g} ms after the motion, longer than a clock slips: align the channels "
-            "(`backdrive inspect`), or look for a filter in one of them.",
-        ),
         (open_, f"No standard errors are stated: {'; '.join(open_)}."),
     )
     others = [s for log in held_out for s in prepare(log, joint, cutoff=smooth.cutoff)]

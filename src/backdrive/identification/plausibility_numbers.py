@@ -8,7 +8,7 @@ import numpy as np
 
 from backdrive.identification.design import LARGEST_SLIP
 from backdrive.identification.remark import SHARE, SURE, Case, Remark
-from backdrive.identification.terms import GRAVITY
+from backdrive.identification.terms import GRAVITY, columns
 
 CANCEL = 3.0  # two terms that oppose each other are this much larger than the torque [-]
 UNEQUAL = 3.0  # friction one way by that the other way [-]
@@ -62,7 +62,7 @@ def balance(case: Case) -> Remark | None:
     pull = [case.value(term)[0] for term in GRAVITY]
     if not all(math.isfinite(x) for x in (offset, *pull)):
         return None
-    gravity = pull[0] * np.sin(res.position) + pull[1] * np.cos(res.position)
+    gravity = np.array(pull) @ columns(res, GRAVITY)
     torque = float(np.sqrt(np.mean(res.torque**2)))
     least = min(float(np.sqrt(np.mean(gravity**2))), abs(offset))
     if least <= CANCEL * torque:
@@ -135,7 +135,7 @@ def delay_range(case: Case) -> Remark | None:
     return Remark(
         severity="care",
         sentence=f"The delay of the torque, {1e3 * value:.3g} ms, is at the edge of what is sought ({1e3 * LARGEST_SLIP:.3g} ms): "
-        "it may be longer.",
+        "it may be longer. Align the channels (`backdrive inspect`), or look for a filter in one of them.",
     )
 
 

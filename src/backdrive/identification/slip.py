@@ -19,7 +19,6 @@ from backdrive.identification.signals import Signals
 ROUNDS = 8  # of fits, each along the motion that the one before left
 STEP = 0.01  # longest change of the delay in a round [s]
 DONE = 0.02  # a change below this share of an interval ends the rounds [-]
-LARGEST = 0.02  # a longer delay of the torque is no slip of the clock but something else [s]
 KNOWN = 2.0  # a delay is known that has a standard error of at most so many intervals [-]
 MOST = 0.99  # correlation of the noise of neighbouring bins that is reckoned with [-]
 FELT = 3.0  # inertia is felt that is so many standard errors above zero [-]
@@ -50,11 +49,6 @@ class Slip:
     def fitted(self) -> bool:
         """Whether it takes part in a fit."""
         return self.error <= self.least
-
-    @property
-    def too_long(self) -> bool:
-        """Whether it reaches the longest delay, within two standard errors."""
-        return self.fitted and abs(self.delay) + 2.0 * self.error >= LARGEST
 
 
 def seek_slip(
