@@ -183,7 +183,7 @@ class Law:
         return self.torque(v) - np.where(v > 0.0, forwards, np.where(v < 0.0, -backwards, 0.0))
 
 
-def carried(law: Rate | Law, element: Element) -> Law:
+def with_element(law: Rate | Law, element: Element) -> Law:
     """Return a rate law, or that of a law and its growth with the load, carried by a presliding element."""
     return replace(law, element=element) if isinstance(law, Law) else Law(rate=law, element=element)
 

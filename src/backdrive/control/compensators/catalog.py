@@ -6,7 +6,7 @@ from backdrive.control.compensators.compensator import SHARE, Compensator
 from backdrive.control.compensators.dither import Dither
 from backdrive.control.compensators.extras import BristleObserver, DisturbanceObserver, Pulses
 from backdrive.control.estimators.friction import FrictionEstimator, alg_fe, alg_fe2
-from backdrive.laws import Decaying, Law, LuGre, ViscoElastoplastic, carried
+from backdrive.laws import Decaying, Law, LuGre, ViscoElastoplastic, with_element
 from backdrive.laws.base import Rate
 
 
@@ -26,7 +26,7 @@ def mahvash_okamura(rate: Rate | Law, stiffness: float, share: float = SHARE) ->
         stiffness: K [N.m/rad or N/m].
         share: R [-].
     """
-    law = carried(rate, ViscoElastoplastic(stiffness=stiffness, damping=0.0))
+    law = with_element(rate, ViscoElastoplastic(stiffness=stiffness, damping=0.0))
     return Compensator(friction=FrictionEstimator(law=law), share=share)
 
 
@@ -95,7 +95,7 @@ def aung(
         share: R [-].
         frequency: of the dither [Hz].
     """
-    law = carried(rate, ViscoElastoplastic(stiffness=stiffness, damping=damping))
+    law = with_element(rate, ViscoElastoplastic(stiffness=stiffness, damping=damping))
     dither = Dither(share=0.9, frequency=frequency, mode="adaptive", count=count, window=1.05 / frequency)
     return Compensator(friction=FrictionEstimator(law=law), share=share, dither=dither)
 
@@ -104,7 +104,7 @@ def impulsive(
     rate: Rate | Law, stiffness: float, pulses: Pulses, decay_rate: float = 20.0, share: float = SHARE
 ) -> Compensator:
     """Return algFC with pulses where the joint is stuck off its reference."""
-    law = carried(rate, Decaying(stiffness=stiffness, decay_rate=decay_rate))
+    law = with_element(rate, Decaying(stiffness=stiffness, decay_rate=decay_rate))
     return Compensator(friction=FrictionEstimator(law=law), share=share, extra=pulses)
 
 
@@ -112,7 +112,7 @@ def lugre_observer(
     rate: Rate | Law, element: LuGre, observer: BristleObserver | None = None, share: float = SHARE
 ) -> Compensator:
     """Return the LuGre observer of Canudas de Wit and Lischinsky (1997), adaptive where its `adaptation` is not 0."""
-    law = carried(rate, element)
+    law = with_element(rate, element)
     return Compensator(friction=FrictionEstimator(law=law), share=share, extra=observer or BristleObserver())
 
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from backdrive._jit import jit
 from backdrive.errors import InvalidInput
-from backdrive.laws import Coulomb, DeadZone, Decaying, HaywardArmstrong, Law, carried, kernels
+from backdrive.laws import Coulomb, DeadZone, Decaying, HaywardArmstrong, Law, kernels, with_element
 from backdrive.laws.base import Rate
 from backdrive.parameters import NOT_NEGATIVE, POSITIVE, Bounded
 
@@ -97,17 +97,17 @@ def between_counts(threshold: float, count: float, dt: float) -> float:
 
 def ct(rate: Rate | Law, threshold: float) -> FrictionEstimator:
     """Return CT, the rate law with a dead zone of velocity: Iwatani 2017, (4.17)."""
-    return FrictionEstimator(law=carried(rate, DeadZone(threshold=threshold)))
+    return FrictionEstimator(law=with_element(rate, DeadZone(threshold=threshold)))
 
 
 def ha(rate: Rate | Law, stiffness: float) -> FrictionEstimator:
     """Return HA, Hayward and Armstrong's contact: Iwatani 2017, (4.8)."""
-    return FrictionEstimator(law=carried(rate, HaywardArmstrong(stiffness=stiffness)))
+    return FrictionEstimator(law=with_element(rate, HaywardArmstrong(stiffness=stiffness)))
 
 
 def alg_fe(rate: Rate | Law, stiffness: float, decay_rate: float = 20.0) -> FrictionEstimator:
     """Return algFE, the decaying contact: Iwatani 2017, (4.16)."""
-    return FrictionEstimator(law=carried(rate, Decaying(stiffness=stiffness, decay_rate=decay_rate)))
+    return FrictionEstimator(law=with_element(rate, Decaying(stiffness=stiffness, decay_rate=decay_rate)))
 
 
 def alg_fe2(
@@ -119,7 +119,7 @@ def alg_fe2(
     switch_rate: float = 10.0,
 ) -> FrictionEstimator:
     """Return algFE2, the decaying contact that lets go faster in motion: Iwatani 2017, (4.20), corrected."""
-    law = carried(rate, Decaying(stiffness=stiffness, decay_rate=decay_rate))
+    law = with_element(rate, Decaying(stiffness=stiffness, decay_rate=decay_rate))
     return FrictionEstimator(law=law, fast_decay=fast_decay, switch_rate=switch_rate, threshold=threshold)
 
 
