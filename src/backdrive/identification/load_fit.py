@@ -18,8 +18,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.identification.sweep_equations import GRAVITY, LOAD, WORST_CONDITION, Equations, equations
+from backdrive.identification.sweep_equations import LOAD, WORST_CONDITION, Equations, equations
 from backdrive.identification.sweep_knots import SweepKnots
+from backdrive.identification.terms import GRAVITY
 
 SIGNIFICANT = 4.0  # standard errors from which on a growth is taken to be there [-]
 LEAST = 0.01  # and by how much friction must change with it from sweep to sweep [share of the friction]

@@ -9,12 +9,12 @@ import numpy as np
 
 from backdrive.identification.curves import hats
 from backdrive.identification.sweep_knots import MERGED, SweepKnots
+from backdrive.identification.terms import GRAVITY
 from backdrive.plans.centres import UNSEEN
 
 # condition number beyond which gravity and a constant difference of the directions are not told apart [-]
 WORST_CONDITION = 500.0
 DETERMINED = 1e-4  # of the largest singular value, above which unknowns are determined [-]
-GRAVITY = ("gravity_sin", "gravity_cos")
 TERMS = (*GRAVITY, "offset")
 LOAD = "load_dependence"
 ALL = (*TERMS, LOAD)

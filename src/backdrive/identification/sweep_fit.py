@@ -16,7 +16,6 @@ from backdrive.identification.curves import hats
 from backdrive.identification.load_fit import growth
 from backdrive.identification.sweep_equations import (
     ALL,
-    GRAVITY,
     LOAD,
     TERMS,
     WORST_CONDITION,
@@ -24,6 +23,7 @@ from backdrive.identification.sweep_equations import (
     equations,
 )
 from backdrive.identification.sweep_knots import SweepKnots, clamped
+from backdrive.identification.terms import GRAVITY
 from backdrive.laws import Polyline
 
 SIGNIFICANT = 4.0  # standard errors from which on something is taken to be there [-]

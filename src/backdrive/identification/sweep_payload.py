@@ -16,10 +16,9 @@ from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
 from backdrive.identification.sweep import pairs
 from backdrive.identification.sweep_delay import drive_delays
-from backdrive.identification.sweep_equations import GRAVITY
 from backdrive.identification.sweep_knots import clamped
 from backdrive.identification.sweep_verdict import error_of_curve
-from backdrive.identification.terms import column, estimates
+from backdrive.identification.terms import GRAVITY, column, estimates
 from backdrive.identification.timing import Timing
 from backdrive.laws import Growth, Law
 from backdrive.logs.log import Log
