@@ -63,7 +63,7 @@ def _values(rows: Rows, unit: str, errors: dict, at_bound: tuple[str, ...]) -> d
     return result
 
 
-def _quality(q: m.Quality | None) -> QualityEntry | None:
+def _quality_entry(q: m.Quality | None) -> QualityEntry | None:
     if q is None:
         return None
     return QualityEntry(_null(q.residual), _null(q.residual_raw), _null(q.rms), q.samples)
@@ -88,8 +88,8 @@ def encode(model: m.FrictionModel) -> bytes:
             dynamics={
                 k: Value(e.value, e.unit, _null(e.standard_error)) for k, e in sorted(j.dynamics.items())
             },
-            fitted=_quality(j.fitted),
-            held_out=_quality(j.held_out),
+            fitted=_quality_entry(j.fitted),
+            held_out=_quality_entry(j.held_out),
             warnings=list(j.warnings),
             **{name: getattr(j, name) for name in ALIKE},
         )
@@ -160,7 +160,7 @@ def _dynamics(values: dict[str, Value], where: str) -> dict[str, m.Estimate]:
     return found
 
 
-def _judged(q: QualityEntry | None) -> m.Quality | None:
+def _quality(q: QualityEntry | None) -> m.Quality | None:
     if q is None:
         return None
     return m.Quality(
@@ -199,8 +199,8 @@ def _joint(j: JointEntry, where: str) -> m.JointFriction:
             standard_errors=errors,
             at_bound=tuple(k for k, v in numbers.items() if v.at_bound),
             dynamics=dynamics,
-            fitted=_judged(j.fitted),
-            held_out=_judged(j.held_out),
+            fitted=_quality(j.fitted),
+            held_out=_quality(j.held_out),
             warnings=tuple(j.warnings),
             **{name: getattr(j, name) for name in ALIKE},
         )
