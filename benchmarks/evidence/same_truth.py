@@ -28,6 +28,7 @@ from _same_truth_logs import OURS, REAL, Case, true_curve, truth, write
 VALUE, ERROR, SLOWER = 0.1, 0.1, 0.05
 NAMES = ("tick", "rollout", "rollout without presliding", "identify", "import", "help")
 TWINS, SLACK = 20, 0.1  # draws that judge a change; by which the scatter over so few may be larger
+SPREAD = math.log(1.3)  # of a scatter over so few draws, by which two of them may differ
 ROUNDING = 1e-9  # relative, of values that have no standard error
 
 
@@ -103,22 +104,34 @@ def compare(judge: Judge, case: Case, before: dict, after: dict) -> bool:
 
 
 def twins(judge: Judge, sides: tuple[Side, ...], case: Case, scratch: Path) -> None:
-    """Judge a change by other draws of the same log: the error of every number, and of the curve, root mean square over them."""
+    """Judge a change by other draws of the same log: root mean square of the error of every number, alone and by its stated error.
+
+    The first may not be larger than before; the second, which is 1 where stated errors hold, not farther from it.
+    """
     squares: dict[str, list[list[float]]] = {}
+    stated: dict[str, list[list[float]]] = {}
     for twin in range(1, TWINS + 1):
         path = write(case, scratch, twin)
         for k, side in enumerate(sides):
             answer = side.ask(job_of(case, path))["answer"]
             for j, found in enumerate(answer.values()):
                 off = {"curve": float(np.std(np.array(found["curve"]) - true_curve(case, j)))}
-                given = {n: value for n, (value, _) in found["numbers"].items()}
-                off |= {n: given[n] - true for n, true in truth(case, j).items() if n in given}
+                given = found["numbers"]
+                off |= {n: given[n][0] - true for n, true in truth(case, j).items() if n in given}
+                for number in [n for n in off if n in given and given[n][1] and math.isfinite(given[n][1])]:
+                    by_error = stated.setdefault(f"joint {j + 1}, {number}", [[], []])
+                    by_error[k].append((off[number] / given[number][1]) ** 2)
                 for number, error in off.items():
                     squares.setdefault(f"joint {j + 1}, {number}", [[], []])[k].append(error**2)
-    for number, (was, now) in squares.items():
-        rms = [math.sqrt(sum(x) / len(x)) if x else math.nan for x in (was, now)]
+    for number, sides_off in squares.items():
+        rms = [math.sqrt(sum(x) / len(x)) if x else math.nan for x in sides_off]
         words = f"{case.name}, {TWINS} draws, {number}: off the truth by {rms[0]:.3g} rms before, {rms[1]:.3g} now"
         judge.that(words, rms[1] <= rms[0] * (1.0 + SLACK))
+    for number, sides_off in stated.items():
+        ratio = [math.sqrt(sum(x) / len(x)) if x else math.nan for x in sides_off]
+        words = f"{case.name}, {TWINS} draws, {number}: off by {ratio[0]:.3g} stated errors rms before, {ratio[1]:.3g} now"
+        holds = not math.isfinite(ratio[0]) or abs(math.log(ratio[1])) <= abs(math.log(ratio[0])) + SPREAD
+        judge.that(words, holds)
 
 
 def job_of(case: Case, path: Path) -> dict:
