@@ -43,7 +43,11 @@ def command(
     ] = False,
     schema: Annotated[
         str | None,
-        typer.Option("--schema", metavar="model|tuning", help="Print the JSON schema of model or of tuning files instead."),
+        typer.Option(
+            "--schema",
+            metavar="model|tuning",
+            help="Print the JSON schema of model or of tuning files instead.",
+        ),
     ] = None,
 ) -> None:
     """Show a friction model: its laws with errors and bounds, where it holds, how good it is, where it comes from.
