@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 
 from backdrive.errors import InvalidInput
-from backdrive.identification import curves, design, dynamics, motion, motion_bins, ramp, regression, runs
+from backdrive.identification import (
+    curves,
+    delay,
+    design,
+    dynamics,
+    motion,
+    motion_bins,
+    ramp,
+    regression,
+    runs,
+)
 from backdrive.identification.constant_velocity import (
     _choose,
     _knots,
@@ -134,7 +144,7 @@ def test_a_spring_in_the_law_sees_the_increments_of_the_position():
 def test_earlier_is_cubic_interpolation_with_held_ends(samples):
     n = np.arange(20.0)
     cubic = lambda k: 0.01 * k**3 - 0.2 * k**2 + k + 3.0  # noqa: E731
-    got = dynamics.earlier(np.stack([cubic(n), -cubic(n)]), samples)
+    got = delay.earlier(np.stack([cubic(n), -cubic(n)]), samples)
     at = n - samples
     inner = (at >= 1.0) & (at <= 18.0)
     assert got[0][inner] == pytest.approx(cubic(at[inner]), abs=1e-9) and got[1] == pytest.approx(-got[0])
