@@ -140,6 +140,13 @@ def test_a_spring_in_the_law_sees_the_increments_of_the_position():
     assert dynamics.increments(None, v, 0.1) == pytest.approx(0.05 * (v + np.r_[v[0], v[:-1]]))
 
 
+def test_a_series_some_time_before_along_straight_lines():
+    x = np.array([0.0, 1.0, 4.0, 9.0, 16.0, 25.0])
+    assert delay.earlier(x, 2.0, linear=True).tolist() == [0.0, 0.0, 0.0, 1.0, 4.0, 9.0]
+    assert delay.earlier(x, 0.25, linear=True).tolist() == [0.0, 0.75, 3.25, 7.75, 14.25, 22.75]
+    assert delay.earlier(x, -0.5, linear=True).tolist() == [0.5, 2.5, 6.5, 12.5, 20.5, 25.0]
+
+
 @pytest.mark.parametrize("samples", [0.0, 1.0, 2.0, 0.3, 5.75, -1.4, -3.0, 30.0, -30.0])
 def test_earlier_is_cubic_interpolation_with_held_ends(samples):
     n = np.arange(20.0)

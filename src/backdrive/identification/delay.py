@@ -9,12 +9,13 @@ import numpy as np
 from backdrive.identification.signals import Signals
 
 
-def earlier(x: np.ndarray, samples: float) -> np.ndarray:
+def earlier(x: np.ndarray, samples: float, linear: bool = False) -> np.ndarray:
     """Return a series as it was some samples before, by cubic interpolation, its ends held.
 
     Args:
         x: time last, (..., n).
         samples: how long before; negative for later.
+        linear: along straight lines instead.
     """
     if samples == 0.0:
         return x
@@ -27,6 +28,8 @@ def earlier(x: np.ndarray, samples: float) -> np.ndarray:
         -u * (u + 1.0) * (u - 2.0) / 2.0,
         u * (u * u - 1.0) / 6.0,
     )
+    if linear:
+        weights = (0.0, 1.0 - u, u, 0.0)
     whole = min(max(whole, -n - 2), n + 2)  # beyond, the held end is all there is
     padded = np.pad(x, [(0, 0)] * (x.ndim - 1) + [(max(whole + 2, 0), max(2 - whole, 0))], "edge")
     first = max(whole + 2, 0) - whole - 2
@@ -51,6 +54,5 @@ def delayed(signals: Signals, delay: float) -> Signals:
 
 
 def torque_between(signals: Signals, delay: float) -> np.ndarray:
-    """Return the mean torque of each sample and the one before, (u_(k-1) + u_k) / 2, as it was some time before [s], (n,)."""
-    torque = 0.5 * (signals.torque + earlier(signals.torque, 1.0))
-    return earlier(torque, delay * signals.rate)
+    """Return the torque half a sample and some time before [s], (n,): (u_(k-1) + u_k) / 2 without delay."""
+    return earlier(signals.torque, 0.5 + delay * signals.rate, linear=True)
