@@ -15,13 +15,11 @@ from typing import Any
 import numpy as np
 from scipy.special import fdtrc
 
-from backdrive.identification.signals import Signals
+from backdrive.identification.signals import Signals, surely_sliding
 from backdrive.logs.resolution import resolution
 
 MEAN = 0.01  # length of a mean [s]
 BLOCK = 0.4  # length of a block of means [s]
-SLOW = 0.1  # a mean counts above this share of the top speed [-]
-TURN = 0.05  # and so long after and before the velocity changes sign [s]
 FEWEST_BLOCKS = 8  # more than there are columns, for a test
 WILD = 8.0  # a sample farther off than so many standard deviations is wild
 LATEST = 0.15  # longest delay that is sought [s]
@@ -224,7 +222,7 @@ def residual_of(parts: Sequence[Part]) -> Residual | None:
     columns: list[list[Any]] = []
     far, count = 0, 0
     for number, (s, friction, predicted, _) in enumerate(parts):
-        slides = sliding(s, top)
+        slides = surely_sliding(s, top)
         known = np.zeros_like(s.torque) if s.model_torque is None else s.model_torque
         position = np.full(s.time.size, np.nan) if s.position is None else s.position
         series = (s.time, position, s.velocity, s.acceleration, s.torque, friction, predicted, known)
@@ -258,17 +256,3 @@ def residual_of(parts: Sequence[Part]) -> Residual | None:
         wild=far / count if count else 0.0,
         step=min(resolution(s.torque) for s, *_ in parts),
     )
-
-
-def sliding(s: Signals, top: float) -> np.ndarray:
-    """Return which samples are well away from rests and reversals, however short the moves, (n,).
-
-    Args:
-        s: motion.
-        top: speed of the joint [rad/s or m/s].
-    """
-    inside = s.sliding & (np.abs(s.velocity) > SLOW * top)
-    reach, way = round(TURN * s.rate), np.sign(s.velocity)
-    for turn in np.flatnonzero(way[1:] != way[:-1]).tolist():
-        inside[max(turn + 1 - reach, 0) : turn + 1 + reach] = False
-    return inside

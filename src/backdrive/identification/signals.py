@@ -20,6 +20,7 @@ REVERSAL = 0.05  # a joint reverses for so long, at least, before and after its 
 BLURRED = 1.0  # and so many periods of the low pass's corner [-]
 CONTINUED = 2.0  # nor does it at the ends of a stretch, for so many of them [-]
 OF_A_MOVE = 0.25  # but for no larger share of the time between two reversals [-]
+SURELY = 0.1  # share of the top speed from which on what is left of the torque is asked for its cause [-]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -210,3 +211,19 @@ def _sliding(
     until[bounds[-2] :] = velocity.size
     from_end = np.minimum(index, index[::-1])  # but the low pass does not know what lies beyond
     return steady & (since >= reach) & (until >= reach) & (from_end >= CONTINUED / cutoff * rate)
+
+
+def surely_sliding(s: Signals, top: float) -> np.ndarray:
+    """Return which samples slide beyond doubt, (n,): what is left of the torque there is due to something else than reversals.
+
+    A fit may spare short moves a part of the time about their reversals (`OF_A_MOVE`); here nothing is spared.
+
+    Args:
+        s: motion.
+        top: speed of the joint [rad/s or m/s].
+    """
+    inside = s.sliding & (np.abs(s.velocity) > SURELY * top)
+    reach, way = round(REVERSAL * s.rate), np.sign(s.velocity)
+    for turn in np.flatnonzero(way[1:] != way[:-1]).tolist():
+        inside[max(turn + 1 - reach, 0) : turn + 1 + reach] = False
+    return inside
