@@ -8,7 +8,8 @@ from backdrive import identify
 from backdrive.errors import InvalidInput
 from backdrive.identification.names import same_names
 from backdrive.identification.quality import grade
-from backdrive.logs.log import Joint
+from backdrive.logs.log import Joint, Log
+from backdrive.plans import Multisine
 
 
 def dry(v):
@@ -60,6 +61,37 @@ def test_known_torque_has_a_share_of_one(sound):
     level, sentences = remarks(sound.replace(torque=sound.torque + known, model_torque=0.6 * known))
     assert level == "care"
     assert "a share of 1.67" in sentences[0]
+
+
+def test_the_motion_of_another_joint_explains_torque(sound):
+    t = sound.time[:, None]
+    position, acceleration = (
+        np.sin(1.9 * t) + 0.5 * np.cos(4.7 * t),
+        -np.sin(1.9 * t) - 3.06 * np.cos(4.7 * t),
+    )
+    joints, torque = (*sound.joints, Joint(name="wrist")), sound.need("torque")
+    both = Log(
+        time=sound.time,
+        joints=joints,
+        position=np.hstack([sound.need("position"), position]),
+        torque=np.hstack([torque + 0.4 * acceleration, torque]),
+    )
+    first = identify(both, method="motion").model.joints[0]
+    assert "Torque follows the acceleration of joint 'wrist'" in first.warnings[0]
+    alone = both.replace(torque=np.hstack([torque, torque]))
+    assert not any("wrist" in s for s in identify(alone, method="motion").model.joints[0].warnings)
+
+
+def test_a_clock_that_is_not_its_plans(sound):
+    plan = Multisine(1.2, 0.15, 1.2, 10.0, periods=2, joint="j1")
+    time = np.arange(round(plan.duration * 500)) / 500
+    q, dq, ddq = (f(time)[:, None] for f in (plan.position, plan.velocity, plan.acceleration))
+    tau = dry(dq) + 0.5 * ddq + 0.05 * np.random.default_rng(2).standard_normal(q.shape)
+    log = Log(time=time, joints=sound.joints, position=q, torque=tau, plan=plan)
+    assert not remarks(log)[1]
+    level, sentences = remarks(log.replace(time=1.1 * time))
+    assert level == "good"
+    assert "1.100 times as long as its plan" in sentences[0]
 
 
 def test_names_that_were_made_up_match_by_order_alone():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from backdrive.identification.plausibility_logs import other_joints
 from backdrive.identification.remark import Case, Remark
 from backdrive.identification.residual import MEAN, Explained
 
@@ -112,6 +113,14 @@ def structure(case: Case) -> Remark | None:
         (res.wave(), f"Torque follows the position {wave}, by {share}: cogging, or a gear's ripple."),
         (res.wave(way), f"Friction follows the position {wave}, by {share}."),
     ]
+    if (
+        float(np.sqrt(np.mean(res.left**2))) > STRUCTURE * size
+    ):  # the motion of other joints is costly to look up
+        pulls = [(res.explained(*columns.T), cause) for columns, cause in other_joints(case)]
+        tests += [
+            (e, f"Torque follows {cause}, by {share}: joints pull on each other (--urdf).")
+            for e, cause in pulls
+        ]
     sure = [(e, s) for e, s in tests if e is not None and e.chance < CHANCE and e.size > STRUCTURE * size]
     if not sure:
         return slow_torque(case)
