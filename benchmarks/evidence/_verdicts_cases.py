@@ -9,7 +9,7 @@ import numpy as np
 from _coverage_cells import to_log
 from _independent import Joint, Record
 from _verdicts_kinds import HIDDEN, KINDS, RIGHT, Kind
-from _verdicts_scenes import MOTIONS, scene, tell
+from _verdicts_scenes import MOTIONS, Scene, scene, tell
 
 from backdrive import check, identify
 from backdrive.errors import BackdriveError
@@ -17,6 +17,11 @@ from backdrive.identification.quality import grade
 
 ERRORS, SHARE, REPAIR_SHARE = 3.0, 0.05, 0.02  # stated errors; of the friction
 RATES = (200.0, 500.0, 1000.0)
+TOLD, DRAWS, APART = (
+    6.0,
+    10,
+    10**7,
+)  # noncentrality, draws until it is reached, and how far their seeds lie apart
 PROBES = np.array([0.3, 0.6, 0.9])  # shares of the top speed at which laws are compared
 
 
@@ -63,16 +68,28 @@ class Outcome(NamedTuple):
         return self.refused or self.graded or self.remarked
 
 
+def draw(about: Kind, seed: int) -> tuple[int, Scene]:
+    """Return motion and clean scene of the first of some seeds in which the required size shows in the residual."""
+    motion = MOTIONS.index(about.motions[seed % len(about.motions)])
+    rate = about.rate or RATES[seed // len(MOTIONS) % 3]
+    clean = scene(seed, MOTIONS[motion], rate=rate, gravity=about.gravity)
+    for again in range(1, DRAWS if about.shows and about in KINDS else 1):
+        if tell(about.plant(clean, about.size), clean.logs()) >= TOLD:
+            break
+        clean = scene(seed + again * APART, MOTIONS[motion], rate=rate, gravity=about.gravity)
+    return motion, clean
+
+
 def outcome(table: str, kind: int, seed: int, level: float = 0.0) -> Outcome:
     """Return what becomes of the log of a seed, with trouble of the required size, or smaller by a level; see `Kind.at`."""
     about: Kind | None = {"kind": KINDS, "right": RIGHT, "hidden": HIDDEN}.get(table, (None,))[kind]
-    motion = seed % len(MOTIONS) if about is None else MOTIONS.index(about.motions[seed % len(about.motions)])
-    rate = about.rate or RATES[seed // len(MOTIONS) % 3] if about else None
-    clean = scene(seed, MOTIONS[motion], rate=rate, gravity=about.gravity if about else None)
     if about is None:
+        motion = seed % len(MOTIONS)
+        clean = scene(seed, MOTIONS[motion])
         twin = planted = clean.logs()
         said = base = answer(planted, clean.joint, {})
     else:
+        motion, clean = draw(about, seed)
         twin = clean.logs() if about.none is None else about.plant(clean, about.none)
         planted = about.plant(clean, about.at(level))
         options = about.options | ({"plan": about.plan(clean)} if about.plan else {})

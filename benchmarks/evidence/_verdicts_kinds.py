@@ -29,6 +29,7 @@ class Kind(NamedTuple):
         smaller: share of the size that is printed beside it, not required; 0: a kind without sizes.
         none: size at which nothing is planted; None: the scene itself is the clean twin.
         plan: returns the plan that is given along with the logs; None: none is.
+        shows: in the residual; a log in which it does so with a noncentrality below 6 is drawn again.
         genuine: nothing is the matter, and no answer is no way out.
         says: words that count as a remark though the clean twin rightly has them too.
     """
@@ -45,6 +46,7 @@ class Kind(NamedTuple):
     none: float | None = None
     plan: Callable[[Scene], Any] | None = None
     says: str = ""
+    shows: bool = True
     genuine: bool = False
 
     def at(self, level: float) -> float:
@@ -221,7 +223,7 @@ KINDS = (
         torques(lambda m, x, r: m.torque * half(m, 1.0, -x)),
         smaller=0.0,
     ),
-    Kind("gain changed midway", 0.3, "more gain", torques(lambda m, x, r: m.torque * half(m, 1.0, 1.0 + x))),
+    Kind("gain changed midway", 0.12, "more gain", torques(lambda m, x, r: m.torque * half(m, 1.0, 1.0 + x))),
     Kind(
         "drift",
         1.0,
@@ -238,7 +240,7 @@ KINDS = (
         smaller=1.1,
     ),
     Kind("torque held", 0.1, "of the log", torques(dead)),
-    Kind("torque low-passed", 0.03, "s, causal, first order", torques(low_passed)),
+    Kind("torque low-passed", 0.025, "s, causal, first order", torques(low_passed)),
     Kind("torque in steps", 0.8, "Coulomb", torques(stepped)),
     Kind("wild samples", 0.01, "of 20 Coulomb", torques(spiked)),
     Kind(
@@ -247,13 +249,13 @@ KINDS = (
         "Coulomb, 31 a turn",
         torques(lambda m, x, r: m.torque + x * m.joint.coulomb * np.sin(31.0 * m.position)),
     ),
-    Kind("torque sign", 1, "whole torque", torques(lambda m, x, r: -x * m.torque), smaller=0.0),
+    Kind("torque sign", 1, "whole torque", torques(lambda m, x, r: -x * m.torque), smaller=0.0, shows=False),
     Kind("pull of another joint", 0.5, "Coulomb at most", torques(pulled)),
     Kind("pull of a joint in the log", 0.5, "Coulomb at most", beside_another, none=0.0),
     Kind("a hand pushes", 1.0, "Coulomb for 3 s", pushed),
     Kind("friction over position", 0.3, "of it, once a radian", lambda s, x: s.of(ripple=(x, 6.3)).logs()),
-    Kind("friction over load", 0.15, "of gravity", lambda s, x: s.of(load_growth=x).logs(), gravity=True),
-    Kind("friction warms up", -0.3, "of it", lambda s, x: s.of(warming=x).logs()),
+    Kind("friction over load", 0.1, "of gravity", lambda s, x: s.of(load_growth=x).logs(), gravity=True),
+    Kind("friction warms up", -0.12, "of it", lambda s, x: s.of(warming=x).logs()),
     Kind(
         "peak below the slowest speed",
         0.4,
@@ -261,9 +263,10 @@ KINDS = (
         unseen_peak,
         ("sweep", "sweeps"),
         says="nothing is known",
+        shows=False,
     ),
-    Kind("time in ms", 1000.0, "", milliseconds, smaller=0.0),
-    Kind("clock against velocity", 0.1, "faster", fast_clock),
+    Kind("time in ms", 1000.0, "", milliseconds, smaller=0.0, shows=False),
+    Kind("clock against velocity", 0.1, "faster", fast_clock, shows=False),
     Kind(
         "clock against the plan",
         1.1,
@@ -273,9 +276,10 @@ KINDS = (
         smaller=0.96,
         none=1.0,
         plan=plan_of,
+        shows=False,
     ),
-    Kind("degrees against velocity", 57.29578, "", degrees, smaller=0.0),
-    Kind("position mirrored", -1.0, "against velocity", mirrored, smaller=0.0),
+    Kind("degrees against velocity", 57.29578, "", degrees, smaller=0.0, shows=False),
+    Kind("position mirrored", -1.0, "against velocity", mirrored, smaller=0.0, shows=False),
     Kind("samples lost, time goes on", 0.2, "s, three times", lost),
     Kind("torque slips by samples", 0.1, "s from the middle on", torque_lost),
     Kind("position jumps", 0.15, "rad", jumped, gravity=True),
@@ -294,10 +298,11 @@ KINDS = (
         lambda s, x: share_of_known(s, x, 1.0),
         gravity=True,
         smaller=1.4,
+        shows=False,
     ),
     Kind(
         "gain against a known mass",
-        1.5,
+        1.07,
         "",
         lambda s, x: share_of_known(s, 1.0, x),
         gravity=True,

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from backdrive.identification.plausibility_logs import other_joints
 from backdrive.identification.remark import Case, Remark
-from backdrive.identification.residual import MEAN, Explained
+from backdrive.identification.residual import MEAN, Explained, Residual
+from backdrive.identification.terms import GRAVITY, columns
 
 CHANCE = 1e-5  # noise explains a residual so well once in so many times [-]
 STRUCTURE = 0.015  # of the friction: what of the residual has a cause is remarked on from here on [-]
 GRAVE = 0.25  # of the friction: from here on a remark lowers the grade [-]
 LEFT = 0.1  # of the friction: so much slow torque may be left [-]
 LATE = 0.015  # torque that comes so much later than motion is remarked on [s]
-WORTH = 0.9  # and the residual falls to less than this by it [-]
+WORTH = 0.96  # and the residual falls to less than this by it [-]
 WILD = 3e-3  # share of samples that are far off [-]
 COARSE = 0.25  # of the friction: a step of the torque's readings [-]
 FEW_STEPS = 0.3  # of the way in a mean at top speed: a step of the encoder [-]
@@ -93,6 +96,7 @@ def structure(case: Case) -> Remark | None:
     late = np.sign(time)
     load = np.abs(res.torque - res.friction)
     share, wave = "{share:.0%} of the friction", "every {wave:.2g} " + case.friction.joint.unit
+    follows_load = f"Friction follows the load, by {share}: a law of load says how (--law m3)."
     tests: list[tuple[Explained | None, str]] = [
         (
             res.explained(time, late),
@@ -106,10 +110,8 @@ def structure(case: Case) -> Remark | None:
             res.explained(res.predicted * late),
             f"The torque changed midway, by {share}: its gain, or its sign.",
         ),
-        (
-            res.explained(way * load),
-            f"Friction follows the load, by {share}: a law of load says how (--law m3).",
-        ),
+        (res.explained(way * load), follows_load),
+        (res.explained(way * _held(case, res)), follows_load),
         (res.wave(), f"Torque follows the position {wave}, by {share}: cogging, or a gear's ripple."),
         (res.wave(way), f"Friction follows the position {wave}, by {share}."),
     ]
@@ -127,6 +129,15 @@ def structure(case: Case) -> Remark | None:
     best, sentence = max(sure, key=lambda pair: pair[0].size)
     named = sentence.format(share=best.size / size, wave=2.0 * np.pi / best.wave if best.wave else 0.0)
     return Remark(severity="care" if best.size > GRAVE * size else "note", sentence=named)
+
+
+def _held(case: Case, res: Residual) -> np.ndarray:
+    """Return the size of what the joint holds without moving, gravity and torque known from elsewhere [N.m or N], (n,)."""
+    share, angle = case.value("model_torque")[0], np.isfinite(res.position).all()
+    held = np.zeros_like(res.torque) if not math.isfinite(share) else share * res.known
+    if angle:
+        held = held + np.nan_to_num([case.value(term)[0] for term in GRAVITY]) @ columns(res, GRAVITY)
+    return np.abs(held)
 
 
 def slow_torque(case: Case) -> Remark | None:
