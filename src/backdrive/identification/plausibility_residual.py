@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from backdrive.identification.terms import GRAVITY, columns
 CHANCE = 1e-5  # noise explains a residual so well once in so many times [-]
 STRUCTURE = 0.015  # of the friction: what of the residual has a cause is remarked on from here on [-]
 GRAVE = 0.25  # of the friction: from here on a remark lowers the grade [-]
+MOST = (
+    1.5  # of the friction: more than this is no structure, but terms that the motion does not tell apart [-]
+)
 LEFT = 0.1  # of the friction: so much slow torque may be left [-]
 LATE = 0.015  # torque that comes so much later than motion is remarked on [s]
 WORTH = 0.96  # and the residual falls to less than this by it [-]
@@ -118,15 +122,20 @@ def structure(case: Case) -> Remark | None:
     if (
         float(np.sqrt(np.mean(res.left**2))) > STRUCTURE * size
     ):  # the motion of other joints is costly to look up
-        pulls = [(res.explained(*columns.T), cause) for columns, cause in other_joints(case)]
-        tests += [
-            (e, f"Torque follows {cause}, by {share}: joints pull on each other (--urdf).")
-            for e, cause in pulls
-        ]
-    sure = [(e, s) for e, s in tests if e is not None and e.chance < CHANCE and e.size > STRUCTURE * size]
+        for motion, cause in other_joints(case):
+            pull = res.explained(*motion.T)
+            if pull is not None:  # what this joint's own motion could hold of it is no pull
+                tests.append(
+                    (replace(pull, size=pull.beyond), f"Torque follows {cause}, by {share}: its pull.")
+                )
+    sure = [
+        (e, sentence)
+        for e, sentence in tests
+        if e is not None and e.chance < CHANCE and STRUCTURE * size < e.size < MOST * size
+    ]
     if not sure:
         return slow_torque(case)
-    best, sentence = max(sure, key=lambda pair: pair[0].size)
+    best, sentence = max(sure, key=lambda pair: pair[0].beyond)
     named = sentence.format(share=best.size / size, wave=2.0 * np.pi / best.wave if best.wave else 0.0)
     return Remark(severity="care" if best.size > GRAVE * size else "note", sentence=named)
 

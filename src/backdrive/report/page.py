@@ -26,8 +26,6 @@ from backdrive.report.words import (
     sentence,
 )
 
-SLOW = 0.02  # "low speed" as a share of the top speed seen
-
 #: What the words of the report mean.
 TERMS = {
     "Residual": "100 |measured − predicted torque| / |measured torque|, in 2-norms over the samples judged, both low-passed "
@@ -100,10 +98,9 @@ def at_speeds(friction: JointFriction, curve: Curve) -> list[tuple[float, list[t
         curve: its curve, for the standard errors.
     """
     low, high = friction.validity.velocity
-    top = max(abs(low), abs(high))
     signs = [sign for sign, seen in ((1.0, high > 0), (-1.0, low < 0)) if seen]
     result = []
-    for speed in (SLOW * top, top):
+    for speed in friction.validity.speeds:
         pairs = [(float(friction.law.torque(s * speed)), error_at(curve, s * speed)) for s in signs]
         result.append((speed, pairs))
     return result
