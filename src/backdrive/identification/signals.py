@@ -16,6 +16,7 @@ REST = 0.002  # below this share of the top speed a joint is taken to rest [-]
 REST_TIME = 0.25  # when it does so for longer than this [s]
 SLOW = 0.08  # below this share of the top speed a joint slides only where it keeps its velocity [-]
 SUSTAINED = 0.1  # for so long, at its acceleration [s]
+BEGUN = 0.02  # and where it has travelled this share of the way between two reversals: until then it may still break away [-]
 REVERSAL = 0.05  # a joint reverses for so long, at least, before and after its velocity changes sign [s]
 BLURRED = 1.0  # and so many periods of the low pass's corner [-]
 CONTINUED = 2.0  # nor does it at the ends of a stretch, for so many of them [-]
@@ -198,10 +199,12 @@ def _sliding(
     and the low pass of the motion blurs it.
     """
     speed = np.abs(velocity)
-    steady = (speed >= SLOW * top) | (np.abs(acceleration) * SUSTAINED < speed)
     turns = np.flatnonzero(np.diff(np.sign(velocity)) != 0) + 1
     bounds = np.r_[0, turns, velocity.size]
     length = np.diff(bounds)
+    way = np.r_[0.0, np.cumsum(speed)]
+    begun = way[1:] - np.repeat(way[bounds[:-1]], length) > BEGUN * np.repeat(np.diff(way[bounds]), length)
+    steady = (speed >= SLOW * top) | ((np.abs(acceleration) * SUSTAINED < speed) & begun)
     reach = np.minimum(max(REVERSAL, BLURRED / cutoff) * rate, OF_A_MOVE * length)
     reach = np.repeat(reach, length)
     index = np.arange(velocity.size)
