@@ -102,3 +102,25 @@ def test_names_that_were_made_up_match_by_order_alone():
     assert "matched by their order" in same_names(made, made, "model", "logs")[0]
     with pytest.raises(InvalidInput, match="model: base, arm; logs: joint_1, joint_2"):
         same_names(given, made, "model", "logs")
+
+
+def test_a_change_within_each_of_several_logs():
+    logs = [any_motion(dry, seed=k, seconds=12.0, phase=3.0 * k) for k in range(3)]
+    assert not identify(logs, method="motion").model.joints[0].warnings
+    changed = [log.replace(torque=log.need("torque") * np.where(half(log), 1.2, 1.0)) for log in logs]
+    assert any("changed midway" in s for s in identify(changed, method="motion").model.joints[0].warnings)
+
+
+def test_known_torque_that_is_too_small_to_be_told(sound):
+    known = 0.01 * np.sin(sound.position)
+    sentences = remarks(sound.replace(torque=sound.torque + 40.0 * known, model_torque=known))[1]
+    assert any("it is too small to be told. Leave it out" in s for s in sentences)
+
+
+def test_few_moves_tell_no_delay():
+    time = np.arange(4000) / 500.0
+    q = np.sin(0.7 * time)
+    dq = 0.7 * np.cos(0.7 * time)
+    tau = np.roll(dry(dq) + 8.0 * np.sin(3.0 * time), 30)  # a pull that the model does not know
+    log = Log(time=time, joints=(Joint(name="j1"),), position=q, torque=tau)
+    assert not any("ms later" in s or "ms earlier" in s for s in remarks(log)[1])

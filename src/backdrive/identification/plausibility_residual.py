@@ -95,25 +95,27 @@ def structure(case: Case) -> Remark | None:
         return None
     res = case.residual.slides
     way, size = np.sign(res.velocity), case.residual.size
-    order = np.arange(res.time.size)
-    time = order / max(res.time.size - 1, 1) - 0.5
-    late = np.sign(time)
     load = np.abs(res.torque - res.friction)
     share, wave = "{share:.0%} of the friction", "every {wave:.2g} " + case.friction.joint.unit
     follows_load = f"Friction follows the load, by {share}: a law of load says how (--law m3)."
-    tests: list[tuple[Explained | None, str]] = [
-        (
-            res.explained(time, late),
-            f"The torque drifts over the log, by {share}: warming, a bias, or a cable.",
-        ),
-        (
-            res.explained(way * time, way * late),
-            f"Friction changes over the log, by {share}: warming, or changed midway.",
-        ),
-        (
-            res.explained(res.predicted * late),
-            f"The torque changed midway, by {share}: its gain, or its sign.",
-        ),
+    tests: list[tuple[Explained | None, str]] = []
+    for time in _times(res):
+        late = np.sign(time)
+        tests += [
+            (
+                res.explained(time, late),
+                f"The torque drifts over the log, by {share}: warming, a bias, or a cable.",
+            ),
+            (
+                res.explained(way * time, way * late),
+                f"Friction changes over the log, by {share}: warming, or changed midway.",
+            ),
+            (
+                res.explained(res.predicted * late),
+                f"The torque changed midway, by {share}: its gain, or its sign.",
+            ),
+        ]
+    tests += [
         (res.explained(way * load), follows_load),
         (res.explained(way * _held(case, res)), follows_load),
         (res.wave(), f"Torque follows the position {wave}, by {share}: cogging, or a gear's ripple."),
@@ -138,6 +140,14 @@ def structure(case: Case) -> Remark | None:
     best, sentence = max(sure, key=lambda pair: pair[0].beyond)
     named = sentence.format(share=best.size / size, wave=2.0 * np.pi / best.wave if best.wave else 0.0)
     return Remark(severity="care" if best.size > GRAVE * size else "note", sentence=named)
+
+
+def _times(res: Residual) -> list[np.ndarray]:
+    """Return the order of the means from -0.5 to 0.5, over all and, where there are several stretches, within each, (n,) each."""
+    lengths = np.bincount(res.part)
+    lengths = lengths[lengths > 0]
+    every = [[res.time.size]] if lengths.size == 1 else [[res.time.size], lengths.tolist()]
+    return [np.concatenate([np.linspace(-0.5, 0.5, n) for n in some]) for some in every]
 
 
 def _held(case: Case, res: Residual) -> np.ndarray:
