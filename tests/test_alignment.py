@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from backdrive import Joint, Log, Sweep, identify, load_model
 from backdrive.cli._app import app
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.identification.alignment import best_lag, with_plan
+from backdrive.identification.alignment import best_lag, tempo, with_plan
 from backdrive.plans import InTurn
 
 PLAN = Sweep(stroke=0.8, top_speed=1.5, cycles=4)
@@ -34,6 +34,22 @@ def test_the_lag_of_a_plan_shows_in_the_motion(late, clock, joints):
     lag, alike = best_lag(recorded(late, clock, joints), PLAN)
     assert lag == pytest.approx(late, abs=0.2 / RATE)
     assert alike > 0.95
+
+
+@pytest.mark.parametrize(
+    ("clock", "stroke", "late"), [(1.0, 1.0, 0.0), (1.1, 1.0, 0.4), (0.95, -1.0, 0.0), (1.0, 57.3, 0.2)]
+)
+def test_how_fast_a_plan_was_run(clock, stroke, late):
+    log = recorded(late)
+    ran = tempo(log.replace(time=clock * log.time, position=stroke * log.need("position")), "j0", PLAN)
+    assert ran is not None
+    assert ran.duration == pytest.approx(clock, rel=2e-3)
+    assert ran.stroke == pytest.approx(stroke, rel=1e-2)
+
+
+def test_another_motion_has_no_tempo():
+    log = recorded(0.0)
+    assert tempo(log.replace(position=np.sin(log.time**1.3)), "j0", PLAN) is None
 
 
 def test_a_recording_that_began_after_its_plan():

@@ -7,6 +7,8 @@ from _synthetic import any_motion
 from backdrive import identify
 from backdrive.errors import NotIdentifiable
 from backdrive.identification.motion import identify_motion
+from backdrive.identification.signals import prepare
+from backdrive.logs.log import Joint, Log
 
 
 def stribeck(v):
@@ -137,3 +139,14 @@ def test_the_same_log_gives_the_same_numbers():
     log = any_motion(stribeck)
     first, second = (identify_motion([log], "j1")[0] for _ in range(2))
     assert first.law == second.law
+
+
+def test_a_slow_start_is_no_slow_sliding():
+    time = np.arange(5000) / 500.0
+    into = np.clip(time - 1.0, 0.0, 4.0)
+    position = 0.5 * into**3 * (1.0 - 0.15 * into)
+    torque = np.random.default_rng(0).standard_normal(time.size)
+    (stretch,) = prepare(Log(time=time, joints=(Joint(name="j1"),), position=position, torque=torque), "j1")
+    travelled = (position - position[0]) / position[-1]
+    assert not stretch.sliding[travelled < 0.004].any()
+    assert stretch.sliding[(travelled > 0.03) & (travelled < 0.9)].all()

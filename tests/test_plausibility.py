@@ -8,7 +8,8 @@ from backdrive import identify
 from backdrive.errors import InvalidInput
 from backdrive.identification.names import same_names
 from backdrive.identification.quality import grade
-from backdrive.logs.log import Joint
+from backdrive.logs.log import Joint, Log
+from backdrive.plans import Multisine
 
 
 def dry(v):
@@ -62,6 +63,37 @@ def test_known_torque_has_a_share_of_one(sound):
     assert "a share of 1.67" in sentences[0]
 
 
+def test_the_motion_of_another_joint_explains_torque(sound):
+    t = sound.time[:, None]
+    position, acceleration = (
+        np.sin(1.9 * t) + 0.5 * np.cos(4.7 * t),
+        -np.sin(1.9 * t) - 3.06 * np.cos(4.7 * t),
+    )
+    joints, torque = (*sound.joints, Joint(name="wrist")), sound.need("torque")
+    both = Log(
+        time=sound.time,
+        joints=joints,
+        position=np.hstack([sound.need("position"), position]),
+        torque=np.hstack([torque + 0.4 * acceleration, torque]),
+    )
+    first = identify(both, method="motion").model.joints[0]
+    assert "Torque follows the acceleration of joint 'wrist'" in first.warnings[0]
+    alone = both.replace(torque=np.hstack([torque, torque]))
+    assert not any("wrist" in s for s in identify(alone, method="motion").model.joints[0].warnings)
+
+
+def test_a_clock_that_is_not_its_plans(sound):
+    plan = Multisine(1.2, 0.15, 1.2, 10.0, periods=2, joint="j1")
+    time = np.arange(round(plan.duration * 500)) / 500
+    q, dq, ddq = (f(time)[:, None] for f in (plan.position, plan.velocity, plan.acceleration))
+    tau = dry(dq) + 0.5 * ddq + 0.05 * np.random.default_rng(2).standard_normal(q.shape)
+    log = Log(time=time, joints=sound.joints, position=q, torque=tau, plan=plan)
+    assert not remarks(log)[1]
+    level, sentences = remarks(log.replace(time=1.1 * time))
+    assert level == "good"
+    assert "1.100 times as long as its plan" in sentences[0]
+
+
 def test_names_that_were_made_up_match_by_order_alone():
     made = [Joint(name=f"joint_{i}", named=False) for i in (1, 2)]
     given = [Joint(name=name, named=True) for name in ("base", "arm")]
@@ -70,3 +102,25 @@ def test_names_that_were_made_up_match_by_order_alone():
     assert "matched by their order" in same_names(made, made, "model", "logs")[0]
     with pytest.raises(InvalidInput, match="model: base, arm; logs: joint_1, joint_2"):
         same_names(given, made, "model", "logs")
+
+
+def test_a_change_within_each_of_several_logs():
+    logs = [any_motion(dry, seed=k, seconds=12.0, phase=3.0 * k) for k in range(3)]
+    assert not identify(logs, method="motion").model.joints[0].warnings
+    changed = [log.replace(torque=log.need("torque") * np.where(half(log), 1.2, 1.0)) for log in logs]
+    assert any("changed midway" in s for s in identify(changed, method="motion").model.joints[0].warnings)
+
+
+def test_known_torque_that_is_too_small_to_be_told(sound):
+    known = 0.01 * np.sin(sound.position)
+    sentences = remarks(sound.replace(torque=sound.torque + 40.0 * known, model_torque=known))[1]
+    assert any("it is too small to be told. Leave it out" in s for s in sentences)
+
+
+def test_few_moves_tell_no_delay():
+    time = np.arange(4000) / 500.0
+    q = np.sin(0.7 * time)
+    dq = 0.7 * np.cos(0.7 * time)
+    tau = np.roll(dry(dq) + 8.0 * np.sin(3.0 * time), 30)  # a pull that the model does not know
+    log = Log(time=time, joints=(Joint(name="j1"),), position=q, torque=tau)
+    assert not any("ms later" in s or "ms earlier" in s for s in remarks(log)[1])

@@ -53,14 +53,17 @@ class Number(NamedTuple):
 
 
 def to_log(record: Any) -> Log:
-    """Return a record as a log."""
-    channels = {"position": record.position, "torque": record.torque}
-    if record.velocity is not None:
-        channels["velocity"] = record.velocity
-    if record.known is not None:
-        channels["model_torque"] = record.known
-    joints = (Joint(name="joint", unit="rad"),)
-    return Log(time=record.time, joints=joints, **{k: v[:, None] for k, v in channels.items()})
+    """Return a record as a log, with the joint that was logged beside it."""
+    both = [record] if record.other is None else [record, record.other]
+    names = {"position": "position", "torque": "torque", "velocity": "velocity", "model_torque": "known"}
+    columns = {channel: [getattr(one, name) for one in both] for channel, name in names.items()}
+    channels: dict[str, Any] = {
+        channel: np.stack(series, axis=1)
+        for channel, series in columns.items()
+        if all(x is not None for x in series)
+    }
+    joints = tuple(Joint(name=name, unit="rad") for name in ("joint", "other")[: len(both)])
+    return Log(time=record.time, joints=joints, **channels)
 
 
 def numbers(condition: int, seed: int, searches: bool) -> list[Number]:

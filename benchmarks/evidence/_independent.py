@@ -104,6 +104,7 @@ class Record:
         velocity: a channel of its own [rad/s], (n,); None: not logged.
         known: torque known from elsewhere [N.m], (n,); None: not logged.
         reference: the motion that was wanted [rad], (n,).
+        other: record of another joint of the same log; None: there is none.
     """
 
     time: np.ndarray
@@ -116,6 +117,7 @@ class Record:
     velocity: np.ndarray | None = None
     known: np.ndarray | None = None
     reference: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    other: Record | None = None
 
     def rows(self, part: slice | np.ndarray) -> Record:
         """Return some of the samples."""

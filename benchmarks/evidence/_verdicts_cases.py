@@ -9,7 +9,7 @@ import numpy as np
 from _coverage_cells import to_log
 from _independent import Joint, Record
 from _verdicts_kinds import HIDDEN, KINDS, RIGHT, Kind
-from _verdicts_scenes import MOTIONS, scene, tell
+from _verdicts_scenes import MOTIONS, Scene, scene, tell
 
 from backdrive import check, identify
 from backdrive.errors import BackdriveError
@@ -17,6 +17,11 @@ from backdrive.identification.quality import grade
 
 ERRORS, SHARE, REPAIR_SHARE = 3.0, 0.05, 0.02  # stated errors; of the friction
 RATES = (200.0, 500.0, 1000.0)
+TOLD, DRAWS, APART = (
+    6.0,
+    10,
+    10**7,
+)  # noncentrality, draws until it is reached, and how far their seeds lie apart
 PROBES = np.array([0.3, 0.6, 0.9])  # shares of the top speed at which laws are compared
 
 
@@ -29,6 +34,7 @@ class Answer(NamedTuple):
         off: largest error of Coulomb or viscous by the friction [-].
         sure: the same in stated errors [-].
         why: grade or error in words.
+        text: that stands beside the curve.
     """
 
     level: str
@@ -36,6 +42,7 @@ class Answer(NamedTuple):
     off: float
     sure: float
     why: str
+    text: str = ""
 
 
 class Outcome(NamedTuple):
@@ -43,13 +50,13 @@ class Outcome(NamedTuple):
 
     table: str
     kind: int
+    level: float
     motion: int
     refused: bool
     graded: bool
     remarked: bool
     remarks: int
     moved: bool
-    off: bool
     told: float
     repaired: str
     away: bool
@@ -61,29 +68,46 @@ class Outcome(NamedTuple):
         return self.refused or self.graded or self.remarked
 
 
-def outcome(table: str, kind: int, seed: int, smaller: bool = False) -> Outcome:
-    """Return what becomes of the log of a seed, with trouble of the required size or of the smaller one."""
+def draw(about: Kind, seed: int) -> tuple[int, Scene]:
+    """Return motion and clean scene of the first of some seeds in which the required size shows in the residual."""
+    motion = MOTIONS.index(about.motions[seed % len(about.motions)])
+    rate = about.rate or RATES[seed // len(MOTIONS) % 3]
+    clean = scene(seed, MOTIONS[motion], rate=rate, gravity=about.gravity)
+    for again in range(1, DRAWS if about.shows and about in KINDS else 1):
+        if tell(about.plant(clean, about.size), clean.logs()) >= TOLD:
+            break
+        clean = scene(seed + again * APART, MOTIONS[motion], rate=rate, gravity=about.gravity)
+    return motion, clean
+
+
+def outcome(table: str, kind: int, seed: int, level: float = 0.0) -> Outcome:
+    """Return what becomes of the log of a seed, with trouble of the required size, or smaller by a level; see `Kind.at`."""
     about: Kind | None = {"kind": KINDS, "right": RIGHT, "hidden": HIDDEN}.get(table, (None,))[kind]
-    motion = seed % len(MOTIONS) if about is None else MOTIONS.index(about.motions[seed % len(about.motions)])
-    rate = about.rate or RATES[seed // len(MOTIONS) % 3] if about else None
-    clean = scene(seed, MOTIONS[motion], rate=rate, gravity=about.gravity if about else None)
-    twin = clean.logs()
-    planted = about.plant(clean, about.size * (about.smaller if smaller else 1.0)) if about else twin
+    if about is None:
+        motion = seed % len(MOTIONS)
+        clean = scene(seed, MOTIONS[motion])
+        twin = planted = clean.logs()
+        said = base = answer(planted, clean.joint, {})
+    else:
+        motion, clean = draw(about, seed)
+        twin = clean.logs() if about.none is None else about.plant(clean, about.none)
+        planted = about.plant(clean, about.at(level))
+        options = about.options | ({"plan": about.plan(clean)} if about.plan else {})
+        said = answer(planted, planted[0].joint, options)
+        base = answer(twin, twin[0].joint, {} if about.none is None else options)
     joint = planted[0].joint
-    said = answer(planted, joint, about.options if about else {})
-    base = answer(twin, clean.joint, {}) if about else said
     repaired, away = _repaired(planted, joint, said)
     own = said.remarks - base.remarks
     return Outcome(
-        table="smaller" if smaller else table,
+        table=table,
         kind=kind,
+        level=level,
         motion=motion,
         refused=said.level == "refused",
         graded=said.level not in ("good", "refused", *(() if base is said else (base.level,))),
-        remarked=bool(own),
+        remarked=bool(own) or bool(about and about.says and about.says in said.text),
         remarks=len(said.remarks),
         moved=said.off > SHARE and said.sure > ERRORS,
-        off=said.off > SHARE and said.sure > ERRORS,
         told=tell(planted, twin) if about else 0.0,
         repaired=repaired,
         away=away,
@@ -102,7 +126,8 @@ def answer(records: list[Record], joint: Joint, options: dict[str, Any], repair:
     sentences = [*result.warnings, *friction.warnings]
     off, sure = _error(result, joint)
     word = f"{said.word}; {' '.join(map(_plain, sentences))[:120]}"
-    return Answer(said.level, frozenset(map(_plain, sentences)), off, sure, f"{result.method}: {word}")
+    text = result.evidence[0].verdict
+    return Answer(said.level, frozenset(map(_plain, sentences)), off, sure, f"{result.method}: {word}", text)
 
 
 def _plain(sentence: str) -> str:

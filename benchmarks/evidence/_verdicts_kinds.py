@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from _independent import Record, multisine, sweep
+from _verdicts_beside import along_plan, beside_another, monotone_ramp, plan_of, printed_ramps
 from _verdicts_scenes import MOTIONS, Scene, steps
 
 Plant = Callable[[Scene, float], list[Record]]
@@ -26,6 +27,11 @@ class Kind(NamedTuple):
         gravity: the joint carries some; None: a coin decides.
         rate: of sampling [Hz]; None: drawn from 200 to 1000 Hz.
         smaller: share of the size that is printed beside it, not required; 0: a kind without sizes.
+        none: size at which nothing is planted; None: the scene itself is the clean twin.
+        plan: returns the plan that is given along with the logs; None: none is.
+        shows: in the residual; a log in which it does so with a noncentrality below 6 is drawn again.
+        genuine: nothing is the matter, and no answer is no way out.
+        says: words that count as a remark though the clean twin rightly has them too.
     """
 
     name: str
@@ -37,6 +43,15 @@ class Kind(NamedTuple):
     gravity: bool | None = None
     rate: float | None = None
     smaller: float = 0.5
+    none: float | None = None
+    plan: Callable[[Scene], Any] | None = None
+    says: str = ""
+    shows: bool = True
+    genuine: bool = False
+
+    def at(self, level: float) -> float:
+        """Return a size: the required one at 0, the smaller one at 1, and so on by equal factors."""
+        return self.size * self.smaller**level if level else self.size
 
 
 def torques(change: Callable[[Record, float, np.random.Generator], np.ndarray]) -> Plant:
@@ -122,7 +137,9 @@ def lost(scene: Scene, size: float) -> list[Record]:
     for made in scene.logs():
         n, gap = made.time.size, round(size * made.logger.rate)
         kept = np.ones(n, dtype=bool)
-        for at in (n // 4, n // 2, 3 * n // 4):
+        speed = np.abs(made.motion[1])
+        for first in (n // 4, n // 2, 3 * n // 4):
+            at = first + int(np.argmax(speed[first : first + n // 6] > 0.3 * speed.max()))  # while it moves
             kept[at : at + gap] = False
         part = made.rows(np.flatnonzero(kept))
         logs.append(replace(part, position=part.position, time=np.arange(part.time.size) / made.logger.rate))
@@ -188,6 +205,11 @@ def far_centers(scene: Scene, size: float) -> list[Record]:
     return replace(scene, references=tuple(parts)).logs()
 
 
+def searched_peak(scene: Scene, size: float) -> list[Record]:
+    """Return a log with a Stribeck peak that the motion shows."""
+    return scene.of(peak=size * scene.joint.coulomb, peak_speed=0.25 * scene.top).logs()
+
+
 def unseen_peak(scene: Scene, size: float) -> list[Record]:
     """Return sweeps of a joint whose Stribeck peak lies below the slowest speed that was swept."""
     return scene.of(peak=size * scene.joint.coulomb, peak_speed=0.03 * scene.top).logs()
@@ -201,7 +223,7 @@ KINDS = (
         torques(lambda m, x, r: m.torque * half(m, 1.0, -x)),
         smaller=0.0,
     ),
-    Kind("gain changed midway", 0.3, "more gain", torques(lambda m, x, r: m.torque * half(m, 1.0, 1.0 + x))),
+    Kind("gain changed midway", 0.12, "more gain", torques(lambda m, x, r: m.torque * half(m, 1.0, 1.0 + x))),
     Kind(
         "drift",
         1.0,
@@ -218,7 +240,7 @@ KINDS = (
         smaller=1.1,
     ),
     Kind("torque held", 0.1, "of the log", torques(dead)),
-    Kind("torque low-passed", 0.03, "s, causal, first order", torques(low_passed)),
+    Kind("torque low-passed", 0.025, "s, causal, first order", torques(low_passed)),
     Kind("torque in steps", 0.8, "Coulomb", torques(stepped)),
     Kind("wild samples", 0.01, "of 20 Coulomb", torques(spiked)),
     Kind(
@@ -227,17 +249,37 @@ KINDS = (
         "Coulomb, 31 a turn",
         torques(lambda m, x, r: m.torque + x * m.joint.coulomb * np.sin(31.0 * m.position)),
     ),
-    Kind("torque sign", 1, "whole torque", torques(lambda m, x, r: -x * m.torque), smaller=0.0),
+    Kind("torque sign", 1, "whole torque", torques(lambda m, x, r: -x * m.torque), smaller=0.0, shows=False),
     Kind("pull of another joint", 0.5, "Coulomb at most", torques(pulled)),
+    Kind("pull of a joint in the log", 0.5, "Coulomb at most", beside_another, none=0.0),
     Kind("a hand pushes", 1.0, "Coulomb for 3 s", pushed),
     Kind("friction over position", 0.3, "of it, once a radian", lambda s, x: s.of(ripple=(x, 6.3)).logs()),
-    Kind("friction over load", 0.15, "of gravity", lambda s, x: s.of(load_growth=x).logs(), gravity=True),
-    Kind("friction warms up", -0.3, "of it", lambda s, x: s.of(warming=x).logs()),
-    Kind("peak below the slowest speed", 0.4, "Coulomb", unseen_peak, ("sweep", "sweeps")),
-    Kind("time in ms", 1000.0, "", milliseconds, smaller=0.0),
-    Kind("clock against velocity", 0.1, "faster", fast_clock),
-    Kind("degrees against velocity", 57.29578, "", degrees, smaller=0.0),
-    Kind("position mirrored", -1.0, "against velocity", mirrored, smaller=0.0),
+    Kind("friction over load", 0.1, "of gravity", lambda s, x: s.of(load_growth=x).logs(), gravity=True),
+    Kind("friction warms up", -0.12, "of it", lambda s, x: s.of(warming=x).logs()),
+    Kind(
+        "peak below the slowest speed",
+        0.4,
+        "Coulomb",
+        unseen_peak,
+        ("sweep", "sweeps"),
+        says="nothing is known",
+        shows=False,
+    ),
+    Kind("time in ms", 1000.0, "", milliseconds, smaller=0.0, shows=False),
+    Kind("clock against velocity", 0.1, "faster", fast_clock, shows=False),
+    Kind(
+        "clock against the plan",
+        1.1,
+        "times as fast",
+        along_plan,
+        ("sines",),
+        smaller=0.96,
+        none=1.0,
+        plan=plan_of,
+        shows=False,
+    ),
+    Kind("degrees against velocity", 57.29578, "", degrees, smaller=0.0, shows=False),
+    Kind("position mirrored", -1.0, "against velocity", mirrored, smaller=0.0, shows=False),
     Kind("samples lost, time goes on", 0.2, "s, three times", lost),
     Kind("torque slips by samples", 0.1, "s from the middle on", torque_lost),
     Kind("position jumps", 0.15, "rad", jumped, gravity=True),
@@ -256,10 +298,11 @@ KINDS = (
         lambda s, x: share_of_known(s, x, 1.0),
         gravity=True,
         smaller=1.4,
+        shows=False,
     ),
     Kind(
         "gain against a known mass",
-        1.5,
+        1.07,
         "",
         lambda s, x: share_of_known(s, 1.0, x),
         gravity=True,
@@ -269,8 +312,23 @@ KINDS = (
     Kind("fast one way, creeping back", 0.02, "of the speed", one_way, ("speeds",)),
 )
 
+RAMP: dict[str, Any] = {"options": {"method": "ramp"}, "none": 1.2, "smaller": 0.0, "genuine": True}
+
 #: Cases of section 1 in which the answer must be right, or said not to be: nothing is the matter with the log.
-RIGHT = (Kind("stroke too small for gravity", 0.18, "rad", small_stroke, ("sweep",), smaller=0.0),)
+RIGHT = (
+    Kind("stroke too small for gravity", 0.18, "rad", small_stroke, ("sweep",), smaller=0.0),
+    Kind("ramps printed with six decimals", 1.2, "break-away", printed_ramps, ("sines",), **RAMP),
+    Kind("ramps that only rise", 1.2, "break-away", monotone_ramp, ("sines",), **RAMP),
+    Kind(
+        "Stribeck peak, law auto",
+        0.5,
+        "Coulomb",
+        searched_peak,
+        ("sines",),
+        {"law": "auto"},
+        smaller=0.0,
+    ),
+)
 
 #: What no log shows by itself, and sound logs that a search has called poor: they must be called good.
 HIDDEN = (

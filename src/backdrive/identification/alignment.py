@@ -1,21 +1,40 @@
-"""Where in a log its plan begins: as a person says, or by the lag at which the planned motion fits the measured one best."""
+"""Where in a log its plan begins, as a person says or by the lag at which planned and measured motion fit best; how fast it ran."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any, Literal
 
 import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.identification.sweep_windows import turning_points
 from backdrive.logs.log import Log
 
 ALIKE = 0.8  # least correlation of planned and measured velocity [-]
 MOST = 1 << 19  # samples of the lag's grid
 
+FEWEST_REVERSALS = 4  # in the motion and in its plan alike
+OVERLAP = 0.7  # of the reversals that both have [-]
+STROKES = (0.1, 0.2, 0.3)  # of the travel: shorter ways back are no reversals [-]
+UNEVEN = 0.1  # of the way between two reversals, by which these may lie elsewhere [-]
+
 Start = float | Literal["auto"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tempo:
+    """A motion by its plan.
+
+    Attributes:
+        duration: of the motion, by the log's clock, over that of the plan [-].
+        stroke: of the motion over that of the plan [-]; negative where it goes the other way.
+    """
+
+    duration: float
+    stroke: float
 
 
 def with_plan(log: Log, plan: Any, start: Start) -> Log:
@@ -98,6 +117,59 @@ def best_lag(log: Log, plan: Any) -> tuple[float, float]:
             remedy="Link the log to the plan that was run, give --start SECONDS, or leave the plan out.",
         )
     return best
+
+
+def tempo(log: Log, joint: str, plan: Any) -> Tempo | None:
+    """Return how a joint's motion compares with its plan; None where its reversals are not those of the plan.
+
+    Reversals are compared one by one, whatever the delay; where one side has some more, the overlap that fits best counts.
+
+    Args:
+        log: with position or velocity.
+        joint: name.
+        plan: of this joint, an object of `backdrive.plans`.
+    """
+    if getattr(plan, "commands", "") != "position" or not log.period > 0.0:
+        return None
+    own = log.select(joint)
+    step = max(own.period, plan.duration / MOST)
+    instants = np.arange(int(plan.duration / step) + 1) * step
+    wanted = np.asarray(replace(plan, start=0.0).position(instants))
+    actual = np.cumsum(_velocity(own, 0, step)) * step
+    for share in STROKES:
+        ran = _compared(_reversals(wanted, step, share), _reversals(actual, step, share))
+        if ran is not None:
+            return ran
+    return None
+
+
+def _compared(wanted: np.ndarray, actual: np.ndarray) -> Tempo | None:
+    """Return how two series of reversals compare; None where they are not alike.
+
+    Args:
+        wanted: instants [s] and positions of those of the plan, (2, n).
+        actual: of the motion, (2, k).
+    """
+    n, k = wanted.shape[1], actual.shape[1]
+    least, best = UNEVEN, None
+    for shift in range(1 - k, n):
+        (a, p), (b, q) = wanted[:, max(shift, 0) : shift + k], actual[:, max(-shift, 0) : n - shift]
+        if a.size < max(FEWEST_REVERSALS, OVERLAP * max(n, k)):
+            continue
+        ratio, begin = np.polyfit(a, b, 1)
+        strokes = np.diff(q) / np.diff(p)
+        size = float(np.median(strokes))
+        late = np.sqrt(np.mean((b - begin - ratio * a) ** 2)) / np.mean(np.diff(b))
+        uneven = max(float(late), float(np.median(np.abs(strokes / size - 1.0))))
+        if uneven < least:
+            least, best = uneven, Tempo(duration=float(ratio), stroke=size)
+    return best
+
+
+def _reversals(position: np.ndarray, step: float, share: float) -> np.ndarray:
+    """Return instants [s] and positions at which a motion turns for a stroke of a share of its travel, (2, n)."""
+    turns = turning_points(position, share * float(np.ptp(position)))[1:-1]
+    return np.stack([step * turns, position[turns]])
 
 
 def _columns(log: Log, plan: Any) -> list[list[tuple[int, int]]]:

@@ -82,9 +82,8 @@ def verdict(friction: JointFriction) -> str:
     unit = friction.joint.torque_unit
     speed = f"{friction.joint.unit}/s"
     low, high = friction.validity.velocity
-    top = max(abs(low), abs(high))
+    slowest, top = friction.validity.speeds
     ways = [sign for sign in (1.0, -1.0) if sign * (high if sign > 0 else low) > 0.05 * top]
-    slowest = 0.02 * top
     slow, fast = (np.abs(friction.law.torque(speed * np.array(ways))) for speed in (slowest, top))
     if slow.size == 2 and max(np.ptp(slow), np.ptp(fast)) > 0.02 * fast.max():
         amount = (

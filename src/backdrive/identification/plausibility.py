@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from backdrive.identification import plausibility_logs as beside
 from backdrive.identification import plausibility_numbers as numbers
 from backdrive.identification import plausibility_residual as residual
 from backdrive.identification.remark import Case, Remark, Severity
 from backdrive.identification.result import JointEvidence
 from backdrive.logs.log import Log
-from backdrive.logs.resolution import encoder_step
 from backdrive.model import JointFriction, Verdict
 
 ORDER: tuple[Severity, ...] = ("poor", "unknown", "care", "note")
@@ -32,6 +32,7 @@ RULES: tuple[Rule, ...] = (
     numbers.known_torque,
     numbers.directions,
     numbers.delay_range,
+    beside.plan,
     residual.delay,
     residual.structure,
     numbers.break_away,
@@ -50,10 +51,7 @@ def remarks(friction: JointFriction, evidence: JointEvidence, logs: Sequence[Log
         evidence: of the same joint.
         logs: that were fitted.
     """
-    steps = [encoder_step(log.select(friction.joint.name)) for log in logs]
-    case = Case(
-        friction=friction, evidence=evidence, residual=evidence.residual, count=max(steps, default=0.0)
-    )
+    case = Case(friction=friction, evidence=evidence, logs=logs)
     every = [remark for rule in RULES if (remark := rule(case)) is not None]
     return sorted(every, key=lambda remark: ORDER.index(remark.severity))
 

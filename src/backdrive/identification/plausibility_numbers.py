@@ -142,13 +142,21 @@ def delay_range(case: Case) -> Remark | None:
 def known_torque(case: Case) -> Remark | None:
     """A share of known torque other than one."""
     value, error = case.value("model_torque")
-    spread = SURE * error if math.isfinite(error) else 0.0
-    if not abs(value - 1.0) > max(spread, SHARE):
+    sure = math.isfinite(error)
+    if not abs(value - 1.0) > max(SURE * error if sure else 0.0, SHARE):
         return None
+    share = f"{value:.3g} ± {error:.2g}" if sure else f"{value:.3g}"
+    res = case.residual
+    known = (
+        float(np.sqrt(np.mean(res.slides.known**2))) if res is not None and res.sliding.any() else math.nan
+    )
+    if res is not None and known < SHARE * res.size:
+        cause = f"with {known:.2g} {case.unit} it is too small to be told. Leave it out"
+    else:
+        cause = "its size or the gain of the measured torque is wrong, and friction with it"
     return Remark(
         severity="care",
-        sentence=f"The torque known from elsewhere has a share of {value:.3g} ± {error:.2g} where 1 is meant: its size or the "
-        "gain of the measured torque is wrong, and friction with it.",
+        sentence=f"The torque known from elsewhere has a share of {share} where 1 is meant: {cause}.",
     )
 
 

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 
+from backdrive.identification.plausibility_logs import other_joints
 from backdrive.identification.remark import Case, Remark
-from backdrive.identification.residual import MEAN, Explained
+from backdrive.identification.residual import MEAN, Explained, Residual
+from backdrive.identification.terms import GRAVITY, columns
 
 CHANCE = 1e-5  # noise explains a residual so well once in so many times [-]
 STRUCTURE = 0.015  # of the friction: what of the residual has a cause is remarked on from here on [-]
 GRAVE = 0.25  # of the friction: from here on a remark lowers the grade [-]
+MOST = (
+    1.5  # of the friction: more than this is no structure, but terms that the motion does not tell apart [-]
+)
 LEFT = 0.1  # of the friction: so much slow torque may be left [-]
 LATE = 0.015  # torque that comes so much later than motion is remarked on [s]
-WORTH = 0.9  # and the residual falls to less than this by it [-]
+WORTH = 0.96  # and the residual falls to less than this by it [-]
 WILD = 3e-3  # share of samples that are far off [-]
 COARSE = 0.25  # of the friction: a step of the torque's readings [-]
 FEW_STEPS = 0.3  # of the way in a mean at top speed: a step of the encoder [-]
@@ -87,37 +95,68 @@ def structure(case: Case) -> Remark | None:
         return None
     res = case.residual.slides
     way, size = np.sign(res.velocity), case.residual.size
-    order = np.arange(res.time.size)
-    time = order / max(res.time.size - 1, 1) - 0.5
-    late = np.sign(time)
     load = np.abs(res.torque - res.friction)
     share, wave = "{share:.0%} of the friction", "every {wave:.2g} " + case.friction.joint.unit
-    tests: list[tuple[Explained | None, str]] = [
-        (
-            res.explained(time, late),
-            f"The torque drifts over the log, by {share}: warming, a bias, or a cable.",
-        ),
-        (
-            res.explained(way * time, way * late),
-            f"Friction changes over the log, by {share}: warming, or changed midway.",
-        ),
-        (
-            res.explained(res.predicted * late),
-            f"The torque changed midway, by {share}: its gain, or its sign.",
-        ),
-        (
-            res.explained(way * load),
-            f"Friction follows the load, by {share}: a law of load says how (--law m3).",
-        ),
+    follows_load = f"Friction follows the load, by {share}: a law of load says how (--law m3)."
+    tests: list[tuple[Explained | None, str]] = []
+    for time in _times(res):
+        late = np.sign(time)
+        tests += [
+            (
+                res.explained(time, late),
+                f"The torque drifts over the log, by {share}: warming, a bias, or a cable.",
+            ),
+            (
+                res.explained(way * time, way * late),
+                f"Friction changes over the log, by {share}: warming, or changed midway.",
+            ),
+            (
+                res.explained(res.predicted * late),
+                f"The torque changed midway, by {share}: its gain, or its sign.",
+            ),
+        ]
+    tests += [
+        (res.explained(way * load), follows_load),
+        (res.explained(way * _held(case, res)), follows_load),
         (res.wave(), f"Torque follows the position {wave}, by {share}: cogging, or a gear's ripple."),
         (res.wave(way), f"Friction follows the position {wave}, by {share}."),
     ]
-    sure = [(e, s) for e, s in tests if e is not None and e.chance < CHANCE and e.size > STRUCTURE * size]
+    if (
+        float(np.sqrt(np.mean(res.left**2))) > STRUCTURE * size
+    ):  # the motion of other joints is costly to look up
+        for motion, cause in other_joints(case):
+            pull = res.explained(*motion.T)
+            if pull is not None:  # what this joint's own motion could hold of it is no pull
+                tests.append(
+                    (replace(pull, size=pull.beyond), f"Torque follows {cause}, by {share}: its pull.")
+                )
+    sure = [
+        (e, sentence)
+        for e, sentence in tests
+        if e is not None and e.chance < CHANCE and STRUCTURE * size < e.size < MOST * size
+    ]
     if not sure:
         return slow_torque(case)
-    best, sentence = max(sure, key=lambda pair: pair[0].size)
+    best, sentence = max(sure, key=lambda pair: pair[0].beyond)
     named = sentence.format(share=best.size / size, wave=2.0 * np.pi / best.wave if best.wave else 0.0)
     return Remark(severity="care" if best.size > GRAVE * size else "note", sentence=named)
+
+
+def _times(res: Residual) -> list[np.ndarray]:
+    """Return the order of the means from -0.5 to 0.5, over all and, where there are several stretches, within each, (n,) each."""
+    lengths = np.bincount(res.part)
+    lengths = lengths[lengths > 0]
+    every = [[res.time.size]] if lengths.size == 1 else [[res.time.size], lengths.tolist()]
+    return [np.concatenate([np.linspace(-0.5, 0.5, n) for n in some]) for some in every]
+
+
+def _held(case: Case, res: Residual) -> np.ndarray:
+    """Return the size of what the joint holds without moving, gravity and torque known from elsewhere [N.m or N], (n,)."""
+    share, angle = case.value("model_torque")[0], np.isfinite(res.position).all()
+    held = np.zeros_like(res.torque) if not math.isfinite(share) else share * res.known
+    if angle:
+        held = held + np.nan_to_num([case.value(term)[0] for term in GRAVITY]) @ columns(res, GRAVITY)
+    return np.abs(held)
 
 
 def slow_torque(case: Case) -> Remark | None:

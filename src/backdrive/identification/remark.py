@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 from backdrive.identification.residual import Residual
 from backdrive.identification.result import JointEvidence
+from backdrive.logs.log import Log
+from backdrive.logs.resolution import encoder_step
 from backdrive.model import JointFriction
 
 SURE = 3.0  # standard errors by which something differs
@@ -35,14 +39,23 @@ class Case:
     Attributes:
         friction: of one joint.
         evidence: of the same joint.
-        residual: means of what the model leaves; None where the method gives none.
-        count: the encoder's step [rad or m]; 0 where positions come in none.
+        logs: that were fitted.
     """
 
     friction: JointFriction
     evidence: JointEvidence
-    residual: Residual | None
-    count: float = 0.0
+    logs: Sequence[Log] = ()
+
+    @property
+    def residual(self) -> Residual | None:
+        """Means of what the model leaves; None where the method gives none."""
+        return self.evidence.residual
+
+    @cached_property
+    def count(self) -> float:
+        """The encoder's step [rad or m]; 0 where positions come in none."""
+        name = self.friction.joint.name
+        return max((encoder_step(log.select(name)) for log in self.logs), default=0.0)
 
     @property
     def unit(self) -> str:

@@ -15,15 +15,14 @@ from typing import Any
 import numpy as np
 from scipy.special import fdtrc
 
-from backdrive.identification.signals import Signals
+from backdrive.identification.signals import Signals, surely_sliding
 from backdrive.logs.resolution import resolution
 
 MEAN = 0.01  # length of a mean [s]
 BLOCK = 0.4  # length of a block of means [s]
-SLOW = 0.1  # a mean counts above this share of the top speed [-]
-TURN = 0.05  # and so long after and before the velocity changes sign [s]
 FEWEST_BLOCKS = 8  # more than there are columns, for a test
 WILD = 8.0  # a sample farther off than so many standard deviations is wild
+FEWEST_MOVES = 6  # with fewer there and back no delay is told
 LATEST = 0.15  # longest delay that is sought [s]
 FINEST = 60.0  # waves a radian or metre by 2 pi, at most [rad/rad or rad/m]
 APART = 0.05  # share of a column that the rest of the dynamics cannot hold, at least [-]
@@ -39,12 +38,14 @@ class Explained:
         size: root mean square of what these add to the torque, what the rest could hold of it included [N.m or N].
         chance: probability that noise explains as much [-].
         coefficients: of the columns, in the order of these.
+        beyond: the same without what the rest of the dynamics could hold of it [N.m or N].
         wave: of a position, where one was sought [rad/rad or rad/m].
     """
 
     size: float
     chance: float
     coefficients: tuple[float, ...] = ()
+    beyond: float = 0.0
     wave: float = 0.0
 
 
@@ -153,6 +154,7 @@ class Residual:
             size=float(np.sqrt(np.mean((whole @ coefficients) ** 2))),
             chance=chance,
             coefficients=tuple(coefficients.tolist()),
+            beyond=float(np.sqrt(np.mean(fit**2))),
         )
 
     def wave(self, factor: np.ndarray | float = 1.0) -> Explained | None:
@@ -182,7 +184,7 @@ class Residual:
         if result is None:
             return None
         chance = min(result.chance * waves.size, 1.0)
-        return Explained(size=result.size, chance=chance, coefficients=result.coefficients, wave=best)
+        return replace(result, chance=chance, wave=best)
 
     def _wave(self, wave: float, factor: np.ndarray | float) -> np.ndarray:
         phase = wave * self.position
@@ -191,7 +193,8 @@ class Residual:
     def delay(self) -> tuple[float, float] | None:
         """Return by how much torque comes later than motion [s], and the residual there by that without a delay [-].
 
-        A line and the rest of a single axis are fitted to torque at every shift; None where the log is too short.
+        A line and the rest of a single axis are fitted to torque at every shift; None where the log is too short, or no shift
+        within the range is best.
         """
         reach = round(LATEST / self.period)
         n = self.time.size
@@ -199,7 +202,8 @@ class Residual:
             return None
         inside = np.arange(reach, n - reach)
         inside = inside[(self.part[inside - reach] == self.part[inside + reach]) & self.sliding[inside]]
-        if inside.size < 20 * reach // 2:
+        moves = 1 + int(np.count_nonzero(np.diff(np.sign(self.velocity[inside]))))
+        if inside.size < 20 * reach // 2 or moves < FEWEST_MOVES:
             return None
         basis, _ = np.linalg.qr(self.columns[inside])
         powers = []
@@ -208,6 +212,8 @@ class Residual:
             rest = torque - basis @ (basis.T @ torque)
             powers.append(float(rest @ rest))
         best = int(np.argmin(powers))
+        if best in (0, 2 * reach):
+            return None  # no minimum: something slow is missing, and any shift is better than none
         return (best - reach) * self.period, float(np.sqrt(powers[best] / max(powers[reach], 1e-300)))
 
 
@@ -224,7 +230,7 @@ def residual_of(parts: Sequence[Part]) -> Residual | None:
     columns: list[list[Any]] = []
     far, count = 0, 0
     for number, (s, friction, predicted, _) in enumerate(parts):
-        slides = sliding(s, top)
+        slides = surely_sliding(s, top)
         known = np.zeros_like(s.torque) if s.model_torque is None else s.model_torque
         position = np.full(s.time.size, np.nan) if s.position is None else s.position
         series = (s.time, position, s.velocity, s.acceleration, s.torque, friction, predicted, known)
@@ -258,17 +264,3 @@ def residual_of(parts: Sequence[Part]) -> Residual | None:
         wild=far / count if count else 0.0,
         step=min(resolution(s.torque) for s, *_ in parts),
     )
-
-
-def sliding(s: Signals, top: float) -> np.ndarray:
-    """Return which samples are well away from rests and reversals, however short the moves, (n,).
-
-    Args:
-        s: motion.
-        top: speed of the joint [rad/s or m/s].
-    """
-    inside = s.sliding & (np.abs(s.velocity) > SLOW * top)
-    reach, way = round(TURN * s.rate), np.sign(s.velocity)
-    for turn in np.flatnonzero(way[1:] != way[:-1]).tolist():
-        inside[max(turn + 1 - reach, 0) : turn + 1 + reach] = False
-    return inside

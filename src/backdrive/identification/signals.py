@@ -16,10 +16,12 @@ REST = 0.002  # below this share of the top speed a joint is taken to rest [-]
 REST_TIME = 0.25  # when it does so for longer than this [s]
 SLOW = 0.08  # below this share of the top speed a joint slides only where it keeps its velocity [-]
 SUSTAINED = 0.1  # for so long, at its acceleration [s]
+BEGUN = 0.02  # and where it has travelled this share of the way between two reversals: until then it may still break away [-]
 REVERSAL = 0.05  # a joint reverses for so long, at least, before and after its velocity changes sign [s]
 BLURRED = 1.0  # and so many periods of the low pass's corner [-]
 CONTINUED = 2.0  # nor does it at the ends of a stretch, for so many of them [-]
 OF_A_MOVE = 0.25  # but for no larger share of the time between two reversals [-]
+SURELY = 0.1  # share of the top speed from which on what is left of the torque is asked for its cause [-]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -197,10 +199,12 @@ def _sliding(
     and the low pass of the motion blurs it.
     """
     speed = np.abs(velocity)
-    steady = (speed >= SLOW * top) | (np.abs(acceleration) * SUSTAINED < speed)
     turns = np.flatnonzero(np.diff(np.sign(velocity)) != 0) + 1
     bounds = np.r_[0, turns, velocity.size]
     length = np.diff(bounds)
+    way = np.r_[0.0, np.cumsum(speed)]
+    begun = way[1:] - np.repeat(way[bounds[:-1]], length) > BEGUN * np.repeat(np.diff(way[bounds]), length)
+    steady = (speed >= SLOW * top) | ((np.abs(acceleration) * SUSTAINED < speed) & begun)
     reach = np.minimum(max(REVERSAL, BLURRED / cutoff) * rate, OF_A_MOVE * length)
     reach = np.repeat(reach, length)
     index = np.arange(velocity.size)
@@ -210,3 +214,19 @@ def _sliding(
     until[bounds[-2] :] = velocity.size
     from_end = np.minimum(index, index[::-1])  # but the low pass does not know what lies beyond
     return steady & (since >= reach) & (until >= reach) & (from_end >= CONTINUED / cutoff * rate)
+
+
+def surely_sliding(s: Signals, top: float) -> np.ndarray:
+    """Return which samples slide beyond doubt, (n,): what is left of the torque there is due to something else than reversals.
+
+    A fit may spare short moves a part of the time about their reversals (`OF_A_MOVE`); here nothing is spared.
+
+    Args:
+        s: motion.
+        top: speed of the joint [rad/s or m/s].
+    """
+    inside = s.sliding & (np.abs(s.velocity) > SURELY * top)
+    reach, way = round(REVERSAL * s.rate), np.sign(s.velocity)
+    for turn in np.flatnonzero(way[1:] != way[:-1]).tolist():
+        inside[max(turn + 1 - reach, 0) : turn + 1 + reach] = False
+    return inside

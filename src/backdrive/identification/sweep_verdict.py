@@ -65,13 +65,14 @@ def verdict(friction: JointFriction, found: SweepFit) -> str:
     if friction.standard_errors:
         worst = np.max([found.error_pos, found.error_neg])
         said += f" Its {len(rate.velocity)} knots have standard errors up to {worst:.2g} {unit}."
+        said += f" Below {slowest:.3g} {speed} nothing is known"
         if np.isfinite(found.noise_gain) and not found.symmetric:
             (up, a), (down, b) = found.constants()
             said += (
-                f" Below {slowest:.3g} {speed} nothing is known; the first section meets rest at {up:.3f} +- {1.96 * a:.3f} {unit} "
-                f"along +q and {down:.3f} +- "
-                f"{1.96 * b:.3f} {unit} along -q (95 %)."
+                f"; the first section meets rest at {up:.3f} +- {1.96 * a:.3f} {unit} along +q and {down:.3f} +- "
+                f"{1.96 * b:.3f} {unit} along -q (95 %)"
             )
+        said += "."
     offset = found.terms.get("offset", (0.0, 0.0))[0]
     if found.symmetric and abs(offset) > NAMED * fast.mean():
         said += f" A constant {offset:.3g} {unit} was set apart: gravity, an offset of the torque signal or unequal directions."

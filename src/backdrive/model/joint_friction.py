@@ -48,6 +48,9 @@ class Validity(Bounded):
     """
 
     BOUNDS: ClassVar[Bounds] = dict.fromkeys(("lowest_speed", "nominal_load"), NOT_NEGATIVE)
+    LOW: ClassVar[float] = (
+        0.02  # "low speed" as a share of the top speed, where nothing slower is out of sight [-]
+    )
 
     velocity: tuple[float, float]
     load: tuple[float, float] | None = None
@@ -64,6 +67,12 @@ class Validity(Bounded):
                     f"validity.{name} goes from {ends[0]:g} to {ends[1]:g}.",
                     remedy="Give two finite numbers, the smaller one first.",
                 )
+
+    @property
+    def speeds(self) -> tuple[float, float]:
+        """Low and top speed at which friction is told in words and tables [rad/s or m/s]."""
+        top = max(abs(v) for v in self.velocity)
+        return min(max(self.LOW * top, self.lowest_speed or 0.0), top), top
 
 
 @dataclass(frozen=True, kw_only=True)

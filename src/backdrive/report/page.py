@@ -26,8 +26,6 @@ from backdrive.report.words import (
     sentence,
 )
 
-SLOW = 0.02  # "low speed" as a share of the top speed seen
-
 #: What the words of the report mean.
 TERMS = {
     "Residual": "100 |measured − predicted torque| / |measured torque|, in 2-norms over the samples judged, both low-passed "
@@ -44,23 +42,20 @@ TERMS = {
 def overall(result: Identification) -> str:
     """Return the verdict on the whole result in a sentence or two."""
     joints = result.model.joints
-    words = [("good", "good"), ("care", "usable with care"), ("poor", "poor"), ("unknown", "not judged")]
-    levels = [grade(j).level for j in joints]
+    order = ("good", "care", "poor", "unknown")
+    grades = sorted((grade(j) for j in joints), key=lambda g: order.index(g.level))
+    levels, words = {g.level for g in grades}, ["good" if g.level == "good" else g.word for g in grades]
+    each = [f"{words.count(w)} {'is' if words.count(w) == 1 else 'are'} {w}" for w in dict.fromkeys(words)]
     if len(joints) == 1:
-        said = f"The result is {grade(joints[0]).word}."
-    elif len(set(levels)) == 1:
-        said = f"All {len(joints)} joints are {dict(words)[levels[0]]}."
+        said = f"The result is {grades[0].word}."
+    elif len(each) == 1:
+        said = f"All {len(joints)} joints are {words[0]}."
     else:
-        parts = [
-            f"{levels.count(k)} {'is' if levels.count(k) == 1 else 'are'} {w}"
-            for k, w in words
-            if k in levels
-        ]
-        said = f"Of {len(joints)} joints, {', '.join(parts[:-1])} and {parts[-1]}."
+        said = f"Of {len(joints)} joints, {', '.join(each[:-1])} and {each[-1]}."
     n = len(result.warnings) + sum(len(j.warnings) for j in joints)
     if not n:
         return said
-    if set(levels) == {"good"}:
+    if levels == {"good"}:
         return f"{said} There {'is' if n == 1 else 'are'} {counted(n, 'remark')}; none lowers the grade."
     return f"{said} Read {counted(n, 'warning')} before using the numbers."
 
@@ -76,11 +71,13 @@ def header(result: Identification, title: str) -> str:
         "By": f"backdrive {model.version}".strip(),
     }
     items = "".join(f"<div><dt>{esc(k)}</dt><dd>{esc(v)}</dd></div>" for k, v in facts.items())
+    good = all(grade(j).level == "good" for j in model.joints)
+    heading = "Remarks on the whole" if good else "What makes the whole result suspect"
     reason = f'<p class="muted">{esc(prose(sentence(result.reason)))}</p>' if result.reason else ""
     return (
         f'<header><h1><bdi>{esc(title)}</bdi></h1><p class="lead">{esc(overall(result))}</p>'
         f'<dl class="facts">{items}</dl>{reason}'
-        f"{warnings_box(result.warnings, 'What makes the whole result suspect')}</header>"
+        f"{warnings_box(result.warnings, heading)}</header>"
     )
 
 
@@ -100,10 +97,9 @@ def at_speeds(friction: JointFriction, curve: Curve) -> list[tuple[float, list[t
         curve: its curve, for the standard errors.
     """
     low, high = friction.validity.velocity
-    top = max(abs(low), abs(high))
     signs = [sign for sign, seen in ((1.0, high > 0), (-1.0, low < 0)) if seen]
     result = []
-    for speed in (SLOW * top, top):
+    for speed in friction.validity.speeds:
         pairs = [(float(friction.law.torque(s * speed)), error_at(curve, s * speed)) for s in signs]
         result.append((speed, pairs))
     return result

@@ -1,0 +1,94 @@
+"""Rules of plausibility that look beside a joint's own channels: at the plan that it was run along, and at other joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from backdrive.identification.alignment import tempo
+from backdrive.identification.auto import own_turn
+from backdrive.identification.remark import Case, Remark
+from backdrive.identification.residual import Residual
+from backdrive.logs import filters
+from backdrive.logs.log import Log
+
+OFF = 0.02  # a clock, or a plan's tempo, is off by more than this [-]
+ANOTHER_UNIT = 1.5  # strokes so many times as large, or as small, are in another unit [-]
+SCALED = 0.1  # strokes that differ by more than this were scaled [-]
+OTHERS = 10.0  # corner of the low pass on the motion of other joints [Hz]
+
+
+def plan(case: Case) -> Remark | None:
+    """A motion that is not as long, or as wide, as the plan that the log is linked to."""
+    name = case.friction.joint.name
+    for log in case.logs:
+        part = own_turn(log, name)
+        if part.plan is None or getattr(part.plan, "joint", name) != name:
+            continue
+        ran = tempo(part, name, part.plan)
+        if ran is None:
+            continue
+        if abs(ran.duration - 1.0) > OFF:
+            return Remark(
+                severity="note",
+                sentence=f"By the log's clock the motion took {ran.duration:.3f} times as long as its plan: either the plan was "
+                "run at another speed, or the clock is wrong, and all velocities with it.",
+            )
+        if abs(ran.stroke - 1.0) > SCALED:
+            unit = ran.stroke < 0.0 or max(ran.stroke, 1.0 / ran.stroke) > ANOTHER_UNIT
+            return Remark(
+                severity="care" if unit else "note",
+                sentence=f"Strokes are {ran.stroke:.3g} times those of the plan: positions have another unit or sign, or the "
+                "plan was scaled.",
+            )
+    return None
+
+
+def other_joints(case: Case) -> Iterator[tuple[np.ndarray, str]]:
+    """Yield what the motion of other joints may add to the torque while this one slides, (n, k), and its cause in words."""
+    res = case.residual
+    if res is None or not case.logs:
+        return
+    spans = _spans(res.slides, case.logs)
+    for column, about in enumerate(case.logs[0].joints):
+        if about.name == case.friction.joint.name:
+            continue
+        series = np.full((3, res.slides.time.size), np.nan)
+        for rows, log in spans:
+            series[:, rows] = [np.interp(res.slides.time[rows], log.time, x) for x in _motion(log, column)]
+        if not np.isfinite(series).all() or not np.any(series[1]):
+            continue
+        position, velocity, acceleration = series
+        yield acceleration[:, None], f"the acceleration of joint '{about.name}'"
+        yield np.stack([velocity, np.sign(velocity)], axis=1), f"the velocity of joint '{about.name}'"
+        if about.unit == "rad":
+            angle = np.stack([np.sin(position), np.cos(position)], axis=1)
+            yield angle, f"the position of joint '{about.name}'"
+
+
+def _spans(res: Residual, logs: Sequence[Log]) -> list[tuple[slice, Log]]:
+    """Return which means lie in which log: stretches are in the order of the logs, each on its log's clock."""
+    edges = np.flatnonzero(np.diff(res.part, prepend=-1, append=-1)).tolist()
+    spans, at, last = [], 0, -np.inf
+    for a, b in pairwise(edges):
+        begin, end = float(res.time[a]), float(res.time[b - 1])
+        at += begin <= last
+        while at < len(logs) and not logs[at].time[0] <= begin <= end <= logs[at].time[-1]:
+            at += 1
+        if at < len(logs):
+            spans.append((slice(a, b), logs[at]))
+        last = end
+    return spans
+
+
+def _motion(log: Log, column: int) -> list[np.ndarray]:
+    """Return slow position, velocity and acceleration of a joint, (n,) each; NaN where a log has none."""
+    channel = log.position if log.position is not None else log.need("velocity")
+    rate = 1.0 / log.period
+    slow = filters.low_pass(channel[:, column], min(OTHERS, 0.1 * rate), rate)
+    if log.position is None:
+        return [np.zeros_like(slow), slow, filters.derivative(slow, log.period)]
+    velocity = filters.derivative(slow, log.period)
+    return [slow, velocity, filters.derivative(velocity, log.period)]
