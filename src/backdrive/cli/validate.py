@@ -41,7 +41,7 @@ def command(
     """
     from backdrive import load_model
     from backdrive.identification import validate, validate_motion
-    from backdrive.identification.options import healthy
+    from backdrive.identification.repairs import healthy
 
     loaded = load_model(model)
     _logs.check_urdf(urdf)

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from backdrive.engine import DriveModel
-from backdrive.errors import InvalidInput, UnhealthyLog
+from backdrive.errors import InvalidInput
 from backdrive.identification.alignment import Start, with_plan
 from backdrive.identification.timing import Timing
 from backdrive.logs.log import Drive, Log
@@ -289,22 +289,3 @@ def move_together(logs: Sequence[Log], names: Sequence[str]) -> bool:
         busy = speed > 0.05 * np.nanpercentile(speed, 99, axis=0)
         together += int(np.mean(busy.sum(axis=1) > 1) > 0.2)
     return together > 0
-
-
-def healthy(log: Log, accept: Sequence[str], repair: bool, warnings: list[str]) -> Log:
-    """Pass a log through the health gate; what is suspect joins the warnings, and the error names its file."""
-    from backdrive.logs import health
-
-    try:
-        mended, suspect = health.passed(log, accept=accept, repair=repair)
-        where = f"{log.sources[0].path}: " if log.sources else ""
-        for f in suspect:
-            if not any(f"[{f.name}] " in before and f"{f.joint}" in before for before in warnings):
-                warnings.append(f"{where}[{f.name}] {f.sentence}")
-        return mended
-    except UnhealthyLog as error:
-        if not log.sources:
-            raise
-        raise UnhealthyLog(
-            f"{log.sources[0].path}: {error.message}", remedy=error.remedy, **error.data
-        ) from error

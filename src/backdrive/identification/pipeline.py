@@ -19,7 +19,6 @@ from backdrive.identification.options import (
     Options,
     apart,
     coupling_of,
-    healthy,
     in_order,
     move_together,
     planned,
@@ -27,6 +26,7 @@ from backdrive.identification.options import (
     unused_torque,
 )
 from backdrive.identification.plausibility import with_verdict
+from backdrive.identification.repairs import healthy
 from backdrive.identification.result import Identification, JointEvidence
 from backdrive.identification.supplement import supplement
 from backdrive.identification.timing import Timing
@@ -116,7 +116,7 @@ def identify(
         payloads: s and c of the gravity s sin q + c cos q of a known payload in each log, (0, 0) without [N.m]: sweeps then
             tell friction where the motor lifts from friction where it is driven back.
         accept: names of health findings to accept.
-        repair: mend the log where an honest repair exists; each is noted.
+        repair: mend the log where an honest repair exists; each is noted, and undone where unseen blocks are not explained better.
         seed: of the starts of a search.
         reading: how the logs were read (map, unit, ...), to be remembered in the model file.
         progress: called with a sentence before every step that may take long.
