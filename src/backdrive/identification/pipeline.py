@@ -216,7 +216,7 @@ def identify(
         sources=tuple(s for log in logs for s in log.sources),
         options=options.remembered(method, plan, held_out, reading=dict(reading or {}), **settings),
         version=__version__,
-        coupling=coupling_of(logs, [j.joint.name for j in friction]),
+        **coupling_of(logs, [j.joint.name for j in friction]),
     )
     if held_out and method not in ("motion", "arm", "dynamic"):
         options.say("Judging on the held-out logs")
