@@ -121,3 +121,26 @@ def test_held_out_logs_are_read_with_the_joined_file(tmp_path):
     joined = ("--join", tmp_path / "zero_drive.csv", "--hold-out", tmp_path / "zero.csv")
     done = called("identify", tmp_path / "zero_first.csv", *joined)
     assert done.returncode == 2 and "begin at 0 s" in done.stderr
+
+
+def test_a_number_in_brackets_is_a_joint_with_or_without_a_blank(tmp_path):
+    log = any_motion(lambda v: 2.0 * np.sign(v), seconds=12.0, rate=200.0)
+    for between in ("", " "):
+        names = {f"position{between}[1]": log.position[:, 0], f"effort{between}[1]": log.torque[:, 0]}
+        table(tmp_path / "log.csv", {"time": log.time, **names})
+        done = called("inspect", tmp_path / "log.csv", "--json")
+        assert done.returncode == 0, done.stderr
+        (about,) = json.loads(done.stdout)["logs"]
+        assert set(about["joints"][0]["channels"]) == {"position", "torque"}
+
+
+def test_a_current_taken_for_torque_is_a_warning(tmp_path):
+    log = any_motion(lambda v: 2.0 * np.sign(v), seconds=12.0, rate=200.0)
+    table(
+        tmp_path / "log.csv", {"t": log.time, "q": log.position[:, 0], "current_mA": 1e3 * log.torque[:, 0]}
+    )
+    asked = (tmp_path / "log.csv", "--map", "t=t,q=q,tau=current_mA")
+    answer = json.loads(called("identify", *asked, "--json").stdout)
+    assert any("was taken as SI" in w for w in answer["warnings"])
+    seen = called("inspect", *asked).stdout
+    assert seen.count("was taken as SI") == 1 and "Nothing is the matter" not in seen

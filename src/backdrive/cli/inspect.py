@@ -94,7 +94,7 @@ def previews(log: Log, accepted: list[str]) -> list[str]:
 
 def doubts(log: Log) -> list[str]:
     """Return why a healthy log may be of no use all the same, in sentences."""
-    from backdrive.logs.readers._channels import AS_SI
+    from backdrive.logs.log import AS_SI
 
     found = [note for note in log.notes if AS_SI in note]
     if log.torque is None and log.drive_input is None:
@@ -201,7 +201,7 @@ def _print(
                 drawn = small_plot(log.channels[name][:, column], bars)
                 rows.add_row(about["name"] if i == 0 else "", name, c["unit"], *ends, drawn)
         console.print(rows)
-        print_lines(console, log.notes, style="dim")
+        print_lines(console, (note for note in log.notes if note not in unsure), style="dim")
     for i, finding in enumerate(findings):
         style = {"spoils": "red", "warn": "yellow"}.get(finding.severity, "dim")
         word = "accepted" if finding.name in accepted else finding.severity

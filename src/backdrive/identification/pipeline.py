@@ -31,7 +31,7 @@ from backdrive.identification.result import Identification, JointEvidence
 from backdrive.identification.supplement import supplement
 from backdrive.identification.timing import Timing
 from backdrive.identification.validate import validate
-from backdrive.logs.log import Drive, Log
+from backdrive.logs.log import AS_SI, Drive, Log
 from backdrive.model import ArmModel, FrictionModel, JointFriction
 from backdrive.plans.limits import JointLimits, read_limits
 
@@ -177,6 +177,7 @@ def identify(
     warnings: list[str] = []
     logs = [healthy(log, accept, repair, warnings) for log in logs]
     held_out = [healthy(log, accept, repair, warnings) for log in held_out]
+    warnings += [note for log in logs for note in log.notes if AS_SI in note]
     names, idle = moving_joints(logs, joints)
     method, reason = _method(logs, names, options)
     options.applicable(method)
@@ -232,7 +233,7 @@ def identify(
         method=method,
         reason=reason,
         warnings=tuple(dict.fromkeys(warnings)),
-        notes=tuple(dict.fromkeys(notes)),
+        notes=tuple(note for note in dict.fromkeys(notes) if note not in warnings),
         **more,
     )
 
