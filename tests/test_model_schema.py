@@ -258,7 +258,7 @@ def test_show_prints_schemas_and_what_is_known_beside_the_law(tmp_path, monkeypa
     ):
         assert words in out
     code, out = run(monkeypatch, capsys, tmp_path / "m.json", "--joint", "rail", "--json")
-    assert code == 0 and json.loads(out)["model"]["coupling"] is None
+    assert code == 0 and json.loads(out)["model"]["coupling"] == [[1.0, 0.0], [-0.5, 1.0]]
     code, out = run(monkeypatch, capsys)
     assert code == 2 and "--schema" in out
     code, out = run(monkeypatch, capsys, "--schema", "report")

@@ -310,6 +310,7 @@ def slipped(period=1e-3, known=True, unit="rad", **slip):
     exam.shared[time_slip.estimate, 0] = Slip(
         **({"samples": 10.0, "error": 0.1, "left": 0.1, "misfit": 0.1, "effect": 0.1} | slip)
     )
+    exam.shared[motion, 0, time_slip.REACH] = None  # nothing else speaks of it
     return time_slip.find(exam)
 
 

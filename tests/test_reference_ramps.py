@@ -207,8 +207,8 @@ def test_the_law_of_a_ramp_is_break_away_less_the_torque_at_rest(monkeypatch):
     assert terms["hysteresis_width"] == (3e-5, "rad", pytest.approx(1e-6 / np.sqrt(6.0)))
     assert terms["hysteresis_area"][:2] == (2e-4, "J") and len(terms) == 5
     assert shown.joint == "a" and shown.verdict == (
-        "It breaks away at 6.4 N.m along +q and 5.6 N.m along -q. Before that it yields with 1e+05 +- 4e+02 N.m/rad "
-        "(1.2e+05 at the beginning of a branch), with a hysteresis 3e-05 rad wide."
+        "It begins to slip (breaks away) at 6.4 N.m along +q and 5.6 N.m along -q. Before that it yields with 1e+05 +- 4e+02 "
+        "N.m/rad (1.2e+05 at the beginning of a branch), with a hysteresis 3e-05 rad wide."
     )
     assert shown.curve.standard_error[shown.curve.velocity > 0] == pytest.approx(0.05)
     assert shown.curve.standard_error[shown.curve.velocity < 0] == pytest.approx(0.04)
@@ -225,8 +225,8 @@ def test_what_the_encoder_does_not_resolve_is_a_bound(monkeypatch):
     terms = {k: (e.value, e.unit) for k, e in got.dynamics.items()}
     assert terms == {"offset": (0.1, "N"), "presliding_stiffness_bound": (7e4, "N/m")}
     assert shown.verdict == (
-        "It breaks away at 6.4 N along +q and 5.6 N along -q. The displacement before that is below the encoder's resolution; "
-        "the presliding stiffness is at least 7e+04 N/m."
+        "It begins to slip (breaks away) at 6.4 N along +q and 5.6 N along -q. The displacement before that is below the "
+        "encoder's resolution; the presliding stiffness is at least 7e+04 N/m."
     )
     assert got.warnings[0].startswith(
         "Joint 'a': before break-away it moves by 4 counts of 2e-05 m, which is below"

@@ -14,13 +14,13 @@ from backdrive.identification.options import (
     APPLIES,
     Options,
     apart,
-    healthy,
     in_order,
     move_together,
     planned,
     slow_clock,
     unused_torque,
 )
+from backdrive.identification.repairs import healthy
 from backdrive.identification.result import Curve, JointEvidence, Samples
 from backdrive.laws import CoulombViscous, Law
 from backdrive.logs.log import Drive, Source

@@ -6,7 +6,8 @@ import functools
 import inspect
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
 from os.path import realpath
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
@@ -14,11 +15,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 import typer
 
 from backdrive._files import check_regular, check_writable, read_whole
-from backdrive.errors import InvalidInput, ReadError
+from backdrive.errors import InvalidInput, MappingError, ReadError
 
 if TYPE_CHECKING:
     from backdrive.logs.log import Log
 
+OF_ONE_CLOCK = "Both clocks begin at 0"  # in a note of a joined log
 MOST_MATRIX = 1 << 20  # of a coupling's file [B]
 
 Logs = Annotated[
@@ -78,6 +80,14 @@ Repair = Annotated[
     bool, typer.Option("--repair", help="Mend what can be mended honestly; every repair is listed.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
+Rename = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--rename",
+        metavar="A=B",
+        help="Joint A of the second side (the logs, the later model) is B of the first; may be repeated.",
+    ),
+]
 PlanFile = Annotated[
     Path | None, typer.Option("--plan", help="plan.json, or its folder, that the log was recorded with.")
 ]
@@ -137,6 +147,32 @@ class Reading:
             format=self.format,
             topic=self.topic,
         )
+
+    def read_apart(self, paths: Sequence[Path]) -> list[Log]:
+        """Return further logs, each with the joined files where these are of its time.
+
+        Raises:
+            InvalidInput: clocks begin at zero, so that nothing tells which recording a joined file belongs to.
+        """
+        return [log for path in paths for log in (self._beside(path) if self.join else self.read([path]))]
+
+    def _beside(self, path: Path) -> list[Log]:
+        """Return the logs of a path, with the joined files or without them, whichever its time and columns allow."""
+        failure = InvalidInput(
+            f"{path} and the joined files begin at 0 s: nothing tells that they are of one recording.",
+            remedy="Write a clock that goes on from one recording to the next, or hold nothing out.",
+        )
+        try:
+            joined = self.read([path])
+            if not any(OF_ONE_CLOCK in note for log in joined for note in log.notes):
+                return joined
+        except (MappingError, ReadError) as error:
+            failure = error
+        with suppress(MappingError):
+            alone = replace(self, join=None).read([path])
+            if all(log.torque is not None or log.drive_input is not None for log in alone):
+                return alone
+        raise failure
 
     def to_dict(self) -> dict[str, Any]:
         """Return what was asked for, as plain values."""

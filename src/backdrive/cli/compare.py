@@ -25,6 +25,7 @@ def command(
             "--joint", "-j", metavar="NAME", help="Only this joint; NAME=OTHER where B calls it OTHER."
         ),
     ] = None,
+    rename: _logs.Rename = None,
     top_speed: Annotated[
         float | None,
         typer.Option(
@@ -55,7 +56,7 @@ def command(
         raise InvalidInput(
             f"--alarm {alarm:g} is no probability.", remedy="Give one between 0 and 1, such as 0.01."
         )
-    models = _load(first), _load(second)
+    models = _load(first), _renamed(_load(second), rename or [])
     pairs, left_out = _pairs(*models, joint)
     try:
         changes = [
@@ -91,6 +92,19 @@ def _load(name: str) -> FrictionModel:
         raise ModelFileError(f"{name}: {error.message}", remedy=error.remedy) from error
 
 
+def _renamed(model: FrictionModel, pairs: list[str]) -> FrictionModel:
+    """Return a model with its joints under the names that a person gives them."""
+    from dataclasses import replace
+
+    from backdrive.identification.names import renamed
+
+    if not pairs:
+        return model
+    joints = renamed([friction.joint for friction in model.joints], pairs)
+    named = tuple(replace(friction, joint=joint) for friction, joint in zip(model.joints, joints))
+    return replace(model, joints=named, coupling=None, coupled=())
+
+
 def _pairs(
     first: FrictionModel, second: FrictionModel, joint: list[str] | None
 ) -> tuple[list[tuple[str, str]], list[str]]:
@@ -108,7 +122,7 @@ def _pairs(
     if not common:
         raise InvalidInput(
             f"The models have no joint in common: {', '.join(first.names)}, and {', '.join(second.names)}.",
-            remedy=f"Name them, for example --joint {first.names[0]}={second.names[0]}.",
+            remedy=f"Say which is which: --rename {second.names[0]}={first.names[0]}, once for each.",
         )
     left_out = [
         *by_order,

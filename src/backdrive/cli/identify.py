@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -146,7 +145,7 @@ def command(
     with progress(quiet=as_json) as say:
         say("Reading")
         read = reading.read(logs)
-        held = replace(reading, join=None).read(hold_out) if hold_out else []
+        held = reading.read_apart(hold_out or [])
         result = identify(
             read,
             method=method,

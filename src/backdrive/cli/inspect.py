@@ -37,7 +37,8 @@ def command(
 
     Example: backdrive inspect log.csv
     """
-    from backdrive.logs.health import CHECKS, check, mend
+    from backdrive.identification.repairs import mended
+    from backdrive.logs.health import CHECKS, check
 
     accepted = {lookup(n, {c.name: c.name for c in CHECKS}, "health check") for n in accept or []}
     linked, begin = _logs.plan_from(plan), _logs.start_from(start)
@@ -50,11 +51,13 @@ def command(
 
             read = [with_plan(log, log.plan, begin) for log in read]
         say("Checking")
-        read = [mend(log, accepted) for log in read] if repair else read
+        undone: list[list[str]] = [[] for _ in read]
+        if repair:
+            read, undone = (list(each) for each in zip(*(mended(log, list(accepted)) for log in read)))
         findings = [check(log) for log in read]
         repairs = [
-            repairs_of(log, mend(log, accepted)) if any(f.repairable for f in found) else []
-            for log, found in zip(read, findings)
+            previews(log, list(accepted)) if not repair and any(f.repairable for f in found) else left
+            for log, found, left in zip(read, findings, undone)
         ]
     spoiled = [f for found in findings for f in found if f.severity == "spoils" and f.name not in accepted]
     useless = [log for log in read if log.torque is None and log.drive_input is None]
@@ -64,14 +67,15 @@ def command(
                 "ok": not spoiled and not useless,
                 "logs": [
                     summary(log)
-                    | {"findings": [f.to_dict() for f in found], "repairs": mended, "doubts": doubts(log)}
-                    for log, found, mended in zip(read, findings, repairs)
+                    | {"findings": [f.to_dict() for f in found], "repairs": lines, "doubts": doubts(log)}
+                    for log, found, lines in zip(read, findings, repairs)
                 ],
             }
         )
     else:
-        for log, found, mended in zip(read, findings, repairs):
-            _print(log, found, accepted, mended, brief=len(read) > MOST)
+        title = "Of --repair:" if repair else "--repair would leave it so:"
+        for log, found, lines in zip(read, findings, repairs):
+            _print(log, found, accepted, (title, lines), brief=len(read) > MOST)
         if len(read) > MOST:
             echo(
                 f"{len(read)} logs, {sum(bool(f) for f in findings)} with findings; inspect one to see more of it."
@@ -80,14 +84,17 @@ def command(
         raise typer.Exit(1)
 
 
-def repairs_of(log: Log, mended: Log) -> list[str]:
-    """Return what a repair did to a log, in sentences."""
-    return [note for note in mended.notes if note not in log.notes]
+def previews(log: Log, accepted: list[str]) -> list[str]:
+    """Return what --repair would do to a log, and what it would undo again, in sentences."""
+    from backdrive.identification.repairs import mended
+
+    after, undone = mended(log, accepted)
+    return [*(note for note in after.notes if note not in log.notes), *undone]
 
 
 def doubts(log: Log) -> list[str]:
     """Return why a healthy log may be of no use all the same, in sentences."""
-    from backdrive.logs.readers._channels import AS_SI
+    from backdrive.logs.log import AS_SI
 
     found = [note for note in log.notes if AS_SI in note]
     if log.torque is None and log.drive_input is None:
@@ -163,7 +170,9 @@ def small_plot(values, bars: str = BARS, width: int = WIDTH) -> str:
     return "".join(" " if not np.isfinite(i) else bars[int(i)] for i in level)
 
 
-def _print(log: Log, findings: list[Finding], accepted: set[str], repairs: list[str], *, brief: bool) -> None:
+def _print(
+    log: Log, findings: list[Finding], accepted: set[str], repairs: tuple[str, list[str]], *, brief: bool
+) -> None:
     from rich.text import Text
 
     unsure = doubts(log)
@@ -192,16 +201,17 @@ def _print(log: Log, findings: list[Finding], accepted: set[str], repairs: list[
                 drawn = small_plot(log.channels[name][:, column], bars)
                 rows.add_row(about["name"] if i == 0 else "", name, c["unit"], *ends, drawn)
         console.print(rows)
-        print_lines(console, log.notes, style="dim")
+        print_lines(console, (note for note in log.notes if note not in unsure), style="dim")
     for i, finding in enumerate(findings):
         style = {"spoils": "red", "warn": "yellow"}.get(finding.severity, "dim")
         word = "accepted" if finding.name in accepted else finding.severity
         console.print(Text.assemble((word, style), " ", (finding.name, "bold"), f": {finding.sentence}"))
         if i + 1 == len(findings) or findings[i + 1].remedy != finding.remedy:
             console.print(f"    {finding.remedy}", style="dim")
-    if repairs:
-        console.print("--repair would leave it so:", style="bold")
-        print_lines(console, (f"    {sentence}" for sentence in repairs))
+    title, lines = repairs
+    if lines:
+        console.print(title, style="bold")
+        print_lines(console, (f"    {sentence}" for sentence in lines))
     print_lines(console, unsure, style="yellow")
     if not findings and not unsure:
         console.print("Nothing is the matter with this log.", style="green")

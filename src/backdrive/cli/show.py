@@ -74,8 +74,8 @@ def command(
     shown = loaded
     if joint:
         chosen = tuple(loaded.joint(name) for name in dict.fromkeys(joint))
-        whole = len(chosen) == len(loaded.joints)
-        shown = replace(loaded, joints=chosen, coupling=loaded.coupling if whole else None)
+        rows = loaded.coupled or loaded.names if loaded.coupling else ()
+        shown = replace(loaded, joints=chosen, coupled=rows)
     if plot is not None:
         from backdrive.report.pictures.curve import save_curves
 

@@ -28,6 +28,7 @@ def command(
     urdf: Annotated[
         Path | None, typer.Option("--urdf", help="Robot description, for the model of an arm.")
     ] = None,
+    rename: _logs.Rename = None,
     gate: Annotated[
         float, typer.Option("--gate", help="Exit with 1 where a joint's residual is above this [%].")
     ] = 50.0,
@@ -41,13 +42,15 @@ def command(
     """
     from backdrive import load_model
     from backdrive.identification import validate, validate_motion
-    from backdrive.identification.options import healthy
+    from backdrive.identification.names import renamed
+    from backdrive.identification.repairs import healthy
 
     loaded = load_model(model)
     _logs.check_urdf(urdf)
     with progress(quiet=as_json) as say:
         say("Reading")
         read = reading.read(logs)
+        read = [log.replace(joints=renamed(log.joints, rename or [])) for log in read]
         say("Checking the logs")
         suspect: list[str] = []
         read = [healthy(log, accept or [], repair, suspect) for log in read]

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.identification.ramp import is_ramp
 from backdrive.identification.runs import LEAST_RUNS, whole_run
 from backdrive.identification.sweep_windows import find_windows
 from backdrive.logs.log import Log
@@ -96,6 +97,8 @@ def choose_method(logs: Sequence[Log], joints: Sequence[str], urdf: str | None) 
         log.need("torque")
     if len(logs) >= LEAST_RUNS and all(whole_run(log, joint) for log in logs for joint in joints):
         return "constant-velocity", "every log keeps one velocity throughout"
+    if all(is_ramp(log, joint) for log in logs for joint in joints):
+        return "ramp", "the torque ramps in straight lines until the joint begins to slip"
     if all(_sweeps(log, joint) for log in logs for joint in joints):
         return "sweep", "cycles of growing frequency and equal stroke were found"
     return "motion", "the logs hold motion of no special kind"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 from backdrive.errors import InvalidInput
 from backdrive.logs.log import Joint
@@ -27,10 +28,40 @@ def same_names(first: Iterable[Joint], second: Iterable[Joint], *sides: str) -> 
     if set(left) != set(right):
         raise InvalidInput(
             f"Joints cannot be matched: names are missing in the data, and those made up differ ({listed}).",
-            remedy="Name the joints as they are meant (--names when reading, or --joint A=B).",
+            remedy="Name the joints as they are meant (--names when reading, or --rename A=B).",
         )
     return (
         []
         if len(left) == 1
         else [f"Names are missing in the data; joints were matched by their order ({listed})."]
+    )
+
+
+def renamed(joints: Sequence[Joint], pairs: Sequence[str]) -> tuple[Joint, ...]:
+    """Return joints under the names that a person gives them.
+
+    Args:
+        joints: of one side.
+        pairs: OLD=NEW, any number.
+
+    Raises:
+        InvalidInput: a pair is none, names no joint, or makes two joints one.
+    """
+    names = {joint.name: joint.name for joint in joints}
+    for pair in pairs:
+        old, _, new = (part.strip() for part in pair.partition("="))
+        if old not in names or not new:
+            raise InvalidInput(
+                f"--rename {pair}: not A=B with a joint A of {', '.join(names)}.",
+                remedy=f"For example --rename {next(iter(names))}=elbow.",
+            )
+        names[old] = new
+    if len(set(names.values())) != len(names):
+        raise InvalidInput(
+            f"--rename {', --rename '.join(pairs)}: two joints would have one name.",
+            remedy=f"Name each once; the joints are {', '.join(names)}.",
+        )
+    return tuple(
+        joint if names[joint.name] == joint.name else replace(joint, name=names[joint.name], named=True)
+        for joint in joints
     )

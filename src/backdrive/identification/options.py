@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from backdrive.engine import DriveModel
-from backdrive.errors import InvalidInput, UnhealthyLog
+from backdrive.errors import InvalidInput
 from backdrive.identification.alignment import Start, with_plan
 from backdrive.identification.timing import Timing
 from backdrive.logs.log import Drive, Log
@@ -193,10 +193,14 @@ def in_order(log: Log, first: Log) -> Log:
     return log
 
 
-def coupling_of(logs: Sequence[Log], names: Sequence[str]) -> tuple[tuple[float, ...], ...] | None:
-    """Return the matrix that brought all logs from coupled motors to their joints, rows in the order of these.
+def coupling_of(logs: Sequence[Log], names: Sequence[str]) -> dict[str, Any]:
+    """Return what a model holds of the matrix that brought all logs from coupled motors to their joints; empty without one.
 
-    None where there is none, or where it is of more joints than these: how the logs were read is remembered all the same.
+    Joints that are not identified keep their rows: without them nobody could bring the others back to their motors.
+
+    Args:
+        logs: of the same joints.
+        names: of the joints that are identified.
 
     Raises:
         InvalidInput: the logs differ in it.
@@ -206,18 +210,22 @@ def coupling_of(logs: Sequence[Log], names: Sequence[str]) -> tuple[tuple[float,
         raise InvalidInput(
             "The logs are of differently coupled motors.", remedy="Read all of them with the same --coupling."
         )
-    if set(names) != set(logs[0].names):
-        return None
-    return logs[0].select(names).coupling
+    if matrices == {None}:
+        return {}
+    rows = (*names, *(name for name in logs[0].names if name not in names))
+    return {
+        "coupling": logs[0].select(rows).coupling,
+        "coupled": rows if len(rows) > len(names) else (),
+    }
 
 
 def apart(logs: Sequence[Log], held_out: Sequence[Log]) -> None:
-    """Refuse to judge on a file that is fitted, and to fit a part of a file twice."""
+    """Refuse to judge on a file that is fitted, and to fit a part of a file twice; a file that was joined to several is neither."""
     fitted: dict[str, str] = {}
     spans: dict[str, list[tuple[float, float]]] = {}
     for log in logs:
         begin, end = (float(log.time[0]), float(log.time[-1])) if len(log) else (0.0, 0.0)
-        for source in log.sources:
+        for source in log.sources[:1]:
             if any(begin < e and b < end for b, e in spans.get(source.sha256, [])):
                 raise InvalidInput(
                     f"{source.path} and {fitted[source.sha256]} are the same log.",
@@ -226,7 +234,7 @@ def apart(logs: Sequence[Log], held_out: Sequence[Log]) -> None:
             fitted[source.sha256] = source.path
             spans.setdefault(source.sha256, []).append((begin, end))
     for log in held_out:
-        for source in log.sources:
+        for source in log.sources[:1]:
             if source.sha256 in fitted:
                 raise InvalidInput(
                     f"{source.path} is held out and also fitted ({fitted[source.sha256]}).",
@@ -289,22 +297,3 @@ def move_together(logs: Sequence[Log], names: Sequence[str]) -> bool:
         busy = speed > 0.05 * np.nanpercentile(speed, 99, axis=0)
         together += int(np.mean(busy.sum(axis=1) > 1) > 0.2)
     return together > 0
-
-
-def healthy(log: Log, accept: Sequence[str], repair: bool, warnings: list[str]) -> Log:
-    """Pass a log through the health gate; what is suspect joins the warnings, and the error names its file."""
-    from backdrive.logs import health
-
-    try:
-        mended, suspect = health.passed(log, accept=accept, repair=repair)
-        where = f"{log.sources[0].path}: " if log.sources else ""
-        for f in suspect:
-            if not any(f"[{f.name}] " in before and f"{f.joint}" in before for before in warnings):
-                warnings.append(f"{where}[{f.name}] {f.sentence}")
-        return mended
-    except UnhealthyLog as error:
-        if not log.sources:
-            raise
-        raise UnhealthyLog(
-            f"{log.sources[0].path}: {error.message}", remedy=error.remedy, **error.data
-        ) from error

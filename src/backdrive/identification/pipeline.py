@@ -19,7 +19,6 @@ from backdrive.identification.options import (
     Options,
     apart,
     coupling_of,
-    healthy,
     in_order,
     move_together,
     planned,
@@ -27,11 +26,12 @@ from backdrive.identification.options import (
     unused_torque,
 )
 from backdrive.identification.plausibility import with_verdict
+from backdrive.identification.repairs import healthy
 from backdrive.identification.result import Identification, JointEvidence
 from backdrive.identification.supplement import supplement
 from backdrive.identification.timing import Timing
 from backdrive.identification.validate import validate
-from backdrive.logs.log import Drive, Log
+from backdrive.logs.log import AS_SI, Drive, Log
 from backdrive.model import ArmModel, FrictionModel, JointFriction
 from backdrive.plans.limits import JointLimits, read_limits
 
@@ -116,7 +116,7 @@ def identify(
         payloads: s and c of the gravity s sin q + c cos q of a known payload in each log, (0, 0) without [N.m]: sweeps then
             tell friction where the motor lifts from friction where it is driven back.
         accept: names of health findings to accept.
-        repair: mend the log where an honest repair exists; each is noted.
+        repair: mend the log where an honest repair exists; each is noted, and undone where unseen blocks are not explained better.
         seed: of the starts of a search.
         reading: how the logs were read (map, unit, ...), to be remembered in the model file.
         progress: called with a sentence before every step that may take long.
@@ -177,6 +177,7 @@ def identify(
     warnings: list[str] = []
     logs = [healthy(log, accept, repair, warnings) for log in logs]
     held_out = [healthy(log, accept, repair, warnings) for log in held_out]
+    warnings += [note for log in logs for note in log.notes if AS_SI in note]
     names, idle = moving_joints(logs, joints)
     method, reason = _method(logs, names, options)
     options.applicable(method)
@@ -216,7 +217,7 @@ def identify(
         sources=tuple(s for log in logs for s in log.sources),
         options=options.remembered(method, plan, held_out, reading=dict(reading or {}), **settings),
         version=__version__,
-        coupling=coupling_of(logs, [j.joint.name for j in friction]),
+        **coupling_of(logs, [j.joint.name for j in friction]),
     )
     if held_out and method not in ("motion", "arm", "dynamic"):
         options.say("Judging on the held-out logs")
@@ -232,7 +233,7 @@ def identify(
         method=method,
         reason=reason,
         warnings=tuple(dict.fromkeys(warnings)),
-        notes=tuple(dict.fromkeys(notes)),
+        notes=tuple(note for note in dict.fromkeys(notes) if note not in warnings),
         **more,
     )
 

@@ -16,6 +16,8 @@ from backdrive.logs.filters import derivative
 from backdrive.logs.log import Joint, Log
 from backdrive.model import JointFriction, Validity
 
+TRIED = 0.2  # share of the other direction's torque from which on a direction was ramped too [-]
+BREAKS = "begins to slip (breaks away)"
 NAMED = 0.03  # share of the break-away torque from which on the torque at rest is mentioned [-]
 
 
@@ -38,8 +40,12 @@ def identify_ramp(logs: Sequence[Log], joint: str) -> tuple[JointFriction, Joint
     about = logs[0].select(joint).on_joint_side().joints[0]
     found = presliding(logs, joint)
     (up, up_error, up_seen), (down, down_error, down_seen) = _break_away(found, 1), _break_away(found, -1)
+    seen = {"coulomb_positive": up_seen, "coulomb_negative": down_seen}
+    untried = _untried(found)
+    if untried:  # only what was tried tells
+        up, down = max(up, down), max(up, down)
     law = CoulombViscous(coulomb_positive=max(up, 0.0), coulomb_negative=max(down, 0.0))
-    missing = [n for n, seen in (("coulomb_positive", up_seen), ("coulomb_negative", down_seen)) if not seen]
+    missing = [name for name in seen if not seen[name] and name != untried]
     friction = JointFriction(
         joint=about,
         law=Law(rate=law),
@@ -55,13 +61,13 @@ def identify_ramp(logs: Sequence[Log], joint: str) -> tuple[JointFriction, Joint
             velocity=(-found.slip_speed, found.slip_speed), load=(found.largest[1], found.largest[0])
         ),
         method="ramp",
-        warnings=_warnings(found, about, missing, (up, up_error), (down, down_error)),
+        warnings=_warnings(found, about, missing, (up, up_error), (down, down_error), untried),
     )
     return friction, JointEvidence(
         joint=about.name,
         samples=_samples(logs, joint, friction, found),
         curve=curve(friction, lambda v: np.where(v > 0, up_error, down_error)),
-        verdict=_verdict(friction, found, missing),
+        verdict=_verdict(friction, found, missing, untried),
         presliding=_loop(logs, joint),
     )
 
@@ -73,6 +79,14 @@ def _break_away(found: Presliding, direction: int) -> tuple[float, float, bool]:
     if slipped is None:
         return direction * (found.largest[side] - found.rest), float("nan"), False
     return direction * (slipped[0] - found.rest), slipped[1], True
+
+
+def _untried(found: Presliding) -> str:
+    """Return the number of the direction in which the torque was not ramped; empty where it was in both."""
+    up, down = (abs(torque - found.rest) for torque in found.largest)
+    if down < TRIED * up and found.break_away[1] is None:
+        return "coulomb_negative"
+    return "coulomb_positive" if up < TRIED * down and found.break_away[0] is None else ""
 
 
 def _dynamics(found: Presliding) -> dict[str, tuple[float, float]]:
@@ -95,11 +109,18 @@ def _warnings(
     missing: Sequence[str],
     up: tuple[float, float],
     down: tuple[float, float],
+    untried: str = "",
 ) -> tuple[str, ...]:
     unit, name = joint.torque_unit, f"Joint '{joint.name}'"
     peaks = {"coulomb_positive": ("+q", found.largest[0]), "coulomb_negative": ("-q", found.largest[1])}
     apart, least = up[0] - down[0], max(min(up[0], down[0]), 1e-300)
+    ways = {name: way for name, (way, _) in peaks.items()}
     return sentences(
+        (
+            untried,
+            f"{name}: the torque was not ramped along {ways.get(untried)}; break-away there was taken to be that of the other "
+            "direction.",
+        ),
         (
             not found.resolved,
             f"{name}: before break-away it moves by {found.displacement / found.count:.0f} counts of {found.count:.3g} "
@@ -113,7 +134,7 @@ def _warnings(
             for side, (way, peak) in peaks.items()
         ),
         (
-            not missing and abs(apart) > max(4.0 * np.hypot(up[1], down[1]), NAMED * least),
+            not missing and not untried and abs(apart) > max(4.0 * np.hypot(up[1], down[1]), NAMED * least),
             f"{name}: the break-away torques differ by {abs(apart):.3g} {unit}; unequal friction and a constant pull (gravity, "
             "offset of the torque signal) look the same to a ramp.",
         ),
@@ -125,7 +146,7 @@ def _warnings(
     )
 
 
-def _verdict(friction: JointFriction, found: Presliding, missing: Sequence[str]) -> str:
+def _verdict(friction: JointFriction, found: Presliding, missing: Sequence[str], untried: str = "") -> str:
     law, unit = friction.law.rate, friction.joint.torque_unit
     assert isinstance(law, CoulombViscous)
     per = f"{unit}/{friction.joint.unit}"
@@ -133,14 +154,17 @@ def _verdict(friction: JointFriction, found: Presliding, missing: Sequence[str])
     words = [
         f"{'more than ' if name in missing else ''}{getattr(law, name):.3g} {unit} along {side}"
         for name, side in sides.items()
+        if name != untried
     ]
     if found.stiffness is None:
         return (
-            f"It breaks away at {' and '.join(words)}. The displacement before that is below the encoder's resolution; "
+            f"It {BREAKS} at {' and '.join(words)}. The displacement before that is below the encoder's resolution; "
             f"the presliding stiffness is at least {found.bound:.3g} {per}."
         )
     value, error = found.stiffness
-    said = f"It breaks away at {' and '.join(words)}. Before that it yields with {value:.4g} +- {error:.2g} {per}"
+    said = (
+        f"It {BREAKS} at {' and '.join(words)}. Before that it yields with {value:.4g} +- {error:.2g} {per}"
+    )
     if found.tangent is not None:
         said += f" ({found.tangent[0]:.4g} at the beginning of a branch)"
     if found.width > found.count:

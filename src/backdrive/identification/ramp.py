@@ -26,6 +26,18 @@ FLICKER = 10.0  # and faster than so many counts in one period of the low pass [
 RESOLVED = 5.0  # displacement before break-away from which on a stiffness is given [count]
 START = 0.3  # share of a branch's torque, from its beginning, that gives the tangent [-]
 VAGUE = 0.5  # a stiffness with a larger share of error is none [-]
+LINE = 0.3  # share of a ramp before a slip by whose line the torque is read [-]
+ROUNDING = 1e-6  # share of the range below which noise is what rounding leaves [-]
+NOISE = 3.0  # standard deviations by which noise makes an extreme of the torque larger [-]
+FEWEST = 100  # samples of a log that is taken for a ramp
+RAMPED, HELD = (
+    0.7,
+    0.1,
+)  # share of a log that ramps, and in which the joint sticks meanwhile, of such a log [-]
+EDGE, STRAIGHT = (
+    0.1,
+    0.01,
+)  # ends of a ramp that may be round [s], and how far off its line it may be by its range [-]
 SHORTEST = 8  # a branch with fewer samples is left out
 
 
@@ -37,7 +49,7 @@ class Branch:
         torque: [N.m or N], (n,).
         position: as read [rad or m], (n,).
         direction: 1 where the torque rises, -1 where it falls.
-        break_away: torque at which the joint slips at its end, and its uncertainty [N.m or N]; None where it does not.
+        break_away: torque at which the joint begins to slip at its end, and its uncertainty [N.m or N]; None where it does not.
     """
 
     torque: np.ndarray
@@ -53,7 +65,7 @@ class Branch:
     @property
     def tangent(self) -> tuple[float, float]:
         """Compliance at the beginning of the branch and its standard error [rad/N.m or m/N]."""
-        change = np.abs(self.torque - self.torque[0])
+        change = np.maximum.accumulate(np.abs(self.torque - self.torque[0]))
         part = slice(0, max(8, int(np.searchsorted(change, START * change[-1]))))
         return _compliance(self.torque[part], self.position[part])
 
@@ -81,8 +93,8 @@ class Presliding:
         stiffness: secant, and its standard error [N.m/rad or N/m]; None below the encoder's resolution.
         tangent: stiffness at the beginning of a branch, and its standard error [N.m/rad or N/m]; None likewise.
         bound: a stiffness that is certainly exceeded [N.m/rad or N/m].
-        break_away: torque at which it slipped, as measured, and its standard error: rising, falling [N.m or N]; None where
-            it did not.
+        break_away: torque at which it began to slip, as measured, and its standard error: rising, falling [N.m or N]; None
+            where it did not.
         largest: largest and smallest torque of the ramps [N.m or N].
         rest: torque before the first ramp [N.m or N].
         width: of the hysteresis at its middle torque [rad or m]; NaN without a loop free of slip.
@@ -143,7 +155,7 @@ def presliding(logs: Sequence[Log], joint: str | int) -> Presliding:
             remedy="Record it along `backdrive plan ramp`, slowly, from rest; or use --method motion.",
         )
     width, area = hysteresis_loop(singles, [speed for _, speed, _ in found])
-    torques = [log.driving_torque[:, 0] for log in singles]
+    ends = [_ends(log.driving_torque[:, 0]) for log in singles]
     return Presliding(
         branches=tuple(branches),
         count=count,
@@ -152,7 +164,7 @@ def presliding(logs: Sequence[Log], joint: str | int) -> Presliding:
         tangent=_stiffness([b.tangent for b in branches], branches, count) if resolved else None,
         bound=max(b.bound(count) for b in branches),
         break_away=(_break_away(branches, 1), _break_away(branches, -1)),
-        largest=(max(float(t.max()) for t in torques), min(float(t.min()) for t in torques)),
+        largest=(max(high for _, high in ends), min(low for low, _ in ends)),
         rest=float(np.mean([rest for _, _, rest in found])),
         width=width,
         area=area,
@@ -160,12 +172,43 @@ def presliding(logs: Sequence[Log], joint: str | int) -> Presliding:
     )
 
 
+def is_ramp(log: Log, joint: str | int) -> bool:
+    """Return whether a joint's torque goes to and fro in straight lines, and the joint slips at their end at most.
+
+    Args:
+        log: any.
+        joint: name or column.
+    """
+    if log.torque is None or log.position is None:
+        return False
+    single = log.select(joint).on_joint_side()
+    torque, position = single.driving_torque[:, 0], single.need("position")[:, 0]
+    if len(single) < FEWEST or not np.isfinite([torque, position]).all() or not np.ptp(torque) > 0.0:
+        return False
+    smooth, rate, _ = _smooth(single)
+    turns = turning_points(smooth, BRANCH * float(np.ptp(smooth)))
+    if turns.size < 2 or np.diff(turns).sum() < RAMPED * len(single):
+        return False
+    off = []
+    for a, b in zip(turns, turns[1:]):
+        inner = slice(a + round(EDGE * rate), max(b - round(EDGE * rate), a + 1))
+        if inner.stop - inner.start < SHORTEST:
+            return False  # no ramp is so short
+        time = np.arange(inner.stop - inner.start)
+        off.append(smooth[inner] - np.polyval(np.polyfit(time, smooth[inner], 1), time))
+    if np.sqrt(np.mean(np.concatenate(off) ** 2)) > STRAIGHT * np.ptp(smooth) + white_noise(torque):
+        return False
+    count = encoder_step(single) or 3.0 * white_noise(position)
+    branches = _branches(single, count)[0]
+    held = sum(b.torque.size for b in branches)
+    slips = any(b.break_away is not None for b in branches)
+    return held > HELD * len(single) and (slips or len(branches) > 2)
+
+
 def _branches(log: Log, count: float) -> tuple[list[Branch], float, float]:
     """Return the branches of one log, the speed from which on it slips, and the torque before the first ramp."""
     torque, position = log.driving_torque[:, 0], log.need("position")[:, 0]
-    rate = 1.0 / log.period
-    cutoff = min(CUTOFF, 0.1 * rate)
-    smooth = filters.low_pass(torque, cutoff, rate)
+    smooth, rate, cutoff = _smooth(log)
     turns = turning_points(smooth, BRANCH * float(np.ptp(smooth)))
     if turns.size < 2:
         return [], 0.0, float(torque[0])
@@ -190,26 +233,50 @@ def _branches(log: Log, count: float) -> tuple[list[Branch], float, float]:
                     torque=smooth[inside],
                     position=position[inside],
                     direction=1 if smooth[b] > smooth[a] else -1,
-                    break_away=_onset(smooth, velocity, stop, rate, cutoff) if before else None,
+                    break_away=_onset(torque[a : stop + 1], velocity, stop, rate, cutoff) if before else None,
                 )
             )
     return result, slips, float(torque[: turns[0] + 1].mean())
 
 
+def _ends(torque: np.ndarray) -> tuple[float, float]:
+    """Return the smallest and the largest torque but for its noise [N.m or N]."""
+    low, high, noise = float(torque.min()), float(torque.max()), NOISE * white_noise(torque)
+    if noise < ROUNDING * (high - low):
+        return low, high
+    return min(low + noise, 0.5 * (low + high)), max(high - noise, 0.5 * (low + high))
+
+
+def _smooth(log: Log) -> tuple[np.ndarray, float, float]:
+    """Return the low-passed torque of a log's only joint [N.m or N], (n,), its sampling rate and the corner [Hz]."""
+    rate = 1.0 / log.period
+    cutoff = min(CUTOFF, 0.1 * rate)
+    return filters.low_pass(log.driving_torque[:, 0], cutoff, rate), rate, cutoff
+
+
 def _onset(
     torque: np.ndarray, velocity: np.ndarray, at: int, rate: float, cutoff: float
 ) -> tuple[float, float]:
-    """Return the torque when the slip that is seen at a sample began, and the uncertainty of that.
+    """Return the torque when a slip began, by the line of the ramp before it, and the uncertainty of that.
 
-    Under a rising torque the speed grows with the square of the time since the slip began, so that this time is twice the
-    speed over the acceleration; half of it counts as uncertain, for friction that drops would make it that.
+    Under a rising torque the speed grows with the square of the time since the slip began where inertia holds it back, and with
+    that time itself where viscous friction does: the time lies between one and two times the speed over the acceleration.
+
+    Args:
+        torque: as measured, from the beginning of the ramp to the sample at which the slip is seen [N.m or N], (n,).
+        velocity: of the whole log [rad/s or m/s].
+        at: sample of it at which the slip is seen.
+        rate: of sampling [Hz].
+        cutoff: of the low pass on the position [Hz].
     """
-    slope = (torque[at] - torque[at - 1]) * rate
     acceleration = (velocity[min(at + 1, velocity.size - 1)] - velocity[at - 1]) * rate / 2.0
-    since = min(2.0 * abs(velocity[at]) / max(abs(acceleration), 1e-300), 1.0 / cutoff * 4.0)
-    return float(torque[at] - slope * since), float(
-        abs(slope) * np.hypot(since / 2.0, 1.0 / cutoff) / np.sqrt(12.0)
-    )
+    lag = min(abs(velocity[at]) / max(abs(acceleration), 1e-300), 2.0 / cutoff)
+    before = torque[-max(round(LINE * torque.size), SHORTEST) :]
+    time = (np.arange(before.size) - (before.size - 1)) / rate
+    slope, level = np.polyfit(time, before, 1)
+    left = before - level - slope * time
+    blur = abs(slope) * np.hypot(0.5 * lag, 1.0 / cutoff) / np.sqrt(3.0)
+    return float(level - 1.5 * slope * lag), float(np.hypot(blur, 2.0 * np.std(left) / np.sqrt(before.size)))
 
 
 def _break_away(branches: Sequence[Branch], direction: int) -> tuple[float, float] | None:
@@ -222,11 +289,18 @@ def _break_away(branches: Sequence[Branch], direction: int) -> tuple[float, floa
 
 
 def _compliance(torque: np.ndarray, position: np.ndarray) -> tuple[float, float]:
-    u, x = torque - torque.mean(), position - position.mean()
-    power = max(float(u @ u), 1e-300)
-    c = float(u @ x) / power
+    """Return position over torque of one branch, and its standard error [rad/N.m or m/N].
+
+    Both have noise, which a regression of either on the other would take for compliance or stiffness; time has none, and both
+    follow it: it is the instrument (Durbin, Revue de l'Institut International de Statistique 22, 1954).
+    """
+    u, x, t = torque - torque.mean(), position - position.mean(), np.linspace(-1.0, 1.0, torque.size)
+    power = float(t @ u)
+    if power == 0.0:
+        return 0.0, np.inf
+    c = float(t @ x) / power
     left = x - c * u
-    return c, float(np.sqrt(long_run((u * left)[None])[0, 0])) / power
+    return c, float(np.sqrt(long_run((t * left)[None])[0, 0])) / abs(power)
 
 
 def _stiffness(
@@ -255,10 +329,8 @@ def hysteresis_loop(logs: Sequence[Log], slips: Sequence[float]) -> tuple[float,
     """
     width, area = float("nan"), float("nan")
     for log, limit in zip(logs, slips):
-        torque, position = log.torque[:, 0], log.position[:, 0]  # type: ignore[index]
-        rate = 1.0 / log.period
-        cutoff = min(CUTOFF, 0.1 * rate)
-        u, x = filters.low_pass(torque, cutoff, rate), filters.low_pass(position, cutoff, rate)
+        u, rate, cutoff = _smooth(log)
+        x = filters.low_pass(log.position[:, 0], cutoff, rate)  # type: ignore[index]
         speed = np.abs(filters.derivative(x, log.period))
         turns = turning_points(u, BRANCH * float(np.ptp(u)))
         for a, b, c in zip(turns[1:], turns[2:], turns[3:]):

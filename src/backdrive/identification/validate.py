@@ -143,7 +143,7 @@ def _shared(model: FrictionModel, logs: Sequence[Log]) -> list[str]:
     if not shared:
         raise InvalidInput(
             f"Model ({', '.join(model.names)}) and logs ({', '.join(logs[0].names)}) share no joint.",
-            remedy="Name the log's joints as in the model (--names).",
+            remedy=f"Name the log's joints as in the model: --rename {logs[0].names[0]}={model.names[0]}, or --names.",
         )
     return shared
 

@@ -19,6 +19,7 @@ from backdrive.logs.joint import Drive, Joint, Source, check_coupling
 
 #: Beyond, a number is no measurement in any unit, and products of a few of them overflow; an infinity is a hole in a log.
 LARGEST = 1e60
+AS_SI = "was taken as SI"  # in a note of a doubt
 SHORTEST = 1e-12  # median sampling interval [s]
 
 #: Per-sample, per-joint channels of a `Log`, each with the SI unit for a rotary and for a linear joint.

@@ -6,6 +6,10 @@ import numpy as np
 
 from backdrive.logs.log import Log
 
+COARSE = 3.0  # units of the last decimal from which on a grid can be told from its rounding
+FEWEST_LEVELS = 6  # differences of levels that tell a grid
+MOST_ROUNDS = 8
+
 
 def encoder_step(log: Log) -> float:
     """Return the smallest step of the positions of a log's only joint [rad or m].
@@ -30,7 +34,9 @@ def white_noise(x: np.ndarray) -> float:
 def resolution(values: np.ndarray) -> float:
     """Return the step g such that all values (m,) are whole multiples of g apart, 0 if there is none.
 
-    It is the greatest common divisor of the differences between levels, by Euclid's method with a tolerance.
+    It is the greatest common divisor of the differences between levels, by Euclid's method with a tolerance. Readings that were
+    printed with a few decimals are multiples of the last one; where they keep to a coarser grid but for that rounding, its
+    step is returned.
     """
     values = values[:: max(1, values.size // 4096)]
     levels = np.unique(values[np.isfinite(values)])
@@ -41,6 +47,9 @@ def resolution(values: np.ndarray) -> float:
     apart = apart[apart > 2e-11 * np.abs(levels[[0, -1]]).max()]
     if not apart.size:
         return 0.0
+    unit = _decimal(levels)
+    if unit and (step := _before_rounding(levels, unit)):
+        return step
     step = least = float(apart.min())
     apart = apart[apart < 1e5 * least]  # of longer ones the rounding of the step would decide
     while True:  # every round halves the step at least
@@ -53,3 +62,39 @@ def resolution(values: np.ndarray) -> float:
         step *= float(left[broken].min())
         if step < least / 64:
             return 0.0
+
+
+def _before_rounding(levels: np.ndarray, unit: float) -> float:
+    """Return the step of a grid that levels were on before they were rounded to a unit; 0 where they were on none.
+
+    Args:
+        levels: ascending, multiples of the unit apart, (m,).
+        unit: of the rounding.
+    """
+    apart = np.diff(levels)
+    step = float(apart.min())
+    if step < COARSE * unit or apart.size < FEWEST_LEVELS:
+        return 0.0
+    step = float(apart[apart < step + 1.5 * unit].mean())
+    longest = 0.5 * step / unit  # steps that are counted surely, with a step that is known so well
+    for _ in range(MOST_ROUNDS):
+        counts = np.round(apart / step)
+        told = counts <= max(longest, 1.0)
+        number = float(counts[told].sum())
+        step = float(apart[told].sum() / number)
+        longest = 0.25 * step * number / (unit * np.sqrt(np.count_nonzero(told)))
+        if told.all():
+            break
+    number = np.concatenate([[0.0], np.cumsum(np.round(apart / step))])
+    slope, start = np.polyfit(number, levels - levels[0], 1)
+    off = np.abs(levels - levels[0] - start - slope * number)
+    return unit * round(float(slope) / unit, 9) if off.max() < 0.75 * unit else 0.0
+
+
+def _decimal(levels: np.ndarray) -> float:
+    """Return the unit of the last decimal that values were printed with; 0 where they have more than ten, or none."""
+    size = max(float(np.abs(levels[[0, -1]]).max()), 1.0)
+    for places in range(11):
+        if np.abs(levels - np.round(levels, places)).max() < 1e-14 * size:
+            return 10.0**-places if places else 0.0
+    return 0.0

@@ -128,7 +128,7 @@ Coupling = Annotated[tuple[Annotated[tuple[float, ...], Meta(max_length=500)], .
 
 
 class Document(msgspec.Struct, forbid_unknown_fields=True):
-    """Friction of a robot's joints. `coupling` is C of q_joint = C q_motor, rows in the order of the joints."""
+    """Friction of a robot's joints. `coupling` is C of q_joint = C q_motor, rows in the order of the joints, or of `coupled`."""
 
     format: Literal["backdrive-friction-model"]
     schema: Literal[1, 2]
@@ -136,6 +136,7 @@ class Document(msgspec.Struct, forbid_unknown_fields=True):
     provenance: Provenance
     arm: ArmEntry | None = None
     coupling: Coupling | None = None
+    coupled: Annotated[tuple[Word, ...], Meta(max_length=500)] = ()
 
 
 def schema() -> str:

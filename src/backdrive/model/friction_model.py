@@ -43,6 +43,7 @@ class FrictionModel:
         options: how it was asked for.
         version: backdrive that made it.
         coupling: C of q_joint = C q_motor, where motors drive several joints, rows in the order of the joints, (J, J).
+        coupled: names of the joints that the rows of `coupling` are of, where the matrix holds more joints than the model.
     """
 
     joints: tuple[JointFriction, ...]
@@ -51,6 +52,7 @@ class FrictionModel:
     options: Mapping[str, Any] = field(default_factory=dict)
     version: str = ""
     coupling: tuple[tuple[float, ...], ...] | None = None
+    coupled: tuple[str, ...] = ()
 
     def __post_init__(self):
         names = self.names
@@ -59,7 +61,13 @@ class FrictionModel:
                 f"A FrictionModel needs distinct joints, got {names}.", remedy="Name each joint once."
             )
         if self.coupling is not None:
-            check_coupling(self.coupling, len(names))
+            rows = self.coupled or names
+            check_coupling(self.coupling, len(rows))
+            if len(set(rows)) != len(rows) or not set(names) <= set(rows):
+                raise InvalidInput(
+                    f"The rows of the coupling are of {', '.join(rows)}, and the joints {', '.join(names)}.",
+                    remedy="Name each joint of the model, and each other one of the matrix, once.",
+                )
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -102,6 +102,28 @@ def motion(exam: Exam, j: int, reach: int) -> Motion | None:
     )
 
 
+def bent(exam: Exam, j: int, reach: int, widths: np.ndarray) -> np.ndarray:
+    """Return at the instants of `motion` how far a bristle is bent that slips at a distance, as a share of it, (m, w).
+
+    Args:
+        exam: the log.
+        j: column of the joint.
+        reach: as `motion` was called with it [sample].
+        widths: distances [rad or m], (w,).
+    """
+    heavy = _widths(exam.period)[1]
+    parts = []
+    for q, _, _ in _path(exam, j) or []:
+        if not q.size:
+            continue
+        z = np.zeros((q.size, widths.size))
+        for k, step in enumerate(np.diff(q).tolist(), start=1):
+            z[k] = np.minimum(np.maximum(z[k - 1] + step, -widths), widths)
+        filtered = running(z / widths, heavy)
+        parts.append(filtered[np.arange(reach, filtered.shape[0] - reach, heavy // 2)])
+    return np.concatenate(parts)
+
+
 def _widths(period: float) -> tuple[int, int]:
     """Return the odd lengths of the light and the heavy running means [sample]."""
     return max(_FEWEST, round(_LIGHT / period)) | 1, max(_FEWEST, round(_HEAVY / period)) | 1

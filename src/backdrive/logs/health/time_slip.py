@@ -9,7 +9,7 @@ import numpy as np
 
 from backdrive.logs.health._exam import Exam, once
 from backdrive.logs.health._finding import Finding, Repair, check, columns_of, keep_rows, with_columns
-from backdrive.logs.health._motion import folded, jackknife, motion, solvable
+from backdrive.logs.health._motion import bent, folded, jackknife, motion, solvable
 from backdrive.logs.health.jitter import LIMIT
 from backdrive.logs.resolution import white_noise
 
@@ -24,6 +24,12 @@ _FILTER_SAMPLES, _FILTER_SECONDS = 8.0, 40e-3
 _SURE, _LEFT, _CLEAR, _MISFIT = 6.0, 0.45, 0.2, 0.25
 #: A slip that is worth this share of the torque's scatter is worth a word; from the second on it spoils a fit.
 _WORTH, _SPOILS = 0.015, 0.05
+#: Distances by which friction itself may lag after a reversal, as shares of the range [1].
+_DISTANCES = (0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2)
+#: With such friction, this share of a slip is left of a real one [1].
+_REAL = 0.5
+#: Nothing but a shift leaves so little of the misfit [1].
+_EXACT = 0.01
 #: No timing is read from a torque with this share of sample-to-sample noise [1].
 _NOISY = 0.3
 
@@ -52,11 +58,12 @@ def find(exam: Exam) -> Iterator[Finding]:
     """Report torques that are explained far better by the motion some samples earlier or later.
 
     The torque is regressed on acceleration, friction and position at each shift; reversals, where friction itself lags,
-    are left out. The standard error comes from leaving out one stretch of the log at a time.
+    are left out. The standard error comes from leaving out one stretch of the log at a time. Friction that builds up over
+    a distance is no slip, though it looks so in a slow joint under gravity.
     """
     for j, joint in exam:
         slip = estimate(exam, j)
-        if slip is None or not _certain(exam, j, slip):
+        if slip is None or not _certain(exam, j, slip) or _by_distance(exam, j, slip):
             continue
         way = "late" if slip.samples > 0 else "early"
         late = abs(slip.samples)
@@ -80,6 +87,22 @@ def _certain(exam: Exam, j: int, slip: Slip) -> bool:
     large = abs(slip.samples) >= max(samples, seconds / exam.period) and abs(slip.samples) < REACH - 1
     sure = (abs(slip.samples) > _SURE * slip.error and slip.left < _LEFT) or slip.left < _CLEAR
     return large and sure and slip.misfit < _MISFIT and slip.effect > _WORTH
+
+
+def _by_distance(exam: Exam, j: int, slip: Slip) -> bool:
+    """Return whether hardly anything is left of a slip once friction may lag by a distance as well."""
+    m = motion(exam, j, REACH)
+    if slip.left < _EXACT or m is None:
+        return False
+    span = float(np.ptp(exam.sample("position" if exam.usable("position", j) else "velocity", j)))
+    power = np.sum(m.torque**2, axis=0)
+    least, samples = np.inf, slip.samples
+    for bristle in bent(exam, j, REACH, span * np.array(_DISTANCES)).T:
+        terms = np.column_stack([m.terms, bristle])
+        misfit = _misfit(solvable(terms.T @ terms), terms.T @ m.torque, power)
+        if misfit.min() < least:
+            least, samples = float(misfit.min()), _minimum(m.shifts, misfit)
+    return samples / slip.samples < _REAL
 
 
 @once

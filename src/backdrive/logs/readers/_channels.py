@@ -8,7 +8,7 @@ from difflib import get_close_matches
 import numpy as np
 
 from backdrive.errors import MappingError
-from backdrive.logs.log import LARGEST
+from backdrive.logs.log import AS_SI, LARGEST
 from backdrive.logs.readers import units
 from backdrive.logs.readers._expression import CHANNEL_OF, Column, Sum, Term
 from backdrive.logs.readers._names import KINDS
@@ -18,7 +18,6 @@ from backdrive.logs.readers.columns import Columns
 #: Stands for the sample number in a `--map`.
 INDEX = "index"
 
-AS_SI = "was taken as SI"  # begins a note of a doubt
 
 _SHORT = {channel: short for short, channel in CHANNEL_OF.items()}
 _SI = {"time": "s", "angle": "rad", "angle rate": "rad/s", "length": "m", "speed": "m/s", "torque": "N.m", "force": "N",

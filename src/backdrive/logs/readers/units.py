@@ -158,6 +158,10 @@ LONGEST = 120
 
 _BRACKETS = re.compile(r"\s*[\[(]\s*([^\[\]()]*)\s*[\])]\s*$")
 
+_OF_JOINTS = re.compile(
+    r"(q|dq|qd|tau|pos|vel|speed|eff|torque|angle|(joint|axis|motor)_?(pos|vel|eff|tor))", re.IGNORECASE
+)
+
 
 def parse(text: str) -> Unit | None:
     """Return the unit a text spells, or None if it spells none."""
@@ -176,9 +180,8 @@ def split(name: str) -> tuple[str, str]:
     if len(name) > LONGEST:
         return name, ""
     match = _BRACKETS.search(name)
-    if (
-        match and match[0][0] in "[(" and match[1].isdigit()
-    ):  # q[1] is the second of several, x [1] is a ratio
+    # q[1] is the second of several and so is position [1], duty [1] is a ratio
+    if match and match[1].isdigit() and (match[0][0] in "[(" or _OF_JOINTS.match(name)):
         return name.strip(), ""
     if match and parse(match[1]) and match.start() > 0:
         return name[: match.start()].strip(), match[1].strip()

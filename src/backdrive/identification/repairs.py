@@ -1,0 +1,110 @@
+"""Which repairs of a log are kept: those with which it explains itself better on unseen blocks, and those it cannot do without.
+
+A false finding whose repair spoils a good log so does no harm. A repair that claims samples to be wrong, or late, is left out once,
+with all others made, and the motion of the joints that it is about is identified both ways. Of a sign, a unit, a number that ran
+over or a clock that goes back no residual tells: those repairs rest on the channels themselves, and are made.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from backdrive.errors import BackdriveError, UnhealthyLog
+from backdrive.logs import health
+from backdrive.logs.log import Log
+
+#: Checks whose repairs unseen blocks can tell to be right.
+COMPARED = ("stuck", "outlier", "time-slip")
+TIE = 0.02  # share by which residuals with and without a repair must differ to tell them apart [-]
+
+
+def healthy(log: Log, accept: Sequence[str], repair: bool, warnings: list[str]) -> Log:
+    """Pass a log through the health gate; what is suspect joins the warnings, and the error names its file.
+
+    Args:
+        log: any.
+        accept: names of checks whose findings are taken as they are.
+        repair: mend what can be mended honestly, as far as that helps; see `useless`.
+        warnings: sentences are added to it.
+
+    Raises:
+        UnhealthyLog: a finding that spoils is neither accepted nor repaired.
+        UnknownName: a name in `accept` is not a check.
+    """
+    where = f"{log.sources[0].path}: " if log.sources else ""
+    undone = useless(log, accept) if repair else {}
+    try:
+        mended, suspect = health.passed(log, accept=[*accept, *undone], repair=repair)
+    except UnhealthyLog as error:
+        if not where:
+            raise
+        raise UnhealthyLog(f"{where}{error.message}", remedy=error.remedy, **error.data) from error
+    for f in suspect:
+        if not any(f"[{f.name}] " in before and f"{f.joint}" in before for before in warnings):
+            warnings.append(f"{where}[{f.name}] {f.sentence}")
+    warnings += [f"{where}{sentence}" for sentence in undone.values()]
+    return _without_acceptance(mended, undone)
+
+
+def mended(log: Log, accept: Sequence[str] = ()) -> tuple[Log, list[str]]:
+    """Return a log with the repairs that help, whether it would then pass or not, and why others were undone."""
+    undone = useless(log, accept)
+    return health.mend(log, [*accept, *undone]), list(undone.values())
+
+
+def useless(log: Log, accept: Sequence[str] = ()) -> dict[str, str]:
+    """Return the repairs that do not help, by the name of their check, each with a sentence.
+
+    A repair helps where it lowers the residual on unseen blocks. One that neither lowers nor raises it is made where the log
+    would be refused without. In logs without torque nothing is compared.
+
+    Args:
+        log: any.
+        accept: names of checks whose findings are not repaired.
+    """
+    if log.torque is None:
+        return {}
+    kinds: dict[str, list[health.Finding]] = {}
+    for finding in health.check(log):
+        if finding.repairable and finding.name in COMPARED and finding.name not in accept:
+            kinds.setdefault(finding.name, []).append(finding)
+    result = {}
+    for name, findings in kinds.items():
+        joints = list(dict.fromkeys(f.joint for f in findings if f.joint is not None)) or log.names
+        others = _unseen(health.mend(log, [*accept, name]), joints)
+        if not math.isfinite(others):
+            continue
+        own = _unseen(health.mend(log, accept), joints)
+        spoils = any(f.severity == "spoils" for f in findings)
+        if own < others * (1.0 - TIE) or (spoils and own <= others * (1.0 + TIE)):
+            continue
+        left = (
+            f"with it {own:.3g} % of unseen torque is left"
+            if math.isfinite(own)
+            else "with it nothing is left"
+        )
+        result[name] = (
+            f"[{name}] {findings[0].sentence} The repair was undone, for it does not help: {left}, without it {others:.3g} %."
+        )
+    return result
+
+
+def _unseen(log: Log, joints: Sequence[str]) -> float:
+    """Return the mean residual of joints on unseen blocks [%]; infinity where one cannot be identified."""
+    from backdrive.identification.motion import identify_motion
+
+    try:
+        qualities = [identify_motion([log], joint)[0].held_out for joint in joints]
+    except BackdriveError:
+        return math.inf
+    residuals = [math.inf if q is None or math.isnan(q.residual) else q.residual for q in qualities]
+    return sum(residuals) / len(residuals)
+
+
+def _without_acceptance(log: Log, undone: dict[str, str]) -> Log:
+    """Return a log without the notes that a person accepted what was not repaired."""
+    starts = tuple(f"Accepted [{name}]" for name in undone)
+    return (
+        log.replace(notes=tuple(note for note in log.notes if not note.startswith(starts))) if undone else log
+    )
