@@ -1,10 +1,15 @@
 """Grades and remarks on planted trouble, clean logs, and what no log can show; and whether a repair leads away from the truth.
 
-Thirty kinds of trouble (sizes in the table, and smaller ones that are not required) in logs of an independent generator, five
+Kinds of trouble (sizes in the table, and smaller ones that are not required) in logs of an independent generator, five
 motions in turn. A log counts as caught when it is graded worse than good, refused, or remarked on with a sentence, where its
 clean twin (the same noise) is not. Columns: how many were refused, graded, remarked; caught; how many moved Coulomb or viscous by
 more than three stated errors and 5 %; the silent ones among those; and the median noncentrality: how much the trouble raises the
-residual of a line, inertia, gravity and delay by the true covariance. Kinds that move nothing are required all the same.
+residual of a line, inertia, gravity and delay by the true covariance. A log in which that is below 6 is drawn again, but for kinds
+that do not show in a residual.
+
+Sizes are those that move Coulomb or viscous so in half of the logs, where a kind does so (`--sizes` prints the ladder); kinds that
+move nothing are required at the size in the table all the same. A peak below the slowest speed leaves no trace: there the answer
+must say from which speed on it knows. Torque ramps must be read, and right; a searched law must follow a Stribeck peak or say not.
 
 Clean logs have 100 to 5000 Hz, with and without gravity. A constant gain, a uniform clock, both signs flipped stay good, and so
 do strokes under half a radian about centers that span 3.2 rad. Where a check offers a repair, the repaired law may not lie farther
@@ -12,6 +17,7 @@ from the truth, by more than three stated errors and 2 %, than without; nor may 
 
     python benchmarks/evidence/verdicts.py --jobs 8
     python benchmarks/evidence/verdicts.py --only clock --logs 5
+    python benchmarks/evidence/verdicts.py --sizes --logs 10
 """
 
 from __future__ import annotations

@@ -101,7 +101,7 @@ REASONS: dict[str, tuple[str, str]] = {
 def alike(ties: Mapping[str, str]) -> str:
     """Return what is to be said of parameters that were taken to equal others."""
     pairs = " and ".join(f"'{a}' is taken to equal '{b}'" for a, b in ties.items())
-    return f"{pairs}: one posture tells no difference between the directions from a constant torque, which is in 'offset'."
+    return f"{pairs}: no motion tells a difference between the directions from a constant torque, which is in 'offset'."
 
 
 def why(name: str) -> tuple[str, str]:
