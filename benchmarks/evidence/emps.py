@@ -103,7 +103,9 @@ def main() -> None:
         name = f"{choice.candidate.form.name}, {'with' if slip else 'without'} a time slip of the torque"
         error = relative(left_out, y)
         if slip:
-            inertia, jerk = (choice.coefficients[choice.candidate.terms.index(t)] for t in ("inertia", "jerk"))
+            inertia, jerk = (
+                choice.coefficients[choice.candidate.terms.index(t)] for t in ("inertia", "jerk")
+            )
             print(f"    estimated slip of the force behind the motion: {1e3 * jerk / inertia:.2f} ms")
         judge.at_most(f"curve of {name}, unseen", error, UNSEEN[slip], "%")
 

@@ -17,7 +17,7 @@ REST_TIME = 0.25  # when it does so for longer than this [s]
 SLOW = 0.08  # below this share of the top speed a joint slides only where it keeps its velocity [-]
 SUSTAINED = 0.1  # for so long, at its acceleration [s]
 REVERSAL = 0.05  # a joint reverses for so long, at least, before and after its velocity changes sign [s]
-BLURRED = 1.0  # and so many periods of the low pass's corner [-]
+BLURRED = 0.5  # and such a part of a period of the low pass's corner [-]
 CONTINUED = 2.0  # nor does it at the ends of a stretch, for so many of them [-]
 OF_A_MOVE = 0.25  # but for no larger share of the time between two reversals [-]
 
