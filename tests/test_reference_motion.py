@@ -7,7 +7,7 @@ import pytest
 
 from backdrive import identify
 from backdrive.errors import NotIdentifiable
-from backdrive.identification import curves, design, dynamics, motion, noise, regression
+from backdrive.identification import curves, delay, design, dynamics, motion, noise, regression
 from backdrive.identification.evidence import verdict
 from backdrive.identification.motion import as_friction, identify_motion, with_warnings
 from backdrive.identification.motion_bins import bin_means
@@ -77,8 +77,8 @@ def fitted_line(logs):
     every = np.concatenate([s.velocity[s.moving] for s in stretches])
     low = SLOW * min(every.max(), -every.min())
 
-    def averaged(delay):
-        bins = bin_means([dynamics.delayed(s, delay) for s in stretches], knots, seconds=seconds)
+    def averaged(late):
+        bins = bin_means([delay.delayed(s, late) for s in stretches], knots, seconds=seconds)
         return bins.faster(low).whitened(slip.correlation)
 
     bins = averaged(slip.delay)

@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from backdrive.identification.delay import earlier
 from backdrive.identification.dynamic.torque import Stretch
-from backdrive.identification.dynamics import earlier
 from backdrive.identification.signals import spans
 
 ENOUGH = 0.3  # share of the samples that has to be sliding for only that to count [-]
