@@ -88,7 +88,7 @@ def fitted_line(logs):
     left = y - X @ choice.coefficients
     width = 1.345 * 1.4826 * np.median(np.abs(left[used]))
     later = replace(averaged(slip.delay + slip.error), used=used)
-    change = (fit(later, option.spread)[0] - fit(bins, option.spread)[0]) / slip.error
+    change = (fit(later, option.spread) - fit(bins, option.spread)) / slip.error
     covariance = noise.covariance_of_fit(X, left, used, width) + slip.error**2 * np.outer(change, change)
     return choice, covariance, slip, stretches
 

@@ -115,7 +115,7 @@ def identify_motion(
     choice, bins, slowest = chosen(slip)
     if slip.fitted:
         later = replace(averaged(slip.delay + slip.error), used=bins.used).whitened(slip.correlation)
-        now, then = (fit(each, choice.candidate.spread)[0] for each in (bins, later))
+        now, then = (fit(each, choice.candidate.spread) for each in (bins, later))
         choice = with_slip(choice, (then - now) / slip.error, slip)
     choice = design.offset_apart(choice)
     velocity = float(speeds.min()), float(speeds.max())

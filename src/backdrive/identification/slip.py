@@ -21,7 +21,7 @@ from backdrive.logs.filters import low_pass
 ROUNDS = 5  # of fits, each along the motion that the ones before left
 STEP = 0.01  # longest change of the delay in a round [s]
 LEVER = 0.002  # change of the delay from which is told how much of it the jerk shows [s]
-DONE = 0.05  # a change below this share of the error, or of an interval, ends the rounds [-]
+DONE = 0.1  # a change below this share of an interval ends the rounds [-]
 KNOWN = 2.0  # a delay is known that has a standard error of at most so many intervals [-]
 MOST = 0.99  # correlation of the noise of neighbouring bins that is reckoned with [-]
 FELT = 3.0  # inertia is felt that is so many standard errors above zero [-]
@@ -76,29 +76,32 @@ def seek_slip(
     open_ = Slip(delay=start, error=np.inf, period=period)
     inertia, jerk = full.terms.index("inertia"), full.terms.index("jerk")
     slow = [_smooth(s) for s in stretches]
-    delay, error, correlation = start, np.inf, 0.0
+    delay, share, correlation = start, 1.0, 0.0
     for round_ in range(ROUNDS):
         raw = bin_means([delayed(s, delay) for s in slow], knots, seconds=seconds)
         if round_ == 0:  # only tells how the noise is correlated
-            theta, _ = fit(raw, full.spread)
+            theta = fit(raw, full.spread)
             correlation = neighbours(raw.y - raw.X @ full.spread @ theta, raw.used)
         bins = raw.whitened(correlation)
-        theta, covariance = fit(bins, full.spread)
-        if not theta[inertia] > FELT * float(np.sqrt(covariance[inertia, inertia])):
-            return replace(open_, correlation=correlation)
+        theta = fit(bins, full.spread)
         later = bin_means([delayed(s, delay + LEVER) for s in slow], knots, seconds=seconds)
-        after, _ = fit(replace(later, used=raw.used).whitened(correlation), full.spread)
+        after = fit(replace(later, used=raw.used).whitened(correlation), full.spread)
+        if not (theta[inertia] > 0.0 and after[inertia] > 0.0):
+            return replace(open_, correlation=correlation)
         left = float(theta[jerk] / theta[inertia])
         share = (left - float(after[jerk] / after[inertia])) / LEVER
         if not share > SHOWN:
             return replace(open_, correlation=correlation)
-        blocks = regression.sandwich(bins.equations().mapped(full.spread), theta)
-        variance = 0.5 * float(covariance[jerk, jerk] + blocks[jerk, jerk])
-        error = float(np.sqrt(variance) / theta[inertia] / share)
         step = float(np.clip(left / share, -STEP, STEP))
         delay += step
-        if abs(step) < DONE * max(error, period):
+        if abs(step) < DONE * period:
             break
+    covariance = covariance_of(bins, full.spread, theta)
+    if not theta[inertia] > FELT * float(np.sqrt(covariance[inertia, inertia])):
+        return replace(open_, correlation=correlation)
+    blocks = regression.sandwich(bins.equations().mapped(full.spread), theta)
+    variance = 0.5 * float(covariance[jerk, jerk] + blocks[jerk, jerk])
+    error = float(np.sqrt(variance) / theta[inertia] / share)
     return Slip(delay=delay, error=error, period=period, correlation=correlation)
 
 
@@ -133,13 +136,12 @@ def with_slip(choice: design.Choice, change: np.ndarray, slip: Slip) -> design.C
     )
 
 
-def fit(bins: Bins, spread: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the coefficients of a candidate by Huber's loss, and their covariance, (r,) and (r, r)."""
+def fit(bins: Bins, spread: np.ndarray) -> np.ndarray:
+    """Return the coefficients of a candidate by Huber's loss, (r,)."""
     X = bins.X @ spread
     w = regression.robust_weights(X, bins.y, bins.used.astype(float))
     weighted = X * w[:, None]
-    theta = regression.solve(weighted.T @ X, weighted.T @ bins.y)
-    return theta, covariance_of(bins, spread, theta)
+    return regression.solve(weighted.T @ X, weighted.T @ bins.y)
 
 
 def covariance_of(bins: Bins, spread: np.ndarray, theta: np.ndarray) -> np.ndarray:
