@@ -260,7 +260,6 @@ def test_candidates_are_what_was_asked_for():
     def asked(**more):
         options = {
             "dynamic": True,
-            "slip": True,
             "gravity": None,
             "model_torque": False,
             "both_directions": True,
@@ -271,9 +270,9 @@ def test_candidates_are_what_was_asked_for():
         ]
 
     free = asked()
-    assert len(free) == 2 * 2 * 2 * 2 and [c[3] for c in free] == sorted(c[3] for c in free)
+    assert len(free) == 2 * 2 * 2 and [c[3] for c in free] == sorted(c[3] for c in free)
     assert free[0] == (("inertia", "offset"), "line", True, 4)
-    assert (("inertia", "jerk", "gravity_sin", "gravity_cos"), "all by direction", False, 10) in free
+    assert (("inertia", "gravity_sin", "gravity_cos"), "all by direction", False, 9) in free
     assert all(("offset" in terms) == symmetric for terms, _, symmetric, _ in free)
     assert {c[2] for c in asked(symmetric=True)} == {True} and {c[2] for c in asked(symmetric=False)} == {
         False
@@ -281,9 +280,21 @@ def test_candidates_are_what_was_asked_for():
     assert all("gravity_sin" in c[0] for c in asked(gravity=True)) and not any(
         "gravity_sin" in c[0] for c in asked(gravity=False)
     )
-    assert all("model_torque" in c[0] for c in asked(model_torque=True)) and not any(
-        "jerk" in c[0] for c in asked(slip=False)
-    )
+    assert all("model_torque" in c[0] for c in asked(model_torque=True))
+    (late,) = [
+        c.with_term("jerk")
+        for c in design.candidates(
+            knots,
+            {"line": knots[[0, 2]]},
+            dynamic=True,
+            gravity=False,
+            model_torque=False,
+            both_directions=True,
+            symmetric=True,
+        )
+    ]
+    assert late.terms == ("inertia", "offset", "jerk") and late.size == 5
+    assert np.flatnonzero(late.spread[:, 2]).tolist() == [design.COLUMNS.index("jerk")]
     one_way = asked(both_directions=False, dynamic=False, gravity=False)
     assert [c[0] for c in one_way] == [(), ()] and all(c[2] for c in one_way)
 
@@ -340,7 +351,6 @@ def test_what_is_chosen_is_the_simplest_that_predicts_as_well():
         blocks = regression.accumulate(X, y, np.ones(600), regression.block_index(600, 10), 10)
         options = {
             "dynamic": True,
-            "slip": True,
             "gravity": None,
             "model_torque": False,
             "both_directions": True,

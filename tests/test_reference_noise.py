@@ -53,7 +53,11 @@ def by_hand(residuals, velocities, degree):
             count += np.maximum(n - np.arange(lags), 0) / kept[i]
         whole = total / count
         correlation = whole_then_falling(whole / whole[0], sum(r.size for r in left))
-    return correlation, np.sqrt(power / kept)
+    own = power / kept
+    independent = np.array([r.size for r in left]) / max(2.0 * sum(correlation) - 1.0, 1.0)
+    mean = np.sum(independent * own) / np.sum(independent)
+    weight = independent / (independent + 10.0)  # all runs together count as ten independent samples
+    return correlation, np.sqrt(np.maximum(own, weight * own + (1.0 - weight) * mean))
 
 
 def runs(sizes, memory, seed=0, scale=(1.0,)):

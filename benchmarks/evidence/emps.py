@@ -89,8 +89,10 @@ def main() -> None:
     coarse = {name: knots[list(keep)] for name, keep in curves.COARSE.items()}
     for slip in (False, True):
         options = design.candidates(
-            knots, coarse, dynamic=True, slip=slip, gravity=False, model_torque=False, both_directions=True
+            knots, coarse, dynamic=True, gravity=False, model_torque=False, both_directions=True
         )
+        if slip:
+            options += [option.with_term("jerk") for option in options]
         choice = design.choose(blocks, options)
         left_out = np.concatenate(
             [
@@ -101,7 +103,9 @@ def main() -> None:
         name = f"{choice.candidate.form.name}, {'with' if slip else 'without'} a time slip of the torque"
         error = relative(left_out, y)
         if slip:
-            inertia, jerk = choice.coefficients[:2]
+            inertia, jerk = (
+                choice.coefficients[choice.candidate.terms.index(t)] for t in ("inertia", "jerk")
+            )
             print(f"    estimated slip of the force behind the motion: {1e3 * jerk / inertia:.2f} ms")
         judge.at_most(f"curve of {name}, unseen", error, UNSEEN[slip], "%")
 

@@ -44,6 +44,16 @@ class Candidate:
         """Number of coefficients."""
         return self.spread.shape[1]
 
+    def with_term(self, term: str) -> Candidate:
+        """Return the candidate with one more column, the last of its terms."""
+        column = np.zeros(self.spread.shape[0])
+        column[COLUMNS.index(term)] = 1.0
+        return replace(
+            self,
+            terms=(*self.terms, term),
+            spread=np.insert(self.spread, len(self.terms), column, axis=1),
+        )
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Choice:
@@ -92,7 +102,6 @@ def candidates(
     coarse: dict[str, np.ndarray],
     *,
     dynamic: bool,
-    slip: bool,
     gravity: bool | None,
     model_torque: bool,
     both_directions: bool,
@@ -104,7 +113,6 @@ def candidates(
         knots: of the fine basis [rad/s or m/s], (k,).
         coarse: name -> knots of a curve.
         dynamic: the inertia may be estimated.
-        slip: a delay of the torque may be estimated.
         gravity: True: with, False: without, None: let the data say.
         model_torque: torque known from elsewhere takes part.
         both_directions: the data move both ways.
@@ -112,9 +120,7 @@ def candidates(
     """
     from scipy.linalg import block_diag
 
-    heads: list[tuple[str, ...]] = [()]
-    if dynamic:
-        heads = [("inertia",), ("inertia", "jerk")] if slip else [("inertia",)]
+    head = ("inertia",) if dynamic else ()
     pulls = {True: [GRAVITY], False: [()], None: [(), GRAVITY]}[gravity]
     known = ("model_torque",) if model_torque else ()
     result = []
@@ -123,13 +129,10 @@ def candidates(
             continue
         # by direction, a constant cannot be told from the curves
         constant = ("offset",) if form.symmetric and both_directions else ()
-        for head in heads:
-            for pull in pulls:
-                terms = (*head, *pull, *known, *constant)
-                pick = np.eye(len(COLUMNS))[:, [COLUMNS.index(term) for term in terms]]
-                result.append(
-                    Candidate(terms=terms, form=form, spread=np.asarray(block_diag(pick, form.spread)))
-                )
+        for pull in pulls:
+            terms = (*head, *pull, *known, *constant)
+            pick = np.eye(len(COLUMNS))[:, [COLUMNS.index(term) for term in terms]]
+            result.append(Candidate(terms=terms, form=form, spread=np.asarray(block_diag(pick, form.spread))))
     return sorted(result, key=lambda c: c.size)
 
 
@@ -149,9 +152,6 @@ def choose(blocks: regression.Blocks, options: list[Candidate]) -> Choice:
         if np.any(weight <= 0.0) or weight[k:].min() < MEAGRE * total:
             continue
         theta = mapped.solution()
-        value = dict(zip(option.terms, theta))
-        if "jerk" in value and not abs(value["jerk"]) <= LARGEST_SLIP * abs(value["inertia"]):
-            continue
         if len(option.form.knots) > 2:  # a curve would zigzag at a knot that the data hardly determine
             errors = np.sqrt(np.maximum(np.diag(regression.sandwich(mapped, theta))[k:], 0.0))
             if errors.max() > VAGUE * np.abs(theta[k:]).max():

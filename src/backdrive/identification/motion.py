@@ -26,7 +26,7 @@ from backdrive.identification.motion_bins import BIN_TIME, FILLED, HALF, Bins, b
 from backdrive.identification.quality import assess, judge
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import SLOW, Signals, default_cutoff, prepare
-from backdrive.identification.slip import Slip, covariance_of, seek_slip
+from backdrive.identification.slip import Slip, covariance_of, fit, seek_slip, with_slip
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.terms import estimates
 from backdrive.logs.log import Joint, Log
@@ -87,33 +87,36 @@ def identify_motion(
         "both_directions": both,
     }
     shapes = curves.from_speed(knots, slowest)
-    full = design.candidates(
-        knots, {"": knots[list(shapes.get("5 sections", shapes["line"]))]}, slip=True, **given
-    )[-1]
+    sections = {"": knots[list(shapes.get("5 sections", shapes["line"]))]}
+    full = design.candidates(knots, sections, **given)[-1].with_term("jerk")
     few = (
         moves(stretches) < LEAST_MOVES
     )  # no delay and no errors can be told, and nothing spared: reversals take part
     seconds = BIN_TIME if few else bin_time(stretches, smooth.cutoff or default_cutoff(stretches[0].rate))
-    slip = seek_slip(stretches, knots, full, seconds)
-    slip = replace(slip, delay=0.0, error=np.inf) if few else slip
     allowed = {name: knots[list(keep)] for name, keep in curves.of_law(law, shapes).items()}
     slow = float(SLOW * (min(-speeds.min(), speeds.max()) if both else top))
 
-    def chosen(slip: Slip) -> tuple[design.Choice, Bins, float]:
-        late = [delayed(s, slip.delay) for s in stretches]
-        raw = bin_means(late, knots, seconds=seconds, reversals=few, filled=HALF if few else FILLED)
-        options = design.candidates(knots, allowed, slip=slip.fitted, symmetric=symmetric, **given)
-        if slip.fitted:
-            options = [option for option in options if "jerk" in option.terms]
-        # whitened residuals ask for a model that is right at all frequencies: no more than that for what is not known anyway
-        return _choose(
-            raw, options, slip.correlation if slip.fitted else 0.0, (slowest, 0.0 if few else slow)
-        )
+    def averaged(delay: float) -> Bins:
+        late = [delayed(s, delay) for s in stretches]
+        return bin_means(late, knots, seconds=seconds, reversals=few, filled=HALF if few else FILLED)
 
+    def chosen(slip: Slip) -> tuple[design.Choice, Bins, float]:
+        return _choose(averaged(slip.delay), options, slip.correlation, (slowest, 0.0 if few else slow))
+
+    options = design.candidates(knots, allowed, symmetric=symmetric, **given)
+    slip = Slip(delay=0.0, error=np.inf, period=1.0 / stretches[0].rate)
+    if not few:
+        slip = seek_slip(stretches, knots, full, seconds)
+        simpler = chosen(slip)[0].candidate
+        slip = seek_slip(stretches, knots, simpler.with_term("jerk"), seconds, slip.delay)
+    if not slip.fitted:
+        # whitened residuals ask for a model that is right at all frequencies: no more than that for what is not known anyway
+        slip = replace(slip, delay=0.0, correlation=0.0)
     choice, bins, slowest = chosen(slip)
-    if slip.fitted and (error := _error_of_delay(choice)) > slip.least:
-        slip = replace(slip, delay=0.0, error=error)
-        choice, bins, slowest = chosen(slip)
+    if slip.fitted:
+        later = replace(averaged(slip.delay + slip.error), used=bins.used).whitened(slip.correlation)
+        now, then = (fit(each, choice.candidate.spread) for each in (bins, later))
+        choice = with_slip(choice, (then - now) / slip.error, slip)
     choice = design.offset_apart(choice)
     velocity = float(speeds.min()), float(speeds.max())
     friction = as_friction(choice, choice.coefficients, about, velocity, slip.delay)
@@ -177,12 +180,6 @@ def _choose(
             bins, slowest = faster, slow
     covariance = covariance_of(bins, choice.candidate.spread, choice.coefficients)
     return replace(choice, covariance=covariance), bins, slowest
-
-
-def _error_of_delay(choice: design.Choice) -> float:
-    """Return the standard error of what is left of the delay [s]."""
-    inertia, jerk = (choice.candidate.terms.index(term) for term in ("inertia", "jerk"))
-    return float(np.sqrt(choice.covariance[jerk, jerk]) / max(abs(choice.coefficients[inertia]), 1e-300))
 
 
 def slowest_sliding(stretches: Sequence[Any], knots: np.ndarray) -> float:

@@ -24,6 +24,7 @@ LONGEST = 120  # lag that is looked at, at most [sample]
 SEEN = 2.0  # a correlation counts from so many times sqrt(log10 N / N) on [-]
 QUIET = 10  # so many lags below that end the correlation
 ROUNDS = 4  # what the fit took is that of the round before
+WHOLE = 10.0  # independent samples that the noise of all runs counts as, beside those of one run
 LEAST = 0.1  # variance of a sum by that of white noise of the same size, at least [-]
 
 
@@ -79,7 +80,25 @@ def noise_of(residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], 
             count += np.maximum(len(Q) - np.arange(lags), 0) / kept[i]
         whole = (raw + taken) / count
         correlation = tapered(whole / whole[0], sum(r.size for r in left))
-    return Noise(correlation=correlation, size=np.sqrt(power / kept))
+    size = np.sqrt(power / kept)
+    shrunk = np.where(size > 0.0, _shrunk(size, left, correlation), 0.0)
+    return Noise(correlation=correlation, size=np.maximum(size, shrunk))
+
+
+def _shrunk(size: np.ndarray, runs: Sequence[np.ndarray], correlation: np.ndarray) -> np.ndarray:
+    """Return the sizes of noise of runs, those of few independent samples nearer to that of all runs together, (R,).
+
+    Few samples of a run look quieter than its noise is as often as not, and a sum over it would be stated as too sure.
+
+    Args:
+        size: standard deviation by each run alone, (R,).
+        runs: residuals of each.
+        correlation: from sample to sample, by lag [-], (L,).
+    """
+    wide = max(float(correlation[0] + 2.0 * correlation[1:].sum()), 1.0)
+    independent = np.array([r.size for r in runs]) / wide
+    whole = float(independent @ size**2) / float(independent.sum())
+    return np.sqrt((independent * size**2 + WHOLE * whole) / (independent + WHOLE))
 
 
 def covariance_of_fit(X: np.ndarray, residual: np.ndarray, used: np.ndarray, width: float) -> np.ndarray:

@@ -12,6 +12,7 @@ from backdrive._catalog import lookup
 from backdrive.errors import NotIdentifiable
 from backdrive.identification.delay import delayed, earlier
 from backdrive.identification.dynamic import choice, directions, starts
+from backdrive.identification.dynamic.crossing import lags_behind, sliding
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.joint_fit import Task
 from backdrive.identification.dynamic.law_fit import fit_law
@@ -23,6 +24,7 @@ from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.terms import GRAVITY, RIGID, estimates
+from backdrive.laws import CoulombViscous
 from backdrive.logs.log import Log
 from backdrive.model import JointFriction
 
@@ -108,7 +110,15 @@ class TorqueTask(Task):
         warm_start = {"begin": 8, "descend": 1, "begin_at": begin_at} if begin_at else {}
         shape = directions.symmetric_shape(shape) if self.options.symmetric else shape
         asked = self.asked | {"terms": directions.terms_beside(shape, self.asked["terms"], self.options)}
-        return fit_law(shape, records, tick=self.options.ticker(self.info.name), **asked, **warm_start)
+        one = fit_law(shape, records, tick=self.options.ticker(self.info.name), **asked, **warm_start)
+        if not (shape.element.SET_VALUED and shape.rate is CoulombViscous):
+            return one
+        late = one.values.get("delay", 0.0)
+        slid = sliding(records, late)
+        if not lags_behind(records, slid, one.misses(records), late):
+            return one  # a line follows the crossing of zero as well
+        again = {"begin": 8, "descend": 1, "begin_at": one.values}
+        return fit_law(shape, slid, tick=self.options.ticker(self.info.name), **asked, **again)
 
     def error(self, one: Fit) -> tuple[float, int]:
         """Return the mean squared error on what was fitted, rests included, and the number of its samples."""

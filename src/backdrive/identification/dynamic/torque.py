@@ -48,6 +48,7 @@ class Stretch:
         load: motor-side and external torque [N.m or N], (n, 2) or (1, 2).
         temperature: [degC], (n,) or (1,).
         judged: samples that count, (n,).
+        sliding: samples at which friction is that of sliding, (n,), or (1,) for all.
         bandwidth: up to here an encoder's steps show as velocity [Hz].
     """
 
@@ -59,6 +60,7 @@ class Stretch:
     load: np.ndarray = field(default_factory=lambda: np.zeros((1, 2)))
     temperature: np.ndarray = field(default_factory=lambda: np.array([REFERENCE]))
     judged: np.ndarray
+    sliding: np.ndarray = field(default_factory=lambda: np.ones(1, dtype=bool))
     bandwidth: float = SMOOTHED
 
     @property
@@ -95,6 +97,7 @@ def stretch(
         load=np.zeros((1, 2)) if load is None else np.ascontiguousarray(load),
         temperature=np.array([REFERENCE]) if temperature is None else np.ascontiguousarray(temperature),
         judged=judged,
+        sliding=signals.sliding,
         bandwidth=bandwidth,
     )
 

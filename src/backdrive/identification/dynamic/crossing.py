@@ -1,0 +1,55 @@
+"""Whether a line of friction holds through reversals, and the stretches without them where it does not.
+
+About a reversal a joint sticks, bends what is elastic in it, and breaks away. A law that knows the velocity alone has none of
+it: fitted there, it takes the lag for less Coulomb and more viscous friction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from backdrive.identification.delay import earlier
+from backdrive.identification.dynamic.torque import Stretch
+from backdrive.identification.signals import spans
+
+ENOUGH = 0.3  # share of the samples that has to be sliding for only that to count [-]
+LESS = 2.0  # standard errors by which friction about reversals has to be less for these not to count [-]
+FEWEST_TURNS = 6  # and so many of them
+
+
+def sliding(stretches: Sequence[Stretch], late: float = 0.0) -> list[Stretch]:
+    """Return stretches of which only sliding counts, where that leaves enough; otherwise as they are.
+
+    Args:
+        stretches: of one joint.
+        late: delay of the torque behind the motion [s].
+    """
+    slid = [
+        replace(s, judged=s.judged & (earlier(s.sliding.astype(float), float(round(late / s.dt))) > 0.5))
+        for s in stretches
+    ]
+    before, after = (sum(int(np.count_nonzero(s.judged)) for s in each) for each in (stretches, slid))
+    return slid if after > ENOUGH * before else list(stretches)
+
+
+def lags_behind(
+    stretches: Sequence[Stretch], slid: Sequence[Stretch], misses: Sequence[np.ndarray], late: float
+) -> bool:
+    """Say whether friction about reversals is less than a fit has it, as where a joint sticks and bends before it slides.
+
+    Args:
+        stretches: of one joint.
+        slid: the same of which only sliding counts.
+        misses: of the fit, measured less predicted torque of each [N.m or N], (n,).
+        late: delay of the torque behind the motion [s].
+    """
+    means = []
+    for s, only, miss in zip(stretches, slid, misses):
+        along = miss * np.sign(earlier(s.velocity, late / s.dt))
+        means += [float(np.mean(along[a:b])) for a, b in spans(s.judged & ~only.judged)]
+    if len(means) < FEWEST_TURNS:
+        return False
+    return bool(np.mean(means) < -LESS * np.std(means) / np.sqrt(len(means)))

@@ -1,0 +1,32 @@
+"""A line fitted through reversals: where a joint lags behind there, only sliding counts."""
+
+import numpy as np
+import pytest
+
+from backdrive import Joint, Log, identify
+
+RATE = 500.0
+
+
+def log_of(lag, seed=0):
+    """A log of a joint whose friction follows the sign of its velocity over so long a way [rad]."""
+    t = np.arange(round(16.0 * RATE)) / RATE
+    w = 2.0 * np.pi * np.array([0.23, 0.61, 1.3])
+    size, phase = np.array([0.6, 0.2, 0.08]), np.random.default_rng(seed).uniform(0.0, 6.0, 3)
+    q, v, a = ((size * w**k * np.sin(np.outer(t, w) + phase + k * np.pi / 2)).sum(axis=1) for k in range(3))
+    z = np.empty(t.size)
+    z[0] = np.sign(v[0])
+    for k in range(1, t.size):  # a brush that bends over the way
+        z[k] = np.sign(v[k]) + (z[k - 1] - np.sign(v[k])) * (
+            np.exp(-abs(q[k] - q[k - 1]) / lag) if lag else 0.0
+        )
+    tau = 0.2 * a + 2.0 * z + 0.5 * v + 0.1 * np.random.default_rng(seed + 9).standard_normal(t.size)
+    return Log(time=t, joints=(Joint(name="a"),), position=q[:, None], torque=tau[:, None])
+
+
+@pytest.mark.parametrize("lag", [0.0, 1e-3])
+def test_coulomb_friction_is_that_of_sliding(lag):
+    found = identify(log_of(lag), law="coulomb-viscous").model.joints[0]
+    values = found.law.rate.values()
+    assert values["coulomb_positive"] == pytest.approx(2.0, abs=0.01)
+    assert values["viscous_positive"] == pytest.approx(0.5, abs=0.012)
