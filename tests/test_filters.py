@@ -31,12 +31,6 @@ def test_derivative_is_exact_on_parabolas_inside():
     np.testing.assert_allclose(filters.derivative(T**2, 1 / RATE)[1:-1], 2 * T[1:-1], atol=1e-9)
 
 
-def test_shift_moves_later_and_broken_samples_interpolate():
-    x = np.arange(6.0)
-    np.testing.assert_allclose(filters.shift(x, 2)[2:], x[:-2])
-    np.testing.assert_allclose(filters.shift(x, -0.5)[:-1], x[:-1] + 0.5)
-
-
 @pytest.mark.parametrize(("cutoff", "rate"), [(0.0, 100.0), (-1.0, 100.0), (10.0, 0.0), (10.0, float("nan"))])
 def test_senseless_corners_are_refused(cutoff, rate):
     with pytest.raises(InvalidInput):

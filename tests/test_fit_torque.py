@@ -7,12 +7,13 @@ import pytest
 
 from backdrive.engine import rollout
 from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.identification.delay import earlier
 from backdrive.identification.dynamic.fit import conclude
 from backdrive.identification.dynamic.law_fit import fit_law
 from backdrive.identification.dynamic.search import Search, screen
 from backdrive.identification.dynamic.starts import scales, starts
-from backdrive.identification.dynamic.torque import Stretch, TorqueProblem, earlier, stretch
-from backdrive.identification.dynamic.uncertainty import bootstrap, covariance, inverse, profile
+from backdrive.identification.dynamic.torque import Stretch, TorqueProblem, stretch
+from backdrive.identification.dynamic.uncertainty import bootstrap, inverse, profile, search_covariance
 from backdrive.identification.dynamic.unknowns import LawShape, shares
 from backdrive.identification.signals import prepare
 from backdrive.laws import Law, MaxwellSlip, Polyline, StribeckGauss
@@ -228,7 +229,9 @@ def test_the_search_ends_where_scipy_does():
     )
     assert ours.converged
     assert ours.cost == pytest.approx(2 * theirs.cost, rel=1e-7)
-    scale = np.sqrt(np.diag(covariance(ours.jacobian, ours.residual, ours.weight, np.ones(6, bool)).matrix))
+    scale = np.sqrt(
+        np.diag(search_covariance(ours.jacobian, ours.residual, ours.weight, np.ones(6, bool)).matrix)
+    )
     assert np.abs((ours.point - theirs.x) / scale).max() < 0.05
 
 
@@ -251,7 +254,7 @@ def line(n=3000, sigma=0.2, seed=0):
 
 def test_profile_and_bootstrap_agree_with_the_covariance_of_a_line():
     X, y, b, r = line()
-    cov = covariance(X, r, np.ones(len(r)), np.ones(3, bool))
+    cov = search_covariance(X, r, np.ones(len(r)), np.ones(3, bool))
     error = np.sqrt(np.diag(cov.matrix))
     plain = np.sqrt(np.diag(np.linalg.inv(X.T @ X))) * 0.2
     assert np.all(error > 0.95 * plain) and np.all(error < 1.3 * plain)
@@ -274,17 +277,17 @@ def test_a_profile_that_never_rises_ends_at_the_bounds():
 def test_errors_that_stay_on_one_side_and_errors_of_the_motion_widen_the_covariance():
     X, _, _, r = line()
     free, w = np.ones(3, bool), np.ones(len(r))
-    alone = covariance(X, r, w, free).matrix
+    alone = search_covariance(X, r, w, free).matrix
     slow = np.repeat(np.random.default_rng(1).standard_normal(60), 50) * 0.2
-    assert covariance(X, slow, w, free).matrix[0, 0] > 10 * alone[0, 0]
+    assert search_covariance(X, slow, w, free).matrix[0, 0] > 10 * alone[0, 0]
     moved = np.random.default_rng(2).standard_normal((8, 1)) * X[:, 0]
-    assert covariance(X, r, w, free, inputs=moved).matrix[0, 0] > 10 * alone[0, 0]
+    assert search_covariance(X, r, w, free, inputs=moved).matrix[0, 0] > 10 * alone[0, 0]
 
 
 def test_what_does_not_act_has_no_finite_error():
     X, _, _, r = line()
     X = np.concatenate([X, np.zeros((len(r), 1)), X[:, :1]], axis=1)
-    cov = covariance(X, r, np.ones(len(r)), np.ones(5, bool))
+    cov = search_covariance(X, r, np.ones(len(r)), np.ones(5, bool))
     assert cov.matrix[3, 3] == np.inf
     assert cov.matrix[0, 0] > 1e6 * cov.matrix[1, 1]  # two of them act alike
     assert inverse(np.eye(2)) == pytest.approx(np.eye(2))

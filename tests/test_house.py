@@ -51,6 +51,13 @@ def test_importing_backdrive_loads_nothing_heavy():
     assert not loaded & {*HEAVY, "numpy"}
 
 
+def test_identification_imports_no_slow_part_of_scipy():
+    """`scipy.signal` and `scipy.stats` take more than half a second: they are imported where they are used."""
+    code = "import sys, backdrive.identification.pipeline; print([m for m in ('scipy.signal', 'scipy.stats') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
 def test_help_loads_no_numerics():
     loaded = loaded_after("import backdrive.cli")
     assert not loaded & ({*HEAVY, "numpy"} - {"typer", "rich"})

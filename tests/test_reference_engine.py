@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backdrive.engine import Axis, DriveModel, forward
-from backdrive.engine.drives import along, delayed
+from backdrive.engine.drives import along, input_at
 from backdrive.engine.servo import Servo
 from backdrive.engine.servo import tick as servo_tick
 from backdrive.engine.tick import Tick
@@ -195,7 +195,7 @@ def test_the_torque_along_a_given_motion():
         (2.0, 2.0, 2.0),
         (7.0, 2.0, 2.0),
     ):
-        assert delayed(r, t, 0.0) == pytest.approx(wanted) and delayed(r, t, 1.0) == kept
+        assert input_at(r, t, 0.0) == pytest.approx(wanted) and input_at(r, t, 1.0) == kept
 
 
 def test_the_servo_tick_by_tick():

@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 
 from backdrive.errors import InvalidInput
-from backdrive.identification import curves, design, dynamics, motion, motion_bins, ramp, regression, runs
+from backdrive.identification import (
+    curves,
+    delay,
+    design,
+    dynamics,
+    motion,
+    motion_bins,
+    ramp,
+    regression,
+    runs,
+)
 from backdrive.identification.constant_velocity import (
     _choose,
     _knots,
@@ -130,11 +140,18 @@ def test_a_spring_in_the_law_sees_the_increments_of_the_position():
     assert dynamics.increments(None, v, 0.1) == pytest.approx(0.05 * (v + np.r_[v[0], v[:-1]]))
 
 
+def test_a_series_some_time_before_along_straight_lines():
+    x = np.array([0.0, 1.0, 4.0, 9.0, 16.0, 25.0])
+    assert delay.earlier(x, 2.0, linear=True).tolist() == [0.0, 0.0, 0.0, 1.0, 4.0, 9.0]
+    assert delay.earlier(x, 0.25, linear=True).tolist() == [0.0, 0.75, 3.25, 7.75, 14.25, 22.75]
+    assert delay.earlier(x, -0.5, linear=True).tolist() == [0.5, 2.5, 6.5, 12.5, 20.5, 25.0]
+
+
 @pytest.mark.parametrize("samples", [0.0, 1.0, 2.0, 0.3, 5.75, -1.4, -3.0, 30.0, -30.0])
 def test_earlier_is_cubic_interpolation_with_held_ends(samples):
     n = np.arange(20.0)
     cubic = lambda k: 0.01 * k**3 - 0.2 * k**2 + k + 3.0  # noqa: E731
-    got = dynamics.earlier(np.stack([cubic(n), -cubic(n)]), samples)
+    got = delay.earlier(np.stack([cubic(n), -cubic(n)]), samples)
     at = n - samples
     inner = (at >= 1.0) & (at <= 18.0)
     assert got[0][inner] == pytest.approx(cubic(at[inner]), abs=1e-9) and got[1] == pytest.approx(-got[0])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backdrive.errors import NotIdentifiable
-from backdrive.identification import curves, design, dynamics, motion, noise, regression
+from backdrive.identification import curves, delay, design, dynamics, motion, noise, regression
 from backdrive.identification.evidence import verdict
 from backdrive.identification.motion import as_friction, identify_motion, with_warnings
 from backdrive.identification.motion_bins import bin_means
@@ -71,7 +71,7 @@ def fitted_line(logs):
     full = design.candidates(knots, {"": knots[list(shapes["5 sections"])]}, slip=True, **given)[-1]
     seconds = 0.05  # a period of the low pass at 20 Hz
     slip = seek_slip(stretches, knots, full, seconds)
-    bins = bin_means([dynamics.delayed(s, slip.delay) for s in stretches], knots, seconds=seconds)
+    bins = bin_means([delay.delayed(s, slip.delay) for s in stretches], knots, seconds=seconds)
     every = np.concatenate([s.velocity[s.moving] for s in stretches])
     low = SLOW * min(every.max(), -every.min())
     bins = bins.faster(low).whitened(slip.correlation)

@@ -41,7 +41,7 @@ EDITS = {
         "engine/drives.py",
         "r[k] + (t - k)",
         "r[k] + 2.0 * (t - k)",
-        "m.delayed(np.array([1.0, 2.0]), 0.5, 0.0)",
+        "m.input_at(np.array([1.0, 2.0]), 0.5, 0.0)",
     ),
     "control": Edit(
         "control/admittance.py",

@@ -43,7 +43,7 @@ START = 0.5  # of a log, which the observers need to settle [s]
 RICH = ("coulomb-viscous+dahl", "coulomb-viscous+lugre", "coulomb-viscous+maxwell-slip")
 MODELS = ("none", "symmetric", "by direction", "best law")
 METHODS: dict[str, dict[str, Any]] = {
-    "kalman": {"method": "kalman"},
+    "kalman": {"method": "kalman", "force_rate": 50.0, "encoder_count": 1e-6},
     "direct": {"method": "direct"},
     "direct, faster": {"method": "direct", "filter": MotionFilter(gain=400.0, second_gain=4000.0)},
 }
@@ -71,7 +71,8 @@ def emps(judge: Judge) -> None:
     assert second.torque is not None
     q, u = second.position[:, 0], second.torque[:, 0]
     plain = {
-        name: identify(first, law=law).choice() for name, law in zip(MODELS[1:], ("m1", "coulomb-viscous"))
+        name: identify(first, law=law, symmetric=symmetric).choice()
+        for name, law, symmetric in zip(MODELS[1:], ("m1", "coulomb-viscous"), (True, False))
     }
     chosen = identify(first, law=RICH).choice()
     fits: dict[str, LawFit] = {}

@@ -7,7 +7,6 @@ call. Ticks are timed one by one; beside them stands an empty pair of clock read
 
 from __future__ import annotations
 
-import argparse
 import gc
 import json
 import os
@@ -15,7 +14,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from _common import Judge
+from _common import Judge, parser
 
 from backdrive.control import JointLoop, Loop, torque_limit
 from backdrive.control.compensators import Dither, alg_fc2
@@ -135,10 +134,12 @@ def arm() -> dict:
 
 def main() -> None:
     """Measure, write down and judge."""
-    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
-    parser.add_argument("--json", type=Path, help="write the figures there")
-    parser.add_argument("--calls", type=int, default=100_000, help="ticks to time")
-    wanted = parser.parse_args()
+    options = parser(__doc__)
+    options.add_argument("--json", type=Path, help="write the figures there")
+    options.add_argument("--calls", type=int, default=100_000, help="ticks to time")
+    wanted = options.parse_args()
+    if wanted.short:
+        wanted.calls = min(wanted.calls, 20_000)
     judge = Judge()
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
     print(f"{available()} cores, load {load:.1f}")

@@ -100,7 +100,7 @@ ROOMS: dict[str, dict[tuple[str, ...], tuple[str, ...]]] = {
     "readers": {
         (
             "logs/readers/bag.py", "logs/readers/db3.py", "logs/readers/mcap.py", "logs/readers/_jointstate.py",
-            "logs/readers/_chunks.py",
+            "logs/readers/_chunks.py", "logs/readers/_bag.py",
         ): (
             "test_reference_bags.py", "test_reference_mcap.py", "test_reference_readers.py", "test_readers.py",
         ),
@@ -178,7 +178,7 @@ NAMED: tuple[tuple[str, str, str, str], ...] = (
     # MCAP: any checksum will do; chunks are limited one by one and not together
     ("readers", "logs/readers/mcap.py", "if checksum and zlib.crc32(data) != checksum:", "if False:"),
     ("readers", "logs/readers/mcap.py", "zlib.crc32(data) != checksum", "zlib.adler32(data) != checksum"),
-    ("readers", "logs/readers/mcap.py", "self.expanded += size", "self.expanded = size"),
+    ("readers", "logs/readers/_bag.py", "self.expanded += size", "self.expanded = size"),
 )  # fmt: skip
 
 #: File, line as it reads, line as mutated, and why nobody could tell.

@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from _common import Judge
+from _common import Judge, parser
 
-RUNS = 5
+RUNS, FEWER = 5, 2  # warm runs of each command; with --short
 SECONDS, RATE, JOINTS = 60, 1000, 6
 
 
@@ -113,10 +113,10 @@ def run(command: list[str]) -> Cost:
     return Cost(wall, processor, memory / 1024.0)
 
 
-def median(command: list[str]) -> Cost:
+def median(command: list[str], runs: int) -> Cost:
     """Return the medians of warm runs."""
     run(command)
-    results = [run(command) for _ in range(RUNS)]
+    results = [run(command) for _ in range(runs)]
     return Cost(*(statistics.median(values) for values in zip(*results)))
 
 
@@ -139,18 +139,20 @@ def numerics() -> float:
 
 def main() -> None:
     """Measure and judge."""
+    runs = FEWER if parser(__doc__).parse_args().short else RUNS
     judge = Judge()
     python = sys.executable
-    bare = median([python, "-c", "pass"]).wall
-    numpy_wall = median([python, "-c", "import numpy"]).wall
+    bare = median([python, "-c", "pass"], runs).wall
+    numpy_wall = median([python, "-c", "import numpy"], runs).wall
     print(f"this machine: python alone {bare:.3f} s, import numpy {numpy_wall:.3f} s, {os.cpu_count()} cores")
-    wall = median([python, "-c", "import backdrive"]).wall
+    wall = median([python, "-c", "import backdrive"], runs).wall
     judge.at_most(f"import backdrive ({wall:.3f} s as a process) beyond bare python", wall - bare, 0.1, "s")
-    judge.at_most("backdrive --help", median([python, "-m", "backdrive", "--help"]).wall, 0.3, "s")
+    judge.at_most("backdrive --help", median([python, "-m", "backdrive", "--help"], runs).wall, 0.3, "s")
     with tempfile.TemporaryDirectory() as scratch:
         log = Path(scratch, "six.npz")
         write_log(log)
-        cost = median([python, "-m", "backdrive", "identify", str(log), "-o", str(Path(scratch, "m.json"))])
+        identify = [python, "-m", "backdrive", "identify", str(log), "-o", str(Path(scratch, "m.json"))]
+        cost = median(identify, runs)
         what = f"identify of {JOINTS} joints, {SECONDS} s, {RATE} Hz, warm"
         judge.at_most(f"{what}, until parent and child have ended", cost.wall, 2.5, "s")
         judge.at_most("processor time of parent and child", cost.processor, 2.7, "s")

@@ -11,12 +11,11 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 import time
 from dataclasses import dataclass, field
 
 import numpy as np
-from _common import Judge, data
+from _common import Judge, data, parser
 
 from backdrive.engine import Axis, DriveModel
 from backdrive.identification.dynamic.motion import MotionFit, MotionLog, fit_motion
@@ -164,8 +163,16 @@ def held_out(case: Case, every: list[MotionLog]) -> tuple[list[float], list[floa
 
 def main() -> None:
     """Fit every case and judge it."""
+    options = parser(__doc__)
+    laws = list(dict.fromkeys(case.law for case in CASES))
+    options.add_argument("law", nargs="*", help=f"only these of {', '.join(laws)}; --short: the first alone")
+    given = options.parse_args()
+    unknown = [law for law in given.law if law not in laws]
+    if unknown:
+        options.error(f"no such law: {', '.join(unknown)}")
     judge, every = Judge(), logs()
-    wanted = [case for case in CASES if not sys.argv[1:] or case.law in sys.argv[1:]]
+    chosen = given.law or (laws[:1] if given.short else laws)
+    wanted = [case for case in CASES if case.law in chosen]
     print("The XL330 servo and its pendulum, from positions alone")
     print(f"{len(every)} logs, {sum(len(log.position) for log in every)} samples, {os.cpu_count()} cores")
     for case in wanted:  # compiled before it is timed

@@ -20,6 +20,7 @@ COMMANDS = (
     "show",
     "validate",
     "compare",
+    "estimate",
     "tune",
     "laws",
     "reproduce",

@@ -30,7 +30,7 @@ NOT_BELOW_ZERO = Bound(0.0, np.inf)
 
 
 @jit
-def delayed(r, t, hold):
+def input_at(r, t, hold):
     """Input at the time t in samples: interpolated, or held; its ends go on for ever."""
     last = r.size - 1
     if t <= 0.0:
@@ -74,9 +74,11 @@ def torque(d, s, r, supply, q, v, h):
 def along(d, s, r, supply, q, v, dt, out):
     """Fill `out` with the torque of a drive along a motion: position q and velocity v (n,); `supply` is (n,) or (1,)."""
     late, hold = d[13] / dt, d[14]
-    s[1], s[3] = q[0], delayed(r, -late, hold)
+    s[1], s[3] = q[0], input_at(r, -late, hold)
     for k in range(r.size):
-        out[k] = torque(d, s, delayed(r, k - late, hold), supply[k if supply.size > 1 else 0], q[k], v[k], dt)
+        out[k] = torque(
+            d, s, input_at(r, k - late, hold), supply[k if supply.size > 1 else 0], q[k], v[k], dt
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

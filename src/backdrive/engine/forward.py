@@ -28,7 +28,7 @@ def motion(j, d, rate, element, p, x, s, c, r, supply, enabled, temp, dt, subste
     h = dt / substeps
     late, hold = d[13] / dt, d[14]
     supplies, switches, temps = supply.size > 1, enabled.size > 1, temp.size > 1
-    c[1], c[3] = s[0], drives.delayed(r, -late, hold)
+    c[1], c[3] = s[0], drives.input_at(r, -late, hold)
     u = 0.0
     for k in range(r.size):
         out[k, 0], out[k, 1] = s[0], s[1]
@@ -36,7 +36,7 @@ def motion(j, d, rate, element, p, x, s, c, r, supply, enabled, temp, dt, subste
         for i in range(substeps):
             u = 0.0
             if on:
-                asked = drives.delayed(r, k + i / substeps - late, hold)
+                asked = drives.input_at(r, k + i / substeps - late, hold)
                 u = drives.torque(d, c, asked, supply[k if supplies else 0], s[0], s[1], h)
             if i == 0:
                 out[k, 2] = u

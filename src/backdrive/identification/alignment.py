@@ -8,7 +8,6 @@ from math import isfinite
 from typing import Any, Literal
 
 import numpy as np
-from scipy.signal import correlate
 
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.logs.log import Log
@@ -68,6 +67,8 @@ def best_lag(log: Log, plan: Any) -> tuple[float, float, float | None]:
         InvalidInput: the plan is not one of positions, or the log has no clock.
         NotIdentifiable: even there they are not alike.
     """
+    from scipy.signal import correlate  # half a second of imports, and few logs have a plan that began late
+
     if getattr(plan, "commands", "") != "position":
         raise InvalidInput(
             "The start of a plan of torques does not show in the motion.", remedy="Give --start SECONDS."

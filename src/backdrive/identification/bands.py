@@ -25,7 +25,7 @@ def bands_of(parts: Sequence[Part]) -> Bands:
     """
     judged = [part for part in parts if not part[3]] or parts
     error = np.concatenate([np.abs(s.torque - predicted) for s, _, predicted, _ in judged])
-    state = np.concatenate([_states(s) for s, *_ in judged])
+    state = np.concatenate([states(s) for s, *_ in judged])
     bands: dict[str, Band] = {}
     for i, name in enumerate(("moving", "reversing", "rest")):
         errors = error[(state == i) & np.isfinite(error)]
@@ -34,7 +34,7 @@ def bands_of(parts: Sequence[Part]) -> Bands:
     return Bands(**bands)
 
 
-def _states(s: Signals) -> np.ndarray:
+def states(s: Signals) -> np.ndarray:
     """Return the state of every sample, 0 moving, 1 reversing, 2 at rest, (n,)."""
     turns = np.flatnonzero(np.diff(np.sign(s.velocity)) != 0)
     reach = round(REVERSAL * s.rate)

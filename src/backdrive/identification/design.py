@@ -69,11 +69,22 @@ class Choice:
 def columns(s: Signals, knots: np.ndarray, rows: slice = slice(None)) -> np.ndarray:
     """Return all columns at full rate: `COLUMNS`, then the friction basis, (n, 6 + 2 k)."""
     s = s.rows(rows)
+    return np.hstack([np.stack(_head(s), axis=1), curves.basis(s.velocity, knots)])
+
+
+def means(s: Signals, knots: np.ndarray, rows: slice, width: int) -> np.ndarray:
+    """Return the means of all columns over bins of so many samples, (n / width, 6 + 2 k)."""
+    s = s.rows(rows)
+    head = [x.reshape(-1, width).mean(axis=1) for x in _head(s)]
+    return np.hstack([np.stack(head, axis=1), curves.basis_means(s.velocity, knots, width)])
+
+
+def _head(s: Signals) -> tuple[np.ndarray, ...]:
+    """Return the columns of what is not friction, (n,) each."""
     zero = np.zeros_like(s.velocity)
     pull = (zero, zero) if s.position is None else (np.sin(s.position), np.cos(s.position))
     known = zero if s.model_torque is None else s.model_torque
-    head = np.stack([s.acceleration, -s.jerk, zero + 1.0, *pull, known], axis=1)
-    return np.hstack([head, curves.basis(s.velocity, knots)])
+    return s.acceleration, -s.jerk, zero + 1.0, *pull, known
 
 
 def candidates(

@@ -9,12 +9,11 @@ does: all of the motion, in friction, inertia and gravity, is that of a moment b
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from backdrive.engine import rollout
 from backdrive.errors import InvalidInput
+from backdrive.identification.delay import delayed
 from backdrive.identification.signals import Signals
 from backdrive.identification.terms import GRAVITY, column
 from backdrive.laws import Rigid
@@ -121,49 +120,8 @@ def increments(position: np.ndarray | None, velocity: np.ndarray, dt: float) -> 
     return 0.5 * dt * (velocity + np.concatenate([velocity[:1], velocity[:-1]]))
 
 
-def earlier(x: np.ndarray, samples: float) -> np.ndarray:
-    """Return a series as it was some samples before, by cubic interpolation, its ends held.
-
-    Args:
-        x: time last, (..., n).
-        samples: how long before; negative for later.
-    """
-    if samples == 0.0:
-        return x
-    n = x.shape[-1]
-    whole = int(np.floor(samples))
-    u = 1.0 - (samples - whole)  # of the way from the sample before to the sample after
-    weights = (
-        -u * (u - 1.0) * (u - 2.0) / 6.0,
-        (u * u - 1.0) * (u - 2.0) / 2.0,
-        -u * (u + 1.0) * (u - 2.0) / 2.0,
-        u * (u * u - 1.0) / 6.0,
-    )
-    whole = min(max(whole, -n - 2), n + 2)  # beyond, the held end is all there is
-    padded = np.pad(x, [(0, 0)] * (x.ndim - 1) + [(max(whole + 2, 0), max(2 - whole, 0))], "edge")
-    first = max(whole + 2, 0) - whole - 2
-    return sum((w * padded[..., first + j : first + j + n] for j, w in enumerate(weights)), np.zeros_like(x))
-
-
 def _then(friction: JointFriction, signals: Signals) -> Signals:
     """Return the motion and the load that the torque of each sample belongs to; what is known from elsewhere stays."""
     return delayed(
         signals, sum(friction.dynamics[t].value for t in ("delay", "time_slip") if t in friction.dynamics)
-    )
-
-
-def delayed(signals: Signals, delay: float) -> Signals:
-    """Return signals whose motion and load are those of some time before [s]; torque and what is known from elsewhere stay."""
-    if not delay:
-        return signals
-    samples = delay * signals.rate
-    sliding = earlier(signals.sliding.astype(float), float(round(samples))) > 0.5
-    return replace(
-        signals,
-        velocity=earlier(signals.velocity, samples),
-        acceleration=earlier(signals.acceleration, samples),
-        jerk=earlier(signals.jerk, samples),
-        position=None if signals.position is None else earlier(signals.position, samples),
-        sliding=sliding & signals.moving,
-        load=None if signals.load is None else np.ascontiguousarray(earlier(signals.load.T, samples).T),
     )

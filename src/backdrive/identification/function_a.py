@@ -13,11 +13,11 @@ import numpy as np
 
 from backdrive.errors import InvalidInput
 from backdrive.identification import regression
+from backdrive.identification.delay import torque_between
 from backdrive.identification.noise import noise_of
 from backdrive.identification.signals import Signals
 from backdrive.identification.sweep_knots import MERGED, SweepKnots
 from backdrive.identification.sweep_windows import Windows
-from backdrive.logs import filters
 from backdrive.logs.log import Log
 
 SHARE = 0.8  # c of (2.7): samples faster than this share of a cycle's peak speed are used [-]
@@ -178,8 +178,7 @@ def corrected(
 
 def _columns(s: Signals, delay: float) -> np.ndarray:
     position = np.full(s.time.size, np.nan) if s.position is None else s.position
-    torque = filters.shift(s.torque, 0.5 + delay * s.rate)  # (u_(k-1) + u_k) / 2 without delay
-    return np.stack([s.time, s.velocity, torque, s.acceleration, position])[:, 1:-1]
+    return np.stack([s.time, s.velocity, torque_between(s, delay), s.acceleration, position])[:, 1:-1]
 
 
 def _rows(time: np.ndarray, velocity: np.ndarray, window: np.ndarray, least: float) -> np.ndarray:

@@ -19,7 +19,8 @@ import numpy as np
 
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, design, regression
-from backdrive.identification.dynamics import delayed, predict, rest_of_dynamics
+from backdrive.identification.delay import delayed
+from backdrive.identification.dynamics import predict, rest_of_dynamics
 from backdrive.identification.evidence import evidence, parts_of, sentences
 from backdrive.identification.motion_bins import BIN_TIME, FILLED, HALF, Bins, bin_means, bin_size, bin_time
 from backdrive.identification.quality import assess, judge

@@ -17,7 +17,7 @@ BLOCK_TIME = 1.5  # aimed length of a cross-validation block [s]
 BLOCKS = (8, 24)  # least and most blocks
 FILLED, HALF = 0.9, 0.5  # share of a bin that must be of sliding; of motion, where there is little of it [-]
 CHUNK = 200_000  # samples turned into a regressor at a time
-Columns = Callable[[Signals, np.ndarray, slice], np.ndarray]
+Means = Callable[[Signals, np.ndarray, slice, int], np.ndarray]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,7 +95,7 @@ def block_count(stretches: Sequence[Signals]) -> int:
 def bin_means(
     stretches: Sequence[Signals],
     knots: np.ndarray,
-    columns: Columns = design.columns,
+    means: Means = design.means,
     seconds: float = BIN_TIME,
     reversals: bool = False,
     filled: float = FILLED,
@@ -105,7 +105,7 @@ def bin_means(
     Args:
         stretches: of one joint.
         knots: of the curve among the columns [rad/s or m/s], (k,).
-        columns: what gives the regressor of some samples of a stretch, (n, p).
+        means: what gives the means of the regressor over bins of some samples of a stretch, (n, p).
         seconds: of each bin [s].
         reversals: take part as well.
         filled: share of a bin that must take part for it to be used [-].
@@ -118,7 +118,8 @@ def bin_means(
         for first in range(0, count, per_chunk):
             n = min(per_chunk, count - first)
             rows = slice(first * width, (first + n) * width)
-            series = columns(s, knots, rows), s.torque[rows], mask[rows], np.abs(s.velocity[rows])
-            parts.append([x.reshape(n, width, -1).mean(axis=1) for x in series])
+            series = s.torque[rows], mask[rows], np.abs(s.velocity[rows])
+            of_series = [x.reshape(n, width).mean(axis=1) for x in series]
+            parts.append([means(s, knots, rows, width), *of_series])
     X, y, used, speed = (np.concatenate(part) for part in zip(*parts))
-    return Bins(X=X, y=y[:, 0], used=used[:, 0] > filled, speed=speed[:, 0], blocks=block_count(stretches))
+    return Bins(X=X, y=y, used=used > filled, speed=speed, blocks=block_count(stretches))

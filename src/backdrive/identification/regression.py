@@ -129,13 +129,21 @@ def left_out_solutions(blocks: Blocks) -> np.ndarray:
 
 
 def sandwich(blocks: Blocks, theta: np.ndarray) -> np.ndarray:
-    """Return the covariance of `theta` from the spread of the blocks' scores, (p, p).
+    """Return the covariance of `theta` from the spread of the blocks' scores, (p, p)."""
+    scores = (blocks.moment - blocks.gram @ theta)[blocks.rows > 0]
+    return clustered(inverted(blocks.gram.sum(axis=0)), scores)
+
+
+def clustered(inverse: np.ndarray, scores: np.ndarray) -> np.ndarray:
+    """Return the covariance of a fit from its scores, summed over blocks that are taken as independent, (p, p).
 
     It is widened as Student's distribution is with that few blocks, so that two standard errors hold 95 %.
+
+    Args:
+        inverse: of the normal equations, (p, p).
+        scores: regressor times residual, a block a row, (B, p).
     """
-    inverse = inverted(blocks.gram.sum(axis=0))
-    scores = blocks.moment - blocks.gram @ theta
-    used = max(int(np.sum(blocks.rows > 0)), 2)
+    used = max(len(scores), 2)
     few = 1.0 + 1.22 / (used - 1)  # quantile of Student's distribution over that of the normal one, to 1 %
     return inverse @ (scores.T @ scores) @ inverse * used / (used - 1) * few**2
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backdrive.identification import design, noise, regression
-from backdrive.identification.dynamics import delayed
+from backdrive.identification.delay import delayed
 from backdrive.identification.motion_bins import Bins, bin_means
 from backdrive.identification.signals import Signals
 

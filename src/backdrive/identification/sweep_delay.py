@@ -20,6 +20,7 @@ import numpy as np
 
 from backdrive.identification import regression
 from backdrive.identification.curves import basis
+from backdrive.identification.delay import torque_between
 from backdrive.identification.noise import noise_of
 from backdrive.identification.signals import Signals
 from backdrive.identification.sweep_windows import Windows, windows
@@ -68,7 +69,7 @@ def _solved(
         (_regressor(real, knots), _regressor(wanted, knots)) for _, real, wanted, _ in parts
     ]
     for k in range(ROUNDS):
-        y = [filters.shift(s.torque, 0.5 + delay * s.rate)[rows] for s, (rows, *_) in zip(stretches, parts)]
+        y = [torque_between(s, delay)[rows] for s, (rows, *_) in zip(stretches, parts)]
         if k > 0 and loaded:  # gravity and inertia are known, and so is the load
             regressors = [
                 (_with_load(X, real, theta), _with_load(Z, wanted, theta))

@@ -37,7 +37,7 @@ def torque_timing(stretches: Sequence[Signals]) -> tuple[Timing | None, float, f
     knots = float(np.percentile(speeds, 99.9)) * np.array(
         [curves.SHARES[i] for i in curves.COARSE["7 sections"]]
     )
-    blocks = bin_means(stretches, knots, _columns, reversals=True).equations()
+    blocks = bin_means(stretches, knots, _means, reversals=True).equations()
     theta = blocks.solution()
     if not theta[0] > 0:
         return None, float("nan"), float("nan")
@@ -52,10 +52,9 @@ def torque_timing(stretches: Sequence[Signals]) -> tuple[Timing | None, float, f
     return None, delay, error
 
 
-def _columns(s: Signals, knots: np.ndarray, rows: slice) -> np.ndarray:
-    """Return acceleration, less jerk, a parabola of the position, and a curve for both directions, (n, 5 + k)."""
+def _means(s: Signals, knots: np.ndarray, rows: slice, width: int) -> np.ndarray:
+    """Return means of acceleration, less jerk, a parabola of the position, and a curve for both directions, (n, 5 + k)."""
     position = np.zeros_like(s.velocity) if s.position is None else s.position - s.position.mean()
     shape = curves.hats(np.abs(s.velocity), knots) * np.sign(s.velocity)[:, None]
-    return np.column_stack([s.acceleration, -s.jerk, np.ones_like(position), position, position**2, shape])[
-        rows
-    ]
+    every = np.column_stack([s.acceleration, -s.jerk, np.ones_like(position), position, position**2, shape])
+    return every[rows].reshape(-1, width, every.shape[1]).mean(axis=1)

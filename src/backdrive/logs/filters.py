@@ -104,17 +104,3 @@ def derivative(x: np.ndarray, period: float) -> np.ndarray:
         period: sampling interval [s].
     """
     return np.gradient(np.asarray(x, dtype=np.float64), period, axis=0)
-
-
-def shift(x: np.ndarray, samples: float) -> np.ndarray:
-    """Move a signal later by a whole or broken number of samples, by linear interpolation, ends held.
-
-    Args:
-        x: uniform samples, (n,) or (n, J).
-        samples: how far; negative moves it earlier [sample].
-    """
-    x = np.asarray(x, dtype=np.float64)
-    index = np.arange(x.shape[0], dtype=np.float64)
-    columns = x.reshape(x.shape[0], -1)
-    moved = np.stack([np.interp(index - samples, index, c) for c in columns.T], axis=1)
-    return moved.reshape(x.shape)

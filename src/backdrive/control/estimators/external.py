@@ -8,17 +8,19 @@ later one the estimate would feed on itself. tau_f: of a `FrictionEstimator`. Wi
     direct        M a - n, a of a `MotionFilter`; Iwatani 2017, (4.4), (4.5)
     momentum      r <- L (M v - S - T n)/(1 + L T),   S <- S + T (n + r);  A. De Luca, R. Mattone, IEEE ICRA 2005
     disturbance   y <- (y + L T (M a - n))/(1 + L T), a differenced twice; the same numbers for a constant inertia
-    extended      a Luenberger observer of q, v, d = tau_e/M with all poles at exp(-L T)
-    kalman        the same observer, its gains from the encoder's count and the rate at which forces vary
+    extended      a Luenberger observer of q, v, d = tau_e/M with all poles at one place, exp(-p T)
+    kalman        the same observer, its gains those of a stationary Kalman filter
 
-v is differenced. The last two take the position as measured and difference nothing: one encoder count moves `disturbance` by
-L M count/T and a raw second difference by M count/T^2.
+L means the same everywhere: a force that grows steadily is followed 1/L + T late, and one that stays is estimated as it is.
+`lag` gives the delay on a ramp; p is chosen so, about 3 L, and so is the force's rate of the Kalman filter where nobody gives one.
+Of `direct` the filter decides (`MotionFilter.of_bandwidth`). v is differenced. The last two take the position as measured and
+difference nothing: one encoder count moves `disturbance` by L M count/T and a raw second difference by M count/T^2.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -26,22 +28,20 @@ from backdrive._jit import choice, jit, ladder, leaf
 from backdrive.control.estimators import friction as friction_
 from backdrive.control.estimators import sliding_mode
 from backdrive.control.estimators.friction import NOTHING, FrictionEstimator
+from backdrive.control.estimators.gains import by_poles, stationary, threefold
+from backdrive.control.estimators.gains import lag as lag_of
 from backdrive.control.estimators.method import Method
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput
 from backdrive.parameters import FINITE, POSITIVE, Bounded
 
-FILTER, FRICTION = 9, 14  # places of the rows of filter and friction in the row
+if TYPE_CHECKING:
+    from backdrive.model import FrictionModel
+
+OFFSET, FILTER, FRICTION = 9, 10, 15  # places of the offset and of the rows of filter and friction in the row
 ROW = FRICTION + friction_.ROW
 STATES = sliding_mode.STATES + 1 + 4  # filter, w, and four of the observer
 W, OBSERVER = sliding_mode.STATES, sliding_mode.STATES + 1
-
-
-@jit
-def threefold(L, T):
-    """Return the gains, in ticks, of an observer of q, v, d with all poles at exp(-L T)."""
-    b = np.exp(-L * T)
-    return 1.0 - b * b * b, 1.5 * (1.0 - b) * (1.0 - b) * (1.0 + b), (1.0 - b) * (1.0 - b) * (1.0 - b)
 
 
 @leaf
@@ -84,31 +84,11 @@ def observed(c, i, s, j, q, dp, T, n):
     return M * s[j + 8]
 
 
-def by_poles(estimator: ExternalForce, dt: float) -> tuple[float, float, float, float]:
-    """Return the gains of an observer with all poles at exp(-L T)."""
-    return (*threefold(estimator.bandwidth, dt), estimator.bandwidth)
-
-
-def stationary(estimator: ExternalForce, dt: float) -> tuple[float, float, float, float]:
-    """Return the gains of the stationary Kalman filter for d = tau_e/M that walks at random."""
-    from scipy.linalg import solve_discrete_are
-
-    # lengths in counts and times in ticks, so that the equation is well scaled
-    A = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
-    C = np.array([[1.0, 0.0, 0.0]])
-    walk = estimator.force_rate / estimator.inertia * np.sqrt(dt) * dt**2 / estimator.encoder_count
-    Q, R = np.diag([0.0, 0.0, walk**2]), np.array([[1.0 / 12.0]])
-    P = solve_discrete_are(A.T, C.T, Q, R)
-    K = (P @ C.T / (C @ P @ C.T + R)).ravel()
-    # of a threefold pole that corrects q by as much
-    return float(K[0]), float(K[1]), float(K[2]), float(-np.log(1.0 - K[0]) / (3.0 * dt))
-
-
 DIRECT = Method("direct", direct)
-MOMENTUM = Method("momentum", momentum)
-DISTURBANCE = Method("disturbance", disturbance)
-EXTENDED = Method("extended", observed, gains=by_poles, places=True)
-KALMAN = Method("kalman", observed, gains=stationary, places=True)
+MOMENTUM = Method("momentum", momentum, speed=6, of_mass=True)
+DISTURBANCE = Method("disturbance", disturbance, speed=6)
+EXTENDED = Method("extended", observed, gains=by_poles, places=True, speed=7)
+KALMAN = Method("kalman", observed, gains=stationary, places=True, speed=7)
 #: Every method by name. A method is one file and one import of its `Method` above.
 KNOWN: dict[str, Method] = {m.name: m for m in globals().values() if isinstance(m, Method)}
 METHODS = tuple(KNOWN)
@@ -125,7 +105,7 @@ def tick(c, i, p, x, s, j, q, dp, dt, u, known, load, temp, level):
     meanwhile, known: torque of gravity and of other joints beyond that of the row, level: factor on the friction.
     """
     tau_f = level * friction_.tick(c, i + FRICTION, p, x, s, j + W, dp, dt, load, temp)
-    n = u - known - tau_f
+    n = u - known - tau_f - c[i + OFFSET]
     if c[i + 2] != 0.0 or c[i + 3] != 0.0:
         n -= c[i + 2] * np.sin(q) + c[i + 3] * np.cos(q)
     return estimate(int(c[i]), (c, i, s, j, q, dp, dt, n)), tau_f
@@ -159,13 +139,15 @@ class ExternalForce(Bounded):
         bandwidth: L of the observers [1/s].
         gravity_sin: A [N.m or N].
         gravity_cos: B [N.m or N].
-        force_rate: for `kalman`, standard deviation of the force's change in one second [N.m or N].
-        encoder_count: for `kalman`, step of the encoder [rad or m].
+        offset: torque that is always there, as a model states it beside friction [N.m or N].
+        force_rate: for `kalman`, standard deviation of the force's change in one second [N.m or N]; None: that of `bandwidth`.
+        encoder_count: for a `kalman` with a force rate, step of the encoder [rad or m].
     """
 
     BOUNDS: ClassVar = dict.fromkeys(("inertia", "bandwidth", "force_rate", "encoder_count"), POSITIVE) | {
         "gravity_sin": FINITE,
         "gravity_cos": FINITE,
+        "offset": FINITE,
     }
     CHOICES: ClassVar = {"method": METHODS}
 
@@ -176,11 +158,43 @@ class ExternalForce(Bounded):
     bandwidth: float = 100.0
     gravity_sin: float = 0.0
     gravity_cos: float = 0.0
-    force_rate: float = 50.0
+    offset: float = 0.0
+    force_rate: float | None = None
     encoder_count: float = 1e-6
 
+    @classmethod
+    def from_model(
+        cls, model: FrictionModel, joint: str | int, method: str = "momentum", bandwidth: float = 50.0
+    ) -> ExternalForce:
+        """Return an estimator with what a model knows of a joint: inertia, gravity, offset, friction and its growth with load.
+
+        Args:
+            model: of friction.
+            joint: name or number.
+            method: as above.
+            bandwidth: L [1/s].
+
+        Raises:
+            NotIdentifiable: the model holds no inertia of the joint.
+        """
+        from backdrive.control.estimators.of_model import estimator
+
+        return estimator(model.joint(joint), method, bandwidth)
+
+    def lag(self, dt: float) -> float:
+        """Return how late a force that grows steadily is followed [s]; NaN for `direct`, whose filter is not linear.
+
+        Args:
+            dt: sampling time [s].
+        """
+        if self.method == "direct":
+            return float("nan")
+        if KNOWN[self.method].gains is None:
+            return 1.0 / self.bandwidth + dt
+        return lag_of(self.row(dt)[5:8]) * dt
+
     def row(self, dt: float) -> np.ndarray:
-        """Return the row that `tick` reads, (21,)."""
+        """Return the row that `tick` reads, (22,)."""
         c = np.zeros(ROW)
         c[:5] = (
             METHODS.index(self.method),
@@ -189,19 +203,21 @@ class ExternalForce(Bounded):
             self.gravity_cos,
             self.bandwidth,
         )
-        c[8] = dt
+        c[8], c[OFFSET] = dt, self.offset
         gains = KNOWN[self.method].gains
         if gains is not None:
             *c[5:8], c[4] = gains(self, dt)
         c[FILTER:FRICTION], c[FRICTION:] = self.filter.row(), self.friction.row()
         return c
 
-    def start(self, position: float) -> np.ndarray:
-        """Return the state of a joint at rest at a position, (10,)."""
-        s = np.zeros(STATES)
-        s[0] = position
-        if KNOWN[self.method].places:
+    def start(self, position: float, velocity: float = 0.0) -> np.ndarray:
+        """Return the state of a joint that moves freely through a position, (10,)."""
+        s, method = np.zeros(STATES), KNOWN[self.method]
+        s[0], s[1], s[2] = position, velocity, velocity
+        if method.places:
             s[OBSERVER] = position
+        if method.speed:
+            s[method.speed] = velocity * (self.inertia if method.of_mass else 1.0)
         return s
 
     def run(
@@ -210,6 +226,7 @@ class ExternalForce(Bounded):
         torque: np.ndarray,
         dt: float,
         known: np.ndarray | None = None,
+        velocity: float = 0.0,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return external force and friction along a log.
 
@@ -219,6 +236,7 @@ class ExternalForce(Bounded):
             dt: sampling time [s].
             known: torque of gravity and other joints [N.m or N], (n,); None: that of `gravity_sin`, `gravity_cos` alone. All of
                 it is the load of a law that grows.
+            velocity: at the first reading [rad/s or m/s]; 0: the joint rests, and its motor carries what is known.
 
         Returns:
             External force and friction [N.m or N], (n,) each.
@@ -239,14 +257,19 @@ class ExternalForce(Bounded):
             carried = g + self.gravity_sin * np.sin(q) + self.gravity_cos * np.cos(q)
             told = known is not None or self.gravity_sin != 0.0 or self.gravity_cos != 0.0
             outside = -carried if told else np.full(1, np.nan)
-        along(self.row(dt), law.row(), law.state(), self.start(float(q[0])), q, u, g, outside, dt, out)
+        begin = (velocity * dt, float(u[0] if velocity else g[0]))
+        state = self.start(float(q[0]) - velocity * dt, velocity)
+        along(self.row(dt), law.row(), law.state(), state, q, u, g, outside, begin, dt, out)
         force, friction = out.T
         return force, friction
 
 
 @jit
-def along(c, p, x, s, q, u, known, outside, dt, out):
-    """Fill `out` with external force and friction along a log; `outside`: external torque that laws see, (n,) or (1,)."""
+def along(c, p, x, s, q, u, known, outside, begin, dt, out):
+    """Fill `out` with external force and friction along a log.
+
+    `outside`: external torque that laws see, (n,) or (1,); `begin`: increment of the first tick, and torque that acted in it.
+    """
     for k in range(q.size):
         before = k - 1 if k > 0 else 0
         out[k, 0], out[k, 1] = tick(
@@ -257,9 +280,9 @@ def along(c, p, x, s, q, u, known, outside, dt, out):
             s,
             0,
             q[k],
-            q[k] - q[before],
+            q[k] - q[before] if k > 0 else begin[0],
             dt,
-            u[before] if k > 0 else known[0],
+            u[before] if k > 0 else begin[1],
             known[k],
             (u[before], outside[k if outside.size > 1 else 0]),
             20.0,

@@ -20,9 +20,13 @@ class Method:
             increment, T length of the tick, n what motor, gravity and friction leave [N.m or N].
         gains: three gains of its row and the bandwidth that goes with them, of an estimator and a sampling time [s].
         places: the state at OBSERVER is a position.
+        speed: place of the velocity in the state; 0 where it has none.
+        of_mass: times the inertia, that is, a momentum.
     """
 
     name: str
     kernel: Callable
     gains: Callable[[ExternalForce, float], tuple[float, float, float, float]] | None = None
     places: bool = False
+    speed: int = 0
+    of_mass: bool = False

@@ -98,6 +98,18 @@ class MotionFilter(Bounded):
         """Return the filter with the numbers of Iwatani 2017, Sec. 4.6.1: G = 10, H = 2, on the position."""
         return cls(way="position", gain=10.0, ratio=2.0)
 
+    @classmethod
+    def of_bandwidth(cls, bandwidth: float, acceleration: float) -> MotionFilter:
+        """Return a filter on the differenced encoder that follows a steadily growing acceleration at most 1/L late.
+
+        An acceleration a lags by a/G: up to the stated one that is at most 1/L.
+
+        Args:
+            bandwidth: L [1/s].
+            acceleration: largest that is to be followed so [rad/s^2 or m/s^2].
+        """
+        return cls(way="velocity", second_gain=bandwidth * acceleration)
+
     def row(self) -> np.ndarray:
         """Return the row that `motion` reads, (5,)."""
         return np.array(

@@ -13,7 +13,7 @@ from backdrive.engine import Axis
 from backdrive.identification.dynamic import words
 from backdrive.identification.dynamic.problem import Problem
 from backdrive.identification.dynamic.search import Found
-from backdrive.identification.dynamic.uncertainty import WEAK, covariance, intervals
+from backdrive.identification.dynamic.uncertainty import WEAK, intervals, search_covariance
 from backdrive.identification.evidence import sentences
 from backdrive.identification.options import Interval
 from backdrive.laws import Law
@@ -149,7 +149,7 @@ def conclude(problem: Problem, found: Found, loss: str = "huber") -> Fit:
     values = problem.values(found.point)
     low = found.point <= problem.lower + NEAR
     at_bound = low | (found.point >= problem.upper - NEAR)
-    cov = covariance(
+    cov = search_covariance(
         found.jacobian, found.residual, found.weight, ~at_bound, problem.edges, problem.encoder(found.point)
     )
     root = np.sqrt(np.diag(cov.matrix))

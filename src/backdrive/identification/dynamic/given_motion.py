@@ -10,6 +10,7 @@ import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive.errors import NotIdentifiable
+from backdrive.identification.delay import delayed, earlier
 from backdrive.identification.dynamic import choice, directions, starts
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.joint_fit import Task
@@ -17,7 +18,6 @@ from backdrive.identification.dynamic.law_fit import fit_law
 from backdrive.identification.dynamic.result import finish
 from backdrive.identification.dynamic.torque import SMOOTHED, Stretch, stretch
 from backdrive.identification.dynamic.unknowns import LawShape
-from backdrive.identification.dynamics import delayed, earlier
 from backdrive.identification.options import Options
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare

@@ -10,7 +10,7 @@ import numpy as np
 from backdrive.identification.curves import SHARES
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.torque import Stretch
-from backdrive.identification.dynamic.uncertainty import covariance
+from backdrive.identification.dynamic.uncertainty import search_covariance
 from backdrive.identification.dynamic.unknowns import shares
 from backdrive.identification.evidence import evidence
 from backdrive.identification.motion import slowest_sliding
@@ -62,7 +62,7 @@ def finish(
         standard_errors=errors(final),
         at_bound=tuple(sorted({n.partition("[")[0] for n in final.at_bound if n not in DYNAMICS})),
         dynamics=dynamics,
-        covariance=covariance_of(final, dynamics),
+        covariance=law_covariance(final, dynamics),
         validity=Validity(
             velocity=(float(min(low, 0.0)), float(max(high, 0.0))),
             load=_span(load),
@@ -92,7 +92,7 @@ def finish(
 def errors(final: Fit) -> dict[str, Any]:
     """Return the standard errors by parameter of the law, one number or one an element."""
     found: dict[str, Any] = {}
-    known = covariance_of(final)
+    known = law_covariance(final)
     by_row = {} if known is None else known.standard_errors()
     for rows in (final.law.rate, final.law.element):
         for name, parameter in rows.PARAMETERS.items():
@@ -109,7 +109,7 @@ def errors(final: Fit) -> dict[str, Any]:
     return found
 
 
-def covariance_of(final: Fit, dynamics: Iterable[str] = ()) -> Covariance | None:
+def law_covariance(final: Fit, dynamics: Iterable[str] = ()) -> Covariance | None:
     """Return the covariance of the law's parameters and of terms of the dynamics, as far as the fit has one.
 
     Args:
@@ -148,7 +148,9 @@ def _share_rows(final: Fit, count: int, row_of: Mapping[str, np.ndarray]) -> dic
 def band(final: Fit, velocity: np.ndarray) -> np.ndarray:
     """Return the standard error of the steady curve at velocities [N.m or N]."""
     at = np.isfinite([final.standard_errors[n] for n in final.problem.names])
-    cov = covariance(final.found.jacobian, final.found.residual, final.found.weight, at, final.problem.edges)
+    cov = search_covariance(
+        final.found.jacobian, final.found.residual, final.found.weight, at, final.problem.edges
+    )
     centre, columns = final.law.torque(velocity), []
     for i in np.flatnonzero(at):
         moved = final.found.point.copy()

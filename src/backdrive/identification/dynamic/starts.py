@@ -9,9 +9,9 @@ import numpy as np
 
 from backdrive.engine import Lanes
 from backdrive.errors import NotIdentifiable
+from backdrive.identification.delay import earlier
 from backdrive.identification.dynamic.torque import SLOW, SMOOTHED, Stretch, TorqueProblem
 from backdrive.identification.dynamic.unknowns import Scales
-from backdrive.identification.dynamics import earlier
 from backdrive.identification.terms import column, columns
 from backdrive.laws import Coulomb, HaywardArmstrong, Law, Leuven
 from backdrive.laws.base import Sizes

@@ -13,10 +13,11 @@ import numpy as np
 
 from backdrive.engine import Lanes
 from backdrive.errors import NotIdentifiable
+from backdrive.identification.delay import earlier
 from backdrive.identification.dynamic.problem import Problem
 from backdrive.identification.dynamic.search import Found
 from backdrive.identification.dynamic.unknowns import LawShape, Scales, Unknown
-from backdrive.identification.dynamics import earlier, increments
+from backdrive.identification.dynamics import increments
 from backdrive.identification.signals import Signals
 from backdrive.identification.terms import columns, unit_of
 from backdrive.laws import REFERENCE, DeadZone, Law

@@ -38,7 +38,7 @@ class Covariance:
     correlation: np.ndarray
 
 
-def covariance(
+def search_covariance(
     jacobian: np.ndarray,
     residual: np.ndarray,
     weight: np.ndarray,
@@ -81,10 +81,8 @@ def covariance(
         count = max(1, round(BLOCKS * (b - a) / m))
         cuts = np.unique(np.linspace(a, b, count + 1).astype(int))
         parts.append(np.add.reduceat(scores, cuts[:-1], axis=0))
-    sums = np.concatenate(parts)
-    G = len(sums)
     plain = variance * bread
-    sandwich = bread @ (sums.T @ sums * (G / max(G - 1, 1))) @ bread
+    sandwich = regression.clustered(bread, np.concatenate(parts))
     if inputs is not None and len(inputs):
         moves = (inputs * weight) @ J @ bread
         plain = plain + moves.T @ moves / len(inputs)

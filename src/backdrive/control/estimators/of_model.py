@@ -1,0 +1,74 @@
+"""An estimator of the external force from what a model knows of a joint."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from backdrive.control.estimators.external import ExternalForce
+from backdrive.control.estimators.friction import FrictionEstimator
+from backdrive.control.estimators.sliding_mode import MotionFilter
+from backdrive.errors import NotIdentifiable
+from backdrive.laws import Decaying, Law, Rigid, with_element
+from backdrive.model import JointFriction
+
+DECAY = 20.0  # of friction at rest, as in Iwatani 2017, Sec. 4.6 [1/s]
+COUNTS = 8.0  # of the encoder, over which a contact of unknown stiffness bends until it slides
+ABRUPT = 10.0  # forces by the friction, that the filter of `direct` follows where nobody knows the accelerations [-]
+BEND = {"rad": 1e-3, "m": 1e-4}  # the same where the encoder's count is unknown [rad or m]
+
+
+def estimator(
+    friction: JointFriction, method: str, bandwidth: float, acceleration: float | None = None
+) -> ExternalForce:
+    """Return an estimator with inertia, gravity, offset and friction of a joint.
+
+    Friction at rest is that of a decaying contact (algFE), which leaves no offset when a hand lets go. What the model takes from
+    elsewhere (`tau_model`) is to be given as `known`.
+
+    Args:
+        friction: of a model.
+        method: of the estimator.
+        bandwidth: L [1/s].
+        acceleration: largest that the filter of `direct` is to follow [rad/s^2 or m/s^2]; None: what ten times the friction gives.
+
+    Raises:
+        NotIdentifiable: the model holds no inertia, or none that is positive.
+    """
+    name, value = friction.joint.name, {term: e.value for term, e in friction.dynamics.items()}
+    inertia = value.get("inertia", 0.0)
+    if not inertia > 0.0:
+        raise NotIdentifiable(
+            f"Joint '{name}': the model holds no inertia, and without one no force can be told from motion.",
+            remedy="Identify a log in which the joint accelerates (`backdrive plan multisine`).",
+        )
+    law = contact(friction)
+    follow = ABRUPT * max(at_rest(law), 1e-9) / inertia if acceleration is None else acceleration
+    return ExternalForce(
+        inertia=inertia,
+        friction=FrictionEstimator(law=law),
+        method=method,
+        filter=MotionFilter.of_bandwidth(bandwidth, follow),
+        bandwidth=bandwidth,
+        gravity_sin=value.get("gravity_sin", 0.0),
+        gravity_cos=value.get("gravity_cos", 0.0),
+        offset=value.get("offset", 0.0),
+    )
+
+
+def contact(friction: JointFriction) -> Law:
+    """Return a model's law on a decaying contact, with its own stiffness where it has one."""
+    law = friction.law
+    own = law.element
+    stiffness = getattr(own, "stiffness", None)
+    if isinstance(own, Rigid) or not isinstance(stiffness, float):
+        counts = friction.joint.encoder_counts
+        bend = BEND[friction.joint.unit] if counts is None else COUNTS / counts
+        stiffness = max(at_rest(law), 1e-9) / bend
+    return with_element(law, Decaying(stiffness=stiffness, decay_rate=DECAY))
+
+
+def at_rest(law: Law) -> float:
+    """Return the larger of the friction's bounds at rest [N.m or N]; of a smooth law its largest."""
+    if law.rate.SMOOTH:
+        return float(np.max(np.abs(law.torque(np.array([-1.0, 1.0])))))
+    return float(max(law.coulomb()))

@@ -1,0 +1,124 @@
+"""What `estimate_force` returns: the external torque on each joint over time, with its band, and a table of it."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive._files import write_whole
+from backdrive.errors import InvalidInput, UnknownName, require
+from backdrive.logs.log import Joint
+
+STATES = ("moving", "reversing", "rest")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class JointForce:
+    """The external torque on one joint.
+
+    Attributes:
+        joint: whose it is.
+        time: [s], (n,).
+        force: external torque, positive along +q [N.m or N], (n,).
+        friction: that was taken off [N.m or N], (n,).
+        lower: lower end of the 95 % band [N.m or N], (n,); NaN where nothing tells it.
+        upper: upper end, (n,).
+        state: 0 moving, 1 reversing, 2 at rest, (n,).
+        method: of the estimator.
+        bandwidth: L [1/s].
+        lag: of the estimator on a ramp, which was taken out of `force` [s]; NaN where it is not known, and was not.
+        known: external torque that the log holds [N.m or N], (n,); None where it holds none.
+    """
+
+    joint: Joint
+    time: np.ndarray
+    force: np.ndarray
+    friction: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    state: np.ndarray
+    method: str
+    bandwidth: float
+    lag: float
+    known: np.ndarray | None = None
+
+    @property
+    def rms_error(self) -> float | None:
+        """Root mean square of the error against the known torque [N.m or N]; None without one."""
+        return None if self.known is None else float(np.sqrt(np.nanmean((self.force - self.known) ** 2)))
+
+    @property
+    def outside(self) -> np.ndarray:
+        """True where zero lies outside the band: something acts on the joint, (n,)."""
+        return (self.lower > 0.0) | (self.upper < 0.0)
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Return the columns of a table, by name."""
+        name, unit = self.joint.name, self.joint.torque_unit
+        series = {"force": self.force, "lower": self.lower, "upper": self.upper, "friction": self.friction}
+        table = {f"{name}_{what} [{unit}]": x for what, x in series.items()}
+        return table | {f"{name}_state": self.state}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceEstimate:
+    """The external torque on the joints of a log.
+
+    Attributes:
+        joints: one a joint, on one clock.
+        remarks: what a reader should know, in sentences.
+    """
+
+    joints: tuple[JointForce, ...]
+    remarks: tuple[str, ...] = ()
+
+    def joint(self, name: str) -> JointForce:
+        """Return a joint by its name.
+
+        Raises:
+            UnknownName: there is none of this name.
+        """
+        for one in self.joints:
+            if one.joint.name == name:
+                return one
+        raise UnknownName(
+            f"No joint '{name}'.", remedy=f"One of {', '.join(j.joint.name for j in self.joints)}."
+        )
+
+    def save(self, path) -> None:
+        """Write a table, whole or not at all.
+
+        Args:
+            path: ends in .csv or .parquet.
+
+        Raises:
+            InvalidInput: another ending.
+            MissingExtra: Parquet without pyarrow.
+            WriteError: the file cannot be written.
+        """
+        clock = self.joints[0].time
+        table = {"time [s]": clock}
+        for one in self.joints:  # a joint whose readings have gaps of their own takes the nearest instants
+            at = (
+                np.abs(np.subtract.outer(clock, one.time)).argmin(axis=1)
+                if one.time.size != clock.size
+                else slice(None)
+            )
+            table |= {name: column[at] for name, column in one.columns().items()}
+        if str(path).endswith(".parquet"):
+            arrow = require("pyarrow", "Writing Parquet needs", "table")
+            parquet = require("pyarrow.parquet", "Writing Parquet needs", "table")
+            buffer = io.BytesIO()
+            parquet.write_table(arrow.table(table), buffer)
+            write_whole(path, buffer.getvalue())
+        elif str(path).endswith(".csv"):
+            text = io.StringIO()
+            text.write(",".join(table) + "\n")
+            np.savetxt(text, np.column_stack(list(table.values())), fmt="%.9g", delimiter=",")
+            write_whole(path, text.getvalue())
+        else:
+            raise InvalidInput(
+                f"{path}: a table is CSV or Parquet.", remedy="Let its name end in .csv or .parquet."
+            )

@@ -1,0 +1,58 @@
+"""A series some time before, and what depends on it: the motion that a delayed torque belongs to."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from backdrive.identification.signals import Signals
+
+
+def earlier(x: np.ndarray, samples: float, linear: bool = False) -> np.ndarray:
+    """Return a series as it was some samples before, by cubic interpolation, its ends held.
+
+    Args:
+        x: time last, (..., n).
+        samples: how long before; negative for later.
+        linear: along straight lines instead.
+    """
+    if samples == 0.0:
+        return x
+    n = x.shape[-1]
+    whole = int(np.floor(samples))
+    u = 1.0 - (samples - whole)  # of the way from the sample before to the sample after
+    weights = (
+        -u * (u - 1.0) * (u - 2.0) / 6.0,
+        (u * u - 1.0) * (u - 2.0) / 2.0,
+        -u * (u + 1.0) * (u - 2.0) / 2.0,
+        u * (u * u - 1.0) / 6.0,
+    )
+    if linear:
+        weights = (0.0, 1.0 - u, u, 0.0)
+    whole = min(max(whole, -n - 2), n + 2)  # beyond, the held end is all there is
+    padded = np.pad(x, [(0, 0)] * (x.ndim - 1) + [(max(whole + 2, 0), max(2 - whole, 0))], "edge")
+    first = max(whole + 2, 0) - whole - 2
+    return sum((w * padded[..., first + j : first + j + n] for j, w in enumerate(weights)), np.zeros_like(x))
+
+
+def delayed(signals: Signals, delay: float) -> Signals:
+    """Return signals whose motion and load are those of some time before [s]; torque and what is known from elsewhere stay."""
+    if not delay:
+        return signals
+    samples = delay * signals.rate
+    sliding = earlier(signals.sliding.astype(float), float(round(samples))) > 0.5
+    return replace(
+        signals,
+        velocity=earlier(signals.velocity, samples),
+        acceleration=earlier(signals.acceleration, samples),
+        jerk=earlier(signals.jerk, samples),
+        position=None if signals.position is None else earlier(signals.position, samples),
+        sliding=sliding & signals.moving,
+        load=None if signals.load is None else np.ascontiguousarray(earlier(signals.load.T, samples).T),
+    )
+
+
+def torque_between(signals: Signals, delay: float) -> np.ndarray:
+    """Return the torque half a sample and some time before [s], (n,): (u_(k-1) + u_k) / 2 without delay."""
+    return earlier(signals.torque, 0.5 + delay * signals.rate, linear=True)
