@@ -31,7 +31,8 @@ def recorded(late: float, clock: float = 0.0, joints: int = 1) -> Log:
 
 @pytest.mark.parametrize(("late", "clock", "joints"), [(3.7, 0.0, 1), (3.7031, 1.7e9, 2), (0.0, 5.0, 1)])
 def test_the_lag_of_a_plan_shows_in_the_motion(late, clock, joints):
-    lag, alike = best_lag(recorded(late, clock, joints), PLAN)
+    lag, alike, other = best_lag(recorded(late, clock, joints), PLAN)
+    assert other is None
     assert lag == pytest.approx(late, abs=0.2 / RATE)
     assert alike > 0.95
 
@@ -67,6 +68,24 @@ def test_a_sweep_is_found_where_its_plan_begins():
         assert not any(
             "did not follow the plan" in w for w in (*result.warnings, *result.model.joints[0].remarks())
         )
+
+
+def test_a_plan_that_was_run_twice_begins_at_two_times():
+    once = recorded(2.0)
+    n = len(once)
+    twice = Log(
+        time=np.arange(2 * n) / RATE,
+        joints=once.joints,
+        position=np.concatenate([once.position, once.position]),
+        torque=np.concatenate([once.torque, once.torque]),
+    )
+    linked = with_plan(twice, PLAN, "auto")
+    (note,) = [note for note in linked.notes if "The plan begins" in note]
+    first, second = 2.0, 2.0 + n / RATE
+    assert min(abs(linked.plan.start - begin) for begin in (first, second)) < 0.01
+    other = float(note.partition("fit as well at ")[2].partition(" s")[0])
+    assert other == pytest.approx(first if linked.plan.start > 3.0 else second, abs=0.02)
+    assert "--start SECONDS" in note
 
 
 def test_turns_are_aligned_by_the_names_of_the_joints():

@@ -61,7 +61,7 @@ def command(
     from backdrive import load_model
     from backdrive.errors import InvalidInput
     from backdrive.external import estimate_force
-    from backdrive.identification.options import healthy
+    from backdrive.identification.repairs import healthy
 
     if output is not None and output.suffix not in (".csv", ".parquet"):
         raise InvalidInput(

@@ -14,6 +14,7 @@ from backdrive.identification.sweep_windows import turning_points
 from backdrive.logs.log import Log
 
 ALIKE = 0.8  # least correlation of planned and measured velocity [-]
+APART, EQUAL = 0.05, 0.98  # another begin that fits lies so far away by the plan, and is so much alike [-]
 MOST = 1 << 19  # samples of the lag's grid
 
 FEWEST_REVERSALS = 4  # in the motion and in its plan alike
@@ -54,8 +55,12 @@ def with_plan(log: Log, plan: Any, start: Start) -> Log:
             "--start, and no plan that could begin there.", remedy="Give --plan (in Python plan=)."
         )
     if start == "auto":
-        lag, alike = best_lag(log, plan)
+        lag, alike, other = best_lag(log, plan)
         told = f"by the motion (correlation {alike:.3f})"
+        if other is not None:
+            told += (
+                f"; it would fit as well at {other:.4g} s, so that --start SECONDS must say which is meant"
+            )
     else:
         lag, told = _seconds(start), "as asked"
     if not -plan.duration < lag < log.duration:
@@ -69,8 +74,10 @@ def with_plan(log: Log, plan: Any, start: Start) -> Log:
     )
 
 
-def best_lag(log: Log, plan: Any) -> tuple[float, float]:
+def best_lag(log: Log, plan: Any) -> tuple[float, float, float | None]:
     """Return the time from a log's first sample to the begin of its plan [s], and the correlation of the velocities there [-].
+
+    The third is another such time at which the plan fits as well, None where there is none: the log may hold it twice.
 
     The lag is where the cross-correlation of planned and measured velocity is largest, summed over the joints of the plan; with
     a plan of one joint that the log does not name, over the joint that fits best.
@@ -94,11 +101,13 @@ def best_lag(log: Log, plan: Any) -> tuple[float, float]:
     planned = np.reshape(replace(plan, start=0.0).velocity(instants), (instants.size, -1))
     columns = _columns(log, plan)
     measured = {c: _velocity(log, c, step) for c in {c for pairs in columns for c, _ in pairs}}
-    best = (0.0, -1.0)
+    best, other = (0.0, -1.0), None
     for pairs in columns:
         product = sum(correlate(measured[c], planned[:, p], mode="full", method="fft") for c, p in pairs)
         product = np.asarray(product)
         at = int(np.argmax(product))
+        apart = np.abs(np.arange(product.size) - at) > APART * instants.size
+        rival = int(np.argmax(np.where(apart, product, -np.inf)))
         lag = at - (instants.size - 1)
         rows = slice(max(lag, 0), min(lag + instants.size, len(measured[pairs[0][0]])))
         same = slice(rows.start - lag, rows.stop - lag)
@@ -111,12 +120,14 @@ def best_lag(log: Log, plan: Any) -> tuple[float, float]:
         alike = float(product[at]) / size if size > 0.0 else 0.0
         if alike > best[1]:
             best = ((lag + _vertex(product, at)) * step, alike)
+            equal = apart.any() and product[rival] > EQUAL * product[at]
+            other = (rival - (instants.size - 1)) * step if equal else None
     if not best[1] >= ALIKE:
         raise NotIdentifiable(
             f"The log does not hold the motion of its plan: their velocities correlate by {max(best[1], 0.0):.2f} at best.",
             remedy="Link the log to the plan that was run, give --start SECONDS, or leave the plan out.",
         )
-    return best
+    return (*best, other)
 
 
 def tempo(log: Log, joint: str, plan: Any) -> Tempo | None:
