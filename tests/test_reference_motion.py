@@ -86,10 +86,9 @@ def fitted_line(logs):
     X = bins.X @ option.spread
     y, used = bins.y, bins.used
     left = y - X @ choice.coefficients
-    width = 1.345 * 1.4826 * np.median(np.abs(left[used]))
     later = replace(averaged(slip.delay + slip.error), used=used)
     change = (fit(later, option.spread) - fit(bins, option.spread)) / slip.error
-    covariance = noise.covariance_of_fit(X, left, used, width) + slip.error**2 * np.outer(change, change)
+    covariance = noise.covariance_of_fit(X, left, used) + slip.error**2 * np.outer(change, change)
     return choice, covariance, slip, stretches
 
 

@@ -400,9 +400,10 @@ def test_the_words_of_a_sweep():
     even = rotary([pairs(up(SPEEDS) + 1.5, up(SPEEDS) - 1.5)])
     apart = "A constant 1.5 N.m was set apart: gravity, an offset of the torque signal or unequal directions."
     knots = "Its 4 knots have standard errors up to 0.035 N.m."
+    below = "Below 0.5 rad/s nothing is known."
     assert (
         verdict(shown(even), even)
-        == f"Friction is 10.5 N.m at 0.5 rad/s and 15 N.m at 2 rad/s. {knots} {apart} {EXPLAINS}"
+        == f"Friction is 10.5 N.m at 0.5 rad/s and 15 N.m at 2 rad/s. {knots} {below} {apart} {EXPLAINS}"
     )
     assert verdict(shown(even, errors=False), even) == (
         f"Friction is 10.5 N.m at 0.5 rad/s and 15 N.m at 2 rad/s. {apart} {EXPLAINS}"

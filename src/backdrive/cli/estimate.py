@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
 from backdrive.cli import _logs
@@ -98,6 +97,8 @@ def command(
 
 def _figures(one: JointForce) -> dict[str, Any]:
     """Return what the command says of a joint, in SI."""
+    import numpy as np
+
     largest = int(np.argmax(np.abs(one.force)))
     return {
         "method": one.method,

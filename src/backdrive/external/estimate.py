@@ -15,7 +15,7 @@ import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive.control.estimators.external import METHODS, ExternalForce
-from backdrive.control.estimators.of_model import at_rest, estimator
+from backdrive.control.estimators.of_model import at_rest, fields
 from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
 from backdrive.external.choose import FASTEST, Noise, choose
 from backdrive.external.result import ForceEstimate, JointForce
@@ -106,14 +106,14 @@ def _joint(
     rate = stretches[0].rate
     size = max(at_rest(friction.law), 1e-9)
     fastest = max(float(np.abs(s.acceleration).max()) for s in stretches)
-    inertia = estimator(friction, "momentum", rate).inertia
+    inertia = fields(friction, "momentum", rate)["inertia"]
     if method == AUTO or bandwidth is None:
-        plain = _forces(estimator(friction, "momentum", FASTEST * rate), friction, stretches)
+        plain = _forces(ExternalForce(**fields(friction, "momentum", FASTEST * rate)), friction, stretches)
         longest = max(plain, key=lambda part: part[0].size)[1]
         noise = _noise(friction, one, stretches, inertia)
         best = choose(longest, noise, None if method == AUTO else method)
         method, bandwidth = best[0], bandwidth or best[1]
-    made = estimator(friction, method, bandwidth, fastest + size / inertia)
+    made = ExternalForce(**fields(friction, method, bandwidth, fastest + size / inertia))
     time, force, taken, state = (np.concatenate(x) for x in zip(*_forces(made, friction, stretches)))
     if time.size < LEAST:
         raise NotIdentifiable(

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from backdrive.errors import NotIdentifiable
-from backdrive.identification import curves, design, regression
+from backdrive.identification import curves, design, noise, regression
 from backdrive.identification.delay import delayed
 from backdrive.identification.dynamics import predict, rest_of_dynamics
 from backdrive.identification.evidence import evidence, parts_of, sentences
@@ -26,7 +26,7 @@ from backdrive.identification.motion_bins import BIN_TIME, FILLED, HALF, Bins, b
 from backdrive.identification.quality import assess, judge
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import SLOW, Signals, default_cutoff, prepare
-from backdrive.identification.slip import Slip, covariance_of, fit, seek_slip, with_slip
+from backdrive.identification.slip import Slip, fit, seek_slip, with_slip
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.terms import estimates
 from backdrive.logs.log import Joint, Log
@@ -178,7 +178,8 @@ def _choose(
         with suppress(NotIdentifiable):  # where hardly anything is faster, the slow motion is kept
             choice = design.choose(faster.equations(), lines)
             bins, slowest = faster, slow
-    covariance = covariance_of(bins, choice.candidate.spread, choice.coefficients)
+    X = bins.X @ choice.candidate.spread
+    covariance = noise.covariance_of_fit(X, bins.y - X @ choice.coefficients, bins.used)
     return replace(choice, covariance=covariance), bins, slowest
 
 

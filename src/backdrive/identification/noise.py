@@ -101,7 +101,7 @@ def _shrunk(size: np.ndarray, runs: Sequence[np.ndarray], correlation: np.ndarra
     return np.sqrt((independent * size**2 + WHOLE * whole) / (independent + WHOLE))
 
 
-def covariance_of_fit(X: np.ndarray, residual: np.ndarray, used: np.ndarray, width: float) -> np.ndarray:
+def covariance_of_fit(X: np.ndarray, residual: np.ndarray, used: np.ndarray) -> np.ndarray:
     """Return the covariance of coefficients that Huber's loss was fitted with, under the correlation of its own residuals, (p, p).
 
     It is widened by the lost degrees of freedom, and as Student's distribution is with so few independent samples.
@@ -110,9 +110,9 @@ def covariance_of_fit(X: np.ndarray, residual: np.ndarray, used: np.ndarray, wid
         X: regressor of evenly spaced samples, (n, p).
         residual: of the fit, (n,).
         used: False where a sample did not take part, (n,).
-        width: of Huber's loss, beyond which a residual counts less [unit of the residual].
     """
     size, p = int(np.count_nonzero(used)), X.shape[1]
+    width = regression.HUBER * regression.robust_spread(residual[used])
     score = np.where(used, np.clip(residual, -width, width), 0.0)
     mask = used.astype(float)
     lags = min(LONGEST, len(score))

@@ -41,7 +41,7 @@ def healthy(log: Log, accept: Sequence[str], repair: bool, warnings: list[str]) 
             raise
         raise UnhealthyLog(f"{where}{error.message}", remedy=error.remedy, **error.data) from error
     for f in suspect:
-        if not any(f"[{f.name}] " in before and f"{f.joint}" in before for before in warnings):
+        if not any(f"[{f.name}] " in before and (f.joint or "") in before for before in warnings):
             warnings.append(f"{where}[{f.name}] {f.sentence}")
     warnings += [f"{where}{sentence}" for sentence in undone.values()]
     return _without_acceptance(mended, undone)

@@ -96,7 +96,8 @@ def seek_slip(
         delay += step
         if abs(step) < DONE * period:
             break
-    covariance = covariance_of(bins, full.spread, theta)
+    X = bins.X @ full.spread
+    covariance = noise.covariance_of_fit(X, bins.y - X @ theta, bins.used)
     if not theta[inertia] > FELT * float(np.sqrt(covariance[inertia, inertia])):
         return replace(open_, correlation=correlation)
     blocks = regression.sandwich(bins.equations().mapped(full.spread), theta)
@@ -142,14 +143,6 @@ def fit(bins: Bins, spread: np.ndarray) -> np.ndarray:
     w = regression.robust_weights(X, bins.y, bins.used.astype(float))
     weighted = X * w[:, None]
     return regression.solve(weighted.T @ X, weighted.T @ bins.y)
-
-
-def covariance_of(bins: Bins, spread: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    """Return the covariance of a candidate's coefficients under the correlation of what they leave, (r, r)."""
-    X = bins.X @ spread
-    residual = bins.y - X @ theta
-    width = regression.HUBER * regression.robust_spread(residual[bins.used])
-    return noise.covariance_of_fit(X, residual, bins.used, width)
 
 
 def neighbours(residual: np.ndarray, used: np.ndarray) -> float:

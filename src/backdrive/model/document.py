@@ -136,7 +136,7 @@ class Document(msgspec.Struct, forbid_unknown_fields=True):
     provenance: Provenance
     arm: ArmEntry | None = None
     coupling: Coupling | None = None
-    coupled: Annotated[tuple[Word, ...], Meta(max_length=500)] = ()
+    coupled: Annotated[tuple[Word, ...], Meta(max_length=500)] | msgspec.UnsetType = msgspec.UNSET
 
 
 def schema() -> str:

@@ -101,7 +101,9 @@ def encode(model: m.FrictionModel) -> bytes:
     provenance = Provenance(
         model.version, [SourceEntry(s.path, s.sha256) for s in model.sources], dict(model.options)
     )
-    document = Document(FORMAT, SCHEMA, joints, provenance, arm, model.coupling, model.coupled)
+    document = Document(
+        FORMAT, SCHEMA, joints, provenance, arm, model.coupling, model.coupled or msgspec.UNSET
+    )
     data = msgspec.json.encode(_encodable(msgspec.to_builtins(document)))
     return msgspec.json.format(data, indent=2) + b"\n"
 
@@ -255,7 +257,7 @@ def decode(data: bytes, name: str = "model file") -> m.FrictionModel:
                 options=document.provenance.options,
                 version=document.provenance.backdrive,
                 coupling=document.coupling,
-                coupled=document.coupled,
+                coupled=document.coupled or (),
             )
     except BackdriveError as error:
         raise ModelFileError(f"{name}: {error.message}", remedy=error.remedy) from error

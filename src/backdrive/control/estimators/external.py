@@ -31,6 +31,7 @@ from backdrive.control.estimators.friction import NOTHING, FrictionEstimator
 from backdrive.control.estimators.gains import by_poles, stationary, threefold
 from backdrive.control.estimators.gains import lag as lag_of
 from backdrive.control.estimators.method import Method
+from backdrive.control.estimators.of_model import fields
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput
 from backdrive.parameters import FINITE, POSITIVE, Bounded
@@ -177,9 +178,7 @@ class ExternalForce(Bounded):
         Raises:
             NotIdentifiable: the model holds no inertia of the joint.
         """
-        from backdrive.control.estimators.of_model import estimator
-
-        return estimator(model.joint(joint), method, bandwidth)
+        return cls(**fields(model.joint(joint), method, bandwidth))
 
     def lag(self, dt: float) -> float:
         """Return how late a force that grows steadily is followed [s]; NaN for `direct`, whose filter is not linear.

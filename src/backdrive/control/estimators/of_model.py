@@ -1,10 +1,11 @@
-"""An estimator of the external force from what a model knows of a joint."""
+"""What a model knows of a joint, as the fields of an estimator of the external force."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from backdrive.control.estimators.external import ExternalForce
 from backdrive.control.estimators.friction import FrictionEstimator
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import NotIdentifiable
@@ -17,10 +18,10 @@ ABRUPT = 10.0  # forces by the friction, that the filter of `direct` follows whe
 BEND = {"rad": 1e-3, "m": 1e-4}  # the same where the encoder's count is unknown [rad or m]
 
 
-def estimator(
+def fields(
     friction: JointFriction, method: str, bandwidth: float, acceleration: float | None = None
-) -> ExternalForce:
-    """Return an estimator with inertia, gravity, offset and friction of a joint.
+) -> dict[str, Any]:
+    """Return the fields of an estimator with inertia, gravity, offset and friction of a joint.
 
     Friction at rest is that of a decaying contact (algFE), which leaves no offset when a hand lets go. What the model takes from
     elsewhere (`tau_model`) is to be given as `known`.
@@ -43,7 +44,7 @@ def estimator(
         )
     law = contact(friction)
     follow = ABRUPT * max(at_rest(law), 1e-9) / inertia if acceleration is None else acceleration
-    return ExternalForce(
+    return dict(
         inertia=inertia,
         friction=FrictionEstimator(law=law),
         method=method,
