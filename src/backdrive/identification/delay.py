@@ -33,7 +33,10 @@ def earlier(x: np.ndarray, samples: float, linear: bool = False) -> np.ndarray:
     whole = min(max(whole, -n - 2), n + 2)  # beyond, the held end is all there is
     padded = np.pad(x, [(0, 0)] * (x.ndim - 1) + [(max(whole + 2, 0), max(2 - whole, 0))], "edge")
     first = max(whole + 2, 0) - whole - 2
-    return sum((w * padded[..., first + j : first + j + n] for j, w in enumerate(weights)), np.zeros_like(x))
+    moved = weights[0] * padded[..., first : first + n]
+    for j in (1, 2, 3):
+        moved += weights[j] * padded[..., first + j : first + j + n]
+    return moved
 
 
 def delayed(signals: Signals, delay: float) -> Signals:

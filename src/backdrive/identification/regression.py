@@ -103,14 +103,18 @@ def huber_weights(residual: np.ndarray, width: float | np.ndarray) -> np.ndarray
 
 def robust_weights(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int = 8) -> np.ndarray:
     """Return `w` times Huber's weights, by iteratively reweighted least squares."""
-    weights = w.copy()
+    weighted = X * w[:, None]
+    whole = weighted.T @ X, weighted.T @ y
+    weights, (gram, moment) = w, whole
     for _ in range(rounds):
-        weighted = X * weights[:, None]
-        theta = solve(weighted.T @ X, weighted.T @ y)
-        residual = y - X @ theta
+        residual = y - X @ solve(gram, moment)
         spread = robust_spread(residual, w)
-        weights = w * huber_weights(residual, HUBER * spread) if spread > 0.0 else w.copy()
-    return weights
+        weights = w * huber_weights(residual, HUBER * spread) if spread > 0.0 else w
+        lighter = np.flatnonzero(weights < w)  # few: the equations of all, less what these lose
+        part = X[lighter]
+        lost = part * (w - weights)[lighter, None]
+        gram, moment = whole[0] - lost.T @ part, whole[1] - lost.T @ y[lighter]
+    return weights.copy()
 
 
 def left_out_losses(blocks: Blocks) -> np.ndarray:

@@ -84,14 +84,15 @@ def seek_slip(
             correlation = neighbours(raw.y - raw.X @ full.spread @ theta, raw.used)
         bins = raw.whitened(correlation)
         theta = fit(bins, full.spread)
-        later = bin_means([delayed(s, delay + LEVER) for s in slow], knots, seconds=seconds)
-        after = fit(replace(later, used=raw.used).whitened(correlation), full.spread)
-        if not (theta[inertia] > 0.0 and after[inertia] > 0.0):
+        if not theta[inertia] > 0.0:
             return replace(open_, correlation=correlation)
         left = float(theta[jerk] / theta[inertia])
-        share = (left - float(after[jerk] / after[inertia])) / LEVER
-        if not share > SHOWN:
-            return replace(open_, correlation=correlation)
+        if round_ == 0:
+            later = bin_means([delayed(s, delay + LEVER) for s in slow], knots, seconds=seconds)
+            after = fit(replace(later, used=raw.used).whitened(correlation), full.spread)
+            share = (left - float(after[jerk] / after[inertia])) / LEVER if after[inertia] > 0.0 else 0.0
+            if not share > SHOWN:
+                return replace(open_, correlation=correlation)
         step = float(np.clip(left / share, -STEP, STEP))
         delay += step
         if abs(step) < DONE * period:
