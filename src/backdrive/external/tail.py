@@ -15,7 +15,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.stats import gamma
 
 from backdrive.errors import NotIdentifiable
@@ -26,6 +25,8 @@ SHARES = (0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 0.9995)  # of the samples 
 SHAPES = np.linspace(-0.5, 1.0, 61)
 SCALES = np.geomspace(0.1, 10.0, 81)  # by the mean excess [-]
 USUAL, SPREAD = 0.1, 0.2  # shape beforehand
+EXCESSES = np.r_[0.0, np.geomspace(1e-3, 1e6, 500)]  # at which a rate is looked up, by the mean scale [-]
+LIKELY = 1e-6  # weight by the largest, below which a point of the posterior is left out [-]
 ENDS = (0.05, 0.95)  # of an interval
 RATES = np.array([0.1, 0.3, 0.5, 0.7, 0.9])  # quantiles of lambda
 
@@ -59,16 +60,12 @@ class Tail:
 
     def level(self, rate: float) -> float:
         """Return where the expected rate is a given one [1/s], at least the tail's beginning."""
-        if self.rate(self.start) <= rate:
+        excess = float(self.scale @ self.weight) * EXCESSES
+        rates = np.array([self.rate(self.start + x) for x in excess.tolist()])
+        if rates[0] <= rate:
             return self.start
-        reach = float(self.scale.max())
-        while self.rate(self.start + reach) > rate:
-            reach *= 2.0
-
-        def above(excess: float) -> float:
-            return float(np.log(max(self.rate(self.start + excess), 1e-300) / rate))
-
-        return self.start + float(brentq(above, 0.0, reach, xtol=1e-6 * reach))  # pyright: ignore[reportArgumentType]
+        shown = rates > 0.0  # a tail that ends, ends there
+        return self.start + float(np.interp(-np.log(rate), -np.log(rates[shown]), excess[shown]))
 
     def interval(self, rate: float) -> tuple[float, float]:
         """Return between which ends the level of a rate [1/s] lies with nine chances in ten."""
@@ -136,6 +133,7 @@ def tail(parts: list[tuple[np.ndarray, np.ndarray]], exposure: float, apart: flo
         likely = -(1.0 + 1.0 / thin) * np.log(inside).sum(axis=1) - excess.size * np.log(scale)
     likely = np.where((inside > 0.0).all(axis=1), likely, -np.inf) - 0.5 * ((shape - USUAL) / SPREAD) ** 2
     weight = np.exp(likely - likely.max())
+    shape, scale, weight = (x[weight > LIKELY] for x in (shape, scale, weight))
     return Tail(
         start=start,
         peaks=excess.size,
