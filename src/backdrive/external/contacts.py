@@ -30,6 +30,15 @@ def score(one: JointForce) -> np.ndarray:
         return np.where(middle >= 0.0, middle / (middle - one.lower), middle / (middle - one.upper))
 
 
+def half_bands(one: JointForce) -> list[float]:
+    """Return half the band of each state, at rest half the friction's interval [N.m or N]; NaN of a state that does not occur."""
+    half = 0.5 * (one.upper - one.lower)
+    return [
+        float(np.median(half[one.state == k])) if np.any(one.state == k) else np.nan
+        for k in range(len(STATES))
+    ]
+
+
 def thresholds_of(calibration: Calibration, false_alarms: float) -> tuple[Threshold, ...]:
     """Return the thresholds of one joint, by state.
 
@@ -165,7 +174,7 @@ def _unsupported(thresholds: Sequence[Threshold], false_alarms: float) -> list[s
     if stretched:
         worst = max(stretched, key=lambda t: t.extrapolation)
         lines.append(
-            f"The free motion is too short to show {false_alarms:g} false contacts an hour: thresholds are extrapolated, most for "
+            f"The free motion is too short to show a rate of {false_alarms:g} false an hour: thresholds are extrapolated, most for "
             f"joint '{worst.joint}', {worst.state}: {worst.hours * 60.0:.3g} min, {worst.extrapolation:.3g} times too short; its "
             f"threshold of {worst.bands:.3g} bands may as well be {worst.interval[0]:.3g} to {worst.interval[1]:.3g}."
         )

@@ -109,6 +109,15 @@ def estimate_force(
         remarks += said
     if not results:
         raise refused[0]
+    seen = {source.sha256 for source in model.sources}
+    for source in {source.path: source for one in free for source in one.sources}.values():
+        if source.sha256 in seen:
+            remarks.append(
+                f"{source.path}: the model was fitted to this free motion, so that bands and thresholds by it are too narrow; "
+                "log another one."
+            )
+    if any(source in log.sources for one in free for source in one.sources):
+        remarks.append("The log is free motion by its own: within its bands nothing can be told from it.")
     estimate = ForceEstimate(joints=tuple(results), remarks=tuple(remarks), calibrations=calibrations)
     return estimate if false_alarms is None else with_contacts(estimate, false_alarms)
 

@@ -5,7 +5,7 @@ Over a high u the peaks of clusters, lambda a second, have a generalised Pareto 
 
     rate(x) = lambda (1 + xi (x - u)/sigma)^(-1/xi)
 
-xi > 0 is a heavy tail. xi and sigma have a posterior on a grid, flat in log sigma, with xi about 0.1 +- 0.2 beforehand, lambda
+xi > 0 is a heavy tail. xi and sigma have a posterior on a grid, flat in log sigma, with xi about 0.2 +- 0.2 beforehand, lambda
 that of Jeffreys' prior. The level of a rate is where the EXPECTED rate equals it, averaged over all that the peaks leave open: few
 peaks give a higher level.
 """
@@ -24,7 +24,7 @@ ENOUGH = 100  # clusters, to which the highest threshold is sought that leaves t
 SHARES = (0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 0.9995)  # of the samples below the threshold
 SHAPES = np.linspace(-0.5, 1.0, 61)
 SCALES = np.geomspace(0.1, 10.0, 81)  # by the mean excess [-]
-USUAL, SPREAD = 0.1, 0.2  # shape beforehand
+USUAL, SPREAD = 0.2, 0.2  # shape beforehand
 EXCESSES = np.r_[0.0, np.geomspace(1e-3, 1e6, 500)]  # at which a rate is looked up, by the mean scale [-]
 LIKELY = 1e-6  # weight by the largest, below which a point of the posterior is left out [-]
 ENDS = (0.05, 0.95)  # of an interval
