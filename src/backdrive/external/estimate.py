@@ -125,7 +125,7 @@ def estimate_force(
 def _calibration(friction: JointFriction, free: Sequence[Log], like: JointForce) -> Calibration:
     """Return what free motion tells of a joint's estimate, by its method and bandwidth."""
     name = friction.joint.name
-    logs = [log for log in free if log.column(name) is not None]
+    logs = [log for log in free if name in log.names]
     if not logs:
         raise InvalidInput(
             f"Joint '{name}' is in no log of free motion.",
@@ -214,6 +214,8 @@ def _forces(
         dt = 1.0 / s.rate
         lags = 1.0 / made.bandwidth
         state = states(s, REVERSAL + lags, REVERSAL + BLUR * lags, creep)
+        end = state[-int(np.ceil((REVERSAL + lags) * s.rate)) :]
+        end[end == 0] = 1  # nobody knows whether it turns right after
         # the torque that acted between a reading and the next
         torque = earlier(s.torque, -(_delay(friction) * s.rate + 0.5), linear=True)
         assert s.position is not None
