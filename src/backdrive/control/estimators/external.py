@@ -20,7 +20,8 @@ difference nothing: one encoder count moves `disturbance` by L M count/T and a r
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, overload
 
 import numpy as np
 
@@ -38,7 +39,9 @@ from backdrive.laws import REFERENCE
 from backdrive.parameters import FINITE, POSITIVE, Bounded
 
 if TYPE_CHECKING:
+    from backdrive.control.estimators.arm import ArmForce
     from backdrive.model import FrictionModel
+    from backdrive.robot import Robot
 
 OFFSET, FILTER, FRICTION = 9, 10, 15  # places of the offset and of the rows of filter and friction in the row
 ROW = FRICTION + friction_.ROW
@@ -164,21 +167,38 @@ class ExternalForce(Bounded):
     force_rate: float | None = None
     encoder_count: float = 1e-6
 
+    @overload
     @classmethod
     def from_model(
         cls, model: FrictionModel, joint: str | int, method: str = "momentum", bandwidth: float = 50.0
-    ) -> ExternalForce:
+    ) -> ExternalForce: ...
+
+    @overload
+    @classmethod
+    def from_model(
+        cls, model: FrictionModel, joint: Path | Robot, method: str = "momentum", bandwidth: float = 50.0
+    ) -> ArmForce: ...
+
+    @classmethod
+    def from_model(
+        cls, model: FrictionModel, joint: Any, method: str = "momentum", bandwidth: float = 50.0
+    ) -> Any:
         """Return an estimator with what a model knows of a joint: inertia, gravity, offset, friction and its growth with load.
 
         Args:
             model: of friction.
-            joint: name or number.
+            joint: name or number; of a whole arm the `Path` of its description, or the `Robot`: `ArmForce.from_model`, which also
+                takes a frame.
             method: as above.
             bandwidth: L [1/s].
 
         Raises:
             NotIdentifiable: the model holds no inertia of the joint.
         """
+        if not isinstance(joint, str | int):
+            from backdrive.control.estimators.arm import ArmForce
+
+            return ArmForce.from_model(model, joint, method=method, bandwidth=bandwidth)
         return cls(**fields(model.joint(joint), method, bandwidth))
 
     def lag(self, dt: float) -> float:
