@@ -90,8 +90,8 @@ def _at_rest(calibration: Calibration, motion: Threshold) -> Threshold:
     """Return the threshold where free motion hardly rests: beyond friction's interval by as much as motion's beyond its band."""
     half = max(b.half_width for b in (calibration.moving, calibration.reversing) if b is not None)
     rests = [(f.upper - f.lower)[f.state == REST] for f in calibration.forces]
-    width = np.concatenate([*rests, np.zeros(0)])
-    bands = 1.0 + (motion.bands - 1.0) * (2.0 * half / float(np.median(width)) if width.size else 1.0)
+    width = float(np.median(np.concatenate([*rests, np.full(1, 2.0 * half)])))
+    bands = 1.0 + (motion.bands - 1.0) * 2.0 * half / max(width, 1e-3 * half)
     return replace(
         motion, state="rest", bands=bands, interval=(1.0, bands), peaks=0, hours=0.0, extrapolation=np.inf
     )
