@@ -10,6 +10,7 @@ import numpy as np
 from backdrive.control.estimators import arm_kernel as k
 from backdrive.engine.series import stacked
 from backdrive.errors import InvalidInput
+from backdrive.laws import REFERENCE
 from backdrive.robot import require_pinocchio
 from backdrive.status import Status
 
@@ -74,7 +75,7 @@ class ArmForceTick:
         self._P = stacked([law.row() for law in laws])
         self._X0 = stacked([law.state() for law in laws])
         self._X = self._X0.copy()
-        self._room = np.zeros((J, J))
+        self._room, self._temperature = np.zeros((J, J)), np.full(J, REFERENCE)
         rows = [self._io[i * J : (i + 1) * J] for i in range(k.OUT)]
         self._position, self._torque, middle, velocity, acceleration = rows[:5]
         self.force, self.friction, self.deviation = rows[5:8]
@@ -133,7 +134,7 @@ class ArmForceTick:
         position: np.ndarray,
         torque: np.ndarray,
         interval: float | None = None,
-        temperature: float = 20.0,
+        temperature: np.ndarray | float | None = None,
     ) -> Status:
         """Advance by one tick; the attributes hold the result.
 
@@ -141,7 +142,7 @@ class ArmForceTick:
             position: encoder readings [rad or m], (J,).
             torque: that acted since the tick before: the command of that tick [N.m or N], (J,).
             interval: since the tick before [s]; None: the period.
-            temperature: of the joints [degC].
+            temperature: of the joints [degC], (J,); None: as before, 20 at first.
 
         Returns:
             OK; NOT_FINITE or BAD_INTERVAL where an input was not used: the results stay as they were.
@@ -157,6 +158,8 @@ class ArmForceTick:
         self._bodies()
         if self._frame is not None:
             self._jacobian = self._jacobian_of(self._model, self._data, self._at, self._frame, self._axes)
+        if temperature is not None:
+            self._temperature[:] = temperature
         k.after(
             self._c,
             self._s,
@@ -169,6 +172,6 @@ class ArmForceTick:
             self._jacobian,
             self._room,
             dt,
-            temperature,
+            self._temperature,
         )
         return OK
