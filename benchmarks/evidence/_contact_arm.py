@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 from _arm_bodies import kinematics, push, workspace
 from _arm_scene import JOINTS, NAMES, TICK, TOOL, Arm, J, Record, free_motion, record
-from backdrive.external.arm import ArmEstimate
 
 from backdrive import FrictionModel, Joint, Log, identify
 from backdrive.external import JointForce
+from backdrive.external.arm import ArmEstimate
 
 EVERY = 4  # ticks from one logged instant to the next
 BLOCK = 300.0  # of free motion, each a log of its own [s]
