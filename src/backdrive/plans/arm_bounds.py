@@ -141,7 +141,7 @@ class ArmBounds:
         return total, slope
 
     def passed(self, plan: ArmPlan) -> list[str]:
-        """Return a sentence for every limit that a plan passes, at instants at most a millisecond apart where it is not too long.
+        """Return a sentence for every limit that a plan passes, or else for links that come too near; every millisecond.
 
         Args:
             plan: of the robot's joints, in its order.
@@ -155,7 +155,7 @@ class ArmBounds:
             f"Joint '{self.robot.joints[j]}': its {names[i]} reaches {100 * share[i, j]:.4g} % of what the limit leaves."
             for i, j in zip(*np.nonzero(share > 1.0 + _ROUNDING))
         ]
-        if self.clearance is not None:
+        if not sentences and self.clearance is not None:
             path = plan.series(np.linspace(0.0, plan.period, SIDES, endpoint=False), 0)
             spare, links = self.clearance.narrowest(path)
             if spare < 0.0:

@@ -19,18 +19,18 @@ from backdrive.plans.arm import ArmPlan
 from backdrive.plans.arm_bounds import ArmBounds
 from backdrive.plans.arm_information import Information
 
-HARMONICS = 8
-PERIOD = 12.0  # about which the path's period lies [s]
+HARMONICS = 12
+PERIOD = 16.0  # about which the path's period lies [s]
 SLOW, SLOW_SHARE, RAMP = (
     0.25,
     0.2,
     1.5,
 )  # pace of the slow part [-], its share of the duration [-], change of pace [s]
-STARTS, FIRST, LAST = 4, 40, 150  # starts, and rounds of a first and of the last search
+STARTS, FIRST, LAST = 3, 30, 250  # starts, and rounds of a first and of the last search
 SAMPLES = 20  # of the path per period of its fastest sine
 WEAK, STRONG = 10.0, 200.0  # weight of what passes a limit
 TRIES = 400  # postures at random among which a center is looked for
-SHRINK = 0.99
+SHRINK = 0.99  # of the amplitudes, until a strict check passes [-]
 SHORTEST = 8.0  # s
 GOOD = 0.5  # share of a limit that a random start uses
 
