@@ -107,7 +107,9 @@ def _precision(result: Identification) -> Any:
     )
     for e in result.evidence:
         own = {p.name: p for p in e.precision if p.name in names}
-        ratios = [p.achieved / p.expected for p in e.precision if p.name not in names and p.expected]
+        ratios = [
+            p.achieved / p.expected for p in e.precision if p.name not in names and p.achieved and p.expected
+        ]
         cells = [f"{own[n].achieved:.2g} ({own[n].expected:.2g})" for n in names]
         rows.add_row(e.joint, *cells, f"{median(ratios):.2f}" if ratios else "-")
     return rows
