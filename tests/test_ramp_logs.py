@@ -90,3 +90,18 @@ def test_a_ramp_one_way_tells_nothing_of_the_other():
     assert np.isnan(friction.standard_errors["coulomb_negative"])
     assert any("was not ramped along -q" in w for w in friction.warnings)
     assert "-q" not in result.evidence[0].verdict
+
+
+def test_a_sweep_above_its_pivot_is_no_ramp():
+    """Gravity that falls while Coulomb friction holds makes a torque of straight lines: but the joint slides all along them."""
+    rate, stroke = 100.0, 0.3
+    times = [2.0 * np.pi * stroke * 6 / (n * 2.0) for n in range(1, 7)]
+    cycles = [-stroke * np.cos(2.0 * np.pi * np.arange(round(t * rate)) / round(t * rate)) for t in times]
+    q = np.concatenate([np.full(50, -stroke), *cycles, [-stroke]])
+    v = np.gradient(q) * rate
+    torque = np.tanh(v / 0.01) + 0.2 * v + 0.1 * np.gradient(v) * rate - 1.4 * np.sin(q)
+    torque += 0.04 * np.random.default_rng(1).standard_normal(q.size)
+    log = Log(time=np.arange(q.size) / rate, joints=(Joint(name="a"),), position=q, torque=torque)
+    result = identify(log)
+    assert result.method == "sweep"
+    assert result.model.torque("a", 1.0) == pytest.approx(1.2, rel=0.05)

@@ -15,7 +15,7 @@ import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive.control.estimators.external import METHODS, ExternalForce
-from backdrive.control.estimators.of_model import at_rest, fields
+from backdrive.control.estimators.of_model import at_rest, bounds_at_rest, fields
 from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
 from backdrive.external.choose import FASTEST, Noise, choose
 from backdrive.external.result import ForceEstimate, JointForce
@@ -191,20 +191,12 @@ def band(
     half = np.where(state == 0, widths[0], widths[1])
     lower, upper = force - half, force + half
     rest = state == 2
-    forwards, backwards = _bounds(friction)
+    forwards, backwards = bounds_at_rest(friction.law)
     slack = SLACK * 0.5 * (forwards + backwards)
     slack = min(slack, widths[1]) if np.isfinite(widths[1]) else slack
     lower[rest] = (force - taken)[rest] - backwards - slack
     upper[rest] = (force - taken)[rest] + forwards + slack
     return lower, upper
-
-
-def _bounds(friction: JointFriction) -> tuple[float, float]:
-    law = friction.law
-    if law.rate.SMOOTH:
-        return at_rest(law), at_rest(law)
-    forwards, backwards = law.coulomb()
-    return float(forwards), float(backwards)
 
 
 def _delay(friction: JointFriction) -> float:

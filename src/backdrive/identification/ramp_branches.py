@@ -1,0 +1,144 @@
+"""Stretches of torque ramps in which a joint sticks: how it yields in each, and the torque at which it begins to slip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive.identification.regression import long_run
+from backdrive.identification.signals import spans
+from backdrive.identification.sweep_windows import turning_points
+from backdrive.logs import filters
+from backdrive.logs.log import Log
+
+CUTOFF = 20.0  # corner of the low pass on torque and position of a ramp [Hz]
+BRANCH = 0.2  # a branch of a ramp covers at least this share of the whole torque range [-]
+SLIPS = 30.0  # a joint slips when it moves so many times faster than at the start of the ramp [-]
+FLICKER = 10.0  # and faster than so many counts in one period of the low pass [-]
+RESOLVED = 5.0  # displacement before break-away from which on a stiffness is given [count]
+START = 0.3  # share of a branch's torque, from its beginning, that gives the tangent [-]
+LINE = 0.3  # share of a ramp before a slip by whose line the torque is read [-]
+SHORTEST = 8  # a branch with fewer samples is left out
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Branch:
+    """A stretch of one ramp in which the joint sticks and the torque goes one way.
+
+    Attributes:
+        torque: [N.m or N], (n,).
+        position: as read [rad or m], (n,).
+        direction: 1 where the torque rises, -1 where it falls.
+        break_away: torque at which the joint begins to slip at its end, and its uncertainty [N.m or N]; None where it does not.
+    """
+
+    torque: np.ndarray
+    position: np.ndarray
+    direction: int
+    break_away: tuple[float, float] | None
+
+    @property
+    def secant(self) -> tuple[float, float]:
+        """Compliance over the whole branch and its standard error [rad/N.m or m/N]."""
+        return _compliance(self.torque, self.position)
+
+    @property
+    def tangent(self) -> tuple[float, float]:
+        """Compliance at the beginning of the branch and its standard error [rad/N.m or m/N]."""
+        change = np.maximum.accumulate(np.abs(self.torque - self.torque[0]))
+        part = slice(0, max(8, int(np.searchsorted(change, START * change[-1]))))
+        return _compliance(self.torque[part], self.position[part])
+
+    def bound(self, count: float) -> float:
+        """Return a stiffness that the joint certainly exceeds [N.m/rad or N/m].
+
+        A reading that changes by n counts means a displacement below n + 1 counts.
+
+        Args:
+            count: resolution of the encoder [rad or m].
+        """
+        torque = np.abs(self.torque - self.torque[0])
+        moved = np.maximum.accumulate(np.abs(self.position - self.position[0]))
+        return float(np.max(torque / (moved + count)))
+
+
+def branches_of(log: Log, count: float) -> tuple[list[Branch], float, float]:
+    """Return the branches of one log, the speed from which on it slips, and the torque before the first ramp."""
+    torque, position = log.driving_torque[:, 0], log.need("position")[:, 0]
+    smooth, rate, cutoff = low_passed(log)
+    turns = turning_points(smooth, BRANCH * float(np.ptp(smooth)))
+    if turns.size < 2:
+        return [], 0.0, float(torque[0])
+    velocity = filters.derivative(filters.low_pass(position, cutoff, rate), log.period)
+    first = slice(turns[0], turns[0] + max(2, (turns[1] - turns[0]) // 10))
+    slips = max(SLIPS * float(np.median(np.abs(velocity[first]))), FLICKER * count * cutoff)
+    stuck = np.abs(velocity) < slips
+    for start, stop in spans(~stuck):
+        if np.ptp(position[start:stop]) < RESOLVED * count:
+            stuck[start:stop] = True  # a count that flickers is no slip
+    settle = round(rate / cutoff)  # as long as the low pass lets a slip shine into its neighbourhood
+    result = []
+    for a, b in zip(turns, turns[1:]):
+        for start, stop in a + spans(stuck[a : b + 1]):
+            after, before = start > a or not stuck[max(a - 1, 0)], stop <= b
+            first, last = start + settle * after, stop - settle * before
+            if last - first < SHORTEST or np.ptp(smooth[first:last]) < 0.5 * BRANCH * np.ptp(smooth):
+                continue
+            inside = slice(first, last)
+            result.append(
+                Branch(
+                    torque=smooth[inside],
+                    position=position[inside],
+                    direction=1 if smooth[b] > smooth[a] else -1,
+                    break_away=onset(torque[a : stop + 1], velocity, stop, rate, cutoff) if before else None,
+                )
+            )
+    return result, slips, float(torque[: turns[0] + 1].mean())
+
+
+def low_passed(log: Log) -> tuple[np.ndarray, float, float]:
+    """Return the low-passed torque of a log's only joint [N.m or N], (n,), its sampling rate and the corner [Hz]."""
+    rate = 1.0 / log.period
+    cutoff = min(CUTOFF, 0.1 * rate)
+    return filters.low_pass(log.driving_torque[:, 0], cutoff, rate), rate, cutoff
+
+
+def onset(
+    torque: np.ndarray, velocity: np.ndarray, at: int, rate: float, cutoff: float
+) -> tuple[float, float]:
+    """Return the torque when a slip began, by the line of the ramp before it, and the uncertainty of that.
+
+    Under a rising torque the speed grows with the square of the time since the slip began where inertia holds it back, and with
+    that time itself where viscous friction does: the time lies between one and two times the speed over the acceleration.
+
+    Args:
+        torque: as measured, from the beginning of the ramp to the sample at which the slip is seen [N.m or N], (n,).
+        velocity: of the whole log [rad/s or m/s].
+        at: sample of it at which the slip is seen.
+        rate: of sampling [Hz].
+        cutoff: of the low pass on the position [Hz].
+    """
+    acceleration = (velocity[min(at + 1, velocity.size - 1)] - velocity[at - 1]) * rate / 2.0
+    lag = min(abs(velocity[at]) / max(abs(acceleration), 1e-300), 2.0 / cutoff)
+    before = torque[-max(round(LINE * torque.size), SHORTEST) :]
+    time = (np.arange(before.size) - (before.size - 1)) / rate
+    slope, level = np.polyfit(time, before, 1)
+    left = before - level - slope * time
+    blur = abs(slope) * np.hypot(0.5 * lag, 1.0 / cutoff) / np.sqrt(3.0)
+    return float(level - 1.5 * slope * lag), float(np.hypot(blur, 2.0 * np.std(left) / np.sqrt(before.size)))
+
+
+def _compliance(torque: np.ndarray, position: np.ndarray) -> tuple[float, float]:
+    """Return position over torque of one branch, and its standard error [rad/N.m or m/N].
+
+    Both have noise, which a regression of either on the other would take for compliance or stiffness; time has none, and both
+    follow it: it is the instrument (Durbin, Revue de l'Institut International de Statistique 22, 1954).
+    """
+    u, x, t = torque - torque.mean(), position - position.mean(), np.linspace(-1.0, 1.0, torque.size)
+    power = float(t @ u)
+    if power == 0.0:
+        return 0.0, np.inf
+    c = float(t @ x) / power
+    left = x - c * u
+    return c, float(np.sqrt(long_run((t * left)[None])[0, 0])) / abs(power)
