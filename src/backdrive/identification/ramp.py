@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.identification.break_away import EDGE, SHORTEST, STRAIGHT
 from backdrive.identification.ramp_branches import (
     BRANCH,
     RESOLVED,
-    SHORTEST,
     Branch,
     branches_of,
     low_passed,
@@ -31,8 +31,6 @@ NOISE = 3.0  # standard deviations by which noise makes an extreme of the torque
 FEWEST = 100  # samples of a log that is taken for a ramp
 RAMPED = 0.7  # least share of a log of ramps that ramps [-]
 HELD = 0.1  # and in which the joint sticks meanwhile [-]
-EDGE = 0.1  # ends of a ramp that may be round [s]
-STRAIGHT = 0.01  # how far off its line a ramp may be, by its range [-]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from backdrive.identification.break_away import COUNTED, EDGE, SETTLED, SHORTEST, line, onset, overcome
 from backdrive.identification.regression import long_run
 from backdrive.identification.signals import spans
 from backdrive.identification.sweep_windows import turning_points
@@ -18,8 +19,6 @@ SLIPS = 30.0  # a joint slips when it moves so many times faster than at the sta
 FLICKER = 10.0  # and faster than so many counts in one period of the low pass [-]
 RESOLVED = 5.0  # displacement before break-away from which on a stiffness is given [count]
 START = 0.3  # share of a branch's torque, from its beginning, that gives the tangent [-]
-LINE = 0.3  # share of a ramp before a slip by whose line the torque is read [-]
-SHORTEST = 8  # a branch with fewer samples is left out
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,6 +78,14 @@ def branches_of(log: Log, count: float) -> tuple[list[Branch], float, float]:
             stuck[start:stop] = True  # a count that flickers is no slip
     settle = round(rate / cutoff)  # as long as the low pass lets a slip shine into its neighbourhood
     result = []
+
+    def slipped(begin: int, at: int, turn: int, stuck: slice) -> tuple[float, float]:
+        least = max(SETTLED * float(np.ptp(position[stuck])), COUNTED * count)
+        ramp = line(torque, smooth, (begin, turn), rate)
+        return overcome(torque, ramp, position, (begin, at, turn), least, rate) or onset(
+            torque[begin : at + 1], velocity, at, rate, cutoff
+        )
+
     for a, b in zip(turns, turns[1:]):
         for start, stop in a + spans(stuck[a : b + 1]):
             after, before = start > a or not stuck[max(a - 1, 0)], stop <= b
@@ -91,10 +98,16 @@ def branches_of(log: Log, count: float) -> tuple[list[Branch], float, float]:
                     torque=smooth[inside],
                     position=position[inside],
                     direction=1 if smooth[b] > smooth[a] else -1,
-                    break_away=onset(torque[a : stop + 1], velocity, stop, rate, cutoff) if before else None,
+                    break_away=slipped(a, stop, b, inside) if before else None,
                 )
             )
-    return result, slips, float(torque[: turns[0] + 1].mean())
+    return result, slips, _before(torque, smooth, turns, rate)
+
+
+def _before(torque: np.ndarray, smooth: np.ndarray, turns: np.ndarray, rate: float) -> float:
+    """Return the torque before the first ramp [N.m or N]: the mean of the time before, or where the ramp's line begins."""
+    first = line(torque, smooth, (int(turns[0]), int(turns[1])), rate) if turns[0] < EDGE * rate else None
+    return float(torque[: turns[0] + 1].mean() if first is None else first.at(turns[:1])[0])
 
 
 def low_passed(log: Log) -> tuple[np.ndarray, float, float]:
@@ -102,31 +115,6 @@ def low_passed(log: Log) -> tuple[np.ndarray, float, float]:
     rate = 1.0 / log.period
     cutoff = min(CUTOFF, 0.1 * rate)
     return filters.low_pass(log.driving_torque[:, 0], cutoff, rate), rate, cutoff
-
-
-def onset(
-    torque: np.ndarray, velocity: np.ndarray, at: int, rate: float, cutoff: float
-) -> tuple[float, float]:
-    """Return the torque when a slip began, by the line of the ramp before it, and the uncertainty of that.
-
-    Under a rising torque the speed grows with the square of the time since the slip began where inertia holds it back, and with
-    that time itself where viscous friction does: the time lies between one and two times the speed over the acceleration.
-
-    Args:
-        torque: as measured, from the beginning of the ramp to the sample at which the slip is seen [N.m or N], (n,).
-        velocity: of the whole log [rad/s or m/s].
-        at: sample of it at which the slip is seen.
-        rate: of sampling [Hz].
-        cutoff: of the low pass on the position [Hz].
-    """
-    acceleration = (velocity[min(at + 1, velocity.size - 1)] - velocity[at - 1]) * rate / 2.0
-    lag = min(abs(velocity[at]) / max(abs(acceleration), 1e-300), 2.0 / cutoff)
-    before = torque[-max(round(LINE * torque.size), SHORTEST) :]
-    time = (np.arange(before.size) - (before.size - 1)) / rate
-    slope, level = np.polyfit(time, before, 1)
-    left = before - level - slope * time
-    blur = abs(slope) * np.hypot(0.5 * lag, 1.0 / cutoff) / np.sqrt(3.0)
-    return float(level - 1.5 * slope * lag), float(np.hypot(blur, 2.0 * np.std(left) / np.sqrt(before.size)))
 
 
 def _compliance(torque: np.ndarray, position: np.ndarray) -> tuple[float, float]:
