@@ -465,13 +465,13 @@ def test_gravity_inside_runs_by_a_regression_about_their_means():
         X.append(columns - columns.mean(axis=0))
         y.append(tau - tau.mean())
     found = [r for log in pieces for r in runs.find_runs(log, 0)]
-    theta, error = runs.gravity_of(found)
+    theta, covariance = runs.gravity_of(found)
     flat, level = np.vstack(X), np.concatenate(y)
     wanted = np.linalg.lstsq(flat, level, rcond=None)[0]
     assert theta == pytest.approx(wanted, rel=1e-6)
     scores = np.array([x.T @ (z - x @ wanted) for x, z in zip(X, y)])
     bread = np.linalg.inv(flat.T @ flat)
-    ratio = error**2 / np.diag(bread @ scores.T @ scores @ bread)
+    ratio = np.diag(covariance) / np.diag(bread @ scores.T @ scores @ bread)
     assert ratio[0] == pytest.approx(ratio[1], rel=1e-6) and 1.0 <= ratio[0] < 2.0
     assert runs.gravity_of(found[:3]) is None
 
