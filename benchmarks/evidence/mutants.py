@@ -240,7 +240,7 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
     ),
     *(
         (f"laws/{file}.py", f"side = {sign}1", f"side = {sign}2", "only its sign is asked for")
-        for file in ("kernels", "elements/elastoplastic", "elements/leuven", "elements/smoothed_gms")
+        for file in ("kernels", "elements/elastoplastic", "elements/leuven", "elements/smoothed_maxwell_slip")
         for sign in ("", "-")
     ),
 )  # fmt: skip
