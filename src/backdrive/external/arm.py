@@ -19,13 +19,12 @@ from backdrive.control.estimators.arm import WIDTH, ArmForce
 from backdrive.control.estimators.of_model import ABRUPT, at_rest, with_break_away
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.external.bands import band
+from backdrive.external.bands import band, states_along
 from backdrive.external.choose import FASTEST, Noise, choose
-from backdrive.external.estimate import AUTO, BLUR, CREEP, LEAST, SETTLED, delay_of, known_along, noise_of
+from backdrive.external.estimate import AUTO, LEAST, SETTLED, delay_of, known_along, noise_of
 from backdrive.external.result import JointForce
 from backdrive.external.temperature import along_stretches
 from backdrive.external.wrench import WrenchEstimate, wrench_of
-from backdrive.identification.bands import REVERSAL, states
 from backdrive.identification.delay import earlier
 from backdrive.identification.signals import Signals, prepare
 from backdrive.laws import REFERENCE
@@ -104,6 +103,11 @@ class ArmEstimate:
                 remedy="Give a larger --bandwidth, or a longer log.",
             )
         force, taken, state, warm = (np.concatenate([p[i] for p in parts]) for i in range(1, 5))
+        if not np.isfinite(force).all():
+            raise NotIdentifiable(
+                f"At {rate:.0f} Hz a '{method}' observer of {bandwidth:.3g} 1/s does not settle on this arm.",
+                remedy="Give a smaller --bandwidth, or --method momentum.",
+            )
         results = []
         for j, friction in enumerate(self.frictions):
             if friction.verdict is not None and friction.verdict.grade in ("poor", "unknown"):
@@ -224,10 +228,7 @@ class ArmEstimate:
             lag = estimator.lag(dt)
             back = 0.0 if np.isnan(lag) else -lag * rate
             state = np.column_stack(
-                [
-                    states(s, REVERSAL + lags, REVERSAL + BLUR * lags, CREEP * f.validity.speeds[1])
-                    for s, f in zip(stretch, self.frictions)
-                ]
+                [states_along(f, s, estimator.bandwidth) for s, f in zip(stretch, self.frictions)]
             )
             force, taken = (
                 np.column_stack([earlier(x[:, j], back) for j in range(x.shape[1])])
