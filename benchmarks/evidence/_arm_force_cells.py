@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from _arm_guided_hand import guided
@@ -198,7 +200,10 @@ def _estimator(name: str, rate: Law, stiffness: float) -> FrictionEstimator:
 
 def nominal_of(logs: Logs) -> FrictionModel:
     """Return the arm's model by the package's own command, from its free motion."""
-    return identify(logs.train, method="arm", urdf=logs.robot).model
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "arm.urdf")
+        path.write_text(logs.arm.urdf())
+        return identify(logs.train, method="arm", urdf=str(path)).model
 
 
 def estimated(model: FrictionModel, logs: Logs, r: Record, method: str = "extended", **more) -> ForceEstimate:
