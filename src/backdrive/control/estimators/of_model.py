@@ -94,8 +94,14 @@ def with_break_away(friction: JointFriction) -> JointFriction:
     return replace(friction, law=law, covariance=None)
 
 
-def at_rest(law: Law) -> float:
-    """Return the larger of the friction's bounds at rest [N.m or N]; of a smooth law its largest."""
+def bounds_at_rest(law: Law) -> tuple[float, float]:
+    """Return the friction's bounds at rest along +q and along -q [N.m or N]; of a smooth law its largest, twice."""
     if law.rate.SMOOTH:
-        return float(np.max(np.abs(law.torque(np.array([-1.0, 1.0])))))
-    return float(max(law.coulomb()))
+        largest = float(np.max(np.abs(law.torque(np.array([-1.0, 1.0])))))
+        return largest, largest
+    return law.coulomb()
+
+
+def at_rest(law: Law) -> float:
+    """Return the larger of the friction's bounds at rest [N.m or N]."""
+    return max(bounds_at_rest(law))
