@@ -1,7 +1,7 @@
 """Motions for whole arms: limits kept between the knots, information against random multisines, errors expected and achieved.
 
 Two arms of `example-robot-data`, a UR5 and a Panda, planned by `backdrive plan arm` as a person would. Judged by code of its own:
-rigid bodies by Newton and Euler in NumPy (`_arm_bodies`), self-collision by pinocchio's geometry with the meshes themselves instead
+rigid bodies by Newton and Euler in NumPy (`_arm_plan_bodies`), self-collision by pinocchio's geometry with the meshes themselves instead
 of hulls, between the knots of the 100 Hz trajectory that a robot would be given, by cubic pieces through positions and velocities.
 
 Random multisines have the same period, number of sines, duration and limits: amplitudes at random, every joint scaled until it
@@ -20,7 +20,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from _arm_bodies import Chain
+from _arm_plan_bodies import Chain
 from _common import Judge, first_seed, parser
 from scipy.interpolate import CubicHermiteSpline
 from ur3 import description

@@ -40,7 +40,7 @@ STIFFNESS = Parameter(
     unit="force/length",
     lower=1e-9,
     typical=5e4,
-    source="Iwatani 2017, Sec. 3.5.1: joints of a 6-joint arm with harmonic drives",
+    source="Iwatani 2017, Sec. 3.5.2: joints of a 6-joint arm with harmonic drives",
     log=True,
     start=lambda d: d.stiffness,
 )
