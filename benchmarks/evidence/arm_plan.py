@@ -1,8 +1,9 @@
 """Motions for whole arms: limits kept between the knots, information against random multisines, errors expected and achieved.
 
 Two arms of `example-robot-data`, a UR5 and a Panda, planned by `backdrive plan arm` as a person would. Judged by code of its own:
-rigid bodies by Newton and Euler in NumPy (`_arm_plan_bodies`), self-collision by pinocchio's geometry with the meshes themselves instead
-of hulls, between the knots of the 100 Hz trajectory that a robot would be given, by cubic pieces through positions and velocities.
+rigid bodies by Newton and Euler in NumPy (`_arm_bodies`), self-collision by pinocchio's geometry with the meshes themselves in
+the place of hulls, between the knots of the 100 Hz trajectory that a robot would be given, by cubic pieces through positions and
+velocities.
 
 Random multisines have the same period, number of sines, duration and limits: amplitudes at random, every joint scaled until it
 fills its range, speed or acceleration about a random posture, then all shrunk together until torque and self-collision allow it.

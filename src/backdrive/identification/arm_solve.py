@@ -115,13 +115,14 @@ def solve_arm(
     moments = [_normal(rows, first, rows.weight * huber / noise**2, x, only=j)[1] for j in range(J)]
     loose, pushed = _let_go(gram + held, np.sum(moments, axis=0) - held @ (x - start), scores, free)
     errors = np.where(free, np.sqrt(np.maximum(np.diag(covariance), 0.0)), loose)
+    prior = np.diag(np.linalg.inv(precision[:b, :b]))
     return Solution(
         beta=x[:b],
         own=[x[first[j] : first[j + 1]] for j in range(J)],
         errors=[errors[first[j] : first[j + 1]] for j in range(J)],
         covariance=[covariance[first[j] : first[j + 1], first[j] : first[j + 1]] for j in range(J)],
         pushed=[pushed[first[j] : first[j + 1]] for j in range(J)],
-        told=1.0 - np.diag(covariance)[:b] / np.diag(np.linalg.inv(precision[:b, :b])),
+        told=1.0 - np.diag(covariance)[:b] / prior,
         condition=regression.condition(gram[:b, :b]),
         everything=covariance + np.diag(np.where(free, 0.0, errors**2)),
         noise=noise,
