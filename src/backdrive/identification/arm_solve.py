@@ -115,13 +115,14 @@ def solve_arm(
     moments = [_normal(rows, first, rows.weight * huber / noise**2, x, only=j)[1] for j in range(J)]
     loose, pushed = _let_go(gram + held, np.sum(moments, axis=0) - held @ (x - start), scores, free)
     errors = np.where(free, np.sqrt(np.maximum(np.diag(covariance), 0.0)), loose)
+    prior = np.diag(np.linalg.inv(precision[:b, :b]))
     return Solution(
         beta=x[:b],
         own=[x[first[j] : first[j + 1]] for j in range(J)],
         errors=[errors[first[j] : first[j + 1]] for j in range(J)],
         covariance=[covariance[first[j] : first[j + 1], first[j] : first[j + 1]] for j in range(J)],
         pushed=[pushed[first[j] : first[j + 1]] for j in range(J)],
-        told=1.0 - np.diag(covariance)[:b] / np.diag(np.linalg.inv(precision[:b, :b])),
+        told=1.0 - np.diag(covariance)[:b] / prior,
         condition=regression.condition(gram[:b, :b]),
         everything=covariance + np.diag(np.where(free, 0.0, errors**2)),
         noise=noise,
@@ -155,7 +156,7 @@ def expect(
         noise: of the filtered torque [N.m or N], (J,).
 
     Returns:
-        Covariance of all coefficients, (p, p); that of the priors alone, (p,) variances.
+        Covariance of all coefficients, (p, p); its part that the noise makes, (p, p), the rest being what priors leave open.
     """
     b, J = rows.bodies.shape[2], len(terms)
     first = b + np.concatenate([[0], np.cumsum([t.size for t in terms])]).astype(int)
@@ -165,11 +166,11 @@ def expect(
     held = precision + _alike(gram, first, terms)
     free = np.ones(first[-1], dtype=bool)
     free[first[1:] - 1] = False
-    alone = sandwich(np.zeros_like(gram), np.zeros_like(gram), precision, free)
     swell = max(
         1.0, rows.rate / (2.0 * JUDGED_BELOW)
     )  # white noise below a corner f has 2 f independent values a second
-    return sandwich(gram, swell * gram, held, free), np.diag(alone)
+    by_noise = sandwich(gram, swell * gram - held, held, free)
+    return sandwich(gram, swell * gram, held, free), by_noise
 
 
 def _rms(x: np.ndarray, weight: np.ndarray) -> float:
