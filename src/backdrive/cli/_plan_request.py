@@ -13,7 +13,17 @@ _COMMON = ("joint", "all_joints", "urdf", "unit")
 
 COMMON = {
     "position": (
-        *("stroke_deg", "center", "center_deg", "hold", "lead_in", "lower", "upper", "velocity_limit"),
+        *(
+            "stroke_deg",
+            "center",
+            "center_deg",
+            "hold",
+            "lead_in",
+            "lower",
+            "upper",
+            "margin",
+            "velocity_limit",
+        ),
         *("acceleration_limit", "torque_limit", "inertia", "gravity", "friction"),
     ),
     "torque": ("torque_limit",),
