@@ -61,6 +61,15 @@ def refuse_inverted(rows: Rows, robot: Robot, terms: Sequence[Terms]) -> None:
         )
 
 
+def impossible(can_be: bool) -> tuple[str, ...]:
+    """Return what is to be said where no bodies have the base parameters that fit best."""
+    sentence = (
+        "No bodies of positive mass give exactly the arm's torques: a term is missing, such as friction that lags or torque that "
+        "is late. The torques are predicted as they fit best; single masses and inertias mean nothing, and M(q) may be none."
+    )
+    return sentences((not can_be, sentence))
+
+
 def remarks(robot: Robot, terms: Sequence[Terms], rows: Rows, solution: Solution) -> list[tuple[str, ...]]:
     """Return every joint's warnings, in the robot's order."""
     return [_remarks_of(robot, terms, rows, solution, j) for j in range(len(terms))]
