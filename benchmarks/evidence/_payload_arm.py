@@ -18,7 +18,14 @@ NAMES = tuple(f"axis_{i + 1}" for i in range(JOINTS))
 AXES = ((0, 0, 1), (0, -1, 0), (0, -1, 0), (1, 0, 0), (0, -1, 0), (1, 0, 0))
 PLACES = ((0, 0, 0.15), (0, 0, 0.15), (0.30, 0, 0), (0.14, 0, 0.02), (0.14, 0, 0), (0.06, 0, 0))
 MASSES = (7.0, 6.0, 4.5, 1.6, 1.0, 0.5)
-CENTERS = ((0.01, 0.02, 0.08), (0.14, 0.02, 0.01), (0.07, -0.02, 0.02), (0.06, 0.005, 0.0), (0.02, 0.01, 0.0), (0.02, 0.0, 0.005))
+CENTERS = (
+    (0.01, 0.02, 0.08),
+    (0.14, 0.02, 0.01),
+    (0.07, -0.02, 0.02),
+    (0.06, 0.005, 0.0),
+    (0.02, 0.01, 0.0),
+    (0.02, 0.0, 0.005),
+)
 RADII = ((0.09, 0.08, 0.08), (0.06, 0.12, 0.12), (0.05, 0.09, 0.09), (0.03, 0.05, 0.05), (0.03, 0.03, 0.03), (0.02, 0.025, 0.025))  # fmt: skip
 TOOL = ((0.05, 0.01, 0.02), (0.3, -0.2, 0.5))  # flange in the last link: xyz [m], rpy [rad]
 MOTORS = np.array([1.2, 1.4, 0.7, 0.15, 0.10, 0.06])  # kg.m^2
@@ -97,17 +104,20 @@ def mjcf(load: Load | None) -> str:
 
 
 def motion(seconds: float, seed: int, still: tuple[int, ...] = (), size: float = 1.0):
-    """Return time and position, velocity, acceleration of a periodic motion of all joints but some, (n, J) each."""
+    """Return time and position, velocity, acceleration of sums of sines of all joints but some, (n, J) each."""
     random = np.random.default_rng(seed)
     t = np.arange(round(seconds * RATE)) / RATE
     q, dq, ddq = np.zeros((3, t.size, JOINTS))
     for j in range(JOINTS):
         if j in still:
             continue
-        a = random.standard_normal(6) / np.arange(1, 7) ** 0.7
+        a, tones = (
+            random.standard_normal(6) / np.arange(1, 7) ** 0.7,
+            0.1 * np.arange(1, 7) * random.uniform(0.8, 1.2, 6),
+        )
         a *= size * REACH[j] / np.abs(a).sum()
         for k in range(6):
-            w, phase = 2 * np.pi * (k + 1) / 10.0, random.uniform(0, 2 * np.pi)
+            w, phase = 2 * np.pi * tones[k], random.uniform(0, 2 * np.pi)
             q[:, j] += a[k] * np.sin(w * t + phase)
             dq[:, j] += a[k] * w * np.cos(w * t + phase)
             ddq[:, j] -= a[k] * w**2 * np.sin(w * t + phase)

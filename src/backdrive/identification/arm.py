@@ -107,10 +107,12 @@ def identify_arm(
     if np.any(loaded & ~found):  # what cannot be told from zero is left out, and the rest fitted again
         loaded &= found
         solution = solve_arm(rows, robot, terms, refill, loaded)
-    theta, can_be = standard_parameters(robot, solution.beta, spread_of(robot))
+    theta, distance = standard_parameters(robot, solution.beta, spread_of(robot), solution.bodies)
+    if 0.0 < distance <= 1.0:
+        solution = solution.with_bodies(robot.base.relation @ theta)
     arm = ArmModel(urdf_sha256=robot.sha256, parameters=tuple(theta.tolist()), condition=solution.condition)
     warnings = remarks(robot, terms, rows, solution)
-    warnings[0] += impossible(can_be)
+    warnings[0] += impossible(distance)
     order = [robot.joints.index(name) for name in logs[0].names if name in robot.joints]
     about = {joint.name: joint for joint in logs[0].joints}
     frictions = [

@@ -10,7 +10,7 @@ average.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -43,6 +43,8 @@ class Solution:
             J arrays (2 k + 3,).
         told: share of each base parameter's prior variance that the data took away [-], (b,).
         condition: of the rigid-body columns at unit length [-].
+        bodies: covariance of the base parameters, (b, b).
+        shared: covariance of each joint's own coefficients with them, J arrays (2 k + 3, b).
     """
 
     beta: np.ndarray
@@ -52,6 +54,18 @@ class Solution:
     pushed: list[np.ndarray]
     told: np.ndarray
     condition: float
+    bodies: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    shared: list[np.ndarray] = field(default_factory=list)
+
+    def with_bodies(self, beta: np.ndarray) -> Solution:
+        """Return what is to be expected if the base parameters are these, (b,), bounds being kept."""
+        change = np.linalg.solve(self.bodies, beta - self.beta)
+        own = []
+        for before, shared in zip(self.own, self.shared):
+            after = np.maximum(before + shared @ change, np.minimum(before, 0.0))
+            after[-3] = before[-3] + shared[-3] @ change
+            own.append(after)
+        return replace(self, beta=beta, own=own)
 
 
 def spread_of(robot: Robot) -> np.ndarray:
@@ -103,7 +117,7 @@ def solve_arm(
         if any(loaded):
             refill(x[:b])
     grams = [_normal(rows, first, rows.weight * huber / noise**2, start, only=j)[0] for j in range(J)]
-    swell = [_inflation(error[:, j] * huber[:, j] * rows.weight[:, j], rows.rate) for j in range(J)]
+    swell = [correlated(error[:, j] * huber[:, j] * rows.weight[:, j], rows.rate) for j in range(J)]
     free = (x > low) & (x < high)
     gram, scores = np.sum(grams, axis=0), np.tensordot(swell, grams, axes=1)
     pick, covariance = np.ix_(free, free), np.zeros_like(gram)  # zero for those at a bound
@@ -121,6 +135,8 @@ def solve_arm(
         pushed=[pushed[first[j] : first[j + 1]] for j in range(J)],
         told=1.0 - np.diag(covariance)[:b] / prior,
         condition=regression.condition(gram[:b, :b]),
+        bodies=covariance[:b, :b],
+        shared=[covariance[first[j] : first[j + 1], :b] for j in range(J)],
     )
 
 
@@ -254,7 +270,7 @@ def _let_go(
     return errors, pushed
 
 
-def _inflation(error: np.ndarray, rate: float) -> float:
+def correlated(error: np.ndarray, rate: float) -> float:
     """Return how many correlated residuals count as one independent (Bartlett window), at least 1."""
     width = min(max(int(MEMORY * rate), 1), error.size - 1) + 1
     power = float(error @ error)
