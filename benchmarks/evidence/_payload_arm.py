@@ -150,7 +150,7 @@ def friction(m, dm, load, truth: Truth) -> np.ndarray:
     """Return Dahl's friction whose level falls with speed and grows with the load, (n, J)."""
     level = COULOMB * truth.coulomb * (1 + 0.25 * np.exp(-((np.abs(dm) / 0.08) ** 1.4)))
     level = level + truth.growth * np.abs(load)
-    reach = 2e-3  # rad
+    reach = 4e-4  # rad: 10 N.m by 25 kN.m/rad
     out = np.empty_like(m)
     z = np.zeros(JOINTS)
     dx = np.diff(m, axis=0, prepend=m[:1])

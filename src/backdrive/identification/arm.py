@@ -110,7 +110,12 @@ def identify_arm(
     theta, distance = standard_parameters(robot, solution.beta, spread_of(robot), solution.bodies)
     if 0.0 < distance <= 1.0:
         solution = solution.with_bodies(robot.base.relation @ theta)
-    arm = ArmModel(urdf_sha256=robot.sha256, parameters=tuple(theta.tolist()), condition=solution.condition)
+    arm = ArmModel(
+        urdf_sha256=robot.sha256,
+        parameters=tuple(theta.tolist()),
+        condition=solution.condition,
+        covariance=tuple(map(tuple, (0.5 * (solution.level + solution.level.T)).tolist())),
+    )
     warnings = remarks(robot, terms, rows, solution)
     warnings[0] += impossible(distance)
     order = [robot.joints.index(name) for name in logs[0].names if name in robot.joints]

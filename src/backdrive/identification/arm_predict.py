@@ -33,7 +33,7 @@ def predict_arm(model: FrictionModel, log: Log, urdf: str | Path | Robot) -> np.
     Raises:
         InvalidInput: the model is not of an arm, or belongs to another description.
     """
-    arm, robot = _arm_of(model, urdf)
+    arm, robot = arm_of(model, urdf)
     frictions = [model.joint(name) for name in robot.joints]
     torque = np.full((len(log), len(robot.joints)), np.nan)
     for s in prepare_arm(log, robot):
@@ -58,7 +58,7 @@ def validate_arm(
     Raises:
         InvalidInput: the model is not of an arm, or belongs to another description.
     """
-    arm, robot = _arm_of(model, urdf)
+    arm, robot = arm_of(model, urdf)
     frictions = [model.joint(name) for name in robot.joints]
     stretches = hold_out_all([s for log in logs for s in prepare_arm(log, robot)])
     everything = [(s, *torque_parts(s, robot, arm, frictions)) for s in stretches]
@@ -74,7 +74,12 @@ def validate_arm(
     return qualities
 
 
-def _arm_of(model: FrictionModel, urdf: str | Path | Robot) -> tuple[ArmModel, Robot]:
+def arm_of(model: FrictionModel, urdf: str | Path | Robot) -> tuple[ArmModel, Robot]:
+    """Return the rigid bodies of a model and the robot that they are of.
+
+    Raises:
+        InvalidInput: the model is not of an arm, or belongs to another description.
+    """
     if model.arm is None:
         raise InvalidInput(
             "This model is not of a whole arm.", remedy="Identify with --method arm --urdf ROBOT."

@@ -45,6 +45,7 @@ class Solution:
         condition: of the rigid-body columns at unit length [-].
         bodies: covariance of the base parameters, (b, b).
         shared: covariance of each joint's own coefficients with them, J arrays (2 k + 3, b).
+        level: covariance of the base parameters and, after them, of the joints' offsets, (b + J, b + J).
     """
 
     beta: np.ndarray
@@ -56,6 +57,7 @@ class Solution:
     condition: float
     bodies: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
     shared: list[np.ndarray] = field(default_factory=list)
+    level: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
 
     def with_bodies(self, beta: np.ndarray) -> Solution:
         """Return what is to be expected if the base parameters are these, (b,), bounds being kept."""
@@ -127,6 +129,7 @@ def solve_arm(
     loose, pushed = _let_go(gram + held, np.sum(moments, axis=0) - held @ (x - start), scores, free)
     errors = np.where(free, np.sqrt(np.maximum(np.diag(covariance), 0.0)), loose)
     prior = np.diag(np.linalg.inv(precision[:b, :b]))
+    offsets = np.r_[:b, first[1:] - 3]
     return Solution(
         beta=x[:b],
         own=[x[first[j] : first[j + 1]] for j in range(J)],
@@ -137,6 +140,7 @@ def solve_arm(
         condition=regression.condition(gram[:b, :b]),
         bodies=covariance[:b, :b],
         shared=[covariance[first[j] : first[j + 1], :b] for j in range(J)],
+        level=covariance[np.ix_(offsets, offsets)],
     )
 
 
