@@ -1,7 +1,7 @@
 """Which gains of an arm's drives a payload shows: each, where its mass is known; their ratios, where it is not.
 
-A gain is what the log's torque must be divided by. With an unknown mass, all gains and the mass may grow together: only ratios to the
-mean of several joints can be told, of three joints or more, since of two that differ nobody knows which one is off.
+A gain is what the log's torque must be divided by. With an unknown mass, all gains and the mass may grow together: only ratios can
+be told, to what most of three joints or more agree on, since of two that differ nobody knows which one is off.
 """
 
 from __future__ import annotations
@@ -53,11 +53,17 @@ def absolute_gains(joints: Sequence[str], fit: PayloadFit) -> Gains:
     J = len(joints)
     error = np.sqrt(np.diag(fit.covariance)[-J:])
     told = NORMAL * error < CLAIMED
-    gains = {n: Gain(value=1.0 + float(fit.gains[j]), error=float(error[j])) for j, n in enumerate(joints) if told[j]}
+    gains = {
+        n: Gain(value=1.0 + float(fit.gains[j]), error=float(error[j]))
+        for j, n in enumerate(joints)
+        if told[j]
+    }
     open_ = [n for n, known in zip(joints, told) if not known]
     remarks = _remarks(gains, "the known mass")
     if open_:
-        remarks.append(f"The known mass does not show the gain of {', '.join(open_)} to {100 * CLAIMED:.0f} %.")
+        remarks.append(
+            f"The known mass does not show the gain of {', '.join(open_)} to {100 * CLAIMED:.0f} %."
+        )
     return Gains(kind="absolute" if gains else "none", by_joint=gains, remarks=tuple(remarks))
 
 
@@ -82,14 +88,11 @@ def gain_ratios(joints: Sequence[str], fit: PayloadFit) -> Gains:
             ),
         )
     value = 1.0 + fit.gains[kept]
-    middle = float(np.median(value))  # of which most are, if one is off
-    weight = np.eye(len(kept)) - np.outer(np.ones(len(kept)), np.abs(value - middle) <= 0.5 * CLAIMED) / max(
-        int(np.sum(np.abs(value - middle) <= 0.5 * CLAIMED)), 1
-    )
+    alike = np.abs(value - np.median(value)) <= 0.5 * CLAIMED  # the most of them, if one is off
+    middle = float(value[alike].mean()) if alike.any() else float(np.median(value))
+    weight = np.eye(len(kept)) - alike / max(np.count_nonzero(alike), 1)
     error = np.sqrt(np.maximum(np.diag(weight @ covariance[np.ix_(kept, kept)] @ weight.T), 0.0)) / middle
-    gains = {
-        joints[j]: Gain(value=float(v / middle), error=float(e)) for j, v, e in zip(kept, value, error)
-    }
+    gains = {joints[j]: Gain(value=float(v / middle), error=float(e)) for j, v, e in zip(kept, value, error)}
     remarks = _remarks(gains, "the others")
     remarks.append(
         "The gains are ratios between joints: a factor that all have in common goes with the mass, and only a known mass tells it."

@@ -28,7 +28,10 @@ from backdrive.robot import Robot
 GAIN_ERROR = 0.05  # standard deviation of a drive's gain: torque constants are told to 10 % [-]
 OPEN = 0.3  # of a gain that is sought [-]
 TOLD = 0.8  # share of what was expected of the inertia that the data must take away, to state it [-]
-FOREIGN = (3.0, 0.2)  # a residual so many times the model's, and above this share of the torque, is another robot's
+FOREIGN = (
+    3.0,
+    0.2,
+)  # a residual so many times the model's, and above this share of the torque, is another robot's
 SLIGHT = 3.0  # standard errors below which a mass is not told from none
 
 
@@ -179,7 +182,7 @@ def _known(mass: float | None, at: Sequence[float] | None, gain_error: float | N
 def _frame(robot: Robot, name: str | None) -> tuple[str, np.ndarray, int]:
     """Return a frame's name, its place in the link that carries it, (4, 4), and which that is."""
     carried = [(n, robot.model.frames[robot.frame(n)]) for n in robot.frames]
-    by_link = [(n, f, getattr(f, "parentJoint", None) or getattr(f, "parent", 0)) for n, f in carried]
+    by_link = [(n, f, f.parentJoint if hasattr(f, "parentJoint") else f.parent) for n, f in carried]
     if name is None:
         last = [n for n, _, joint in by_link if joint == len(robot.joints)]
         name = last[-1] if last else robot.frames[-1]

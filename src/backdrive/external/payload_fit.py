@@ -2,12 +2,12 @@
 
     tau_j = (1 + e_j) Y_j (beta + B phi) + own_j        of a log with the payload, and with phi = 0 of one without
 
-Y_j are the base columns of the rigid bodies, beta the unloaded arm's base parameters, phi the payload's ten inertial ones in its frame,
-B what they add to beta, e_j the error of a drive's gain. `own` is what `identify` found of the joint, in the drive's own unit, free
-to have changed as friction does from day to day: offset, motor inertia, level of the curve, its sign, a viscous part, growth with the
-load. Without an unloaded log, beta has the covariance that the model states, and the gains scale the payload's part alone: the model
-was identified through the same gains. Products of unknowns are met by Gauss and Newton's steps; standard errors are long-run ones
-(Newey and West), as residuals are correlated.
+Y_j are the base columns of the rigid bodies, beta the unloaded arm's base parameters, phi the payload's ten inertial ones in its
+frame, B what they add to beta, e_j the error of a drive's gain. `own` is what `identify` found of the joint, in the drive's own
+unit, free to have changed as friction does from day to day: offset, motor inertia, level of the curve, its sign, a viscous part,
+growth with the load. Without an unloaded log, beta has the covariance that the model states, and the gains scale the payload's part
+alone: the model was identified through the same gains. Where gains are sought, products of unknowns are met by Gauss and Newton's
+steps; elsewhere their error is carried through. Residuals are correlated: standard errors are long-run ones (Newey and West).
 """
 
 from __future__ import annotations
@@ -189,7 +189,9 @@ class PayloadProblem:
         covariance = _sandwich(gram, meat, np.arange(x.size)) if known.seek else exact.copy()
         if not known.seek:  # what an error of the gains does to all others
             follow = np.zeros((x.size, J))
-            follow[fixed] = -regression.inverted(gram[np.ix_(fixed, fixed)], 1e-15) @ gram[np.ix_(fixed, gain)]
+            follow[fixed] = (
+                -regression.inverted(gram[np.ix_(fixed, fixed)], 1e-15) @ gram[np.ix_(fixed, gain)]
+            )
             follow[gain] = np.eye(J)
             covariance += known.gain_error**2 * follow @ follow.T
         both = np.r_[phi, gain]
