@@ -15,6 +15,7 @@ import numpy as np
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification import curves
 from backdrive.identification.arm_checks import impossible, refuse_inverted, remarks
+from backdrive.identification.arm_coupling import guess_coupling
 from backdrive.identification.arm_physical import standard_parameters
 from backdrive.identification.arm_predict import assess_joint, predict_arm, torque_parts, validate_arm
 from backdrive.identification.arm_signals import (
@@ -118,6 +119,9 @@ def identify_arm(
     )
     warnings = remarks(robot, terms, rows, solution)
     warnings[0] += impossible(distance)
+    guess = guess_coupling(rows, seen, terms, solution)
+    if guess is not None:
+        warnings[guess.motor] += (guess.sentence(robot.joints),)
     order = [robot.joints.index(name) for name in logs[0].names if name in robot.joints]
     about = {joint.name: joint for joint in logs[0].joints}
     frictions = [

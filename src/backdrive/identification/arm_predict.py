@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.identification.arm_signals import ArmSignals, hold_out_all, prepare_arm
+from backdrive.identification.arm_signals import ArmSignals, hold_out_all, in_order, prepare_arm
 from backdrive.identification.arm_terms import Regressor
 from backdrive.identification.quality import judge
 from backdrive.logs.log import Log
@@ -36,8 +36,10 @@ def predict_arm(model: FrictionModel, log: Log, urdf: str | Path | Robot) -> np.
     arm, robot = arm_of(model, urdf)
     frictions = [model.joint(name) for name in robot.joints]
     torque = np.full((len(log), len(robot.joints)), np.nan)
-    for s in prepare_arm(log, robot):
+    for s in prepare_arm(log, robot, coupling=coupling_of_model(model, robot)):
         predicted, _ = torque_parts(s, robot, arm, frictions)
+        if s.coupling is not None:
+            predicted = predicted @ np.linalg.inv(s.coupling)
         inside = (log.time >= s.time[0]) & (log.time <= s.time[-1] + 1.0 / s.rate)
         for j in range(len(robot.joints)):
             torque[inside, j] = np.interp(log.time[inside], s.time, predicted[:, j])
@@ -60,7 +62,8 @@ def validate_arm(
     """
     arm, robot = arm_of(model, urdf)
     frictions = [model.joint(name) for name in robot.joints]
-    stretches = hold_out_all([s for log in logs for s in prepare_arm(log, robot)])
+    coupling = coupling_of_model(model, robot)
+    stretches = hold_out_all([s for log in logs for s in prepare_arm(log, robot, coupling=coupling)])
     everything = [(s, *torque_parts(s, robot, arm, frictions)) for s in stretches]
     qualities = {}
     for name in model.names:
@@ -89,12 +92,20 @@ def arm_of(model: FrictionModel, urdf: str | Path | Robot) -> tuple[ArmModel, Ro
     return model.arm, robot
 
 
+def coupling_of_model(model: FrictionModel, robot: Robot) -> np.ndarray | None:
+    """Return C of q_joint = C q_motor that the model holds, in the robot's order, (J, J), or None."""
+    if model.coupling is None:
+        return None
+    return in_order(model.coupling, model.coupled or model.names, robot.joints)
+
+
 def torque_parts(
     s: ArmSignals, robot: Robot, arm: ArmModel, frictions: Sequence[JointFriction]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the predicted torque along a stretch, and its part that is not the friction curve, each (n, J).
 
-    The load that a joint carries is what moves and holds the bodies: what friction grows by with it is not of the curve.
+    They are of the motors, where these drive several joints. The load that a joint carries is what moves and holds the bodies: what
+    friction grows by with it is not of the curve.
     """
     bodies = Regressor(robot, [s]).bodies(0, robot.base.relation @ np.array(arm.parameters))
     rest, curve = np.empty_like(bodies), np.empty_like(bodies)
