@@ -32,7 +32,7 @@ COMMON = {
 
 #: Of a motion of a whole arm.
 ARM = (
-    *("purpose", "around", "box", "limit", "packages", "floor", "clearance", "margin", "duration", "noise"),
+    *("purpose", "around", "box", "limit", "packages", "floor", "clearance", "reserve", "duration", "noise"),
     *("frame", "seed", "velocity_limit", "acceleration_limit", "torque_limit", "friction"),
 )
 

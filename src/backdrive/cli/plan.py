@@ -126,7 +126,7 @@ def command(
     clearance: Annotated[
         float | None, _option("Distance that links keep from each other [m].  [default: 0.02]")
     ] = None,
-    margin: Annotated[
+    reserve: Annotated[
         float | None, _option("Share of every limit that the arm leaves unused.  [default: 0.05]")
     ] = None,
     duration: Annotated[float | None, _option("Of the arm's motion [s].  [default: 60]")] = None,
