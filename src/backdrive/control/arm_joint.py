@@ -1,0 +1,95 @@
+"""What runs on one joint of an arm and on the motor that drives it, and within which limits."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+from backdrive.control.admittance import Admittance
+from backdrive.control.joint_loop import JointLoop
+from backdrive.errors import InvalidInput
+from backdrive.parameters import NOT_NEGATIVE, Bound, Bounded
+from backdrive.plans.limits import JointLimits
+
+MARGIN = {"rad": 0.15, "m": 0.05}  # depth of a wall where nobody gives one
+NARROW = 0.1  # share of the range that it takes at most
+DAMPING = 1.0  # damping ratio of a joint against its wall
+EFFORT = Bound(1e-6, 1e5, "N.m or N")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmJoint(Bounded):
+    """What runs on one joint, within which limits.
+
+    Where motors are coupled, `loop`, `effort` of the limits, `inertia` and `gravity` are those of the motor of the same number, the
+    rest of the joint.
+
+    Attributes:
+        loop: compensation of friction within its own limits.
+        limits: range of the joint, and the largest torque (`effort`) of everything together.
+        inertia: that the motor adds to the rigid bodies [kg.m^2 or kg].
+        admittance: virtual mass that the estimated external torque moves; None: the joint is guided.
+        threshold: external torque that does not move the virtual mass [N.m or N].
+        margin: depth of the soft walls before the ends of the range [rad or m]; None: 0.15 rad or 0.05 m, at most a tenth of the
+            range.
+        gravity: largest torque against gravity [N.m or N]; None: a quarter more than the arm weighs in any posture.
+        wall: largest torque of walls and admittance [N.m or N]; None: what the effort leaves.
+
+    Raises:
+        InvalidInput: a number is no number or outside, there is no finite effort, or the walls take more than the range.
+    """
+
+    BOUNDS: ClassVar = dict.fromkeys(("inertia", "threshold", "margin", "gravity", "wall"), NOT_NEGATIVE)
+
+    loop: JointLoop
+    limits: JointLimits
+    inertia: float = 0.0
+    admittance: Admittance | None = None
+    threshold: float = 0.0
+    margin: float | None = None
+    gravity: float | None = None
+    wall: float | None = None
+
+    def __post_init__(self):
+        super().__post_init__()
+        if not EFFORT.holds(self.limits.effort):
+            raise InvalidInput(
+                f"Joint '{self.limits.name}': the largest torque of the motor is {self.limits.effort:g}.",
+                remedy=f"Give `JointLimits(effort=...)`, a number {EFFORT} {EFFORT.unit}.",
+            )
+        if 2.0 * self.depth >= self.limits.upper - self.limits.lower:
+            raise InvalidInput(
+                f"Joint '{self.limits.name}': walls of {self.depth:g} {self.limits.unit} leave nothing of the range from "
+                f"{self.limits.lower:g} to {self.limits.upper:g}.",
+                remedy="Give a smaller `margin`.",
+            )
+
+    @property
+    def depth(self) -> float:
+        """Depth of the walls [rad or m]."""
+        if self.margin is not None:
+            return self.margin
+        usual = MARGIN[self.limits.unit]
+        size = self.limits.upper - self.limits.lower
+        return min(usual, NARROW * size) if math.isfinite(size) else usual
+
+    def drive_limit(self, gravity: float) -> float:
+        """Return the largest torque of walls and admittance.
+
+        Args:
+            gravity: largest torque against gravity [N.m or N].
+
+        Raises:
+            InvalidInput: it is not more than the compensation may give, so that no wall could hold.
+        """
+        left = self.limits.effort - gravity - self.loop.limit
+        limit = left if self.wall is None else self.wall
+        bounded = math.isfinite(self.limits.lower) or math.isfinite(self.limits.upper)
+        if limit < 0.0 or (bounded and limit <= self.loop.limit):
+            raise InvalidInput(
+                f"Joint '{self.limits.name}': of {self.limits.effort:g} N.m or N, gravity takes up to {gravity:.4g} and the "
+                f"compensation of friction {self.loop.limit:.4g}; the {limit:.4g} of the walls would not hold against that.",
+                remedy="Give a smaller limit of compensation, or walls (`wall`) that are stronger.",
+            )
+        return limit

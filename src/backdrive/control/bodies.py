@@ -1,0 +1,82 @@
+"""Rigid bodies at one posture a tick: what an arm weighs, what its motion asks for, and its inertia matrix, by pinocchio."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+from backdrive.robot import PER_LINK, Robot, require_pinocchio
+
+
+class Bodies:
+    """A robot's rigid bodies in a loop: nothing is checked, and positions have to be finite.
+
+    Attributes:
+        weight: g(q) [N.m or N], (J,).
+        bias: h(q, dq) + g(q) [N.m or N], (J,).
+    """
+
+    def __init__(self, robot: Robot, parameters: Sequence[float] | None = None):
+        """Take a robot's model for its own.
+
+        Args:
+            robot: the description.
+            parameters: standard inertial parameters as they were identified [kg, kg.m, kg.m^2]; None: the description's, (10 J,).
+
+        Raises:
+            InvalidInput: there are more or fewer parameters, or with them a posture has no finite torque.
+        """
+        pin = require_pinocchio()
+        self._model = robot.model.copy()
+        J = len(robot.joints)
+        if parameters is not None:
+            theta = np.asarray(parameters, dtype=np.float64)
+            if theta.shape != (PER_LINK * J,):
+                raise InvalidInput(
+                    f"{theta.size} rigid-body parameters for the {J} joints of {robot.name}.",
+                    remedy=f"Give {PER_LINK} a joint, as `FrictionModel.arm` has them.",
+                )
+            for i, row in enumerate(theta.reshape(J, PER_LINK), start=1):
+                self._model.inertias[i] = _inertia(pin, row)
+        self._data = self._model.createData()
+        self._gravity, self._bias = pin.computeGeneralizedGravity, pin.nonLinearEffects
+        self.weight = self.bias = np.zeros(J)
+        self.update(np.zeros(J), np.zeros(J))
+        if not np.all(np.isfinite(self.bias + self.weight)):
+            raise InvalidInput(
+                f"With these parameters the torque of {robot.name} is not finite.",
+                remedy="Identify it again.",
+            )
+
+    def update(self, q: np.ndarray, dq: np.ndarray) -> None:
+        """Compute everything at a posture.
+
+        Args:
+            q: positions of the joints [rad or m], (J,).
+            dq: velocities of the joints [rad/s or m/s], (J,).
+        """
+        self.weight = self._gravity(self._model, self._data, q)
+        self.bias = self._bias(self._model, self._data, q, dq)
+
+    def extremes(self, postures: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return gravity over postures [N.m or N], (n, J), and the largest inertia of each joint [kg.m^2 or kg], (J,).
+
+        Args:
+            postures: positions of the joints [rad or m], (n, J).
+        """
+        pin, rest = require_pinocchio(), np.zeros(postures.shape[1])
+        weights, largest = np.zeros(postures.shape), rest.copy()
+        for k, q in enumerate(postures):
+            self.update(q, rest)
+            weights[k] = self.weight
+            largest = np.maximum(largest, np.diag(pin.crba(self._model, self._data, q)))
+        return weights, largest
+
+
+def _inertia(pin, row: np.ndarray):
+    """Return a link's inertia from its ten parameters; a link without mass has none."""
+    if row[0] == 0.0:
+        return pin.Inertia.Zero()
+    return pin.Inertia.FromDynamicParameters(row)
