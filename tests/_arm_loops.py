@@ -30,7 +30,7 @@ def arm_joints(share=0.8, limits=(-2.5, 2.5), **changes):
             encoder_count=own.encoder_count,
         )
         ends = JointLimits(name=own.name, lower=limits[0], upper=limits[1], effort=own.torque_limit)
-        joints[own.name] = ArmJoint(loop=loop, limits=ends, **changes)
+        joints[own.name] = ArmJoint(loop=loop, limits=ends, inertia=own.motor_inertia, **changes)
     return joints
 
 

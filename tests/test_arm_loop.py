@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -243,7 +244,7 @@ def test_a_hand_that_pushes_on_stays_before_the_end_of_the_range():
     free = JointLimits(name="other", effort=200.0)
     for name in ("joint_1", "joint_2", "joint_3", "joint_4", "joint_5"):
         own = joints[name]
-        joints[name] = ArmJoint(loop=own.loop, limits=free.overridden(effort=own.limits.effort))
+        joints[name] = replace(own, limits=free.overridden(effort=own.limits.effort), margin=None)
     loop = ArmLoop(six_axis(), joints, interval=T)
     record = guide_whole(
         arm, path[:n], velocity[:n], hand=Hand(stiffness=400, damping=30), loop=loop,
@@ -261,9 +262,8 @@ def test_a_virtual_mass_follows_the_hand_and_rests_without_one():
     joints = arm_joints()
     for name, own in joints.items():
         M, F = own.loop.external.inertia, max(own.loop.compensator.friction.law.coulomb())
-        joints[name] = ArmJoint(
-            loop=own.loop, limits=own.limits, threshold=0.2 * F,
-            admittance=Admittance(
+        joints[name] = replace(
+            own, threshold=0.2 * F, admittance=Admittance(
                 inertia=M, viscosity=0.5 * F, proportional=1600.0 * M, derivative=56.0 * M, limit=40.0
             ),
         )  # fmt: skip
@@ -314,7 +314,7 @@ def test_what_could_not_hold_is_refused_by_name():
     with pytest.raises(InvalidInput, match="margin"):
         ArmJoint(loop=own.loop, limits=own.limits, margin=np.nan)
     weak = arm_joints()
-    weak["joint_1"] = ArmJoint(loop=own.loop, limits=own.limits.overridden(effort=50.0))
+    weak["joint_1"] = replace(own, limits=own.limits.overridden(effort=50.0))
     with pytest.raises(InvalidInput, match="joint_1.*would not hold"):
         ArmLoop(six_axis(), weak, interval=T)
     with pytest.raises(InvalidInput, match="rigid-body parameters"):

@@ -15,6 +15,8 @@ from backdrive.plans.limits import JointLimits
 MARGIN = {"rad": 0.15, "m": 0.05}  # depth of a wall where nobody gives one
 NARROW = 0.1  # share of the range that it takes at most
 DAMPING = 1.0  # damping ratio of a joint against its wall
+STIFFEST = 50.0  # angular frequency of a joint on its wall, at most [rad/s]
+SAMPLED = 0.06  # the same, times the period [-]
 EFFORT = Bound(1e-6, 1e5, "N.m or N")
 
 
@@ -74,22 +76,35 @@ class ArmJoint(Bounded):
         size = self.limits.upper - self.limits.lower
         return min(usual, NARROW * size) if math.isfinite(size) else usual
 
-    def drive_limit(self, gravity: float) -> float:
-        """Return the largest torque of walls and admittance.
+    def walls(
+        self, gravity: float, inertia: tuple[float, float], interval: float
+    ) -> tuple[float, float, float]:
+        """Return the largest torque of walls and admittance, and stiffness and lead time of the walls.
+
+        A wall is as stiff as its torque and depth make it, and no stiffer than a sampled spring may be against the least inertia.
 
         Args:
             gravity: largest torque against gravity [N.m or N].
+            inertia: least and largest of the joint with its motor [kg.m^2 or kg].
+            interval: period [s].
+
+        Returns:
+            Limit [N.m or N], stiffness [N.m/rad or N/m], lead time [s].
 
         Raises:
-            InvalidInput: it is not more than the compensation may give, so that no wall could hold.
+            InvalidInput: at the end of the range a wall has not more than the compensation may give, so that it could not hold.
         """
         left = self.limits.effort - gravity - self.loop.limit
         limit = left if self.wall is None else self.wall
+        fastest = min(STIFFEST, SAMPLED / interval)
+        stiffness = min(max(limit, 0.0) / max(self.depth, 1e-9), inertia[0] * fastest**2)
         bounded = math.isfinite(self.limits.lower) or math.isfinite(self.limits.upper)
-        if limit < 0.0 or (bounded and limit <= self.loop.limit):
+        if limit < 0.0 or (bounded and stiffness * self.depth <= self.loop.limit):
             raise InvalidInput(
                 f"Joint '{self.limits.name}': of {self.limits.effort:g} N.m or N, gravity takes up to {gravity:.4g} and the "
-                f"compensation of friction {self.loop.limit:.4g}; the {limit:.4g} of the walls would not hold against that.",
-                remedy="Give a smaller limit of compensation, or walls (`wall`) that are stronger.",
+                f"compensation of friction {self.loop.limit:.4g}; walls of {max(stiffness * self.depth, 0.0):.4g} would not hold against "
+                "that.",
+                remedy="Give a smaller limit of compensation, or walls that are stronger (`wall`) or deeper (`margin`), or say the motor's `inertia`.",
             )
-        return limit
+        lead = 2.0 * DAMPING * math.sqrt(inertia[1] / stiffness) if stiffness > 0.0 else 0.0
+        return limit, stiffness, lead

@@ -41,7 +41,7 @@ from backdrive.status import Status
 
 OK, NOT_FINITE = int(Status.OK), int(Status.NOT_FINITE)
 SATURATED, OVERSPEED = int(Status.SATURATED), int(Status.OVERSPEED)
-VELOCITY = 5e-3  # time constant of the velocity that walls and Coriolis torque see [s]
+VELOCITY = 3e-3  # time constant of the velocity that walls and Coriolis torque see [s]
 HASTE = 0.02  # in which gravity that drives a runaway is let go [s]
 
 (

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,11 +20,13 @@ from backdrive.control import arm_kernel as kernel
 from backdrive.control import arm_rows, guard
 from backdrive.control.admittance import ROW, STATES
 from backdrive.control.arm_joint import ArmJoint
+from backdrive.control.arm_of_model import joints_of
 from backdrive.control.bodies import Bodies
 from backdrive.control.loop import Loop, Row
 from backdrive.control.table import APPLIED, CALLS, CAUSE, TORQUE
 from backdrive.errors import InvalidInput
 from backdrive.logs.joint import check_coupling
+from backdrive.model import FrictionModel
 from backdrive.parameters import Bound, array, check
 from backdrive.robot import Robot
 from backdrive.status import STATUSES, Status
@@ -85,9 +88,10 @@ class ArmLoop:
         self._loop = Loop([joint.loop for joint in self.joints.values()], interval=interval)
         self.interval = self._loop.interval
         self._bodies = Bodies(robot, parameters)
+        each = list(self.joints.values())
         settings = {kernel.RISE: rise, kernel.BRAKE: brake, kernel.TOGETHER: float(together)}
-        self._rows = arm_rows.limits(list(self.joints.values()), self._bodies, self.coupling, settings)
-        self._begin = arm_rows.output_stage(list(self.joints.values()), self._rows, self.interval)
+        self._rows = arm_rows.limits(each, self._bodies, self.coupling, self.interval, settings)
+        self._begin = arm_rows.output_stage(each, self._rows, self.interval)
         self._table, self._stage = self._rows.copy(), self._begin.copy()
         followers = [joint.admittance for joint in self.joints.values()]
         rows = np.array([np.zeros(ROW) if a is None else a.row() for a in followers])
@@ -105,6 +109,39 @@ class ArmLoop:
         self.update(np.zeros(J), np.zeros(J))
         self.reset(np.zeros(J))
         g[CALLS] = 0.0
+
+    @classmethod
+    def from_model(
+        cls,
+        model: FrictionModel,
+        robot: Robot,
+        *,
+        interval: float,
+        changes: Mapping[str, Mapping[str, Any]] | None = None,
+        **options: Any,
+    ) -> ArmLoop:
+        """Return the loop of an identified arm: friction, offsets, motors' inertia, rigid bodies and coupling come along.
+
+        Args:
+            model: of a whole arm.
+            robot: its description, with limits of range, speed and torque.
+            interval: period [s].
+            changes: fields of `ArmJoint` by joint, such as its `admittance`.
+            **options: of `control.arm_of_model.joints_of`: `limits`, `share`, `dither`, `encoder_count`, `method`, `bandwidth`.
+
+        Raises:
+            InvalidInput: the model is not of an arm or not of this one, or a speed, a torque or a count is not known.
+        """
+        joints = joints_of(model, robot, **options)
+        for name, fields in (changes or {}).items():
+            if name not in joints:
+                raise InvalidInput(
+                    f"{robot.name} has no joint {name}.", remedy=f"It has {', '.join(joints)}."
+                )
+            joints[name] = replace(joints[name], **fields)
+        assert model.arm is not None
+        parameters, coupling = model.arm.parameters, model.coupling
+        return cls(robot, joints, interval=interval, parameters=parameters, coupling=coupling)
 
     torque = Row(kernel.TOTAL, writeable=False)
     gravity = Row(kernel.GRAVITY, writeable=False)

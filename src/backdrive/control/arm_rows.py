@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from backdrive.control import arm_kernel as kernel
-from backdrive.control.arm_joint import DAMPING, ArmJoint
+from backdrive.control.arm_joint import ArmJoint
 from backdrive.control.bodies import Bodies
 from backdrive.control.joint_loop import LATCH_TIME
 from backdrive.control.table import FADE, LATCHING, LIMIT, NOMINAL, PATIENCE, RAMP, RATE, TABLE, TOP
@@ -19,7 +19,11 @@ BRISK = 0.05  # in which walls and admittance go from zero to their limit [s]
 
 
 def limits(
-    joints: Sequence[ArmJoint], bodies: Bodies, coupling: np.ndarray, settings: Mapping[int, float]
+    joints: Sequence[ArmJoint],
+    bodies: Bodies,
+    coupling: np.ndarray,
+    interval: float,
+    settings: Mapping[int, float],
 ) -> np.ndarray:
     """Return the arm's table for `arm_kernel.tick`, at rest at zero, (ROWS, J).
 
@@ -27,6 +31,7 @@ def limits(
         joints: what runs on each.
         bodies: what they weigh.
         coupling: C of q = C p, (J, J).
+        interval: period [s].
         settings: the same for all joints, by row.
 
     Raises:
@@ -38,17 +43,18 @@ def limits(
     lower = np.array([max(j.limits.lower, -np.pi) for j in joints])
     upper = np.array([min(j.limits.upper, np.pi) for j in joints])
     postures = np.random.default_rng(0).uniform(lower, upper, (POSTURES, len(joints)))
-    weights, inertia = bodies.extremes(postures)
+    weights, inertias = bodies.over(postures)
+    least, most = inertias.min(axis=0), inertias.max(axis=0)
     heaviest = np.abs(weights @ coupling).max(axis=0)
     for k, joint in enumerate(joints):
         weight = HEAVIER * float(heaviest[k]) if joint.gravity is None else joint.gravity
-        wall, depth = joint.drive_limit(weight), joint.depth
-        stiffness = wall / depth if depth > 0.0 else 0.0
+        inertia = (float(least[k]) + joint.inertia, float(most[k]) + joint.inertia)
+        wall, stiffness, lead = joint.walls(weight, inertia, interval)
+        depth = joint.depth
         table[kernel.EFFORT, k], table[kernel.WEIGHT, k] = joint.limits.effort, weight
         table[kernel.LOW, k], table[kernel.HIGH, k] = joint.limits.lower + depth, joint.limits.upper - depth
         table[kernel.WALL, k], table[kernel.STIFFNESS, k] = wall, stiffness
-        if stiffness > 0.0:
-            table[kernel.LEAD, k] = 2.0 * DAMPING * np.sqrt((inertia[k] + joint.inertia) / stiffness)
+        table[kernel.LEAD, k] = lead
         table[kernel.FOLLOWS, k] = float(joint.admittance is not None)
         table[kernel.DEAD, k], table[kernel.FASTEST, k] = joint.threshold, SLOWER * joint.loop.top_speed
     return table

@@ -60,19 +60,19 @@ class Bodies:
         self.weight = self._gravity(self._model, self._data, q)
         self.bias = self._bias(self._model, self._data, q, dq)
 
-    def extremes(self, postures: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return gravity over postures [N.m or N], (n, J), and the largest inertia of each joint [kg.m^2 or kg], (J,).
+    def over(self, postures: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return gravity [N.m or N] and each joint's own inertia [kg.m^2 or kg] over postures, (n, J) each.
 
         Args:
             postures: positions of the joints [rad or m], (n, J).
         """
         pin, rest = require_pinocchio(), np.zeros(postures.shape[1])
-        weights, largest = np.zeros(postures.shape), rest.copy()
+        weights, inertias = np.zeros(postures.shape), np.zeros(postures.shape)
         for k, q in enumerate(postures):
             self.update(q, rest)
             weights[k] = self.weight
-            largest = np.maximum(largest, np.diag(pin.crba(self._model, self._data, q)))
-        return weights, largest
+            inertias[k] = np.diag(pin.crba(self._model, self._data, q))
+        return weights, inertias
 
 
 def _inertia(pin, row: np.ndarray):

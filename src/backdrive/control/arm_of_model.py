@@ -1,0 +1,133 @@
+"""What runs on the joints of an arm, from its identified model and the robot's description."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from backdrive.control.arm_joint import ArmJoint
+from backdrive.control.bodies import Bodies
+from backdrive.control.compensators import Dither, alg_fc, nothing
+from backdrive.control.compensators.compensator import SHARE
+from backdrive.control.estimators.external import ExternalForce
+from backdrive.control.estimators.friction import FrictionEstimator
+from backdrive.control.estimators.of_model import BEND, at_rest, contact
+from backdrive.control.joint_loop import JointLoop, torque_limit
+from backdrive.errors import InvalidInput
+from backdrive.model import FrictionModel, JointFriction
+from backdrive.plans.limits import JointLimits
+from backdrive.robot import Robot
+
+SOFTER = 0.5  # stiffness of the compensator's contact by the model's own, which must not yield later [-]
+OPTIONS = {"velocity": "velocity=", "effort": "effort="}
+
+
+def joints_of(
+    model: FrictionModel,
+    robot: Robot,
+    *,
+    limits: Mapping[str, JointLimits] | None = None,
+    share: float = SHARE,
+    dither: Dither | None = None,
+    bend: float | None = None,
+    encoder_count: float | None = None,
+    method: str = "momentum",
+    bandwidth: float = 50.0,
+) -> dict[str, ArmJoint]:
+    """Return what runs on each joint of an identified arm: compensation, estimate and limits.
+
+    Args:
+        model: of a whole arm.
+        robot: its description, with limits of speed and torque.
+        limits: of joints by name, instead of the description's.
+        share: R, of the friction that is compensated; 0: nothing is [-].
+        dither: at rest; None: none.
+        bend: of the compensator's contact until it slides [rad or m]; None: twice that of the model's own, or 1 mrad, 0.1 mm.
+        encoder_count: step of the encoders [rad or m]; None: the model's.
+        method: of the estimate of the external torque.
+        bandwidth: of the estimate [1/s].
+
+    Raises:
+        InvalidInput: the model is not of an arm or not of this one, or a speed, a torque or a count is not known.
+    """
+    if model.arm is None:
+        raise InvalidInput(
+            "This model is not of a whole arm.", remedy="Identify with --method arm --urdf ROBOT."
+        )
+    if set(model.names) != set(robot.joints):
+        raise InvalidInput(
+            f"The model is of {', '.join(model.names)}, and {robot.name} has {', '.join(robot.joints)}.",
+            remedy="Take the description that the arm was identified with.",
+        )
+    inertias = _inertias(model, robot)
+    joints = {}
+    for k, name in enumerate(robot.joints):
+        friction = model.joint(name)
+        own = (limits or {}).get(name) or _range(robot, k)
+        count = _count(friction, encoder_count)
+        for what in ("velocity", "effort"):
+            if not math.isfinite(getattr(own, what)):
+                raise InvalidInput(
+                    f"Joint '{name}': nobody knows its largest {'speed' if what == 'velocity' else 'torque'}.",
+                    remedy=f"Give `limits` with `JointLimits({OPTIONS[what]}...)`, or write it into the description.",
+                )
+        value = {term: e.value for term, e in friction.dynamics.items()}
+        external = ExternalForce(
+            inertia=inertias[k] + value.get("inertia", 0.0),
+            friction=FrictionEstimator(law=contact(friction)),
+            method=method,
+            bandwidth=bandwidth,
+            offset=value.get("offset", 0.0),
+        )
+        compensator = nothing()
+        if share > 0.0:
+            compensator = alg_fc(friction.law, _stiffness(friction, count, bend), dither=dither, share=share)
+        loop = JointLoop(
+            compensator=compensator,
+            external=external,
+            limit=min(torque_limit(compensator, own.velocity), own.effort),
+            top_speed=own.velocity,
+            encoder_count=count,
+        )
+        joints[name] = ArmJoint(loop=loop, limits=own, inertia=value.get("inertia", 0.0))
+    return joints
+
+
+def _inertias(model: FrictionModel, robot: Robot) -> np.ndarray:
+    """Return the rigid bodies' inertia of each joint in the middle of the ranges [kg.m^2 or kg], (J,)."""
+    assert model.arm is not None
+    ranges = [_range(robot, k) for k in range(len(robot.joints))]
+    middle = [0.5 * (r.lower + r.upper) if math.isfinite(r.lower + r.upper) else 0.0 for r in ranges]
+    return Bodies(robot, model.arm.parameters).over(np.array([middle]))[1][0]
+
+
+def _range(robot: Robot, k: int) -> JointLimits:
+    """Return what the description allows a joint."""
+    limits = JointLimits(name=robot.joints[k], unit=robot.units[k])
+    if not robot.ranges:
+        return limits
+    own = robot.ranges[k]
+    return replace(limits, lower=own.lower, upper=own.upper, velocity=own.velocity, effort=own.effort)
+
+
+def _count(friction: JointFriction, count: float | None) -> float:
+    """Return the step of a joint's encoder [rad or m]."""
+    if count is not None:
+        return count
+    if friction.joint.encoder_counts is None:
+        raise InvalidInput(
+            f"Joint '{friction.joint.name}': the model has no encoder count.",
+            remedy="Give `encoder_count`, the step of the encoder in rad or m.",
+        )
+    return 1.0 / friction.joint.encoder_counts
+
+
+def _stiffness(friction: JointFriction, count: float, bend: float | None) -> float:
+    """Return the stiffness of the compensator's contact: half of the model's, or friction over a bend that few joints exceed."""
+    own = getattr(friction.law.element, "stiffness", None)
+    F = max(at_rest(friction.law), 1e-9)
+    K = SOFTER * own if isinstance(own, float) else F / BEND[friction.joint.unit]
+    return min(K if bend is None else F / bend, F / count)
