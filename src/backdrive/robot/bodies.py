@@ -157,6 +157,31 @@ class Robot:
             ranges=tuple(self.ranges[i] for i in keep) if self.ranges else (),
         )
 
+    def for_model(self, names: Sequence[str], sha256: str, parameters: int) -> Robot:
+        """Return the robot that a model of an arm describes: joints that the model lacks held.
+
+        Args:
+            names: of the model's joints.
+            sha256: of the description that it was identified with.
+            parameters: how many inertial parameters it holds.
+
+        Raises:
+            InvalidInput: the model belongs to another description, or to other joints.
+        """
+        robot = self.without_tools(names)
+        if robot.sha256 != sha256:
+            raise InvalidInput(
+                f"The model belongs to another robot description (sha256 {sha256[:12]}...).",
+                remedy="Pass the URDF or MJCF that it was identified with.",
+            )
+        robot.order_in(names)
+        if parameters != robot.parameters.size:
+            raise InvalidInput(
+                f"The model has {parameters} rigid-body parameters, the description {robot.parameters.size}.",
+                remedy="Identify again.",
+            )
+        return robot
+
     def regressor(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
         """Return Y with tau = Y theta.
 

@@ -131,6 +131,7 @@ def numbers_of(
     largest_R = rules.largest_share(1.0 - facts.friction[0])
     cycle = rules.limit_cycle(F * facts.friction[0], K_low, R / facts.friction[0])
     stuck = rules.stuck_dither(R, K, K_low)
+    creep = rules.creep_speed(F, K, alpha, R)
     quantum = rules.quantum(K, facts.count, alpha, T)
     dithering = 0.0 if sine is None else sine.share
     frequency = dither_frequency(facts, z) if sine is None else sine.frequency
@@ -169,7 +170,8 @@ def numbers_of(
             f"{rules.threshold_speed(F, K, alpha):.2g} {facts.unit}/s.",
             bound=f"Presliding, linear, sampled and delayed, has a spectral radius of {radius:.4f} at the ends of all intervals, "
             + ("below 1: stable" if radius < 1.0 else "not below 1: only the simulated check speaks for it")
-            + f" (Routh's test without sampling and delay says {'stable' if held else 'unstable'})."
+            + f" (Routh's test without sampling and delay says {'stable' if held else 'unstable'}). Unpushed, what leaks keeps up "
+            f"no creep faster than {creep:.2g} {facts.unit}/s."
             if loops
             else "Its torque is not given to the motor, so that it cannot make presliding unstable.",
         ),

@@ -70,6 +70,22 @@ def threshold_speed(coulomb: float, stiffness: float, decay: float) -> float:
     return decay * coulomb / stiffness
 
 
+def creep_speed(coulomb: float, stiffness: float, decay: float, ratio: float) -> float:
+    """Return the mean speed of sliding that the leak of a decaying contact can keep up at most [rad/s or m/s].
+
+        v = 2 alpha R F^2/(K (F_c - R F)),    F = F_c
+
+    The compensator then gives 2 alpha R F^2/K where sliding takes (F_c - R F) v. Infinite for a ratio of 1 or more.
+
+    Args:
+        coulomb: F of joint and compensator [N.m or N].
+        stiffness: K of the compensator, with F/K no less than the joint's own stretch [N.m/rad or N/m].
+        decay: alpha [1/s].
+        ratio: R [-].
+    """
+    return 2.0 * decay * ratio * coulomb / (stiffness * (1.0 - ratio)) if ratio < 1.0 else np.inf
+
+
 def quantum(stiffness: float, count: float, decay: float, period: float) -> float:
     """Return by how much one encoder count moves the compensator: K delta/(1 + T alpha) [N.m or N]."""
     return stiffness * count / (1.0 + period * decay)
