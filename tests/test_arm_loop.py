@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from _arm_loops import TOP, T, arm_joints, arm_loop, six_axis
+from _arm_loops import TOP, T, arm_joints, arm_limits, arm_loop, arm_model, six_axis
 from backdrive.control import Admittance, ArmJoint, ArmLoop
 from backdrive.errors import InvalidInput
 from backdrive.plans.limits import JointLimits
@@ -113,7 +113,7 @@ def test_a_latch_takes_the_friction_in_time_and_gravity_after_the_brakes(guided)
         since = T * (k - latched) if latched else 0.0
         if 0.16 < since < 0.49:
             assert loop.compensation[1] == 0.0
-            assert loop.torque[1] == pytest.approx(held, rel=1e-3)
+            assert loop.torque[1] == pytest.approx(held, rel=1e-2)
         if since > 1.02:
             assert loop.torque[1] == 0.0
     assert latched is not None and latched < 600 + 110
@@ -342,3 +342,84 @@ def test_coupled_motors_carry_what_their_joints_weigh():
     for _ in range(500):
         loop.update(motors, loop.torque - C.T @ pushed)
     assert loop.external == pytest.approx(pushed, abs=1e-3)
+
+
+# ---------------------------------------------------------------------------------------------------- identified arms
+
+
+@pytest.fixture(scope="module")
+def identified():
+    return ArmLoop.from_model(
+        arm_model(), six_axis(), interval=T, limits=arm_limits(), bandwidth=60.0, frame="grip"
+    )
+
+
+def test_a_push_on_an_arm_at_rest_is_the_wrench_at_its_grip(identified):
+    loop = at_rest(identified)
+    pushed = np.array([3.0, -2.0, 4.0, 0.1, 0.05, -0.08])
+    jacobian = six_axis().jacobian(POSTURE[None], "grip")[0]
+    outside = jacobian.T @ pushed
+    for _ in range(600):
+        loop.update(POSTURE, loop.torque - outside)
+    assert loop.external == pytest.approx(outside, abs=0.02)
+    assert loop.wrench == pytest.approx(pushed, rel=0.2, abs=0.05)
+    assert loop.covariance.shape == (6, 6)
+    assert isinstance(loop.singular, bool)
+    with pytest.raises(ValueError, match="read-only"):
+        loop.wrench[0] = 1.0
+    for twin in (copy.deepcopy(loop), pickle.loads(pickle.dumps(loop))):
+        twin.update(POSTURE, loop.torque - outside)
+        assert twin.external == pytest.approx(loop.external, abs=1e-9)
+        assert twin.wrench == pytest.approx(loop.wrench, rel=1e-6)
+
+
+def test_bad_readings_of_one_joint_leave_the_estimate_finite(identified):
+    loop = at_rest(identified)
+    for k in range(900):
+        q, applied = moving(k), loop.torque.copy()
+        if 400 <= k < 460:
+            q[2] = np.nan
+        if k == 700:
+            applied[4] = np.inf
+        loop.update(q, applied)
+        assert np.all(np.isfinite(loop.external))
+        assert np.all(np.isfinite(loop.wrench))
+    assert np.all(loop.codes == Status.OK)
+    assert np.abs(loop.external[[0, 2]]).max() < 30.0
+
+
+def test_friction_offsets_and_inertia_of_a_model_come_along(identified):
+    for own, joint in zip(Arm().joints, identified.joints.values()):
+        assert joint.inertia == own.motor_inertia
+        assert joint.loop.compensator.friction.law.rate == own.law.rate
+        assert joint.loop.top_speed == TOP
+        assert joint.loop.encoder_count == pytest.approx(own.encoder_count)
+        assert 0.0 < joint.loop.limit < joint.limits.effort
+    loop = at_rest(identified)
+    loop.update(POSTURE, loop.torque)
+    assert loop.torque == pytest.approx(Arm().weight, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"limits": None}, "largest speed"),
+        ({"limits": arm_limits(effort=np.inf)}, "largest torque"),
+        ({"frame": "nowhere"}, "nowhere"),
+        ({"changes": {"joint_9": {}}}, "joint_9"),
+        ({"share": 1.2}, "share"),
+    ],
+)
+def test_what_a_model_and_a_description_do_not_say_is_asked_for(changes, named):
+    options = {"interval": T, "limits": arm_limits()} | changes
+    with pytest.raises(InvalidInput, match=named):
+        ArmLoop.from_model(arm_model(), six_axis(), **options)
+
+
+def test_a_model_of_another_arm_is_refused():
+    model, robot = arm_model(), six_axis()
+    assert model.arm is not None
+    other = replace(model, arm=replace(model.arm, urdf_sha256="0" * 64))
+    for wrong in (other, replace(model, arm=None)):
+        with pytest.raises(InvalidInput):
+            ArmLoop.from_model(wrong, robot, interval=T, limits=arm_limits())

@@ -1,7 +1,8 @@
 """The faults of `loop_safety` through the loop of six joints: who is given what, what is promised of it, and whether it holds.
 
-Readings are wrong on one joint of six, models on all. The loop believes friction, stiffness and inertia as the fault has it; limits are
-1.5 R F(top speed) of the true joint, as there. A hand guides the tool and lets go after 3 s; two joints are nudged with 2 to 5 F.
+Readings are wrong on one joint of six, models on all. The loop believes friction, stiffness and inertia as the fault has it; limits
+are 1.5 R F(top speed) of the true joint, as there. A hand guides the tool and lets go after 3 s; two joints are nudged with 2 to
+5 F. Readings that are bad for long latch; a brake holds a motor 0.4 s after its latch.
 """
 
 from __future__ import annotations
@@ -12,7 +13,19 @@ from dataclasses import dataclass
 import numpy as np
 from _arm_guided import TICK, Machine, Run, play, strokes
 from _arm_truth import (
-    BACK, BEND, COUNT, FORTH, MOTOR, NAMES, PEAK, PEAK_SPEED, SPEED, STIFF, VISCOUS, Arm, J,
+    BACK,
+    BEND,
+    COUNT,
+    FORTH,
+    MOTOR,
+    NAMES,
+    PEAK,
+    PEAK_SPEED,
+    SPEED,
+    STIFF,
+    VISCOUS,
+    Arm,
+    J,
 )  # fmt: skip
 from _loop_cases import Case, cases
 from _loop_scenes import Fault
@@ -105,7 +118,7 @@ def scene(rng: np.random.Generator, arm: Arm) -> Play:
     n = len(path)
     nudge = np.zeros((n, J))
     for at in (3.4, 4.2):
-        j = rng.integers(J)
+        j = int(rng.integers(J))
         size = rng.uniform(2.0, 5.0) * float(true_friction(arm, j, np.zeros(1))[0]) * rng.choice([-1.0, 1.0])
         nudge[round(at / TICK) : round((at + 0.1) / TICK), j] = size
     return Play(path, velocity, (np.arange(n) * TICK < 3.0).astype(float), nudge)

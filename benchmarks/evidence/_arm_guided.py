@@ -1,4 +1,4 @@
-"""The independent six-axis arm under a loop: rigid bodies by MuJoCo, motors, transmissions and friction of `_arm_scene`, a soft hand.
+"""The independent six-axis arm under a loop: bodies by MuJoCo, motors, transmissions and friction of `_arm_scene`, a soft hand.
 
     links:   M(q) q'' + h(q, q') + g(q) = c + J_t^T w,     c = K (C p - q) + D (C p' - q')
     motors:  M_m p'' = u - C^T c - f(p', z)
@@ -11,6 +11,7 @@ reading that it was computed from. Nothing here is of the package.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -61,8 +62,7 @@ class Machine:
 
     def __init__(self, arm: Arm, posture: np.ndarray = POSTURE):
         """Let an arm rest at a posture, each transmission bearing its weight."""
-        import mujoco
-
+        mujoco: Any = import_module("mujoco")
         self._mujoco, self.arm = mujoco, arm
         xml = arm.mjcf(payload=True).replace("<option", '<compiler angle="radian"/><option')
         self.model = mujoco.MjModel.from_xml_string(xml)

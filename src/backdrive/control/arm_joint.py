@@ -9,7 +9,7 @@ from typing import ClassVar
 from backdrive.control.admittance import Admittance
 from backdrive.control.joint_loop import JointLoop
 from backdrive.errors import InvalidInput
-from backdrive.parameters import NOT_NEGATIVE, Bound, Bounded
+from backdrive.parameters import FINITE, NOT_NEGATIVE, Bound, Bounded
 from backdrive.plans.limits import JointLimits
 
 MARGIN = {"rad": 0.15, "m": 0.05}  # depth of a wall where nobody gives one
@@ -31,6 +31,7 @@ class ArmJoint(Bounded):
         loop: compensation of friction within its own limits.
         limits: range of the joint, and the largest torque (`effort`) of everything together.
         inertia: that the motor adds to the rigid bodies [kg.m^2 or kg].
+        offset: torque that is always there beside gravity, and is held with it [N.m or N].
         admittance: virtual mass that the estimated external torque moves; None: the joint is guided.
         threshold: external torque that does not move the virtual mass [N.m or N].
         margin: depth of the soft walls before the ends of the range [rad or m]; None: 0.15 rad or 0.05 m, at most a tenth of the
@@ -42,11 +43,14 @@ class ArmJoint(Bounded):
         InvalidInput: a number is no number or outside, there is no finite effort, or the walls take more than the range.
     """
 
-    BOUNDS: ClassVar = dict.fromkeys(("inertia", "threshold", "margin", "gravity", "wall"), NOT_NEGATIVE)
+    BOUNDS: ClassVar = dict.fromkeys(("inertia", "threshold", "margin", "gravity", "wall"), NOT_NEGATIVE) | {
+        "offset": FINITE
+    }
 
     loop: JointLoop
     limits: JointLimits
     inertia: float = 0.0
+    offset: float = 0.0
     admittance: Admittance | None = None
     threshold: float = 0.0
     margin: float | None = None
@@ -102,9 +106,10 @@ class ArmJoint(Bounded):
         if limit < 0.0 or (bounded and stiffness * self.depth <= self.loop.limit):
             raise InvalidInput(
                 f"Joint '{self.limits.name}': of {self.limits.effort:g} N.m or N, gravity takes up to {gravity:.4g} and the "
-                f"compensation of friction {self.loop.limit:.4g}; walls of {max(stiffness * self.depth, 0.0):.4g} would not hold against "
-                "that.",
-                remedy="Give a smaller limit of compensation, or walls that are stronger (`wall`) or deeper (`margin`), or say the motor's `inertia`.",
+                f"compensation of friction {self.loop.limit:.4g}; walls of {max(stiffness * self.depth, 0.0):.4g} would not hold "
+                "against that.",
+                remedy="Give a smaller limit of compensation, walls that are stronger (`wall`) or deeper (`margin`), or the "
+                "motor's `inertia`.",
             )
         lead = 2.0 * DAMPING * math.sqrt(inertia[1] / stiffness) if stiffness > 0.0 else 0.0
         return limit, stiffness, lead

@@ -21,11 +21,13 @@ from backdrive.control import admittance, guard, readings
 from backdrive.control.loop_kernel import SEVERITY
 from backdrive.control.loop_kernel import tick as tick_motors
 from backdrive.control.table import (
+    APPLIED,
     BAD,
     BEFORE,
     BEGUN,
     CAUSE,
     EXTERNAL,
+    FRICTION,
     KNOWN,
     NOMINAL,
     OLDER,
@@ -42,43 +44,60 @@ from backdrive.status import Status
 OK, NOT_FINITE = int(Status.OK), int(Status.NOT_FINITE)
 SATURATED, OVERSPEED = int(Status.SATURATED), int(Status.OVERSPEED)
 VELOCITY = 3e-3  # time constant of the velocity that walls and Coriolis torque see [s]
+COASTING = 0.02  # time constant in which a motor whose readings are not believed is taken to stop [s]
 HASTE = 0.02  # in which gravity that drives a runaway is let go [s]
 
 (
     # settings
-    EFFORT, WEIGHT, RISE, BRAKE, LOW, HIGH, STIFFNESS, LEAD, WALL, FOLLOWS, DEAD, FASTEST, TOGETHER,
-    # of a motor: position since the first reading's zero, velocity, time since then
-    P, W, AGO,
+    EFFORT, WEIGHT, OFFSET, RISE, BRAKE, LOW, HIGH, STIFFNESS, LEAD, WALL, FOLLOWS, DEAD, FASTEST, TOGETHER,
+    # of a motor: position since the first reading's zero, velocity
+    P, W,
     # of a joint
     Q, V,
     # output, and the share of gravity that is given; how long latched
     TOTAL, GRAVITY, DRIVE, TAU_E, SHARE, AGE,
-) = range(24)  # fmt: skip
-ROWS = 24
+    # what the estimate is given: torque that acted on the joints, and the time that has passed
+    ACTED, STEP,
+) = range(26)  # fmt: skip
+ROWS = 26
 
 
 @jit
-def locate(g, h, C, read, dt):
-    """Write where motors and joints are believed to be, and how fast; a reading that is not possible changes nothing."""
-    J = read.size
+def locate(g, h, C, back, whole, read, dt, frictions):
+    """Write where motors and joints are believed to be, how fast, and what torque acted; return whether the estimate begins anew.
+
+    A reading that is not possible changes nothing: the motor is taken to go on, and to stop within some 20 ms. `frictions`: the
+    motors' own friction is taken off what acted. `whole`: the estimate of the tick before.
+    """
+    J, begins = read.size, False
     for j in range(J):
         q, nominal = read[j], g[NOMINAL, j]
         timely = readings.FASTEST * nominal <= dt <= readings.SLOWEST * nominal
         passed = dt if timely else nominal
-        h[AGO, j] += passed
-        if not (timely and np.isfinite(q)):
-            continue
-        if g[BEGUN, j] == 0.0:
-            h[P, j], h[AGO, j] = q, 0.0
-        elif g[PENDING, j] == 0.0 and readings.possible(g, j, q - g[BEFORE, j], g[SINCE, j] + passed):
+        h[STEP, j] = passed
+        if timely and np.isfinite(q) and g[BEGUN, j] == 0.0:
+            h[P, j], begins = q, True
+        elif (
+            timely
+            and g[PENDING, j] == 0.0
+            and readings.possible(g, j, q - g[BEFORE, j], g[SINCE, j] + passed)
+        ):
             p = q - g[ZERO, j]
-            h[W, j] += ((p - h[P, j]) / h[AGO, j] - h[W, j]) * h[AGO, j] / (h[AGO, j] + VELOCITY)
-            h[P, j], h[AGO, j] = p, 0.0
+            h[W, j] += ((p - h[P, j]) / passed - h[W, j]) * passed / (passed + VELOCITY)
+            h[P, j] = p
+        else:
+            h[P, j] += passed * h[W, j]
+            h[W, j] *= COASTING / (COASTING + passed)
     for i in range(J):
-        h[Q, i] = h[V, i] = 0.0
+        h[Q, i] = h[V, i] = h[ACTED, i] = 0.0
         for j in range(J):
             h[Q, i] += C[i, j] * h[P, j]
             h[V, i] += C[i, j] * h[W, j]
+            acted = g[APPLIED, j] if np.isfinite(g[APPLIED, j]) else h[TOTAL, j]
+            h[ACTED, i] += back[j, i] * (acted - g[FRICTION, j] if frictions else acted)
+    for i in range(whole.size):
+        begins = begins or not np.isfinite(whole[i])
+    return begins
 
 
 @jit
@@ -138,12 +157,12 @@ def carry(g, h, j, weight):
 
 
 @jit
-def tick(A, o, g, codes, d, h, a, s, wanted, C, back, read, dt, weight, bias):
+def tick(A, o, g, codes, d, h, a, s, wanted, C, back, whole, read, dt, weight, bias):
     """Advance every motor and joint by one tick and return the worst status.
 
     `A`, `o`, `g`, `codes`: of `loop_kernel.tick`; `d`: table of the drive's output stage, `h`: of the arm, `a`, `s`: rows and
     states of the admittances, `wanted`: torque of walls and admittance on the joints, `C`: q = C p, `back`: its inverse,
-    `weight`: g(q), `bias`: h + g of the joints.
+    `whole`: external torque of an estimator of the whole arm, (J,), or (0,), `weight`: g(q), `bias`: h + g of the joints.
     """
     J = codes.size
     for j in range(J):
@@ -156,8 +175,11 @@ def tick(A, o, g, codes, d, h, a, s, wanted, C, back, read, dt, weight, bias):
         latched = latched or g[CAUSE, j] != 0.0
     for i in range(J):
         rests, h[TAU_E, i] = False, 0.0
+        if whole.size > 0 and np.isfinite(whole[i]):
+            h[TAU_E, i] = whole[i]
         for j in range(J):
-            h[TAU_E, i] += back[j, i] * g[EXTERNAL, j]
+            if whole.size == 0:
+                h[TAU_E, i] += back[j, i] * g[EXTERNAL, j]
             if C[i, j] != 0.0:
                 rests = rests or g[BAD, j] > 1.0 or g[CAUSE, j] != 0.0 or g[STOP, j] != 0.0
         wanted[i] = wall(h, i)
@@ -170,7 +192,7 @@ def tick(A, o, g, codes, d, h, a, s, wanted, C, back, read, dt, weight, bias):
         push, load = 0.0, 0.0
         for i in range(J):
             push += C[i, j] * wanted[i]
-            load += C[i, j] * weight[i]
+            load += C[i, j] * (weight[i] + h[OFFSET, i])
         carry(g, h, j, load)
         good = g[BAD, j] == 0.0 and np.isfinite(push)
         d[PASSED, j], d[BEFORE, j], d[STOP, j] = g[PASSED, j], g[BEFORE, j], g[STOP, j]

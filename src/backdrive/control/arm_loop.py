@@ -22,6 +22,7 @@ from backdrive.control.admittance import ROW, STATES
 from backdrive.control.arm_joint import ArmJoint
 from backdrive.control.arm_of_model import joints_of
 from backdrive.control.bodies import Bodies
+from backdrive.control.estimators.arm import ArmForce, ArmForceTick
 from backdrive.control.loop import Loop, Row
 from backdrive.control.table import APPLIED, CALLS, CAUSE, TORQUE
 from backdrive.errors import InvalidInput
@@ -56,6 +57,7 @@ class ArmLoop:
         *,
         interval: float,
         parameters: Sequence[float] | None = None,
+        force: ArmForce | None = None,
         coupling: Sequence[Sequence[float]] | None = None,
         rise: float = 0.5,
         brake: float = 0.5,
@@ -68,6 +70,7 @@ class ArmLoop:
             joints: what runs on each joint of the robot, by its name.
             interval: period [s].
             parameters: of the rigid bodies, as identified [kg, kg.m, kg.m^2], (10 J,); None: the description's.
+            force: estimator of the external torque of the whole arm; None: each joint's own (`JointLoop.external`), without wrench.
             coupling: C of q_joint = C q_motor; None: each motor drives its own joint, (J, J).
             rise: time in which gravity's torque comes and goes [s].
             brake: time for which a latched motor holds gravity: until then the brakes have to hold [s].
@@ -82,7 +85,7 @@ class ArmLoop:
         C = np.eye(J) if coupling is None else check_coupling(coupling, J)
         self.coupling = np.ascontiguousarray(C, dtype=np.float64)
         self._settings = {
-            "interval": interval, "parameters": parameters, "coupling": coupling,
+            "interval": interval, "parameters": parameters, "force": force, "coupling": coupling,
             "rise": rise, "brake": brake, "together": together,
         }  # fmt: skip
         self._loop = Loop([joint.loop for joint in self.joints.values()], interval=interval)
@@ -97,12 +100,17 @@ class ArmLoop:
         rows = np.array([np.zeros(ROW) if a is None else a.row() for a in followers])
         self._virtual, wanted = np.zeros((J, STATES)), np.zeros(J)
         back = np.ascontiguousarray(np.linalg.inv(self.coupling))
+        self._force = _matching(force, robot, interval)
+        whole = np.zeros(0) if self._force is None else self._force.force
         self._arrays = (
-            *self._loop._arrays, self._stage, self._table, rows, self._virtual, wanted, self.coupling, back,
+            *self._loop._arrays, self._stage, self._table, rows, self._virtual, wanted, self.coupling, back, whole,
         )  # fmt: skip
         g = self._loop._table
         self._tick: Any = kernel.tick
-        self._believed = (g, self._table, self.coupling)
+        self._believed = (g, self._table, self.coupling, back, whole)
+        self._frame = force is not None and force.frame is not None
+        self._frictions = bool(np.any(self.coupling != np.eye(J)))
+        self._acted, self._passed = self._table[kernel.ACTED], self._table[kernel.STEP]
         self._read, self._applied = np.zeros(J), g[APPLIED]
         self._q, self._dq = self._table[kernel.Q], self._table[kernel.V]
         self._views = {k: row.view(self._table) for k, row in vars(ArmLoop).items() if isinstance(row, Row)}
@@ -127,12 +135,13 @@ class ArmLoop:
             robot: its description, with limits of range, speed and torque.
             interval: period [s].
             changes: fields of `ArmJoint` by joint, such as its `admittance`.
-            **options: of `control.arm_of_model.joints_of`: `limits`, `share`, `dither`, `encoder_count`, `method`, `bandwidth`.
+            **options: of `control.arm_of_model.joints_of`: `limits`, `share`, `dither`, `bend`, `encoder_count`,
+                `method`, `bandwidth`, `frame`.
 
         Raises:
             InvalidInput: the model is not of an arm or not of this one, or a speed, a torque or a count is not known.
         """
-        joints = joints_of(model, robot, **options)
+        joints, force = joints_of(model, robot, **options)
         for name, fields in (changes or {}).items():
             if name not in joints:
                 raise InvalidInput(
@@ -141,7 +150,7 @@ class ArmLoop:
             joints[name] = replace(joints[name], **fields)
         assert model.arm is not None
         parameters, coupling = model.arm.parameters, model.coupling
-        return cls(robot, joints, interval=interval, parameters=parameters, coupling=coupling)
+        return cls(robot, joints, interval=interval, parameters=parameters, force=force, coupling=coupling)
 
     torque = Row(kernel.TOTAL, writeable=False)
     gravity = Row(kernel.GRAVITY, writeable=False)
@@ -158,7 +167,24 @@ class ArmLoop:
     @property
     def friction(self) -> np.ndarray:
         """Friction of the motors, estimated [N.m or N], read-only (J,)."""
-        return self._loop.friction
+        if self._force is None or self._frictions:
+            return self._loop.friction
+        return _read_only(self._force.friction)
+
+    @property
+    def wrench(self) -> np.ndarray | None:
+        """Wrench of the environment at the frame of `force`, along the axes of the base [N, N.m], read-only (6,); None without."""
+        return None if self._force is None or not self._frame else _read_only(self._force.wrench)
+
+    @property
+    def covariance(self) -> np.ndarray | None:
+        """Covariance of the wrench, read-only (6, 6); None without one."""
+        return None if self._force is None or not self._frame else _read_only(self._force.covariance)
+
+    @property
+    def singular(self) -> bool:
+        """Whether the posture is singular for the wrench: the damping has a share in it."""
+        return self._force is not None and self._frame and self._force.singular
 
     @property
     def codes(self) -> np.ndarray:
@@ -190,9 +216,12 @@ class ArmLoop:
         self._loop.reset(at)
         self._table[:], self._stage[:] = self._rows, self._begin
         self._table[kernel.P], self._q[:] = at, self.coupling @ at
+        if self._force is not None:
+            self._force.reset()
         self._virtual[:] = np.stack([self._q, 0.0 * self._q, self._q], axis=1)
         self._bodies.update(self._q, self._dq)
-        weight, most = self._bodies.weight @ self.coupling, self._rows[kernel.WEIGHT]
+        held = self._bodies.weight + self._rows[kernel.OFFSET]
+        weight, most = held @ self.coupling, self._rows[kernel.WEIGHT]
         self._table[kernel.SHARE] = gravity
         self._table[kernel.GRAVITY] = gravity * np.clip(weight, -most, most)
         self._table[kernel.TOTAL] = self._table[kernel.GRAVITY]
@@ -240,15 +269,21 @@ class ArmLoop:
                 read[:], self._applied[:] = position, applied
         except Exception:  # whatever was given, it is no reading
             read[:] = np.nan
-        kernel.locate(*self._believed, read, dt)
+        begins, force = kernel.locate(*self._believed, read, dt, self._frictions), self._force
         try:
-            bodies.update(self._q, self._dq)
+            bodies.update(self._q, self._dq if force is None else None)
+            if force is not None:
+                if begins:
+                    force.reset()
+                force.tick(self._q, self._acted, float(self._passed[0]))
         except Exception:  # it weighs what it weighed
             read[:] = np.nan
         return STATUSES[self._tick(*self._arrays, read, dt, bodies.weight, bodies.bias)]
 
     def __reduce__(self):
         mine = (self._table, self._stage, self._virtual)
+        if self._force is not None:
+            mine += (self._force._s, self._force._X, self._force._io)
         state = (copy.copy(self._loop), *(copy.copy(x) for x in mine))
         return _in_state, (self.robot, self.joints, self._settings, *state)
 
@@ -267,12 +302,34 @@ def _in_order(robot: Robot, joints: Mapping[str, ArmJoint]) -> dict[str, ArmJoin
     return {name: joints[name] for name in robot.joints}
 
 
+def _matching(force: ArmForce | None, robot: Robot, interval: float) -> ArmForceTick | None:
+    """Return what estimates the external torque in the loop; refuse an estimator of other joints."""
+    if force is None:
+        return None
+    if force.joints != robot.joints:
+        raise InvalidInput(
+            f"The estimator is of {', '.join(force.joints)}, and {robot.name} has {', '.join(robot.joints)}.",
+            remedy="Give one of this robot, its joints in this order.",
+        )
+    return force.online(interval)
+
+
+def _read_only(view: np.ndarray) -> np.ndarray:
+    own = view[:]
+    own.flags.writeable = False
+    return own
+
+
 def _in_state(
     robot: Robot, joints: Mapping[str, ArmJoint], settings: Mapping[str, Any], motors: Loop, *mine: np.ndarray
 ) -> ArmLoop:
     loop = ArmLoop(robot, joints, **settings)
     inner = loop._loop
     inner._rows[:], inner._table[:], inner._codes[:] = motors._rows, motors._table, motors._codes
-    for own, given in zip((loop._table, loop._stage, loop._virtual), mine):
+    arrays = [loop._table, loop._stage, loop._virtual]
+    if loop._force is not None:
+        arrays += [loop._force._s, loop._force._X, loop._force._io]
+        loop._force._fresh = False
+    for own, given in zip(arrays, mine):
         own[:] = given
     return loop

@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 
 from backdrive.control.arm_joint import ArmJoint
-from backdrive.control.bodies import Bodies
 from backdrive.control.compensators import Dither, alg_fc, nothing
 from backdrive.control.compensators.compensator import SHARE
+from backdrive.control.estimators.arm import ArmForce
 from backdrive.control.estimators.external import ExternalForce
-from backdrive.control.estimators.friction import FrictionEstimator
-from backdrive.control.estimators.of_model import BEND, at_rest, contact
+from backdrive.control.estimators.friction import NOTHING, alg_fe
+from backdrive.control.estimators.of_model import BEND, at_rest
 from backdrive.control.joint_loop import JointLoop, torque_limit
 from backdrive.errors import InvalidInput
 from backdrive.model import FrictionModel, JointFriction
@@ -22,7 +22,6 @@ from backdrive.plans.limits import JointLimits
 from backdrive.robot import Robot
 
 SOFTER = 0.5  # stiffness of the compensator's contact by the model's own, which must not yield later [-]
-OPTIONS = {"velocity": "velocity=", "effort": "effort="}
 
 
 def joints_of(
@@ -36,8 +35,9 @@ def joints_of(
     encoder_count: float | None = None,
     method: str = "momentum",
     bandwidth: float = 50.0,
-) -> dict[str, ArmJoint]:
-    """Return what runs on each joint of an identified arm: compensation, estimate and limits.
+    frame: str | None = None,
+) -> tuple[dict[str, ArmJoint], ArmForce]:
+    """Return what runs on each joint of an identified arm, and the estimator of the external torque.
 
     Args:
         model: of a whole arm.
@@ -45,25 +45,22 @@ def joints_of(
         limits: of joints by name, instead of the description's.
         share: R, of the friction that is compensated; 0: nothing is [-].
         dither: at rest; None: none.
-        bend: of the compensator's contact until it slides [rad or m]; None: twice that of the model's own, or 1 mrad, 0.1 mm.
+        bend: of the contacts of compensator and estimator until they slide [rad or m]; None: twice that of the model's own, or
+            1 mrad, 0.1 mm. One that bends less than the real joint feeds on itself.
         encoder_count: step of the encoders [rad or m]; None: the model's.
         method: of the estimate of the external torque.
         bandwidth: of the estimate [1/s].
+        frame: at which a wrench is wanted; None: none.
 
     Raises:
         InvalidInput: the model is not of an arm or not of this one, or a speed, a torque or a count is not known.
+        UnknownName: there is no such frame.
     """
-    if model.arm is None:
-        raise InvalidInput(
-            "This model is not of a whole arm.", remedy="Identify with --method arm --urdf ROBOT."
-        )
-    if set(model.names) != set(robot.joints):
-        raise InvalidInput(
-            f"The model is of {', '.join(model.names)}, and {robot.name} has {', '.join(robot.joints)}.",
-            remedy="Take the description that the arm was identified with.",
-        )
-    inertias = _inertias(model, robot)
-    joints = {}
+    force = ArmForce.from_model(model, robot, method=method, bandwidth=bandwidth, frame=frame)
+    coupled = model.coupling is not None and bool(
+        np.any(np.array(model.coupling) != np.eye(len(robot.joints)))
+    )
+    joints, contacts = {}, []
     for k, name in enumerate(robot.joints):
         friction = model.joint(name)
         own = (limits or {}).get(name) or _range(robot, k)
@@ -72,19 +69,16 @@ def joints_of(
             if not math.isfinite(getattr(own, what)):
                 raise InvalidInput(
                     f"Joint '{name}': nobody knows its largest {'speed' if what == 'velocity' else 'torque'}.",
-                    remedy=f"Give `limits` with `JointLimits({OPTIONS[what]}...)`, or write it into the description.",
+                    remedy=f"Give `limits` with `JointLimits({what}=...)`, or write it into the description.",
                 )
-        value = {term: e.value for term, e in friction.dynamics.items()}
-        external = ExternalForce(
-            inertia=inertias[k] + value.get("inertia", 0.0),
-            friction=FrictionEstimator(law=contact(friction)),
-            method=method,
-            bandwidth=bandwidth,
-            offset=value.get("offset", 0.0),
-        )
+        K, inertia = _stiffness(friction, count, bend), force.inertia[k]
+        estimator = alg_fe(friction.law, K)
         compensator = nothing()
         if share > 0.0:
-            compensator = alg_fc(friction.law, _stiffness(friction, count, bend), dither=dither, share=share)
+            compensator = alg_fc(friction.law, K, dither=dither, share=share)
+        external = None
+        if coupled:  # for its friction alone, which is the motor's
+            external = ExternalForce(inertia=max(inertia, 1e-6), friction=estimator)
         loop = JointLoop(
             compensator=compensator,
             external=external,
@@ -92,16 +86,9 @@ def joints_of(
             top_speed=own.velocity,
             encoder_count=count,
         )
-        joints[name] = ArmJoint(loop=loop, limits=own, inertia=value.get("inertia", 0.0))
-    return joints
-
-
-def _inertias(model: FrictionModel, robot: Robot) -> np.ndarray:
-    """Return the rigid bodies' inertia of each joint in the middle of the ranges [kg.m^2 or kg], (J,)."""
-    assert model.arm is not None
-    ranges = [_range(robot, k) for k in range(len(robot.joints))]
-    middle = [0.5 * (r.lower + r.upper) if math.isfinite(r.lower + r.upper) else 0.0 for r in ranges]
-    return Bodies(robot, model.arm.parameters).over(np.array([middle]))[1][0]
+        joints[name] = ArmJoint(loop=loop, limits=own, inertia=inertia, offset=force.offset[k])
+        contacts.append(NOTHING if coupled else estimator)
+    return joints, force.replace(friction=tuple(contacts))
 
 
 def _range(robot: Robot, k: int) -> JointLimits:

@@ -45,13 +45,14 @@ def limits(
     postures = np.random.default_rng(0).uniform(lower, upper, (POSTURES, len(joints)))
     weights, inertias = bodies.over(postures)
     least, most = inertias.min(axis=0), inertias.max(axis=0)
-    heaviest = np.abs(weights @ coupling).max(axis=0)
+    heaviest = np.abs((weights + [joint.offset for joint in joints]) @ coupling).max(axis=0)
     for k, joint in enumerate(joints):
         weight = HEAVIER * float(heaviest[k]) if joint.gravity is None else joint.gravity
         inertia = (float(least[k]) + joint.inertia, float(most[k]) + joint.inertia)
         wall, stiffness, lead = joint.walls(weight, inertia, interval)
         depth = joint.depth
         table[kernel.EFFORT, k], table[kernel.WEIGHT, k] = joint.limits.effort, weight
+        table[kernel.OFFSET, k] = joint.offset
         table[kernel.LOW, k], table[kernel.HIGH, k] = joint.limits.lower + depth, joint.limits.upper - depth
         table[kernel.WALL, k], table[kernel.STIFFNESS, k] = wall, stiffness
         table[kernel.LEAD, k] = lead

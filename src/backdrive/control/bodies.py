@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from backdrive.control.estimators.arm_bodies import ArmBodies
 from backdrive.errors import InvalidInput
 from backdrive.robot import PER_LINK, Robot, require_pinocchio
 
@@ -28,9 +29,8 @@ class Bodies:
         Raises:
             InvalidInput: there are more or fewer parameters, or with them a posture has no finite torque.
         """
-        pin = require_pinocchio()
-        self._model = robot.model.copy()
-        J = len(robot.joints)
+        pin, J = require_pinocchio(), len(robot.joints)
+        self._model = robot.model
         if parameters is not None:
             theta = np.asarray(parameters, dtype=np.float64)
             if theta.shape != (PER_LINK * J,):
@@ -38,8 +38,7 @@ class Bodies:
                     f"{theta.size} rigid-body parameters for the {J} joints of {robot.name}.",
                     remedy=f"Give {PER_LINK} a joint, as `FrictionModel.arm` has them.",
                 )
-            for i, row in enumerate(theta.reshape(J, PER_LINK), start=1):
-                self._model.inertias[i] = _inertia(pin, row)
+            self._model = ArmBodies.of_parameters(robot, theta).robot.model
         self._data = self._model.createData()
         self._gravity, self._bias = pin.computeGeneralizedGravity, pin.nonLinearEffects
         self.weight = self.bias = np.zeros(J)
@@ -50,15 +49,16 @@ class Bodies:
                 remedy="Identify it again.",
             )
 
-    def update(self, q: np.ndarray, dq: np.ndarray) -> None:
+    def update(self, q: np.ndarray, dq: np.ndarray | None) -> None:
         """Compute everything at a posture.
 
         Args:
             q: positions of the joints [rad or m], (J,).
-            dq: velocities of the joints [rad/s or m/s], (J,).
+            dq: velocities of the joints [rad/s or m/s], (J,); None: they rest, as far as `bias` goes.
         """
-        self.weight = self._gravity(self._model, self._data, q)
-        self.bias = self._bias(self._model, self._data, q, dq)
+        self.weight = self.bias = self._gravity(self._model, self._data, q)
+        if dq is not None:
+            self.bias = self._bias(self._model, self._data, q, dq)
 
     def over(self, postures: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return gravity [N.m or N] and each joint's own inertia [kg.m^2 or kg] over postures, (n, J) each.
@@ -73,10 +73,3 @@ class Bodies:
             weights[k] = self.weight
             inertias[k] = np.diag(pin.crba(self._model, self._data, q))
         return weights, inertias
-
-
-def _inertia(pin, row: np.ndarray):
-    """Return a link's inertia from its ten parameters; a link without mass has none."""
-    if row[0] == 0.0:
-        return pin.Inertia.Zero()
-    return pin.Inertia.FromDynamicParameters(row)
