@@ -423,3 +423,19 @@ def test_a_model_of_another_arm_is_refused():
     for wrong in (other, replace(model, arm=None)):
         with pytest.raises(InvalidInput):
             ArmLoop.from_model(wrong, robot, interval=T, limits=arm_limits())
+
+
+def test_a_guided_run_is_drawn(tmp_path):
+    pytest.importorskip("matplotlib")
+    from backdrive.report.pictures.guide import save_guide
+
+    path, velocity = polygon([(0, 0, 0), (0, 0.05, 0)], dt=T, duration=0.2, interval=0.2, rounds=1, start=0.1)
+    loop = arm_loop()
+    record = guide_whole(Arm(), path, velocity, hand=Hand(stiffness=400, damping=30), loop=loop)
+    limits = {name: joint.limits for name, joint in loop.joints.items()}
+    save_guide(tmp_path / "guide.svg", {"guided": record}, limits)
+    assert "joint_5" in (tmp_path / "guide.svg").read_text()
+    with pytest.raises(InvalidInput, match="0 runs"):
+        save_guide(tmp_path / "none.svg", {}, limits)
+    with pytest.raises(InvalidInput, match="a loop of 6 joints"):
+        guide_whole(Arm(), path[:, :2], velocity, hand=Hand(stiffness=1, damping=1), loop=loop)

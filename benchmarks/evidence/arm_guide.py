@@ -6,8 +6,8 @@ frictions, stiffnesses are drawn per seed; the model is what `identify(method="a
 description. A hand holds the tool softly (800 N/m, 25 N.m/rad) and moves it in strokes of random directions. The bare arm runs
 through the same loop with gravity held and nothing else.
 
-- guided: algFC with dither, R 0.8. admittance: beside that, virtual masses of the joints' own inertia, moved by the estimated external
-  torque.
+- guided: algFC with dither, R 0.8. admittance: beside that, virtual masses of the joints' own inertia, moved by the estimated
+  external torque.
 - walls: the ranges are so narrow that the hand pushes on against their ends.
 - coupled: a wrist whose motors drive two joints each, with the loop that knows it, with one that does not, and bare.
 - faults: those of `loop_safety`, readings on one joint of six, models on all.
