@@ -13,8 +13,9 @@ from backdrive.control.estimators.arm_bodies import with_masses
 from backdrive.control.estimators.external import ExternalForce
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput, NotIdentifiable, UnknownName
+from backdrive.external import estimate_force
 from backdrive.laws import Coulomb, Growth, Law
-from backdrive.logs.log import Joint
+from backdrive.logs.log import Joint, Log
 from backdrive.model import ArmModel, Band, Bands, Estimate, FrictionModel, JointFriction, Validity
 from backdrive.robot import parse_robot
 from backdrive.status import Status
@@ -245,3 +246,86 @@ def test_links_get_a_mass_where_no_joint_feels_it():
     )
     with pytest.raises(NotIdentifiable, match=r"negative mass.*x"):
         with_masses(rail, -rail.parameters)
+
+
+def log_of(wrench, *, coulomb=0.5, n=6000, seed=0, names=ROBOT.joints):
+    """Return a log of the arm in smooth motion with dry friction, some noise, and a wrench at the tip."""
+    (q, _, _), (between, dq, ddq) = motion(n)
+    u, outside = torque_of(wrench, (between, dq, ddq))
+    rng = np.random.default_rng(seed)
+    torque = u + coulomb * np.tanh(dq / 1e-3) + rng.normal(0.0, 0.02, q.shape)
+    return Log(
+        time=np.arange(n) * DT,
+        position=q,
+        torque=torque,
+        external_torque=outside,
+        joints=tuple(Joint(name=name) for name in names),
+    )
+
+
+SLIDING = model_of(coulomb=0.5)
+PUSH = np.array([12.0, -8.0, 20.0, 0.6, -0.4, 0.3])
+
+
+def test_a_log_gives_torques_and_the_wrench_at_a_frame(tmp_path):
+    log = log_of(PUSH)
+    estimate = estimate_force(SLIDING, log, robot=ROBOT, frame="tip", method="extended", bandwidth=60.0)
+    assert [j.joint.name for j in estimate.joints] == list(ROBOT.joints)
+    for one in estimate.joints:
+        assert one.known is not None
+        moving = one.state == 0
+        assert np.sqrt(np.mean((one.force - one.known)[moving] ** 2)) < 0.1
+    wrench = estimate.wrench
+    assert wrench is not None
+    good = ~wrench.singular & np.all([j.state == 0 for j in estimate.joints], axis=0)
+    assert good.sum() > 500
+    error = (wrench.wrench - PUSH)[good]
+    assert np.sqrt(np.mean(error[:, :3] ** 2)) < 2.0
+    assert np.sqrt(np.mean((error / wrench.deviation[good]) ** 2)) < 1.5
+    np.testing.assert_allclose(np.median(wrench.known[good], axis=0), PUSH, rtol=0.06)  # type: ignore[index]
+    estimate.save(tmp_path / "force.csv")
+    heading = (tmp_path / "force.csv").read_text().splitlines()[0]
+    assert "j0_force [N.m]" in heading
+    assert "tip_fx [N],tip_fx_sd [N]" in heading
+    assert heading.endswith("tip_singular")
+
+
+def test_the_method_and_its_bandwidth_are_one_for_the_whole_arm():
+    estimate = estimate_force(SLIDING, log_of(PUSH), robot=ROBOT)
+    assert len({(j.method, j.bandwidth) for j in estimate.joints}) == 1
+    assert estimate.wrench is None
+
+
+def test_free_motion_calibrates_the_bands_of_an_arm():
+    free = [log_of(np.zeros(6), seed=3)]
+    estimate = estimate_force(
+        SLIDING, log_of(PUSH), robot=ROBOT, frame="tip", method="momentum", bandwidth=60.0, free=free
+    )
+    assert set(estimate.calibrations) == set(ROBOT.joints)
+    for one in estimate.joints:
+        assert one.known is not None
+        moving = one.state == 0
+        inside = (one.lower <= one.known) & (one.known <= one.upper)
+        assert inside[moving].mean() > 0.6  # a torque that follows the posture is late, too
+        assert np.median((one.upper - one.lower)[moving]) < 0.5  # the model's own is 0.6
+
+
+def test_logs_that_are_not_of_this_arm_are_refused():
+    log = log_of(PUSH, n=3000)
+    with pytest.raises(InvalidInput, match=r"whole arm.*--urdf"):
+        estimate_force(SLIDING, log)
+    with pytest.raises(InvalidInput, match=r"another robot, of other joints"):
+        estimate_force(SLIDING, log.replace(torque=-log.torque), robot=ROBOT)
+    order = ("j1", "j0", "j3", "j2", "j5", "j4")
+    with pytest.raises(InvalidInput, match=r"another order"):
+        estimate_force(SLIDING, log_of(PUSH, n=3000, names=order), robot=ROBOT)
+    with pytest.raises(InvalidInput, match=r"'j0'.*look like degrees"):
+        estimate_force(SLIDING, log.replace(position=np.rad2deg(log.position)), robot=ROBOT)
+    with pytest.raises(InvalidInput, match=r"Not in the log: j1"):
+        estimate_force(SLIDING, log.select("j0"), robot=ROBOT)
+    with pytest.raises(UnknownName, match="one of|One of"):
+        estimate_force(SLIDING, log, robot=ROBOT, frame="gripper")
+    bad = log.torque.copy()
+    bad[500:520, 2] = np.nan
+    estimate = estimate_force(SLIDING, log.replace(torque=bad), robot=ROBOT, bandwidth=60.0)
+    assert np.all(np.isfinite(estimate.joint("j2").force))

@@ -12,6 +12,7 @@ from backdrive.cli._output import print_lines, table
 
 if TYPE_CHECKING:
     from backdrive.external import ForceEstimate, JointForce
+    from backdrive.external.wrench import WrenchEstimate
 
 MOST = 20  # contacts that a terminal lists
 
@@ -31,6 +32,8 @@ def document(result: ForceEstimate, remarks: list[str]) -> dict[str, Any]:
                 state: None if b is None else asdict(b) for state, b in bands.items()
             }
     told: dict[str, Any] = {"ok": True, "joints": joints, "warnings": remarks}
+    if result.wrench is not None:
+        told["wrench"] = wrench_figures(result.wrench)
     if result.contacts is not None:
         told["false_alarms_per_hour"] = result.false_alarms
         told["thresholds"] = [asdict(t) for t in result.thresholds]
@@ -57,6 +60,20 @@ def figures(one: JointForce) -> dict[str, Any]:
     }
 
 
+def wrench_figures(wrench: WrenchEstimate) -> dict[str, Any]:
+    """Return what the command says of a wrench, in SI."""
+    error = wrench.rms_error
+    return {
+        "frame": wrench.frame,
+        "components": ["fx", "fy", "fz", "mx", "my", "mz"],
+        "rms": np.sqrt(np.mean(wrench.wrench**2, axis=0)).tolist(),
+        "largest": wrench.wrench[np.abs(wrench.wrench).argmax(axis=0), range(6)].tolist(),
+        "standard_deviation": np.median(wrench.deviation, axis=0).tolist(),
+        "share_singular": float(np.mean(wrench.singular)),
+        "rms_error": None if error is None else error.tolist(),
+    }
+
+
 def print_result(result: ForceEstimate, remarks: list[str]) -> None:
     """Print a line a joint, a line a contact, and the remarks."""
     console = new_console()
@@ -78,9 +95,30 @@ def print_result(result: ForceEstimate, remarks: list[str]) -> None:
             *cells, *([f"{one.rms_error:.3g} {unit}" if one.rms_error is not None else ""] if known else [])
         )
     console.print(rows)
+    if result.wrench is not None:
+        _print_wrench(console, result.wrench)
     if result.contacts is not None:
         _print_contacts(console, result)
     print_lines(console, remarks, style="yellow")
+
+
+def _print_wrench(console: Any, wrench: WrenchEstimate) -> None:
+    f = wrench_figures(wrench)
+    console.print(f"\nwrench at {wrench.frame}, along the axes of the base")
+    error = f["rms_error"]
+    rows = table(
+        "component",
+        "rms",
+        "largest",
+        "standard deviation",
+        *(["error, rms"] if error else []),
+        text=("component",),
+    )
+    for i, name in enumerate(f["components"]):
+        unit = "N" if i < 3 else "N.m"
+        cells = [f"{f[key][i]:.3g} {unit}" for key in ("rms", "largest", "standard_deviation")]
+        rows.add_row(name, *cells, *([f"{error[i]:.3g} {unit}"] if error else []))
+    console.print(rows)
 
 
 def _print_contacts(console: Any, result: ForceEstimate) -> None:

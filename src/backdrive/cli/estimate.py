@@ -35,6 +35,16 @@ def command(
             "--bandwidth", help="L [1/s]: the estimate follows 1/L late.  [default: by the log's noise]"
         ),
     ] = None,
+    urdf: Annotated[
+        Path | None,
+        typer.Option("--urdf", help="Robot description (URDF or MJCF) that a whole arm was identified with."),
+    ] = None,
+    frame: Annotated[
+        str | None,
+        typer.Option(
+            "--frame", metavar="TOOL", help="Link, tool or site of it, at which the wrench is estimated."
+        ),
+    ] = None,
     free: Annotated[
         list[Path] | None,
         typer.Option(
@@ -75,6 +85,7 @@ def command(
     Where the log holds that torque (--map tau_ext=COLUMN), it is left out of the estimate and compared with it.
 
     Bands and contacts are calibrated by a log of free motion, best not the one that the model was identified from.
+    A whole arm (`identify --method arm`) needs its description (--urdf); with --frame the table has the wrench there, too.
 
     Example: backdrive estimate model.json contact.csv --free free.csv --contact -o force.csv --report force.html
     """
@@ -88,8 +99,9 @@ def command(
             f"{output}: a table is CSV or Parquet.", remedy="Let its name end in .csv or .parquet."
         )
     _logs.check_targets(
-        [output], [log, *(free or []), *_logs.files_of(model), *reading.inputs], drawn=[plot, report]
+        [output], [log, *(free or []), *_logs.files_of(model), *reading.inputs, urdf], drawn=[plot, report]
     )
+    _logs.check_urdf(urdf)
     if false_alarms is not None and not contact:
         raise InvalidInput("--false-alarms is of contacts.", remedy="Add --contact.")
     loaded = load_model(model)
@@ -110,6 +122,8 @@ def command(
             method=method,
             bandwidth=bandwidth,
             free=untouched,
+            robot=urdf,
+            frame=frame,
             false_alarms=(1.0 if false_alarms is None else false_alarms) if contact else None,
         )
         suspect += result.remarks

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -18,25 +19,23 @@ from backdrive._catalog import lookup
 from backdrive.control.estimators.external import METHODS, ExternalForce
 from backdrive.control.estimators.of_model import at_rest, fields
 from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
-from backdrive.external.bands import band
+from backdrive.external.bands import band, states_along
 from backdrive.external.calibrate import Calibration, calibrate
 from backdrive.external.choose import FASTEST, Noise, choose
 from backdrive.external.contacts import with_contacts
 from backdrive.external.result import ForceEstimate, JointForce
 from backdrive.external.temperature import along_stretches
-from backdrive.identification.bands import REVERSAL, states
 from backdrive.identification.delay import earlier
 from backdrive.identification.signals import Signals, default_cutoff, prepare
 from backdrive.laws import REFERENCE
 from backdrive.logs.log import Log
 from backdrive.logs.resolution import encoder_step, white_noise
 from backdrive.model import FrictionModel, JointFriction
+from backdrive.robot import Robot
 
 AUTO = "auto"
 CONTACTS = 60.0  # bandwidth at which a step of 1.5 thresholds is noticed within 50 ms; contacts are sought at least so fast [1/s]
 LEAST = 16  # samples of an estimate
-CREEP = 0.02  # of the model's top speed, below which friction is not that of sliding: the joint starts, stops or turns [-]
-BLUR = 2.0  # lags after a reversal, in which what an estimator makes of it fades to a twentieth
 SETTLED = 5.0  # lags from the beginning of a stretch, in which an estimate is not given
 
 
@@ -49,6 +48,8 @@ def estimate_force(
     bandwidth: float | None = None,
     free: Sequence[Log] = (),
     false_alarms: float | None = None,
+    robot: str | Path | Robot | None = None,
+    frame: str | None = None,
 ) -> ForceEstimate:
     """Return the external torque on the joints that model and log share.
 
@@ -61,9 +62,12 @@ def estimate_force(
         free: logs of motion that nothing touched, best not those that the model was fitted to: bands and thresholds are calibrated
             by them.
         false_alarms: contacts are sought, with so many false ones of all joints together [1/h]; None: they are not.
+        robot: description (URDF or MJCF) that a model of a whole arm was identified with, or the robot read from it.
+        frame: of the robot, at which the wrench is wanted: a link, a fixed tool or a site; None: no wrench.
 
     Raises:
-        InvalidInput: model and log share no joint, or differ in its unit; a bandwidth or a rate that is not positive.
+        InvalidInput: model and log share no joint, or differ in its unit; a bandwidth or a rate that is not positive; a model of a
+            whole arm without its robot; a log of another robot.
         UnknownName: no such method.
         NotIdentifiable: the model holds no inertia of a joint, or the log is too short; no free motion for contacts.
         MissingChannel: the log holds no torque or no position.
@@ -81,6 +85,8 @@ def estimate_force(
             remedy="Give a log in which nothing touched the joints (--free FREE.csv).",
         )
     least = 0.0 if false_alarms is None else CONTACTS
+    if robot is not None or model.arm is not None or frame is not None:
+        return _arm(model, log, joints, method, bandwidth, least, free, false_alarms, robot, frame)
     names = [n for n in model.names if n in log.names]
     if joints is not None:
         names = [model.joint(n).joint.name for n in joints if log.column(n) is not None]
@@ -109,23 +115,75 @@ def estimate_force(
         remarks += said
     if not results:
         raise refused[0]
+    remarks += _of_free_motion(model, log, free)
+    estimate = ForceEstimate(joints=tuple(results), remarks=tuple(remarks), calibrations=calibrations)
+    return estimate if false_alarms is None else with_contacts(estimate, false_alarms)
+
+
+def _of_free_motion(model: FrictionModel, log: Log, free: Sequence[Log]) -> list[str]:
+    """Return what is to be said of the logs of free motion."""
+    said = []
     seen = {source.sha256 for source in model.sources}
     for source in {source.path: source for one in free for source in one.sources}.values():
         if source.sha256 in seen:
-            remarks.append(
+            said.append(
                 f"{source.path}: the model was fitted to this free motion, so that bands and thresholds by it are too narrow; "
                 "log another one."
             )
     if any(source in log.sources for one in free for source in one.sources):
-        remarks.append("The log is free motion by its own: within its bands nothing can be told from it.")
-    estimate = ForceEstimate(joints=tuple(results), remarks=tuple(remarks), calibrations=calibrations)
+        said.append("The log is free motion by its own: within its bands nothing can be told from it.")
+    return said
+
+
+def _arm(
+    model: FrictionModel,
+    log: Log,
+    joints: Sequence[str] | None,
+    method: str,
+    bandwidth: float | None,
+    least: float,
+    free: Sequence[Log],
+    false_alarms: float | None,
+    robot: str | Path | Robot | None,
+    frame: str | None,
+) -> ForceEstimate:
+    """Return the external torque on the joints of a whole arm, and the wrench at a frame."""
+    from backdrive.external.arm import ArmEstimate
+
+    if robot is None:
+        raise InvalidInput(
+            "The model is of a whole arm: its joints move each other."
+            if model.arm is not None
+            else f"A wrench at '{frame}' needs the arm's description.",
+            remedy="Give its description (--urdf ROBOT, URDF or MJCF).",
+        )
+    whole = ArmEstimate(model, robot, frame)
+    results, remarks = whole.forces(log, method, bandwidth, least)
+    calibrations: dict[str, Calibration] = {}
+    if free:
+        like = results[0]
+        parts = [whole.forces(one, like.method, like.bandwidth)[0] for one in free]
+        for j, one in enumerate(results):
+            made = calibrations[one.joint.name] = calibrate([part[j] for part in parts])
+            results[j] = made.apply(one)
+            remarks += made.remarks()
+    remarks += _of_free_motion(model, log, free)
+    results = whole.widened(results)
+    wrench = None if frame is None else whole.wrench(log, results)
+    if wrench is not None:
+        remarks += wrench.remarks()
+    if joints is not None:
+        results = [one for one in results if one.joint.name in {model.joint(n).joint.name for n in joints}]
+    estimate = ForceEstimate(
+        joints=tuple(results), remarks=tuple(remarks), calibrations=calibrations, wrench=wrench
+    )
     return estimate if false_alarms is None else with_contacts(estimate, false_alarms)
 
 
 def _calibration(friction: JointFriction, free: Sequence[Log], like: JointForce) -> Calibration:
     """Return what free motion tells of a joint's estimate, by its method and bandwidth."""
     name = friction.joint.name
-    logs = [log for log in free if log.column(name) is not None]
+    logs = [log for log in free if name in log.names]
     if not logs:
         raise InvalidInput(
             f"Joint '{name}' is in no log of free motion.",
@@ -163,7 +221,7 @@ def _joint(
             ExternalForce(**fields(friction, "momentum", FASTEST * rate)), friction, stretches, warmth
         )
         longest = max(plain, key=lambda part: part[0].size)[1]
-        noise = _noise(friction, one, stretches, inertia)
+        noise = noise_of(friction, one, stretches, inertia)
         best = choose(longest, noise, None if method == AUTO else method)
         method, bandwidth = best[0], bandwidth or max(best[1], min(least, FASTEST * rate))
     made = ExternalForce(**fields(friction, method, bandwidth, fastest + size / inertia))
@@ -186,7 +244,7 @@ def _joint(
         method=method,
         bandwidth=float(bandwidth),
         lag=made.lag(1.0 / rate),
-        known=_known(log, name, time),
+        known=known_along(log, name, time),
     )
     beyond = friction.extrapolated(np.concatenate([s.velocity for s in stretches]))
     return result, remarks + ([beyond] if beyond else [])
@@ -200,7 +258,6 @@ def _forces(
 ) -> list[tuple[np.ndarray, ...]]:
     """Return time, force, friction, state and temperature of every stretch, settled and with the lag taken out."""
     value = {term: e.value for term, e in friction.dynamics.items()}
-    creep = CREEP * friction.validity.speeds[1]
     parts = []
     for s, warm in zip(stretches, warmth):
         known = None
@@ -212,10 +269,9 @@ def _forces(
                 )
             known = value["model_torque"] * s.model_torque
         dt = 1.0 / s.rate
-        lags = 1.0 / made.bandwidth
-        state = states(s, REVERSAL + lags, REVERSAL + BLUR * lags, creep)
+        state = states_along(friction, s, made.bandwidth)
         # the torque that acted between a reading and the next
-        torque = earlier(s.torque, -(_delay(friction) * s.rate + 0.5), linear=True)
+        torque = earlier(s.torque, -(delay_of(friction) * s.rate + 0.5), linear=True)
         assert s.position is not None
         force, taken = made.run(s.position, torque, dt, known, float(s.velocity[0]), warm)
         lag = made.lag(dt)
@@ -227,12 +283,13 @@ def _forces(
     return parts
 
 
-def _delay(friction: JointFriction) -> float:
+def delay_of(friction: JointFriction) -> float:
+    """Return how late the torque acts, as a model holds it [s]."""
     value = sum(friction.dynamics[t].value for t in ("delay", "time_slip") if t in friction.dynamics)
     return float(value)
 
 
-def _noise(friction: JointFriction, log: Log, stretches: Sequence[Signals], inertia: float) -> Noise:
+def noise_of(friction: JointFriction, log: Log, stretches: Sequence[Signals], inertia: float) -> Noise:
     """Return what disturbs the estimate: by the model, and where that does not say, by the log."""
     channel = friction.torque_channel
     white = None if channel is None else channel.noise
@@ -255,7 +312,7 @@ def _noise(friction: JointFriction, log: Log, stretches: Sequence[Signals], iner
     )
 
 
-def _known(log: Log, name: str, time: np.ndarray) -> np.ndarray | None:
+def known_along(log: Log, name: str, time: np.ndarray) -> np.ndarray | None:
     """Return the external torque that the log holds, on a clock."""
     one = log.select(name)
     if one.external_torque is None:

@@ -15,6 +15,7 @@ from backdrive.logs.log import Joint
 
 if TYPE_CHECKING:
     from backdrive.external.calibrate import Calibration
+    from backdrive.external.wrench import WrenchEstimate
 
 STATES = ("moving", "reversing", "rest")
 
@@ -126,6 +127,7 @@ class ForceEstimate:
         contacts: in order of time; None where they were not sought.
         thresholds: of contacts, by joint and state.
         false_alarms: that the thresholds stand for, of all joints together [1/h].
+        wrench: at a frame of a whole arm; None where none was asked for.
     """
 
     joints: tuple[JointForce, ...]
@@ -134,6 +136,7 @@ class ForceEstimate:
     contacts: tuple[Contact, ...] | None = None
     thresholds: tuple[Threshold, ...] = ()
     false_alarms: float | None = None
+    wrench: WrenchEstimate | None = None
 
     def joint(self, name: str) -> JointForce:
         """Return a joint by its name.
@@ -168,6 +171,8 @@ class ForceEstimate:
                 else slice(None)
             )
             table |= {name: column[at] for name, column in one.columns().items()}
+        if self.wrench is not None:
+            table |= self.wrench.columns()
         if str(path).endswith(".parquet"):
             arrow = require("pyarrow", "Writing Parquet needs", "table")
             parquet = require("pyarrow.parquet", "Writing Parquet needs", "table")

@@ -19,7 +19,7 @@ from backdrive.control.estimators.arm_tick import FULL, SINGULAR, ArmForceTick, 
 from backdrive.control.estimators.external import KNOWN
 from backdrive.control.estimators.friction import FrictionEstimator
 from backdrive.control.estimators.gains import lag as lag_of
-from backdrive.control.estimators.of_model import ABRUPT, at_rest, contact
+from backdrive.control.estimators.of_model import ABRUPT, at_rest, contact, with_break_away
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.model import FrictionModel, JointFriction
@@ -114,7 +114,7 @@ class ArmForce(Bounded):
             NotIdentifiable: the arm has fewer than six joints and a wrench is wanted.
         """
         known = robot_of(model, robot)
-        frictions = [model.joint(name) for name in known.joints]
+        frictions = [with_break_away(model.joint(name)) for name in known.joints]
         values = [{term: e.value for term, e in f.dynamics.items()} for f in frictions]
         bands = [deviations(f) for f in frictions]
         return cls(
@@ -200,7 +200,12 @@ class ArmForce(Bounded):
         return ArmForceTick(self, period)
 
     def run(
-        self, position: np.ndarray, torque: np.ndarray, dt: float, velocity: np.ndarray | None = None
+        self,
+        position: np.ndarray,
+        torque: np.ndarray,
+        dt: float,
+        velocity: np.ndarray | None = None,
+        temperature: np.ndarray | None = None,
     ) -> ArmSeries:
         """Return external torque, friction and wrench along a log.
 
@@ -209,6 +214,7 @@ class ArmForce(Bounded):
             torque: commands of the ticks; command k acts after reading k [N.m or N], (n, J).
             dt: sampling time [s].
             velocity: at the first reading [rad/s or m/s], (J,); None: the arm rests.
+            temperature: of the joints [degC], (n, J); None: 20.
 
         Raises:
             InvalidInput: shapes that do not fit, or numbers that are not finite.
@@ -227,7 +233,7 @@ class ArmForce(Bounded):
         wrenches = np.zeros((n if self.frame is not None else 0, FULL + FULL**2 + 1))
         runner.reset(q[0] if velocity is None else q[0] - dt * np.asarray(velocity), velocity)
         for i in range(n):
-            runner.tick(q[i], u[max(i - 1, 0)])
+            runner.tick(q[i], u[max(i - 1, 0)], None, None if temperature is None else temperature[i])
             out[i, 0], out[i, 1], out[i, 2] = runner.force, runner.friction, runner.deviation
             if self.frame is not None:
                 wrenches[i] = runner.wrench_row

@@ -72,11 +72,11 @@ def before(c, s, io, dt):
 
 
 @jit
-def after(c, s, io, P, X, M, bias, coriolis, jacobian, room, dt, temp):
+def after(c, s, io, P, X, M, bias, coriolis, jacobian, room, dt, temps):
     """Fill `io` with external torque, friction and wrench.
 
     `M`: inertia of the bodies, upper triangle; `bias`: h + g, of `momentum` g with the Coriolis matrix beside it, of `direct`
-    all of M a + h + g; `room`: (J, J).
+    all of M a + h + g; `room`: (J, J); `temps`: by joint.
     """
     J, L = int(c[JOINTS]), c[BAND]
     share = L * dt / (1.0 + L * dt)
@@ -91,7 +91,9 @@ def after(c, s, io, P, X, M, bias, coriolis, jacobian, room, dt, temp):
             for m in range(J):
                 carried += coriolis[j, m] * io[VELOCITY * J + m]
         load = (io[TORQUE * J + j], s[k + R] - carried)
-        s[k + TAU_F] = friction_.tick(c, i + FRICTION, P[j], X[j], s, k + W, io[j] - s[k + Q], dt, load, temp)
+        s[k + TAU_F] = friction_.tick(
+            c, i + FRICTION, P[j], X[j], s, k + W, io[j] - s[k + Q], dt, load, temps[j]
+        )
         # n, kept where the force will be
         io[FORCE * J + j] = io[TORQUE * J + j] - bias[j] - s[k + TAU_F] - c[i + OFFSET]
     if method == DIRECT:
@@ -256,3 +258,14 @@ def wrench(c, io, jacobian, J):
         io[at + i] = 0.0
         for j in range(6):
             io[at + i] += io[cov + 6 * i + j] * io[cov + 37 + j]
+
+
+@jit
+def wrenches(c, io, jacobians, forces, deviations, J, out):
+    """Fill `out` (n, 43) with wrench, covariance and share of the damping, given torques and deviations (n, J)."""
+    for i in range(forces.shape[0]):
+        for j in range(J):
+            io[FORCE * J + j], io[DEVIATION * J + j] = forces[i, j], deviations[i, j]
+        wrench(c, io, jacobians[i], J)
+        for m in range(43):
+            out[i, m] = io[OUT * J + m]

@@ -10,6 +10,7 @@ import numpy as np
 from backdrive.control.estimators import arm_kernel as k
 from backdrive.engine.series import stacked
 from backdrive.errors import InvalidInput
+from backdrive.laws import REFERENCE
 from backdrive.robot import require_pinocchio
 from backdrive.status import Status
 
@@ -74,7 +75,7 @@ class ArmForceTick:
         self._P = stacked([law.row() for law in laws])
         self._X0 = stacked([law.state() for law in laws])
         self._X = self._X0.copy()
-        self._room = np.zeros((J, J))
+        self._room, self._temperature = np.zeros((J, J)), np.full(J, REFERENCE)
         rows = [self._io[i * J : (i + 1) * J] for i in range(k.OUT)]
         self._position, self._torque, middle, velocity, acceleration = rows[:5]
         self.force, self.friction, self.deviation = rows[5:8]
@@ -128,12 +129,18 @@ class ArmForceTick:
             if self.settings.method == "momentum":
                 own[:, k.Y] = M @ v
 
+    def bodies_only(self) -> None:
+        """Ask pinocchio for the bodies at the last reading, as each tick does."""
+        self._bodies()
+        if self._frame is not None:
+            self._jacobian = self._jacobian_of(self._model, self._data, self._at, self._frame, self._axes)
+
     def tick(
         self,
         position: np.ndarray,
         torque: np.ndarray,
         interval: float | None = None,
-        temperature: float = 20.0,
+        temperature: np.ndarray | float | None = None,
     ) -> Status:
         """Advance by one tick; the attributes hold the result.
 
@@ -141,7 +148,7 @@ class ArmForceTick:
             position: encoder readings [rad or m], (J,).
             torque: that acted since the tick before: the command of that tick [N.m or N], (J,).
             interval: since the tick before [s]; None: the period.
-            temperature: of the joints [degC].
+            temperature: of the joints [degC], (J,); None: as before, 20 at first.
 
         Returns:
             OK; NOT_FINITE or BAD_INTERVAL where an input was not used: the results stay as they were.
@@ -154,9 +161,9 @@ class ArmForceTick:
         status = k.before(self._c, self._s, self._io, dt)
         if status:
             return Status(status)
-        self._bodies()
-        if self._frame is not None:
-            self._jacobian = self._jacobian_of(self._model, self._data, self._at, self._frame, self._axes)
+        self.bodies_only()
+        if temperature is not None:
+            self._temperature[:] = temperature
         k.after(
             self._c,
             self._s,
@@ -169,6 +176,6 @@ class ArmForceTick:
             self._jacobian,
             self._room,
             dt,
-            temperature,
+            self._temperature,
         )
         return OK
