@@ -407,6 +407,8 @@ def test_friction_offsets_and_inertia_of_a_model_come_along(identified):
         ({"limits": arm_limits(effort=np.inf)}, "largest torque"),
         ({"frame": "nowhere"}, "nowhere"),
         ({"changes": {"joint_9": {}}}, "joint_9"),
+        ({"changes": {"joint_1": {"margn": 0.1}}}, "margn"),
+        ({"brake": np.nan}, "brake"),
         ({"share": 1.2}, "share"),
     ],
 )
@@ -414,6 +416,20 @@ def test_what_a_model_and_a_description_do_not_say_is_asked_for(changes, named):
     options = {"interval": T, "limits": arm_limits()} | changes
     with pytest.raises(InvalidInput, match=named):
         ArmLoop.from_model(arm_model(), six_axis(), **options)
+
+
+def test_the_coupling_of_a_model_comes_along_in_the_order_of_the_robot():
+    model, C = arm_model(), np.eye(6)
+    C[4, 5] = 0.3
+    turned = replace(model, joints=model.joints[::-1], coupling=tuple(map(tuple, C[::-1, ::-1].tolist())))
+    for each in (replace(model, coupling=tuple(map(tuple, C.tolist()))), turned):
+        loop = ArmLoop.from_model(each, six_axis(), interval=T, limits=arm_limits())
+        assert np.array_equal(loop.coupling, C)
+        motors, pushed = np.linalg.solve(C, POSTURE), np.array([0.0, 0.0, 0.0, 0.1, 0.3, -0.2])
+        loop.reset(motors, gravity=1.0)
+        for _ in range(400):
+            loop.update(motors, loop.torque - C.T @ pushed)
+        assert loop.external == pytest.approx(pushed, abs=1e-3)
 
 
 def test_a_model_of_another_arm_is_refused():

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from backdrive.control import arm_kernel as kernel
 from backdrive.control import arm_rows, guard
 from backdrive.control.admittance import ROW, STATES
 from backdrive.control.arm_joint import ArmJoint
-from backdrive.control.arm_of_model import joints_of
+from backdrive.control.arm_of_model import coupling_of, joints_of
 from backdrive.control.bodies import Bodies
 from backdrive.control.estimators.arm import ArmForce, ArmForceTick
 from backdrive.control.loop import Loop, Row
@@ -122,19 +123,25 @@ class ArmLoop:
     def from_model(
         cls,
         model: FrictionModel,
-        robot: Robot,
+        robot: str | Path | Robot,
         *,
         interval: float,
         changes: Mapping[str, Mapping[str, Any]] | None = None,
+        rise: float = 0.5,
+        brake: float = 0.5,
+        together: bool = True,
         **options: Any,
     ) -> ArmLoop:
         """Return the loop of an identified arm: friction, offsets, motors' inertia, rigid bodies and coupling come along.
 
         Args:
             model: of a whole arm.
-            robot: its description, with limits of range, speed and torque.
+            robot: path of its description, or the robot, with limits of range, speed and torque.
             interval: period [s].
             changes: fields of `ArmJoint` by joint, such as its `admittance`.
+            rise: time in which gravity's torque comes and goes [s].
+            brake: time for which a latched motor holds gravity [s].
+            together: a motor that latches stops the others.
             **options: of `control.arm_of_model.joints_of`: `limits`, `share`, `dither`, `bend`, `encoder_count`,
                 `method`, `bandwidth`, `frame`.
 
@@ -142,15 +149,21 @@ class ArmLoop:
             InvalidInput: the model is not of an arm or not of this one, or a speed, a torque or a count is not known.
         """
         joints, force = joints_of(model, robot, **options)
-        for name, fields in (changes or {}).items():
+        known, settings = force.bodies.robot, {"rise": rise, "brake": brake, "together": together}
+        for name, values in (changes or {}).items():
             if name not in joints:
                 raise InvalidInput(
-                    f"{robot.name} has no joint {name}.", remedy=f"It has {', '.join(joints)}."
+                    f"{known.name} has no joint {name}.", remedy=f"It has {', '.join(joints)}."
                 )
-            joints[name] = replace(joints[name], **fields)
-        assert model.arm is not None
-        parameters, coupling = model.arm.parameters, model.coupling
-        return cls(robot, joints, interval=interval, parameters=parameters, force=force, coupling=coupling)
+            names = [field.name for field in fields(ArmJoint)]
+            if unknown := [value for value in values if value not in names]:
+                raise InvalidInput(
+                    f"Joint '{name}': {', '.join(unknown)} is no field of an `ArmJoint`.",
+                    remedy=f"It has {', '.join(names)}.",
+                )
+            joints[name] = replace(joints[name], **values)
+        coupling = coupling_of(model, known)
+        return cls(known, joints, interval=interval, force=force, coupling=coupling, **settings)
 
     torque = Row(kernel.TOTAL, writeable=False)
     gravity = Row(kernel.GRAVITY, writeable=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -26,7 +27,7 @@ SOFTER = 0.5  # stiffness of the compensator's contact by the model's own, which
 
 def joints_of(
     model: FrictionModel,
-    robot: Robot,
+    robot: str | Path | Robot,
     *,
     limits: Mapping[str, JointLimits] | None = None,
     share: float = SHARE,
@@ -41,7 +42,7 @@ def joints_of(
 
     Args:
         model: of a whole arm.
-        robot: its description, with limits of speed and torque.
+        robot: path of its description, or the robot, with limits of speed and torque.
         limits: of joints by name, instead of the description's.
         share: R, of the friction that is compensated; 0: nothing is [-].
         dither: at rest; None: none.
@@ -57,13 +58,13 @@ def joints_of(
         UnknownName: there is no such frame.
     """
     force = ArmForce.from_model(model, robot, method=method, bandwidth=bandwidth, frame=frame)
-    coupled = model.coupling is not None and bool(
-        np.any(np.array(model.coupling) != np.eye(len(robot.joints)))
-    )
+    known = force.bodies.robot
+    C = coupling_of(model, known)
+    coupled = C is not None and bool(np.any(np.eye(len(known.joints)) != C))
     joints, contacts = {}, []
-    for k, name in enumerate(robot.joints):
+    for k, name in enumerate(known.joints):
         friction = model.joint(name)
-        own = (limits or {}).get(name) or _range(robot, k)
+        own = (limits or {}).get(name) or _range(known, k)
         count = _count(friction, encoder_count)
         for what in ("velocity", "effort"):
             if not math.isfinite(getattr(own, what)):
@@ -89,6 +90,28 @@ def joints_of(
         joints[name] = ArmJoint(loop=loop, limits=own, inertia=inertia, offset=force.offset[k])
         contacts.append(NOTHING if coupled else estimator)
     return joints, force.replace(friction=tuple(contacts))
+
+
+def coupling_of(model: FrictionModel, robot: Robot) -> np.ndarray | None:
+    """Return C of q_joint = C q_motor in the order of a robot's joints, (J, J); None where each motor drives its own joint.
+
+    Args:
+        model: of friction.
+        robot: whose joints are wanted.
+
+    Raises:
+        InvalidInput: the matrix holds joints that the robot does not have, or lacks some.
+    """
+    if model.coupling is None:
+        return None
+    rows = model.coupled or model.names
+    if set(rows) != set(robot.joints):
+        raise InvalidInput(
+            f"The coupling is of {', '.join(rows)}, and {robot.name} has {', '.join(robot.joints)}.",
+            remedy="Identify all of its joints together.",
+        )
+    order = [rows.index(name) for name in robot.joints]
+    return np.array(model.coupling)[np.ix_(order, order)]
 
 
 def _range(robot: Robot, k: int) -> JointLimits:
