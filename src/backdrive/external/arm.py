@@ -268,8 +268,8 @@ class ArmEstimate:
             torque = np.concatenate([s[j].torque for s in arm.stretches])
             clock = np.concatenate([s[j].time for s in arm.stretches])
             moving = one.state != 2
-            if moving.sum() < LEAST:
-                continue
+            if moving.sum() < LEAST or not at_rest(self.frictions[j].law) > 0.0:
+                continue  # a model that leaves friction out on purpose explains little of it
             measured = np.interp(one.time[moving], clock, torque)
             size = float(np.mean(measured**2))
             shares[one.joint.name] = 1.0 - float(np.mean(one.force[moving] ** 2)) / max(size, 1e-12)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from backdrive._files import read_whole
 from backdrive.errors import InvalidInput, ReadError, UnknownFormat
+from backdrive.robot import load_robot
 from backdrive.robot.xml import parse
 
 MAX_BYTES = 20_000_000
@@ -64,7 +65,7 @@ class JointLimits:
 
 
 def read_limits(path: str | Path) -> dict[str, JointLimits]:
-    """Read the limits of every joint that moves from a URDF file.
+    """Read the limits of every joint that moves from a URDF or MJCF file.
 
     Follows the URDF specification: `lower`, `upper`, `velocity`, `effort` and (newer) `acceleration` of `<limit>`, and
     the tighter range of `<safety_controller>`. Fixed, floating, planar and mimicking joints are left out. A range or a
@@ -80,13 +81,17 @@ def read_limits(path: str | Path) -> dict[str, JointLimits]:
         ReadError: there is no such file, it is not well-formed, or a limit is not a number.
         FileTooLarge: no robot needs that many bytes.
         ForbiddenContent: it has a DOCTYPE, which no robot description needs.
-        UnknownFormat: it is XML, but not a URDF.
+        UnknownFormat: it is XML, but neither.
         MissingExtra: defusedxml is not installed.
     """
     root = _parse(Path(path))
+    if root.tag == "mujoco":
+        robot = load_robot(path)
+        rows = zip(robot.joints, robot.units, robot.ranges)
+        return {name: JointLimits(name=name, unit=unit, **asdict(limits)) for name, unit, limits in rows}
     if root.tag != "robot":
         raise UnknownFormat(
-            f"{path} is XML whose root is <{root.tag}>, not <robot>.", remedy="Name a URDF file."
+            f"{path} is XML whose root is <{root.tag}>, not <robot>.", remedy="Name a URDF or MJCF file."
         )
     found: dict[str, JointLimits] = {}
     for node in root.findall("joint"):
