@@ -7,6 +7,7 @@ import pytest
 
 from backdrive.errors import InvalidInput
 from backdrive.identification import (
+    break_away,
     curves,
     delay,
     design,
@@ -535,7 +536,7 @@ def test_when_a_slip_began():
     rate, cutoff, slope = 1000.0, 20.0, 4.0
     t = np.arange(400) / rate
     velocity = np.where(t > 0.2, 30.0 * (t - 0.2) ** 2, 0.0)
-    torque, error = ramp._onset(slope * t[:261], velocity, 260, rate, cutoff)
+    torque, error = break_away.onset(slope * t[:261], velocity, 260, rate, cutoff)
     assert torque == pytest.approx(slope * (0.26 - 1.5 * 0.03), abs=0.01)
     assert error == pytest.approx(slope * np.hypot(0.5 * 0.03, 1.0 / cutoff) / np.sqrt(3.0), rel=0.02)
     assert abs(torque - slope * 0.2) < error

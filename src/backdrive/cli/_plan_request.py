@@ -20,9 +20,16 @@ COMMON = {
 }
 
 
+#: Of a motion of a whole arm.
+ARM = (
+    *("purpose", "around", "box", "limit", "packages", "floor", "clearance", "margin", "duration", "noise"),
+    *("frame", "seed", "velocity_limit", "acceleration_limit", "torque_limit", "friction"),
+)
+
+
 def kinds() -> dict[str, tuple[str, ...]]:
     """Return the options that mean something to a kind of plan, by kind, beside those that all have."""
-    return {plan.kind: (*COMMON[plan.commands], *plan.options) for plan in PLANS}
+    return {plan.kind: (*COMMON[plan.commands], *plan.options) for plan in PLANS} | {"arm": ARM}
 
 
 class Request(SimpleNamespace):

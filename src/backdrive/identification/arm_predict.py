@@ -79,18 +79,8 @@ def _arm_of(model: FrictionModel, urdf: str | Path | Robot) -> tuple[ArmModel, R
         raise InvalidInput(
             "This model is not of a whole arm.", remedy="Identify with --method arm --urdf ROBOT."
         )
-    robot = (urdf if isinstance(urdf, Robot) else load_robot(urdf)).without_tools(model.names)
-    if robot.sha256 != model.arm.urdf_sha256:
-        raise InvalidInput(
-            f"The model belongs to another robot description (sha256 {model.arm.urdf_sha256[:12]}...).",
-            remedy="Pass the URDF that it was identified with.",
-        )
-    robot.order_in(model.names)
-    if len(model.arm.parameters) != robot.parameters.size:
-        raise InvalidInput(
-            f"The model has {len(model.arm.parameters)} rigid-body parameters, the URDF {robot.parameters.size}.",
-            remedy="Identify again.",
-        )
+    read = urdf if isinstance(urdf, Robot) else load_robot(urdf)
+    robot = read.for_model(model.names, model.arm.urdf_sha256, len(model.arm.parameters))
     return model.arm, robot
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from backdrive._files import read_whole
-from backdrive._urdf import parse
 from backdrive.errors import InvalidInput, ReadError, UnknownFormat
+from backdrive.robot.xml import parse
 
 MAX_BYTES = 20_000_000
 _KINDS: dict[str, Literal["rad", "m"]] = {"revolute": "rad", "continuous": "rad", "prismatic": "m"}
