@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from backdrive._files import read_whole
-from backdrive._urdf import parse
 from backdrive.errors import InvalidInput, MissingExtra, ReadError, require
 from backdrive.plans.limits import MAX_BYTES
 from backdrive.robot import Robot
+from backdrive.robot.xml import parse
 
 MESH_BYTES = 100_000_000
 MOST_SHAPES = 200
