@@ -59,7 +59,7 @@ class ArmLoop:
         interval: float,
         parameters: Sequence[float] | None = None,
         force: ArmForce | None = None,
-        coupling: Sequence[Sequence[float]] | None = None,
+        coupling: Sequence[Sequence[float]] | np.ndarray | None = None,
         rise: float = 0.5,
         brake: float = 0.5,
         together: bool = True,

@@ -10,7 +10,7 @@ with the slope k of the ramp: for any t0 a regression on the position, and t0 is
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -119,7 +119,7 @@ def overcome(
         impulse = (time - start) ** 3
         return nnls(motion / scale, impulse)[1] / float(np.linalg.norm(impulse))
 
-    found = minimize_scalar(left, bounds=(-EARLY, time[0] - 1.0 / rate), method="bounded")
+    found: Any = minimize_scalar(left, bounds=(-EARLY, time[0] - 1.0 / rate), method="bounded")
     sample = at + found.x * rate
     friction = float(ramp.at(np.array([sample]))[0])
     return friction, float(np.hypot(ramp.error(sample), MISFIT * found.fun * friction))
