@@ -144,13 +144,27 @@ def test_gradients_of_information_limits_and_distances_are_those_of_difference_q
 
 
 def test_the_command_plans_within_limits_says_errors_and_repeats_itself(urdf, tmp_path, brief):
-    words = ("plan", "arm", "--urdf", urdf, "--duration", "20", "--draw", "none", "--floor", "-0.4", "--json")
+    words = (
+        "plan",
+        "arm",
+        "--urdf",
+        urdf,
+        "--duration",
+        "12",
+        "--rate",
+        "100",
+        "--draw",
+        "none",
+        "--floor",
+        "-0.4",
+        "--json",
+    )
     done = called(*words, "-o", tmp_path / "one")
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     plan = load_plan(tmp_path / "one" / "plan.json")
-    assert plan.duration == pytest.approx(20.0)
-    t = np.linspace(0, 20, 4000)
+    assert plan.duration == pytest.approx(12.0)
+    t = np.linspace(0, 12, 4000)
     assert np.abs(plan.position(t)).max() <= 2.6 * 0.9501
     assert np.abs(plan.velocity(t)).max() <= 2.0 * 0.9501
     assert np.abs(plan.acceleration(t)).max() <= 10.0 * 0.9501

@@ -91,21 +91,14 @@ def expected_errors(
     """Return the standard error to be expected of every parameter.
 
     Args:
-        signals: of the motion; their torque is not looked at.
+        signals: of the motion; where they have no torque, the description's is taken.
         robot: the description.
         noise: what the model will leave of the torque below 5 Hz [N.m or N], (J,).
         friction: about as large as it will be [N.m or N], (J,).
         terms: of every joint; None: by the speeds of the motion.
     """
     own = terms or terms_along(signals, len(robot.joints))
-    moved = [
-        replace(
-            s,
-            torque=robot.inverse_dynamics(s.position, s.velocity, s.acceleration)
-            + friction * np.sign(s.velocity),
-        )
-        for s in signals
-    ]
+    moved = [s if np.any(s.torque) else _with_torque(s, robot, friction) for s in signals]
     covariance, by_noise = expect(build(Regressor(robot, moved), own), robot, own, noise)
     table, names = _reported(robot, own)
     spread = np.einsum("kp,pq,kq->k", table, covariance, table)
@@ -114,6 +107,12 @@ def expected_errors(
         StandardError(**name, expected=float(np.sqrt(max(v, 0.0))), shows=bool(v0 > TOLD * v))
         for name, v, v0 in zip(names, spread, told)
     ]
+
+
+def _with_torque(s: ArmSignals, robot: Robot, friction: np.ndarray) -> ArmSignals:
+    """Return a planned motion with the torque that it takes by the description."""
+    torque = robot.inverse_dynamics(s.position, s.velocity, s.acceleration) + friction * np.sign(s.velocity)
+    return replace(s, torque=torque)
 
 
 def terms_along(signals: Sequence[ArmSignals], J: int) -> list[Terms]:
@@ -147,7 +146,9 @@ def achieved_errors(
     """
     noise, motion = solution.noise, list(signals)
     plans = [log.plan for log in logs]
-    if all(isinstance(p, ArmPlan) and p.noise and set(p.joints) == set(robot.joints) for p in plans):
+    coupled = any(s.coupling is not None for s in signals)  # a plan knows the joints, and not the motors
+    of_arm = all(isinstance(p, ArmPlan) and p.noise and set(p.joints) == set(robot.joints) for p in plans)
+    if of_arm and not coupled:
         motion = [signals_of(p, robot) for p in plans]
         noise = np.array([plans[0].noise[plans[0].joints.index(name)] for name in robot.joints])
     k = [t.knots.size for t in terms]
