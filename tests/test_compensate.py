@@ -1,5 +1,6 @@
 """Compensators against the algorithms of the thesis, written out as printed, and what theory says of them."""
 
+from fractions import Fraction
 from functools import cache
 
 import numba as nb
@@ -87,9 +88,7 @@ def along(compensator, q, *, error=None, slope=None, applied=None, dt=T):
 # ------------------------------------------------------------------------------------------- as the thesis prints it
 
 
-BELOW = (
-    1.0 - 1e-12
-)  # with alpha = 0 what has slid rests on its bound, where the rounding of K (p - q) would decide
+ABOVE = 1.0 + 1e-12
 
 
 def gsat(a, x, b):
@@ -98,7 +97,10 @@ def gsat(a, x, b):
 
 
 def alg_fc_printed(p, alpha, *, R_d=0.0, omega=30.0 * np.pi, R=1.0):
-    """Iwatani 2017, (3.27), line by line, with q as its state; R of (2.21) on all but the dither. alpha: one, or one a tick."""
+    """Iwatani 2017, (3.27), line by line, with q as its state; R of (2.21) on all but the dither. alpha: one, or one a tick.
+
+    (3.27e) with equality, which the rounding of K (p - q) is kept from deciding: the inclusion's sgn is [-1, 1] at rest.
+    """
     alpha = np.broadcast_to(alpha, p.shape)
     q, out = p[0], np.empty(p.size)
     for k in range(p.size):
@@ -106,7 +108,7 @@ def alg_fc_printed(p, alpha, *, R_d=0.0, omega=30.0 * np.pi, R=1.0):
         f_star = K * (p[k] - q) / (1.0 + T * alpha[k])
         q_k = p[k] - gsat(-F_n, f_star, F_p) / K
         f_m = K * (p[k] - q_k)
-        if -F_n * BELOW < f_star < F_p * BELOW:
+        if -F_n * ABOVE <= f_star <= F_p * ABOVE:
             f_d = R_d * ((F_p + F_n) / 2.0 * np.sin(omega * T * (k + 1)) + (F_p - F_n) / 2.0)
         else:
             f_d = 0.0
@@ -241,6 +243,51 @@ def test_mahvash_and_okamura_as_printed():
             assert f[k] == pytest.approx(R * (stiffness * e + viscous(v)), abs=1e-9)
 
 
+FALLING = Polyline(velocity=(0.1, 0.4, 1.5), positive=(9.0, 8.0, 9.5), negative=(9.0, 8.0, 9.5))
+
+
+def along_mop_printed(p, stiffness, R):
+    """Iwatani 2017, (2.22), on `FALLING`, line by line."""
+    F_0 = 9.0 + 0.1 / 0.3
+    e, out = 0.0, np.zeros(p.size)
+    for k in range(1, p.size):
+        v = (p[k] - p[k - 1]) / T
+        a = stiffness / F_0 * (T * v + e)
+        e = F_0 / stiffness * (a / abs(a) if abs(a) > 1.0 else a)
+        phi = np.interp(abs(v), [0.0, 0.1, 0.4, 1.5, 4.8], [F_0, 9.0, 8.0, 9.5, 14.0])
+        out[k] = R * (stiffness * e + np.sign(v) * (phi - F_0))
+    return out
+
+
+def test_mahvash_and_okamura_on_a_falling_curve_as_printed_and_narrowed():
+    """The printed form opposes a motion that begins; by default the fall narrows the contact. In sliding they are the same."""
+    stiffness, R, F_0 = 1e4, 0.9, 9.0 + 0.1 / 0.3
+    t = T * np.arange(2 * LENGTH)
+    p = 0.25 * np.sin(2.0 * np.pi * 0.5 * t)
+    printed = along(mahvash_okamura(FALLING, stiffness, R, literal=True), p)
+    assert printed == pytest.approx(along_mop_printed(p, stiffness, R), abs=1e-9)
+    ours = along(mahvash_okamura(FALLING, stiffness, R), p)
+    if JIT:
+        sliding = np.abs(np.abs(printed) - R * falling_torque(np.gradient(p, T))) < 0.02
+        assert sliding.mean() > 0.8
+        assert np.abs(printed - ours)[sliding].max() < 0.05
+        assert 0.2 < np.abs(printed - ours).max() < R * (F_0 - 8.0)
+    # from rest, forwards at 0.4 rad/s: nothing is stretched yet, and the printed form pulls back
+    begin = np.r_[0.0, 0.4 * T * np.ones(3)].cumsum()
+    assert along(mahvash_okamura(FALLING, 100.0, R, literal=True), begin)[1] < -0.5
+    assert np.all(along(mahvash_okamura(FALLING, 100.0, R), begin) >= 0.0)
+
+
+def falling_torque(v):
+    """Return the magnitude of `FALLING` at velocities."""
+    return np.interp(np.abs(v), [0.0, 0.1, 0.4, 1.5], [9.0 + 0.1 / 0.3, 9.0, 8.0, 9.5])
+
+
+def test_the_printed_form_is_of_its_contact_alone():
+    with pytest.raises(InvalidInput, match="is not the contact that"):
+        FrictionEstimator(law=Law(rate=FALLING, element=Decaying(stiffness=K)), literal=True)
+
+
 def test_nothing_gives_nothing_and_any_law_is_a_compensator():
     q = walk(2)
     assert np.all(along(nothing(), q) == 0.0)
@@ -257,6 +304,51 @@ def test_nothing_gives_nothing_and_any_law_is_a_compensator():
 
 
 # ------------------------------------------------------------------------------------------------------------ dither
+
+
+def exact_alg_fc(counts, *, stiffness, count, F_p, F_n):
+    """Return dither at 1 of (3.27) for alpha = 0 in rational arithmetic, where equality in (3.27e) is exact: with it, without it.
+
+    counts: encoder, whole numbers. A stuck tick is 1, a sliding one 0.
+    """
+    K_, delta = Fraction(stiffness), Fraction(count)
+    high, low = Fraction(F_p), -Fraction(F_n)
+    q, closed, opened = counts[0] * delta, [], []
+    for c in counts:
+        p = int(c) * delta
+        f_star = K_ * (p - q)
+        q = p - min(max(f_star, low), high) / K_
+        closed.append(low <= f_star <= high)
+        opened.append(low < f_star < high)
+    return np.array(closed), np.array(opened)
+
+
+MACHINES = {
+    "Setup A": dict(stiffness=1.2e6, count=5e-6, F_p=12.0, F_n=8.0),
+    "Joint 0": dict(stiffness=5e4, count=2.0 * np.pi / 65536 / 100, F_p=6.85, F_n=6.85),
+}
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+def test_a_joint_that_stops_after_sliding_is_stuck_also_without_decay(machine):
+    """(3.27e) with its equality, as the inclusion (3.3a) has it: sgn is [-1, 1] at rest, ends included."""
+    numbers = MACHINES[machine]
+    rng = np.random.default_rng(5)
+    runs = [np.r_[np.full(40, way * size), np.zeros(30), -way * np.ones(3), np.zeros(20)] for way, size in
+            zip(rng.choice([-1, 1], 12), rng.integers(1, 400, 12))]  # fmt: skip
+    counts = np.r_[np.zeros(20), np.cumsum(np.concatenate(runs))].astype(int)
+    closed, opened = exact_alg_fc(counts, **numbers)
+    rate = CoulombViscous(coulomb_positive=numbers["F_p"], coulomb_negative=numbers["F_n"])
+    q = numbers["count"] * counts
+    f, plain = (
+        along(alg_fc(rate, numbers["stiffness"], 0.0, dither, share=1.0), q)
+        for dither in (Dither(share=0.5, frequency=7.0), None)
+    )
+    stands = np.diff(counts, prepend=0) == 0
+    sure = stands | (closed == opened)  # not the tick that ends on the bound to the last digit: it is both
+    assert np.array_equal((f != plain)[sure], closed[sure])
+    assert np.all(closed[stands])
+    assert opened[stands].mean() < 0.7  # without equality many stops are no standstill
 
 
 def test_the_share_is_not_of_the_dither():

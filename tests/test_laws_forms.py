@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from _laws import JIT, follow
+from backdrive.errors import UnknownName
 from backdrive.laws import (
     GMS,
     BlimanSorine,
@@ -23,14 +24,17 @@ from backdrive.laws import (
     Polyline,
     ResetIntegrator,
     SmoothedGMS,
+    SmoothedMaxwellSlip,
     StribeckGauss,
     ViscoElastoplastic,
     XiongKikuuwe,
     XiongKikuuweMulti,
     kernels,
 )
+from backdrive.laws import element as element_law
 from backdrive.laws.base import Rate
 from backdrive.laws.elements.maxwell_slip import Parallel
+from backdrive.laws.examples import example
 
 F, K = 5.0, 1e4
 RATE: Rate = Coulomb(coulomb=F)
@@ -241,12 +245,19 @@ def test_gms_under_a_constant_bound_is_maxwell_slip_and_follows_at_once_with_a_h
     np.testing.assert_allclose(torque[100:], expected[100:], rtol=1e-6)
 
 
-def test_smoothed_gms_nears_maxwell_slip_as_it_is_sharpened():
+def test_the_name_of_before_still_leads_to_the_smoothed_law():
+    assert element_law("smoothed-gms") is SmoothedMaxwellSlip is SmoothedGMS
+    assert example("coulomb+smoothed-gms").name == "coulomb+smoothed-maxwell-slip"
+    with pytest.raises(UnknownName, match="smoothed-lugre"):
+        element_law("smoothed-lugre")
+
+
+def test_smoothed_maxwell_slip_nears_maxwell_slip_as_it_is_sharpened():
     expected = along(MaxwellSlip(**Parallel.EXAMPLE), WANDER)
     worst = [
         np.max(
             np.abs(
-                along(SmoothedGMS(**Parallel.EXAMPLE, sharpness=s, margin=m, reversal=100.0), WANDER)
+                along(SmoothedMaxwellSlip(**Parallel.EXAMPLE, sharpness=s, margin=m, reversal=100.0), WANDER)
                 - expected
             )
         )
@@ -296,7 +307,8 @@ def test_implicit_steps_solve_their_equations(seed):
         )
 
     law = Law(
-        rate=RATE, element=SmoothedGMS(stiffness=(K,), share=(1.0,), sharpness=sharp, margin=m, reversal=c)
+        rate=RATE,
+        element=SmoothedMaxwellSlip(stiffness=(K,), share=(1.0,), sharpness=sharp, margin=m, reversal=c),
     )
     x = np.array([start, 0.0])
     kernels.step(law.rate.KIND, law.element.KIND, law.row(), x, R / K, 1e-3, (0.0, 0.0), 20.0)

@@ -33,7 +33,7 @@ from backdrive.laws import (
     Polyline,
     ResetIntegrator,
     Rigid,
-    SmoothedGMS,
+    SmoothedMaxwellSlip,
     StribeckGauss,
     StribeckLorentz,
     StribeckTustin,
@@ -319,7 +319,7 @@ def gms(e, x, lo, hi, dp, dt):
     return total, dp
 
 
-def smoothed_gms(e, x, lo, hi, dp, dt):
+def smoothed_maxwell_slip(e, x, lo, hi, dp, dt):
     way, s = sign(dp), hi if dp > 0.0 else -lo
 
     def h(r):
@@ -410,7 +410,7 @@ STEPS = {
     MaxwellSlip: maxwell_slip,
     Leuven: leuven,
     GMS: gms,
-    SmoothedGMS: smoothed_gms,
+    SmoothedMaxwellSlip: smoothed_maxwell_slip,
 }
 CARRIERS = {
     "sides": CoulombViscous(
@@ -490,7 +490,7 @@ def test_an_elements_state_and_advice_are_counted():
     counts = {
         "none": 0, "dead-zone": 0, "dahl": 1, "bliman-sorine": 2, "reset-integrator": 1, "lugre": 1, "elastoplastic": 1,
         "hayward-armstrong": 1, "visco-elastoplastic": 3, "xiong-kikuuwe": 3, "xiong-kikuuwe-multi": 5, "decaying": 1,
-        "maxwell-slip": 3, "leuven": 3, "gms": 6, "smoothed-gms": 3,
+        "maxwell-slip": 3, "leuven": 3, "gms": 6, "smoothed-maxwell-slip": 3,
     }  # fmt: skip
     assert {name: e.states() for name, e in ELEMENT_EXAMPLES.items()} == counts
     flat = CoulombViscous(coulomb_positive=4.0, coulomb_negative=4.0)
@@ -586,7 +586,7 @@ def test_what_is_not_given_is_not_there():
                      "load-temperature": 1.3},
         "stribeck_velocity": 1.0, "stribeck_velocity_load": 1.0, "thinning": 20.0, "ratio": 0.5, "overshoot": 0.5, "elastic": 0.7,
         "decay_rate": 20.0, "margin": 0.95, "reversal": 10.0,
-        "sharpness": {"leuven": 2.0, "smoothed-gms": 100.0}, "damping": {"xiong-kikuuwe": 1.0},
+        "sharpness": {"leuven": 2.0, "smoothed-maxwell-slip": 100.0}, "damping": {"xiong-kikuuwe": 1.0},
     }  # fmt: skip
     for cls in (*RATES.values(), *ELEMENTS.values()):
         for name in cls.PARAMETERS:

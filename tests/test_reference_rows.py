@@ -24,7 +24,7 @@ from backdrive.laws import (
     LuGre,
     MaxwellSlip,
     Polyline,
-    SmoothedGMS,
+    SmoothedMaxwellSlip,
     StribeckGauss,
     ViscoElastoplastic,
     XiongKikuuwe,
@@ -81,7 +81,7 @@ BOUNDS = {
     "maxwell-slip": PARTS,
     "leuven": {**PARTS, "sharpness": (0.5, 50.0), "damping": UP},
     "gms": {**PARTS, "attraction": STIFF},
-    "smoothed-gms": {**PARTS, "sharpness": (1.0, 1e4), "margin": (0.1, 0.999), "reversal": (1.0, 1e4)},
+    "smoothed-maxwell-slip": {**PARTS, "sharpness": (1.0, 1e4), "margin": (0.1, 0.999), "reversal": (1.0, 1e4)},
 }  # fmt: skip
 
 
@@ -171,14 +171,17 @@ def test_rows_of_the_laws():
     head = [2.0, 7.0, 8.0, 0.25, 0.75]
     for cls, more in (
         (MaxwellSlip, {}), (Leuven, {"sharpness": 3.0, "damping": 2.0}), (GMS, {"attraction": 3.0}),
-        (SmoothedGMS, {"sharpness": 50.0, "margin": 0.5, "reversal": 3.0}), (XiongKikuuweMulti, {"damping_time": 0.5, "lag": 2.0}),
+        (SmoothedMaxwellSlip, {"sharpness": 50.0, "margin": 0.5, "reversal": 3.0}),
+        (XiongKikuuweMulti, {"damping_time": 0.5, "lag": 2.0}),
     ):  # fmt: skip
         assert row(cls(**many, **more)) == head + list(more.values())
         assert (cls(**many, **more).many()) == head
     assert Law(rate=gauss, element=MaxwellSlip(**many)).row().tolist() == [5.0, *row(gauss), *head]
     for name, e in ELEMENT_EXAMPLES.items():
         n = {"gms": 6, "bliman-sorine": 2, "none": 0, "dead-zone": 0}.get(name, 1)
-        n = {"leuven": 3, "maxwell-slip": 3, "smoothed-gms": 3, "xiong-kikuuwe-multi": 5}.get(name, n)
+        n = {"leuven": 3, "maxwell-slip": 3, "smoothed-maxwell-slip": 3, "xiong-kikuuwe-multi": 5}.get(
+            name, n
+        )
         n = 3 if name in ("visco-elastoplastic", "xiong-kikuuwe") else n
         assert e.states() == n
         assert Law(rate=gauss, element=e).state().tolist() == [0.0] * 2 * max(n, 1)

@@ -33,12 +33,12 @@ from backdrive.laws import (
     MaxwellSlip,
     Polyline,
     ResetIntegrator,
-    SmoothedGMS,
+    SmoothedMaxwellSlip,
     StribeckGauss,
     XiongKikuuweMulti,
     kernels,
 )
-from backdrive.laws.elements import elastoplastic, leuven, smoothed_gms
+from backdrive.laws.elements import elastoplastic, leuven, smoothed_maxwell_slip
 from backdrive.laws.examples import ELEMENT_EXAMPLES, RATE_EXAMPLES
 from backdrive.logs.log import Joint
 from backdrive.model import FrictionModel, JointFriction, Validity
@@ -61,7 +61,7 @@ def solved(law, x, v_free, dt, soft, load=NONE, T=20.0):
 
 
 SMOOTH = ["dahl", "lugre", "elastoplastic", "visco-elastoplastic", "xiong-kikuuwe", "xiong-kikuuwe-multi", "maxwell-slip",
-          "leuven", "smoothed-gms", "bliman-sorine", "hayward-armstrong", "decaying"]  # fmt: skip
+          "leuven", "smoothed-maxwell-slip", "bliman-sorine", "hayward-armstrong", "decaying"]  # fmt: skip
 
 
 @pytest.mark.parametrize("name", SMOOTH)
@@ -144,11 +144,11 @@ def test_a_held_mass_is_found_in_few_trials(monkeypatch, name):
 @PLAIN
 def test_the_root_of_a_step_is_found_in_few_trials(monkeypatch):
     counted = []
-    for module, name in ((elastoplastic, "plastic"), (leuven, "pulled"), (smoothed_gms, "gate")):
+    for module, name in ((elastoplastic, "plastic"), (leuven, "pulled"), (smoothed_maxwell_slip, "gate")):
         real = getattr(module, name)
         monkeypatch.setattr(module, name, lambda *a, real=real: counted.append(1) or real(*a))
     generator = np.random.default_rng(2)
-    most = {"elastoplastic": (14, 4.5), "leuven": (20, 8.5), "smoothed-gms": (3 * 20, 3 * 8.0)}
+    most = {"elastoplastic": (14, 4.5), "leuven": (20, 8.5), "smoothed-maxwell-slip": (3 * 20, 3 * 8.0)}
     for element, (worst, usual) in most.items():
         law, dt, counts = Law(rate=SIDES, element=ELEMENT_EXAMPLES[element]), 1e-3, []
         x = law.state()
@@ -193,7 +193,9 @@ def test_an_elastoplastic_bristle_from_anywhere(way):
 def test_smoothed_elements_from_anywhere(way):
     """u = r + path (1 - h(u) u): from beyond the bound, against the motion, over any path."""
     for sharp, margin, reversal in ((100.0, 0.95, 10.0), (3.0, 0.5, 1.0), (8.0, 0.2, 2.0)):
-        e = SmoothedGMS(stiffness=(1e4,), share=(1.0,), sharpness=sharp, margin=margin, reversal=reversal)
+        e = SmoothedMaxwellSlip(
+            stiffness=(1e4,), share=(1.0,), sharpness=sharp, margin=margin, reversal=reversal
+        )
         law = Law(rate=Coulomb(coulomb=5.0), element=e)
 
         def gate(u, l=sharp, b=margin, c=reversal):  # noqa: E741
@@ -294,7 +296,8 @@ def test_long_pulls_slip_whatever_the_stiffness():
     """Far beyond the bound every spring slips: the torque is the bound's."""
     many = {"stiffness": (1e4, 1e3), "share": (0.7, 0.3)}
     every = (
-        LuGre(stiffness=1e5), Dahl(stiffness=1e5), MaxwellSlip(**many), SmoothedGMS(**many), HaywardArmstrong(stiffness=1e5),
+        LuGre(stiffness=1e5), Dahl(stiffness=1e5), MaxwellSlip(**many), SmoothedMaxwellSlip(**many),
+        HaywardArmstrong(stiffness=1e5),
         GMS(**many, attraction=10.0), Leuven(**many), Elastoplastic(stiffness=1e5), XiongKikuuweMulti(**many),
         BlimanSorine(distance=1e-3), ResetIntegrator(stiffness=1e5), Decaying(stiffness=1e5, decay_rate=0.0),
     )  # fmt: skip

@@ -6,6 +6,7 @@ import pytest
 pytest.importorskip("pinocchio")
 
 from backdrive.errors import FileTooLarge, ForbiddenContent, ReadError, UnknownName
+from backdrive.plans.limits import read_limits
 from backdrive.robot import load_robot, parse_robot
 
 ARM = """
@@ -221,6 +222,15 @@ def test_mjcf_names_no_other_file_and_is_no_deeper_than_an_arm():
         parse_robot("<!DOCTYPE mujoco>" + BODY)
     with pytest.raises(FileTooLarge):
         parse_robot(BODY.format("<body>" * 2001 + "</body>" * 2001))
+
+
+def test_limits_are_read_from_mjcf(tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(ARM)
+    limits = read_limits(path)
+    assert list(limits) == ["turn", "lift", "roll", "slide"]
+    assert limits["lift"].upper == pytest.approx(np.deg2rad(100.0))
+    assert limits["slide"].unit == "m"
 
 
 def test_a_file_is_told_by_what_it_holds(tmp_path):

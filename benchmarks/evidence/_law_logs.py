@@ -82,7 +82,7 @@ PATH_ONLY = (
     "bliman-sorine",
     "hayward-armstrong",
     "maxwell-slip",
-    "smoothed-gms",
+    "smoothed-maxwell-slip",
 )  # speed does not matter
 
 
@@ -187,7 +187,7 @@ def case(name: str, **changes) -> Case:
         settings["law"] = Law(
             rate=Makkar(stribeck=2.0, rise=150.0, fall=15.0, coulomb=4.0, steepness=50.0, viscous=1.0)
         )
-    if name == "smoothed-gms":  # the example's slip sets in too sharply to tell how sharply
+    if name == "smoothed-maxwell-slip":  # the example's slip sets in too sharply to tell how sharply
         settings["law"] = Law(rate=law.rate, element=replace(law.element, sharpness=30.0, margin=0.9))
     if "load" in law.rate.NEEDS:
         settings["motions"] = [np.concatenate(SHORT)] * 6

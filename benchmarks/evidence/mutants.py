@@ -78,7 +78,7 @@ ROOMS: dict[str, dict[tuple[str, ...], tuple[str, ...]]] = {
             "identification/options.py", "identification/auto.py", "identification/validate.py", "identification/result.py",
             "identification/pipeline.py",
         ): ("test_reference_requests.py", "test_identify.py"),
-        ("identification/ramp.py", "identification/presliding.py"): (
+        ("identification/ramp*.py", "identification/break_away.py", "identification/presliding.py"): (
             "test_reference_ramps.py", "test_reference_fits.py", "test_presliding.py",
         ),
         (
@@ -240,7 +240,7 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
     ),
     *(
         (f"laws/{file}.py", f"side = {sign}1", f"side = {sign}2", "only its sign is asked for")
-        for file in ("kernels", "elements/elastoplastic", "elements/leuven", "elements/smoothed_gms")
+        for file in ("kernels", "elements/elastoplastic", "elements/leuven", "elements/smoothed_maxwell_slip")
         for sign in ("", "-")
     ),
 )  # fmt: skip

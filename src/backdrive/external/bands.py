@@ -5,9 +5,31 @@ from __future__ import annotations
 import numpy as np
 
 from backdrive.control.estimators.of_model import at_rest
+from backdrive.identification.bands import REVERSAL, states
+from backdrive.identification.signals import Signals
 from backdrive.model import JointFriction
 
 SLACK = 0.1  # of the friction, by which the band at rest is wider than friction alone, at most [-]
+CREEP = 0.05  # of the model's top speed, below which friction is not that of sliding: the joint starts, stops or turns [-]
+BLUR = 2.0  # lags after a reversal, in which what an estimator makes of it fades to a twentieth
+
+
+def states_along(friction: JointFriction, s: Signals, bandwidth: float) -> np.ndarray:
+    """Return the state of every sample of an estimate, 0 moving, 1 reversing, 2 at rest, (n,).
+
+    A joint that starts, stops or creeps counts as reversing, for as long as an estimator remembers it; so does the end of a
+    stretch, since nobody knows whether it turns right after.
+
+    Args:
+        friction: of the model.
+        s: motion.
+        bandwidth: of the estimator [1/s].
+    """
+    lag = 1.0 / bandwidth
+    state = states(s, REVERSAL + lag, REVERSAL + BLUR * lag, CREEP * friction.validity.speeds[1])
+    end = state[-int(np.ceil((REVERSAL + lag) * s.rate)) :]
+    end[end == 0] = 1
+    return state
 
 
 def band(
@@ -57,11 +79,19 @@ def band(
 def _bounds(
     friction: JointFriction, temperature: np.ndarray | None
 ) -> tuple[np.ndarray | float, np.ndarray | float]:
-    """Return the friction's bounds at rest, along +q and along -q; of a law of temperature at each instant."""
-    law = friction.law
+    """Return the friction's bounds at rest, along +q and along -q; of a law of temperature at each instant.
+
+    No friction is seen at zero speed: a curve that falls towards it may do so by extrapolation. The line through its values at a
+    low speed and at twice that counts too where it meets zero speed higher.
+    """
+    law, low = friction.law, CREEP * friction.validity.speeds[1]
     if law.rate.SMOOTH:
         return at_rest(law), at_rest(law)
-    if temperature is None or "temperature" not in law.rate.NEEDS:
-        return law.coulomb()
-    slow = np.full(temperature.shape, 1e-12)
-    return law.torque(slow, temperature=temperature), -law.torque(-slow, temperature=temperature)
+    warmth = None if temperature is None or "temperature" not in law.rate.NEEDS else temperature
+    speeds = np.array([1e-12, low, 2.0 * low])[:, None] * np.ones(1 if warmth is None else warmth.size)
+    shared = None if warmth is None else np.broadcast_to(warmth, speeds.shape)
+    ends = []
+    for way in (1.0, -1.0):
+        curve = way * law.torque(way * speeds, temperature=shared)
+        ends.append(np.maximum(curve[0], 2.0 * curve[1] - curve[2]))
+    return ends[0], ends[1]

@@ -175,7 +175,7 @@ def _state_band(free: Sequence[JointForce], state: int) -> StateBand | None:
 
 def _events(free: Sequence[JointForce], state: int, half: float) -> float:
     """Return how many independent events the samples of a state are worth, by how often |estimate| leaves a half width."""
-    samples, variance = 0, 0.0
+    samples, variance, windows = 0, 0.0, 0.0
     for f in free:
         inside = (f.state == state) & np.isfinite(f.force)
         beyond = np.where(inside, (np.abs(f.force) > half) - (1.0 - SHARE), 0.0)
@@ -185,6 +185,8 @@ def _events(free: Sequence[JointForce], state: int, half: float) -> float:
             width = int(max(np.sqrt(part.size), MEMORY / dt)) + 1
             variance += float(long_run(part[None], min(width, part.size))[0, 0])
         samples += int(np.count_nonzero(inside))
+        windows += np.count_nonzero(inside) / width
+    variance *= windows / max(windows - 1.0, 1e-9)  # the share within is these samples' own
     return float(np.clip(SHARE * (1.0 - SHARE) * samples**2 / max(variance, 1e-12), 1.0, samples))
 
 

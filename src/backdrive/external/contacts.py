@@ -19,8 +19,9 @@ from backdrive.external.result import STATES, Contact, ForceEstimate, JointForce
 from backdrive.external.tail import clusters, tail
 
 APART = 0.25  # time below the threshold, after which another contact begins [s]
+ACROSS = 1.0  # time in which nothing but a reversal separates two contacts, that are one [s]
 HOUR = 3600.0
-REST = STATES.index("rest")
+REST, TURNS = STATES.index("rest"), STATES.index("reversing")
 
 
 def score(one: JointForce) -> np.ndarray:
@@ -89,8 +90,8 @@ def _at_rest(calibration: Calibration, motion: Threshold) -> Threshold:
     """Return the threshold where free motion hardly rests: beyond friction's interval by as much as motion's beyond its band."""
     half = max(b.half_width for b in (calibration.moving, calibration.reversing) if b is not None)
     rests = [(f.upper - f.lower)[f.state == REST] for f in calibration.forces]
-    width = np.concatenate([*rests, np.zeros(0)])
-    bands = 1.0 + (motion.bands - 1.0) * (2.0 * half / float(np.median(width)) if width.size else 1.0)
+    width = float(np.median(np.concatenate([*rests, np.full(1, 2.0 * half)])))
+    bands = 1.0 + (motion.bands - 1.0) * 2.0 * half / max(width, 1e-3 * half)
     return replace(
         motion, state="rest", bands=bands, interval=(1.0, bands), peaks=0, hours=0.0, extrapolation=np.inf
     )
@@ -121,31 +122,44 @@ def with_contacts(estimate: ForceEstimate, false_alarms: float) -> ForceEstimate
             "No joint's free motion supports a threshold of contacts.",
             remedy="Give longer free motion of the same joints (--free).",
         )
+    every = tuple(t for of_joint in thresholds.values() for t in of_joint)
+    lines = (*estimate.remarks, *remarks, *_unsupported(every, false_alarms))
+    return mark_contacts(replace(estimate, remarks=lines, false_alarms=false_alarms), every)
+
+
+def mark_contacts(estimate: ForceEstimate, thresholds: Sequence[Threshold]) -> ForceEstimate:
+    """Return an estimate with its contacts, by thresholds that are known; a joint without one takes no part.
+
+    Args:
+        estimate: with the bands that the thresholds belong to.
+        thresholds: by joint and state.
+    """
+    levels: dict[str, dict[str, float]] = {}
+    for t in thresholds:
+        levels.setdefault(t.joint, {})[t.state] = t.bands
     joints, spans = [], []
     for one in estimate.joints:
-        if one.joint.name in thresholds:
-            one, own = _mark(one, thresholds[one.joint.name])
+        if one.joint.name in levels:
+            one, own = _mark(one, np.array([levels[one.joint.name][state] for state in STATES]))
             spans += own
         joints.append(one)
-    every = tuple(t for of_joint in thresholds.values() for t in of_joint)
-    return replace(
-        estimate,
-        joints=tuple(joints),
-        remarks=(*estimate.remarks, *remarks, *_unsupported(every, false_alarms)),
-        contacts=_merge(spans),
-        thresholds=every,
-        false_alarms=false_alarms,
-    )
+    return replace(estimate, joints=tuple(joints), contacts=_merge(spans), thresholds=tuple(thresholds))
 
 
-def _mark(
-    one: JointForce, thresholds: Sequence[Threshold]
-) -> tuple[JointForce, list[tuple[float, float, str, float]]]:
+def _mark(one: JointForce, levels: np.ndarray) -> tuple[JointForce, list[tuple[float, float, str, float]]]:
     """Return an estimate with what is beyond its thresholds, and begin, end, joint and largest force of each contact."""
-    z = score(one) / np.array([t.bands for t in thresholds])[one.state]
+    z = score(one) / levels[one.state]
     z = np.where(np.isfinite(z), z, 0.0)
-    spans = []
+    groups: list[list[int]] = []
     for first, last in clusters(z, one.time, 1.0, APART).tolist():
+        if groups and one.time[first] - one.time[groups[-1][1] - 1] < ACROSS:
+            between = one.state[groups[-1][1] : first]
+            if np.all(between == TURNS):  # a hand that pushes on while the joint turns
+                groups[-1][1] = last
+                continue
+        groups.append([first, last])
+    spans = []
+    for first, last in groups:
         part = slice(first, last)
         peak = first + int(np.argmax(np.where(z[part] > 1.0, np.abs(one.force[part]), -1.0)))
         spans.append(

@@ -19,13 +19,12 @@ from backdrive._catalog import lookup
 from backdrive.control.estimators.external import METHODS, ExternalForce
 from backdrive.control.estimators.of_model import at_rest, fields
 from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
-from backdrive.external.bands import band
+from backdrive.external.bands import band, states_along
 from backdrive.external.calibrate import Calibration, calibrate
 from backdrive.external.choose import FASTEST, Noise, choose
 from backdrive.external.contacts import with_contacts
 from backdrive.external.result import ForceEstimate, JointForce
 from backdrive.external.temperature import along_stretches
-from backdrive.identification.bands import REVERSAL, states
 from backdrive.identification.delay import earlier
 from backdrive.identification.signals import Signals, default_cutoff, prepare
 from backdrive.laws import REFERENCE
@@ -37,8 +36,6 @@ from backdrive.robot import Robot
 AUTO = "auto"
 CONTACTS = 60.0  # bandwidth at which a step of 1.5 thresholds is noticed within 50 ms; contacts are sought at least so fast [1/s]
 LEAST = 16  # samples of an estimate
-CREEP = 0.02  # of the model's top speed, below which friction is not that of sliding: the joint starts, stops or turns [-]
-BLUR = 2.0  # lags after a reversal, in which what an estimator makes of it fades to a twentieth
 SETTLED = 5.0  # lags from the beginning of a stretch, in which an estimate is not given
 
 
@@ -186,7 +183,7 @@ def _arm(
 def _calibration(friction: JointFriction, free: Sequence[Log], like: JointForce) -> Calibration:
     """Return what free motion tells of a joint's estimate, by its method and bandwidth."""
     name = friction.joint.name
-    logs = [log for log in free if log.column(name) is not None]
+    logs = [log for log in free if name in log.names]
     if not logs:
         raise InvalidInput(
             f"Joint '{name}' is in no log of free motion.",
@@ -261,7 +258,6 @@ def _forces(
 ) -> list[tuple[np.ndarray, ...]]:
     """Return time, force, friction, state and temperature of every stretch, settled and with the lag taken out."""
     value = {term: e.value for term, e in friction.dynamics.items()}
-    creep = CREEP * friction.validity.speeds[1]
     parts = []
     for s, warm in zip(stretches, warmth):
         known = None
@@ -273,8 +269,7 @@ def _forces(
                 )
             known = value["model_torque"] * s.model_torque
         dt = 1.0 / s.rate
-        lags = 1.0 / made.bandwidth
-        state = states(s, REVERSAL + lags, REVERSAL + BLUR * lags, creep)
+        state = states_along(friction, s, made.bandwidth)
         # the torque that acted between a reading and the next
         torque = earlier(s.torque, -(delay_of(friction) * s.rate + 0.5), linear=True)
         assert s.position is not None

@@ -16,6 +16,7 @@ from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification import curves
 from backdrive.identification.arm_checks import impossible, refuse_inverted, remarks
 from backdrive.identification.arm_coupling import guess_coupling
+from backdrive.identification.arm_expected import achieved_errors, terms_along
 from backdrive.identification.arm_physical import standard_parameters
 from backdrive.identification.arm_predict import assess_joint, predict_arm, torque_parts, validate_arm
 from backdrive.identification.arm_signals import (
@@ -24,10 +25,9 @@ from backdrive.identification.arm_signals import (
     hold_out_all,
     hold_out_blocks,
     prepare_arm,
-    resting,
 )
 from backdrive.identification.arm_solve import Solution, solve_arm, spread_of
-from backdrive.identification.arm_terms import Regressor, Terms, build, fill_load, terms_of
+from backdrive.identification.arm_terms import Regressor, Terms, build, fill_load
 from backdrive.identification.evidence import evidence
 from backdrive.identification.quality import JUDGED_BELOW
 from backdrive.identification.result import JointEvidence
@@ -89,7 +89,7 @@ def identify_arm(
             remedy="Resample them alike, or identify one by one.",
         )
     regressor = Regressor(robot, seen)
-    terms = _terms(seen, len(robot.joints))
+    terms = terms_along(seen, len(robot.joints))
     rows = build(regressor, terms)
     unknown = robot.base.columns.size + sum(t.size for t in terms)
     if np.count_nonzero(rows.weight) < 2 * unknown:
@@ -137,17 +137,15 @@ def identify_arm(
         )
         for j, friction in enumerate(frictions)
     ]
-    support = [_evidence(everything, j, frictions[j], terms[j], solution) for j in range(len(frictions))]
-    return tuple(frictions[j] for j in order), tuple(support[j] for j in order), arm
-
-
-def _terms(stretches: Sequence[ArmSignals], J: int) -> list[Terms]:
-    top = np.max([np.quantile(np.abs(s.velocity), 0.999, axis=0) for s in stretches], axis=0)
-    moves = [~resting(s.velocity, top, s.rate) & s.fitted[:, None] for s in stretches]
-    speeds = [
-        np.concatenate([np.abs(s.velocity[m[:, j], j]) for s, m in zip(stretches, moves)]) for j in range(J)
+    precision = achieved_errors(logs, seen, robot, terms, solution)
+    support = [
+        replace(
+            _evidence(everything, j, frictions[j], terms[j], solution),
+            precision=tuple(p for p in precision if p.joint == name),
+        )
+        for j, name in enumerate(robot.joints)
     ]
-    return [terms_of(speed) for speed in speeds]
+    return tuple(frictions[j] for j in order), tuple(support[j] for j in order), arm
 
 
 def _load(stretches: Sequence[ArmSignals], j: int) -> tuple[float, float]:

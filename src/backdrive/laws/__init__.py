@@ -24,7 +24,7 @@ from backdrive.laws.elements.lugre import LuGre as LuGre
 from backdrive.laws.elements.maxwell_slip import MaxwellSlip as MaxwellSlip
 from backdrive.laws.elements.none import Rigid as Rigid
 from backdrive.laws.elements.reset_integrator import ResetIntegrator as ResetIntegrator
-from backdrive.laws.elements.smoothed_gms import SmoothedGMS as SmoothedGMS
+from backdrive.laws.elements.smoothed_maxwell_slip import SmoothedMaxwellSlip as SmoothedMaxwellSlip
 from backdrive.laws.elements.xiong_kikuuwe import ViscoElastoplastic as ViscoElastoplastic
 from backdrive.laws.elements.xiong_kikuuwe import XiongKikuuwe as XiongKikuuwe
 from backdrive.laws.elements.xiong_kikuuwe import XiongKikuuweMulti as XiongKikuuweMulti
@@ -51,6 +51,10 @@ from backdrive.laws.rates.stribeck import StribeckTustin as StribeckTustin
 #: Every rate law and every presliding element by name. A law is one file and its line above.
 RATES: dict[str, type[Rate]] = by_name(globals(), Rate)
 ELEMENTS: dict[str, type[Element]] = by_name(globals(), Element)
+
+#: Element as it was called -> as it is called: models and commands of before go on working.
+FORMER = {"smoothed-gms": "smoothed-maxwell-slip"}
+SmoothedGMS = SmoothedMaxwellSlip
 
 REFERENCE = 20.0  # degC, of curves that are asked for without a temperature
 
@@ -202,4 +206,4 @@ def rate_law(name: str) -> type[Rate]:
 
 def element(name: str) -> type[Element]:
     """Return the class of a presliding element; an unknown name is answered with the known ones."""
-    return lookup(name, ELEMENTS, "presliding element")
+    return lookup(FORMER.get(name, name), ELEMENTS, "presliding element")

@@ -15,7 +15,7 @@ import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive.errors import InvalidInput
-from backdrive.laws import ELEMENTS, RATES, Law, examples, rate_law
+from backdrive.laws import ELEMENTS, FORMER, RATES, Law, examples, rate_law
 from backdrive.laws.base import Element, Parameter, Rate, Rows
 from backdrive.laws.direction import BEHIND, ByDirection
 
@@ -53,7 +53,7 @@ def find(name: str) -> Kind:
     return (
         rate_law(name)
         if name.endswith(BEHIND)
-        else lookup(name, {**RATES, **ELEMENTS}, "rate law or presliding element")
+        else lookup(FORMER.get(name, name), {**RATES, **ELEMENTS}, "rate law or presliding element")
     )
 
 

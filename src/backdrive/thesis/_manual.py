@@ -178,7 +178,7 @@ def moved(
     for i, joint in enumerate(chosen):
         intended = (AMPLITUDE, AMPLITUDE) if amplitudes is None else amplitudes[i]
         for amplitude, compensator in zip(
-            intended, (nothing(), mahvash_okamura(found[joint.name].rate, CONTACT, SHARE))
+            intended, (nothing(), mahvash_okamura(found[joint.name].rate, CONTACT, SHARE, literal=True))
         ):
             scenes.append(
                 Scene(

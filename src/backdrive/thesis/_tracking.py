@@ -69,7 +69,7 @@ def compensators(curve: Law) -> dict[str, Compensator]:
         "NC": nothing(),
         "MO": mahvash_okamura(straight(0.0), CONTACT, SHARE),
         "MOL": mahvash_okamura(straight(B_c), CONTACT, SHARE),
-        "MOP": mahvash_okamura(curve.rate, CONTACT, SHARE),
+        "MOP": mahvash_okamura(curve.rate, CONTACT, SHARE, literal=True),
     }
 
 

@@ -58,7 +58,7 @@ def run(seed: int = 0) -> Outcome:
             ),
         ),
         Claim(
-            what="The perturbation is inertia, seen through half a tick of misalignment",
+            what="The perturbation is inertia, seen through one tick of misalignment",
             ours=f"error at top speed {listed(top.values(), '+.2f')} N.m; formula {listed(expected.values(), '+.2f')} N.m",
             gate="within 0.1 N.m for A >= 20 deg",
             holds=bool(all(abs(top[A] - expected[A]) < 0.1 for A in STROKES if A >= 20.0)),

@@ -27,10 +27,10 @@ from backdrive.tuning.scenes import Stroke
 from backdrive.tuning.search import search
 from backdrive.tuning.tuning import Tuning
 
-#: The thesis' own numbers, Iwatani 2017, Sec. 3.5.1: K by unit of the joint, alpha, and no share R.
+#: The thesis' own numbers, Iwatani 2017, Sec. 3.5.1 and 3.5.2: K by unit of the joint, alpha, and no share R.
 THESIS_STIFFNESS = {"rad": 5e4, "m": 1.2e6}
 THESIS_DECAY = 20.0
-DITHER_SHARE = 0.3  # Sec. 3.5.1
+DITHER_SHARE = 0.3  # Sec. 3.5.2
 HARDLY = 0.9  # of the score without compensation, above which a proposal is hardly worth having [-]
 SLACK = 0.8  # of the bound of dither
 

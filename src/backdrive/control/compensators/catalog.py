@@ -6,7 +6,7 @@ from backdrive.control.compensators.compensator import SHARE, Compensator
 from backdrive.control.compensators.dither import Dither
 from backdrive.control.compensators.extras import BristleObserver, DisturbanceObserver, Pulses
 from backdrive.control.estimators.friction import FrictionEstimator, alg_fe, alg_fe2
-from backdrive.laws import Decaying, Law, LuGre, ViscoElastoplastic, with_element
+from backdrive.laws import Decaying, HaywardArmstrong, Law, LuGre, ViscoElastoplastic, with_element
 from backdrive.laws.base import Rate
 
 
@@ -15,19 +15,30 @@ def nothing() -> Compensator:
     return Compensator()
 
 
-def mahvash_okamura(rate: Rate | Law, stiffness: float, share: float = SHARE) -> Compensator:
+def mahvash_okamura(
+    rate: Rate | Law, stiffness: float, share: float = SHARE, *, literal: bool = False
+) -> Compensator:
     """Return Mahvash and Okamura's compensator with a rate law: Iwatani 2017, (2.22).
 
     With Coulomb friction alone it is the thesis' MO, (2.24); with a linear viscosity MOL, (2.25); with an identified curve MOP. The
-    viscous part sees the encoder's velocity, as in (2.22b); in algFC, (3.27j), it sees the slider's.
+    viscous part sees the encoder's velocity, as in (2.22b); in algFC, (3.27j), it sees the slider's. Where the curve does not
+    fall, both forms are (2.22). Where it falls, the printed form adds phi_0 < 0 to a contact that is not stretched yet, and so
+    pushes against a motion that begins; by default the fall narrows the contact's bounds instead, which gives the same in
+    sliding and is passive as a friction.
 
     Args:
         rate: rate law, or the law whose rate law and growth with the load are taken.
         stiffness: K [N.m/rad or N/m].
         share: R [-].
+        literal: as printed, also where the curve falls.
     """
-    law = with_element(rate, ViscoElastoplastic(stiffness=stiffness, damping=0.0))
-    return Compensator(friction=FrictionEstimator(law=law), share=share)
+    element = (
+        HaywardArmstrong(stiffness=stiffness)
+        if literal
+        else ViscoElastoplastic(stiffness=stiffness, damping=0.0)
+    )
+    friction = FrictionEstimator(law=with_element(rate, element), literal=literal)
+    return Compensator(friction=friction, share=share)
 
 
 def alg_fc(

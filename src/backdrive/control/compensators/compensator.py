@@ -71,9 +71,8 @@ def tick(c, i, p, x, s, j, q, dp, dt, t, error, slope, u, load, temp, idle):
             slides = c[i + 1] > 0.0
             held = x[0] if slides else model - viscous
             near = 1.0 if slides else NEARLY
-            wave = dither_.tick(
-                c, i + DITHER, s, j + S_DITHER, near * lo < held < near * hi, lo, hi, q, dt, t, idle
-            )
+            stuck = near * lo < held < near * hi or held * dp <= 0.0
+            wave = dither_.tick(c, i + DITHER, s, j + S_DITHER, stuck, lo, hi, q, dt, t, idle)
     if kind > 0 and not idle:
         push += extra(
             kind, (c, i + EXTRA, c[i], p, x, s, j + S_EXTRA, q, dp, dt, error, slope, u, load, temp)

@@ -146,7 +146,7 @@ class ArmForce(Bounded):
         return 1.0 / self.bandwidth + dt if gains is None else lag_of(gains(self, dt)[:3]) * dt  # type: ignore[arg-type]
 
     def row(self, dt: float) -> np.ndarray:
-        """Return the row that the kernel reads, (14 + 17 J,)."""
+        """Return the row that the kernel reads, 14 numbers and so many a joint."""
         J = len(self.joints)
         c = np.zeros(k.GLOBAL + k.ROW * J)
         c[k.METHOD], c[k.BAND], c[k.PERIOD] = k.METHODS.index(self.method), self.bandwidth, dt

@@ -29,8 +29,9 @@ METHODS = ("direct", "momentum", "disturbance", "extended", "kalman")
 DIRECT, MOMENTUM, DISTURBANCE = 0.0, 1.0, 2.0
 # the row: numbers of the whole arm, the information P of the damping (6), then ROW numbers a joint
 METHOD, BAND, GAINS, PERIOD, WRENCH, JOINTS, DAMPING, GLOBAL = 0, 1, 2, 5, 6, 7, 8, 14
-FRICTION, INERTIA, OFFSET, SLIDING, RESTING, SLOW = 5, 12, 13, 14, 15, 16  # behind the filter
-ROW = 17
+FRICTION = sliding_mode.ROW  # the filter stands before it
+INERTIA, OFFSET, SLIDING, RESTING, SLOW = range(FRICTION + friction_.ROW, FRICTION + friction_.ROW + 5)
+ROW = SLOW + 1
 # the state of a joint, behind the filter's
 W, Q, V, Y, Q_HAT, V_HAT, A, R, TAU_F, SPEED = range(sliding_mode.STATES, sliding_mode.STATES + 10)
 STATES = sliding_mode.STATES + 10

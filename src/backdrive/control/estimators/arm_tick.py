@@ -129,6 +129,12 @@ class ArmForceTick:
             if self.settings.method == "momentum":
                 own[:, k.Y] = M @ v
 
+    def bodies_only(self) -> None:
+        """Ask pinocchio for the bodies at the last reading, as each tick does."""
+        self._bodies()
+        if self._frame is not None:
+            self._jacobian = self._jacobian_of(self._model, self._data, self._at, self._frame, self._axes)
+
     def tick(
         self,
         position: np.ndarray,
@@ -155,9 +161,7 @@ class ArmForceTick:
         status = k.before(self._c, self._s, self._io, dt)
         if status:
             return Status(status)
-        self._bodies()
-        if self._frame is not None:
-            self._jacobian = self._jacobian_of(self._model, self._data, self._at, self._frame, self._axes)
+        self.bodies_only()
         if temperature is not None:
             self._temperature[:] = temperature
         k.after(

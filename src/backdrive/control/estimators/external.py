@@ -34,6 +34,7 @@ from backdrive.control.estimators.gains import lag as lag_of
 from backdrive.control.estimators.method import Method
 from backdrive.control.estimators.of_model import fields
 from backdrive.control.estimators.sliding_mode import MotionFilter
+from backdrive.elementary import cos, sin
 from backdrive.errors import InvalidInput
 from backdrive.laws import REFERENCE
 from backdrive.parameters import FINITE, POSITIVE, Bounded
@@ -112,7 +113,7 @@ def tick(c, i, p, x, s, j, q, dp, dt, u, known, load, temp, level):
     tau_f = level * friction_.tick(c, i + FRICTION, p, x, s, j + W, dp, dt, load, temp)
     n = u - known - tau_f - c[i + OFFSET]
     if c[i + 2] != 0.0 or c[i + 3] != 0.0:
-        n -= c[i + 2] * np.sin(q) + c[i + 3] * np.cos(q)
+        n -= c[i + 2] * sin(q) + c[i + 3] * cos(q)
     return estimate(int(c[i]), (c, i, s, j, q, dp, dt, n)), tau_f
 
 

@@ -24,7 +24,7 @@ from backdrive.laws import Coulomb, DeadZone, Decaying, HaywardArmstrong, Law, k
 from backdrive.laws.base import Rate
 from backdrive.parameters import NOT_NEGATIVE, POSITIVE, Bounded
 
-ROW = 7  # rate, element, place of alpha in the row or 0, alpha_N, alpha_H, r_W, V_W
+ROW = 8  # rate, element, place of alpha in the row or 0, alpha_N, alpha_H, r_W, V_W, literal
 
 
 @jit
@@ -45,7 +45,10 @@ def tick(c, i, p, x, s, j, dp, dt, load, temp):
             w = max(w - c[i + 5] * dt, 0.0)
         s[j] = w
         p[at] = (1.0 - w) * c[i + 3] + w * c[i + 4]
-    return kernels.step(int(c[i]), int(c[i + 1]), p, x, dp, dt, load, temp)
+    f = kernels.step(int(c[i]), int(c[i + 1]), p, x, dp, dt, load, temp)
+    if c[i + 7] > 0.0:
+        f = x[0] + bounds(int(c[i]), p, dp / dt, load, temp)[2]
+    return f
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +60,8 @@ class FrictionEstimator(Bounded):
         fast_decay: alpha_H, rate in motion of a decaying law whose own rate is alpha_N [1/s]; None: the rate stays.
         switch_rate: r_W, by which the weight of alpha_H comes and goes [1/s].
         threshold: V_W, speed above which it comes [rad/s or m/s].
+        literal: the viscous part sees the encoder's velocity also where it falls, as Iwatani 2017, (2.22b), prints it; only with
+            `HaywardArmstrong`, whose viscous part otherwise sees the slider's.
     """
 
     BOUNDS: ClassVar = {"fast_decay": NOT_NEGATIVE, "switch_rate": POSITIVE, "threshold": NOT_NEGATIVE}
@@ -65,23 +70,28 @@ class FrictionEstimator(Bounded):
     fast_decay: float | None = None
     switch_rate: float = 10.0
     threshold: float = 0.0
+    literal: bool = False
 
     def __post_init__(self):
         super().__post_init__()
+        if self.literal and not isinstance(self.law.element, HaywardArmstrong):
+            raise InvalidInput(
+                f"'{self.law.name}' is not the contact that (2.22) prints.",
+                remedy="Use the element `HaywardArmstrong`, or leave `literal` out.",
+            )
         if self.fast_decay is not None and not isinstance(self.law.element, Decaying):
             raise InvalidInput(
                 f"'{self.law.name}' has no decay rate to switch.", remedy="Use the element `Decaying`."
             )
 
     def row(self) -> np.ndarray:
-        """Return the row that `tick` reads, (7,)."""
+        """Return the row that `tick` reads, (8,)."""
         law = self.law
         slow = getattr(law.element, "decay_rate", 0.0)
         at = 0 if self.fast_decay is None else len(law.row()) - 1
         fast = slow if self.fast_decay is None else self.fast_decay
-        return np.array(
-            [law.rate.KIND, law.element.KIND, at, slow, fast, self.switch_rate, self.threshold], dtype=float
-        )
+        numbers = (law.rate.KIND, law.element.KIND, at, slow, fast, self.switch_rate, self.threshold)
+        return np.array([*numbers, self.literal], dtype=float)
 
 
 def between_counts(threshold: float, count: float, dt: float) -> float:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.laws import ELEMENTS, RATES, Law, rate_law
+from backdrive.laws import ELEMENTS, FORMER, RATES, Law, rate_law
 from backdrive.laws import element as element_law
 from backdrive.laws.base import Element, Parameter, Rate
 from backdrive.laws.direction import plain as without_direction
@@ -185,7 +185,7 @@ class LawShape:
         """
         from backdrive.laws.examples import ELEMENT_EXAMPLES
 
-        first, plus, second = name.partition("+")
+        first, plus, second = (FORMER.get(part, part) for part in name.partition("+"))
         if not plus and first in ELEMENTS and first not in RATES:
             first, second = "stribeck-gauss", first
         shape = cls(

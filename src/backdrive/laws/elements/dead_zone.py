@@ -49,7 +49,7 @@ class DeadZone(Element):
             lower=0.0,
             upper=1e6,
             typical=0.01,
-            source="Iwatani 2017, Sec. 4.6.2: two counts of a 5 um encoder in 1 ms",
+            source="Iwatani 2017, Sec. 4.6.1: two counts of a 5 um encoder in 1 ms",
             log=True,
             start=lambda d: 0.01 * d.speed,
         )

@@ -6,7 +6,9 @@
 k_i: stiffness of element i [N.m/rad or N/m]. w_i: its share [-]. C: attraction, how fast slipping elements follow the rate law
 [N.m/s or N/s]. s(v): bound of the rate law in the direction of motion. The step is implicit in the slipping torque. An
 element that slips slowly takes on torque without motion: where s falls with speed, loading fast, slipping slowly and
-unloading gains (s(0) - s(v))^2 w_i^2/(2 k_i). F. Al-Bender, V. Lampaert, J. Swevers, IEEE TAC 50(11), 2005.
+unloading gains (s(0) - s(v))^2 w_i^2/(2 k_i). The step is of first order: slipping begins at the end of a tick. On sines of 0.5 to
+2 Hz with C of 20 to 400 N.m/s a tick of 1 ms is off by 0.04 to 0.2 % of the torque's mean square root; two substeps take that
+down 1.5 to 3.5 times, five 4 to 13 times, ten 7 to 23 times. F. Al-Bender, V. Lampaert, J. Swevers, IEEE TAC 50(11), 2005.
 """
 
 from __future__ import annotations
@@ -88,5 +90,5 @@ class GMS(Parallel):
             return ""
         return (
             f"'{self.NAME}' lets torque grow in slow slipping without motion: under a rate law that changes with speed it may "
-            "create a little energy; 'smoothed-gms' and 'maxwell-slip' do not."
+            "create a little energy; 'smoothed-maxwell-slip' and 'maxwell-slip' do not."
         )

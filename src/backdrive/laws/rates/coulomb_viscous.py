@@ -17,7 +17,7 @@ import numpy as np
 from backdrive._jit import leaf
 from backdrive.laws.base import Parameter, Rate
 
-HP3J = "Iwatani 2017, Sec. 3.5.1: joint 0 of a 6-joint arm with harmonic drives"
+HP3J = "Iwatani 2017, Sec. 3.5.2: joint 0 of a 6-joint arm with harmonic drives"
 EROB = "Rhoban BAM, identified eRob80:100 with a 100:1 harmonic drive, M1"
 
 

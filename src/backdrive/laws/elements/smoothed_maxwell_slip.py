@@ -1,13 +1,15 @@
-"""A smoothed GMS model: Maxwell-slip elements whose change from sticking to slipping has derivatives.
+"""A smoothed Maxwell-slip model: elements whose change from sticking to slipping has derivatives.
 
     f_i' = k_i v (1 - h(r_i) r_i),   r_i = sgn(v) f_i/(w_i s(v)),   tau_f = sum f_i + viscous(v),   sum w_i = 1
     h(r) = m(r) g(r)/(m(1) g(1)),   m(r) = 1 - tanh(l (r + b))/2 + tanh(l (r - b))/2,   g(r) = (1 + tanh(c r))/2
 
 k_i: stiffness of element i [N.m/rad or N/m]. w_i: its share of the bound s(v) of the rate law [-]. m: 0 while the element holds
-(|r| < b), 1 when it slips; l: sharpness of the change [-]. g: 0 after a reversal, 1 when loading; c: its sharpness [-]. The
-idea is that of M. Boegli, T. De Laet, J. De Schutter, J. Swevers, IEEE/ASME T-Mech. 19(5), 2014; the functions m and g are those of
-the open Fortran library `friction` of J. Christopherson, with sgn(v) in g and h divided by its value at 1, so that the steady
-torque is the rate law's at every speed. The step is implicit in f_i. Rate independent under a constant bound.
+(|r| < b), 1 when it slips; l: sharpness of the change [-]. g: 0 after a reversal, 1 when loading; c: its sharpness [-]. A slipping
+element follows its bound at once: there is no attraction C, and so none of the frictional lag of GMS and of the S-GMS of
+M. Boegli, T. De Laet, J. De Schutter, J. Swevers, IEEE/ASME T-Mech. 19(5), 2014, from which the idea of one smooth equation is. The
+functions m and g are those of the open Fortran library `friction` of J. Christopherson, with sgn(v) in g and h divided by its
+value at 1, so that the steady torque is the rate law's at every speed. The step is implicit in f_i. Rate independent under a
+constant bound.
 """
 
 from __future__ import annotations
@@ -15,9 +17,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from backdrive._jit import jit, leaf
+from backdrive.elementary import tanh
 from backdrive.laws.base import Parameter
 from backdrive.laws.elements.maxwell_slip import MANY, Parallel
 
@@ -29,8 +30,8 @@ FAR = 1e16  # times a bound: a pull after which the element slips
 @leaf
 def gate(r, sharp, margin, reversal):
     """m(r) g(r), not yet normalised."""
-    held = 1.0 - 0.5 * np.tanh(sharp * (r + margin)) + 0.5 * np.tanh(sharp * (r - margin))
-    return held * (0.5 + 0.5 * np.tanh(reversal * r))
+    held = 1.0 - 0.5 * tanh(sharp * (r + margin)) + 0.5 * tanh(sharp * (r - margin))
+    return held * (0.5 + 0.5 * tanh(reversal * r))
 
 
 @jit
@@ -97,7 +98,7 @@ def step(p, e, x, lo, hi, dp, dt):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SmoothedGMS(Parallel):
+class SmoothedMaxwellSlip(Parallel):
     """Maxwell-slip elements that begin to slip smoothly.
 
     Attributes:
@@ -108,7 +109,7 @@ class SmoothedGMS(Parallel):
         reversal: c, sharpness of the return to sticking after a reversal [-].
     """
 
-    NAME: ClassVar[str] = "smoothed-gms"
+    NAME: ClassVar[str] = "smoothed-maxwell-slip"
     KIND: ClassVar[int] = 13
     PARAMETERS: ClassVar[dict[str, Parameter]] = MANY | {
         "sharpness": Parameter(
