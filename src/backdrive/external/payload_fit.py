@@ -17,16 +17,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from backdrive.external.payload_terms import OWN, corrections, expected_own
 from backdrive.identification import regression
 from backdrive.identification.arm_signals import ArmSignals
 from backdrive.identification.arm_solve import MEMORY, correlated, spread_of
-from backdrive.identification.arm_terms import Regressor, Rows, Terms, build, fill_load
+from backdrive.identification.arm_terms import Regressor, Rows, build, fill_load
 from backdrive.identification.pseudo_inertia import about_center
-from backdrive.laws import Law
 from backdrive.model import ArmModel, JointFriction
 from backdrive.robot import PER_LINK, Robot
 
-OWN = 6  # columns of a joint beside the bodies
 ROUNDS = 8  # of Gauss and Newton's steps, reweighting and the load, at most
 SETTLED = 1e-4  # of the payload's torque by its noise, that ends them
 MODEL = 9.0  # variance of an arm's bodies by that which is stated, on simulated arms whose friction follows no curve [-]
@@ -36,33 +35,8 @@ WILD = 2.0  # residuals beyond so many standard deviations count less (Huber)
 FREE = 1e3  # standard deviation of what nothing is known of [kg, kg.m]
 EXACT = 1e-3  # relative standard deviation of a mass that is known; of a place [m]
 GYRATION = 0.2  # expected radius of a payload [m]
-AGAIN = 0.3  # by which friction may differ from the model's [-]
 DRIFT = 0.03  # share of that of an offset, where nothing states how sure it is [-]
 SURE = 1e-4  # of the bodies, likewise [-]
-GROWTH = 0.03  # friction by load that a model without any may have missed [-]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Corrections(Terms):
-    """Columns of what may have changed of one joint since the model was identified.
-
-    Attributes:
-        law: friction without load.
-    """
-
-    law: Law
-
-    @property
-    def size(self) -> int:
-        """Number of columns: offset, inertia, curve, sign, viscous, load."""
-        return OWN
-
-    def columns(self, velocity: np.ndarray, acceleration: np.ndarray, load: np.ndarray | None) -> np.ndarray:
-        """Return the columns, (n, 6); see `Terms.columns`."""
-        slides = np.tanh(velocity / self.transition)
-        growth = np.zeros_like(velocity) if load is None else np.abs(load) * slides
-        curve = np.abs(slides) * self.law.torque(velocity)
-        return np.column_stack([np.ones_like(velocity), acceleration, curve, slides, velocity, growth])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -119,7 +93,7 @@ class PayloadProblem:
     unloaded: Sequence[ArmSignals]
 
     def __post_init__(self):
-        self.terms = [_corrections(friction) for friction in self.frictions]
+        self.terms = [corrections(friction) for friction in self.frictions]
         self.both = bool(self.unloaded)
         self._sources = [Regressor(self.robot, s) for s in (self.loaded, self.unloaded) if s]
         self._rows = [build(source, self.terms) for source in self._sources]
@@ -229,7 +203,7 @@ class PayloadProblem:
         inverse[gains, gains] = max(known.gain_error, 1e-6) ** -2.0
         for j, friction in enumerate(self.frictions):
             own = np.arange(OWN) + b + PER_LINK + J + OWN * j
-            x[own], spread = _own(friction)
+            x[own], spread = expected_own(friction)
             if not self.both:  # the model states how sure the offset is
                 spread[0] = FREE if self.stated is not None else DRIFT * spread[0]
             inverse[own, own] += spread**-2.0
@@ -325,32 +299,6 @@ def _expected(payload: np.ndarray, known: Known) -> tuple[np.ndarray, np.ndarray
         mean[4:] = inertia[(0, 0, 1, 0, 1, 2), (0, 1, 1, 2, 2, 2)]
     spread[4:] = GYRATION**2 * mass + 1e-4
     return mean, spread
-
-
-def _corrections(friction: JointFriction) -> Corrections:
-    top = max(abs(v) for v in friction.validity.velocity)
-    transition = friction.dynamics["transition"].value if "transition" in friction.dynamics else 0.002 * top
-    return Corrections(knots=np.array([0.0, top]), top=top, transition=transition, law=friction.law)
-
-
-def _own(friction: JointFriction) -> tuple[np.ndarray, np.ndarray]:
-    """Return what is expected of a joint's own coefficients, and how far from that, (6,) each."""
-    top = max(abs(v) for v in friction.validity.velocity)
-    mean = float(np.mean(np.abs(friction.law.torque(np.linspace(-top, top, 21))))) or 1.0
-    value = {term: friction.dynamics[term].value for term in ("offset", "inertia")}
-    growth = friction.law.growth.mean if friction.law.growth else 0.0
-    expected = np.array([value["offset"], value["inertia"], 1.0, 0.0, 0.0, growth])
-    spread = np.array(
-        [
-            AGAIN * mean,
-            AGAIN * abs(value["inertia"]) + 1e-6,
-            AGAIN,
-            AGAIN * mean,
-            AGAIN * mean / top,
-            GROWTH,
-        ]
-    )
-    return expected, spread
 
 
 def _share(error: np.ndarray, rows: Rows, j: int) -> float:

@@ -109,11 +109,16 @@ class ArmForce(Bounded):
             frame: at which a wrench is wanted: a link, a fixed tool or a site; None: none.
 
         Raises:
-            InvalidInput: the model is not of an arm, or belongs to another description.
+            InvalidInput: the model is not of an arm, belongs to another description, or its motors drive several joints.
             UnknownName: there is no such frame; all are listed.
             NotIdentifiable: the arm has fewer than six joints and a wrench is wanted.
         """
         known = robot_of(model, robot)
+        if model.coupling is not None and np.any(np.array(model.coupling) != np.eye(len(model.coupling))):
+            raise InvalidInput(
+                "Motors of this arm drive several joints, and the model's friction is that of the motors.",
+                remedy="The force of coupled joints is not estimated; `estimate --payload` knows them.",
+            )
         frictions = [with_break_away(model.joint(name)) for name in known.joints]
         values = [{term: e.value for term, e in f.dynamics.items()} for f in frictions]
         bands = [deviations(f) for f in frictions]
