@@ -67,7 +67,7 @@ class ArmEstimate:
             NotIdentifiable: the arm has fewer than six joints and a wrench is wanted.
         """
         self.estimator = ArmForce.from_model(model, robot, frame=frame)
-        self.frictions = tuple(with_break_away(model.joint(name)) for name in self.estimator.joints)
+        self.frictions = tuple(with_break_away(model.joint(name), 1.0) for name in self.estimator.joints)
 
     def forces(
         self, log: Log, method: str = AUTO, bandwidth: float | None = None, least: float = 0.0
@@ -108,6 +108,7 @@ class ArmEstimate:
                 f"At {rate:.0f} Hz a '{method}' observer of {bandwidth:.3g} 1/s does not settle on this arm.",
                 remedy="Give a smaller --bandwidth, or --method momentum.",
             )
+        carried = self._carried_at_rest(arm, time, force, state)
         results = []
         for j, friction in enumerate(self.frictions):
             if friction.verdict is not None and friction.verdict.grade in ("poor", "unknown"):
@@ -116,6 +117,8 @@ class ArmEstimate:
                     "better."
                 )
             lower, upper = band(friction, force[:, j], taken[:, j], state[:, j], remarks, warm[:, j])
+            more = _growth(friction) * np.abs(carried[:, j])
+            lower, upper = lower - more, upper + more
             results.append(
                 JointForce(
                     joint=friction.joint,
@@ -135,6 +138,23 @@ class ArmEstimate:
             remarks += [beyond] if beyond else []
         self._check_robot(arm, results)
         return results, remarks
+
+    def _carried_at_rest(
+        self, arm: ArmLog, time: np.ndarray, force: np.ndarray, state: np.ndarray
+    ) -> np.ndarray:
+        """Return what each joint carries where it rests [N.m or N], 0 elsewhere, (n, J): friction at rest grows with it."""
+        clock = np.concatenate([s[0].time for s in arm.stretches])
+        carried = np.zeros_like(force)
+        rest = np.flatnonzero((state == 2).any(axis=1))
+        if rest.size:
+            q = np.column_stack(
+                [
+                    np.interp(time[rest], clock, np.concatenate([s[j].position for s in arm.stretches]))  # type: ignore[misc]
+                    for j in range(force.shape[1])
+                ]
+            )
+            carried[rest] = self.estimator.bodies.robot.gravity(q) - force[rest]
+        return np.where(state == 2, carried, 0.0)
 
     def wrench(self, log: Log, joints: Sequence[JointForce]) -> WrenchEstimate:
         """Return the wrench at the frame that explains the torques of the joints, along a log."""
@@ -293,3 +313,9 @@ def _in_motion(noise: Noise, friction: JointFriction) -> Noise:
     long_run = None if channel is None else channel.long_run
     alike = 0.5 * (long_run / misfit) ** 2 if long_run and misfit > 0.0 else 0.0
     return replace(noise, misfit=misfit, correlation=min(alike, LONGEST))
+
+
+def _growth(friction: JointFriction) -> float:
+    """Return by how much friction grows with the load, what is not known of it included [-]."""
+    growth, error = friction.law.growth, friction.standard_errors.get("load_driving", 0.0)
+    return 0.0 if growth is None else max(growth.mean, 0.0) + WIDTH * (error if np.isfinite(error) else 0.0)

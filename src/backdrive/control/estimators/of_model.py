@@ -71,23 +71,27 @@ def contact(friction: JointFriction) -> Law:
     return with_element(law, Decaying(stiffness=stiffness, decay_rate=DECAY))
 
 
-def with_break_away(friction: JointFriction) -> JointFriction:
+def with_break_away(friction: JointFriction, share: float = UNSEEN) -> JointFriction:
     """Return a joint whose curve, where it is drawn through knots, starts at the largest friction of slow sliding.
 
     The fit of a whole arm sees little of a curve's end at zero, where the sign of the velocity is smooth, and may leave it at
-    nothing: friction at rest, which an estimate stands on, is then that of the next knots.
+    nothing: friction at rest, which an estimate stands on, is then that of the next knots, in the stronger direction.
+
+    Args:
+        friction: of a model.
+        share: of that, below which the end at zero is replaced [-]; 1: friction at rest is never less than that of slow sliding.
     """
     rate = friction.law.rate
     if not isinstance(rate, Polyline):
         return friction
     slow = [i for i, v in enumerate(rate.velocity) if v <= CREEP * friction.validity.speeds[1]] or [0]
     slow = [*slow, min(slow[-1] + 1, len(rate.velocity) - 1)] if len(slow) == 1 else slow
-    curves = {}
-    for way in ("positive", "negative"):
-        values = getattr(rate, way)
-        largest = max(values[i] for i in slow)
-        if values[0] < UNSEEN * largest:
-            curves[way] = (largest, *values[1:])
+    largest = max(max(rate.positive[i], rate.negative[i]) for i in slow)
+    curves = {
+        way: (largest, *values[1:])
+        for way, values in (("positive", rate.positive), ("negative", rate.negative))
+        if values[0] < share * largest
+    }
     if not curves:
         return friction
     law = replace(friction.law, rate=replace(rate, **curves))
