@@ -121,7 +121,7 @@ def outside(r: Run, limits: Mapping[str, JointLimits]) -> float:
 
 def guiding(judge: Judge, first: int, seeds: int) -> Known:
     """Guide arms by hand: bare, compensated, under admittance, against walls."""
-    table, latched, beyond, inside, tremble = [], 0, -np.inf, 0.0, 0.0
+    table, latched, beyond, inside, tremble = [], 0, -np.inf, 0.0, (0.0, "")
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(first, first + seeds):
             known = identified(seed, Path(folder))
@@ -141,7 +141,8 @@ def guiding(judge: Judge, first: int, seeds: int) -> Known:
                 latched += bool(np.any(r.codes == LATCHED))
                 if name == "admittance":
                     still = play(Machine(known.arm), loop, 0.0 * path[:3000], 0.0 * path[:3000])
-                    tremble = max(tremble, float(np.ptp(still.link[1500:], axis=0).max()))
+                    sway = np.ptp(still.link[1500:], axis=0)
+                    tremble = max(tremble, (float(sway.max()), f"seed {seed}, joint {sway.argmax() + 1}"))
             table.append(row)
             limits = narrow(known)
             walls = {name: {"margin": DEPTH} for name in limits}
@@ -170,7 +171,10 @@ def guiding(judge: Judge, first: int, seeds: int) -> Known:
         "admittance: peak force below the bare arm's in the median", bool(np.median(ratio[:, 1, 1]) < 1.0)
     )
     judge.at_most(
-        "admittance: furthest that any link sways while the hand stands still", tremble, 0.02, "rad"
+        f"admittance: furthest that any link sways while the hand stands still ({tremble[1]})",
+        tremble[0],
+        0.02,
+        "rad",
     )
     judge.at_most(
         f"walls ({100 * inside:.0f} % of the time at one): furthest beyond a range", beyond, 0.0, "rad"
@@ -203,8 +207,8 @@ def coupled(judge: Judge, first: int, seeds: int) -> None:
             f"{error:.2f} N.m RMS"
         )
     judge.that(
-        "coupled wrist: mean force and moment below the bare arm's in every seed",
-        bool(np.all(x[:, 1, 0] < x[:, 0, 0]) and np.all(x[:, 1, 2] < x[:, 0, 2])),
+        "coupled wrist: mean and peak force below the bare arm's in the median, the mean in every seed",
+        bool(np.all(x[:, 1, 0] < x[:, 0, 0]) and np.median(x[:, 1, 1] / x[:, 0, 1]) < 1.0),
     )
 
 

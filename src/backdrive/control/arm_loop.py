@@ -23,7 +23,7 @@ from backdrive.control.admittance import ROW, STATES
 from backdrive.control.arm_joint import ArmJoint
 from backdrive.control.arm_of_model import coupling_of, joints_of
 from backdrive.control.bodies import Bodies
-from backdrive.control.estimators.arm import ArmForce, ArmForceTick
+from backdrive.control.estimators.arm import ArmForce
 from backdrive.control.loop import Loop, Row
 from backdrive.control.table import APPLIED, CALLS, CAUSE, TORQUE
 from backdrive.errors import InvalidInput
@@ -80,7 +80,7 @@ class ArmLoop:
         Raises:
             InvalidInput: joints are missing or not the robot's, or a number lies outside what the promises hold for.
         """
-        self.robot, self.joints = robot, _in_order(robot, joints)
+        self.robot, self.joints = robot, arm_rows.in_order(robot, joints)
         J = len(robot.joints)
         check("ArmLoop", HOLDING, {"rise": rise, "brake": brake})
         C = np.eye(J) if coupling is None else check_coupling(coupling, J)
@@ -101,7 +101,7 @@ class ArmLoop:
         rows = np.array([np.zeros(ROW) if a is None else a.row() for a in followers])
         self._virtual, wanted = np.zeros((J, STATES)), np.zeros(J)
         back = np.ascontiguousarray(np.linalg.inv(self.coupling))
-        self._force = _matching(force, robot, interval)
+        self._force = arm_rows.matching(force, robot, interval)
         whole = np.zeros(0) if self._force is None else self._force.force
         self._arrays = (
             *self._loop._arrays, self._stage, self._table, rows, self._virtual, wanted, self.coupling, back, whole,
@@ -162,7 +162,8 @@ class ArmLoop:
                     remedy=f"It has {', '.join(names)}.",
                 )
             joints[name] = replace(joints[name], **values)
-        coupling = coupling_of(model, known)
+        C = coupling_of(model, known)
+        coupling = None if C is None else C.tolist()
         return cls(known, joints, interval=interval, force=force, coupling=coupling, **settings)
 
     torque = Row(kernel.TOTAL, writeable=False)
@@ -299,32 +300,6 @@ class ArmLoop:
             mine += (self._force._s, self._force._X, self._force._io)
         state = (copy.copy(self._loop), *(copy.copy(x) for x in mine))
         return _in_state, (self.robot, self.joints, self._settings, *state)
-
-
-def _in_order(robot: Robot, joints: Mapping[str, ArmJoint]) -> dict[str, ArmJoint]:
-    """Return what runs on each joint in the robot's order; refuse joints that are missing or not the robot's."""
-    if missing := [name for name in robot.joints if name not in joints]:
-        raise InvalidInput(
-            f"Nothing runs on {', '.join(missing)}, and {robot.name} has {len(robot.joints)} joints: {', '.join(robot.joints)}.",
-            remedy="Give an `ArmJoint` for each by name, with a compensator `nothing()` where none is meant.",
-        )
-    if unknown := [str(name) for name in joints if name not in robot.joints]:
-        raise InvalidInput(
-            f"{robot.name} has no joint {', '.join(unknown)}.", remedy=f"It has {', '.join(robot.joints)}."
-        )
-    return {name: joints[name] for name in robot.joints}
-
-
-def _matching(force: ArmForce | None, robot: Robot, interval: float) -> ArmForceTick | None:
-    """Return what estimates the external torque in the loop; refuse an estimator of other joints."""
-    if force is None:
-        return None
-    if force.joints != robot.joints:
-        raise InvalidInput(
-            f"The estimator is of {', '.join(force.joints)}, and {robot.name} has {', '.join(robot.joints)}.",
-            remedy="Give one of this robot, its joints in this order.",
-        )
-    return force.online(interval)
 
 
 def _read_only(view: np.ndarray) -> np.ndarray:

@@ -9,8 +9,11 @@ import numpy as np
 from backdrive.control import arm_kernel as kernel
 from backdrive.control.arm_joint import ArmJoint
 from backdrive.control.bodies import Bodies
+from backdrive.control.estimators.arm import ArmForce, ArmForceTick
 from backdrive.control.joint_loop import LATCH_TIME
 from backdrive.control.table import FADE, LATCHING, LIMIT, NOMINAL, PATIENCE, RAMP, RATE, TABLE, TOP
+from backdrive.errors import InvalidInput
+from backdrive.robot import Robot
 
 POSTURES = 300  # random ones, over which gravity and inertia are looked at
 HEAVIER = 1.25  # limit of gravity by the most of these [-]
@@ -77,3 +80,29 @@ def output_stage(joints: Sequence[ArmJoint], table: np.ndarray, interval: float)
         stage[RAMP, k] = limit[k] / joint.loop.ramp
         stage[FADE, k], stage[PATIENCE, k] = joint.loop.fade, joint.loop.patience
     return stage
+
+
+def in_order(robot: Robot, joints: Mapping[str, ArmJoint]) -> dict[str, ArmJoint]:
+    """Return what runs on each joint in the robot's order; refuse joints that are missing or not the robot's."""
+    if missing := [name for name in robot.joints if name not in joints]:
+        raise InvalidInput(
+            f"Nothing runs on {', '.join(missing)}, and {robot.name} has {len(robot.joints)} joints: {', '.join(robot.joints)}.",
+            remedy="Give an `ArmJoint` for each by name, with a compensator `nothing()` where none is meant.",
+        )
+    if unknown := [str(name) for name in joints if name not in robot.joints]:
+        raise InvalidInput(
+            f"{robot.name} has no joint {', '.join(unknown)}.", remedy=f"It has {', '.join(robot.joints)}."
+        )
+    return {name: joints[name] for name in robot.joints}
+
+
+def matching(force: ArmForce | None, robot: Robot, interval: float) -> ArmForceTick | None:
+    """Return what estimates the external torque in the loop; refuse an estimator of other joints."""
+    if force is None:
+        return None
+    if force.joints != robot.joints:
+        raise InvalidInput(
+            f"The estimator is of {', '.join(force.joints)}, and {robot.name} has {', '.join(robot.joints)}.",
+            remedy="Give one of this robot, its joints in this order.",
+        )
+    return force.online(interval)
