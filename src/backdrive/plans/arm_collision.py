@@ -117,7 +117,7 @@ class Clearance:
         radii = np.array([s.radius for s in self.shapes])
         reach = radii[self.pairs].sum(axis=1) + near
         middles, used = np.empty((len(self.shapes), 3)), {s.joint for s in self.shapes}
-        for row, configuration in enumerate(self.robot._configuration(np.ascontiguousarray(q))):
+        for row, configuration in enumerate(np.ascontiguousarray(q)):
             pin.computeJointJacobians(model, data, configuration)
             jacobian = np.array(data.J)
             poses = {j: data.oMi[j].homogeneous for j in used}

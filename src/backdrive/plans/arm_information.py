@@ -189,7 +189,7 @@ class Information:
         pin = require_pinocchio()
         model, data = self.robot.model, self.robot.model.createData()
         out = np.empty((q.shape[0], q.shape[1], WRENCH))
-        for i, row in enumerate(self.robot._configuration(q)):
+        for i, row in enumerate(q):
             out[i] = pin.computeFrameJacobian(model, data, row, self._frame, pin.LOCAL).T
         return out
 
