@@ -11,6 +11,7 @@ from backdrive.control.estimators.external import ExternalForce
 from backdrive.control.estimators.friction import FrictionEstimator
 from backdrive.errors import InvalidInput
 from backdrive.external import Contact, ForceEstimate, JointForce, Threshold, estimate_force
+from backdrive.external.wrench import WrenchEstimate
 from backdrive.identification.bands import states
 from backdrive.identification.signals import prepare
 from backdrive.laws import Law, LoadTemperature
@@ -111,6 +112,25 @@ def test_pictures_hold_long_logs_and_clocks_of_an_epoch(tmp_path):
     assert "<svg" in (tmp_path / "f.svg").read_text()
     six = ForceEstimate(joints=tuple(estimate(f"j{k}").joints[0] for k in range(6)))
     assert render_force(six, command="c").count("<section") == 7
+
+
+def test_a_wrench_has_a_section_of_its_own():
+    found = estimate()
+    t, n = found.joints[0].time, found.joints[0].time.size
+    wrench = np.outer(np.sin(t), [10.0, 5.0, 2.0, 1.0, 0.5, 0.2])
+    at = WrenchEstimate(
+        frame=HOSTILE,
+        time=t,
+        wrench=wrench,
+        covariance=np.broadcast_to(np.diag([4.0, 4.0, 4.0, 0.01, 0.01, 0.01]), (n, 6, 6)),
+        singular=np.arange(n) < n // 4,
+        known=wrench + 1.0,
+    )
+    text = render_force(replace(found, wrench=at), command="c")
+    plain = re.sub(r"<[^>]+>", " ", text)
+    assert "Wrench at" in plain and "<script" not in text and "for 25.0 % of the time" in plain
+    assert re.search(r"fx\s+[67]\.\d+ N\s+10\.00 N\s+2\.00 N\s+1\.00 N", plain)
+    assert text.count("<svg viewBox") > render_force(found, command="c").count("<svg viewBox")
 
 
 M, BANDS = 0.5, Bands(moving=Band(half_width=0.2, samples=100), reversing=Band(half_width=0.5, samples=100))

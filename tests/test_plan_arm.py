@@ -231,7 +231,7 @@ def test_expected_errors_are_those_that_a_fit_of_white_noise_states(urdf):
         (("--box", "j1=1"), "JOINT=LOW:HIGH"),
         (("--box", "j1=-4:4"), "leave its range"),
         (("--limit", "j1.power=3"), "power"),
-        (("--margin", "0.7"), "margin"),
+        (("--reserve", "0.7"), "margin"),
         (("--clearance", "-1"), "not a distance"),
         (("--noise", "loud"), "not a number"),
         (("--duration", "2"), "too short"),

@@ -8,10 +8,11 @@ of 1.5 thresholds of the state, the joint moving, both ways: noticed within 50 m
 identified by `--method arm` from its free motion; each step is a wrench at the tool that pushes along one joint. `ur3`: a real
 UR3 that nothing touches, contacts counted on id2 and prbs; the upper bound of the rate is Poisson's.
 
-    python benchmarks/evidence/arm_contact.py [--short] [--only joint,arm,ur3] [--hours H] [--jobs 2] [--seed N]
+    python benchmarks/evidence/arm_contact.py [--short] [--only joint,arm,ur3] [--hours H] [--calibrate H] [--jobs 2] [--seed N]
 
 `--short` judges minutes, not hours, of the arm, and falls short only where the exact interval of the rate lies above the limit.
-`--hours` judges so many. A simulated hour of the arm takes some 150 s of one core; the whole program over an hour.
+`--hours` judges so many, `--calibrate` takes so many of the arm. A simulated hour of the arm takes some 150 s of one core; the
+whole program over an hour.
 """
 
 from __future__ import annotations
@@ -172,13 +173,16 @@ def single_joint(judge: Judge, short: bool, hours: float | None, seed: int) -> N
     print(f"  {time.perf_counter() - begun:.0f} s")
 
 
-def six_joints(judge: Judge, short: bool, hours: float | None, seed: int, jobs: int) -> None:
+def six_joints(
+    judge: Judge, short: bool, given: tuple[float | None, float | None], seed: int, jobs: int
+) -> None:
     """Judge the six-axis arm."""
     from _contact_arm import BLOCK as OF_ARM
     from _contact_arm import Cell, folder, free_forces, identified
     from _contact_arm import free as free_arm
 
     calibrating, judging, steps = OF_THE_ARM[short]
+    calibrating, judging = given[0] or calibrating, given[1] or judging
     begun = time.perf_counter()
     with folder() as place:
         home = Path(place)
@@ -199,11 +203,13 @@ def six_joints(judge: Judge, short: bool, hours: float | None, seed: int, jobs: 
         for sentence in reference.remarks:
             print(f"  {sentence}")
         count, spent = 0, 0.0
-        blocks = max(1, round((hours or judging) * 3600.0 / OF_ARM))
+        blocks = max(1, round(judging * 3600.0 / OF_ARM))
         for joints in free_forces(home, how, range(seed + 10_000, seed + 10_000 + blocks), jobs):
             calibrated = tuple(bands[one.joint.name].apply(one) for one in joints)
             count += len(mark_contacts(ForceEstimate(joints=calibrated), marks).contacts or ())
-            spent += (joints[0].time[-1] - joints[0].time[0]) / 3600.0
+            before, spent = spent, spent + (joints[0].time[-1] - joints[0].time[0]) / 3600.0
+            if int(spent) > int(before):
+                print(f"  {count} false contacts in {spent:.2f} h", flush=True)
         conclude(judge, "arm", count, spent, short)
         conclude_steps(judge, "arm", steps_of_arm(Cell(home, how), bands, marks, steps, seed + 50_000))
     print(f"  {time.perf_counter() - begun:.0f} s")
@@ -288,13 +294,14 @@ def main() -> None:
     options.add_argument("--seed", type=int, help="first seed")
     options.add_argument("--only", default="joint,arm,ur3", help="which of joint, arm, ur3")
     options.add_argument("--hours", type=float, help="of unseen free motion")
+    options.add_argument("--calibrate", type=float, help="hours of free motion that calibrate the arm")
     options.add_argument("--jobs", type=int, default=1, help="processes")
     given = options.parse_args()
     which, judge, seed = given.only.split(","), Judge(), first_seed(given.seed)
     if "joint" in which:
         single_joint(judge, given.short, given.hours, seed)
     if "arm" in which:
-        six_joints(judge, given.short, given.hours, seed, given.jobs)
+        six_joints(judge, given.short, (given.calibrate, given.hours), seed, given.jobs)
     if "ur3" in which:
         ur3()
     judge.end()

@@ -86,7 +86,7 @@ def show_tables(result: Identification, written: list[str]) -> None:
             console.print(_numbers(j, result.intervals.get(j.joint.name, {})))
         print_lines(console, (f"  {warning}" for warning in j.warnings), style="yellow")
     if any(e.precision for e in result.evidence):
-        console.print("Standard errors, achieved (expected of the motion):")
+        console.print("Standard errors, achieved (expected of the motion); of bodies, achieved by expected:")
         console.print(_precision(result))
     print_lines(console, result.warnings, style="yellow")
     print_lines(console, result.notes, style="dim")
@@ -96,15 +96,7 @@ def show_tables(result: Identification, written: list[str]) -> None:
 def _precision(result: Identification) -> Any:
     """Return achieved beside expected standard errors of an arm as a table; of bodies, the median of their ratio."""
     names = ("coulomb", "viscous", "offset", "inertia")
-    rows = table(
-        "joint",
-        "Coulomb",
-        "viscous",
-        "offset",
-        "motor inertia",
-        "bodies, achieved by expected",
-        text=("joint",),
-    )
+    rows = table("joint", "Coulomb", "viscous", "offset", "inertia", "bodies", text=("joint",))
     for e in result.evidence:
         own = {p.name: p for p in e.precision if p.name in names}
         ratios = [

@@ -61,7 +61,7 @@ def plan_arm(request: Request, progress: Any) -> ArmOutcome:
     notes = []
     clearance = _clearance(request, robot, limits, notes)
     bounds = ArmBounds.of(
-        robot, limits, friction=friction, margin=_or(request.margin, 0.05), clearance=clearance
+        robot, limits, friction=friction, margin=_or(request.reserve, 0.05), clearance=clearance
     )
     purpose = tuple(word.strip() for word in request.purpose.split(",")) if request.purpose else USUAL
     information = Information(

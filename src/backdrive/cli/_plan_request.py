@@ -13,7 +13,17 @@ _COMMON = ("joint", "all_joints", "urdf", "unit")
 
 COMMON = {
     "position": (
-        *("stroke_deg", "center", "center_deg", "hold", "lead_in", "lower", "upper", "velocity_limit"),
+        *(
+            "stroke_deg",
+            "center",
+            "center_deg",
+            "hold",
+            "lead_in",
+            "lower",
+            "upper",
+            "margin",
+            "velocity_limit",
+        ),
         *("acceleration_limit", "torque_limit", "inertia", "gravity", "friction"),
     ),
     "torque": ("torque_limit",),
@@ -22,7 +32,7 @@ COMMON = {
 
 #: Of a motion of a whole arm.
 ARM = (
-    *("purpose", "around", "box", "limit", "packages", "floor", "clearance", "margin", "duration", "noise"),
+    *("purpose", "around", "box", "limit", "packages", "floor", "clearance", "reserve", "duration", "noise"),
     *("frame", "seed", "velocity_limit", "acceleration_limit", "torque_limit", "friction"),
 )
 

@@ -12,6 +12,7 @@ import typer
 from backdrive.cli import _logs
 from backdrive.cli._estimate_output import document, print_result
 from backdrive.cli._output import echo, print_json
+from backdrive.cli._payload import center_from, check_options, print_payload
 from backdrive.cli._progress import progress
 
 
@@ -42,7 +43,30 @@ def command(
     frame: Annotated[
         str | None,
         typer.Option(
-            "--frame", metavar="TOOL", help="Link, tool or site of it, at which the wrench is estimated."
+            "--frame",
+            metavar="TOOL",
+            help="Link, tool or site of it, at which the wrench is estimated, or that --payload is fixed to.",
+        ),
+    ] = None,
+    payload: Annotated[
+        bool, typer.Option("--payload", help="Mass and center of what the arm carries, instead of the force.")
+    ] = False,
+    unloaded: Annotated[
+        Path | None,
+        typer.Option("--unloaded", metavar="LOG", help="Log of the arm without its payload, for --payload."),
+    ] = None,
+    known_mass: Annotated[
+        float | None,
+        typer.Option("--known-mass", metavar="KG", help="Of the payload: calibrates the drives' gains."),
+    ] = None,
+    at: Annotated[
+        str | None,
+        typer.Option("--at", metavar="X,Y,Z", help="Where the payload's center is known to be in TOOL [m]."),
+    ] = None,
+    gain_error: Annotated[
+        float | None,
+        typer.Option(
+            "--gain-error", help="Standard deviation of each drive's gain, for --payload.  [default: 0.05]"
         ),
     ] = None,
     free: Annotated[
@@ -87,11 +111,13 @@ def command(
     Bands and contacts are calibrated by a log of free motion, best not the one that the model was identified from.
     A whole arm (`identify --method arm`) needs its description (--urdf); with --frame the table has the wrench there, too.
 
+    With --payload: mass and center of what the arm carries, and what it shows of the drives' gains.
+
     Example: backdrive estimate model.json contact.csv --free free.csv --contact -o force.csv --report force.html
     """
     from backdrive import load_model
     from backdrive.errors import InvalidInput
-    from backdrive.external import estimate_force
+    from backdrive.external import estimate_force, estimate_payload
     from backdrive.identification.repairs import healthy
 
     if output is not None and output.suffix not in (".csv", ".parquet"):
@@ -99,9 +125,33 @@ def command(
             f"{output}: a table is CSV or Parquet.", remedy="Let its name end in .csv or .parquet."
         )
     _logs.check_targets(
-        [output], [log, *(free or []), *_logs.files_of(model), *reading.inputs, urdf], drawn=[plot, report]
+        [output],
+        [
+            log,
+            *([unloaded] if unloaded else []),
+            *(free or []),
+            *_logs.files_of(model),
+            *reading.inputs,
+            urdf,
+        ],
+        drawn=[plot, report],
     )
     _logs.check_urdf(urdf)
+    place = center_from(at)
+    check_options(
+        payload,
+        urdf,
+        {"--unloaded": unloaded, "--known-mass": known_mass, "--at": at, "--gain-error": gain_error},
+        {
+            "--joint": joint,
+            "--free": free,
+            "--contact": contact,
+            "--bandwidth": bandwidth,
+            "--output": output,
+            "--plot": plot,
+            "--report": report,
+        },
+    )
     if false_alarms is not None and not contact:
         raise InvalidInput("--false-alarms is of contacts.", remedy="Add --contact.")
     loaded = load_model(model)
@@ -113,6 +163,24 @@ def command(
         say("Checking the log")
         suspect: list[str] = []
         sound = healthy(read[0], accept or [], repair, suspect)
+        if payload:
+            say("Estimating the payload")
+            bare = reading.read_apart([unloaded]) if unloaded else []
+            bare = [healthy(one, accept or [], repair, suspect) for one in bare]
+            carried = estimate_payload(
+                loaded,
+                sound,
+                str(urdf),
+                frame=frame,
+                unloaded=bare[0] if bare else None,
+                known_mass=known_mass,
+                at=place,
+                gain_error=gain_error,
+            )
+    if payload:
+        print_payload(carried, suspect, as_json)
+        return
+    with progress(quiet=as_json) as say:
         untouched = [healthy(one, accept or [], repair, suspect) for one in reading.read_apart(free or [])]
         say("Estimating")
         result = estimate_force(

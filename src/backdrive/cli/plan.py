@@ -48,6 +48,10 @@ def command(
     cycles: Annotated[
         int | None, _option("Cycles, speeds or periods.  [default: 10; multisine 3, torques 5, ramp 2]")
     ] = None,
+    slow: Annotated[
+        int | None,
+        _option("Cycles before the first of a sweep, each half as fast as the next, for the Stribeck range."),
+    ] = None,
     center: Annotated[float | None, _option("Middle of the stroke [rad or m].  [default: 0]")] = None,
     center_deg: Annotated[float | None, _option("The same in degrees.")] = None,
     centres: Annotated[
@@ -79,6 +83,9 @@ def command(
     torque_rate: Annotated[float | None, _option("Slope of a torque ramp [N.m/s or N/s].")] = None,
     lower: Annotated[float | None, _option("Lowest position allowed [rad or m].")] = None,
     upper: Annotated[float | None, _option("Highest position allowed [rad or m].")] = None,
+    margin: Annotated[
+        float | None, _option("Distance that the motion keeps from either end of the range [rad or m].")
+    ] = None,
     velocity_limit: Annotated[float | None, _option("Greatest speed allowed [rad/s or m/s].")] = None,
     acceleration_limit: Annotated[
         float | None, _option("Greatest acceleration allowed [rad/s^2 or m/s^2].")
@@ -119,7 +126,7 @@ def command(
     clearance: Annotated[
         float | None, _option("Distance that links keep from each other [m].  [default: 0.02]")
     ] = None,
-    margin: Annotated[
+    reserve: Annotated[
         float | None, _option("Share of every limit that the arm leaves unused.  [default: 0.05]")
     ] = None,
     duration: Annotated[float | None, _option("Of the arm's motion [s].  [default: 60]")] = None,

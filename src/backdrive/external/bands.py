@@ -10,8 +10,7 @@ from backdrive.identification.signals import Signals
 from backdrive.model import JointFriction
 
 SLACK = 0.1  # of the friction, by which the band at rest is wider than friction alone, at most [-]
-CREEP = 0.02  # of the model's top speed, below which friction is not that of sliding: the joint starts, stops or turns [-]
-LOW = 0.05  # of the model's top speed, from which a line is drawn to zero speed [-]
+CREEP = 0.05  # of the model's top speed, below which friction is not that of sliding: the joint starts, stops or turns [-]
 BLUR = 2.0  # lags after a reversal, in which what an estimator makes of it fades to a twentieth
 
 
@@ -85,7 +84,7 @@ def _bounds(
     No friction is seen at zero speed: a curve that falls towards it may do so by extrapolation. The line through its values at a
     low speed and at twice that counts too where it meets zero speed higher.
     """
-    law, low = friction.law, LOW * friction.validity.speeds[1]
+    law, low = friction.law, CREEP * friction.validity.speeds[1]
     if law.rate.SMOOTH:
         return at_rest(law), at_rest(law)
     warmth = None if temperature is None or "temperature" not in law.rate.NEEDS else temperature

@@ -14,8 +14,10 @@ import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification import curves
-from backdrive.identification.arm_checks import refuse_inverted, remarks
+from backdrive.identification.arm_checks import impossible, refuse_inverted, remarks
+from backdrive.identification.arm_coupling import guess_coupling
 from backdrive.identification.arm_expected import achieved_errors, terms_along
+from backdrive.identification.arm_physical import standard_parameters
 from backdrive.identification.arm_predict import assess_joint, predict_arm, torque_parts, validate_arm
 from backdrive.identification.arm_signals import (
     MOTION_CUTOFF,
@@ -106,9 +108,20 @@ def identify_arm(
     if np.any(loaded & ~found):  # what cannot be told from zero is left out, and the rest fitted again
         loaded &= found
         solution = solve_arm(rows, robot, terms, refill, loaded)
-    theta = robot.base.standard(solution.beta, robot.parameters, spread_of(robot))
-    arm = ArmModel(urdf_sha256=robot.sha256, parameters=tuple(theta.tolist()), condition=solution.condition)
+    theta, distance = standard_parameters(robot, solution.beta, spread_of(robot), solution.bodies)
+    if 0.0 < distance <= 1.0:
+        solution = solution.with_bodies(robot.base.relation @ theta)
+    arm = ArmModel(
+        urdf_sha256=robot.sha256,
+        parameters=tuple(theta.tolist()),
+        condition=solution.condition,
+        covariance=tuple(map(tuple, (0.5 * (solution.level + solution.level.T)).tolist())),
+    )
     warnings = remarks(robot, terms, rows, solution)
+    warnings[0] += impossible(distance)
+    guess = guess_coupling(rows, seen, terms, solution)
+    if guess is not None:
+        warnings[guess.motor] += (guess.sentence(robot.joints),)
     order = [robot.joints.index(name) for name in logs[0].names if name in robot.joints]
     about = {joint.name: joint for joint in logs[0].joints}
     frictions = [

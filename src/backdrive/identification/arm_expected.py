@@ -23,7 +23,7 @@ from backdrive.plans.arm import ArmPlan
 from backdrive.robot import PARAMETERS, PER_LINK, Robot
 
 RATE = 100.0  # of the motion that is looked at [Hz]
-TOLD = 0.5  # a parameter does not show where the data take away less than this of its prior variance [-]
+TOLD = 0.5  # a parameter hardly shows where noise makes less than this share of its variance, priors the rest [-]
 UNITS = ("kg", *["kg.m"] * 3, *["kg.m^2"] * 6)
 
 
@@ -38,7 +38,7 @@ class StandardError:
         unit: of the parameter.
         expected: standard error by the motion and the noise; None: not computed.
         achieved: as the fit states it; None: nothing was fitted.
-        shows: whether the motion tells more of it than its prior does.
+        shows: whether it is the noise that limits it, and not what priors say where the motion tells nothing.
     """
 
     name: str
@@ -106,13 +106,13 @@ def expected_errors(
         )
         for s in signals
     ]
-    covariance, prior = expect(build(Regressor(robot, moved), own), robot, own, noise)
+    covariance, by_noise = expect(build(Regressor(robot, moved), own), robot, own, noise)
     table, names = _reported(robot, own)
     spread = np.einsum("kp,pq,kq->k", table, covariance, table)
-    before = np.einsum("kp,p,kp->k", table, prior, table)
+    told = np.einsum("kp,pq,kq->k", table, by_noise, table)
     return [
-        StandardError(**name, expected=float(np.sqrt(max(v, 0.0))), shows=bool(v < (1.0 - TOLD) * v0))
-        for name, v, v0 in zip(names, spread, before)
+        StandardError(**name, expected=float(np.sqrt(max(v, 0.0))), shows=bool(v0 > TOLD * v))
+        for name, v, v0 in zip(names, spread, told)
     ]
 
 

@@ -10,7 +10,7 @@ average.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -46,6 +46,9 @@ class Solution:
         condition: of the rigid-body columns at unit length [-].
         everything: covariance of all coefficients, bodies first, at a bound as if let go alone, (p, p).
         noise: of the filtered torque [N.m or N], (J,).
+        bodies: covariance of the base parameters, (b, b).
+        shared: covariance of each joint's own coefficients with them, J arrays (2 k + 3, b).
+        level: covariance of the base parameters and, after them, of the joints' offsets, (b + J, b + J).
     """
 
     beta: np.ndarray
@@ -57,6 +60,19 @@ class Solution:
     condition: float
     everything: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
     noise: np.ndarray = field(default_factory=lambda: np.empty(0))
+    bodies: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    shared: list[np.ndarray] = field(default_factory=list)
+    level: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+
+    def with_bodies(self, beta: np.ndarray) -> Solution:
+        """Return what is to be expected if the base parameters are these, (b,), bounds being kept."""
+        change = np.linalg.solve(self.bodies, beta - self.beta)
+        own = []
+        for before, shared in zip(self.own, self.shared):
+            after = np.maximum(before + shared @ change, np.minimum(before, 0.0))
+            after[-3] = before[-3] + shared[-3] @ change
+            own.append(after)
+        return replace(self, beta=beta, own=own)
 
 
 def spread_of(robot: Robot) -> np.ndarray:
@@ -108,23 +124,28 @@ def solve_arm(
         if any(loaded):
             refill(x[:b])
     grams = [_normal(rows, first, rows.weight * huber / noise**2, start, only=j)[0] for j in range(J)]
-    swell = [_inflation(error[:, j] * huber[:, j] * rows.weight[:, j], rows.rate) for j in range(J)]
+    swell = [correlated(error[:, j] * huber[:, j] * rows.weight[:, j], rows.rate) for j in range(J)]
     free = (x > low) & (x < high)
     gram, scores = np.sum(grams, axis=0), np.tensordot(swell, grams, axes=1)
     covariance = sandwich(gram, scores, held, free)
     moments = [_normal(rows, first, rows.weight * huber / noise**2, x, only=j)[1] for j in range(J)]
     loose, pushed = _let_go(gram + held, np.sum(moments, axis=0) - held @ (x - start), scores, free)
     errors = np.where(free, np.sqrt(np.maximum(np.diag(covariance), 0.0)), loose)
+    prior = np.diag(np.linalg.inv(precision[:b, :b]))
+    offsets = np.r_[:b, first[1:] - 3]
     return Solution(
         beta=x[:b],
         own=[x[first[j] : first[j + 1]] for j in range(J)],
         errors=[errors[first[j] : first[j + 1]] for j in range(J)],
         covariance=[covariance[first[j] : first[j + 1], first[j] : first[j + 1]] for j in range(J)],
         pushed=[pushed[first[j] : first[j + 1]] for j in range(J)],
-        told=1.0 - np.diag(covariance)[:b] / np.diag(np.linalg.inv(precision[:b, :b])),
+        told=1.0 - np.diag(covariance)[:b] / prior,
         condition=regression.condition(gram[:b, :b]),
         everything=covariance + np.diag(np.where(free, 0.0, errors**2)),
         noise=noise,
+        bodies=covariance[:b, :b],
+        shared=[covariance[first[j] : first[j + 1], :b] for j in range(J)],
+        level=covariance[np.ix_(offsets, offsets)],
     )
 
 
@@ -155,7 +176,7 @@ def expect(
         noise: of the filtered torque [N.m or N], (J,).
 
     Returns:
-        Covariance of all coefficients, (p, p); that of the priors alone, (p,) variances.
+        Covariance of all coefficients, (p, p); its part that the noise makes, (p, p), the rest being what priors leave open.
     """
     b, J = rows.bodies.shape[2], len(terms)
     first = b + np.concatenate([[0], np.cumsum([t.size for t in terms])]).astype(int)
@@ -165,11 +186,11 @@ def expect(
     held = precision + _alike(gram, first, terms)
     free = np.ones(first[-1], dtype=bool)
     free[first[1:] - 1] = False
-    alone = sandwich(np.zeros_like(gram), np.zeros_like(gram), precision, free)
     swell = max(
         1.0, rows.rate / (2.0 * JUDGED_BELOW)
     )  # white noise below a corner f has 2 f independent values a second
-    return sandwich(gram, swell * gram, held, free), np.diag(alone)
+    by_noise = sandwich(gram, swell * gram - held, held, free)
+    return sandwich(gram, swell * gram, held, free), by_noise
 
 
 def _rms(x: np.ndarray, weight: np.ndarray) -> float:
@@ -302,7 +323,7 @@ def _let_go(
     return errors, pushed
 
 
-def _inflation(error: np.ndarray, rate: float) -> float:
+def correlated(error: np.ndarray, rate: float) -> float:
     """Return how many correlated residuals count as one independent (Bartlett window), at least 1."""
     width = min(max(int(MEMORY * rate), 1), error.size - 1) + 1
     power = float(error @ error)

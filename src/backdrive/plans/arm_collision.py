@@ -117,8 +117,8 @@ class Clearance:
         radii = np.array([s.radius for s in self.shapes])
         reach = radii[self.pairs].sum(axis=1) + near
         middles, used = np.empty((len(self.shapes), 3)), {s.joint for s in self.shapes}
-        for row, configuration in enumerate(np.ascontiguousarray(q)):
-            pin.computeJointJacobians(model, data, configuration)
+        for row, positions in enumerate(np.ascontiguousarray(q)):
+            pin.computeJointJacobians(model, data, positions)
             jacobian = np.array(data.J)
             poses = {j: data.oMi[j].homogeneous for j in used}
             for s, shape in enumerate(self.shapes):

@@ -13,7 +13,7 @@ the columns, 2 W Z (information^-1 - inverse of the part not asked for).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -21,7 +21,7 @@ import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive.errors import InvalidInput
-from backdrive.robot import PER_LINK, Robot, require_pinocchio
+from backdrive.robot import PER_LINK, Robot
 
 #: What may be asked for: friction of every joint; inertias of bodies and motors; masses and first moments that gravity shows; mass
 #: and center of a payload; a constant force and moment at the tool.
@@ -50,22 +50,14 @@ class Information:
     transition: np.ndarray
     purpose: tuple[str, ...]
     frame: str | None = None
-    _frame: int = field(init=False, default=-1)
 
     def __post_init__(self):
         if not self.purpose:
             raise InvalidInput("Nothing is asked for.", remedy=f"Name some of {', '.join(PURPOSES)}.")
         for name in self.purpose:
             lookup(name, PURPOSES, "purpose of a motion")
-        model = self.robot.model
-        names = [f.name for f in model.frames]
-        if self.frame is not None and self.frame not in names:
-            raise InvalidInput(
-                f"The description has no frame '{self.frame}'.",
-                remedy=f"Those at its end: {', '.join(names[-6:])}.",
-            )
-        index = len(names) - 1 if self.frame is None else names.index(self.frame)
-        object.__setattr__(self, "_frame", index)
+        if self.frame is not None:
+            self.robot.frame(self.frame)  # refuses one that there is not
 
     @cached_property
     def loads(self) -> tuple[int, ...]:
@@ -185,13 +177,8 @@ class Information:
         return slice(first, first + LOAD)
 
     def _wrench(self, q: np.ndarray) -> np.ndarray:
-        """Return the torque of unit forces and moments in the tool's axes, (n, J, 6)."""
-        pin = require_pinocchio()
-        model, data = self.robot.model, self.robot.model.createData()
-        out = np.empty((q.shape[0], q.shape[1], WRENCH))
-        for i, row in enumerate(q):
-            out[i] = pin.computeFrameJacobian(model, data, row, self._frame, pin.LOCAL).T
-        return out
+        """Return the torque of unit forces and moments at the tool along the base's axes, (n, J, 6)."""
+        return self.robot.jacobian(q, self.frame or self.robot.frames[-1]).transpose(0, 2, 1)
 
     def _wrench_slope(self, q: np.ndarray, by_wrench: np.ndarray) -> np.ndarray:
         """Return the gradient by position through the tool's columns, (n, J)."""

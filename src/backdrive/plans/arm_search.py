@@ -110,7 +110,7 @@ class Search:
             for j in np.flatnonzero(share[row] >= 1.0):
                 raise InvalidInput(
                     f"Joint '{self.bounds.robot.joints[j]}': {center[j]:.4g} {what}.",
-                    remedy="Give another posture with --around, or a smaller --margin.",
+                    remedy="Give another posture with --around, or a smaller --reserve.",
                 )
         if self.bounds.clearance is not None:
             spare, links = self.bounds.clearance.narrowest(center[None])

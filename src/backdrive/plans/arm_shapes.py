@@ -16,7 +16,7 @@ from backdrive._files import read_whole
 from backdrive.errors import InvalidInput, MissingExtra, ReadError, require
 from backdrive.plans.limits import MAX_BYTES
 from backdrive.robot import Robot
-from backdrive.robot.xml import parse
+from backdrive.robot.xml import numbers, parse
 
 MESH_BYTES = 100_000_000
 MOST_SHAPES = 200
@@ -119,17 +119,8 @@ def _shape(link: str, joint: int, placement: np.ndarray, geometry: Any) -> Shape
     )
 
 
-def _numbers(text: str | None, count: int, link: str, usual: str | None = None) -> list[float]:
-    try:
-        values = [float(word) for word in (usual if text is None else text).split()]  # type: ignore[union-attr]
-    except (ValueError, AttributeError):
-        values = []
-    if len(values) != count or not np.all(np.isfinite(values)):
-        raise ReadError(
-            f"Link '{link}': its collision shape has '{text}'.",
-            remedy=f"Write {count} finite numbers there.",
-        )
-    return values
+def _numbers(text: str | None, count: int, link: str, usual: str = "") -> list[float]:
+    return numbers(usual if text is None else text, (count,), f"A collision shape of link '{link}'")
 
 
 def _origin(node: Any, link: str) -> np.ndarray:

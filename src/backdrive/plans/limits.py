@@ -58,6 +58,30 @@ class JointLimits:
         """Return the limits with those given put in the place of the old ones; None keeps the old one."""
         return replace(self, **{name: value for name, value in given.items() if value is not None})
 
+    def narrowed(self, margin: float) -> JointLimits:
+        """Return the limits with a range that keeps a distance from either end.
+
+        Args:
+            margin: distance [rad or m].
+
+        Raises:
+            InvalidInput: it is negative or not finite, no end is known, or nothing of the range is left.
+        """
+        if not (math.isfinite(margin) and margin >= 0.0):
+            raise InvalidInput(f"A margin of {margin:g} {self.unit}.", remedy="Give a distance from zero on.")
+        if not {"lower", "upper"} & set(self.known):
+            raise InvalidInput(
+                f"A margin of {margin:g} {self.unit}, and no end of the range of joint '{self.name}' is known.",
+                remedy="Give --urdf, or --lower and --upper.",
+            )
+        if not self.lower + margin < self.upper - margin:
+            raise InvalidInput(
+                f"A margin of {margin:g} {self.unit} at both ends leaves nothing of the range of joint '{self.name}', from "
+                f"{self.lower:g} to {self.upper:g} {self.unit}.",
+                remedy="Give a smaller one.",
+            )
+        return replace(self, lower=self.lower + margin, upper=self.upper - margin)
+
     @property
     def known(self) -> tuple[str, ...]:
         """Names of the limits that are finite."""

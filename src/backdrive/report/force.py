@@ -18,6 +18,7 @@ from backdrive.report.pictures import canvas
 from backdrive.report.pictures.force import draw_force, draw_friction
 from backdrive.report.sheet import page
 from backdrive.report.words import NOTHING, counted, esc, number, percent, quantity
+from backdrive.report.wrench import wrench_section
 
 MOST = 200  # contacts that the page lists
 BESIDE = 1.0  # that the picture of a contact shows before and after it, at least [s]
@@ -56,6 +57,7 @@ def render_force(
         _header(estimate, title, tuple(estimate.remarks if remarks is None else remarks)),
         _summary(estimate),
         _contacts(estimate),
+        *([] if estimate.wrench is None else [wrench_section(estimate.wrench)]),
         *sections,
         '<section class="about" id="made-by"><h2>Where this comes from</h2><h3>The command that made it</h3>'
         f'<pre class="copy">{esc(command)}</pre><details><summary>What the words mean</summary><dl>{words}</dl></details>'
