@@ -147,16 +147,17 @@ def covered(
 ) -> Iterator[tuple[str, str, int, int, float, float]]:
     """Yield joint, state, samples, samples inside the band, the band's width by friction at rest, and events of its calibration."""
     push = true_along(r, r.push, estimate.joints[0].time)
+    carried = true_along(r, r.torque - r.friction, estimate.joints[0].time)
     for j, one in enumerate(estimate.joints):
         row = arm.joints[j]
-        rest = 0.5 * (row[3] + row[4]) + row[6]
+        rest = 0.5 * (row[3] + row[4]) + row[6] + row[10] * np.abs(carried[:, j])
         inside = (one.lower <= push[:, j]) & (push[:, j] <= one.upper)
         made = estimate.calibrations[one.joint.name]
         for i, name in enumerate(STATES):
             k = one.state == i
             if k.any():
                 band = getattr(made, name, None)
-                width = float(np.median((one.upper - one.lower)[k])) / rest
+                width = float(np.median((one.upper - one.lower)[k] / rest[k]))
                 yield (
                     one.joint.name,
                     name,

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from backdrive.control.estimators.arm import WIDTH, ArmForce
-from backdrive.control.estimators.of_model import ABRUPT, at_rest, with_break_away
+from backdrive.control.estimators.of_model import ABRUPT, at_rest, bounds_at_rest, with_break_away
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.external.bands import band, states_along
@@ -32,6 +32,7 @@ from backdrive.logs.log import Log
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.robot import Robot
 
+SLACK = 1.03  # of the largest friction of slow sliding, that friction at rest may be [-]
 EXPLAINED = 0.3  # share of a joint's torque in motion that a model of this robot explains at least [-]
 LONGEST = 0.5  # over which what a model leaves of the torque is alike, at most [s]
 DEGREES = 20.0  # speeds by the model's top speed, from which on positions are no radians [-]
@@ -118,7 +119,10 @@ class ArmEstimate:
                 )
             lower, upper = band(friction, force[:, j], taken[:, j], state[:, j], remarks, warm[:, j])
             more = _growth(friction) * np.abs(carried[:, j])
-            lower, upper = lower - more, upper + more
+            rest, free = state[:, j] == 2, force[:, j] - taken[:, j]
+            forwards, backwards = (SLACK * end for end in bounds_at_rest(friction.law))
+            lower = np.where(rest, free - backwards - more, lower)
+            upper = np.where(rest, free + forwards + more, upper)
             results.append(
                 JointForce(
                     joint=friction.joint,

@@ -17,6 +17,7 @@ DECAY = 20.0  # of friction at rest, as in Iwatani 2017, Sec. 4.6 [1/s]
 COUNTS = 8.0  # of the encoder, over which a contact of unknown stiffness bends until it slides
 ABRUPT = 10.0  # forces by the friction, that the filter of `direct` follows where nobody knows the accelerations [-]
 UNSEEN = 0.75  # of the friction of slow sliding, below which the curve's end at zero is taken for unseen [-]
+FIRST = 3  # knots of a curve that tell of it in any case
 CREEP = 0.05  # of the top speed, below which sliding tells of friction at rest [-]
 BEND = {"rad": 1e-3, "m": 1e-4}  # the same where the encoder's count is unknown [rad or m]
 
@@ -84,8 +85,8 @@ def with_break_away(friction: JointFriction, share: float = UNSEEN) -> JointFric
     rate = friction.law.rate
     if not isinstance(rate, Polyline):
         return friction
-    slow = [i for i, v in enumerate(rate.velocity) if v <= CREEP * friction.validity.speeds[1]] or [0]
-    slow = [*slow, min(slow[-1] + 1, len(rate.velocity) - 1)] if len(slow) == 1 else slow
+    speed = CREEP * friction.validity.speeds[1]
+    slow = [i for i, v in enumerate(rate.velocity) if v <= speed or i < FIRST]
     largest = max(max(rate.positive[i], rate.negative[i]) for i in slow)
     curves = {
         way: (largest, *values[1:])
