@@ -365,3 +365,17 @@ def test_the_center_may_be_in_degrees(run, tmp_path):
     code, _, said = run(*SWEEP, "--center-deg", "35", "--center", "1")
     assert code == 2
     assert "--center and --center-deg are both given" in said
+
+
+def test_a_sweep_has_a_slow_part_and_keeps_a_margin(run, tmp_path):
+    size = ("--stroke-deg", "20", "--top-speed", "2", "--cycles", "4")
+    words = ("sweep", *size, "--lower", "-0.2", "--upper", "0.2", "--draw", "none")
+    assert run(*words, "--slow", "2", "--margin", "0.02", "-o", "p")[0] == 0
+    plan = load_plan(tmp_path / "p/plan.json")
+    assert plan.slow == 2 and plan.speeds == pytest.approx([0.125, 0.25, 0.5, 1.0, 1.5, 2.0])
+    code, _, err = run(*words, "--margin", "0.03")
+    assert code == 2 and "largest stroke that would do" in err
+    code, _, err = run(*words, "--margin", "0.2")
+    assert code == 2 and "leaves nothing of the range" in err
+    code, _, err = run("multisine", "--slow", "2")
+    assert code == 2 and "--slow means nothing to a plan of the kind multisine" in err

@@ -92,6 +92,33 @@ def test_gravity_that_turns_with_the_joint_is_seen_inside_the_runs():
     np.testing.assert_allclose(friction.law.torque([1.0, -1.0]), [3.5, -3.5], atol=0.01)
 
 
+def under_gravity(size, rng, noise):
+    """Return logs of both directions at seven speeds under gravity, with a line of friction."""
+    logs = []
+    for v in [way * 0.3 * k for k in range(1, 8) for way in (1.0, -1.0)]:
+        time = np.arange(1000) / 500.0
+        q = v * time + rng.uniform(0.0, 2.0 * np.pi)
+        tau = np.sign(v) * (3.0 + 0.5 * abs(v)) + size * np.sin(q) + noise * rng.standard_normal(1000)
+        logs.append(Log(time=time, joints=(Joint(name="j1", unit="rad"),), position=q, torque=tau))
+    return logs
+
+
+def test_gravity_that_noise_hides_in_a_run_is_no_bend():
+    """It explains a fiftieth of what varies within the runs, but many of them agree on it."""
+    friction, evidence = identify_constant_velocity(under_gravity(0.08, np.random.default_rng(3), 0.4), "j1")
+    assert friction.dynamics["gravity_sin"].value == pytest.approx(0.08, abs=0.03)
+    assert "suffices" in evidence.verdict
+
+
+def test_the_error_of_gravity_is_in_that_of_friction():
+    rng, errors = np.random.default_rng(5), []
+    for _ in range(40):
+        friction, _ = identify_constant_velocity(under_gravity(5.0, rng, 0.2), "j1", law="coulomb-viscous")
+        stated = friction.standard_errors["coulomb_positive"]
+        errors.append((friction.law.rate.coulomb_positive - 3.0) / stated)
+    assert 0.6 < np.sqrt(np.mean(np.square(errors))) < 1.4
+
+
 def test_too_few_runs_are_refused_with_the_number_needed():
     with pytest.raises(NotIdentifiable, match="at least 4|At least 4"):
         identify_constant_velocity(constant_runs(straight, (1.0,)), "j1")

@@ -136,7 +136,7 @@ def test_a_refit_that_explains_the_log_worse_is_not_taken(monkeypatch):
 
     monkeypatch.setattr(given_motion, "fit_law", spoiled)
     (friction,) = identify(recorded(), law="stribeck-gauss").model.joints
-    assert len(calls) == 2 and friction.law.rate.breakaway < 2.0
+    assert any("begin_at" in c for c in calls) and friction.law.rate.breakaway < 2.0
     assert any("judged" in w for w in friction.warnings)
 
 

@@ -38,7 +38,7 @@ def test_joint_0_yields_by_its_transmission_and_breaks_away_at_its_coulomb_torqu
     assert friction.at_bound == ()
     assert evidence.presliding.shape[1] == 2
     assert np.abs(evidence.presliding[:, 1]).max() == pytest.approx(9.0, abs=0.01)
-    assert "It begins to slip (breaks away) at 6.86 N.m along +q and 6.86 N.m along -q" in evidence.verdict
+    assert "It begins to slip (breaks away) at 6.85 N.m along +q and 6.85 N.m along -q" in evidence.verdict
 
 
 def test_setup_a_hides_its_presliding_below_one_count():

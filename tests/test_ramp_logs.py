@@ -31,6 +31,38 @@ def ramp_log(torque, *, noise=0.0, decimals=6, seed=3):
     )
 
 
+def breaking_out(torque, inertia=0.3):
+    """Return the position under a torque: a spring that holds up to break-away, then inertia and viscous friction, (n,)."""
+    slid, speed, position, steps = 0.0, 0.0, np.zeros(torque.size), 20
+    for k, u in enumerate(torque.tolist()):
+        for _ in range(steps):
+            if abs(u) > BREAK or speed * u > 0.0:
+                pull = u - np.sign(u) * BREAK - VISCOUS / 10 * speed
+                speed += pull / inertia / RATE / steps
+                speed = speed if speed * u > 0.0 else 0.0
+            else:
+                speed = 0.0
+            slid += speed / RATE / steps
+        position[k] = slid + min(max(u, -BREAK), BREAK) / STIFF
+    return position
+
+
+@pytest.mark.parametrize("slope", [0.2, 1.0])
+def test_inertia_that_delays_the_slide_is_no_friction(slope):
+    torque = corners(0.0, 1.9, -1.9, 0.0, slope=slope)
+    noise = 0.02 * np.random.default_rng(2).standard_normal(torque.size)
+    log = Log(
+        time=np.arange(torque.size) / RATE,
+        joints=(Joint(name="a"),),
+        position=COUNT * np.round(breaking_out(torque) / COUNT),
+        torque=torque + noise,
+    )
+    friction = identify(log, method="ramp").model.joints[0]
+    for side in ("coulomb_positive", "coulomb_negative"):
+        assert getattr(friction.law.rate, side) == pytest.approx(BREAK, rel=0.015)
+        assert friction.standard_errors[side] < 0.03 * BREAK
+
+
 def corners(*heights, slope=0.1):
     parts = [np.full(round(RATE), heights[0])]
     for low, high in zip(heights, heights[1:]):
@@ -90,3 +122,18 @@ def test_a_ramp_one_way_tells_nothing_of_the_other():
     assert np.isnan(friction.standard_errors["coulomb_negative"])
     assert any("was not ramped along -q" in w for w in friction.warnings)
     assert "-q" not in result.evidence[0].verdict
+
+
+def test_a_sweep_above_its_pivot_is_no_ramp():
+    """Gravity that falls while Coulomb friction holds makes a torque of straight lines: but the joint slides all along them."""
+    rate, stroke = 100.0, 0.3
+    times = [2.0 * np.pi * stroke * 6 / (n * 2.0) for n in range(1, 7)]
+    cycles = [-stroke * np.cos(2.0 * np.pi * np.arange(round(t * rate)) / round(t * rate)) for t in times]
+    q = np.concatenate([np.full(50, -stroke), *cycles, [-stroke]])
+    v = np.gradient(q) * rate
+    torque = np.tanh(v / 0.01) + 0.2 * v + 0.1 * np.gradient(v) * rate - 1.4 * np.sin(q)
+    torque += 0.04 * np.random.default_rng(1).standard_normal(q.size)
+    log = Log(time=np.arange(q.size) / rate, joints=(Joint(name="a"),), position=q, torque=torque)
+    result = identify(log)
+    assert result.method == "sweep"
+    assert result.model.torque("a", 1.0) == pytest.approx(1.2, rel=0.05)

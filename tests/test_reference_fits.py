@@ -7,6 +7,7 @@ import pytest
 
 from backdrive.errors import InvalidInput
 from backdrive.identification import (
+    break_away,
     curves,
     delay,
     design,
@@ -464,13 +465,13 @@ def test_gravity_inside_runs_by_a_regression_about_their_means():
         X.append(columns - columns.mean(axis=0))
         y.append(tau - tau.mean())
     found = [r for log in pieces for r in runs.find_runs(log, 0)]
-    theta, error = runs.gravity_of(found)
+    theta, covariance = runs.gravity_of(found)
     flat, level = np.vstack(X), np.concatenate(y)
     wanted = np.linalg.lstsq(flat, level, rcond=None)[0]
     assert theta == pytest.approx(wanted, rel=1e-6)
     scores = np.array([x.T @ (z - x @ wanted) for x, z in zip(X, y)])
     bread = np.linalg.inv(flat.T @ flat)
-    ratio = error**2 / np.diag(bread @ scores.T @ scores @ bread)
+    ratio = np.diag(covariance) / np.diag(bread @ scores.T @ scores @ bread)
     assert ratio[0] == pytest.approx(ratio[1], rel=1e-6) and 1.0 <= ratio[0] < 2.0
     assert runs.gravity_of(found[:3]) is None
 
@@ -535,7 +536,7 @@ def test_when_a_slip_began():
     rate, cutoff, slope = 1000.0, 20.0, 4.0
     t = np.arange(400) / rate
     velocity = np.where(t > 0.2, 30.0 * (t - 0.2) ** 2, 0.0)
-    torque, error = ramp._onset(slope * t[:261], velocity, 260, rate, cutoff)
+    torque, error = break_away.onset(slope * t[:261], velocity, 260, rate, cutoff)
     assert torque == pytest.approx(slope * (0.26 - 1.5 * 0.03), abs=0.01)
     assert error == pytest.approx(slope * np.hypot(0.5 * 0.03, 1.0 / cutoff) / np.sqrt(3.0), rel=0.02)
     assert abs(torque - slope * 0.2) < error

@@ -352,7 +352,8 @@ def test_what_slip_is_worth_a_word(slip, severity):
     found = slipped(**slip)
     assert [f.severity for f in found] == ([] if severity is None else [severity])
     if found:
-        assert about(found[0]) == ("j0", "torque", severity, slip.get("samples", 10.0), None, True)
+        one = severity == "warn" or slip.get("left", 0.0) <= 0.1  # a shift of the whole log can be taken back
+        assert about(found[0]) == ("j0", "torque", severity, slip.get("samples", 10.0), None, one)
 
 
 def test_a_slip_is_told_in_samples_and_milliseconds():

@@ -416,3 +416,26 @@ def test_bad_input_is_named(log):
         identify_sweep([log.replace(torque=None)], "joint_1")
     with pytest.raises(NotIdentifiable, match="equal stroke"):
         identify_sweep([log.replace(plan=None).between(0.0, 2.0)], "joint_1")
+
+
+def test_slow_cycles_see_a_peak_that_the_others_pass_over():
+    """Friction 4 N.m above sliding at rest, which falls within 0.1 rad/s: a sweep from 0.33 rad/s on knows nothing of it."""
+    plan = Sweep(A, V, 6, slow=4)
+    assert plan.speeds == pytest.approx(V / 6 * np.r_[1 / 16, 1 / 8, 1 / 4, 1 / 2, 1:7])
+    t = np.arange(0.0, plan.duration, 1e-3)
+    v = plan.velocity(t)
+    friction = np.sign(v) * (9.0 + 4.0 * np.exp(-((v / 0.1) ** 2))) + 3.0 * v
+    log = Log(
+        time=t,
+        joints=(Joint(name="a"),),
+        position=plan.position(t),
+        torque=1.6 * plan.acceleration(t) + friction,
+        plan=plan,
+    )
+    found, _ = identify_sweep([log], "a")
+    for speed in (0.03, 0.08, 0.3, 1.0):
+        expected = 9.0 + 4.0 * np.exp(-((speed / 0.1) ** 2)) + 3.0 * speed
+        assert found.law.torque(speed) == pytest.approx(expected, rel=0.06)
+    assert np.abs(plan.acceleration(t)).max() < plan.peak_acceleration * (1.0 + 1e-9)
+    with pytest.raises(InvalidInput, match=r"Sweep\.slow is 9"):
+        Sweep(A, V, 6, slow=9)

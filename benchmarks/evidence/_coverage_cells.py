@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,6 +36,8 @@ class Number(NamedTuple):
         error: stated less true [unit].
         width: half of the stated 95 % interval; NaN: it cannot tell [unit].
         least: half of the oracle's [unit].
+        sliding: the same by rows where the joint slides for sure [unit].
+        crossing: the same with the true crossing of zero known [unit].
     """
 
     condition: str
@@ -45,6 +47,8 @@ class Number(NamedTuple):
     error: float
     width: float
     least: float
+    sliding: float
+    crossing: float
 
     @property
     def told(self) -> bool:
@@ -81,9 +85,7 @@ def numbers(condition: int, seed: int, searches: bool) -> list[Number]:
             raise
         except BackdriveError:
             method = _named(REFUSED.get(label, about.expected), label)
-            made += [
-                Number(about.name, method, q, seed, math.nan, math.nan, math.nan) for q in QUANTITIES[label]
-            ]
+            made += [Number(about.name, method, q, seed, *[math.nan] * 5) for q in QUANTITIES[label]]
             continue
         method = _named(result.method, label)
         made += [Number(about.name, method, q, seed, *rest) for q, *rest in _stated(result, case)]
@@ -115,26 +117,26 @@ def _terms(result: Any, case: Case) -> Terms:
     )
 
 
-def _stated(result: Any, case: Case) -> Iterator[tuple[str, float, float, float]]:
-    """Return quantity, error, stated half width and the oracle's half width of every number."""
+def _stated(result: Any, case: Case) -> Iterator[tuple[Any, ...]]:
+    """Return quantity, error, stated half width and those of the oracle and its two bounds, of every number."""
     friction, joint = result.model.joints[0], case.joint
     rate, terms = friction.law.rate, _terms(result, case)
-    least = oracle(case.records, terms)
+    bounds = [oracle(case.records, terms, kind) for kind in ("jump", "sliding", "crossing")]
     # by direction a constant torque cannot be told from friction: where no offset is stated it is in the friction
     constant = 0.0 if terms.symmetric or "offset" in friction.dynamics else joint.offset
     intervals = result.intervals.get(friction.joint.name, {})
     if isinstance(rate, CoulombViscous):
         for way, word in enumerate(WAYS):
-            for name, truth, edge in (
-                ("coulomb", joint.coulomb + (1 - 2 * way) * constant, least.curve[way, 0]),
-                ("viscous", joint.viscous, least.viscous[way]),
+            for name, truth, edges in (
+                ("coulomb", joint.coulomb + (1 - 2 * way) * constant, [b.curve[way, 0] for b in bounds]),
+                ("viscous", joint.viscous, [b.viscous[way] for b in bounds]),
             ):
                 full = f"{name}_{word}"
                 value = getattr(rate, full)
-                yield name, value - truth, _half(full, friction, intervals), float(edge)
+                yield name, value - truth, _half(full, friction, intervals), *edges
         if intervals:
             return  # a search states its parameters; the curve is made of them
-        yield from _line_at_top(result, joint, least, constant)
+        yield from _line_at_top(result, joint, bounds, constant)
         return
     for way, word in enumerate(WAYS):
         errors = friction.standard_errors.get(word)
@@ -144,12 +146,12 @@ def _stated(result: Any, case: Case) -> Iterator[tuple[str, float, float, float]
             sign = 1.0 if way == 0 else -1.0
             truth = sign * (float(joint.sliding(np.array([sign * max(speed, 1e-9)]))[0]) + constant)
             half = NORMAL * errors[i] if errors is not None else math.nan
-            yield "curve", getattr(rate, word)[i] - truth, half, float(least.curve[way, i])
+            yield "curve", getattr(rate, word)[i] - truth, half, *(b.curve[way, i] for b in bounds)
 
 
 def _line_at_top(
-    result: Any, joint: Any, least: Oracle, constant: float
-) -> Iterator[tuple[str, float, float, float]]:
+    result: Any, joint: Any, bounds: Sequence[Oracle], constant: float
+) -> Iterator[tuple[Any, ...]]:
     """Return the same for a straight line's value at its fastest knot."""
     curve = result.evidence[0].curve
     for way, sign in enumerate((1.0, -1.0)):
@@ -157,7 +159,7 @@ def _line_at_top(
         truth = float(joint.sliding(curve.velocity[at : at + 1])[0]) + constant
         half = NORMAL * float(curve.standard_error[at])
         if sign * curve.velocity[at] > 0.0:
-            yield "curve", float(curve.torque[at]) - truth, half, float(least.curve[way, -1])
+            yield "curve", float(curve.torque[at]) - truth, half, *(b.curve[way, -1] for b in bounds)
 
 
 def _half(name: str, friction: Any, intervals: Any) -> float:

@@ -1,4 +1,11 @@
-"""The oracle: least squares with the same terms and knots, by the true motion and the true covariance, the delay free."""
+"""The oracle: least squares with the same terms and knots, by the true motion and the true covariance, the delay free.
+
+It takes friction to jump where the velocity changes its sign, and tells Coulomb from the torque a sample before and after: in an
+AR(0.98) at 200 Hz that is several times as sure as all that goes before. The generator's friction crosses zero in a few ms to
+100 ms, by a law and width that are drawn, so that such a fit to its torque would be off by hundreds of its own errors. Two more
+rows of bounds tell what is left of that: `sliding`, the same where the joint slides for sure, and `crossing`, all rows with the
+true course of the crossing known, which no fit knows.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +17,10 @@ from _independent import Record
 from scipy import stats
 
 MOVING = 1e-3  # slower samples than this share of the top speed are at rest [-]
+SLOW, REVERSAL = (
+    0.08,
+    0.03,
+)  # share of the top speed and time about a change of sign, without which it slides for sure [-], [s]
 FLANK = 0.8  # a sweep uses samples faster than this share of a cycle's peak speed [-]
 
 
@@ -61,10 +72,16 @@ def hats(speed: np.ndarray, knots: np.ndarray) -> np.ndarray:
     return shapes
 
 
-def oracle(records: Sequence[Record], terms: Terms) -> Oracle:
-    """Return the oracle's half widths."""
+def oracle(records: Sequence[Record], terms: Terms, kind: str = "jump") -> Oracle:
+    """Return the oracle's half widths.
+
+    Args:
+        records: the logs.
+        terms: of the result.
+        kind: `jump`, the oracle; `sliding` and `crossing`, bounds for what can be known of it.
+    """
     k = terms.knots.size
-    X = np.vstack([_whitened(record, terms) for record in records])
+    X = np.vstack([_whitened(record, terms, kind) for record in records])
     scale = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
     covariance = np.linalg.pinv((X / scale).T @ (X / scale), rcond=1e-12) / np.outer(scale, scale)
     quantile = float(stats.t.ppf(0.975, terms.freedom)) if terms.freedom > 0 else np.inf
@@ -84,14 +101,18 @@ def oracle(records: Sequence[Record], terms: Terms) -> Oracle:
     )
 
 
-def _whitened(record: Record, terms: Terms) -> np.ndarray:
+def _whitened(record: Record, terms: Terms, kind: str) -> np.ndarray:
     """Return the regressor of one log with noise of unit variance, (n, p)."""
     q, v, a = record.motion
-    shapes = hats(np.abs(v), terms.knots)
+    shapes, level = hats(np.abs(v), terms.knots), np.sign(v)
+    if kind == "crossing":
+        level = _crossing(record)
     if terms.symmetric:
-        curve = shapes * np.sign(v)[:, None]
+        curve = shapes * level[:, None]
     else:
-        curve = np.hstack([shapes * (v > 0)[:, None], -shapes * (v < 0)[:, None]])
+        curve = np.hstack(
+            [shapes * np.maximum(level, 0.0)[:, None], shapes * np.minimum(level, 0.0)[:, None]]
+        )
     columns = [curve]
     if terms.offset:
         columns.append(np.ones((v.size, 1)))
@@ -104,9 +125,32 @@ def _whitened(record: Record, terms: Terms) -> np.ndarray:
     if terms.flanks:
         used &= np.abs(v) > FLANK * _peak(v)
     colour = record.logger.colour
+    if kind != "jump":
+        if kind == "sliding":
+            used &= _slides(v, record.logger.rate)
+        rows = np.flatnonzero(used)
+        kept = colour ** np.diff(rows)[:, None]  # the correlation goes on across rows that are left out
+        rest = (X[rows[1:]] - kept * X[rows[:-1]]) / np.sqrt(1.0 - kept**2)
+        return np.vstack([X[rows[:1]], rest]) / record.logger.noise
     following = used & np.r_[False, used[:-1]]
     white = np.where(following[:, None], X - colour * np.roll(X, 1, axis=0), X * np.sqrt(1.0 - colour**2))
     return white[used] / (record.logger.noise * np.sqrt(1.0 - colour**2))
+
+
+def _crossing(record: Record) -> np.ndarray:
+    """Return the true friction less its viscous part by its level while sliding, -1 to 1, (n,)."""
+    (q, v, a), joint = record.motion, record.joint
+    pull = joint.gravity[0] * np.sin(q) + joint.gravity[1] * np.cos(q) + joint.offset
+    return (record.clean - joint.inertia * a - pull - joint.viscous * v) / joint.coulomb
+
+
+def _slides(v: np.ndarray, rate: float) -> np.ndarray:
+    """Say which samples are fast, and not near a change of sign, (n,)."""
+    turns = np.flatnonzero(np.diff(np.sign(v)) != 0)
+    used, reach = np.abs(v) >= SLOW * np.abs(v).max(), round(REVERSAL * rate)
+    for turn in turns.tolist():
+        used[max(turn + 1 - reach, 0) : turn + 1 + reach] = False
+    return used
 
 
 def _peak(v: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ BLOCK = 8  # lines that two rooms may not share
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef)
 GROUND = "ground"  # the room of all files that lie in no folder
 
-#: What has one home: the file with all functions of such names, methods included. Not gravity in `robot.py`, a whole arm's.
+#: What has one home: the file with all functions of such names, methods included. Not gravity in `robot/`, a whole arm's.
 HOMES = {
     "huber": re.compile(r"(?:.*_)?huber(?:_.*)?"),
     "covariance": re.compile(r"_?covariance(?:_of|_from)?"),
@@ -24,7 +24,7 @@ HOMES = {
     "delay line": re.compile(r"_?(?:delayed|delay_line|earlier|later)"),
     "gravity terms": re.compile(r"_?gravity(?:_terms)?"),
 }
-ELSEWHERE = {("robot.py", "gravity terms")}
+ELSEWHERE = {("robot/bodies.py", "gravity terms")}
 
 
 def sources(root: Path) -> dict[str, str]:

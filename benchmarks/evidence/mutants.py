@@ -78,7 +78,7 @@ ROOMS: dict[str, dict[tuple[str, ...], tuple[str, ...]]] = {
             "identification/options.py", "identification/auto.py", "identification/validate.py", "identification/result.py",
             "identification/pipeline.py",
         ): ("test_reference_requests.py", "test_identify.py"),
-        ("identification/ramp.py", "identification/presliding.py"): (
+        ("identification/ramp*.py", "identification/break_away.py", "identification/presliding.py"): (
             "test_reference_ramps.py", "test_reference_fits.py", "test_presliding.py",
         ),
         (

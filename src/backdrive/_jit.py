@@ -8,10 +8,10 @@ those have moved, functions are compiled in every process instead (slower, never
 
 from __future__ import annotations
 
-import ctypes
 import hashlib
 import os
 import re
+import struct
 from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
@@ -64,26 +64,32 @@ def kernel_sources(root: str | Path) -> dict[str, bytes]:
     return {name: sources[name] for name in sorted(reached)}
 
 
-def _bind_libm() -> None:
-    """Have compiled code call the C library's present exp, log and pow.
-
-    Numba binds those of the glibc that it was built against: a wrapper of before 2.29, which doubles the time of an exp that
-    underflows, as every Stribeck curve does at speed. The numbers are the same. Elsewhere than on glibc nothing changes.
-    """
-    try:
-        from llvmlite import binding
-        from numba.core.registry import cpu_target
-
-        library = ctypes.CDLL("libm.so.6")
-        _ = cpu_target.target_context  # it binds numba's own when it is first made
-        for name in ("exp", "log", "pow"):
-            binding.add_symbol(name, ctypes.cast(getattr(library, name), ctypes.c_void_p).value)
-    except (ImportError, AttributeError, OSError):
-        pass
+#: Whether kernels are compiled in this process.
+COMPILED = not nb.config.DISABLE_JIT  # type: ignore[attr-defined]
 
 
-if not nb.config.DISABLE_JIT:  # type: ignore[attr-defined]
-    _bind_libm()
+def _bits() -> tuple[Callable, Callable]:
+    """Return the two functions that read a double's 64 bits as an integer, and an integer as a double's bits."""
+    if not COMPILED:
+        return (
+            lambda x: struct.unpack("<q", struct.pack("<d", x))[0],
+            lambda i: struct.unpack("<d", struct.pack("<q", i))[0],
+        )
+    from numba.extending import intrinsic
+
+    def cast(target: Any) -> Callable:
+        def typing(context, value):
+            def generate(context, builder, signature, arguments):
+                return builder.bitcast(arguments[0], context.get_value_type(target))
+
+            return target(nb.int64 if target == nb.float64 else nb.float64), generate
+
+        return intrinsic(typing)
+
+    return cast(nb.int64), cast(nb.float64)
+
+
+to_bits, from_bits = _bits()
 
 
 def jit(function: F) -> F:
@@ -119,7 +125,7 @@ def choice(kernels: Mapping[int, Callable], otherwise: Callable) -> Callable:
         kernels: by number.
         otherwise: kernel of all other numbers.
     """
-    if nb.config.DISABLE_JIT:  # type: ignore[attr-defined]
+    if not COMPILED:
         return lambda number, arguments: kernels.get(number, otherwise)(*arguments)
     numbers = list(kernels)
     chosen = ladder(lambda number, arguments: otherwise(*arguments))
@@ -171,7 +177,7 @@ def specialised(function: F, *kinds: int) -> F:
 
 
 def _compiled(function: F, **wanted: Any) -> F:
-    if nb.config.DISABLE_JIT:  # type: ignore[attr-defined]
+    if not COMPILED:
         return function
     from numba.core.options import DefaultOptions
 

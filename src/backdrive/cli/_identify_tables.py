@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
+from statistics import median
 from typing import Any
 
 from backdrive.cli._output import console as new_console
@@ -33,6 +35,9 @@ def show_json(result: Identification, written: list[str], bad: list[str]) -> Non
             "verdicts": {e.joint: e.verdict for e in result.evidence},
             "intervals": result.intervals,
             "choices": {c.joint: _choice(c) for c in result.choices},
+            "standard_errors": {
+                e.joint: [asdict(p) for p in e.precision] for e in result.evidence if e.precision
+            },
             "model": json.loads(encode(result.model)),
             "written": written,
         }
@@ -80,9 +85,26 @@ def show_tables(result: Identification, written: list[str]) -> None:
         if result.choices:
             console.print(_numbers(j, result.intervals.get(j.joint.name, {})))
         print_lines(console, (f"  {warning}" for warning in j.warnings), style="yellow")
+    if any(e.precision for e in result.evidence):
+        console.print("Standard errors, achieved (expected of the motion); of bodies, achieved by expected:")
+        console.print(_precision(result))
     print_lines(console, result.warnings, style="yellow")
     print_lines(console, result.notes, style="dim")
     print_lines(console, (f"Wrote {path}" for path in written))
+
+
+def _precision(result: Identification) -> Any:
+    """Return achieved beside expected standard errors of an arm as a table; of bodies, the median of their ratio."""
+    names = ("coulomb", "viscous", "offset", "inertia")
+    rows = table("joint", "Coulomb", "viscous", "offset", "inertia", "bodies", text=("joint",))
+    for e in result.evidence:
+        own = {p.name: p for p in e.precision if p.name in names}
+        ratios = [
+            p.achieved / p.expected for p in e.precision if p.name not in names and p.achieved and p.expected
+        ]
+        cells = [f"{own[n].achieved:.2g} ({own[n].expected:.2g})" for n in names]
+        rows.add_row(e.joint, *cells, f"{median(ratios):.2f}" if ratios else "-")
+    return rows
 
 
 def _laws(choice: Choice) -> Any:

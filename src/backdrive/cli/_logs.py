@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import inspect
-import json
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
@@ -14,14 +13,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 import typer
 
-from backdrive._files import check_regular, check_writable, read_whole
+from backdrive._files import check_regular, check_writable
+from backdrive.cli._coupling import matrix_from
 from backdrive.errors import InvalidInput, MappingError, ReadError
 
 if TYPE_CHECKING:
     from backdrive.logs.log import Log
 
 OF_ONE_CLOCK = "Both clocks begin at 0"  # in a note of a joined log
-MOST_MATRIX = 1 << 20  # of a coupling's file [B]
 
 Logs = Annotated[
     list[Path],
@@ -65,6 +64,13 @@ Coupling = Annotated[
     typer.Option(
         "--coupling",
         help="Matrix C of q_joint = C q_motor (CSV or JSON), where motors drive several joints; kept in the model.",
+    ),
+]
+CouplingSide = Annotated[
+    str | None,
+    typer.Option(
+        "--coupling-side",
+        help="What the log's channels are of: motor, or joint where the controller resolves the coupling.  [default: motor]",
     ),
 ]
 Join = Annotated[
@@ -119,6 +125,7 @@ class Reading:
     gear: Gear = None
     motor_side: MotorSide = None
     coupling: Coupling = None
+    coupling_side: CouplingSide = None
     counts: Counts = None
     join: Join = None
     format: Format = None
@@ -143,6 +150,7 @@ class Reading:
             counts=count[0] if count and len(count) == 1 else count,
             motor_side=self.motor_side,
             coupling=matrix_from(self.coupling),
+            coupling_side=self.coupling_side,
             join=[str(p) for p in self.join or []],
             format=self.format,
             topic=self.topic,
@@ -209,30 +217,6 @@ def shared(command: Callable[..., None]) -> Callable[..., None]:
     run.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {p.name: p.annotation for p in parameters}
     return run
-
-
-def matrix_from(path: Path | None) -> list[list[float]] | None:
-    """Return the matrix of a --coupling option, from rows of CSV or a JSON list of lists; or None.
-
-    Raises:
-        ReadError: the file cannot be read, or holds no matrix.
-    """
-    if path is None:
-        return None
-    text = read_whole(path, MOST_MATRIX).decode(errors="replace")
-    try:
-        if text.lstrip().startswith("["):
-            rows = json.loads(text)
-        else:
-            rows = [
-                line.replace(",", " ").replace(";", " ").split() for line in text.splitlines() if line.strip()
-            ]
-        return [[float(x) for x in row] for row in rows]
-    except (ValueError, TypeError, RecursionError) as error:
-        raise ReadError(
-            f"{path} holds no matrix of numbers ({str(error)[:200]}).",
-            remedy="Write C of q_joint = C q_motor, a line for each joint: 1,0,0 and so on, or JSON: [[1,0],[0.5,1]].",
-        ) from error
 
 
 def start_from(text: str | None) -> float | Literal["auto"] | None:

@@ -13,16 +13,33 @@ _COMMON = ("joint", "all_joints", "urdf", "unit")
 
 COMMON = {
     "position": (
-        *("stroke_deg", "center", "center_deg", "hold", "lead_in", "lower", "upper", "velocity_limit"),
+        *(
+            "stroke_deg",
+            "center",
+            "center_deg",
+            "hold",
+            "lead_in",
+            "lower",
+            "upper",
+            "margin",
+            "velocity_limit",
+        ),
         *("acceleration_limit", "torque_limit", "inertia", "gravity", "friction"),
     ),
     "torque": ("torque_limit",),
 }
 
 
+#: Of a motion of a whole arm.
+ARM = (
+    *("purpose", "around", "box", "limit", "packages", "floor", "clearance", "reserve", "duration", "noise"),
+    *("frame", "seed", "velocity_limit", "acceleration_limit", "torque_limit", "friction"),
+)
+
+
 def kinds() -> dict[str, tuple[str, ...]]:
     """Return the options that mean something to a kind of plan, by kind, beside those that all have."""
-    return {plan.kind: (*COMMON[plan.commands], *plan.options) for plan in PLANS}
+    return {plan.kind: (*COMMON[plan.commands], *plan.options) for plan in PLANS} | {"arm": ARM}
 
 
 class Request(SimpleNamespace):

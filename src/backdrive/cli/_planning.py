@@ -130,6 +130,8 @@ def _joints(request: Request) -> tuple[dict[str, JointLimits], list[str]]:
             acceleration=request.acceleration_limit,
             effort=request.torque_limit,
         )
+        if request.margin is not None:
+            known[name] = known[name].narrowed(request.margin)
     for name in holds_of(request):
         lookup(name, known, "known joint")
     return known, wanted

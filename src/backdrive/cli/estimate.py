@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import shlex
+import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from backdrive.cli import _logs
-from backdrive.cli._output import console as new_console
-from backdrive.cli._output import echo, print_json, print_lines, table
+from backdrive.cli._estimate_output import document, print_result
+from backdrive.cli._output import echo, print_json
+from backdrive.cli._payload import center_from, check_options, print_payload
 from backdrive.cli._progress import progress
-
-if TYPE_CHECKING:
-    from backdrive.external import ForceEstimate, JointForce
 
 
 @_logs.shared
@@ -36,6 +36,56 @@ def command(
             "--bandwidth", help="L [1/s]: the estimate follows 1/L late.  [default: by the log's noise]"
         ),
     ] = None,
+    urdf: Annotated[
+        Path | None,
+        typer.Option("--urdf", help="Robot description (URDF or MJCF) that a whole arm was identified with."),
+    ] = None,
+    frame: Annotated[
+        str | None,
+        typer.Option(
+            "--frame",
+            metavar="TOOL",
+            help="Link, tool or site of it, at which the wrench is estimated, or that --payload is fixed to.",
+        ),
+    ] = None,
+    payload: Annotated[
+        bool, typer.Option("--payload", help="Mass and center of what the arm carries, instead of the force.")
+    ] = False,
+    unloaded: Annotated[
+        Path | None,
+        typer.Option("--unloaded", metavar="LOG", help="Log of the arm without its payload, for --payload."),
+    ] = None,
+    known_mass: Annotated[
+        float | None,
+        typer.Option("--known-mass", metavar="KG", help="Of the payload: calibrates the drives' gains."),
+    ] = None,
+    at: Annotated[
+        str | None,
+        typer.Option("--at", metavar="X,Y,Z", help="Where the payload's center is known to be in TOOL [m]."),
+    ] = None,
+    gain_error: Annotated[
+        float | None,
+        typer.Option(
+            "--gain-error", help="Standard deviation of each drive's gain, for --payload.  [default: 0.05]"
+        ),
+    ] = None,
+    free: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--free",
+            metavar="FREE",
+            help="Log of motion that nothing touched: calibrates bands and contacts; may be repeated.",
+        ),
+    ] = None,
+    contact: Annotated[
+        bool, typer.Option("--contact", help="List contacts; needs --free, an hour or more of it at best.")
+    ] = False,
+    false_alarms: Annotated[
+        float | None,
+        typer.Option(
+            "--false-alarms", help="False contacts of all joints together [1/h].  [default with --contact: 1]"
+        ),
+    ] = None,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -46,6 +96,9 @@ def command(
         Path | None,
         typer.Option("--plot", metavar="FILE", help="Draw them into FILE, ending in .svg or .png."),
     ] = None,
+    report: Annotated[
+        Path | None, typer.Option("--report", metavar="FILE", help="Report to write (one HTML file).")
+    ] = None,
     reading: _logs.Reading = _logs.USUAL,
     accept: _logs.Accept = None,
     repair: _logs.Repair = False,
@@ -55,18 +108,52 @@ def command(
 
     Where the log holds that torque (--map tau_ext=COLUMN), it is left out of the estimate and compared with it.
 
-    Example: backdrive estimate model.json contact.csv -o force.csv --plot force.png
+    Bands and contacts are calibrated by a log of free motion, best not the one that the model was identified from.
+    A whole arm (`identify --method arm`) needs its description (--urdf); with --frame the table has the wrench there, too.
+
+    With --payload: mass and center of what the arm carries, and what it shows of the drives' gains.
+
+    Example: backdrive estimate model.json contact.csv --free free.csv --contact -o force.csv --report force.html
     """
     from backdrive import load_model
     from backdrive.errors import InvalidInput
-    from backdrive.external import estimate_force
+    from backdrive.external import estimate_force, estimate_payload
     from backdrive.identification.repairs import healthy
 
     if output is not None and output.suffix not in (".csv", ".parquet"):
         raise InvalidInput(
             f"{output}: a table is CSV or Parquet.", remedy="Let its name end in .csv or .parquet."
         )
-    _logs.check_targets([output], [log, *_logs.files_of(model), *reading.inputs], drawn=[plot])
+    _logs.check_targets(
+        [output],
+        [
+            log,
+            *([unloaded] if unloaded else []),
+            *(free or []),
+            *_logs.files_of(model),
+            *reading.inputs,
+            urdf,
+        ],
+        drawn=[plot, report],
+    )
+    _logs.check_urdf(urdf)
+    place = center_from(at)
+    check_options(
+        payload,
+        urdf,
+        {"--unloaded": unloaded, "--known-mass": known_mass, "--at": at, "--gain-error": gain_error},
+        {
+            "--joint": joint,
+            "--free": free,
+            "--contact": contact,
+            "--bandwidth": bandwidth,
+            "--output": output,
+            "--plot": plot,
+            "--report": report,
+        },
+    )
+    if false_alarms is not None and not contact:
+        raise InvalidInput("--false-alarms is of contacts.", remedy="Add --contact.")
     loaded = load_model(model)
     with progress(quiet=as_json) as say:
         say("Reading")
@@ -76,8 +163,37 @@ def command(
         say("Checking the log")
         suspect: list[str] = []
         sound = healthy(read[0], accept or [], repair, suspect)
+        if payload:
+            say("Estimating the payload")
+            bare = reading.read_apart([unloaded]) if unloaded else []
+            bare = [healthy(one, accept or [], repair, suspect) for one in bare]
+            carried = estimate_payload(
+                loaded,
+                sound,
+                str(urdf),
+                frame=frame,
+                unloaded=bare[0] if bare else None,
+                known_mass=known_mass,
+                at=place,
+                gain_error=gain_error,
+            )
+    if payload:
+        print_payload(carried, suspect, as_json)
+        return
+    with progress(quiet=as_json) as say:
+        untouched = [healthy(one, accept or [], repair, suspect) for one in reading.read_apart(free or [])]
         say("Estimating")
-        result = estimate_force(loaded, sound, joints=joint, method=method, bandwidth=bandwidth)
+        result = estimate_force(
+            loaded,
+            sound,
+            joints=joint,
+            method=method,
+            bandwidth=bandwidth,
+            free=untouched,
+            robot=urdf,
+            frame=frame,
+            false_alarms=(1.0 if false_alarms is None else false_alarms) if contact else None,
+        )
         suspect += result.remarks
         if output is not None:
             result.save(output)
@@ -85,53 +201,17 @@ def command(
             from backdrive.report.pictures.force import save_force
 
             save_force(plot, result)
+        if report is not None:
+            from backdrive.report.force import write_force_report
+
+            say("Drawing the report")
+            write_force_report(
+                result, report, command=shlex.join(["backdrive", *sys.argv[1:]]), remarks=suspect
+            )
     if as_json:
-        rows = {j.joint.name: _figures(j) for j in result.joints}
-        print_json({"ok": True, "joints": rows, "warnings": suspect})
+        print_json(document(result, suspect))
         return
-    _print(result, suspect)
-    for path in (output, plot):
+    print_result(result, suspect)
+    for path in (output, plot, report):
         if path is not None:
             echo(f"Wrote {path}.")
-
-
-def _figures(one: JointForce) -> dict[str, Any]:
-    """Return what the command says of a joint, in SI."""
-    import numpy as np
-
-    largest = int(np.argmax(np.abs(one.force)))
-    return {
-        "method": one.method,
-        "bandwidth": one.bandwidth,
-        "lag": None if np.isnan(one.lag) else one.lag,
-        "unit": one.joint.torque_unit,
-        "rms": float(np.sqrt(np.mean(one.force**2))),
-        "largest": float(one.force[largest]),
-        "time_of_largest": float(one.time[largest]),
-        "share_outside_band": float(np.mean(one.outside)),
-        "rms_error": one.rms_error,
-    }
-
-
-def _print(result: ForceEstimate, remarks: list[str]) -> None:
-    """Print a line a joint, and the remarks."""
-    console = new_console()
-    known = any(j.known is not None for j in result.joints)
-    headings = ["joint", "method", "bandwidth", "rms", "largest", "at", "acted on"]
-    rows = table(*headings, *(["error, rms"] if known else []), text=("joint", "method"))
-    for one in result.joints:
-        f, unit = _figures(one), one.joint.torque_unit
-        cells = [
-            one.joint.name,
-            one.method,
-            f"{one.bandwidth:.3g} 1/s",
-            f"{f['rms']:.3g} {unit}",
-            f"{f['largest']:.3g} {unit}",
-            f"{f['time_of_largest']:.4g} s",
-            f"{100 * f['share_outside_band']:.0f} % of the time",
-        ]
-        rows.add_row(
-            *cells, *([f"{one.rms_error:.3g} {unit}" if one.rms_error is not None else ""] if known else [])
-        )
-    console.print(rows)
-    print_lines(console, remarks, style="yellow")

@@ -22,7 +22,10 @@ def _option(help: str, *names: str) -> Any:
 
 def command(
     kind: Annotated[
-        str, typer.Argument(help="sweep, constant-velocity, multisine, sine-torque, sawtooth-torque or ramp.")
+        str,
+        typer.Argument(
+            help="sweep, constant-velocity, multisine, sine-torque, sawtooth-torque, ramp, or arm: all joints at once."
+        ),
     ],
     output: Annotated[
         Path, typer.Option("-o", "--output", help="Folder to write to; made if absent.")
@@ -44,6 +47,10 @@ def command(
     top_speed_deg: Annotated[float | None, _option("The same in degrees per second.")] = None,
     cycles: Annotated[
         int | None, _option("Cycles, speeds or periods.  [default: 10; multisine 3, torques 5, ramp 2]")
+    ] = None,
+    slow: Annotated[
+        int | None,
+        _option("Cycles before the first of a sweep, each half as fast as the next, for the Stribeck range."),
     ] = None,
     center: Annotated[float | None, _option("Middle of the stroke [rad or m].  [default: 0]")] = None,
     center_deg: Annotated[float | None, _option("The same in degrees.")] = None,
@@ -76,6 +83,9 @@ def command(
     torque_rate: Annotated[float | None, _option("Slope of a torque ramp [N.m/s or N/s].")] = None,
     lower: Annotated[float | None, _option("Lowest position allowed [rad or m].")] = None,
     upper: Annotated[float | None, _option("Highest position allowed [rad or m].")] = None,
+    margin: Annotated[
+        float | None, _option("Distance that the motion keeps from either end of the range [rad or m].")
+    ] = None,
     velocity_limit: Annotated[float | None, _option("Greatest speed allowed [rad/s or m/s].")] = None,
     acceleration_limit: Annotated[
         float | None, _option("Greatest acceleration allowed [rad/s^2 or m/s^2].")
@@ -90,6 +100,43 @@ def command(
     time_slip: Annotated[
         float | None, _option("Between torque and velocity in the log [s].  [default: 0.001]")
     ] = None,
+    purpose: Annotated[
+        str | None,
+        _option(
+            "What a motion of the whole arm is to show: friction,inertia,gravity,payload,force.  [default: the first three]",
+            "--for",
+        ),
+    ] = None,
+    around: Annotated[
+        list[str] | None,
+        _option("JOINT=POSITION,... about which the arm moves [rad or m].  [default: chosen]"),
+    ] = None,
+    box: Annotated[
+        list[str] | None, _option("JOINT=LOW:HIGH,... that the arm does not leave [rad or m].")
+    ] = None,
+    limit: Annotated[
+        list[str] | None,
+        _option("JOINT.WHAT=NUMBER,... of lower, upper, velocity, acceleration, torque; may be repeated."),
+    ] = None,
+    packages: Annotated[
+        Path | None,
+        _option("Folder in which package:// of the description's meshes begins, for self-collision."),
+    ] = None,
+    floor: Annotated[float | None, _option("Height that links do not go below, above the base [m].")] = None,
+    clearance: Annotated[
+        float | None, _option("Distance that links keep from each other [m].  [default: 0.02]")
+    ] = None,
+    reserve: Annotated[
+        float | None, _option("Share of every limit that the arm leaves unused.  [default: 0.05]")
+    ] = None,
+    duration: Annotated[float | None, _option("Of the arm's motion [s].  [default: 60]")] = None,
+    noise: Annotated[
+        str | None,
+        _option("Torque that a model will leave below 5 Hz: a number or JOINT=NUMBER,... [N.m or N]."),
+    ] = None,
+    frame: Annotated[
+        str | None, _option("Of the description, where a force acts.  [default: the last]")
+    ] = None,
     rate: Annotated[float, typer.Option("--rate", help="Samples per second of CSV and NPZ [Hz].")] = 1000.0,
     ros_rate: Annotated[
         float, typer.Option("--ros-rate", help="Points per second of the trajectory [Hz].")
@@ -103,9 +150,14 @@ def command(
 
     Example: backdrive plan sweep --stroke-deg 20 --top-speed 2 --cycles 10 --joint j1 -o plan/
 
+    Example: backdrive plan arm --urdf ur5.urdf --acceleration-limit 8 --packages /opt/ros/share -o plan/
+
     Example: backdrive plan sweep --stroke-deg 20 --top-speed 2 --centres auto --lower -1.4 --upper 1.4 -o plan/
     """
     options = {name: value for name, value in locals().items() if name not in _OUTPUT}
+    if kind == "arm":
+        _plan_arm(options, output, rate, ros_rate, draw, as_json)
+        return
     from backdrive.cli import _plan_centres as several
     from backdrive.cli._plan_request import Request
     from backdrive.cli._plan_words import figures_of, notes_of, table_of
@@ -152,6 +204,39 @@ def command(
     for note in notes:
         typer.secho(note, fg=typer.colors.YELLOW)
     echo(place)
+
+
+def _plan_arm(
+    options: dict[str, Any], output: Path, rate: float, ros_rate: float, draw: str, as_json: bool
+) -> None:
+    """Plan a motion of the whole arm and write it."""
+    from backdrive.cli._plan_arm import plan_arm
+    from backdrive.cli._plan_arm_words import errors_of, figures_of, show
+    from backdrive.cli._plan_request import Request
+    from backdrive.cli._progress import progress
+    from backdrive.plans import plan_to_dict
+
+    _logs.check_folder(output, _names(draw))
+    with progress(quiet=as_json) as say:
+        outcome = plan_arm(Request(**options), say)
+        say("Drawing the plan")
+        files = _contents(outcome.plan, outcome.limits, rate, ros_rate, draw)
+    make_folder(output, "-o")
+    written = write_together({output / name: text for name, text in files.items()})
+    if not as_json:
+        show(outcome, written)
+        return
+    print_json(
+        {
+            "ok": True,
+            "plan": plan_to_dict(outcome.plan),
+            "duration": outcome.plan.duration,
+            "joints": figures_of(outcome),
+            "standard_errors": errors_of(outcome),
+            "notes": outcome.notes,
+            "written": [str(p) for p in written],
+        }
+    )
 
 
 def _contents(

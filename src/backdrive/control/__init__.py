@@ -1,6 +1,8 @@
-"""What runs in a torque loop: compensation and estimation in one tick, admittance control."""
+"""What runs in a torque loop: compensation and estimation of joints or of a whole arm in one tick, admittance control."""
 
 from backdrive.control.admittance import Admittance as Admittance
+from backdrive.control.arm_joint import ArmJoint as ArmJoint
+from backdrive.control.arm_loop import ArmLoop as ArmLoop
 from backdrive.control.joint_loop import JointLoop as JointLoop
 from backdrive.control.joint_loop import Unguarded as Unguarded
 from backdrive.control.joint_loop import torque_limit as torque_limit

@@ -60,10 +60,10 @@ class Row:
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name
 
-    def __get__(self, loop: Loop, owner: type | None = None) -> np.ndarray:
+    def __get__(self, loop: Any, owner: type | None = None) -> np.ndarray:
         return loop._views[self.name]
 
-    def __set__(self, loop: Loop, value: Any) -> None:
+    def __set__(self, loop: Any, value: Any) -> None:
         if not self.writeable:
             raise AttributeError(f"`{self.name}` of a loop is read-only.")
         loop._views[self.name][:] = value

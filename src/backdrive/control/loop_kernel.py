@@ -42,6 +42,7 @@ from backdrive.control.table import (
     TIME,
     UPPER,
 )  # fmt: skip
+from backdrive.elementary import exp
 from backdrive.status import Status
 
 OK, NOT_FINITE, NO_MOTION = int(Status.OK), int(Status.NOT_FINITE), int(Status.NO_MOTION)
@@ -77,7 +78,7 @@ def standing(c, x, s, g, j, q, T):
     g[STILL, j] = before + T
     if before + T < hold:
         late = before + T - 0.5 * hold
-        return 1.0 if late <= 0.0 else np.exp(-6.0 * late / hold)
+        return 1.0 if late <= 0.0 else exp(-6.0 * late / hold)
     if before < hold:
         compensator_.relax(c, 0, x, s, 0)
     return 1.0

@@ -41,6 +41,7 @@ from backdrive.control.table import (
     TEMPERATURE,
     TIME,
     TOP,
+    ZERO,
 )  # fmt: skip
 from backdrive.status import Status
 
@@ -61,6 +62,7 @@ def shift(c, s, ce, se, g, j, by):
     g[ANCHOR, j] += by
     g[OLDER, j] += by
     g[NEWER, j] += by
+    g[ZERO, j] += by
     g[ELSEWHERE, j], g[PENDING, j], g[SINCE, j] = g[BEFORE, j], 0.0, 0.0
 
 
@@ -100,7 +102,7 @@ def judge(c, s, ce, se, g, j, q, dt):
     g[SINCE, j] += min(dt, LONGEST) if long else passed
     if g[BEGUN, j] == 0.0 and np.isfinite(q):
         shift(c, s, ce, se, g, j, q - g[BEFORE, j])
-        g[BEGUN, j], g[SINCE, j] = True, passed
+        g[BEGUN, j], g[SINCE, j], g[ZERO, j] = True, passed, 0.0
     if not timely:
         return BAD_INTERVAL
     inputs = q + g[APPLIED, j] + g[KNOWN, j] + g[ERROR, j] + g[SLOPE, j] + g[MOTOR, j] + g[LOAD, j]

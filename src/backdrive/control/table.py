@@ -13,11 +13,11 @@ from __future__ import annotations
     # settings
     TOP, LIMIT, RATE, RAMP, LATCHING, HOLD, FADE, PATIENCE, COUNT, ESTIMATES, GROWS,
     LEARNS, CREEP, SETTLE, FLOOR, DEAD, LOWER, UPPER,
-    # readings: the last that was believed, and where a jump has led
-    BEGUN, BEFORE, ELSEWHERE, LEAP, SETTLED, PENDING,
+    # readings: the last that was believed, where a jump has led, and by how much the encoder's zero has moved since the first
+    BEGUN, BEFORE, ELSEWHERE, LEAP, SETTLED, PENDING, ZERO,
     # watch: fault time, two points of the window of speeds with their ages, cause of the latch, stop
     FAULTY, OLDER, OLDER_AGE, NEWER, NEWER_AGE, FAST, CAUSE, STOP, CAP, BAD,
     # standing still, learning
     ANCHOR, STILL, SLID,
-) = range(53)  # fmt: skip
-TABLE = 53
+) = range(54)  # fmt: skip
+TABLE = 54

@@ -15,9 +15,8 @@ axis itself may have Coulomb friction mu |c|, of the same growth, which in an im
 
 from __future__ import annotations
 
-import numpy as np
-
 from backdrive._jit import jit
+from backdrive.elementary import cos, sin
 from backdrive.laws import growth, kernels
 
 STATES = 5  # p, w, q, v, c
@@ -29,7 +28,7 @@ def gravity(j, q):
     a, b = j[4], j[5]
     if a == 0.0 and b == 0.0:
         return j[9]
-    return a * np.sin(q) + b * np.cos(q) + j[9]
+    return a * sin(q) + b * cos(q) + j[9]
 
 
 @jit

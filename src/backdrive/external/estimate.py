@@ -2,14 +2,16 @@
 
     tau_e = M ddq + offset + g(q) + tau_f - tau
 
-M, g, offset, friction and the torque's delay are the model's. In motion the band is that within which the model held 95 % of the
-torque of motion without contact; at rest friction may be anything within its bounds, and the band is as wide as they are.
+M, g, offset, friction and the torque's delay are the model's. In motion the band is that of the estimate on free motion, where some
+is given (`calibrate`), else that within which the model held 95 % of the torque of motion without contact; at rest friction may
+be anything within its bounds, and the band is as wide as they are.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -17,19 +19,24 @@ from backdrive._catalog import lookup
 from backdrive.control.estimators.external import METHODS, ExternalForce
 from backdrive.control.estimators.of_model import at_rest, fields
 from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
+from backdrive.external.bands import band, states_along
+from backdrive.external.calibrate import Calibration, calibrate
 from backdrive.external.choose import FASTEST, Noise, choose
+from backdrive.external.contacts import with_contacts
 from backdrive.external.result import ForceEstimate, JointForce
-from backdrive.identification.bands import states
+from backdrive.external.temperature import along_stretches
 from backdrive.identification.delay import earlier
 from backdrive.identification.signals import Signals, default_cutoff, prepare
+from backdrive.laws import REFERENCE
 from backdrive.logs.log import Log
 from backdrive.logs.resolution import encoder_step, white_noise
 from backdrive.model import FrictionModel, JointFriction
+from backdrive.robot import Robot
 
 AUTO = "auto"
+CONTACTS = 60.0  # bandwidth at which a step of 1.5 thresholds is noticed within 50 ms; contacts are sought at least so fast [1/s]
 LEAST = 16  # samples of an estimate
 SETTLED = 5.0  # lags from the beginning of a stretch, in which an estimate is not given
-SLACK = 0.1  # of the friction, by which the band at rest is wider than friction alone, at most [-]
 
 
 def estimate_force(
@@ -39,6 +46,10 @@ def estimate_force(
     joints: Sequence[str] | None = None,
     method: str = AUTO,
     bandwidth: float | None = None,
+    free: Sequence[Log] = (),
+    false_alarms: float | None = None,
+    robot: str | Path | Robot | None = None,
+    frame: str | None = None,
 ) -> ForceEstimate:
     """Return the external torque on the joints that model and log share.
 
@@ -47,17 +58,35 @@ def estimate_force(
         log: with position and torque.
         joints: names; None: all that both have and whose inertia the model knows.
         method: `direct`, `momentum`, `disturbance`, `extended` or `kalman`; `auto`: by the noise of the log.
-        bandwidth: L [1/s]; None: by the noise of the log.
+        bandwidth: L [1/s]; None: by the noise of the log, with contacts at least 60.
+        free: logs of motion that nothing touched, best not those that the model was fitted to: bands and thresholds are calibrated
+            by them.
+        false_alarms: contacts are sought, with so many false ones of all joints together [1/h]; None: they are not.
+        robot: description (URDF or MJCF) that a model of a whole arm was identified with, or the robot read from it.
+        frame: of the robot, at which the wrench is wanted: a link, a fixed tool or a site; None: no wrench.
 
     Raises:
-        InvalidInput: model and log share no joint, or differ in its unit; a bandwidth that is not positive.
+        InvalidInput: model and log share no joint, or differ in its unit; a bandwidth or a rate that is not positive; a model of a
+            whole arm without its robot; a log of another robot.
         UnknownName: no such method.
-        NotIdentifiable: the model holds no inertia of a joint, or the log is too short.
+        NotIdentifiable: the model holds no inertia of a joint, or the log is too short; no free motion for contacts.
         MissingChannel: the log holds no torque or no position.
     """
     lookup(method, dict.fromkeys((AUTO, *METHODS), 0), "method")
     if bandwidth is not None and not 0.0 < bandwidth < np.inf:
         raise InvalidInput(f"A bandwidth of {bandwidth:g} 1/s.", remedy="Give a positive number, such as 50.")
+    if false_alarms is not None and not 0.0 < false_alarms < np.inf:
+        raise InvalidInput(
+            f"{false_alarms:g} false contacts an hour.", remedy="Give a positive number, such as 1."
+        )
+    if false_alarms is not None and not free:
+        raise NotIdentifiable(
+            "Contacts need free motion, by which their thresholds are calibrated.",
+            remedy="Give a log in which nothing touched the joints (--free FREE.csv).",
+        )
+    least = 0.0 if false_alarms is None else CONTACTS
+    if robot is not None or model.arm is not None or frame is not None:
+        return _arm(model, log, joints, method, bandwidth, least, free, false_alarms, robot, frame)
     names = [n for n in model.names if n in log.names]
     if joints is not None:
         names = [model.joint(n).joint.name for n in joints if log.column(n) is not None]
@@ -68,9 +97,14 @@ def estimate_force(
         )
     log.need("position")
     results, remarks, refused = [], [], []
+    calibrations: dict[str, Calibration] = {}
     for name in names:
         try:
-            result, said = _joint(model.joint(name), log, method, bandwidth)
+            result, said = _joint(model.joint(name), log, method, bandwidth, least)
+            if free:
+                calibrations[name] = _calibration(model.joint(name), free, result)
+                result = calibrations[name].apply(result)
+                said += calibrations[name].remarks()
         except BackdriveError as error:
             if joints is not None or len(names) == 1:
                 raise
@@ -81,13 +115,87 @@ def estimate_force(
         remarks += said
     if not results:
         raise refused[0]
-    return ForceEstimate(joints=tuple(results), remarks=tuple(remarks))
+    remarks += _of_free_motion(model, log, free)
+    estimate = ForceEstimate(joints=tuple(results), remarks=tuple(remarks), calibrations=calibrations)
+    return estimate if false_alarms is None else with_contacts(estimate, false_alarms)
+
+
+def _of_free_motion(model: FrictionModel, log: Log, free: Sequence[Log]) -> list[str]:
+    """Return what is to be said of the logs of free motion."""
+    said = []
+    seen = {source.sha256 for source in model.sources}
+    for source in {source.path: source for one in free for source in one.sources}.values():
+        if source.sha256 in seen:
+            said.append(
+                f"{source.path}: the model was fitted to this free motion, so that bands and thresholds by it are too narrow; "
+                "log another one."
+            )
+    if any(source in log.sources for one in free for source in one.sources):
+        said.append("The log is free motion by its own: within its bands nothing can be told from it.")
+    return said
+
+
+def _arm(
+    model: FrictionModel,
+    log: Log,
+    joints: Sequence[str] | None,
+    method: str,
+    bandwidth: float | None,
+    least: float,
+    free: Sequence[Log],
+    false_alarms: float | None,
+    robot: str | Path | Robot | None,
+    frame: str | None,
+) -> ForceEstimate:
+    """Return the external torque on the joints of a whole arm, and the wrench at a frame."""
+    from backdrive.external.arm import ArmEstimate
+
+    if robot is None:
+        raise InvalidInput(
+            "The model is of a whole arm: its joints move each other."
+            if model.arm is not None
+            else f"A wrench at '{frame}' needs the arm's description.",
+            remedy="Give its description (--urdf ROBOT, URDF or MJCF).",
+        )
+    whole = ArmEstimate(model, robot, frame)
+    results, remarks = whole.forces(log, method, bandwidth, least)
+    calibrations: dict[str, Calibration] = {}
+    if free:
+        like = results[0]
+        parts = [whole.forces(one, like.method, like.bandwidth)[0] for one in free]
+        for j, one in enumerate(results):
+            made = calibrations[one.joint.name] = calibrate([part[j] for part in parts])
+            results[j] = made.apply(one)
+            remarks += made.remarks()
+    remarks += _of_free_motion(model, log, free)
+    results = whole.widened(results)
+    wrench = None if frame is None else whole.wrench(log, results)
+    if wrench is not None:
+        remarks += wrench.remarks()
+    if joints is not None:
+        results = [one for one in results if one.joint.name in {model.joint(n).joint.name for n in joints}]
+    estimate = ForceEstimate(
+        joints=tuple(results), remarks=tuple(remarks), calibrations=calibrations, wrench=wrench
+    )
+    return estimate if false_alarms is None else with_contacts(estimate, false_alarms)
+
+
+def _calibration(friction: JointFriction, free: Sequence[Log], like: JointForce) -> Calibration:
+    """Return what free motion tells of a joint's estimate, by its method and bandwidth."""
+    name = friction.joint.name
+    logs = [log for log in free if name in log.names]
+    if not logs:
+        raise InvalidInput(
+            f"Joint '{name}' is in no log of free motion.",
+            remedy="Name their joints as in the model (--names).",
+        )
+    return calibrate([_joint(friction, log, like.method, like.bandwidth)[0] for log in logs])
 
 
 def _joint(
-    friction: JointFriction, log: Log, method: str, bandwidth: float | None
+    friction: JointFriction, log: Log, method: str, bandwidth: float | None, least: float = 0.0
 ) -> tuple[JointForce, list[str]]:
-    """Return the external torque on one joint, and what is to be said of it."""
+    """Return the external torque on one joint, and what is to be said of it; a bandwidth that is chosen is at least `least`."""
     name = friction.joint.name
     one = log.select(name)
     if one.joints[0].unit != friction.joint.unit:
@@ -103,24 +211,28 @@ def _joint(
     if one.external_torque is not None:  # what is sought is no part of the motor's torque
         one = replace(one, external_torque=None)
     stretches = prepare(one, 0)
+    warmth = along_stretches(friction, stretches, remarks)
     rate = stretches[0].rate
     size = max(at_rest(friction.law), 1e-9)
     fastest = max(float(np.abs(s.acceleration).max()) for s in stretches)
     inertia = fields(friction, "momentum", rate)["inertia"]
     if method == AUTO or bandwidth is None:
-        plain = _forces(ExternalForce(**fields(friction, "momentum", FASTEST * rate)), friction, stretches)
+        plain = _forces(
+            ExternalForce(**fields(friction, "momentum", FASTEST * rate)), friction, stretches, warmth
+        )
         longest = max(plain, key=lambda part: part[0].size)[1]
-        noise = _noise(friction, one, stretches, inertia)
+        noise = noise_of(friction, one, stretches, inertia)
         best = choose(longest, noise, None if method == AUTO else method)
-        method, bandwidth = best[0], bandwidth or best[1]
+        method, bandwidth = best[0], bandwidth or max(best[1], min(least, FASTEST * rate))
     made = ExternalForce(**fields(friction, method, bandwidth, fastest + size / inertia))
-    time, force, taken, state = (np.concatenate(x) for x in zip(*_forces(made, friction, stretches)))
+    parts = _forces(made, friction, stretches, warmth)
+    time, force, taken, state, warm = (np.concatenate(x) for x in zip(*parts))
     if time.size < LEAST:
         raise NotIdentifiable(
             f"Joint '{name}': every stretch of the log is over before an estimator of {bandwidth:.3g} 1/s has settled.",
             remedy="Give a larger --bandwidth, or a longer log.",
         )
-    lower, upper = band(friction, force, taken, state, remarks)
+    lower, upper = band(friction, force, taken, state, remarks, warm)
     result = JointForce(
         joint=friction.joint,
         time=time,
@@ -132,19 +244,22 @@ def _joint(
         method=method,
         bandwidth=float(bandwidth),
         lag=made.lag(1.0 / rate),
-        known=_known(log, name, time),
+        known=known_along(log, name, time),
     )
     beyond = friction.extrapolated(np.concatenate([s.velocity for s in stretches]))
     return result, remarks + ([beyond] if beyond else [])
 
 
 def _forces(
-    made: ExternalForce, friction: JointFriction, stretches: Sequence[Signals]
+    made: ExternalForce,
+    friction: JointFriction,
+    stretches: Sequence[Signals],
+    warmth: Sequence[np.ndarray | None],
 ) -> list[tuple[np.ndarray, ...]]:
-    """Return time, force, friction and state of every stretch from where the estimator has settled, its lag taken out."""
+    """Return time, force, friction, state and temperature of every stretch, settled and with the lag taken out."""
     value = {term: e.value for term, e in friction.dynamics.items()}
     parts = []
-    for s in stretches:
+    for s, warm in zip(stretches, warmth):
         known = None
         if "model_torque" in value:
             if s.model_torque is None:
@@ -154,65 +269,27 @@ def _forces(
                 )
             known = value["model_torque"] * s.model_torque
         dt = 1.0 / s.rate
+        state = states_along(friction, s, made.bandwidth)
         # the torque that acted between a reading and the next
-        torque = earlier(s.torque, -(_delay(friction) * s.rate + 0.5), linear=True)
-        force, taken = made.run(s.position, torque, dt, known, velocity=float(s.velocity[0]))  # type: ignore[arg-type]
+        torque = earlier(s.torque, -(delay_of(friction) * s.rate + 0.5), linear=True)
+        assert s.position is not None
+        force, taken = made.run(s.position, torque, dt, known, float(s.velocity[0]), warm)
         lag = made.lag(dt)
         back = 0.0 if np.isnan(lag) else -lag * s.rate
         settled = int(np.ceil(SETTLED * (1.0 / made.bandwidth + dt) * s.rate))
-        series = s.time, earlier(force, back), earlier(taken, back), states(s)
+        warm = np.full(s.time.size, REFERENCE) if warm is None else warm
+        series = s.time, earlier(force, back), earlier(taken, back), state, warm
         parts.append(tuple(x[settled:] for x in series))
     return parts
 
 
-def band(
-    friction: JointFriction, force: np.ndarray, taken: np.ndarray, state: np.ndarray, remarks: list[str]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the ends of the 95 % band, (n,) each; a state that the model has no band of has the widest that it has.
-
-    Args:
-        friction: of the model.
-        force: external torque [N.m or N], (n,).
-        taken: friction that was taken off [N.m or N], (n,).
-        state: of motion, (n,).
-        remarks: list that a sentence is added to where the model holds no band.
-    """
-    known = friction.bands
-    widths = [
-        np.nan if b is None else b.half_width
-        for b in ((None, None) if known is None else (known.moving, known.reversing))
-    ]
-    if np.isnan(widths).all():
-        remarks.append(
-            f"Joint '{friction.joint.name}': the model holds no bands: identify it again for bands in motion."
-        )
-    else:
-        widths = [np.nanmax(widths) if np.isnan(w) else w for w in widths]
-    half = np.where(state == 0, widths[0], widths[1])
-    lower, upper = force - half, force + half
-    rest = state == 2
-    forwards, backwards = _bounds(friction)
-    slack = SLACK * 0.5 * (forwards + backwards)
-    slack = min(slack, widths[1]) if np.isfinite(widths[1]) else slack
-    lower[rest] = (force - taken)[rest] - backwards - slack
-    upper[rest] = (force - taken)[rest] + forwards + slack
-    return lower, upper
-
-
-def _bounds(friction: JointFriction) -> tuple[float, float]:
-    law = friction.law
-    if law.rate.SMOOTH:
-        return at_rest(law), at_rest(law)
-    forwards, backwards = law.coulomb()
-    return float(forwards), float(backwards)
-
-
-def _delay(friction: JointFriction) -> float:
+def delay_of(friction: JointFriction) -> float:
+    """Return how late the torque acts, as a model holds it [s]."""
     value = sum(friction.dynamics[t].value for t in ("delay", "time_slip") if t in friction.dynamics)
     return float(value)
 
 
-def _noise(friction: JointFriction, log: Log, stretches: Sequence[Signals], inertia: float) -> Noise:
+def noise_of(friction: JointFriction, log: Log, stretches: Sequence[Signals], inertia: float) -> Noise:
     """Return what disturbs the estimate: by the model, and where that does not say, by the log."""
     channel = friction.torque_channel
     white = None if channel is None else channel.noise
@@ -235,7 +312,7 @@ def _noise(friction: JointFriction, log: Log, stretches: Sequence[Signals], iner
     )
 
 
-def _known(log: Log, name: str, time: np.ndarray) -> np.ndarray | None:
+def known_along(log: Log, name: str, time: np.ndarray) -> np.ndarray | None:
     """Return the external torque that the log holds, on a clock."""
     one = log.select(name)
     if one.external_torque is None:

@@ -1,15 +1,21 @@
-"""What `estimate_force` returns: the external torque on each joint over time, with its band, and a table of it."""
+"""What `estimate_force` returns: the external torque on each joint over time, with its band, contacts, and a table of it."""
 
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from backdrive._files import write_whole
 from backdrive.errors import InvalidInput, UnknownName, require
 from backdrive.logs.log import Joint
+
+if TYPE_CHECKING:
+    from backdrive.external.calibrate import Calibration
+    from backdrive.external.wrench import WrenchEstimate
 
 STATES = ("moving", "reversing", "rest")
 
@@ -30,6 +36,7 @@ class JointForce:
         bandwidth: L [1/s].
         lag: of the estimator on a ramp, which was taken out of `force` [s]; NaN where it is not known, and was not.
         known: external torque that the log holds [N.m or N], (n,); None where it holds none.
+        contact: True where the estimate is beyond its threshold, (n,); None where contacts were not sought.
     """
 
     joint: Joint
@@ -43,6 +50,7 @@ class JointForce:
     bandwidth: float
     lag: float
     known: np.ndarray | None = None
+    contact: np.ndarray | None = None
 
     @property
     def rms_error(self) -> float | None:
@@ -59,7 +67,53 @@ class JointForce:
         name, unit = self.joint.name, self.joint.torque_unit
         series = {"force": self.force, "lower": self.lower, "upper": self.upper, "friction": self.friction}
         table = {f"{name}_{what} [{unit}]": x for what, x in series.items()}
-        return table | {f"{name}_state": self.state}
+        table |= {f"{name}_state": self.state}
+        return table if self.contact is None else table | {f"{name}_contact": self.contact.astype(np.int8)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Threshold:
+    """From how many bands on an estimate is a contact, for one joint in one state of motion.
+
+    Attributes:
+        joint: name.
+        state: `moving`, `reversing` or `rest`.
+        bands: the threshold by half the band; at rest by the friction's interval [-].
+        interval: in which it lies with nine chances in ten [-].
+        peaks: of free motion that tell of the tail; 0 where the threshold is that of another state.
+        highest: of them [bands].
+        hours: of free motion in this state.
+        extrapolation: time in which one false contact is to be expected, by the free motion's [-]; 1 where that is longer.
+    """
+
+    joint: str
+    state: str
+    bands: float
+    interval: tuple[float, float]
+    peaks: int
+    highest: float
+    hours: float
+    extrapolation: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contact:
+    """A contact.
+
+    Attributes:
+        begin: first instant beyond a threshold [s].
+        end: last one [s].
+        forces: by joint, the largest external torque, with its sign [N.m or N].
+    """
+
+    begin: float
+    end: float
+    forces: Mapping[str, float]
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints that are beyond their thresholds."""
+        return tuple(self.forces)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,10 +123,20 @@ class ForceEstimate:
     Attributes:
         joints: one a joint, on one clock.
         remarks: what a reader should know, in sentences.
+        calibrations: by joint, what free motion told of the bands; empty without free motion.
+        contacts: in order of time; None where they were not sought.
+        thresholds: of contacts, by joint and state.
+        false_alarms: that the thresholds stand for, of all joints together [1/h].
+        wrench: at a frame of a whole arm; None where none was asked for.
     """
 
     joints: tuple[JointForce, ...]
     remarks: tuple[str, ...] = ()
+    calibrations: Mapping[str, Calibration] = field(default_factory=dict)
+    contacts: tuple[Contact, ...] | None = None
+    thresholds: tuple[Threshold, ...] = ()
+    false_alarms: float | None = None
+    wrench: WrenchEstimate | None = None
 
     def joint(self, name: str) -> JointForce:
         """Return a joint by its name.
@@ -107,6 +171,8 @@ class ForceEstimate:
                 else slice(None)
             )
             table |= {name: column[at] for name, column in one.columns().items()}
+        if self.wrench is not None:
+            table |= self.wrench.columns()
         if str(path).endswith(".parquet"):
             arrow = require("pyarrow", "Writing Parquet needs", "table")
             parquet = require("pyarrow.parquet", "Writing Parquet needs", "table")

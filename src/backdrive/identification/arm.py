@@ -14,7 +14,10 @@ import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification import curves
-from backdrive.identification.arm_checks import refuse_inverted, remarks
+from backdrive.identification.arm_checks import impossible, refuse_inverted, remarks
+from backdrive.identification.arm_coupling import guess_coupling
+from backdrive.identification.arm_expected import achieved_errors, terms_along
+from backdrive.identification.arm_physical import standard_parameters
 from backdrive.identification.arm_predict import assess_joint, predict_arm, torque_parts, validate_arm
 from backdrive.identification.arm_signals import (
     MOTION_CUTOFF,
@@ -22,10 +25,9 @@ from backdrive.identification.arm_signals import (
     hold_out_all,
     hold_out_blocks,
     prepare_arm,
-    resting,
 )
 from backdrive.identification.arm_solve import Solution, solve_arm, spread_of
-from backdrive.identification.arm_terms import Regressor, Terms, build, fill_load, terms_of
+from backdrive.identification.arm_terms import Regressor, Terms, build, fill_load
 from backdrive.identification.evidence import evidence
 from backdrive.identification.quality import JUDGED_BELOW
 from backdrive.identification.result import JointEvidence
@@ -87,7 +89,7 @@ def identify_arm(
             remedy="Resample them alike, or identify one by one.",
         )
     regressor = Regressor(robot, seen)
-    terms = _terms(seen, len(robot.joints))
+    terms = terms_along(seen, len(robot.joints))
     rows = build(regressor, terms)
     unknown = robot.base.columns.size + sum(t.size for t in terms)
     if np.count_nonzero(rows.weight) < 2 * unknown:
@@ -106,9 +108,20 @@ def identify_arm(
     if np.any(loaded & ~found):  # what cannot be told from zero is left out, and the rest fitted again
         loaded &= found
         solution = solve_arm(rows, robot, terms, refill, loaded)
-    theta = robot.base.standard(solution.beta, robot.parameters, spread_of(robot))
-    arm = ArmModel(urdf_sha256=robot.sha256, parameters=tuple(theta.tolist()), condition=solution.condition)
+    theta, distance = standard_parameters(robot, solution.beta, spread_of(robot), solution.bodies)
+    if 0.0 < distance <= 1.0:
+        solution = solution.with_bodies(robot.base.relation @ theta)
+    arm = ArmModel(
+        urdf_sha256=robot.sha256,
+        parameters=tuple(theta.tolist()),
+        condition=solution.condition,
+        covariance=tuple(map(tuple, (0.5 * (solution.level + solution.level.T)).tolist())),
+    )
     warnings = remarks(robot, terms, rows, solution)
+    warnings[0] += impossible(distance)
+    guess = guess_coupling(rows, seen, terms, solution)
+    if guess is not None:
+        warnings[guess.motor] += (guess.sentence(robot.joints),)
     order = [robot.joints.index(name) for name in logs[0].names if name in robot.joints]
     about = {joint.name: joint for joint in logs[0].joints}
     frictions = [
@@ -124,17 +137,15 @@ def identify_arm(
         )
         for j, friction in enumerate(frictions)
     ]
-    support = [_evidence(everything, j, frictions[j], terms[j], solution) for j in range(len(frictions))]
-    return tuple(frictions[j] for j in order), tuple(support[j] for j in order), arm
-
-
-def _terms(stretches: Sequence[ArmSignals], J: int) -> list[Terms]:
-    top = np.max([np.quantile(np.abs(s.velocity), 0.999, axis=0) for s in stretches], axis=0)
-    moves = [~resting(s.velocity, top, s.rate) & s.fitted[:, None] for s in stretches]
-    speeds = [
-        np.concatenate([np.abs(s.velocity[m[:, j], j]) for s, m in zip(stretches, moves)]) for j in range(J)
+    precision = achieved_errors(logs, seen, robot, terms, solution)
+    support = [
+        replace(
+            _evidence(everything, j, frictions[j], terms[j], solution),
+            precision=tuple(p for p in precision if p.joint == name),
+        )
+        for j, name in enumerate(robot.joints)
     ]
-    return [terms_of(speed) for speed in speeds]
+    return tuple(frictions[j] for j in order), tuple(support[j] for j in order), arm
 
 
 def _load(stretches: Sequence[ArmSignals], j: int) -> tuple[float, float]:

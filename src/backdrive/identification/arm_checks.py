@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from backdrive.errors import NotIdentifiable
-from backdrive.identification.arm_solve import Solution
+from backdrive.identification.arm_solve import Solution, correlated
 from backdrive.identification.arm_terms import Rows, Terms
 from backdrive.identification.evidence import sentences
 from backdrive.robot import PER_LINK, Robot
@@ -27,7 +27,7 @@ def refuse_inverted(rows: Rows, robot: Robot, terms: Sequence[Terms]) -> None:
     """Raise where friction would feed a joint: the torque points the other way.
 
     Each joint is fitted alone, with its bodies free in sign, so that a joint with inverted torque cannot spoil the verdict on
-    the others.
+    the others. A motion too poor for that refuses nobody.
 
     Args:
         rows: filtered and thinned.
@@ -49,9 +49,15 @@ def refuse_inverted(rows: Rows, robot: Robot, terms: Sequence[Terms]) -> None:
         columns = np.column_stack([coulomb, viscous, own[:, 2 * k : 2 * k + 2], rows.bodies[used, j]])
         size = np.linalg.norm(columns, axis=0)
         size[size == 0] = 1.0
-        theta = np.linalg.lstsq(columns / size, torque, rcond=1e-6)[0] / size
-        friction = coulomb * theta[0] + viscous * theta[1]
-        if friction @ coulomb < 0 and np.linalg.norm(friction) > TELLING * np.linalg.norm(torque):
+        theta, _, rank, _ = np.linalg.lstsq(columns / size, torque, rcond=1e-6)
+        error = torque - columns @ (theta / size)
+        freedom = error.size / correlated(error, rows.rate) - rank
+        friction = (columns / size)[:, :2] @ theta[:2]
+        along = np.zeros(theta.size)  # friction @ coulomb = along @ theta
+        along[:2] = coulomb @ (columns / size)[:, :2]
+        doubt = np.linalg.norm(np.linalg.lstsq((columns / size).T, along, rcond=1e-6)[0])
+        doubt *= np.linalg.norm(error) / np.sqrt(max(freedom, 1.0))
+        if friction @ coulomb < -SURE * doubt and np.linalg.norm(friction) > TELLING * np.linalg.norm(torque):
             inverted.append(robot.joints[j])
     if inverted:
         raise NotIdentifiable(
@@ -59,6 +65,20 @@ def refuse_inverted(rows: Rows, robot: Robot, terms: Sequence[Terms]) -> None:
             remedy="Turn it round, for example --map tau=-COLUMN, or correct the direction of the joint.",
             joints=inverted,
         )
+
+
+def impossible(distance: float) -> tuple[str, ...]:
+    """Return what is to be said where no bodies have the base parameters that fit best, nor any within their errors.
+
+    Args:
+        distance: of possible ones, squared, by the errors' 95 % [-].
+    """
+    sentence = (
+        f"No bodies of positive mass give the arm's torques (the nearest are {np.sqrt(distance):.1f} times beyond the errors): a "
+        "term is missing, such as friction that lags or torque that is late. Torques are predicted as they fit best; single "
+        "masses and inertias mean nothing."
+    )
+    return sentences((distance > 1.0, sentence))
 
 
 def remarks(robot: Robot, terms: Sequence[Terms], rows: Rows, solution: Solution) -> list[tuple[str, ...]]:

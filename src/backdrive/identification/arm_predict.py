@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.identification.arm_signals import ArmSignals, hold_out_all, prepare_arm
+from backdrive.identification.arm_signals import ArmSignals, hold_out_all, in_order, prepare_arm
 from backdrive.identification.arm_terms import Regressor
 from backdrive.identification.quality import judge
 from backdrive.logs.log import Log
@@ -33,11 +33,13 @@ def predict_arm(model: FrictionModel, log: Log, urdf: str | Path | Robot) -> np.
     Raises:
         InvalidInput: the model is not of an arm, or belongs to another description.
     """
-    arm, robot = _arm_of(model, urdf)
+    arm, robot = arm_of(model, urdf)
     frictions = [model.joint(name) for name in robot.joints]
     torque = np.full((len(log), len(robot.joints)), np.nan)
-    for s in prepare_arm(log, robot):
+    for s in prepare_arm(log, robot, coupling=coupling_of_model(model, robot)):
         predicted, _ = torque_parts(s, robot, arm, frictions)
+        if s.coupling is not None:
+            predicted = predicted @ np.linalg.inv(s.coupling)
         inside = (log.time >= s.time[0]) & (log.time <= s.time[-1] + 1.0 / s.rate)
         for j in range(len(robot.joints)):
             torque[inside, j] = np.interp(log.time[inside], s.time, predicted[:, j])
@@ -58,9 +60,10 @@ def validate_arm(
     Raises:
         InvalidInput: the model is not of an arm, or belongs to another description.
     """
-    arm, robot = _arm_of(model, urdf)
+    arm, robot = arm_of(model, urdf)
     frictions = [model.joint(name) for name in robot.joints]
-    stretches = hold_out_all([s for log in logs for s in prepare_arm(log, robot)])
+    coupling = coupling_of_model(model, robot)
+    stretches = hold_out_all([s for log in logs for s in prepare_arm(log, robot, coupling=coupling)])
     everything = [(s, *torque_parts(s, robot, arm, frictions)) for s in stretches]
     qualities = {}
     for name in model.names:
@@ -74,24 +77,26 @@ def validate_arm(
     return qualities
 
 
-def _arm_of(model: FrictionModel, urdf: str | Path | Robot) -> tuple[ArmModel, Robot]:
+def arm_of(model: FrictionModel, urdf: str | Path | Robot) -> tuple[ArmModel, Robot]:
+    """Return the rigid bodies of a model and the robot that they are of.
+
+    Raises:
+        InvalidInput: the model is not of an arm, or belongs to another description.
+    """
     if model.arm is None:
         raise InvalidInput(
             "This model is not of a whole arm.", remedy="Identify with --method arm --urdf ROBOT."
         )
-    robot = (urdf if isinstance(urdf, Robot) else load_robot(urdf)).without_tools(model.names)
-    if robot.sha256 != model.arm.urdf_sha256:
-        raise InvalidInput(
-            f"The model belongs to another robot description (sha256 {model.arm.urdf_sha256[:12]}...).",
-            remedy="Pass the URDF that it was identified with.",
-        )
-    robot.order_in(model.names)
-    if len(model.arm.parameters) != robot.parameters.size:
-        raise InvalidInput(
-            f"The model has {len(model.arm.parameters)} rigid-body parameters, the URDF {robot.parameters.size}.",
-            remedy="Identify again.",
-        )
+    read = urdf if isinstance(urdf, Robot) else load_robot(urdf)
+    robot = read.for_model(model.names, model.arm.urdf_sha256, len(model.arm.parameters))
     return model.arm, robot
+
+
+def coupling_of_model(model: FrictionModel, robot: Robot) -> np.ndarray | None:
+    """Return C of q_joint = C q_motor that the model holds, in the robot's order, (J, J), or None."""
+    if model.coupling is None:
+        return None
+    return in_order(model.coupling, model.coupled or model.names, robot.joints)
 
 
 def torque_parts(
@@ -99,7 +104,8 @@ def torque_parts(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the predicted torque along a stretch, and its part that is not the friction curve, each (n, J).
 
-    The load that a joint carries is what moves and holds the bodies: what friction grows by with it is not of the curve.
+    They are of the motors, where these drive several joints. The load that a joint carries is what moves and holds the bodies: what
+    friction grows by with it is not of the curve.
     """
     bodies = Regressor(robot, [s]).bodies(0, robot.base.relation @ np.array(arm.parameters))
     rest, curve = np.empty_like(bodies), np.empty_like(bodies)

@@ -28,16 +28,19 @@ SEAM = 0.5  # neither side of a block's border is fitted for this long, as filte
 class ArmSignals:
     """Motion and torque of all joints between two gaps, in the robot's order.
 
+    Where motors drive several joints, velocity, acceleration and torque are those of the motors, at which friction acts and
+    inertia is added; elsewhere they are the joints'.
+
     Attributes:
         time: uniform instants [s], (n,).
-        position: low-passed [rad or m], (n, J).
+        position: of the joints, low-passed [rad or m], (n, J).
         velocity: [rad/s or m/s], (n, J).
         acceleration: [rad/s^2 or m/s^2], (n, J).
-        torque: actuator plus external torque on the joint side, low-passed only as the thinning asks for
-            [N.m or N], (n, J).
+        torque: actuator plus external torque, low-passed only as the thinning asks for [N.m or N], (n, J).
         rate: sampling frequency [Hz].
         fitted: samples that the fit sees, (n,).
         held_out: samples that it is judged on as unseen, (n,); never both.
+        coupling: C of q_joint = C q_motor, in the robot's order, (J, J); None: each motor drives its joint.
     """
 
     time: np.ndarray
@@ -48,15 +51,30 @@ class ArmSignals:
     rate: float
     fitted: np.ndarray
     held_out: np.ndarray
+    coupling: np.ndarray | None = None
+
+    def at_motors(self, coupling: np.ndarray) -> ArmSignals:
+        """Return signals of joints with velocity, acceleration and torque brought to the motors that drive them."""
+        back = np.linalg.inv(coupling).T
+        return replace(
+            self,
+            velocity=self.velocity @ back,
+            acceleration=self.acceleration @ back,
+            torque=self.torque @ coupling,
+            coupling=coupling,
+        )
 
 
-def prepare_arm(log: Log, robot: Robot, *, cutoff: float = MOTION_CUTOFF) -> list[ArmSignals]:
+def prepare_arm(
+    log: Log, robot: Robot, *, cutoff: float = MOTION_CUTOFF, coupling: np.ndarray | None = None
+) -> list[ArmSignals]:
     """Return the gap-free stretches of a log, all to be fitted.
 
     Args:
         log: with position and torque of all the robot's joints, matched by name.
         robot: the description.
         cutoff: low pass of the position before differentiation [Hz].
+        coupling: in the robot's order, (J, J), for a log that states none.
 
     Raises:
         InvalidInput: a channel or joint is missing, not finite or in another unit.
@@ -89,7 +107,34 @@ def prepare_arm(log: Log, robot: Robot, *, cutoff: float = MOTION_CUTOFF) -> lis
             f"No stretch between gaps lasts {least * period:.3g} s.",
             remedy="Record without dropping samples.",
         )
-    return stretches
+    known = in_order(log.coupling, log.names, robot.joints) if log.coupling is not None else coupling
+    return stretches if known is None else [s.at_motors(known) for s in stretches]
+
+
+def in_order(coupling: Sequence[Sequence[float]], names: Sequence[str], joints: Sequence[str]) -> np.ndarray:
+    """Return C of q_joint = C q_motor for joints in another order, each with the motor that mainly moves it, (J, J).
+
+    Args:
+        coupling: rows of the joints `names`, columns of motors.
+        names: of the rows.
+        joints: of the rows and columns wanted, some or all of them.
+
+    Raises:
+        InvalidInput: a motor drives one of these joints and another one, too.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    matrix = np.array(coupling, dtype=np.float64)
+    share = np.log(np.maximum(np.abs(matrix), 1e-12)) + 1e-6 * np.eye(len(matrix))
+    motor = linear_sum_assignment(-share)[1]
+    rows = [list(names).index(joint) for joint in joints]
+    rest = [i for i in range(len(matrix)) if i not in rows]
+    if np.any(matrix[np.ix_(rest, motor[rows])]) or np.any(matrix[np.ix_(rows, motor[rest])]):
+        raise InvalidInput(
+            f"The coupling ties joints of the robot to {', '.join(names[i] for i in rest)}.",
+            remedy="Name a robot description with all coupled joints.",
+        )
+    return matrix[np.ix_(rows, motor[rows])]
 
 
 def _stretch(log: Log, order: np.ndarray, rows: slice, period: float, cutoff: float) -> ArmSignals:

@@ -10,12 +10,13 @@ average.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from backdrive.identification import regression
 from backdrive.identification.arm_terms import Rows, Terms
+from backdrive.identification.quality import JUDGED_BELOW
 from backdrive.robot import Robot
 
 ROUNDS = 12  # of reweighting and of the load, at most
@@ -43,6 +44,11 @@ class Solution:
             J arrays (2 k + 3,).
         told: share of each base parameter's prior variance that the data took away [-], (b,).
         condition: of the rigid-body columns at unit length [-].
+        everything: covariance of all coefficients, bodies first, at a bound as if let go alone, (p, p).
+        noise: of the filtered torque [N.m or N], (J,).
+        bodies: covariance of the base parameters, (b, b).
+        shared: covariance of each joint's own coefficients with them, J arrays (2 k + 3, b).
+        level: covariance of the base parameters and, after them, of the joints' offsets, (b + J, b + J).
     """
 
     beta: np.ndarray
@@ -52,6 +58,21 @@ class Solution:
     pushed: list[np.ndarray]
     told: np.ndarray
     condition: float
+    everything: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    noise: np.ndarray = field(default_factory=lambda: np.empty(0))
+    bodies: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    shared: list[np.ndarray] = field(default_factory=list)
+    level: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+
+    def with_bodies(self, beta: np.ndarray) -> Solution:
+        """Return what is to be expected if the base parameters are these, (b,), bounds being kept."""
+        change = np.linalg.solve(self.bodies, beta - self.beta)
+        own = []
+        for before, shared in zip(self.own, self.shared):
+            after = np.maximum(before + shared @ change, np.minimum(before, 0.0))
+            after[-3] = before[-3] + shared[-3] @ change
+            own.append(after)
+        return replace(self, beta=beta, own=own)
 
 
 def spread_of(robot: Robot) -> np.ndarray:
@@ -103,16 +124,15 @@ def solve_arm(
         if any(loaded):
             refill(x[:b])
     grams = [_normal(rows, first, rows.weight * huber / noise**2, start, only=j)[0] for j in range(J)]
-    swell = [_inflation(error[:, j] * huber[:, j] * rows.weight[:, j], rows.rate) for j in range(J)]
+    swell = [correlated(error[:, j] * huber[:, j] * rows.weight[:, j], rows.rate) for j in range(J)]
     free = (x > low) & (x < high)
     gram, scores = np.sum(grams, axis=0), np.tensordot(swell, grams, axes=1)
-    pick, covariance = np.ix_(free, free), np.zeros_like(gram)  # zero for those at a bound
-    inverse = regression.inverted((gram + held)[pick], 1e-15)
-    covariance[pick] = inverse @ (scores + held)[pick] @ inverse
+    covariance = sandwich(gram, scores, held, free)
     moments = [_normal(rows, first, rows.weight * huber / noise**2, x, only=j)[1] for j in range(J)]
     loose, pushed = _let_go(gram + held, np.sum(moments, axis=0) - held @ (x - start), scores, free)
     errors = np.where(free, np.sqrt(np.maximum(np.diag(covariance), 0.0)), loose)
     prior = np.diag(np.linalg.inv(precision[:b, :b]))
+    offsets = np.r_[:b, first[1:] - 3]
     return Solution(
         beta=x[:b],
         own=[x[first[j] : first[j + 1]] for j in range(J)],
@@ -121,7 +141,56 @@ def solve_arm(
         pushed=[pushed[first[j] : first[j + 1]] for j in range(J)],
         told=1.0 - np.diag(covariance)[:b] / prior,
         condition=regression.condition(gram[:b, :b]),
+        everything=covariance + np.diag(np.where(free, 0.0, errors**2)),
+        noise=noise,
+        bodies=covariance[:b, :b],
+        shared=[covariance[first[j] : first[j + 1], :b] for j in range(J)],
+        level=covariance[np.ix_(offsets, offsets)],
     )
+
+
+def sandwich(gram: np.ndarray, scores: np.ndarray, held: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Return the covariance of penalised least squares, zero for what is at a bound, (p, p).
+
+    Args:
+        gram: of the weighted rows, (p, p).
+        scores: covariance of the data's part of the gradient, (p, p).
+        held: precision of the priors, (p, p).
+        free: coefficients that are at no bound, (p,).
+    """
+    pick, covariance = np.ix_(free, free), np.zeros_like(gram)
+    inverse = regression.inverted((gram + held)[pick], 1e-15)
+    covariance[pick] = inverse @ (scores + held)[pick] @ inverse
+    return covariance
+
+
+def expect(
+    rows: Rows, robot: Robot, terms: Sequence[Terms], noise: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the covariance that a fit of these rows would state for white noise of the torque, without load friction.
+
+    Args:
+        rows: filtered and thinned, with the torque that the motion takes.
+        robot: the description.
+        terms: of every joint.
+        noise: of the filtered torque [N.m or N], (J,).
+
+    Returns:
+        Covariance of all coefficients, (p, p); its part that the noise makes, (p, p), the rest being what priors leave open.
+    """
+    b, J = rows.bodies.shape[2], len(terms)
+    first = b + np.concatenate([[0], np.cumsum([t.size for t in terms])]).astype(int)
+    scale = np.array([_rms(rows.torque[:, j], rows.weight[:, j]) for j in range(J)])
+    start, precision = _prior(rows, robot, terms, scale)
+    gram, _ = _normal(rows, first, rows.weight / noise**2, start)
+    held = precision + _alike(gram, first, terms)
+    free = np.ones(first[-1], dtype=bool)
+    free[first[1:] - 1] = False
+    swell = max(
+        1.0, rows.rate / (2.0 * JUDGED_BELOW)
+    )  # white noise below a corner f has 2 f independent values a second
+    by_noise = sandwich(gram, swell * gram - held, held, free)
+    return sandwich(gram, swell * gram, held, free), by_noise
 
 
 def _rms(x: np.ndarray, weight: np.ndarray) -> float:
@@ -254,7 +323,7 @@ def _let_go(
     return errors, pushed
 
 
-def _inflation(error: np.ndarray, rate: float) -> float:
+def correlated(error: np.ndarray, rate: float) -> float:
     """Return how many correlated residuals count as one independent (Bartlett window), at least 1."""
     width = min(max(int(MEMORY * rate), 1), error.size - 1) + 1
     power = float(error @ error)

@@ -9,6 +9,9 @@ that the gear transmits (the load-dependent loss of harmonic drives and planetar
 s replaces the sign of the velocity, since no encoder tells the instant of a reversal. All but the load term are linear in
 their coefficients; the load is taken from the previous round of the fit.
 
+Where motors drive several joints (q = C q_motor), dq and ddq of the last four terms, and tau, are those of the motors, and the
+bodies' torque is C' Y theta: friction and inertia act where the motor turns. On the joints, its inertia is a full matrix.
+
 Torque and all columns then pass the same zero-phase low pass ("parallel filtering", Gautier 1997), and are thinned.
 """
 
@@ -136,8 +139,13 @@ class Regressor:
         key = (s, wide.start)
         if key not in self._kept:
             x = self.stretches[s]
-            full = self.robot.regressor(x.position[wide], x.velocity[wide], x.acceleration[wide])
-            columns = np.ascontiguousarray(full[:, :, self.robot.base.columns])
+            rates = [x.velocity[wide], x.acceleration[wide]]
+            if x.coupling is not None:
+                rates = [rate @ x.coupling.T for rate in rates]
+            columns = self.robot.regressor(x.position[wide], *rates)[:, :, self.robot.base.columns]
+            if x.coupling is not None:  # power is the same on both sides: tau_motor = C' tau_joint
+                columns = np.einsum("jm,njb->nmb", x.coupling, columns)
+            columns = np.ascontiguousarray(columns)
             if sum(c.nbytes for c in self._kept.values()) + columns.nbytes > KEEP:
                 return columns
             self._kept[key] = columns

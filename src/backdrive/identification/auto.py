@@ -57,6 +57,8 @@ def _travel(log: Log) -> np.ndarray:
 
 def own_turn(log: Log, joint: str) -> Log:
     """Return a log with the plan of one joint, cut to its turn where the joints move one after another."""
+    if log.plan is not None and log.plan.kind == "arm" and joint in getattr(log.plan, "joints", ()):
+        return log.replace(plan=log.plan.plan_of(joint))
     if log.plan is None or log.plan.kind != "in-turn" or joint not in [p.joint for p in log.plan.plans]:
         return log
     plan = log.plan.plan_of(joint)

@@ -34,13 +34,24 @@ def bands_of(parts: Sequence[Part]) -> Bands:
     return Bands(**bands)
 
 
-def states(s: Signals) -> np.ndarray:
-    """Return the state of every sample, 0 moving, 1 reversing, 2 at rest, (n,)."""
-    turns = np.flatnonzero(np.diff(np.sign(s.velocity)) != 0)
-    reach = round(REVERSAL * s.rate)
+def states(
+    s: Signals, before: float = REVERSAL, after: float = REVERSAL, creep: float | None = None
+) -> np.ndarray:
+    """Return the state of every sample, 0 moving, 1 reversing, 2 at rest, (n,).
+
+    Args:
+        s: motion.
+        before: a joint reverses for so long before its velocity changes sign [s].
+        after: and for so long after that [s].
+        creep: speed below which it reverses too, as where it starts or stops [rad/s or m/s]; None: that counts as moving.
+    """
+    turns = np.diff(np.sign(s.velocity)) != 0
+    if creep is not None:
+        turns |= (np.diff(s.moving) != 0) | (np.abs(s.velocity[1:]) < creep)
+    turns = np.flatnonzero(turns)
     edges = np.zeros(s.velocity.size + 1)
-    np.add.at(edges, np.maximum(turns + 1 - reach, 0), 1.0)
-    np.add.at(edges, np.minimum(turns + 1 + reach, s.velocity.size), -1.0)
+    np.add.at(edges, np.maximum(turns + 1 - round(before * s.rate), 0), 1.0)
+    np.add.at(edges, np.minimum(turns + 1 + round(after * s.rate), s.velocity.size), -1.0)
     reversing = np.cumsum(edges)[:-1] > 0.0
     return np.where(s.moving, np.where(reversing, 1, 0), 2)
 

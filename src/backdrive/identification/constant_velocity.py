@@ -85,7 +85,8 @@ def identify_constant_velocity(
     v = np.array([r.velocity for r in runs])
     y = np.array([r.torque for r in runs])
     gravity = gravity_of(runs)
-    pull = np.array([r.pull for r in runs]) @ gravity[0] if gravity else np.zeros(v.size)
+    pulls = np.array([r.pull for r in runs]) if gravity else np.zeros((v.size, 2))
+    pull = pulls @ gravity[0] if gravity else np.zeros(v.size)
     if gravity:
         y = np.array(
             [r.torque for log in logs for r in find_runs(without_gravity(log, joint, gravity[0]), joint)]
@@ -105,6 +106,9 @@ def identify_constant_velocity(
     form, X, _ = tried[sections]
     theta = regression.solve(X.T @ X, X.T @ y)
     covariance = regression.classical(X, y - X @ theta)
+    if gravity:  # its error is common to all runs
+        common = regression.inverted(X.T @ X) @ X.T @ pulls
+        covariance = covariance + common @ gravity[1] @ common.T
     r = form.spread.shape[1]
     curve_values, apart, rest = theta[:r], np.eye(r, theta.size), np.eye(theta.size)[r:]
     if theta.size == r and not form.symmetric and curve_values.min() < 0.0:
@@ -117,7 +121,9 @@ def identify_constant_velocity(
     spread = np.vstack([of_law @ apart, rest])
     curve_covariance, covariance = apart @ covariance @ apart.T, spread @ covariance @ spread.T
     errors = errors_by_parameter(names, covariance)
-    values: dict[str, tuple[float, float]] = dict(zip(GRAVITY, zip(*gravity))) if gravity else {}
+    values: dict[str, tuple[float, float]] = {}
+    if gravity:
+        values |= dict(zip(GRAVITY, zip(gravity[0], np.sqrt(np.diag(gravity[1])))))
     if len(rest):
         values["offset"] = float((rest @ theta)[0]), errors.pop("offset")
     friction = JointFriction(

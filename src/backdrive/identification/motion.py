@@ -108,7 +108,9 @@ def identify_motion(
     if not few:
         slip = seek_slip(stretches, knots, full, seconds)
         simpler = chosen(slip)[0].candidate
-        slip = seek_slip(stretches, knots, simpler.with_term("jerk"), seconds, slip.delay)
+        slip = seek_slip(
+            stretches, knots, simpler.with_term("jerk"), seconds, slip.delay, near=math.isfinite(slip.error)
+        )
     if not slip.fitted:
         # whitened residuals ask for a model that is right at all frequencies: no more than that for what is not known anyway
         slip = replace(slip, delay=0.0, correlation=0.0)

@@ -12,74 +12,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.identification.regression import long_run
-from backdrive.identification.signals import spans
+from backdrive.identification.break_away import EDGE, SHORTEST, STRAIGHT
+from backdrive.identification.ramp_branches import (
+    BRANCH,
+    RESOLVED,
+    Branch,
+    branches_of,
+    low_passed,
+)
 from backdrive.identification.sweep_windows import turning_points
 from backdrive.logs import filters
 from backdrive.logs.log import Log
 from backdrive.logs.resolution import encoder_step, white_noise
 
-CUTOFF = 20.0  # corner of the low pass on torque and position of a ramp [Hz]
-BRANCH = 0.2  # a branch of a ramp covers at least this share of the whole torque range [-]
-SLIPS = 30.0  # a joint slips when it moves so many times faster than at the start of the ramp [-]
-FLICKER = 10.0  # and faster than so many counts in one period of the low pass [-]
-RESOLVED = 5.0  # displacement before break-away from which on a stiffness is given [count]
-START = 0.3  # share of a branch's torque, from its beginning, that gives the tangent [-]
 VAGUE = 0.5  # a stiffness with a larger share of error is none [-]
-LINE = 0.3  # share of a ramp before a slip by whose line the torque is read [-]
 ROUNDING = 1e-6  # share of the range below which noise is what rounding leaves [-]
 NOISE = 3.0  # standard deviations by which noise makes an extreme of the torque larger [-]
 FEWEST = 100  # samples of a log that is taken for a ramp
-RAMPED, HELD = (
-    0.7,
-    0.1,
-)  # share of a log that ramps, and in which the joint sticks meanwhile, of such a log [-]
-EDGE, STRAIGHT = (
-    0.1,
-    0.01,
-)  # ends of a ramp that may be round [s], and how far off its line it may be by its range [-]
-SHORTEST = 8  # a branch with fewer samples is left out
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Branch:
-    """A stretch of one ramp in which the joint sticks and the torque goes one way.
-
-    Attributes:
-        torque: [N.m or N], (n,).
-        position: as read [rad or m], (n,).
-        direction: 1 where the torque rises, -1 where it falls.
-        break_away: torque at which the joint begins to slip at its end, and its uncertainty [N.m or N]; None where it does not.
-    """
-
-    torque: np.ndarray
-    position: np.ndarray
-    direction: int
-    break_away: tuple[float, float] | None
-
-    @property
-    def secant(self) -> tuple[float, float]:
-        """Compliance over the whole branch and its standard error [rad/N.m or m/N]."""
-        return _compliance(self.torque, self.position)
-
-    @property
-    def tangent(self) -> tuple[float, float]:
-        """Compliance at the beginning of the branch and its standard error [rad/N.m or m/N]."""
-        change = np.maximum.accumulate(np.abs(self.torque - self.torque[0]))
-        part = slice(0, max(8, int(np.searchsorted(change, START * change[-1]))))
-        return _compliance(self.torque[part], self.position[part])
-
-    def bound(self, count: float) -> float:
-        """Return a stiffness that the joint certainly exceeds [N.m/rad or N/m].
-
-        A reading that changes by n counts means a displacement below n + 1 counts.
-
-        Args:
-            count: resolution of the encoder [rad or m].
-        """
-        torque = np.abs(self.torque - self.torque[0])
-        moved = np.maximum.accumulate(np.abs(self.position - self.position[0]))
-        return float(np.max(torque / (moved + count)))
+RAMPED = 0.7  # least share of a log of ramps that ramps [-]
+HELD = 0.1  # and in which the joint sticks meanwhile [-]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -139,7 +90,7 @@ def presliding(logs: Sequence[Log], joint: str | int) -> Presliding:
                 f"Joint '{joint}': a ramp needs torque and position.", remedy="Name the channels with --map."
             )
     count = max(encoder_step(log) or 3.0 * white_noise(log.need("position")[:, 0]) for log in singles)
-    found = [_branches(log, count) for log in singles]
+    found = [branches_of(log, count) for log in singles]
     branches = [b for each, _, _ in found for b in each]
     if not branches:
         raise NotIdentifiable(
@@ -147,9 +98,8 @@ def presliding(logs: Sequence[Log], joint: str | int) -> Presliding:
             remedy="Record it along `backdrive plan ramp`, slowly, from rest.",
         )
     displacement = max(float(np.ptp(b.position)) for b in branches)
-    resolved = displacement >= RESOLVED * count
-    stiffness = _stiffness([b.secant for b in branches], branches, count) if resolved else None
-    if resolved and (stiffness is None or not stiffness[1] <= VAGUE * stiffness[0]):
+    resolved, stiffness, elastic = _elastic(branches, count)
+    if not elastic:
         raise NotIdentifiable(
             f"Joint '{joint}': it moves by {displacement:.3g} before it slides, and not as a spring does: this is no torque ramp.",
             remedy="Record it along `backdrive plan ramp`, slowly, from rest; or use --method motion.",
@@ -185,7 +135,7 @@ def is_ramp(log: Log, joint: str | int) -> bool:
     torque, position = single.driving_torque[:, 0], single.need("position")[:, 0]
     if len(single) < FEWEST or not np.isfinite([torque, position]).all() or not np.ptp(torque) > 0.0:
         return False
-    smooth, rate, _ = _smooth(single)
+    smooth, rate, _ = low_passed(single)
     turns = turning_points(smooth, BRANCH * float(np.ptp(smooth)))
     if turns.size < 2 or np.diff(turns).sum() < RAMPED * len(single):
         return False
@@ -199,44 +149,21 @@ def is_ramp(log: Log, joint: str | int) -> bool:
     if np.sqrt(np.mean(np.concatenate(off) ** 2)) > STRAIGHT * np.ptp(smooth) + white_noise(torque):
         return False
     count = encoder_step(single) or 3.0 * white_noise(position)
-    branches = _branches(single, count)[0]
+    branches = branches_of(single, count)[0]
     held = sum(b.torque.size for b in branches)
     slips = any(b.break_away is not None for b in branches)
-    return held > HELD * len(single) and (slips or len(branches) > 2)
+    return held > HELD * len(single) and (slips or len(branches) > 2) and _elastic(branches, count)[2]
 
 
-def _branches(log: Log, count: float) -> tuple[list[Branch], float, float]:
-    """Return the branches of one log, the speed from which on it slips, and the torque before the first ramp."""
-    torque, position = log.driving_torque[:, 0], log.need("position")[:, 0]
-    smooth, rate, cutoff = _smooth(log)
-    turns = turning_points(smooth, BRANCH * float(np.ptp(smooth)))
-    if turns.size < 2:
-        return [], 0.0, float(torque[0])
-    velocity = filters.derivative(filters.low_pass(position, cutoff, rate), log.period)
-    first = slice(turns[0], turns[0] + max(2, (turns[1] - turns[0]) // 10))
-    slips = max(SLIPS * float(np.median(np.abs(velocity[first]))), FLICKER * count * cutoff)
-    stuck = np.abs(velocity) < slips
-    for start, stop in spans(~stuck):
-        if np.ptp(position[start:stop]) < RESOLVED * count:
-            stuck[start:stop] = True  # a count that flickers is no slip
-    settle = round(rate / cutoff)  # as long as the low pass lets a slip shine into its neighbourhood
-    result = []
-    for a, b in zip(turns, turns[1:]):
-        for start, stop in a + spans(stuck[a : b + 1]):
-            after, before = start > a or not stuck[max(a - 1, 0)], stop <= b
-            first, last = start + settle * after, stop - settle * before
-            if last - first < SHORTEST or np.ptp(smooth[first:last]) < 0.5 * BRANCH * np.ptp(smooth):
-                continue
-            inside = slice(first, last)
-            result.append(
-                Branch(
-                    torque=smooth[inside],
-                    position=position[inside],
-                    direction=1 if smooth[b] > smooth[a] else -1,
-                    break_away=_onset(torque[a : stop + 1], velocity, stop, rate, cutoff) if before else None,
-                )
-            )
-    return result, slips, float(torque[: turns[0] + 1].mean())
+def _elastic(branches: Sequence[Branch], count: float) -> tuple[bool, tuple[float, float] | None, bool]:
+    """Return whether the encoder resolves what the joint moves before it slides, its secant, and whether it may be a spring's."""
+    resolved = max(float(np.ptp(b.position)) for b in branches) >= RESOLVED * count
+    stiffness = _stiffness([b.secant for b in branches], branches, count) if resolved else None
+    return (
+        resolved,
+        stiffness,
+        not resolved or (stiffness is not None and stiffness[1] <= VAGUE * stiffness[0]),
+    )
 
 
 def _ends(torque: np.ndarray) -> tuple[float, float]:
@@ -247,38 +174,6 @@ def _ends(torque: np.ndarray) -> tuple[float, float]:
     return min(low + noise, 0.5 * (low + high)), max(high - noise, 0.5 * (low + high))
 
 
-def _smooth(log: Log) -> tuple[np.ndarray, float, float]:
-    """Return the low-passed torque of a log's only joint [N.m or N], (n,), its sampling rate and the corner [Hz]."""
-    rate = 1.0 / log.period
-    cutoff = min(CUTOFF, 0.1 * rate)
-    return filters.low_pass(log.driving_torque[:, 0], cutoff, rate), rate, cutoff
-
-
-def _onset(
-    torque: np.ndarray, velocity: np.ndarray, at: int, rate: float, cutoff: float
-) -> tuple[float, float]:
-    """Return the torque when a slip began, by the line of the ramp before it, and the uncertainty of that.
-
-    Under a rising torque the speed grows with the square of the time since the slip began where inertia holds it back, and with
-    that time itself where viscous friction does: the time lies between one and two times the speed over the acceleration.
-
-    Args:
-        torque: as measured, from the beginning of the ramp to the sample at which the slip is seen [N.m or N], (n,).
-        velocity: of the whole log [rad/s or m/s].
-        at: sample of it at which the slip is seen.
-        rate: of sampling [Hz].
-        cutoff: of the low pass on the position [Hz].
-    """
-    acceleration = (velocity[min(at + 1, velocity.size - 1)] - velocity[at - 1]) * rate / 2.0
-    lag = min(abs(velocity[at]) / max(abs(acceleration), 1e-300), 2.0 / cutoff)
-    before = torque[-max(round(LINE * torque.size), SHORTEST) :]
-    time = (np.arange(before.size) - (before.size - 1)) / rate
-    slope, level = np.polyfit(time, before, 1)
-    left = before - level - slope * time
-    blur = abs(slope) * np.hypot(0.5 * lag, 1.0 / cutoff) / np.sqrt(3.0)
-    return float(level - 1.5 * slope * lag), float(np.hypot(blur, 2.0 * np.std(left) / np.sqrt(before.size)))
-
-
 def _break_away(branches: Sequence[Branch], direction: int) -> tuple[float, float] | None:
     found = [b.break_away for b in branches if b.direction == direction and b.break_away is not None]
     if not found:
@@ -286,21 +181,6 @@ def _break_away(branches: Sequence[Branch], direction: int) -> tuple[float, floa
     torque, blur = np.array(found).T
     scatter = float(np.std(torque, ddof=1) / np.sqrt(torque.size)) if torque.size > 1 else 0.0
     return float(torque.mean()), float(np.hypot(scatter, blur.mean()))
-
-
-def _compliance(torque: np.ndarray, position: np.ndarray) -> tuple[float, float]:
-    """Return position over torque of one branch, and its standard error [rad/N.m or m/N].
-
-    Both have noise, which a regression of either on the other would take for compliance or stiffness; time has none, and both
-    follow it: it is the instrument (Durbin, Revue de l'Institut International de Statistique 22, 1954).
-    """
-    u, x, t = torque - torque.mean(), position - position.mean(), np.linspace(-1.0, 1.0, torque.size)
-    power = float(t @ u)
-    if power == 0.0:
-        return 0.0, np.inf
-    c = float(t @ x) / power
-    left = x - c * u
-    return c, float(np.sqrt(long_run((t * left)[None])[0, 0])) / abs(power)
 
 
 def _stiffness(
@@ -329,7 +209,7 @@ def hysteresis_loop(logs: Sequence[Log], slips: Sequence[float]) -> tuple[float,
     """
     width, area = float("nan"), float("nan")
     for log, limit in zip(logs, slips):
-        u, rate, cutoff = _smooth(log)
+        u, rate, cutoff = low_passed(log)
         x = filters.low_pass(log.position[:, 0], cutoff, rate)  # type: ignore[index]
         speed = np.abs(filters.derivative(x, log.period))
         turns = turning_points(u, BRANCH * float(np.ptp(u)))

@@ -13,6 +13,7 @@ from backdrive.identification.residual import Residual
 from backdrive.model import Bands, FrictionModel
 
 if TYPE_CHECKING:
+    from backdrive.identification.arm_expected import StandardError
     from backdrive.identification.dynamic.choice import Choice
 
 
@@ -72,6 +73,7 @@ class JointEvidence:
         bands: how far measured torque lies from the predicted one, by state of motion.
         long_run: standard deviation of the mean, over one second, of what the model leaves of the torque [N.m or N].
         residual: what the model leaves, in short means; None where the method has none.
+        precision: of the method `arm`, expected beside achieved standard errors of the joint's friction and its link's bodies.
     """
 
     joint: str
@@ -82,6 +84,7 @@ class JointEvidence:
     bands: Bands | None = None
     long_run: float | None = None
     residual: Residual | None = None
+    precision: tuple[StandardError, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -22,6 +22,7 @@ STARTING = (
 UP_TO_SPEED = 0.95  # and has started where this share is reached [-]
 LEAST_SHARE = 0.5  # of a log that is left without start and stop, if it is one run [-]
 SEEN = 0.25  # gravity must explain so much of the torque's variance within the runs [-]
+SURE = 10.0  # or be so many standard errors [-]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,8 +169,8 @@ def gravity_of(runs: Sequence[Run]) -> tuple[np.ndarray, np.ndarray] | None:
     """Return gravity as seen inside the runs, where nothing else changes with position.
 
     Returns:
-        The coefficients of sin q and cos q [N.m] and their standard errors; None where position is unknown or explains less
-        than `SEEN` of how the torque varies within the runs.
+        The coefficients of sin q and cos q [N.m], (2,), and their covariance, (2, 2); None where position is unknown, or explains
+        less than `SEEN` of how the torque varies within the runs and that not surely.
     """
     scatter = [run.within for run in runs if run.within is not None]
     if len(scatter) < len(runs) or len(runs) < LEAST_RUNS:
@@ -179,11 +180,10 @@ def gravity_of(runs: Sequence[Run]) -> tuple[np.ndarray, np.ndarray] | None:
     if np.linalg.cond(gram) > 1e8 or power <= 0.0:
         return None
     theta = np.linalg.solve(gram, moment)
-    if theta @ moment < SEEN * power:
-        return None
     scores = np.stack([s[:2, 2] - s[:2, :2] @ theta for s in scatter])
-    inverse = regression.inverted(gram)
-    return theta, np.sqrt(np.diag(inverse @ (scores.T @ scores) @ inverse))
+    covariance = regression.clustered(regression.inverted(gram), scores)
+    seen = theta @ moment >= SEEN * power
+    return (theta, covariance) if seen or theta @ np.linalg.pinv(covariance) @ theta > SURE**2 else None
 
 
 def without_gravity(log: Log, joint: str | int, gravity: np.ndarray) -> Log:

@@ -17,11 +17,15 @@ REST_TIME = 0.25  # when it does so for longer than this [s]
 SLOW = 0.08  # below this share of the top speed a joint slides only where it keeps its velocity [-]
 SUSTAINED = 0.1  # for so long, at its acceleration [s]
 BEGUN = 0.02  # and where it has travelled this share of the way between two reversals: until then it may still break away [-]
-REVERSAL = 0.05  # a joint reverses for so long, at least, before and after its velocity changes sign [s]
-BLURRED = 0.5  # and such a part of a period of the low pass's corner [-]
+REVERSAL = (
+    0.03,
+    0.05,
+)  # a joint reverses for a period of the low pass's corner before and after its velocity changes sign, within these [s]
+BLURRED = 0.5  # and for such a part of that period at least [-]
 CONTINUED = 2.0  # nor does it at the ends of a stretch, for so many of them [-]
 OF_A_MOVE = 0.25  # but for no larger share of the time between two reversals [-]
 SURELY = 0.1  # share of the top speed from which on what is left of the torque is asked for its cause [-]
+SURELY_AFTER = 0.05  # and so long after and before reversals [s]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -205,7 +209,8 @@ def _sliding(
     way = np.r_[0.0, np.cumsum(speed)]
     begun = way[1:] - np.repeat(way[bounds[:-1]], length) > BEGUN * np.repeat(np.diff(way[bounds]), length)
     steady = (speed >= SLOW * top) | ((np.abs(acceleration) * SUSTAINED < speed) & begun)
-    reach = np.minimum(max(REVERSAL, BLURRED / cutoff) * rate, OF_A_MOVE * length)
+    lasting = max(float(np.clip(1.0 / cutoff, *REVERSAL)), BLURRED / cutoff)
+    reach = np.minimum(lasting * rate, OF_A_MOVE * length)
     reach = np.repeat(reach, length)
     index = np.arange(velocity.size)
     since = index - np.repeat(bounds[:-1], length) if turns.size else index + velocity.size
@@ -226,7 +231,7 @@ def surely_sliding(s: Signals, top: float) -> np.ndarray:
         top: speed of the joint [rad/s or m/s].
     """
     inside = s.sliding & (np.abs(s.velocity) > SURELY * top)
-    reach, way = round(REVERSAL * s.rate), np.sign(s.velocity)
+    reach, way = round(SURELY_AFTER * s.rate), np.sign(s.velocity)
     for turn in np.flatnonzero(way[1:] != way[:-1]).tolist():
         inside[max(turn + 1 - reach, 0) : turn + 1 + reach] = False
     return inside

@@ -7,6 +7,7 @@ there is: by how much, the change of its coefficient from one delay to another t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -18,15 +19,18 @@ from backdrive.identification.motion_bins import Bins, bin_means
 from backdrive.identification.signals import Signals
 from backdrive.logs.filters import low_pass
 
-ROUNDS = 5  # of fits, each along the motion that the ones before left
-STEP = 0.01  # longest change of the delay in a round [s]
-LEVER = 0.002  # change of the delay from which is told how much of it the jerk shows [s]
-DONE = 0.1  # a change below this share of an interval ends the rounds [-]
+ROUNDS = 7  # of fits, each along the motion of some delay
+STEP = 0.01  # longest change of the delay from one to the next [s]
+LEVER = 0.002  # distance of two delays from which is told how much of it the jerk shows [s]
+SHARES = 0.3, 1.5  # of a delay that jerk is taken to show while it is sought [-]
 KNOWN = 2.0  # a delay is known that has a standard error of at most so many intervals [-]
 MOST = 0.99  # correlation of the noise of neighbouring bins that is reckoned with [-]
 FELT = 3.0  # inertia is felt that is so many standard errors above zero [-]
 SHOWN = 0.05  # share of a delay that jerk shows, at least [-]
-CORNER, OF_JERK = 50.0, 30.0  # low pass of motion and of jerk, whose errors of the encoder hide a delay [Hz]
+CORNERS, OF_JERK = (
+    (50.0, 100.0),
+    (30.0, 40.0),
+)  # low pass of motion and of jerk, whose errors of the encoder hide a delay: at first, and near it [Hz]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +66,7 @@ def seek_slip(
     full: design.Candidate,
     seconds: float,
     start: float = 0.0,
+    near: bool = False,
 ) -> Slip:
     """Return the delay of the torque.
 
@@ -71,35 +76,31 @@ def seek_slip(
         full: candidate with inertia and jerk that the delay is sought with.
         seconds: of the bins [s].
         start: delay from which on it is sought [s].
+        near: that is nearly the delay, which higher frequencies then tell better.
     """
     period = 1.0 / stretches[0].rate
     open_ = Slip(delay=start, error=np.inf, period=period)
     inertia, jerk = full.terms.index("inertia"), full.terms.index("jerk")
-    slow = [_smooth(s) for s in stretches]
+    slow = [_smooth(s, CORNERS[near], OF_JERK[near]) for s in stretches]
     delay, share, correlation = start, 1.0, 0.0
-    for round_ in range(ROUNDS):
-        raw = bin_means([delayed(s, delay) for s in slow], knots, seconds=seconds)
-        if round_ == 0:  # only tells how the noise is correlated
-            theta = fit(raw, full.spread)
-            correlation = neighbours(raw.y - raw.X @ full.spread @ theta, raw.used)
-        bins = raw.whitened(correlation)
+    tried: list[tuple[float, float]] = []
+    while len(tried) < ROUNDS:
+        bins = bin_means([delayed(s, delay) for s in slow], knots, seconds=seconds)
+        if not tried:  # only tells how the noise is correlated
+            theta = fit(bins, full.spread)
+            correlation = neighbours(bins.y - bins.X @ full.spread @ theta, bins.used)
+        bins = bins.whitened(correlation)
         theta = fit(bins, full.spread)
         if not theta[inertia] > 0.0:
             return replace(open_, correlation=correlation)
-        left = float(theta[jerk] / theta[inertia])
-        if round_ == 0:
-            later = bin_means([delayed(s, delay + LEVER) for s in slow], knots, seconds=seconds)
-            after = fit(replace(later, used=raw.used).whitened(correlation), full.spread)
-            share = (left - float(after[jerk] / after[inertia])) / LEVER if after[inertia] > 0.0 else 0.0
-            if not share > SHOWN:
-                return replace(open_, correlation=correlation)
-        step = float(np.clip(left / share, -STEP, STEP))
-        delay += step
-        if abs(step) < DONE * period:
+        tried.append((delay, float(theta[jerk] / theta[inertia])))
+        delay, share, done = _next(tried)
+        if done:
             break
     X = bins.X @ full.spread
     covariance = noise.covariance_of_fit(X, bins.y - X @ theta, bins.used)
-    if not theta[inertia] > FELT * float(np.sqrt(covariance[inertia, inertia])):
+    felt = theta[inertia] > FELT * float(np.sqrt(covariance[inertia, inertia]))
+    if not (felt and share > SHOWN):
         return replace(open_, correlation=correlation)
     blocks = regression.sandwich(bins.equations().mapped(full.spread), theta)
     variance = 0.5 * float(covariance[jerk, jerk] + blocks[jerk, jerk])
@@ -107,14 +108,52 @@ def seek_slip(
     return Slip(delay=delay, error=error, period=period, correlation=correlation)
 
 
-def _smooth(s: Signals) -> Signals:
-    """Return signals whose motion is that of low frequencies."""
+def _next(tried: list[tuple[float, float]]) -> tuple[float, float, bool]:
+    """Return the delay to try next, how much of a delay the jerk shows there [-], and whether that is it.
+
+    Where the jerk shows too little on one side and too much on the other, the delay is between. It does not show it evenly: the
+    share is that between two delays near to it.
+
+    Args:
+        tried: delays, and what the jerk showed to be left of them [s].
+    """
+    if len(tried) == 1:
+        return _beyond(*tried[0], LEVER), 1.0, False
+    ordered = sorted(tried)
+    around = [(a, b) for a, b in zip(ordered, ordered[1:]) if a[1] > 0.0 >= b[1]]
+    if not around:
+        (before, had), (delay, left) = tried[-2:]
+        share = float(np.clip((had - left) / (delay - before), *SHARES))
+        return _beyond(delay, left / share, 0.5 * LEVER), 0.0, False
+    (low, more), (high, less) = min(around, key=lambda pair: pair[1][0] - pair[0][0])
+    share = (more - less) / (high - low)
+    delay = low + more / share
+    if high - low <= 1.5 * LEVER:
+        return delay, share, True
+    if delay - low < high - delay:  # a little beyond, so that the delay will lie between the two
+        return min(delay + 0.5 * LEVER, 0.5 * (delay + high)), share, False
+    return max(delay - 0.5 * LEVER, 0.5 * (delay + low)), share, False
+
+
+def _beyond(delay: float, left: float, least: float) -> float:
+    """Return a delay with what is left of it, no smaller a step than the least and no longer than `STEP` [s]."""
+    return delay + math.copysign(min(max(abs(left), least), STEP), left)
+
+
+def _smooth(s: Signals, corner: float, of_jerk: float) -> Signals:
+    """Return signals whose motion is that of low frequencies.
+
+    Args:
+        s: motion.
+        corner: low pass of all but the jerk [Hz].
+        of_jerk: and of the jerk [Hz].
+    """
     return replace(
         s,
-        velocity=low_pass(s.velocity, CORNER, s.rate),
-        acceleration=low_pass(s.acceleration, CORNER, s.rate),
-        jerk=low_pass(s.jerk, OF_JERK, s.rate),
-        position=None if s.position is None else low_pass(s.position, CORNER, s.rate),
+        velocity=low_pass(s.velocity, corner, s.rate),
+        acceleration=low_pass(s.acceleration, corner, s.rate),
+        jerk=low_pass(s.jerk, of_jerk, s.rate),
+        position=None if s.position is None else low_pass(s.position, corner, s.rate),
     )
 
 

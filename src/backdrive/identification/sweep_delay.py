@@ -115,6 +115,8 @@ def drive_delays(
     weight = np.array([1.0 / e**2 if np.isfinite(e) and e > 0 else 0.0 for _, e in found])
     error = float(1.0 / np.sqrt(weight.sum())) if weight.any() else float("inf")
     if not error < TOLD * period:
+        for i in open_:
+            errors[i] = 0.5 * period  # it may as well be a sample
         return (
             delays,
             errors,

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -256,13 +256,16 @@ class Log:
             total += factor * self.channels[name][:, column]
         return total
 
-    def apply_coupling(self, coupling: Sequence[Sequence[float]]) -> Log:
+    def apply_coupling(
+        self, coupling: Sequence[Sequence[float]], side: Literal["motor", "joint"] = "motor"
+    ) -> Log:
         """Return the log of joints that coupled motors drive: motion by C, torque by its inverse transpose.
 
         Power is the same on both sides, so q_joint = C q_motor means tau_motor = C^T tau_joint.
 
         Args:
             coupling: C, a row a joint and a column a motor, (J, J).
+            side: that the channels are of. Those of the joints stay as they are, and the log remembers C: friction acts at motors.
 
         Raises:
             InvalidInput: it is no invertible matrix of the joints, or the log is coupled already.
@@ -272,13 +275,15 @@ class Log:
             raise InvalidInput(
                 "The log was brought from coupled motors to its joints already.", remedy="Do it once."
             )
+        rows = tuple(map(tuple, matrix.tolist()))
+        if side == "joint":
+            return replace(self, coupling=rows)
         moves = {
             c: self.channels[c] @ matrix.T
             for c in ("position", "velocity", "reference")
             if c in self.channels
         }
         torque = {} if self.torque is None else {"torque": np.linalg.solve(matrix.T, self.torque.T).T}
-        rows = tuple(map(tuple, matrix.tolist()))
         return replace(self, coupling=rows, **moves, **torque).noted(
             f"Brought from coupled motors to the joints: {', '.join([*moves, *torque])}."
         )

@@ -42,7 +42,7 @@ class Covariance:
             raise InvalidInput(
                 f"The covariance of {size} numbers is not of {size} rows and columns.", remedy=AGAIN
             )
-        _check(self.array())
+        check_covariance(self.array())
 
     @classmethod
     def of(cls, names: Sequence[str], matrix: np.ndarray) -> Covariance | None:
@@ -101,7 +101,7 @@ class Covariance:
         return Covariance(names=tuple(self.names[i] for i in kept), matrix=matrix)
 
 
-def _check(matrix: np.ndarray) -> None:
+def check_covariance(matrix: np.ndarray) -> None:
     """Refuse what no numbers vary by.
 
     Raises:

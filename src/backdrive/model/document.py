@@ -94,12 +94,16 @@ ALIKE = (
 )
 
 
+Matrix = Annotated[tuple[Annotated[tuple[float, ...], Meta(max_length=500)], ...], Meta(max_length=500)]
+
+
 class ArmEntry(msgspec.Struct, forbid_unknown_fields=True):
     """The rigid bodies of an arm, as in `ArmModel`."""
 
     urdf_sha256: Word
     parameters: Annotated[list[float], Meta(max_length=5000)]
     condition: Number
+    covariance: Matrix | msgspec.UnsetType = msgspec.UNSET
 
 
 class SourceEntry(msgspec.Struct, forbid_unknown_fields=True):
@@ -124,9 +128,6 @@ class Header(msgspec.Struct):
     schema: Any = None
 
 
-Coupling = Annotated[tuple[Annotated[tuple[float, ...], Meta(max_length=500)], ...], Meta(max_length=500)]
-
-
 class Document(msgspec.Struct, forbid_unknown_fields=True):
     """Friction of a robot's joints. `coupling` is C of q_joint = C q_motor, rows in the order of the joints, or of `coupled`."""
 
@@ -135,7 +136,7 @@ class Document(msgspec.Struct, forbid_unknown_fields=True):
     joints: Annotated[list[JointEntry], Meta(max_length=500)]
     provenance: Provenance
     arm: ArmEntry | None = None
-    coupling: Coupling | None = None
+    coupling: Matrix | None = None
     coupled: Annotated[tuple[Word, ...], Meta(max_length=500)] | msgspec.UnsetType = msgspec.UNSET
 
 

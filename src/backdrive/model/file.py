@@ -96,7 +96,10 @@ def encode(model: m.FrictionModel) -> bytes:
         for j in model.joints
     ]
     arm = model.arm and ArmEntry(
-        model.arm.urdf_sha256, list(model.arm.parameters), _null(model.arm.condition)
+        model.arm.urdf_sha256,
+        list(model.arm.parameters),
+        _null(model.arm.condition),
+        model.arm.covariance or msgspec.UNSET,
     )
     provenance = Provenance(
         model.version, [SourceEntry(s.path, s.sha256) for s in model.sources], dict(model.options)
@@ -244,11 +247,13 @@ def decode(data: bytes, name: str = "model file") -> m.FrictionModel:
         check_document(plain)
         check_keys(data, plain)
         joints = tuple(_joint(j, f"$.joints[{i}]") for i, j in enumerate(document.joints))
-        arm = document.arm and m.ArmModel(
-            urdf_sha256=document.arm.urdf_sha256,
-            parameters=tuple(document.arm.parameters),
-            condition=_nan(document.arm.condition),
-        )
+        with placed("$.arm"):
+            arm = document.arm and m.ArmModel(
+                urdf_sha256=document.arm.urdf_sha256,
+                parameters=tuple(document.arm.parameters),
+                condition=_nan(document.arm.condition),
+                covariance=document.arm.covariance or None,
+            )
         with placed("$.joints"):
             return m.FrictionModel(
                 joints=joints,

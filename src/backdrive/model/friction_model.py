@@ -13,6 +13,7 @@ from backdrive._catalog import lookup
 from backdrive._upper import upper
 from backdrive.errors import ExtrapolationWarning, InvalidInput, NegativeFrictionWarning
 from backdrive.logs.joint import Source, check_coupling
+from backdrive.model.covariance import AGAIN, check_covariance
 from backdrive.model.joint_friction import JointFriction
 
 
@@ -25,11 +26,23 @@ class ArmModel:
         parameters: standard inertial parameters of every link, ten each in the order of the description
             [kg, kg.m, kg.m^2], (10 J,). Only their base combinations are identified.
         condition: condition number of the fitted regressor [-].
+        covariance: of the base parameters in the order of `Robot.base`, and of the joints' offsets after them, in the order of
+            the description, (b + J, b + J); None where it is not known.
     """
 
     urdf_sha256: str
     parameters: tuple[float, ...]
     condition: float
+    covariance: tuple[tuple[float, ...], ...] | None = None
+
+    def __post_init__(self):
+        if self.covariance is not None:
+            size = len(self.covariance)
+            if not 0 < size <= len(self.parameters) or any(len(row) != size for row in self.covariance):
+                raise InvalidInput(
+                    f"The covariance of the arm's bodies is not of {size} rows and columns.", remedy=AGAIN
+                )
+            check_covariance(np.array(self.covariance, dtype=np.float64))
 
 
 @dataclass(frozen=True, kw_only=True)

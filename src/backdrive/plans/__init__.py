@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from backdrive.plans.arm import ArmPlan as ArmPlan
 from backdrive.plans.base import KINDS
 from backdrive.plans.base import Plan as Plan
 from backdrive.plans.checks import check_limits as check_limits

@@ -154,13 +154,13 @@ def settle(
     check_name(plan.joint)
 
 
-def settle_count(plan: Any, name: str, most: int = MOST_CYCLES) -> None:
-    """Check that a field is a whole number from 1 to `most`.
+def settle_count(plan: Any, name: str, most: int = MOST_CYCLES, least: int = 1) -> None:
+    """Check that a field is a whole number from `least` to `most`.
 
     Raises:
         InvalidInput: it is not.
     """
-    value = whole(f"{type(plan).__name__}.{name}", getattr(plan, name), most=most)
+    value = whole(f"{type(plan).__name__}.{name}", getattr(plan, name), least, most)
     object.__setattr__(plan, name, value)
 
 

@@ -140,7 +140,7 @@ def sweeps_about(sweep: Sweep, centers: Sequence[float] | np.ndarray) -> Separat
             remedy=f"Give at least three, or two half a turn apart. {WHAT_ELSE}",
         )
     gain = noise_gain(centers)
-    cond = condition(centers, sweep.cycles, sweep.stroke)
+    cond = condition(centers, sweep.speeds.size, sweep.stroke)
     if not gain <= WORST_GAIN:
         raise _too_little(centers, gain)
     plans = tuple(replace(sweep, center=float(c), start=0.0) for c in centers)

@@ -11,6 +11,7 @@ import numpy as np
 
 from backdrive.errors import InvalidInput, UnknownName
 from backdrive.parameters import FINITE, NOT_NEGATIVE, number
+from backdrive.plans.arm import ArmPlan
 from backdrive.plans.base import check_name, instants, settle
 
 
@@ -156,10 +157,10 @@ def plan_of(plan: Any, joint: str) -> Any:
     """Return what a plan has for one joint: itself if it is of a single joint, whatever that joint is called in the log.
 
     Args:
-        plan: of a single joint, or an `InTurn`.
+        plan: of a single joint, an `InTurn` or an `ArmPlan`.
         joint: its name in the log.
 
     Raises:
         UnknownName: the joint has no turn.
     """
-    return plan.plan_of(joint) if isinstance(plan, InTurn) else plan
+    return plan.plan_of(joint) if isinstance(plan, (ArmPlan, InTurn)) else plan

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from backdrive._files import read_whole
-from backdrive._urdf import parse
 from backdrive.errors import InvalidInput, ReadError, UnknownFormat
+from backdrive.robot import load_robot
+from backdrive.robot.xml import parse
 
 MAX_BYTES = 20_000_000
 _KINDS: dict[str, Literal["rad", "m"]] = {"revolute": "rad", "continuous": "rad", "prismatic": "m"}
@@ -57,6 +58,30 @@ class JointLimits:
         """Return the limits with those given put in the place of the old ones; None keeps the old one."""
         return replace(self, **{name: value for name, value in given.items() if value is not None})
 
+    def narrowed(self, margin: float) -> JointLimits:
+        """Return the limits with a range that keeps a distance from either end.
+
+        Args:
+            margin: distance [rad or m].
+
+        Raises:
+            InvalidInput: it is negative or not finite, no end is known, or nothing of the range is left.
+        """
+        if not (math.isfinite(margin) and margin >= 0.0):
+            raise InvalidInput(f"A margin of {margin:g} {self.unit}.", remedy="Give a distance from zero on.")
+        if not {"lower", "upper"} & set(self.known):
+            raise InvalidInput(
+                f"A margin of {margin:g} {self.unit}, and no end of the range of joint '{self.name}' is known.",
+                remedy="Give --urdf, or --lower and --upper.",
+            )
+        if not self.lower + margin < self.upper - margin:
+            raise InvalidInput(
+                f"A margin of {margin:g} {self.unit} at both ends leaves nothing of the range of joint '{self.name}', from "
+                f"{self.lower:g} to {self.upper:g} {self.unit}.",
+                remedy="Give a smaller one.",
+            )
+        return replace(self, lower=self.lower + margin, upper=self.upper - margin)
+
     @property
     def known(self) -> tuple[str, ...]:
         """Names of the limits that are finite."""
@@ -64,7 +89,7 @@ class JointLimits:
 
 
 def read_limits(path: str | Path) -> dict[str, JointLimits]:
-    """Read the limits of every joint that moves from a URDF file.
+    """Read the limits of every joint that moves from a URDF or MJCF file.
 
     Follows the URDF specification: `lower`, `upper`, `velocity`, `effort` and (newer) `acceleration` of `<limit>`, and
     the tighter range of `<safety_controller>`. Fixed, floating, planar and mimicking joints are left out. A range or a
@@ -80,13 +105,17 @@ def read_limits(path: str | Path) -> dict[str, JointLimits]:
         ReadError: there is no such file, it is not well-formed, or a limit is not a number.
         FileTooLarge: no robot needs that many bytes.
         ForbiddenContent: it has a DOCTYPE, which no robot description needs.
-        UnknownFormat: it is XML, but not a URDF.
+        UnknownFormat: it is XML, but neither.
         MissingExtra: defusedxml is not installed.
     """
     root = _parse(Path(path))
+    if root.tag == "mujoco":
+        robot = load_robot(path)
+        rows = zip(robot.joints, robot.units, robot.ranges)
+        return {name: JointLimits(name=name, unit=unit, **asdict(limits)) for name, unit, limits in rows}
     if root.tag != "robot":
         raise UnknownFormat(
-            f"{path} is XML whose root is <{root.tag}>, not <robot>.", remedy="Name a URDF file."
+            f"{path} is XML whose root is <{root.tag}>, not <robot>.", remedy="Name a URDF or MJCF file."
         )
     found: dict[str, JointLimits] = {}
     for node in root.findall("joint"):

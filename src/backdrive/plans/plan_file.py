@@ -13,6 +13,7 @@ from backdrive._documents import numbers_in
 from backdrive._files import read_whole, write_whole
 from backdrive.errors import BackdriveError, InvalidInput, ReadError, UnknownFormat
 from backdrive.parameters import NOT_NEGATIVE, POSITIVE
+from backdrive.plans.arm import ArmPlan
 from backdrive.plans.base import KINDS
 from backdrive.plans.in_turn import Held, InTurn
 
@@ -74,11 +75,12 @@ def _built(data: Any, *, nested: bool) -> Any:
     if not isinstance(data, Mapping) or not isinstance(data.get("kind"), str):
         raise ReadError("A plan has no kind.", remedy="Make it again with `backdrive plan`.")
     try:
-        cls = lookup(data["kind"], {**KINDS, InTurn.kind: InTurn}, "kind of plan")
+        cls = lookup(data["kind"], {**KINDS, InTurn.kind: InTurn, ArmPlan.kind: ArmPlan}, "kind of plan")
         given = {k: v for k, v in data.items() if k != "kind"}
-        if cls is InTurn and nested:
+        if cls in (InTurn, ArmPlan) and nested:
             raise InvalidInput(
-                "A plan in turn holds another one.", remedy="Make it again with `backdrive plan`."
+                "A plan in turn holds another one of several joints.",
+                remedy="Make it again with `backdrive plan`.",
             )
         unknown = sorted(set(given) - {f.name for f in fields(cls) if f.init})
         if unknown:

@@ -16,13 +16,15 @@ from backdrive.plans.base import MotionPlan, Options, between, rounded, settle, 
 #: Share of a cycle's top speed above which the motion is the sine of (2.4) itself. At 0.5 the glides between the cycles
 #: stay below the peak acceleration of the last cycle, and windows from 0.8 on have room for a lagging joint.
 PURE = 0.5
+#: Slow cycles that a sweep has at most: the slowest of eight takes 256 times as long as its first.
+MOST_SLOW = 8
 #: Mean of a cubic step's first half, as a share of the whole step: how a glide divides at the turning point.
 _HALF = 3.0 / 16.0
 
 
 @dataclass(frozen=True)
 class Sweep(MotionPlan):
-    """N cycles between the same two turning points, the n-th with top speed n V / N.
+    """N cycles between the same two turning points, the n-th with top speed n V / N, and slower ones before.
 
     With the phase phi(t), which grows by 2 pi a cycle at the rate omega_n = 2 n V / (A N),
 
@@ -41,6 +43,8 @@ class Sweep(MotionPlan):
         lead_in: from `start` to the first cycle [s]: the way from the center to the lower turning point (literal: rest
             there). By default 1 s, longer where that would be hasty; literal: 0.
         smooth: False for the motion as printed.
+        slow: number of cycles before the first, each half as fast as the next: they show what friction does below V / N, such as a
+            Stribeck peak.
     """
 
     stroke: float
@@ -48,23 +52,25 @@ class Sweep(MotionPlan):
     cycles: int
     _: KW_ONLY
     smooth: bool = True
+    slow: int = 0
 
     kind: ClassVar[str] = "sweep"
     options: ClassVar[tuple[str, ...]] = (
         *("stroke", "top_speed", "top_speed_deg", "cycles"),
-        *("literal", "bias", "time_slip", "centres"),
+        *("slow", "literal", "bias", "time_slip", "centres"),
     )
 
     @classmethod
     def build(cls, options: Options, **common: Any) -> Sweep:
         """Return the sweep of options of the command line, of ten cycles where nothing else is asked."""
         stroke, top = options.need("stroke"), options.need("top_speed")
-        smooth = not options.given("literal")
-        return cls(stroke, top, options.given("cycles").get("cycles", 10), smooth=smooth, **common)
+        smooth, slow = not options.given("literal"), options.given("slow")
+        return cls(stroke, top, options.given("cycles").get("cycles", 10), smooth=smooth, **slow, **common)
 
     def __post_init__(self):
         settle(self, positive=("stroke", "top_speed"), finite=("center", "start"))
         settle_count(self, "cycles")
+        settle_count(self, "slow", MOST_SLOW, least=0)
         if self.lead_in is None:
             gentle = min(self._gentlest, max(1.0, 2.0 * self.stroke / self.top_speed))
             object.__setattr__(self, "lead_in", gentle if self.smooth else 0.0)
@@ -83,12 +89,13 @@ class Sweep(MotionPlan):
 
     @property
     def speeds(self) -> np.ndarray:
-        """Top speed of each cycle, n V / N [rad/s or m/s], (N,)."""
-        return np.arange(1, self.cycles + 1) * (self.top_speed / self.cycles)
+        """Top speed of each cycle, slow ones first, then n V / N [rad/s or m/s], (slow + N,)."""
+        steps = np.r_[0.5 ** np.arange(self.slow, 0, -1), np.arange(1, self.cycles + 1)]
+        return steps * (self.top_speed / self.cycles)
 
     @property
     def frequencies(self) -> np.ndarray:
-        """Angular frequency of each cycle, 2 n V / (A N) [rad/s], (N,)."""
+        """Angular frequency of each cycle, 2 n V / (A N) [rad/s], (slow + N,)."""
         return 2.0 * self.speeds / self.stroke
 
     @property
@@ -125,7 +132,7 @@ class Sweep(MotionPlan):
                 (turns[n], turn, middle, slope),
                 (turns[n] + after, turn + b, w[n], 0.0),
             ]
-        end = 2.0 * np.pi * self.cycles
+        end = 2.0 * np.pi * w.size
         knots += [(turns[-1], end, last, 0.0), (turns[-1] + np.pi / last, end + 0.5 * np.pi, 0.0, 0.0)]
         return Pieces.through(knots)
 
@@ -139,7 +146,7 @@ class Sweep(MotionPlan):
         return half * (np.cos(phase) * self._phase(t, 1) ** 2 + np.sin(phase) * self._phase(t, 2))
 
     def windows(self) -> np.ndarray:
-        """Return begin and end of each cycle on the log's clock [s], (N, 2); (2.3)."""
+        """Return begin and end of each cycle on the log's clock [s], (slow + N, 2); (2.3)."""
         return between(self._turns)
 
     @property

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from backdrive.errors import InvalidInput
+from backdrive.plans.arm import ArmPlan
 from backdrive.plans.in_turn import InTurn
 
 MOST_NUMBERS = 50_000_000
@@ -46,9 +47,9 @@ def sample(plan: Any, rate: float) -> Table:
     """
     if not (math.isfinite(rate) and rate > 0):
         raise InvalidInput(f"The rate is {rate!r} Hz.", remedy="Give a finite number above zero.")
-    single = not isinstance(plan, InTurn)
-    joints = (plan.joint,) if single else plan.joints
-    units = (plan.unit,) if single else plan.units
+    several = isinstance(plan, (ArmPlan, InTurn))
+    joints = plan.joints if several else (plan.joint,)
+    units = plan.units if several else (plan.unit,)
     names = ("position", "velocity", "acceleration") if plan.commands == "position" else ("torque",)
     count = math.ceil(plan.duration * rate - 1e-6) + 1
     if count * len(names) * len(joints) > MOST_NUMBERS:

@@ -11,8 +11,7 @@ from pathlib import Path
 
 from backdrive.errors import InvalidInput
 from backdrive.identification.result import Curve, Identification
-
-POLICY = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
+from backdrive.report.sheet import POLICY as POLICY
 
 
 def render(
@@ -36,11 +35,9 @@ def render(
         InvalidInput: the evidence does not belong to the model's joints, or `compare` names another joint.
         MissingExtra: matplotlib is not installed.
     """
-    from backdrive.report import page
+    from backdrive.report import page, sheet
     from backdrive.report.joint import joint_section
     from backdrive.report.pictures.canvas import house_style
-    from backdrive.report.sheet import CSS
-    from backdrive.report.words import esc
 
     names = result.model.names
     if tuple(e.joint for e in result.evidence) != names:
@@ -57,17 +54,8 @@ def render(
             joint_section(friction, evidence, truths.get(friction.joint.name), i)
             for i, (friction, evidence) in enumerate(zip(result.model.joints, result.evidence), start=1)
         ]
-    return (
-        "<!DOCTYPE html>\n"
-        '<html lang="en"><head><meta charset="utf-8">'
-        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        '<meta name="color-scheme" content="light dark"><meta name="referrer" content="no-referrer">'
-        f"<title>{esc(title)}</title>\n<style>{CSS}</style></head>\n<body><main>\n"
-        f"{page.header(result, title)}\n{page.summary(result)}\n"
-        + "\n".join([*sections, *more])
-        + f"\n{page.provenance(result, command)}\n</main></body></html>\n"
-    )
+    first, last = [page.header(result, title), page.summary(result)], page.provenance(result, command)
+    return sheet.page(title, "\n".join([*first, *sections, *more, last]))
 
 
 def write_report(

@@ -19,6 +19,8 @@ _KEYS = {
     "bare": '<path d="M1 5h18" stroke="var(--held-out)" stroke-width="2"/>',
     "compensated": '<path d="M1 5h18" stroke="var(--fitted)" stroke-width="2"/>',
     "band": '<path d="M1 5h18" stroke="var(--band)" stroke-opacity=".38" stroke-width="9"/>',
+    "contact": '<path d="M5 5h10" stroke="var(--held-out)" stroke-opacity=".38" stroke-width="9"/>',
+    "line": '<path d="M1 5h18" stroke="var(--fitted)" stroke-width="2"/>',
     "knot": '<circle cx="10" cy="5" r="3.4" fill="var(--paper)" stroke="var(--ink)" stroke-width="1.4"/>',
     "forth": '<circle cx="4" cy="5" r="2.6" fill="var(--fitted)" stroke="var(--fitted)"/>'
     '<circle cx="14" cy="5" r="2.6" fill="var(--paper)" stroke="var(--fitted)"/>',

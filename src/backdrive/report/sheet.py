@@ -5,6 +5,26 @@ from __future__ import annotations
 from dataclasses import fields
 
 from backdrive.report.pictures.canvas import DARK, LIGHT, Theme
+from backdrive.report.words import esc
+
+POLICY = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
+
+
+def page(title: str, body: str) -> str:
+    """Return a whole page that names no address and runs no script.
+
+    Args:
+        title: of the page, any text.
+        body: HTML.
+    """
+    return (
+        "<!DOCTYPE html>\n"
+        '<html lang="en"><head><meta charset="utf-8">'
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        '<meta name="color-scheme" content="light dark"><meta name="referrer" content="no-referrer">'
+        f"<title>{esc(title)}</title>\n<style>{CSS}</style></head>\n<body><main>\n{body}\n</main></body></html>\n"
+    )
 
 
 def _colours(theme: Theme) -> str:

@@ -132,6 +132,8 @@ class ArmRecord:
         hand: torque of the hand on every joint, true.
         force: of the hand on the grip, true [N], (n, 3).
         load: true positions of the links.
+        moment: of the hand on the grip, true [N.m], (n, 3); None where the hand gives none.
+        codes: `Status` of every motor; None where they were not kept.
     """
 
     time: np.ndarray
@@ -142,6 +144,8 @@ class ArmRecord:
     hand: np.ndarray
     force: np.ndarray
     load: np.ndarray
+    moment: np.ndarray | None = None
+    codes: np.ndarray | None = None
 
 
 class Arm:
@@ -252,6 +256,12 @@ class Arm:
         """Return what the encoders read [rad], (J,)."""
         counts = np.array([j.encoder_count for j in self.joints])
         return counts * np.floor(self.motor / counts + 0.5)
+
+    def turn(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return orientation, (3, 3), and Jacobian of the turn [1], (3, J), of the grip."""
+        jacobian = np.zeros((3, self.model.nv))
+        self._mujoco.mj_jacSite(self.model, self.data, None, jacobian, 0)
+        return self.data.site_xmat[0].reshape(3, 3).copy(), jacobian
 
     def grip(self) -> tuple[np.ndarray, np.ndarray]:
         """Return position [m], (3,), and Jacobian [m/rad], (3, J), of the grip."""

@@ -6,10 +6,11 @@ J(q)' F. Every tick of every compensated joint is the kernel of `control.loop`, 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from backdrive.control.arm_loop import ArmLoop
 from backdrive.control.loop import JointLoop, Loop
 from backdrive.engine.servo import STATES, Servo
 from backdrive.engine.servo import tick as servo_tick
@@ -122,3 +123,75 @@ def guide(
         applied = command
         arm.step(command, pushed, period)
     return ArmRecord(time=period * np.arange(n), force=force, **columns)
+
+
+def guide_whole(
+    arm: Arm,
+    path: np.ndarray,
+    velocity: np.ndarray,
+    *,
+    hand: Hand,
+    wrist: Hand | None = None,
+    loop: ArmLoop,
+    grip: np.ndarray | None = None,
+    delay: int = 1,
+    sensor: Callable[[int, np.ndarray], np.ndarray] | None = None,
+) -> ArmRecord:
+    """Let a hand move the grip of an arm on which a loop runs as a whole, and return what happened.
+
+    The loop takes over an arm that a controller has held until then.
+
+    Args:
+        arm: advanced in place.
+        path: of the hand, relative to where the grip begins [m], (n, 3).
+        velocity: of the hand [m/s], (n, 3).
+        hand: stiffness [N/m] and damping [N.s/m].
+        wrist: stiffness [N.m/rad] and damping [N.m.s/rad] by which the hand holds the grip's orientation; None: it does not.
+        loop: what runs on the arm.
+        grip: 1 where the hand holds the grip, 0 where it has let go, (n,); None: it always does.
+        delay: ticks until a command acts.
+        sensor: gives what the loop reads of a tick's number and the encoders' readings; None: these.
+
+    Raises:
+        InvalidInput: the path has another shape, or the loop is of another number of joints.
+    """
+    J, n = len(arm.joints), len(path)
+    if np.shape(path) != (n, 3) or np.shape(velocity) != (n, 3) or len(loop.joints) != J:
+        raise InvalidInput(
+            f"path {np.shape(path)}, velocity {np.shape(velocity)}, a loop of {len(loop.joints)} joints for an arm of {J}.",
+            remedy="Give a path and its velocity (n, 3), and a loop of the arm's joints.",
+        )
+    loop.reset(arm.reading(), gravity=1.0)
+    start, upright = arm.grip()[0], arm.turn()[0]
+    holds = np.ones(n) if grip is None else np.asarray(grip, dtype=np.float64)
+    columns = {
+        name: np.zeros((n, J)) for name in ("reading", "command", "compensation", "estimate", "hand", "load")
+    }
+    force, moment, codes = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, J), dtype=np.int64)
+    waiting = [arm.weight.copy() for _ in range(delay + 1)]  # commands on their way, the oldest first
+    for k in range(n):
+        reading = arm.reading()
+        loop.update(reading if sensor is None else sensor(k, reading), waiting[0])
+        waiting = [*waiting[1:], loop.torque.copy()]
+        x, jacobian = arm.grip()
+        force[k] = holds[k] * (
+            hand.stiffness * (start + path[k] - x)
+            + hand.damping * (velocity[k] - jacobian @ arm.load_velocity)
+        )
+        pushed = jacobian.T @ force[k]
+        if wrist is not None:
+            now, turning = arm.turn()
+            moment[k] = holds[k] * (
+                wrist.stiffness * _rotation(upright @ now.T) - wrist.damping * (turning @ arm.load_velocity)
+            )
+            pushed += turning.T @ moment[k]
+        columns["reading"][k], columns["command"][k], columns["load"][k] = reading, waiting[0], arm.load
+        columns["compensation"][k], columns["estimate"][k] = loop.compensation, loop.external
+        columns["hand"][k], codes[k] = pushed, loop.codes
+        arm.step(waiting[0], pushed, loop.interval)
+    return ArmRecord(time=loop.interval * np.arange(n), force=force, moment=moment, codes=codes, **columns)
+
+
+def _rotation(R: np.ndarray) -> np.ndarray:
+    """Return the rotation vector of a small turn [rad], (3,)."""
+    return 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])

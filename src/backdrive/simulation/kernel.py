@@ -6,6 +6,7 @@ import numpy as np
 
 from backdrive._jit import jit
 from backdrive.control import admittance, loop_kernel, table
+from backdrive.elementary import sin
 from backdrive.engine import axis as axis_
 from backdrive.engine import servo as servo_
 
@@ -117,7 +118,7 @@ def run(
             behind = k - (late - i + substeps - 1) // substeps if late > i else k
             acting = (out[behind, 1] if behind >= 0 else before) + noise[k, 0]
             if ripple != 0.0:
-                acting += ripple * np.sin(cycles * s[0])
+                acting += ripple * sin(cycles * s[0])
             if touched:
                 share = (i + 0.5) / substeps
                 x_h = hand[k, 0] + share * (hand[following, 0] - hand[k, 0])

@@ -19,6 +19,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from backdrive._jit import jit
+from backdrive.elementary import sin
 from backdrive.parameters import POSITIVE, Bound, Bounded
 
 MODES = ("fixed", "reset", "adaptive")
@@ -42,7 +43,7 @@ def tick(c, i, s, j, stuck, lo, hi, q, dt, t, idle):
         phase = s[j]
         s[j] += dt
     share = s[j + 1] if mode == 2.0 else 1.0
-    return share * c[i + 1] * (0.5 * (hi - lo) * np.sin(c[i + 2] * phase) + 0.5 * (hi + lo))
+    return share * c[i + 1] * (0.5 * (hi - lo) * sin(c[i + 2] * phase) + 0.5 * (hi + lo))
 
 
 @jit

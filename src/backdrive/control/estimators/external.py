@@ -20,7 +20,8 @@ difference nothing: one encoder count moves `disturbance` by L M count/T and a r
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, overload
 
 import numpy as np
 
@@ -33,11 +34,15 @@ from backdrive.control.estimators.gains import lag as lag_of
 from backdrive.control.estimators.method import Method
 from backdrive.control.estimators.of_model import fields
 from backdrive.control.estimators.sliding_mode import MotionFilter
+from backdrive.elementary import cos, sin
 from backdrive.errors import InvalidInput
+from backdrive.laws import REFERENCE
 from backdrive.parameters import FINITE, POSITIVE, Bounded
 
 if TYPE_CHECKING:
+    from backdrive.control.estimators.arm import ArmForce
     from backdrive.model import FrictionModel
+    from backdrive.robot import Robot
 
 OFFSET, FILTER, FRICTION = 9, 10, 15  # places of the offset and of the rows of filter and friction in the row
 ROW = FRICTION + friction_.ROW
@@ -108,7 +113,7 @@ def tick(c, i, p, x, s, j, q, dp, dt, u, known, load, temp, level):
     tau_f = level * friction_.tick(c, i + FRICTION, p, x, s, j + W, dp, dt, load, temp)
     n = u - known - tau_f - c[i + OFFSET]
     if c[i + 2] != 0.0 or c[i + 3] != 0.0:
-        n -= c[i + 2] * np.sin(q) + c[i + 3] * np.cos(q)
+        n -= c[i + 2] * sin(q) + c[i + 3] * cos(q)
     return estimate(int(c[i]), (c, i, s, j, q, dp, dt, n)), tau_f
 
 
@@ -163,21 +168,38 @@ class ExternalForce(Bounded):
     force_rate: float | None = None
     encoder_count: float = 1e-6
 
+    @overload
     @classmethod
     def from_model(
         cls, model: FrictionModel, joint: str | int, method: str = "momentum", bandwidth: float = 50.0
-    ) -> ExternalForce:
+    ) -> ExternalForce: ...
+
+    @overload
+    @classmethod
+    def from_model(
+        cls, model: FrictionModel, joint: Path | Robot, method: str = "momentum", bandwidth: float = 50.0
+    ) -> ArmForce: ...
+
+    @classmethod
+    def from_model(
+        cls, model: FrictionModel, joint: Any, method: str = "momentum", bandwidth: float = 50.0
+    ) -> Any:
         """Return an estimator with what a model knows of a joint: inertia, gravity, offset, friction and its growth with load.
 
         Args:
             model: of friction.
-            joint: name or number.
+            joint: name or number; of a whole arm the `Path` of its description, or the `Robot`: `ArmForce.from_model`, which also
+                takes a frame.
             method: as above.
             bandwidth: L [1/s].
 
         Raises:
             NotIdentifiable: the model holds no inertia of the joint.
         """
+        if not isinstance(joint, str | int):
+            from backdrive.control.estimators.arm import ArmForce
+
+            return ArmForce.from_model(model, joint, method=method, bandwidth=bandwidth)
         return cls(**fields(model.joint(joint), method, bandwidth))
 
     def lag(self, dt: float) -> float:
@@ -226,6 +248,7 @@ class ExternalForce(Bounded):
         dt: float,
         known: np.ndarray | None = None,
         velocity: float = 0.0,
+        temperature: np.ndarray | float | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return external force and friction along a log.
 
@@ -236,18 +259,27 @@ class ExternalForce(Bounded):
             known: torque of gravity and other joints [N.m or N], (n,); None: that of `gravity_sin`, `gravity_cos` alone. All of
                 it is the load of a law that grows.
             velocity: at the first reading [rad/s or m/s]; 0: the joint rests, and its motor carries what is known.
+            temperature: for laws that depend on it [degC], one number or (n,); None: 20.
 
         Returns:
             External force and friction [N.m or N], (n,) each.
 
         Raises:
-            InvalidInput: the series have different lengths.
+            InvalidInput: the series have different lengths, or a temperature is not finite.
         """
         series = (position, torque, np.zeros(np.size(position)) if known is None else known)
         q, u, g = (np.ascontiguousarray(x, dtype=np.float64) for x in series)
         if q.ndim != 1 or q.shape != u.shape or q.shape != g.shape or q.size == 0:
             raise InvalidInput(
                 f"position {q.shape}, torque {u.shape}, known {g.shape}.", remedy="Give series of one length."
+            )
+        warmth = np.atleast_1d(
+            np.asarray(REFERENCE if temperature is None else temperature, dtype=np.float64)
+        )
+        if warmth.shape not in ((1,), q.shape) or not np.isfinite(warmth).all():
+            raise InvalidInput(
+                f"temperature {warmth.shape} for {q.size} samples, {np.count_nonzero(~np.isfinite(warmth))} not finite.",
+                remedy="Give one finite number, or one a sample.",
             )
         out = np.empty((q.size, 2))
         law = self.friction.law
@@ -258,16 +290,17 @@ class ExternalForce(Bounded):
             outside = -carried if told else np.full(1, np.nan)
         begin = (velocity * dt, float(u[0] if velocity else g[0]))
         state = self.start(float(q[0]) - velocity * dt, velocity)
-        along(self.row(dt), law.row(), law.state(), state, q, u, g, outside, begin, dt, out)
+        along(self.row(dt), law.row(), law.state(), state, q, u, g, outside, warmth, begin, dt, out)
         force, friction = out.T
         return force, friction
 
 
 @jit
-def along(c, p, x, s, q, u, known, outside, begin, dt, out):
+def along(c, p, x, s, q, u, known, outside, warmth, begin, dt, out):
     """Fill `out` with external force and friction along a log.
 
-    `outside`: external torque that laws see, (n,) or (1,); `begin`: increment of the first tick, and torque that acted in it.
+    `outside`: external torque that laws see, (n,) or (1,); `warmth`: temperature, (n,) or (1,); `begin`: increment of the first
+    tick, and torque that acted in it.
     """
     for k in range(q.size):
         before = k - 1 if k > 0 else 0
@@ -284,6 +317,6 @@ def along(c, p, x, s, q, u, known, outside, begin, dt, out):
             u[before] if k > 0 else begin[1],
             known[k],
             (u[before], outside[k if outside.size > 1 else 0]),
-            20.0,
+            warmth[k if warmth.size > 1 else 0],
             1.0,
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,12 +10,14 @@ import numpy as np
 from backdrive.control.estimators.friction import FrictionEstimator
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import NotIdentifiable
-from backdrive.laws import Decaying, Law, Rigid, with_element
+from backdrive.laws import Decaying, Law, Polyline, Rigid, with_element
 from backdrive.model import JointFriction
 
 DECAY = 20.0  # of friction at rest, as in Iwatani 2017, Sec. 4.6 [1/s]
 COUNTS = 8.0  # of the encoder, over which a contact of unknown stiffness bends until it slides
 ABRUPT = 10.0  # forces by the friction, that the filter of `direct` follows where nobody knows the accelerations [-]
+UNSEEN = 0.75  # of the friction of slow sliding, below which the curve's end at zero is taken for unseen [-]
+CREEP = 0.05  # of the top speed, below which sliding tells of friction at rest [-]
 BEND = {"rad": 1e-3, "m": 1e-4}  # the same where the encoder's count is unknown [rad or m]
 
 
@@ -68,8 +71,41 @@ def contact(friction: JointFriction) -> Law:
     return with_element(law, Decaying(stiffness=stiffness, decay_rate=DECAY))
 
 
-def at_rest(law: Law) -> float:
-    """Return the larger of the friction's bounds at rest [N.m or N]; of a smooth law its largest."""
+def with_break_away(friction: JointFriction, share: float = UNSEEN) -> JointFriction:
+    """Return a joint whose curve, where it is drawn through knots, starts at the largest friction of slow sliding.
+
+    The fit of a whole arm sees little of a curve's end at zero, where the sign of the velocity is smooth, and may leave it at
+    nothing: friction at rest, which an estimate stands on, is then that of the next knots, in the stronger direction.
+
+    Args:
+        friction: of a model.
+        share: of that, below which the end at zero is replaced [-]; 1: friction at rest is never less than that of slow sliding.
+    """
+    rate = friction.law.rate
+    if not isinstance(rate, Polyline):
+        return friction
+    slow = [i for i, v in enumerate(rate.velocity) if v <= CREEP * friction.validity.speeds[1]] or [0]
+    slow = [*slow, min(slow[-1] + 1, len(rate.velocity) - 1)] if len(slow) == 1 else slow
+    largest = max(max(rate.positive[i], rate.negative[i]) for i in slow)
+    curves = {
+        way: (largest, *values[1:])
+        for way, values in (("positive", rate.positive), ("negative", rate.negative))
+        if values[0] < share * largest
+    }
+    if not curves:
+        return friction
+    law = replace(friction.law, rate=replace(rate, **curves))
+    return replace(friction, law=law, covariance=None)
+
+
+def bounds_at_rest(law: Law) -> tuple[float, float]:
+    """Return the friction's bounds at rest along +q and along -q [N.m or N]; of a smooth law its largest, twice."""
     if law.rate.SMOOTH:
-        return float(np.max(np.abs(law.torque(np.array([-1.0, 1.0])))))
-    return float(max(law.coulomb()))
+        largest = float(np.max(np.abs(law.torque(np.array([-1.0, 1.0])))))
+        return largest, largest
+    return law.coulomb()
+
+
+def at_rest(law: Law) -> float:
+    """Return the larger of the friction's bounds at rest [N.m or N]."""
+    return max(bounds_at_rest(law))

@@ -28,6 +28,7 @@ import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive._jit import jit, leaf
+from backdrive.elementary import cos, sin
 from backdrive.errors import InvalidInput
 from backdrive.parameters import ABOVE_ZERO, POSITIVE, Bound, array, whole
 from backdrive.status import STATUSES, Status
@@ -66,9 +67,9 @@ def regressor(kind, q, v, a, dead_zone):
     if kind == 4:
         return a
     if kind == 5:
-        return np.sin(q)
+        return sin(q)
     if kind == 6:
-        return np.cos(q)
+        return cos(q)
     return 1.0
 
 

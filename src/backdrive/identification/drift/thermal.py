@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -168,7 +169,9 @@ def identify_thermal(
     for _ in range(ROUNDS):
         grid = np.log(np.geomspace(length / 100.0, 3.0 * length, GRID))
         i = int(np.clip(np.argmin([cost(x) for x in grid]), 1, GRID - 2))
-        found = minimize_scalar(cost, bounds=grid[[i - 1, i + 1]], method="bounded", options={"xatol": 1e-6})
+        found: Any = minimize_scalar(
+            cost, bounds=grid[[i - 1, i + 1]], method="bounded", options={"xatol": 1e-6}
+        )
         best = float(np.exp(found.x))
         theta = virtual_temperature(power, interval, best)
         curve = _fitted(np.hstack([shape, theta[:, None] * shape, rest]), tau, weight)

@@ -1,7 +1,7 @@
-"""Whether a line of friction holds through reversals, and the stretches without them where it does not.
+"""Whether a law of the velocity alone holds through reversals, and the stretches without them where it does not.
 
 About a reversal a joint sticks, bends what is elastic in it, and breaks away. A law that knows the velocity alone has none of
-it: fitted there, it takes the lag for less Coulomb and more viscous friction.
+it: fitted there, it takes the lag for less Coulomb and more viscous friction, or for a break-away torque near zero.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from backdrive.identification.delay import earlier
+from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.torque import Stretch
 from backdrive.identification.signals import spans
 
@@ -28,11 +29,23 @@ def sliding(stretches: Sequence[Stretch], late: float = 0.0) -> list[Stretch]:
         late: delay of the torque behind the motion [s].
     """
     slid = [
-        replace(s, judged=s.judged & (earlier(s.sliding.astype(float), float(round(late / s.dt))) > 0.5))
+        replace(
+            s,
+            judged=s.judged & (earlier(s.sliding.astype(float), float(round(late / s.dt))) > 0.5),
+            only_sliding=True,
+        )
         for s in stretches
     ]
     before, after = (sum(int(np.count_nonzero(s.judged)) for s in each) for each in (stretches, slid))
     return slid if after > ENOUGH * before else list(stretches)
+
+
+def as_fitted(fit: Fit, stretches: Sequence[Stretch]) -> list[Stretch]:
+    """Return stretches of which only sliding counts where a law was fitted to that alone; otherwise as they are."""
+    fitted: Sequence[Stretch] = getattr(fit.problem, "stretches", ())
+    if not any(s.only_sliding for s in fitted):
+        return list(stretches)
+    return sliding(stretches, fit.values.get("delay", 0.0))
 
 
 def lags_behind(

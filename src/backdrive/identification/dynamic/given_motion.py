@@ -30,6 +30,7 @@ from backdrive.model import JointFriction
 
 VARIES = 0.1  # a load or temperature varies that spans this share of its size [-]
 WORSE = 1.1  # mean square of a fit to everything by that of the one that was judged, beyond which it is not taken [-]
+BETTER = 0.9  # mean square of a fit to sliding alone by that of one to everything, there, below which it is taken [-]
 TURNS = 0.5  # a joint that turns by less shows little of gravity [rad]
 
 
@@ -111,14 +112,20 @@ class TorqueTask(Task):
         shape = directions.symmetric_shape(shape) if self.options.symmetric else shape
         asked = self.asked | {"terms": directions.terms_beside(shape, self.asked["terms"], self.options)}
         one = fit_law(shape, records, tick=self.options.ticker(self.info.name), **asked, **warm_start)
-        if not (shape.element.SET_VALUED and shape.rate is CoulombViscous):
+        if not shape.element.SET_VALUED or shape.rate.SMOOTH:
             return one
         late = one.values.get("delay", 0.0)
         slid = sliding(records, late)
-        if not lags_behind(records, slid, one.misses(records), late):
+        if not any(s.only_sliding for s in slid):
+            return one
+        line = shape.rate is CoulombViscous
+        if line and not lags_behind(records, slid, one.misses(records), late):
             return one  # a line follows the crossing of zero as well
-        again = {"begin": 8, "descend": 1, "begin_at": one.values}
-        return fit_law(shape, slid, tick=self.options.ticker(self.info.name), **asked, **again)
+        again = {"begin": 8, "descend": 1, "begin_at": one.values} if line else warm_start
+        two = fit_law(shape, slid, tick=self.options.ticker(self.info.name), **asked, **again)
+        if line or lags_behind(records, slid, two.misses(records), late):
+            return two
+        return two if choice.fitted_error(two, slid)[0] < BETTER * choice.fitted_error(one, slid)[0] else one
 
     def error(self, one: Fit) -> tuple[float, int]:
         """Return the mean squared error on what was fitted, rests included, and the number of its samples."""

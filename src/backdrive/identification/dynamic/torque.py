@@ -49,6 +49,7 @@ class Stretch:
         temperature: [degC], (n,) or (1,).
         judged: samples that count, (n,).
         sliding: samples at which friction is that of sliding, (n,), or (1,) for all.
+        only_sliding: no others count.
         bandwidth: up to here an encoder's steps show as velocity [Hz].
     """
 
@@ -61,6 +62,7 @@ class Stretch:
     temperature: np.ndarray = field(default_factory=lambda: np.array([REFERENCE]))
     judged: np.ndarray
     sliding: np.ndarray = field(default_factory=lambda: np.ones(1, dtype=bool))
+    only_sliding: bool = False
     bandwidth: float = SMOOTHED
 
     @property

@@ -16,9 +16,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numpy as np
-
 from backdrive._jit import leaf
+from backdrive.elementary import exp
 from backdrive.laws.base import Element, Parameter, Rate
 
 
@@ -32,8 +31,8 @@ def step(p, e, x, lo, hi, dp, dt):
         bound, path = hi, dp / distance
     else:
         bound, path = lo, -dp / distance
-    x[0] = bound + (x[0] - bound) * np.exp(-path / ratio)
-    x[1] = bound + (x[1] - bound) * np.exp(-path)
+    x[0] = bound + (x[0] - bound) * exp(-path / ratio)
+    x[1] = bound + (x[1] - bound) * exp(-path)
     return (1.0 + overshoot) * x[0] - overshoot * x[1]
 
 

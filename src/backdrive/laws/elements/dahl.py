@@ -12,9 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numpy as np
-
 from backdrive._jit import leaf
+from backdrive.elementary import exp
 from backdrive.laws.base import Element, Parameter
 
 
@@ -26,7 +25,7 @@ def relaxed(z, lo, hi, dp):
         return z
     if bound == 0.0:
         return 0.0
-    return bound + (z - bound) * np.exp(-dp / bound)
+    return bound + (z - bound) * exp(-dp / bound)
 
 
 @leaf

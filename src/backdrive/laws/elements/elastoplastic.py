@@ -18,6 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from backdrive._jit import jit, leaf
+from backdrive.elementary import sin
 from backdrive.laws.base import Parameter
 from backdrive.laws.elements.lugre import LuGre, damping
 
@@ -27,7 +28,7 @@ SECANTS, STEPS = 40, 100
 @leaf
 def plastic(w):
     """a: share of the motion that slides, w of the way from the elastic limit to full sliding."""
-    return 0.5 + 0.5 * np.sin(np.pi * (w - 0.5))
+    return 0.5 + 0.5 * sin(np.pi * (w - 0.5))
 
 
 @jit

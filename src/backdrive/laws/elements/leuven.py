@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from backdrive._jit import jit, leaf
+from backdrive.elementary import pow
 from backdrive.laws.base import Parameter
 from backdrive.laws.elements.hayward_armstrong import clipped
 from backdrive.laws.elements.maxwell_slip import MANY, Parallel
@@ -77,7 +78,7 @@ def moved(p, e, x, way, path, lo, hi):
 @leaf
 def _sharp(r, n):
     """sgn(r) |r|^n; r far below -1 is cut, so that nothing overflows."""
-    return r**n if r > 0.0 else -(min(-r, FAR) ** n)
+    return pow(r, n) if r > 0.0 else -pow(min(-r, FAR), n)
 
 
 @leaf

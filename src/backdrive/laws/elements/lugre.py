@@ -20,6 +20,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from backdrive._jit import leaf
+from backdrive.elementary import exp
 from backdrive.laws.base import Element, Parameter, Rate
 
 CANUDAS = "Canudas de Wit et al., IEEE TAC 40(3), 1995, Table I"
@@ -31,7 +32,7 @@ def damping(sigma_1, v_d, v):
     if v_d <= 0.0 or sigma_1 == 0.0:
         return sigma_1
     r = v * (1.0 / v_d)  # in a loop over ticks the division is done once
-    return sigma_1 * np.exp(-r * r)
+    return sigma_1 * exp(-r * r)
 
 
 @leaf

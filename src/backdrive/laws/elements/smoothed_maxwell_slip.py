@@ -17,9 +17,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from backdrive._jit import jit, leaf
+from backdrive.elementary import tanh
 from backdrive.laws.base import Parameter
 from backdrive.laws.elements.maxwell_slip import MANY, Parallel
 
@@ -31,8 +30,8 @@ FAR = 1e16  # times a bound: a pull after which the element slips
 @leaf
 def gate(r, sharp, margin, reversal):
     """m(r) g(r), not yet normalised."""
-    held = 1.0 - 0.5 * np.tanh(sharp * (r + margin)) + 0.5 * np.tanh(sharp * (r - margin))
-    return held * (0.5 + 0.5 * np.tanh(reversal * r))
+    held = 1.0 - 0.5 * tanh(sharp * (r + margin)) + 0.5 * tanh(sharp * (r - margin))
+    return held * (0.5 + 0.5 * tanh(reversal * r))
 
 
 @jit

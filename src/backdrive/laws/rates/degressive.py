@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from backdrive._jit import leaf
+from backdrive.elementary import pow
 from backdrive.laws.base import Parameter, Rate
 from backdrive.laws.rates.coulomb_viscous import HP3J
 
@@ -27,7 +28,7 @@ def limits(p, v, load, temp):
     if n == 0.5:
         growth = k * np.sqrt(speed)
     else:
-        growth = k * speed**n
+        growth = k * pow(speed, n)
     return -F, F, -growth if v < 0.0 else growth
 
 

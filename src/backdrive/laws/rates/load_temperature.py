@@ -14,9 +14,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numpy as np
-
 from backdrive._jit import leaf
+from backdrive.elementary import exp
 from backdrive.laws.base import Parameter, Rate
 from backdrive.laws.rates.stribeck import fading
 
@@ -44,7 +43,7 @@ def limits(p, v, load, temp):
     s = F_c0 + F_cl * carried + F_sl * carried * fading(v, v_sl, delta)
     s += (F_s0 + F_sT * temp) * fading(v, v_s, delta)
     s = max(s, 0.0)
-    return -s, s, (F_v0 + F_vT * np.exp(-temp / T_v)) * v
+    return -s, s, (F_v0 + F_vT * exp(-temp / T_v)) * v
 
 
 @dataclass(frozen=True, kw_only=True)

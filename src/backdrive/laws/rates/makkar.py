@@ -12,9 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numpy as np
-
 from backdrive._jit import leaf
+from backdrive.elementary import tanh
 from backdrive.laws.base import Parameter, Rate
 
 MAKKAR = "example of this law in the MathWorks System Identification Toolbox (idnlgreydemo5)"
@@ -23,7 +22,7 @@ MAKKAR = "example of this law in the MathWorks System Identification Toolbox (id
 @leaf
 def limits(p, v, load, temp):
     """Rate law: no set-valued part; the whole curve is in the last number."""
-    rise, fall, coulomb = np.tanh(p[2] * v), np.tanh(p[3] * v), np.tanh(p[5] * v)
+    rise, fall, coulomb = tanh(p[2] * v), tanh(p[3] * v), tanh(p[5] * v)
     return 0.0, 0.0, p[1] * (rise - fall) + p[4] * coulomb + p[6] * v
 
 

@@ -12,9 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numpy as np
-
 from backdrive._jit import leaf
+from backdrive.elementary import tanh
 from backdrive.laws.base import Parameter, Rate
 
 GAZ = "Gaz et al., IEEE RA-L 4(4), 2019, joint 1"
@@ -25,7 +24,7 @@ def limits(p, v, load, temp):
     """Rate law: no set-valued part; the whole curve is in the last number."""
     phi_1, phi_2, phi_3 = p[1], p[2], p[3]
     # a/(1 + e^-x) - a/(1 + e^-y) = a/2 (tanh(x/2) - tanh(y/2)): no overflow
-    return 0.0, 0.0, 0.5 * phi_1 * (np.tanh(0.5 * phi_2 * (v + phi_3)) - np.tanh(0.5 * phi_2 * phi_3))
+    return 0.0, 0.0, 0.5 * phi_1 * (tanh(0.5 * phi_2 * (v + phi_3)) - tanh(0.5 * phi_2 * phi_3))
 
 
 @dataclass(frozen=True, kw_only=True)

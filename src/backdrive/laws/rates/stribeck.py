@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from backdrive._jit import leaf
+from backdrive.elementary import exp, pow
 from backdrive.laws.base import Parameter, Rate
 
 CANUDAS = "Canudas de Wit et al., IEEE TAC 40(3), 1995, Table I"
@@ -25,10 +26,10 @@ def fading(v, v_s, delta):
     """exp(-|v/v_s|^delta): 1 at rest, 0 at speed."""
     r = abs(v) * (1.0 / v_s)  # in a loop over ticks the division is done once
     if delta == 2.0:
-        return np.exp(-r * r)
+        return exp(-r * r)
     if delta == 1.0:
-        return np.exp(-r)
-    return np.exp(-(r**delta))
+        return exp(-r)
+    return exp(-pow(r, delta))
 
 
 @leaf

@@ -24,6 +24,8 @@ _FILTER_SAMPLES, _FILTER_SECONDS = 8.0, 40e-3
 _SURE, _LEFT, _CLEAR, _MISFIT = 6.0, 0.45, 0.2, 0.25
 #: A slip that is worth this share of the torque's scatter is worth a word; from the second on it spoils a fit.
 _WORTH, _SPOILS = 0.015, 0.05
+#: A slip that spoils leaves no more than this share of the misfit where one shift of the whole log is the cause [1].
+_ONE_SHIFT = 0.1
 #: Distances by which friction itself may lag after a reversal, as shares of the range [1].
 _DISTANCES = (0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2)
 #: With such friction, this share of a slip is left of a real one [1].
@@ -66,18 +68,27 @@ def find(exam: Exam) -> Iterator[Finding]:
         if slip is None or not _certain(exam, j, slip) or _by_distance(exam, j, slip):
             continue
         way = "late" if slip.samples > 0 else "early"
+        spoils = slip.effect > _SPOILS
+        one = not spoils or slip.left <= _ONE_SHIFT
         late = abs(slip.samples)
         yield Finding(
             joint=joint,
             channel="torque",
-            severity="spoils" if slip.effect > _SPOILS else "warn",
+            severity="spoils" if spoils else "warn",
             sentence=(
                 f"torque of {joint} comes {late:.1f} samples ({1e3 * late * exam.period:.1f} ms) {way} against its motion "
-                f"(standard error {slip.error:.1g}); that is worth {100 * slip.effect:.1f} % of the torque."
+                f"(standard error {slip.error:.1g}); that is worth {100 * slip.effect:.1f} % of the torque"
+                + (
+                    "."
+                    if one
+                    else f", {100 * slip.left:.0f} % of which no shift takes away: it comes and goes."
+                )
             ),
-            remedy=f"Shift torque by {round(late)} samples (--repair does), or record both from one message.",
+            remedy=f"Shift torque by {round(late)} samples (--repair does), or record both from one message."
+            if one
+            else "Record torque and position from one message; or keep the part before the slip began.",
             value=slip.samples,
-            repairable=True,
+            repairable=one,
         )
 
 

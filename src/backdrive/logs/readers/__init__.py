@@ -38,6 +38,7 @@ def read_log(
     counts: float | Sequence[float] | None = None,
     motor_side: str | Sequence[str] | None = None,
     coupling: Sequence[Sequence[float]] | None = None,
+    coupling_side: str | None = None,
     join: str | os.PathLike | Sequence[str | os.PathLike] = (),
     limits: Limits | None = None,
     guarded: bool = True,
@@ -56,6 +57,7 @@ def read_log(
         counts: encoder counts per rad or m at the joint [1/rad or 1/m].
         motor_side: which of `q`, `dq`, `qr` and `tau` the gear brings to the joint; None: `tau`.
         coupling: C of q_joint = C q_motor, (J, J); the torque goes by its inverse transpose.
+        coupling_side: side that the channels are of, `motor`, or `joint` where the controller resolves the coupling already.
         join: files whose columns are interpolated onto this one's clock.
         limits: what parsing may use.
         guarded: parse in another process. Without it a hostile file can end this one.
@@ -108,6 +110,7 @@ def read_log(
         counts=counts,
         motor_side=motor_side,
         coupling=coupling,
+        coupling_side=coupling_side,
         sources=sources,
     )
 

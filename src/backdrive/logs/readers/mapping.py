@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -28,6 +28,7 @@ def to_log(
     counts: float | Sequence[float] | None = None,
     motor_side: str | Sequence[str] | None = None,
     coupling: Sequence[Sequence[float]] | None = None,
+    coupling_side: str | None = None,
     sources: tuple[Source, ...] = (),
 ) -> Log:
     """Make a log of a file's columns.
@@ -41,6 +42,7 @@ def to_log(
         counts: encoder counts per rad or m at the joint [1/rad or 1/m].
         motor_side: which of `q`, `dq`, `qr` and `tau` the gear brings to the joint; None: `tau`.
         coupling: C of q_joint = C q_motor, after the gear (J, J); the torque goes by its inverse transpose.
+        coupling_side: side that the channels are of, `motor` or `joint`; None: `motor`.
         sources: files the columns came from.
 
     Returns:
@@ -51,6 +53,7 @@ def to_log(
         InvalidInput: names, units, gear, counts, motor side or coupling do not fit the joints.
     """
     on_motor = motor_channels(motor_side, gear)
+    side = _side(coupling_side, coupling)
     asked = _expression.parse(map, columns.arrays) if map is not None else {}
     found = automatic(columns, asked)
     values = Values(columns, found.units, length(columns, asked, found))
@@ -107,7 +110,20 @@ def to_log(
     if motor_side is not None:
         log = divide_by_gear(log, on_motor)
     log = log.on_joint_side()
-    return log if coupling is None else log.apply_coupling(coupling)
+    return log if coupling is None else log.apply_coupling(coupling, side)
+
+
+def _side(side: str | None, coupling: object) -> Literal["motor", "joint"]:
+    """Return the side of a coupling that the channels are of.
+
+    Raises:
+        InvalidInput: it is no side, or there is no coupling.
+    """
+    if side is not None and coupling is None:
+        raise InvalidInput("A side of a coupling, and no coupling.", remedy="Give its matrix (--coupling).")
+    if side not in (None, "motor", "joint"):
+        raise InvalidInput(f"The coupling's side is '{side}'.", remedy="It is motor or joint.")
+    return "joint" if side == "joint" else "motor"
 
 
 def _align_patterns(values: Values) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.plans import ConstantVelocity, InTurn, Sweep
+from backdrive.plans import ArmPlan, ConstantVelocity, InTurn, Sweep
 from backdrive.plans.base import torque_unit
 from backdrive.plans.limits import JointLimits
 from backdrive.plans.stroke import SHARE
@@ -38,6 +38,8 @@ def plan_figure(
         MissingExtra: matplotlib is not installed.
         InvalidInput: joints of different units are in one plan.
     """
+    if isinstance(plan, ArmPlan):
+        return _arm_figure(plan, limits or {}, theme)
     single = plan.plans if isinstance(plan, InTurn) else (plan,)
     units = {one.unit for one in single}
     if len(units) > 1:
@@ -74,6 +76,49 @@ def plan_figure(
         y = 1.0 - 12.0 / height
         figure.text(_LEFT / WIDTH, y, _title(plan, single), color=theme.ink, va="center", fontweight="bold")
         _key(figure, theme, (1.0 - _RIGHT / WIDTH, y))
+    return figure
+
+
+def _arm_figure(plan: ArmPlan, limits: Mapping[str, JointLimits], theme: Theme) -> Any:
+    """Return a figure of a plan of a whole arm: every joint's position, and its speed as a share of its limit.
+
+    Shaded are the full pace and the slow part; dashed lines are the ends of a joint's range, where they are near.
+    """
+    J = len(plan.joints)
+    tall = 62.0
+    height = _TOP + _BOTTOM + J * tall + (J - 1) * 0.4 * GAP
+    t = plan.start + np.linspace(0.0, plan.duration, _POINTS)
+    position = plan.position(t)
+    with canvas.house_style():
+        figure = canvas.new_figure(theme, WIDTH, height)
+        for j, name in enumerate(plan.joints):
+            bottom = _BOTTOM + (J - 1 - j) * (tall + 0.4 * GAP)
+            axes = canvas.axes_of(figure, theme, (_LEFT, bottom, WIDTH - _LEFT - _RIGHT, tall))
+            for begin, end in plan.windows():
+                axes.axvspan(begin, end, facecolor=theme.band, alpha=0.10, linewidth=0, zorder=0)
+            axes.plot(t, position[:, j], color=theme.ink, linewidth=1.2, zorder=3)
+            _draw_limits(axes, theme, (plan.plan_of(name),), "position", limits)
+            canvas.name_axes(
+                axes,
+                theme,
+                x="time [s]" if j == J - 1 else "",
+                y="",
+            )
+            axes.set_xlim(plan.start - 0.01 * plan.duration, plan.start + 1.01 * plan.duration)
+            axes.annotate(
+                f"{name} [{canvas.pretty_unit(plan.units[j])}]",
+                (0.0, 1.0),
+                xycoords="axes fraction",
+                xytext=(4, 2),
+                textcoords="offset points",
+                color=theme.muted,
+                fontsize=canvas.FONT_SIZE - 1.5,
+            )
+            if j < J - 1:
+                axes.tick_params(labelbottom=False)
+        y = 1.0 - 12.0 / height
+        title = f"motion of {J} joints at once, {plan.duration:.4g} s: at full pace, then slowly"
+        figure.text(_LEFT / WIDTH, y, title, color=theme.ink, va="center", fontweight="bold")
     return figure
 
 

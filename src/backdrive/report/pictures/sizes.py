@@ -44,3 +44,21 @@ def thin(n: int, most: int = 1500, keep: np.ndarray | None = None) -> np.ndarray
         importance = np.where(np.isfinite(keep), np.abs(keep), -1.0)
         extra = np.argsort(-importance, kind="stable")[:20]
     return np.unique(np.concatenate([np.linspace(0, n - 1, most - extra.size).astype(np.intp), extra]))
+
+
+def extremes(x: np.ndarray, bins: int) -> np.ndarray:
+    """Return sorted indices of the least and the largest sample of each of many equal stretches, for a line over time.
+
+    Args:
+        x: series, (n,); NaN counts as 0.
+        bins: number of stretches.
+    """
+    if x.size <= 2 * bins:
+        return np.arange(x.size)
+    edges = np.linspace(0, x.size, bins + 1).astype(np.intp)
+    plain = np.nan_to_num(x)
+    picked = [0, x.size - 1]
+    for a, b in zip(edges[:-1].tolist(), edges[1:].tolist()):
+        part = plain[a:b]
+        picked += [a + int(part.argmin()), a + int(part.argmax())]
+    return np.unique(np.array(picked, dtype=np.intp))

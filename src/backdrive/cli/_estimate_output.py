@@ -1,0 +1,137 @@
+"""What `backdrive estimate` says: figures as JSON, and tables for a terminal."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from backdrive.cli._output import console as new_console
+from backdrive.cli._output import print_lines, table
+
+if TYPE_CHECKING:
+    from backdrive.external import ForceEstimate, JointForce
+    from backdrive.external.wrench import WrenchEstimate
+
+MOST = 20  # contacts that a terminal lists
+
+
+def document(result: ForceEstimate, remarks: list[str]) -> dict[str, Any]:
+    """Return everything as one JSON object, in SI.
+
+    Args:
+        result: of `estimate_force`.
+        remarks: what is to be said of log and result.
+    """
+    joints = {j.joint.name: figures(j) for j in result.joints}
+    for name, calibration in result.calibrations.items():
+        if name in joints:
+            bands = {"moving": calibration.moving, "reversing": calibration.reversing}
+            joints[name]["calibration"] = {"duration": calibration.duration} | {
+                state: None if b is None else asdict(b) for state, b in bands.items()
+            }
+    told: dict[str, Any] = {"ok": True, "joints": joints, "warnings": remarks}
+    if result.wrench is not None:
+        told["wrench"] = wrench_figures(result.wrench)
+    if result.contacts is not None:
+        told["false_alarms_per_hour"] = result.false_alarms
+        told["thresholds"] = [asdict(t) for t in result.thresholds]
+        told["contacts"] = [
+            {"begin": c.begin, "end": c.end, "joints": list(c.joints), "forces": dict(c.forces)}
+            for c in result.contacts
+        ]
+    return told
+
+
+def figures(one: JointForce) -> dict[str, Any]:
+    """Return what the command says of a joint, in SI."""
+    largest = int(np.argmax(np.abs(one.force)))
+    return {
+        "method": one.method,
+        "bandwidth": one.bandwidth,
+        "lag": None if np.isnan(one.lag) else one.lag,
+        "unit": one.joint.torque_unit,
+        "rms": float(np.sqrt(np.mean(one.force**2))),
+        "largest": float(one.force[largest]),
+        "time_of_largest": float(one.time[largest]),
+        "share_outside_band": float(np.mean(one.outside)),
+        "rms_error": one.rms_error,
+    }
+
+
+def wrench_figures(wrench: WrenchEstimate) -> dict[str, Any]:
+    """Return what the command says of a wrench, in SI."""
+    error = wrench.rms_error
+    return {
+        "frame": wrench.frame,
+        "components": ["fx", "fy", "fz", "mx", "my", "mz"],
+        "rms": np.sqrt(np.mean(wrench.wrench**2, axis=0)).tolist(),
+        "largest": wrench.wrench[np.abs(wrench.wrench).argmax(axis=0), range(6)].tolist(),
+        "standard_deviation": np.median(wrench.deviation, axis=0).tolist(),
+        "share_singular": float(np.mean(wrench.singular)),
+        "rms_error": None if error is None else error.tolist(),
+    }
+
+
+def print_result(result: ForceEstimate, remarks: list[str]) -> None:
+    """Print a line a joint, a line a contact, and the remarks."""
+    console = new_console()
+    known = any(j.known is not None for j in result.joints)
+    headings = ["joint", "method", "bandwidth", "rms", "largest", "at", "acted on"]
+    rows = table(*headings, *(["error, rms"] if known else []), text=("joint", "method"))
+    for one in result.joints:
+        f, unit = figures(one), one.joint.torque_unit
+        cells = [
+            one.joint.name,
+            one.method,
+            f"{one.bandwidth:.3g} 1/s",
+            f"{f['rms']:.3g} {unit}",
+            f"{f['largest']:.3g} {unit}",
+            f"{f['time_of_largest']:.4g} s",
+            f"{100 * f['share_outside_band']:.0f} % of the time",
+        ]
+        rows.add_row(
+            *cells, *([f"{one.rms_error:.3g} {unit}" if one.rms_error is not None else ""] if known else [])
+        )
+    console.print(rows)
+    if result.wrench is not None:
+        _print_wrench(console, result.wrench)
+    if result.contacts is not None:
+        _print_contacts(console, result)
+    print_lines(console, remarks, style="yellow")
+
+
+def _print_wrench(console: Any, wrench: WrenchEstimate) -> None:
+    f = wrench_figures(wrench)
+    console.print(f"\nwrench at {wrench.frame}, along the axes of the base")
+    error = f["rms_error"]
+    rows = table(
+        "component",
+        "rms",
+        "largest",
+        "standard deviation",
+        *(["error, rms"] if error else []),
+        text=("component",),
+    )
+    for i, name in enumerate(f["components"]):
+        unit = "N" if i < 3 else "N.m"
+        cells = [f"{f[key][i]:.3g} {unit}" for key in ("rms", "largest", "standard_deviation")]
+        rows.add_row(name, *cells, *([f"{error[i]:.3g} {unit}"] if error else []))
+    console.print(rows)
+
+
+def _print_contacts(console: Any, result: ForceEstimate) -> None:
+    contacts, units = result.contacts or (), {j.joint.name: j.joint.torque_unit for j in result.joints}
+    count = "no contact" if not contacts else f"{len(contacts)} contact{'s' * (len(contacts) > 1)}"
+    console.print(
+        f"\n{count}, at thresholds for {result.false_alarms:g} false an hour of all joints together"
+    )
+    if contacts:
+        rows = table("begin", "end", "joint", "largest", text=("joint",))
+        for c in contacts[:MOST]:
+            largest = "  ".join(f"{f:+.3g} {units[name]}" for name, f in c.forces.items())
+            rows.add_row(f"{c.begin:.3f} s", f"{c.end:.3f} s", ", ".join(c.joints), largest)
+        console.print(rows)
+        if len(contacts) > MOST:
+            console.print(f"and {len(contacts) - MOST} more (--json lists all)")

@@ -1,0 +1,156 @@
+"""What `backdrive plan arm` says of a plan: its motion, the standard errors to be expected, and what it cannot show."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from backdrive.cli._plan_request import Request
+from backdrive.identification.arm_expected import StandardError
+from backdrive.plans.arm import ArmPlan
+from backdrive.plans.base import torque_unit
+from backdrive.plans.limits import JointLimits
+
+NOISE, FRICTION = 0.01, 0.05  # of the torque limit, unless they are given [-]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ArmOutcome:
+    """A plan of an arm and what is known of it before anyone moves.
+
+    Attributes:
+        plan: that was chosen.
+        limits: of its joints, without the margin.
+        errors: standard errors to be expected.
+        peaks: largest share of position, speed, acceleration and torque that each joint uses [-], (4, J).
+        nearest: smallest distance of links beside what they need [m], and which; None: not looked at.
+        notes: what was not checked, and what to watch.
+    """
+
+    plan: ArmPlan
+    limits: dict[str, JointLimits]
+    errors: list[StandardError]
+    peaks: np.ndarray
+    nearest: tuple[float, tuple[str, str]] | None
+    notes: list[str]
+
+
+def notes_of(request: Request, errors: Sequence[StandardError]) -> list[str]:
+    """Return what this motion cannot show, and what was taken for granted."""
+    notes = []
+    blind = [f"{e.name} of {e.joint}" for e in errors if not e.shows]
+    if blind:
+        notes.append(
+            f"This motion hardly shows {len(blind)} of {len(errors)} parameters, which will stay near the description's: "
+            f"{', '.join(blind)}."
+        )
+    notes.append(
+        "No motion tells a joint's constant friction difference between directions from an offset of its torque, or single "
+        "masses from their combinations; friction above the planned speeds and at rest, temperature and wear are not shown either."
+    )
+    if request.noise is None:
+        notes.append(
+            f"The noise below 5 Hz was taken to be {100 * NOISE:g} % of the torque limit: with --noise, "
+            "what an earlier identification left, errors are in proportion."
+        )
+    if request.friction is None:
+        notes.append(f"Friction was taken to be {100 * FRICTION:g} % of the torque limit: --friction.")
+    if request.floor is None:
+        notes.append(
+            "Only the arm itself was looked at: keep floor, table and people away, or give --floor HEIGHT."
+        )
+    return notes
+
+
+def figures_of(outcome: ArmOutcome) -> list[dict[str, Any]]:
+    """Return what a person wants to know of every joint's motion, SI."""
+    t = outcome.plan.start + np.linspace(0.0, outcome.plan.duration, 20_000)
+    q, dq, ddq = (getattr(outcome.plan, f)(t) for f in ("position", "velocity", "acceleration"))
+    return [
+        {
+            "joint": name,
+            "unit": outcome.plan.units[j],
+            "kind": "arm",
+            "duration": outcome.plan.duration,
+            "begins_at": float(q[0, j]),
+            "position": [float(q[:, j].min()), float(q[:, j].max())],
+            "peak_velocity": float(np.abs(dq[:, j]).max()),
+            "peak_acceleration": float(np.abs(ddq[:, j]).max()),
+            "torque_share": float(outcome.peaks[3, j]),
+        }
+        for j, name in enumerate(outcome.plan.joints)
+    ]
+
+
+def errors_of(outcome: ArmOutcome) -> list[dict[str, Any]]:
+    """Return the standard errors to be expected, SI."""
+    return [
+        {
+            "joint": e.joint,
+            "parameter": e.name,
+            "unit": e.unit,
+            "standard_error": e.expected,
+            "shows": e.shows,
+        }
+        for e in outcome.errors
+    ]
+
+
+def show(outcome: ArmOutcome, written: Sequence[Path]) -> None:
+    """Print the plan for a person."""
+    from backdrive.cli._output import console as new_console
+    from backdrive.cli._output import print_lines, table
+
+    plan, console = outcome.plan, new_console()
+    console.print(
+        f"motion of {len(plan.joints)} joints for {', '.join(plan.purpose)}: {plan.duration:.4g} s, "
+        f"{plan.slow_time:.3g} s of it slowly; path of {plan.period:.4g} s, closed {plan.periods} times"
+    )
+    rows = table(
+        "joint", "begins at", "from", "to", "unit", "speed", "accel.", "torque used", text=("joint", "unit")
+    )
+    for f in figures_of(outcome):
+        low, high = f["position"]
+        rows.add_row(
+            f["joint"],
+            f"{f['begins_at']:.3f}",
+            f"{low:.3f}",
+            f"{high:.3f}",
+            f["unit"],
+            f"{f['peak_velocity']:.3g}",
+            f"{f['peak_acceleration']:.3g}",
+            f"{100 * f['torque_share']:.0f} %",
+        )
+    console.print(rows)
+    if outcome.nearest is not None and math.isfinite(outcome.nearest[0]):
+        spare, links = outcome.nearest
+        console.print(
+            f"Links keep their distance, narrowest {links[0]} and {links[1]}: {1e3 * spare:.3g} mm to spare."
+        )
+    console.print("Standard errors to be expected:")
+    rows = table("joint", "Coulomb", "viscous", "offset", "motor inertia", "unit", text=("joint", "unit"))
+    for name, unit in zip(plan.joints, plan.units):
+        own = {e.name: e for e in outcome.errors if e.joint == name}
+        cells = [_cell(own[key]) for key in ("coulomb", "viscous", "offset", "inertia")]
+        rows.add_row(
+            name, *cells, f"{torque_unit(unit)}, s/{unit}, kg.m^2" if unit == "rad" else "N, s/m, kg"
+        )
+    console.print(rows)
+    bodies = [e for e in outcome.errors if e.name not in ("coulomb", "viscous", "offset", "inertia")]
+    rows = table("link of", "base parameters", text=("link of", "base parameters"))
+    for name in plan.joints:
+        cells = [f"{e.name} {_cell(e)} {e.unit}" for e in bodies if e.joint == name]
+        if cells:
+            rows.add_row(name, ", ".join(cells))
+    console.print(rows)
+    print_lines(console, outcome.notes, style="yellow")
+    console.print(f"Wrote {', '.join(map(str, written))}")
+
+
+def _cell(error: StandardError) -> str:
+    return f"{error.expected:.2g}" if error.shows else "-"

@@ -1,0 +1,115 @@
+"""What runs on one joint of an arm and on the motor that drives it, and within which limits."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+from backdrive.control.admittance import Admittance
+from backdrive.control.joint_loop import JointLoop
+from backdrive.errors import InvalidInput
+from backdrive.parameters import FINITE, NOT_NEGATIVE, Bound, Bounded
+from backdrive.plans.limits import JointLimits
+
+MARGIN = {"rad": 0.15, "m": 0.05}  # depth of a wall where nobody gives one
+NARROW = 0.1  # share of the range that it takes at most
+DAMPING = 1.0  # damping ratio of a joint against its wall
+STIFFEST = 50.0  # angular frequency of a joint on its wall, at most [rad/s]
+SAMPLED = 0.06  # the same, times the period [-]
+EFFORT = Bound(1e-6, 1e5, "N.m or N")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmJoint(Bounded):
+    """What runs on one joint, within which limits.
+
+    Where motors are coupled, `loop`, `effort` of the limits, `inertia` and `gravity` are those of the motor of the same number, the
+    rest of the joint.
+
+    Attributes:
+        loop: compensation of friction within its own limits.
+        limits: range of the joint, and the largest torque (`effort`) of everything together.
+        inertia: that the motor adds to the rigid bodies [kg.m^2 or kg].
+        offset: torque that is always there beside gravity, and is held with it [N.m or N].
+        admittance: virtual mass that the estimated external torque moves; None: the joint is guided.
+        threshold: external torque that does not move the virtual mass [N.m or N].
+        margin: depth of the soft walls before the ends of the range [rad or m]; None: 0.15 rad or 0.05 m, at most a tenth of the
+            range.
+        gravity: largest torque against gravity [N.m or N]; None: a quarter more than the arm weighs in any posture.
+        wall: largest torque of walls and admittance [N.m or N]; None: what the effort leaves.
+
+    Raises:
+        InvalidInput: a number is no number or outside, there is no finite effort, or the walls take more than the range.
+    """
+
+    BOUNDS: ClassVar = dict.fromkeys(("inertia", "threshold", "margin", "gravity", "wall"), NOT_NEGATIVE) | {
+        "offset": FINITE
+    }
+
+    loop: JointLoop
+    limits: JointLimits
+    inertia: float = 0.0
+    offset: float = 0.0
+    admittance: Admittance | None = None
+    threshold: float = 0.0
+    margin: float | None = None
+    gravity: float | None = None
+    wall: float | None = None
+
+    def __post_init__(self):
+        super().__post_init__()
+        if not EFFORT.holds(self.limits.effort):
+            raise InvalidInput(
+                f"Joint '{self.limits.name}': the largest torque of the motor is {self.limits.effort:g}.",
+                remedy=f"Give `JointLimits(effort=...)`, a number {EFFORT} {EFFORT.unit}.",
+            )
+        if 2.0 * self.depth >= self.limits.upper - self.limits.lower:
+            raise InvalidInput(
+                f"Joint '{self.limits.name}': walls of {self.depth:g} {self.limits.unit} leave nothing of the range from "
+                f"{self.limits.lower:g} to {self.limits.upper:g}.",
+                remedy="Give a smaller `margin`.",
+            )
+
+    @property
+    def depth(self) -> float:
+        """Depth of the walls [rad or m]."""
+        if self.margin is not None:
+            return self.margin
+        usual = MARGIN[self.limits.unit]
+        size = self.limits.upper - self.limits.lower
+        return min(usual, NARROW * size) if math.isfinite(size) else usual
+
+    def walls(
+        self, gravity: float, inertia: tuple[float, float], interval: float
+    ) -> tuple[float, float, float]:
+        """Return the largest torque of walls and admittance, and stiffness and lead time of the walls.
+
+        A wall is as stiff as its torque and depth make it, and no stiffer than a sampled spring may be against the least inertia.
+
+        Args:
+            gravity: largest torque against gravity [N.m or N].
+            inertia: least and largest of the joint with its motor [kg.m^2 or kg].
+            interval: period [s].
+
+        Returns:
+            Limit [N.m or N], stiffness [N.m/rad or N/m], lead time [s].
+
+        Raises:
+            InvalidInput: at the end of the range a wall has not more than the compensation may give, so that it could not hold.
+        """
+        left = self.limits.effort - gravity - self.loop.limit
+        limit = left if self.wall is None else self.wall
+        fastest = min(STIFFEST, SAMPLED / interval)
+        stiffness = min(max(limit, 0.0) / max(self.depth, 1e-9), inertia[0] * fastest**2)
+        bounded = math.isfinite(self.limits.lower) or math.isfinite(self.limits.upper)
+        if limit < 0.0 or (bounded and stiffness * self.depth <= self.loop.limit):
+            raise InvalidInput(
+                f"Joint '{self.limits.name}': of {self.limits.effort:g} N.m or N, gravity takes up to {gravity:.4g} and the "
+                f"compensation of friction {self.loop.limit:.4g}; walls of {max(stiffness * self.depth, 0.0):.4g} would not hold "
+                "against that.",
+                remedy="Give a smaller limit of compensation, walls that are stronger (`wall`) or deeper (`margin`), or the "
+                "motor's `inertia`.",
+            )
+        lead = 2.0 * DAMPING * math.sqrt(inertia[1] / stiffness) if stiffness > 0.0 else 0.0
+        return limit, stiffness, lead

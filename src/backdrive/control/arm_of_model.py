@@ -1,0 +1,143 @@
+"""What runs on the joints of an arm, from its identified model and the robot's description."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from backdrive.control.arm_joint import ArmJoint
+from backdrive.control.compensators import Dither, alg_fc, nothing
+from backdrive.control.compensators.compensator import SHARE
+from backdrive.control.estimators.arm import ArmForce
+from backdrive.control.estimators.external import ExternalForce
+from backdrive.control.estimators.friction import NOTHING, alg_fe
+from backdrive.control.estimators.of_model import BEND, at_rest
+from backdrive.control.joint_loop import JointLoop, torque_limit
+from backdrive.errors import InvalidInput
+from backdrive.model import FrictionModel, JointFriction
+from backdrive.plans.limits import JointLimits
+from backdrive.robot import Robot
+
+SOFTER = 0.5  # stiffness of the compensator's contact by the model's own, which must not yield later [-]
+
+
+def joints_of(
+    model: FrictionModel,
+    robot: str | Path | Robot,
+    *,
+    limits: Mapping[str, JointLimits] | None = None,
+    share: float = SHARE,
+    dither: Dither | None = None,
+    bend: float | None = None,
+    encoder_count: float | None = None,
+    method: str = "momentum",
+    bandwidth: float = 50.0,
+    frame: str | None = None,
+) -> tuple[dict[str, ArmJoint], ArmForce]:
+    """Return what runs on each joint of an identified arm, and the estimator of the external torque.
+
+    Args:
+        model: of a whole arm.
+        robot: path of its description, or the robot, with limits of speed and torque.
+        limits: of joints by name, instead of the description's.
+        share: R, of the friction that is compensated; 0: nothing is [-].
+        dither: at rest; None: none.
+        bend: of the contacts of compensator and estimator until they slide [rad or m]; None: twice that of the model's own, or
+            1 mrad, 0.1 mm. One that bends less than the real joint feeds on itself.
+        encoder_count: step of the encoders [rad or m]; None: the model's.
+        method: of the estimate of the external torque.
+        bandwidth: of the estimate [1/s].
+        frame: at which a wrench is wanted; None: none.
+
+    Raises:
+        InvalidInput: the model is not of an arm or not of this one, or a speed, a torque or a count is not known.
+        UnknownName: there is no such frame.
+    """
+    force = ArmForce.from_model(model, robot, method=method, bandwidth=bandwidth, frame=frame)
+    known = force.bodies.robot
+    C = coupling_of(model, known)
+    coupled = C is not None and bool(np.any(np.eye(len(known.joints)) != C))
+    joints, contacts = {}, []
+    for k, name in enumerate(known.joints):
+        friction = model.joint(name)
+        own = (limits or {}).get(name) or _range(known, k)
+        count = _count(friction, encoder_count)
+        for what in ("velocity", "effort"):
+            if not math.isfinite(getattr(own, what)):
+                raise InvalidInput(
+                    f"Joint '{name}': nobody knows its largest {'speed' if what == 'velocity' else 'torque'}.",
+                    remedy=f"Give `limits` with `JointLimits({what}=...)`, or write it into the description.",
+                )
+        K, inertia = _stiffness(friction, count, bend), force.inertia[k]
+        estimator = alg_fe(friction.law, K)
+        compensator = nothing()
+        if share > 0.0:
+            compensator = alg_fc(friction.law, K, dither=dither, share=share)
+        external = None
+        if coupled:  # for its friction alone, which is the motor's
+            external = ExternalForce(inertia=max(inertia, 1e-6), friction=estimator)
+        loop = JointLoop(
+            compensator=compensator,
+            external=external,
+            limit=min(torque_limit(compensator, own.velocity), own.effort),
+            top_speed=own.velocity,
+            encoder_count=count,
+        )
+        joints[name] = ArmJoint(loop=loop, limits=own, inertia=inertia, offset=force.offset[k])
+        contacts.append(NOTHING if coupled else estimator)
+    return joints, force.replace(friction=tuple(contacts))
+
+
+def coupling_of(model: FrictionModel, robot: Robot) -> np.ndarray | None:
+    """Return C of q_joint = C q_motor in the order of a robot's joints, (J, J); None where each motor drives its own joint.
+
+    Args:
+        model: of friction.
+        robot: whose joints are wanted.
+
+    Raises:
+        InvalidInput: the matrix holds joints that the robot does not have, or lacks some.
+    """
+    if model.coupling is None:
+        return None
+    rows = model.coupled or model.names
+    if set(rows) != set(robot.joints):
+        raise InvalidInput(
+            f"The coupling is of {', '.join(rows)}, and {robot.name} has {', '.join(robot.joints)}.",
+            remedy="Identify all of its joints together.",
+        )
+    order = [rows.index(name) for name in robot.joints]
+    return np.array(model.coupling)[np.ix_(order, order)]
+
+
+def _range(robot: Robot, k: int) -> JointLimits:
+    """Return what the description allows a joint."""
+    limits = JointLimits(name=robot.joints[k], unit=robot.units[k])
+    if not robot.ranges:
+        return limits
+    own = robot.ranges[k]
+    return replace(limits, lower=own.lower, upper=own.upper, velocity=own.velocity, effort=own.effort)
+
+
+def _count(friction: JointFriction, count: float | None) -> float:
+    """Return the step of a joint's encoder [rad or m]."""
+    if count is not None:
+        return count
+    if friction.joint.encoder_counts is None:
+        raise InvalidInput(
+            f"Joint '{friction.joint.name}': the model has no encoder count.",
+            remedy="Give `encoder_count`, the step of the encoder in rad or m.",
+        )
+    return 1.0 / friction.joint.encoder_counts
+
+
+def _stiffness(friction: JointFriction, count: float, bend: float | None) -> float:
+    """Return the stiffness of the compensator's contact: half of the model's, or friction over a bend that few joints exceed."""
+    own = getattr(friction.law.element, "stiffness", None)
+    F = max(at_rest(friction.law), 1e-9)
+    K = SOFTER * own if isinstance(own, float) else F / BEND[friction.joint.unit]
+    return min(K if bend is None else F / bend, F / count)

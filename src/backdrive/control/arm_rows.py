@@ -1,0 +1,108 @@
+"""The tables of an arm's loop before the first tick: ranges, largest torques, and what they may be given for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from backdrive.control import arm_kernel as kernel
+from backdrive.control.arm_joint import ArmJoint
+from backdrive.control.bodies import Bodies
+from backdrive.control.estimators.arm import ArmForce, ArmForceTick
+from backdrive.control.joint_loop import LATCH_TIME
+from backdrive.control.table import FADE, LATCHING, LIMIT, NOMINAL, PATIENCE, RAMP, RATE, TABLE, TOP
+from backdrive.errors import InvalidInput
+from backdrive.robot import Robot
+
+POSTURES = 300  # random ones, over which gravity and inertia are looked at
+HEAVIER = 1.25  # limit of gravity by the most of these [-]
+SLOWER = 0.8  # of the top speed, up to which a virtual mass moves [-]
+BRISK = 0.05  # in which walls and admittance go from zero to their limit [s]
+
+
+def limits(
+    joints: Sequence[ArmJoint],
+    bodies: Bodies,
+    coupling: np.ndarray,
+    interval: float,
+    settings: Mapping[int, float],
+) -> np.ndarray:
+    """Return the arm's table for `arm_kernel.tick`, at rest at zero, (ROWS, J).
+
+    Args:
+        joints: what runs on each.
+        bodies: what they weigh.
+        coupling: C of q = C p, (J, J).
+        interval: period [s].
+        settings: the same for all joints, by row.
+
+    Raises:
+        InvalidInput: what a motor can give beside gravity and friction is too little for walls that hold.
+    """
+    table = np.zeros((kernel.ROWS, len(joints)))
+    for row, value in settings.items():
+        table[row] = value
+    lower = np.array([max(j.limits.lower, -np.pi) for j in joints])
+    upper = np.array([min(j.limits.upper, np.pi) for j in joints])
+    postures = np.random.default_rng(0).uniform(lower, upper, (POSTURES, len(joints)))
+    weights, inertias = bodies.over(postures)
+    least, most = inertias.min(axis=0), inertias.max(axis=0)
+    heaviest = np.abs((weights + [joint.offset for joint in joints]) @ coupling).max(axis=0)
+    for k, joint in enumerate(joints):
+        weight = HEAVIER * float(heaviest[k]) if joint.gravity is None else joint.gravity
+        inertia = (float(least[k]) + joint.inertia, float(most[k]) + joint.inertia)
+        wall, stiffness, lead = joint.walls(weight, inertia, interval)
+        depth = joint.depth
+        table[kernel.EFFORT, k], table[kernel.WEIGHT, k] = joint.limits.effort, weight
+        table[kernel.OFFSET, k] = joint.offset
+        table[kernel.LOW, k], table[kernel.HIGH, k] = joint.limits.lower + depth, joint.limits.upper - depth
+        table[kernel.WALL, k], table[kernel.STIFFNESS, k] = wall, stiffness
+        table[kernel.LEAD, k] = lead
+        table[kernel.FOLLOWS, k] = float(joint.admittance is not None)
+        table[kernel.DEAD, k], table[kernel.FASTEST, k] = joint.threshold, SLOWER * joint.loop.top_speed
+    return table
+
+
+def output_stage(joints: Sequence[ArmJoint], table: np.ndarray, interval: float) -> np.ndarray:
+    """Return the table of the output stage (`control.guard`) that walls and admittances pass, (TABLE, J).
+
+    Args:
+        joints: what runs on each.
+        table: of `limits`.
+        interval: period [s].
+    """
+    stage, limit = np.zeros((TABLE, len(joints))), table[kernel.WALL]
+    stage[NOMINAL], stage[LIMIT] = interval, limit
+    stage[TOP] = np.inf  # the loop's own watch sees the speed
+    stage[RATE], stage[LATCHING] = limit / BRISK, limit / LATCH_TIME
+    for k, joint in enumerate(joints):
+        stage[RAMP, k] = limit[k] / joint.loop.ramp
+        stage[FADE, k], stage[PATIENCE, k] = joint.loop.fade, joint.loop.patience
+    return stage
+
+
+def in_order(robot: Robot, joints: Mapping[str, ArmJoint]) -> dict[str, ArmJoint]:
+    """Return what runs on each joint in the robot's order; refuse joints that are missing or not the robot's."""
+    if missing := [name for name in robot.joints if name not in joints]:
+        raise InvalidInput(
+            f"Nothing runs on {', '.join(missing)}, and {robot.name} has {len(robot.joints)} joints: {', '.join(robot.joints)}.",
+            remedy="Give an `ArmJoint` for each by name, with a compensator `nothing()` where none is meant.",
+        )
+    if unknown := [str(name) for name in joints if name not in robot.joints]:
+        raise InvalidInput(
+            f"{robot.name} has no joint {', '.join(unknown)}.", remedy=f"It has {', '.join(robot.joints)}."
+        )
+    return {name: joints[name] for name in robot.joints}
+
+
+def matching(force: ArmForce | None, robot: Robot, interval: float) -> ArmForceTick | None:
+    """Return what estimates the external torque in the loop; refuse an estimator of other joints."""
+    if force is None:
+        return None
+    if force.joints != robot.joints:
+        raise InvalidInput(
+            f"The estimator is of {', '.join(force.joints)}, and {robot.name} has {', '.join(robot.joints)}.",
+            remedy="Give one of this robot, its joints in this order.",
+        )
+    return force.online(interval)

@@ -1,0 +1,287 @@
+"""External torque on all joints of an arm, and the wrench at a frame: Iwatani 2017, (4.4), and the observers for n joints.
+
+    tau_e = M(q) a + h(q, v) + g(q) + tau_f + offset - u
+
+Methods, bandwidth and lag mean what they mean for one joint (`external`); what couples the joints is in `arm_kernel`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from backdrive.control.estimators import arm_kernel as k
+from backdrive.control.estimators.arm_bodies import ArmBodies
+from backdrive.control.estimators.arm_tick import FULL, SINGULAR, ArmForceTick, ArmSeries
+from backdrive.control.estimators.external import KNOWN
+from backdrive.control.estimators.friction import FrictionEstimator
+from backdrive.control.estimators.gains import lag as lag_of
+from backdrive.control.estimators.of_model import ABRUPT, at_rest, contact, with_break_away
+from backdrive.control.estimators.sliding_mode import MotionFilter
+from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.model import FrictionModel, JointFriction
+from backdrive.parameters import POSITIVE, Bounded
+from backdrive.robot import Robot, load_robot
+
+POSTURES = 200  # random ones, by which a posture is judged
+FAR = 10.0  # how much less certain than in the median posture a direction may be, before it is damped [-]
+SLOW = 5.0  # by the speed within which friction changes sign: below it a joint rests [-]
+WIDTH = 1.96  # of a 95 % band, by its standard deviation
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ArmForce(Bounded):
+    """An estimator of the external torque on all joints of an arm; arrays in the order of `joints`.
+
+    Attributes:
+        bodies: rigid bodies.
+        inertia: that each motor adds to its own joint [kg.m^2 or kg], (J,).
+        offset: torque that is always there [N.m or N], (J,).
+        friction: what is taken as friction, by joint.
+        sliding: standard deviation of the estimate while a joint moves [N.m or N], (J,).
+        resting: the same at rest, where friction may be anything [N.m or N], (J,).
+        slow: speed below which a joint counts as resting [rad/s or m/s], (J,).
+        filters: of the encoders, for `direct`; empty: those of the bandwidth.
+        method: `direct`, `momentum`, `disturbance`, `extended` or `kalman`.
+        bandwidth: L [1/s].
+        frame: at which a wrench is wanted; None: none.
+        force_rate: None; a rate of the force is for single joints.
+    """
+
+    BOUNDS: ClassVar = {"bandwidth": POSITIVE}
+    CHOICES: ClassVar = {"method": k.METHODS}
+
+    bodies: ArmBodies
+    inertia: tuple[float, ...]
+    offset: tuple[float, ...]
+    friction: tuple[FrictionEstimator, ...]
+    sliding: tuple[float, ...]
+    resting: tuple[float, ...]
+    slow: tuple[float, ...]
+    filters: tuple[MotionFilter, ...] = ()
+    method: str = "momentum"
+    bandwidth: float = 50.0
+    frame: str | None = None
+    force_rate: float | None = field(default=None, repr=False)
+
+    def __post_init__(self):
+        super().__post_init__()
+        robot, J = self.bodies.robot, len(self.joints)
+        for name in ("inertia", "offset", "friction", "sliding", "resting", "slow"):
+            if len(getattr(self, name)) != J:
+                raise InvalidInput(
+                    f"{len(getattr(self, name))} of {name} for {J} joints ({', '.join(self.joints)}).",
+                    remedy="Give one a joint.",
+                )
+        if self.frame is not None:
+            robot.frame(self.frame)
+            if J < FULL:
+                raise NotIdentifiable(
+                    f"{robot.name} has {J} joints, and a wrench has {FULL} components.",
+                    remedy="Take the torques of the joints (leave the frame out).",
+                )
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of all arrays."""
+        return self.bodies.robot.joints
+
+    @classmethod
+    def from_model(
+        cls,
+        model: FrictionModel,
+        robot: str | Path | Robot,
+        *,
+        method: str = "momentum",
+        bandwidth: float = 50.0,
+        frame: str | None = None,
+    ) -> ArmForce:
+        """Return an estimator with what a model knows of an arm: bodies, motors, offsets, friction and its growth, bands.
+
+        Args:
+            model: of a whole arm (`identify --method arm --urdf`).
+            robot: path of the description that the model was identified with, or the robot.
+            method: as above.
+            bandwidth: L [1/s].
+            frame: at which a wrench is wanted: a link, a fixed tool or a site; None: none.
+
+        Raises:
+            InvalidInput: the model is not of an arm, belongs to another description, or its motors drive several joints.
+            UnknownName: there is no such frame; all are listed.
+            NotIdentifiable: the arm has fewer than six joints and a wrench is wanted.
+        """
+        known = robot_of(model, robot)
+        if model.coupling is not None and np.any(np.array(model.coupling) != np.eye(len(model.coupling))):
+            raise InvalidInput(
+                "Motors of this arm drive several joints, and the model's friction is that of the motors.",
+                remedy="The force of coupled joints is not estimated; `estimate --payload` knows them.",
+            )
+        frictions = [with_break_away(model.joint(name)) for name in known.joints]
+        values = [{term: e.value for term, e in f.dynamics.items()} for f in frictions]
+        bands = [deviations(f) for f in frictions]
+        return cls(
+            bodies=ArmBodies.of_model(model, known),
+            inertia=tuple(v.get("inertia", 0.0) for v in values),
+            offset=tuple(v.get("offset", 0.0) for v in values),
+            friction=tuple(FrictionEstimator(law=contact(f)) for f in frictions),
+            sliding=tuple(sliding for sliding, _ in bands),
+            resting=tuple(resting for _, resting in bands),
+            slow=tuple(SLOW * v.get("transition", 1e-3) for v in values),
+            method=method,
+            bandwidth=bandwidth,
+            frame=frame,
+        )
+
+    def replace(self, **changes) -> ArmForce:
+        """Return the same with other fields."""
+        return replace(self, **changes)
+
+    def lag(self, dt: float) -> float:
+        """Return how late a force that grows steadily is followed [s]; NaN for `direct`, whose filter is not linear.
+
+        Args:
+            dt: sampling time [s].
+        """
+        if self.method == "direct":
+            return float("nan")
+        gains = KNOWN[self.method].gains
+        return 1.0 / self.bandwidth + dt if gains is None else lag_of(gains(self, dt)[:3]) * dt  # type: ignore[arg-type]
+
+    def row(self, dt: float) -> np.ndarray:
+        """Return the row that the kernel reads, 14 numbers and so many a joint."""
+        J = len(self.joints)
+        c = np.zeros(k.GLOBAL + k.ROW * J)
+        c[k.METHOD], c[k.BAND], c[k.PERIOD] = k.METHODS.index(self.method), self.bandwidth, dt
+        c[k.JOINTS], c[k.WRENCH] = J, self.frame is not None
+        gains = KNOWN[self.method].gains
+        if gains is not None:
+            *c[k.GAINS : k.GAINS + 3], c[k.BAND] = gains(self, dt)  # type: ignore[arg-type]
+        if self.frame is not None:
+            c[k.DAMPING : k.DAMPING + FULL] = self.damping()
+        filters = self.filters or self.default_filters()
+        for j, own in enumerate(c[k.GLOBAL :].reshape(J, k.ROW)):
+            own[: k.FRICTION] = filters[j].row()
+            own[k.FRICTION : k.INERTIA] = self.friction[j].row()
+            own[k.INERTIA :] = (
+                self.inertia[j],
+                self.offset[j],
+                self.sliding[j],
+                self.resting[j],
+                self.slow[j],
+            )
+        return c
+
+    def default_filters(self) -> tuple[MotionFilter, ...]:
+        """Return filters that follow accelerations of ten times the friction by the inertia at most 1/L late."""
+        own = np.diag(self.bodies.robot.inertia(np.zeros((1, len(self.joints))))[0]) + self.inertia
+        follow = [ABRUPT * max(at_rest(f.law), 1e-9) / max(m, 1e-9) for f, m in zip(self.friction, own)]
+        return tuple(MotionFilter.of_bandwidth(self.bandwidth, a) for a in follow)
+
+    def damping(self) -> np.ndarray:
+        """Return P, the information of ten times the deviations in the median posture [1/N^2, 1/(N.m)^2], (6,)."""
+        assert self.frame is not None
+        rng = np.random.default_rng(0)
+        robot = self.bodies.robot
+        q = rng.uniform(-np.pi, np.pi, (POSTURES, len(self.joints)))
+        for j, one in enumerate(robot.ranges):
+            if np.isfinite(one.upper - one.lower):
+                q[:, j] = rng.uniform(one.lower, one.upper, POSTURES)
+        weighted = robot.jacobian(q, self.frame) / np.array(self.sliding)
+        information = weighted @ np.swapaxes(weighted, 1, 2)
+        size = np.median(np.einsum("nii->ni", information), axis=0)
+        least = 1e-12 * np.maximum(size, 1e-30)
+        variance = np.median(np.einsum("nii->ni", np.linalg.inv(information + np.diag(least))), axis=0)
+        return 1.0 / (FAR**2 * variance)
+
+    def online(self, period: float) -> ArmForceTick:
+        """Return what runs in a loop.
+
+        Args:
+            period: of the loop [s].
+        """
+        return ArmForceTick(self, period)
+
+    def run(
+        self,
+        position: np.ndarray,
+        torque: np.ndarray,
+        dt: float,
+        velocity: np.ndarray | None = None,
+        temperature: np.ndarray | None = None,
+    ) -> ArmSeries:
+        """Return external torque, friction and wrench along a log.
+
+        Args:
+            position: encoder readings [rad or m], (n, J).
+            torque: commands of the ticks; command k acts after reading k [N.m or N], (n, J).
+            dt: sampling time [s].
+            velocity: at the first reading [rad/s or m/s], (J,); None: the arm rests.
+            temperature: of the joints [degC], (n, J); None: 20.
+
+        Raises:
+            InvalidInput: shapes that do not fit, or numbers that are not finite.
+        """
+        q, u = (np.ascontiguousarray(x, dtype=np.float64) for x in (position, torque))
+        J = len(self.joints)
+        if q.ndim != 2 or q.shape != u.shape or q.shape[1] != J or q.shape[0] == 0:
+            raise InvalidInput(
+                f"position {q.shape}, torque {u.shape} for {J} joints.",
+                remedy=f"Give (n, {J}) each, in the order {', '.join(self.joints)}.",
+            )
+        if not (np.all(np.isfinite(q)) and np.all(np.isfinite(u))):
+            raise InvalidInput("Position or torque hold NaN.", remedy="Repair the log (--repair).")
+        runner, n = self.online(dt), q.shape[0]
+        out = np.empty((n, 3, J))
+        wrenches = np.zeros((n if self.frame is not None else 0, FULL + FULL**2 + 1))
+        runner.reset(q[0] if velocity is None else q[0] - dt * np.asarray(velocity), velocity)
+        for i in range(n):
+            runner.tick(q[i], u[max(i - 1, 0)], None, None if temperature is None else temperature[i])
+            out[i, 0], out[i, 1], out[i, 2] = runner.force, runner.friction, runner.deviation
+            if self.frame is not None:
+                wrenches[i] = runner.wrench_row
+        return ArmSeries(
+            force=out[:, 0],
+            friction=out[:, 1],
+            deviation=out[:, 2],
+            wrench=wrenches[:, :FULL],
+            covariance=wrenches[:, FULL:-1].reshape(-1, FULL, FULL),
+            singular=wrenches[:, -1] > SINGULAR,
+        )
+
+
+def robot_of(model: FrictionModel, robot: str | Path | Robot) -> Robot:
+    """Return the robot of a model of an arm, tools beyond the model's joints held.
+
+    Args:
+        model: of friction.
+        robot: path of a description, or the robot.
+
+    Raises:
+        InvalidInput: the model is not of an arm, or belongs to another description.
+    """
+    if model.arm is None:
+        raise InvalidInput(
+            "This model is not of a whole arm.", remedy="Identify with --method arm --urdf ROBOT."
+        )
+    read = robot if isinstance(robot, Robot) else load_robot(robot)
+    return read.for_model(model.names, model.arm.urdf_sha256, len(model.arm.parameters))
+
+
+def deviations(friction: JointFriction) -> tuple[float, float]:
+    """Return the standard deviations of the torque that a model leaves of a joint, moving and at rest [N.m or N].
+
+    At rest it is that of a band as wide as the friction; a model without bands is taken to leave a tenth of the friction.
+    """
+    size = max(at_rest(friction.law), 1e-6)
+    half = 0.1 * size
+    if friction.bands is not None:
+        half = next(
+            (b.half_width for b in (friction.bands.moving, friction.bands.reversing) if b is not None), half
+        )
+    return max(half, 1e-9) / WIDTH, max(half, size) / WIDTH
+
+
+__all__ = ["ArmForce", "ArmForceTick", "ArmSeries", "robot_of"]

@@ -1,0 +1,305 @@
+"""Elementary functions of kernels: exp, pow, log, tanh, sin and cos with the same bits in plain Python and compiled.
+
+A C library's functions differ from one machine to the next in their last bit, and from numba's, and so would a law that calls
+them. These are plain arithmetic on doubles, rounded operation by operation, so that whatever compiles them without contraction
+gets the same bits, C included. Each is within one unit in the last place of the true value where that is a normal number.
+
+`exp` and `log` read a table of 128 powers or logarithms, after P. T. P. Tang (ACM TOMS 15(2), 1989, and 16(4), 1990), made here
+with integers; sums of two doubles follow T. J. Dekker (Numer. Math. 18, 1971). Series are Taylor's.
+"""
+
+from __future__ import annotations
+
+from math import factorial, inf, isqrt, nan
+
+import numpy as np
+
+from backdrive._jit import COMPILED, from_bits, jit, leaf, to_bits
+
+BITS = 160  # of the integers that the tables are made with
+ONE = 1 << BITS
+N = 128  # entries of a table
+LARGEST = 709.782712893384  # exp of more is infinite
+SMALLEST = -708.0  # and of less 0: results below 2e-308 are no normal numbers
+MOST = 2.0**50  # angle beyond which sin and cos are NaN; beyond 1e6 they are as exact as the angle is [rad]
+NEAR = 0.125  # below which tanh is its series
+MAGIC = 6755399441055744.0  # 1.5 * 2^52: adding it rounds to an integer
+SPLIT = 134217729.0  # 2^27 + 1: parts a double into halves of 26 bits
+MANTISSA, EXPONENT_OF_1 = (1 << 52) - 1, 1023 << 52
+UPPER = (
+    53  # place in the table of logarithms from which on a mantissa counts as the half of it, above sqrt(2)
+)
+
+
+def _float(x: int, bits: int = BITS) -> float:
+    """Return a fixed-point number as the nearest double."""
+    return x / (1 << bits)
+
+
+def _parts(x: int, *places: int) -> list[float]:
+    """Return a fixed-point number in doubles: each but the last cut at a binary place behind the point."""
+    parts = []
+    for place in places:
+        unit = 1 << (BITS - place)
+        whole = (x + unit // 2) // unit
+        parts.append(whole / (1 << place))
+        x -= whole * unit
+    return [*parts, _float(x)]
+
+
+def _powers() -> list[list[float]]:
+    """Return 2^(j/N) for j = 0 ... N - 1 and, relative to it, what its double lacks."""
+    root = 2 * ONE
+    for _ in range(N.bit_length() - 1):
+        root = isqrt(root << BITS)
+    table, power = [], ONE
+    for _ in range(N):
+        high = _float(power)
+        table.append([high, _float(((power - int(high * 2.0**BITS)) << BITS) // power)])
+        power = power * root >> BITS
+    return table
+
+
+def _logarithms() -> tuple[list[int], int]:
+    """Return log(1 + j/N) for j = 0 ... N as fixed-point numbers, and log 2, the last of them."""
+    table = [0]
+    for j in range(N):  # log((N + j + 1)/(N + j)) = 2 artanh(1/(2 (N + j) + 1))
+        n = 2 * (N + j) + 1
+        term, total, k = 2 * ONE // n, 0, 1
+        while term:
+            total += term // k
+            term //= n * n
+            k += 2
+        table.append(table[-1] + total)
+    return table, table[-1]
+
+
+def _half_pi() -> int:
+    """Return pi/2 as a fixed-point number (Machin, 1706)."""
+    total = 0
+    for factor, n in ((16, 5), (-4, 239)):
+        term, k = factor * ONE // n, 1
+        while term not in (0, -1):
+            total += term // k if k % 4 == 1 else -(term // k)
+            term //= n * n
+            k += 2
+    return total // 2
+
+
+def _table(rows: list[list[float]]) -> np.ndarray:
+    """Return a table as compiled code reads it fastest, or as plain Python does."""
+    return np.array(rows) if COMPILED else rows  # type: ignore[return-value]
+
+
+LOGARITHMS, LOG_2 = _logarithms()
+POWERS = _table(_powers())
+LOGS = _table(
+    [[*_parts(x - (LOG_2 if j >= UPPER else 0), 41), N / (N + j)] for j, x in enumerate(LOGARITHMS)]
+)
+BY_LOG_2 = _float((N << 2 * BITS) // LOG_2)
+STEP_HIGH, STEP_LOW = _parts(LOG_2 // N, 41)  # 17 bits of a count times 34 of the first are exact
+LOG_2_HIGH, LOG_2_LOW = _parts(LOG_2, 41)
+BY_HALF_PI = _float((ONE << BITS) // _half_pi())
+PI_1, PI_2, PI_3, PI_4 = _parts(_half_pi(), 32, 64, 96)
+S3, S5, S7, S9, S11, S13, S15, S17 = [(-1) ** (n // 2) / factorial(n) for n in range(3, 19, 2)]
+C4, C6, C8, C10, C12, C14, C16 = [(-1) ** (n // 2) / factorial(n) for n in range(4, 18, 2)]
+T3, T5, T7, T9, T11, T13, T15, T17 = (
+    -1 / 3,
+    2 / 15,
+    -17 / 315,
+    62 / 2835,
+    -1382 / 155925,
+    21844 / 6081075,
+    -929569 / 638512875,
+    6404582 / 10854718875,
+)
+
+
+@leaf
+def product(a, b):
+    """Return a b as a sum of two doubles, the first of them the rounded product."""
+    wide = SPLIT * a
+    a1 = wide - (wide - a)
+    a2 = a - a1
+    wide = SPLIT * b
+    b1 = wide - (wide - b)
+    b2 = b - b1
+    p = a * b
+    return p, ((a1 * b1 - p) + a1 * b2 + a2 * b1) + a2 * b2
+
+
+@leaf
+def exponential(x, low):
+    """Return a scale S and t with exp(x + low) = S (1 + t), and the factor that S still lacks; SMALLEST <= x <= LARGEST."""
+    count = (x * BY_LOG_2 + MAGIC) - MAGIC
+    k = int(count)
+    row = POWERS[k & (N - 1)]
+    r = ((x - count * STEP_HIGH) - count * STEP_LOW) + low
+    exponent = k >> 7
+    rest = 1.0
+    if exponent > 1023:
+        exponent, rest = 1023, 2.0
+    square = r * r
+    t = row[1] + r + square * (0.5 + r * (1.0 / 6.0)) + square * square * (1.0 / 24.0 + r * (1.0 / 120.0))
+    return row[0] * from_bits((exponent + 1023) << 52), t, rest
+
+
+@leaf
+def exp(x):
+    """Return e^x; 0 below -708."""
+    inside = SMALLEST <= x <= LARGEST
+    S, t, rest = exponential(x if inside else 0.0, 0.0)
+    value = (S + S * t) * rest
+    if inside:
+        return value
+    if x < SMALLEST:
+        return 0.0
+    return inf if x > LARGEST else nan
+
+
+@leaf
+def logarithm(x):
+    """Return log(x) as a sum of two doubles, for positive normal x."""
+    bits = to_bits(x)
+    j = (((bits & MANTISSA) >> 44) + 1) >> 1
+    m = from_bits((bits & MANTISSA) | EXPONENT_OF_1)
+    k = (bits >> 52) - 1023
+    if j >= UPPER:
+        k += 1
+    c = 1.0 + j * (1.0 / N)
+    d = m - c  # exact
+    row = LOGS[j]
+    high, low, by_c = row[0], row[1], row[2]
+    q = d * by_c
+    whole, part = product(q, c)
+    lack = ((d - whole) - part) * by_c  # q + lack = d/c
+    begin = k * LOG_2_HIGH + high  # exact
+    first = begin + q
+    second = (begin - first) + q if begin != 0.0 else 0.0
+    square, square_low = product(q, q)
+    total = first - 0.5 * square
+    second += (first - total) - 0.5 * square
+    series = 1.0 / 7.0 + q * (-1.0 / 8.0 + q * (1.0 / 9.0))
+    series = 1.0 / 3.0 + q * (-0.25 + q * (0.2 + q * (-1.0 / 6.0 + q * series)))
+    second += lack * (1.0 - q) - 0.5 * square_low + (k * LOG_2_LOW + low) + q * square * series
+    sum_ = total + second
+    return sum_, (total - sum_) + second
+
+
+@jit
+def log(x):
+    """Return the natural logarithm; -inf at 0, NaN below."""
+    if not (2.2250738585072014e-308 <= x < inf):
+        if x == inf:
+            return inf
+        if x == 0.0:
+            return -inf
+        if not x > 0.0:
+            return nan
+        first, second = logarithm(x * 18014398509481984.0)  # 2^54
+        return (first - 54.0 * LOG_2_HIGH) + (second - 54.0 * LOG_2_LOW)
+    return logarithm(x)[0]
+
+
+@jit
+def pow(x, y):
+    """Return x^y for x >= 0; NaN for a negative x."""
+    if y == 0.0 or x == 1.0:
+        return 1.0
+    if not (2.2250738585072014e-308 <= x < inf) or not abs(y) < inf:
+        return unusual_power(x, y)
+    first, second = logarithm(x)
+    if abs(y) * abs(first) > 800.0:
+        return inf if (y > 0.0) == (first > 0.0) else 0.0
+    whole, part = product(y, first)
+    part += y * second
+    if not SMALLEST <= whole <= LARGEST:
+        return 0.0 if whole < 0.0 else inf
+    S, t, rest = exponential(whole, part)
+    return (S + S * t) * rest
+
+
+@jit
+def unusual_power(x, y):
+    """Return x^y where x is no positive normal number, or y is not finite."""
+    if not (x >= 0.0 and abs(y) <= inf):
+        return nan
+    if abs(y) == inf:
+        return inf if (x > 1.0) == (y > 0.0) else 0.0
+    if 0.0 < x < inf:
+        return exp(y * log(x))
+    return inf if (x > 0.0) == (y > 0.0) else 0.0
+
+
+@leaf
+def tanh(x):
+    """Return the hyperbolic tangent."""
+    size = abs(x)
+    if size < NEAR:
+        z = x * x
+        series = T11 + z * (T13 + z * (T15 + z * T17))
+        value = x + x * z * (T3 + z * (T5 + z * (T7 + z * (T9 + z * series))))
+        return value if value != 0.0 else x  # -0 stays
+    if not size < 22.0:
+        if size >= 22.0:
+            return 1.0 if x > 0.0 else -1.0
+        return nan
+    S, t, _ = exponential(-2.0 * size, 0.0)
+    high = S + S * t
+    low = (S - high) + S * t
+    above, below = 1.0 - high, 1.0 + high
+    above_low, below_low = ((1.0 - above) - high) - low, ((1.0 - below) + high) + low
+    q = above / below
+    whole, part = product(q, below)
+    value = q + (((above - whole) - part) + above_low - q * below_low) / below
+    return value if x > 0.0 else -value
+
+
+@leaf
+def turned(x):
+    """Return the number of quarter turns nearest to an angle, and the rest of it as a sum of two doubles."""
+    count = (x * BY_HALF_PI + MAGIC) - MAGIC
+    r = x - count * PI_1  # exact, as is each product
+    w = count * PI_2
+    first = r - w
+    low = (r - first) - w
+    w = count * PI_3
+    second = first - w
+    low += (first - second) - w
+    low -= count * PI_4
+    total = second + low
+    return int(count), total, (second - total) + low
+
+
+@leaf
+def wave(k, r, low):
+    """Return the sine of r + low and k quarter turns, |r| <= pi/4."""
+    z = r * r
+    if k & 1:
+        series = C10 + z * (C12 + z * (C14 + z * C16))
+        half = 0.5 * z
+        begin = 1.0 - half
+        value = begin + (((1.0 - begin) - half) + (z * z * (C4 + z * (C6 + z * (C8 + z * series))) - r * low))
+    else:
+        series = S11 + z * (S13 + z * (S15 + z * S17))
+        value = r + (low * (1.0 - 0.5 * z) + r * z * (S3 + z * (S5 + z * (S7 + z * (S9 + z * series)))))
+    return -value if k & 2 else value
+
+
+@leaf
+def sin(x):
+    """Return the sine of an angle; NaN beyond MOST."""
+    if not abs(x) <= MOST:
+        return nan
+    k, r, low = turned(x)
+    value = wave(k, r, low)
+    return value if value != 0.0 else x  # -0 stays
+
+
+@leaf
+def cos(x):
+    """Return the cosine of an angle; NaN beyond MOST."""
+    if not abs(x) <= MOST:
+        return nan
+    k, r, low = turned(x)
+    return wave(k + 1, r, low)

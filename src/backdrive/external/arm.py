@@ -1,0 +1,321 @@
+"""The external torque on all joints of an arm along a log: rigid bodies couple them, so they are estimated together.
+
+    tau_e = M(q) ddq + h(q, dq) + g(q) + tau_f + offset - tau,        Iwatani 2017, (4.4)
+
+One method and one bandwidth hold for all joints, so that their torques are of one instant and make a wrench: of what the noise of
+each joint would ask for, the median.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from backdrive.control.estimators.arm import WIDTH, ArmForce
+from backdrive.control.estimators.of_model import ABRUPT, at_rest, with_break_away
+from backdrive.control.estimators.sliding_mode import MotionFilter
+from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.external.bands import band, states_along
+from backdrive.external.choose import FASTEST, Noise, choose
+from backdrive.external.estimate import AUTO, LEAST, SETTLED, delay_of, known_along, noise_of
+from backdrive.external.result import JointForce
+from backdrive.external.temperature import along_stretches
+from backdrive.external.wrench import WrenchEstimate, wrench_of
+from backdrive.identification.delay import earlier
+from backdrive.identification.signals import Signals, prepare
+from backdrive.laws import REFERENCE
+from backdrive.logs.log import Log
+from backdrive.model import FrictionModel, JointFriction
+from backdrive.robot import Robot
+
+EXPLAINED = 0.3  # share of a joint's torque in motion that a model of this robot explains at least [-]
+LONGEST = 0.5  # over which what a model leaves of the torque is alike, at most [s]
+DEGREES = 20.0  # speeds by the model's top speed, from which on positions are no radians [-]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ArmLog:
+    """What an arm's estimate needs of a log: stretches of all joints, on one clock, in the estimator's order.
+
+    Attributes:
+        log: with finite rows of the joints only.
+        stretches: by stretch, the signals of every joint.
+    """
+
+    log: Log
+    stretches: tuple[tuple[Signals, ...], ...]
+
+
+class ArmEstimate:
+    """Estimates along logs of one arm."""
+
+    def __init__(self, model: FrictionModel, robot: str | Path | Robot, frame: str | None = None):
+        """Take what the model knows of the arm.
+
+        Args:
+            model: of a whole arm.
+            robot: path of its description, or the robot.
+            frame: at which a wrench is wanted; None: none.
+
+        Raises:
+            InvalidInput: the model is not of an arm, or belongs to another description.
+            UnknownName: there is no such frame.
+            NotIdentifiable: the arm has fewer than six joints and a wrench is wanted.
+        """
+        self.estimator = ArmForce.from_model(model, robot, frame=frame)
+        self.frictions = tuple(with_break_away(model.joint(name), 1.0) for name in self.estimator.joints)
+
+    def forces(
+        self, log: Log, method: str = AUTO, bandwidth: float | None = None, least: float = 0.0
+    ) -> tuple[list[JointForce], list[str]]:
+        """Return the external torque on every joint, in the order of the description, and remarks.
+
+        Args:
+            log: with position and torque of all joints.
+            method: of the estimator; `auto`: by the noise of the log.
+            bandwidth: L [1/s]; None: by the noise of the log.
+            least: bandwidth that is chosen at least [1/s].
+
+        Raises:
+            InvalidInput: a joint is missing or in another unit, positions are in degrees, or the log is of another robot.
+            NotIdentifiable: the log is too short.
+        """
+        arm, remarks = self._signals(log), []
+        warmth = [
+            along_stretches(f, column, remarks) for f, column in zip(self.frictions, zip(*arm.stretches))
+        ]
+        warmths = list(zip(*warmth))
+        rate = arm.stretches[0][0].rate
+        if method == AUTO or bandwidth is None:
+            plain = self._parts(self._estimator("momentum", FASTEST * rate, arm), arm, warmths)
+            chosen = self._choose(plain, arm, None if method == AUTO else method)
+            method, bandwidth = chosen[0], bandwidth or max(chosen[1], min(least, FASTEST * rate))
+        estimator = self._estimator(method, bandwidth, arm)
+        parts = self._parts(estimator, arm, warmths)
+        time = np.concatenate([p[0] for p in parts])
+        if time.size < LEAST:
+            raise NotIdentifiable(
+                f"Every stretch of the log is over before an estimator of {bandwidth:.3g} 1/s has settled.",
+                remedy="Give a larger --bandwidth, or a longer log.",
+            )
+        force, taken, state, warm = (np.concatenate([p[i] for p in parts]) for i in range(1, 5))
+        if not np.isfinite(force).all():
+            raise NotIdentifiable(
+                f"At {rate:.0f} Hz a '{method}' observer of {bandwidth:.3g} 1/s does not settle on this arm.",
+                remedy="Give a smaller --bandwidth, or --method momentum.",
+            )
+        carried = self._carried_at_rest(arm, time, force, state)
+        results = []
+        for j, friction in enumerate(self.frictions):
+            if friction.verdict is not None and friction.verdict.grade in ("poor", "unknown"):
+                remarks.append(
+                    f"Joint '{friction.joint.name}': its model was not credible, or poor, when it was identified: the force is no "
+                    "better."
+                )
+            lower, upper = band(friction, force[:, j], taken[:, j], state[:, j], remarks, warm[:, j])
+            more = _growth(friction) * np.abs(carried[:, j])
+            lower, upper = lower - more, upper + more
+            results.append(
+                JointForce(
+                    joint=friction.joint,
+                    time=time,
+                    force=force[:, j],
+                    friction=taken[:, j],
+                    lower=lower,
+                    upper=upper,
+                    state=state[:, j].astype(np.int8),
+                    method=method,
+                    bandwidth=float(bandwidth),
+                    lag=estimator.lag(1.0 / rate),
+                    known=known_along(log, friction.joint.name, time),
+                )
+            )
+            beyond = friction.extrapolated(np.concatenate([s[j].velocity for s in arm.stretches]))
+            remarks += [beyond] if beyond else []
+        self._check_robot(arm, results)
+        return results, remarks
+
+    def _carried_at_rest(
+        self, arm: ArmLog, time: np.ndarray, force: np.ndarray, state: np.ndarray
+    ) -> np.ndarray:
+        """Return what each joint carries where it rests [N.m or N], 0 elsewhere, (n, J): friction at rest grows with it."""
+        clock = np.concatenate([s[0].time for s in arm.stretches])
+        carried = np.zeros_like(force)
+        rest = np.flatnonzero((state == 2).any(axis=1))
+        if rest.size:
+            q = np.column_stack(
+                [
+                    np.interp(time[rest], clock, np.concatenate([s[j].position for s in arm.stretches]))  # type: ignore[misc]
+                    for j in range(force.shape[1])
+                ]
+            )
+            carried[rest] = self.estimator.bodies.robot.gravity(q) - force[rest]
+        return np.where(state == 2, carried, 0.0)
+
+    def wrench(self, log: Log, joints: Sequence[JointForce]) -> WrenchEstimate:
+        """Return the wrench at the frame that explains the torques of the joints, along a log."""
+        arm = self._signals(log)
+        time = np.concatenate([s[0].time for s in arm.stretches])
+        position = np.concatenate([np.column_stack([one.position for one in s]) for s in arm.stretches])  # type: ignore[misc]
+        return wrench_of(self.estimator, time, position, joints)
+
+    def widened(self, joints: Sequence[JointForce]) -> list[JointForce]:
+        """Return the torques with bands that also hold what is not known of the friction's growth with the load."""
+        results = []
+        for one, friction in zip(joints, self.frictions):
+            error = friction.standard_errors.get("load_driving", 0.0)
+            more = WIDTH * np.abs(one.force) * (error if np.isfinite(error) else 0.0)
+            lower, upper = (
+                one.force + side * np.hypot(side * (end - one.force), more)
+                for side, end in ((-1.0, one.lower), (1.0, one.upper))
+            )
+            results.append(replace(one, lower=lower, upper=upper))
+        return results
+
+    def _signals(self, log: Log) -> ArmLog:
+        """Return the signals of all joints between gaps that any of them has."""
+        for channel in ("torque", "position"):
+            log.need(channel)
+        names = self.estimator.joints
+        columns = self.estimator.bodies.robot.order_in(log.names)
+        for friction, column in zip(self.frictions, columns):
+            if log.joints[column].unit != friction.joint.unit:
+                raise InvalidInput(
+                    f"Joint '{friction.joint.name}' is measured in {friction.joint.unit} in the model and in "
+                    f"{log.joints[column].unit} in the log.",
+                    remedy=f"Read the log with --unit {friction.joint.unit}.",
+                )
+        whole = replace(log, external_torque=None)  # what is sought is no part of the motors' torque
+        good = np.isfinite(log.time)
+        for channel in (log.need("position"), log.need("torque")):
+            good &= np.isfinite(channel[:, columns]).all(axis=1)
+        whole = whole if good.all() else whole.rows(good)
+        by_joint = [prepare(whole, name) for name in names]
+        arm = ArmLog(log=whole, stretches=tuple(zip(*by_joint)))
+        for friction, signals in zip(self.frictions, by_joint):
+            fastest = max(float(np.percentile(np.abs(s.velocity), 99.0)) for s in signals)
+            top = friction.validity.speeds[1]
+            if fastest > DEGREES * top > 0.0:
+                raise InvalidInput(
+                    f"Joint '{friction.joint.name}' moves at {fastest:.3g} {friction.joint.unit}/s, {fastest / top:.0f} times as "
+                    "fast as when the model was identified: its positions look like degrees.",
+                    remedy="Read the log with its unit (--unit deg).",
+                )
+        return arm
+
+    def _estimator(self, method: str, bandwidth: float, arm: ArmLog) -> ArmForce:
+        """Return the estimator of a method and bandwidth; the filters of `direct` follow this log's accelerations."""
+        made = self.estimator.replace(method=method, bandwidth=bandwidth, frame=None)
+        if method != "direct":
+            return made
+        inertia = np.diag(made.bodies.robot.inertia(self._middle(arm)[None])[0]) + made.inertia
+        filters = []
+        for j, friction in enumerate(self.frictions):
+            fastest = max(float(np.abs(s[j].acceleration).max()) for s in arm.stretches)
+            by_friction = max(at_rest(friction.law), 1e-9) / max(float(inertia[j]), 1e-9)
+            follow = fastest + min(by_friction, ABRUPT * fastest)
+            filters.append(MotionFilter.of_bandwidth(bandwidth, max(follow, 1e-6)))
+        return made.replace(filters=tuple(filters))
+
+    def _middle(self, arm: ArmLog) -> np.ndarray:
+        return np.array([np.mean(s.position) for s in arm.stretches[0]])  # type: ignore[arg-type]
+
+    def _parts(
+        self, estimator: ArmForce, arm: ArmLog, warmths: Sequence[Sequence[np.ndarray | None]]
+    ) -> list[tuple[np.ndarray, ...]]:
+        """Return time, force, friction, state and temperature of every stretch, settled and with the lag taken out."""
+        parts = []
+        for stretch, warm in zip(arm.stretches, warmths):
+            rate = stretch[0].rate
+            dt, lags = 1.0 / rate, 1.0 / estimator.bandwidth
+            # the torque that acted between a reading and the next
+            torque = np.column_stack(
+                [
+                    earlier(s.torque, -(delay_of(f) * rate + 0.5), linear=True)
+                    for s, f in zip(stretch, self.frictions)
+                ]
+            )
+            position = np.column_stack([s.position for s in stretch])  # type: ignore[misc]
+            velocity = np.array([s.velocity[0] for s in stretch])
+            degrees = np.column_stack(
+                [np.full(s.time.size, REFERENCE) if w is None else w for s, w in zip(stretch, warm)]
+            )
+            out = estimator.run(position, torque, dt, velocity, degrees)
+            lag = estimator.lag(dt)
+            back = 0.0 if np.isnan(lag) else -lag * rate
+            state = np.column_stack(
+                [states_along(f, s, estimator.bandwidth) for s, f in zip(stretch, self.frictions)]
+            )
+            force, taken = (
+                np.column_stack([earlier(x[:, j], back) for j in range(x.shape[1])])
+                for x in (out.force, out.friction)
+            )
+            settled = int(np.ceil(SETTLED * (lags + dt) * rate))
+            parts.append(tuple(x[settled:] for x in (stretch[0].time, force, taken, state, degrees)))
+        return parts
+
+    def _choose(
+        self, plain: Sequence[tuple[np.ndarray, ...]], arm: ArmLog, method: str | None
+    ) -> tuple[str, float]:
+        """Return the method that most joints ask for by their noise, and the median of their bandwidths [1/s]."""
+        longest = max(range(len(plain)), key=lambda i: plain[i][0].size)
+        robot = self.estimator.bodies.robot
+        inertia = np.diag(robot.inertia(self._middle(arm)[None])[0]) + self.estimator.inertia
+        force = plain[longest][1]
+        if force.shape[0] < LEAST:
+            raise NotIdentifiable("The log is too short.", remedy="Give a longer log.")
+        picks = []
+        for j, friction in enumerate(self.frictions):
+            signals = [s[j] for s in arm.stretches]
+            one = arm.log.select(friction.joint.name)
+            noise = _in_motion(noise_of(friction, one, signals, float(inertia[j])), friction)
+            picks.append(choose(force[:, j], noise, method))
+        most = Counter(name for name, _ in picks).most_common(1)[0][0]
+        return most, float(np.median([L for _, L in picks]))
+
+    def _check_robot(self, arm: ArmLog, results: Sequence[JointForce]) -> None:
+        """Refuse a log whose torques the model does not explain at all.
+
+        Raises:
+            InvalidInput: of most joints it explains less than `EXPLAINED`.
+        """
+        shares = {}
+        for j, one in enumerate(results):
+            torque = np.concatenate([s[j].torque for s in arm.stretches])
+            clock = np.concatenate([s[j].time for s in arm.stretches])
+            moving = one.state != 2
+            if moving.sum() < LEAST or not at_rest(self.frictions[j].law) > 0.0:
+                continue  # a model that leaves friction out on purpose explains little of it
+            measured = np.interp(one.time[moving], clock, torque)
+            size = float(np.mean(measured**2))
+            shares[one.joint.name] = 1.0 - float(np.mean(one.force[moving] ** 2)) / max(size, 1e-12)
+        poor = {name: share for name, share in shares.items() if share < EXPLAINED}
+        if len(poor) > 0.5 * max(len(shares), 1):
+            told = ", ".join(f"{name} {100 * max(share, 0.0):.0f} %" for name, share in poor.items())
+            raise InvalidInput(
+                f"The model explains next to nothing of the torque in motion ({told}): this is the log of another robot, of other "
+                "joints, or of another order or sign of them.",
+                remedy="Check --names, the unit and the sign of the torque, and that model and log are of one arm.",
+            )
+
+
+def _in_motion(noise: Noise, friction: JointFriction) -> Noise:
+    """Return the noise by what the model leaves in motion: an arm's is judged at rest too, where friction may be anything."""
+    band = None if friction.bands is None else friction.bands.moving
+    if band is None:
+        return noise
+    misfit = float(np.sqrt(max((band.half_width / WIDTH) ** 2 - noise.torque**2, 0.0)))
+    channel = friction.torque_channel
+    long_run = None if channel is None else channel.long_run
+    alike = 0.5 * (long_run / misfit) ** 2 if long_run and misfit > 0.0 else 0.0
+    return replace(noise, misfit=misfit, correlation=min(alike, LONGEST))
+
+
+def _growth(friction: JointFriction) -> float:
+    """Return by how much friction grows with the load, what is not known of it included [-]."""
+    growth, error = friction.law.growth, friction.standard_errors.get("load_driving", 0.0)
+    return 0.0 if growth is None else max(growth.mean, 0.0) + WIDTH * (error if np.isfinite(error) else 0.0)

@@ -1,0 +1,231 @@
+"""`estimate_payload`: mass and center of what an arm carries, with intervals, and the gains of its drives.
+
+A payload at a frame is a body of ten inertial parameters that the joints' torques are linear in. The motion shows its inertia only
+where it is brisk enough. How exactly torque is measured, the drives' gains, often limits the mass more than the data do: both are
+stated. A known mass turns the question round and calibrates the gains; an unknown one shows their ratios, where it loads three
+joints or more. Gains and payload together: Gautier & Briot, J. Dyn. Sys. Meas. Control 136, 2014.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.external.gains import Gains, absolute_gains, gain_ratios
+from backdrive.external.payload_fit import Known, PayloadFit, PayloadProblem
+from backdrive.identification.arm_predict import arm_of, coupling_of_model
+from backdrive.identification.arm_signals import prepare_arm
+from backdrive.identification.pseudo_inertia import about_center, moved
+from backdrive.identification.regression import NORMAL
+from backdrive.logs.log import Log
+from backdrive.model import FrictionModel
+from backdrive.robot import Robot
+
+GAIN_ERROR = 0.05  # standard deviation of a drive's gain: torque constants are told to 10 % [-]
+OPEN = 0.3  # of a gain that is sought [-]
+TOLD = 0.8  # share of what was expected of the inertia that the data must take away, to state it [-]
+FOREIGN = (
+    3.0,
+    0.2,
+)  # a residual so many times the model's, and above this share of the torque, is another robot's
+SLIGHT = 3.0  # standard errors below which a mass is not told from none
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PayloadEstimate:
+    """What an arm carries.
+
+    Attributes:
+        frame: of the center and the inertia.
+        mass: [kg].
+        mass_error: standard error, gains included [kg].
+        mass_error_of_data: standard error were the gains exact [kg].
+        center: of mass in the frame [m], (3,).
+        center_error: standard errors [m], (3,).
+        inertia: about the center, along the frame's axes [kg.m^2], (3, 3); None where the motion does not show it.
+        inertia_error: standard errors [kg.m^2], (3, 3); None likewise.
+        limited_by: what the mass is uncertain by, `gains` or `data`; `nothing` where the mass was given.
+        gains: of the drives.
+        lever: torque of the payload by joint, root mean square [N.m or N].
+        remarks: what a reader should know, in sentences.
+    """
+
+    frame: str
+    mass: float
+    mass_error: float
+    mass_error_of_data: float
+    center: np.ndarray
+    center_error: np.ndarray
+    inertia: np.ndarray | None
+    inertia_error: np.ndarray | None
+    limited_by: str
+    gains: Gains
+    lever: dict[str, float]
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def mass_interval(self) -> tuple[float, float]:
+        """Within which the mass lies with 95 % [kg]."""
+        return self.mass - NORMAL * self.mass_error, self.mass + NORMAL * self.mass_error
+
+    def center_interval(self) -> np.ndarray:
+        """Return the lower and the upper ends within which the center lies with 95 % each [m], (2, 3)."""
+        return self.center + NORMAL * np.array([[-1.0], [1.0]]) * self.center_error
+
+
+def estimate_payload(
+    model: FrictionModel,
+    log: Log,
+    robot: str | Path | Robot,
+    *,
+    frame: str | None = None,
+    unloaded: Log | None = None,
+    known_mass: float | None = None,
+    at: Sequence[float] | None = None,
+    gain_error: float | None = None,
+) -> PayloadEstimate:
+    """Return mass and center of the payload that an arm moves, and what that shows of its drives' gains.
+
+    Args:
+        model: of the whole arm without the payload.
+        log: with the payload, of a lively motion with position and torque of all joints.
+        robot: path of the robot description that the model was identified with, or the robot.
+        frame: link or site that the payload is fixed to; None: the last one of the last joint.
+        unloaded: a log without the payload; the model's bodies and friction are then fitted anew, along with the payload.
+        known_mass: of the payload, which then calibrates the gains [kg].
+        at: where its center is known to be in the frame [m], (3,).
+        gain_error: standard deviation of each drive's relative gain error [-]; None: 0.05.
+
+    Raises:
+        InvalidInput: model, log and robot do not fit, or a number is out of range.
+        UnknownName: no such frame.
+        NotIdentifiable: too little motion, or no payload that the torques tell from none.
+    """
+    known = _known(known_mass, at, gain_error)
+    arm, body = arm_of(model, robot)
+    frame, placement, link = _frame(body, frame)
+    adds = body.base.relation[:, 10 * link : 10 * link + 10] @ moved(placement)
+    coupling = coupling_of_model(model, body)
+    problem = PayloadProblem(
+        robot=body,
+        arm=arm,
+        frictions=[model.joint(name) for name in body.joints],
+        adds=adds,
+        loaded=prepare_arm(log, body, coupling=coupling),
+        unloaded=[] if unloaded is None else prepare_arm(unloaded, body, coupling=coupling),
+    )
+    if problem.rows < 2 * (10 + len(body.joints)):
+        raise NotIdentifiable(
+            f"The log holds {problem.rows} rows of moving joints, too few for a payload.",
+            remedy="Record some 20 s in which all joints move; at rest, friction hides the weight.",
+        )
+    fit = problem.fit(known)
+    remarks = _foreign(body, fit)
+    if arm.covariance is None and unloaded is None:
+        remarks.append(
+            "The model does not state how sure its bodies are, and the interval leaves that out: identify it again, or give "
+            "an unloaded log."
+        )
+    mass, error = float(fit.payload[0]), float(np.sqrt(fit.covariance[0, 0]))
+    if known_mass is None and mass < SLIGHT * error:
+        raise NotIdentifiable(
+            f"No payload is to be told from none: {mass:.3g} +- {NORMAL * error:.2g} kg.",
+            remedy="Give a log in which the arm carries more, or moves its wrist and elbow up and down further.",
+        )
+    if known_mass is None:
+        gains = gain_ratios(body.joints, problem.fit(Known(gain_error=OPEN, seek=True)))
+    else:
+        gains = absolute_gains(body.joints, fit)
+    of_data = float(np.sqrt(fit.of_data[0, 0]))
+    center, inertia = _center(fit), _inertia(fit)
+    limited = "nothing" if known_mass is not None else "gains" if error**2 > 2.0 * of_data**2 else "data"
+    if limited == "gains":
+        remarks.append(
+            f"The drives' gains limit the mass, not the data: with exact gains it were known to {NORMAL * of_data:.2g} kg. A "
+            "known mass calibrates them."
+        )
+    if inertia[0] is None:
+        remarks.append("The motion does not show the payload's inertia about its center.")
+    return PayloadEstimate(
+        frame=frame,
+        mass=mass,
+        mass_error=0.0 if known_mass is not None else error,
+        mass_error_of_data=0.0 if known_mass is not None else of_data,
+        center=center[0],
+        center_error=center[1],
+        inertia=inertia[0],
+        inertia_error=inertia[1],
+        limited_by=limited,
+        gains=gains,
+        lever=dict(zip(body.joints, fit.lever.tolist())),
+        remarks=(*remarks, *gains.remarks),
+    )
+
+
+def _known(mass: float | None, at: Sequence[float] | None, gain_error: float | None) -> Known:
+    """Return what is known, checked."""
+    if mass is not None and not 0.0 < mass < np.inf:
+        raise InvalidInput(f"A known mass of {mass:g} kg.", remedy="Give a positive number [kg].")
+    if gain_error is not None and not 0.0 <= gain_error < 1.0:
+        raise InvalidInput(f"A gain error of {gain_error:g}.", remedy="Give a share, such as 0.05 for 5 %.")
+    place = None if at is None else np.array(at, dtype=np.float64)
+    if place is not None and (place.shape != (3,) or not np.all(np.isfinite(place))):
+        raise InvalidInput(f"A center at {at}.", remedy="Give x, y, z in the frame [m], such as 0,0,0.05.")
+    if mass is not None:
+        return Known(gain_error=OPEN, seek=True, mass=mass, center=place)
+    return Known(gain_error=GAIN_ERROR if gain_error is None else gain_error, center=place)
+
+
+def _frame(robot: Robot, name: str | None) -> tuple[str, np.ndarray, int]:
+    """Return a frame's name, its place in the link that carries it, (4, 4), and which that is."""
+    carried = [(n, robot.model.frames[robot.frame(n)]) for n in robot.frames]
+    by_link = [(n, f, f.parentJoint if hasattr(f, "parentJoint") else f.parent) for n, f in carried]
+    if name is None:
+        last = [n for n, _, joint in by_link if joint == len(robot.joints)]
+        name = last[-1] if last else robot.frames[-1]
+    robot.frame(name)
+    frame, joint = next((f, joint) for n, f, joint in by_link if n == name)
+    if joint < 1:
+        raise InvalidInput(
+            f"The frame '{name}' does not move.",
+            remedy=f"Name one that a joint carries, such as {robot.frames[-1]}.",
+        )
+    return name, np.array(frame.placement.homogeneous), joint - 1
+
+
+def _foreign(robot: Robot, fit: PayloadFit) -> list[str]:
+    """Return a sentence where a payload does not explain the log, as of another robot."""
+    times, share = FOREIGN
+    worse = [
+        f"{name} {100 * left:.0f} %, {100 * stated:.0f} % when it was identified"
+        for name, left, stated in zip(robot.joints, fit.residual, fit.expected)
+        if left > max(times * np.nan_to_num(stated, nan=share / times), share)
+    ]
+    if not worse:
+        return []
+    return [
+        f"A payload does not explain the log ({'; '.join(worse)} of the torque is left): another robot, another tool, or a contact."
+    ]
+
+
+def _center(fit: PayloadFit) -> tuple[np.ndarray, np.ndarray]:
+    """Return the center and its standard errors [m], (3,) each."""
+    mass, center = fit.payload[0], fit.payload[1:4] / fit.payload[0]
+    slope = np.column_stack([-center, np.eye(3)]) / mass
+    return center, np.sqrt(np.diag(slope @ fit.covariance[:4, :4] @ slope.T))
+
+
+def _inertia(fit: PayloadFit) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Return the inertia about the center and its standard errors [kg.m^2], (3, 3) each; None where nothing shows it."""
+    if fit.told.min() < TOLD:
+        return None, None
+    value, step = about_center(fit.payload), 1e-6 * np.maximum(np.abs(fit.payload), 1e-3)
+    slope = np.array([(about_center(fit.payload + d) - value).ravel() for d in np.diag(step)]) / step[:, None]
+    error = np.sqrt(np.einsum("ik,ij,jk->k", slope, fit.covariance[:10, :10], slope)).reshape(3, 3)
+    if np.any(np.diag(error) > 0.5 * np.diag(value)):
+        return None, None
+    return value, error

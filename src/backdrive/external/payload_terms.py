@@ -1,0 +1,65 @@
+"""What may have changed of a joint since its model was identified, beside the payload that it moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive.identification.arm_terms import Terms
+from backdrive.laws import Law
+from backdrive.model import JointFriction
+
+OWN = 6  # columns of a joint beside the bodies
+AGAIN = 0.3  # by which friction may differ from the model's [-]
+GROWTH = 0.03  # friction by load that a model without any may have missed [-]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Corrections(Terms):
+    """Columns of what may have changed of one joint since the model was identified.
+
+    Attributes:
+        law: friction without load.
+    """
+
+    law: Law
+
+    @property
+    def size(self) -> int:
+        """Number of columns: offset, inertia, curve, sign, viscous, load."""
+        return OWN
+
+    def columns(self, velocity: np.ndarray, acceleration: np.ndarray, load: np.ndarray | None) -> np.ndarray:
+        """Return the columns, (n, 6); see `Terms.columns`."""
+        slides = np.tanh(velocity / self.transition)
+        growth = np.zeros_like(velocity) if load is None else np.abs(load) * slides
+        curve = np.abs(slides) * self.law.torque(velocity)
+        return np.column_stack([np.ones_like(velocity), acceleration, curve, slides, velocity, growth])
+
+
+def corrections(friction: JointFriction) -> Corrections:
+    """Return the columns of a joint."""
+    top = max(abs(v) for v in friction.validity.velocity)
+    transition = friction.dynamics["transition"].value if "transition" in friction.dynamics else 0.002 * top
+    return Corrections(knots=np.array([0.0, top]), top=top, transition=transition, law=friction.law)
+
+
+def expected_own(friction: JointFriction) -> tuple[np.ndarray, np.ndarray]:
+    """Return what is expected of a joint's own coefficients, and how far from that, (6,) each."""
+    top = max(abs(v) for v in friction.validity.velocity)
+    mean = float(np.mean(np.abs(friction.law.torque(np.linspace(-top, top, 21))))) or 1.0
+    value = {term: friction.dynamics[term].value for term in ("offset", "inertia")}
+    growth = friction.law.growth.mean if friction.law.growth else 0.0
+    expected = np.array([value["offset"], value["inertia"], 1.0, 0.0, 0.0, growth])
+    spread = np.array(
+        [
+            AGAIN * mean,
+            AGAIN * abs(value["inertia"]) + 1e-6,
+            AGAIN,
+            AGAIN * mean,
+            AGAIN * mean / top,
+            GROWTH,
+        ]
+    )
+    return expected, spread

@@ -1,0 +1,116 @@
+"""The wrench at a frame that explains the external torques of an arm's joints.
+
+    (P + J S^-1 J') w = J S^-1 tau_e,        cov w = (P + J S^-1 J')^-1
+
+S: variances of the joints' torques, by the bands of their states, so that a joint at rest, whose friction may be anything, counts
+less. P damps what no joint feels in this posture (`ArmForce.damping`); where it has a share in the wrench, the posture counts as
+singular. Force before moment, along the axes of the base, the moment about the frame's origin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive.control.estimators import arm_kernel
+from backdrive.control.estimators.arm import WIDTH, ArmForce
+from backdrive.control.estimators.arm_tick import FULL, SINGULAR
+from backdrive.external.result import JointForce
+
+COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
+UNITS = ("N", "N", "N", "N.m", "N.m", "N.m")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WrenchEstimate:
+    """The wrench of the environment on an arm, at a frame.
+
+    Attributes:
+        frame: name.
+        time: [s], (n,).
+        wrench: force [N] and moment about the frame's origin [N.m], along the axes of the base, (n, 6).
+        covariance: of it, (n, 6, 6).
+        singular: True where the posture hides a direction, which is damped, (n,).
+        known: the wrench that explains the external torques that the log holds, weighted alike, (n, 6); None where it holds none.
+    """
+
+    frame: str
+    time: np.ndarray
+    wrench: np.ndarray
+    covariance: np.ndarray
+    singular: np.ndarray
+    known: np.ndarray | None = None
+
+    @property
+    def deviation(self) -> np.ndarray:
+        """Standard deviations [N, N.m], (n, 6)."""
+        return np.sqrt(np.einsum("nii->ni", self.covariance))
+
+    @property
+    def rms_error(self) -> np.ndarray | None:
+        """Root mean square of the error against the known wrench [N, N.m], (6,); None without one."""
+        return None if self.known is None else np.sqrt(np.mean((self.wrench - self.known) ** 2, axis=0))
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Return the columns of a table, by name."""
+        table, deviation = {}, self.deviation
+        for i, (name, unit) in enumerate(zip(COMPONENTS, UNITS)):
+            table[f"{self.frame}_{name} [{unit}]"] = self.wrench[:, i]
+            table[f"{self.frame}_{name}_sd [{unit}]"] = deviation[:, i]
+        return table | {f"{self.frame}_singular": self.singular.astype(np.int8)}
+
+    def remarks(self) -> list[str]:
+        """Return what the postures cannot tell, in sentences."""
+        if not self.singular.any():
+            return []
+        first, share = float(self.time[np.argmax(self.singular)]), float(np.mean(self.singular))
+        return [
+            f"Wrench at '{self.frame}': {100 * share:.0f} % of the time (first at {first:.4g} s) a direction of it is hidden, "
+            "by the posture or by joints at rest; it is damped there, and its standard deviation is large."
+        ]
+
+
+def wrench_of(
+    estimator: ArmForce, time: np.ndarray, position: np.ndarray, joints: Sequence[JointForce]
+) -> WrenchEstimate:
+    """Return the wrench that explains the torques of the joints.
+
+    Args:
+        estimator: with a frame.
+        time: of the positions [s], (m,).
+        position: of the joints [rad or m], (m, J).
+        joints: external torques on one clock, in the estimator's order.
+    """
+    frame, J, clock = estimator.frame, len(joints), joints[0].time
+    assert frame is not None
+    q = np.column_stack([np.interp(clock, time, position[:, j]) for j in range(J)])
+    jacobians = estimator.bodies.robot.jacobian(q, frame)
+    deviations = np.column_stack([0.5 * (one.upper - one.lower) / WIDTH for one in joints])
+    fallback = np.array(estimator.sliding)
+    deviations = np.where(np.isfinite(deviations) & (deviations > 0.0), deviations, fallback)
+    forces = np.column_stack([one.force for one in joints])
+    row = estimator.row(1e-3)
+    rows = _solved(row, jacobians, forces, deviations)
+    known = None
+    if all(one.known is not None for one in joints):
+        told = np.column_stack([one.known for one in joints])  # type: ignore[arg-type]
+        known = _solved(row, jacobians, told, deviations)[:, :FULL]
+    return WrenchEstimate(
+        frame=frame,
+        time=clock,
+        wrench=rows[:, :FULL],
+        covariance=rows[:, FULL:-1].reshape(-1, FULL, FULL),
+        singular=rows[:, -1] > SINGULAR,
+        known=known,
+    )
+
+
+def _solved(row: np.ndarray, jacobians: np.ndarray, forces: np.ndarray, deviations: np.ndarray) -> np.ndarray:
+    """Return wrench, covariance and share of the damping of every sample, (n, 43)."""
+    n, J = forces.shape
+    io = np.zeros(arm_kernel.OUT * J + 2 * FULL + FULL**2 + 1)
+    out = np.empty((n, FULL + FULL**2 + 1))
+    arm_kernel.wrenches(row, io, jacobians, np.ascontiguousarray(forces), deviations, J, out)
+    return out

@@ -1,0 +1,223 @@
+"""Motors that drive several joints, seen in the residual of a fit that took each to drive one.
+
+Where motor k turns with dq_k + d dq_l, its friction F_k acts on joint l as well, d times, and reverses when the motor does:
+
+    tau = Y theta + D' (F(D dq) + J D ddq),     D = 1 + d e_k e_l' = C^-1 of q_joint = C q_motor
+
+So the residual of joint l follows F_k. For every ordered pair of joints, the part of F_k that joint l's own columns do not explain
+is regressed on l's residual in all blocks of the log but one; by what that takes off the squared residual of the block left out,
+the most suspicious pairs are chosen. For these, and for each the other way round, that d is sought which makes the residuals of
+both joints least, the bodies' and friction's columns fitted anew. The best of them is tested: the squared residuals of blocks that
+the columns were not fitted on must be less than without the coupling, by Student's distribution over the blocks, at a level that
+all pairs share. Blocks are long beside any correlation of the residual.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.special import stdtrit
+
+from backdrive.identification.arm_signals import ArmSignals
+from backdrive.identification.arm_solve import Solution
+from backdrive.identification.arm_terms import Rows, Terms, steps_of
+from backdrive.identification.quality import JUDGED_BELOW
+from backdrive.identification.regression import NORMAL
+from backdrive.logs.filters import low_pass
+
+FALSE = 0.01  # probability that an arm without couplings gets a remark
+BLOCKS = 10  # of the log
+RIDGE = 1e-6  # of a joint's own columns at unit length, which are many
+LEAST = 0.03  # d that is worth a remark [-]
+LARGEST, STEP = 1.6, 0.2  # d that is looked for [-]
+WIDE = 0.02  # step of derivatives by it [-]
+PAIRS, SUSPECT = 2, 2.0  # that are looked at closely, and from how many standard errors on
+FLOOR = 0.01  # error of d where friction follows no curve, as on simulated arms [-]
+WILD = 3.0  # standard deviations beyond which a residual counts no more in the test
+
+
+@dataclass(frozen=True, kw_only=True)
+class CouplingGuess:
+    """A motor that seems to drive another joint as well.
+
+    Attributes:
+        motor: which turns along with the other joint, by its number.
+        joint: the other one.
+        value: d, turns of the motor by the joint's [-].
+        error: its standard error [-].
+    """
+
+    motor: int
+    joint: int
+    value: float
+    error: float
+
+    def matrix(self, size: int) -> np.ndarray:
+        """Return C of q_joint = C q_motor, (J, J)."""
+        C = np.eye(size)
+        C[self.motor, self.joint] = -self.value
+        return C
+
+    def sentence(self, names: Sequence[str]) -> str:
+        """Return a remark for people."""
+        motor, joint = names[self.motor], names[self.joint]
+        return (
+            f"The motor of '{motor}' seems to turn along with '{joint}', by {self.value:.2f} +- {NORMAL * self.error:.2g} of its "
+            f"motion: the residual follows that friction (false in {100 * FALSE:.0f} % of arms without). Read the log with "
+            f"--coupling FILE --coupling-side joint, whose matrix has {-self.value:.3g} in the row of '{motor}' and the column of "
+            f"'{joint}', ones on its diagonal."
+        )
+
+
+def guess_coupling(
+    rows: Rows, stretches: Sequence[ArmSignals], terms: Sequence[Terms], solution: Solution
+) -> CouplingGuess | None:
+    """Return the coupling that the residual shows most clearly, or None.
+
+    Args:
+        rows: of the fit.
+        stretches: that they are of.
+        terms: of every joint.
+        solution: of the fit.
+    """
+    J = len(terms)
+    if J < 2 or any(s.coupling is not None for s in stretches):
+        return None
+    searches = [
+        Search(rows=rows, stretches=stretches, terms=terms, motor=motor, joint=joint)
+        for motor, joint in _suspects(rows, terms, solution)
+    ]
+    results = [(one.gain(d), d, one) for one in searches if one.used.size >= 4 * BLOCKS for d in [one.best()]]
+    if not results:
+        return None
+    _, d, best = max(results, key=lambda result: result[0])
+    sure = best.unseen(d) > float(stdtrit(BLOCKS - 1, 1.0 - FALSE / (J * (J - 1))))
+    guess = CouplingGuess(motor=best.motor, joint=best.joint, value=d, error=best.error(d))
+    return guess if sure and abs(d) > max(LEAST, 3.0 * guess.error) else None
+
+
+def _suspects(rows: Rows, terms: Sequence[Terms], solution: Solution) -> list[tuple[int, int]]:
+    """Return pairs of a motor and a joint whose residual may follow it, and these the other way round."""
+    J, moving = len(terms), rows.weight > 0
+    friction = [
+        own[:, : 2 * t.knots.size] @ x[: 2 * t.knots.size]
+        for own, t, x in zip(rows.friction, terms, solution.own)
+    ]
+    sizes: list[tuple[float, tuple[int, int]]] = []
+    for joint in np.flatnonzero(np.count_nonzero(moving, axis=0) >= 4 * BLOCKS).tolist():
+        used = moving[:, joint]
+        own = np.hstack([rows.bodies[used, joint], rows.friction[joint][used]])
+        motors = [k for k in range(J) if k != joint and moving[:, k].any()]
+        both = np.column_stack([rows.torque[used, joint], *(friction[k][used] for k in motors)])
+        left = both - own @ _coefficients(own, both)
+        sizes += [(_unseen(left[:, 0], left[:, 1 + i]), (k, joint)) for i, k in enumerate(motors)]
+    chosen = [pair for size, pair in sorted(sizes, reverse=True)[:PAIRS] if size > SUSPECT]
+    return list(dict.fromkeys([*chosen, *((joint, motor) for motor, joint in chosen)]))
+
+
+def _coefficients(own: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return the least-squares coefficients of others by columns, (p, ...)."""
+    size = np.maximum(np.linalg.norm(own, axis=0), 1e-300)
+    scaled = own / size
+    gram = scaled.T @ scaled + RIDGE * np.eye(size.size)
+    return np.linalg.solve(gram, scaled.T @ other) / size.reshape(-1, *[1] * (other.ndim - 1))
+
+
+def _blocks(n: int) -> np.ndarray:
+    return np.arange(n) * BLOCKS // n
+
+
+def _unseen(error: np.ndarray, shape: np.ndarray) -> float:
+    """Return by how many standard errors `shape` lowers the squared error of blocks that its factor was not fitted on."""
+    block = _blocks(error.size)
+    product = np.bincount(block, shape * error, BLOCKS)
+    power = np.bincount(block, shape**2, BLOCKS)
+    factor = (product.sum() - product) / np.maximum(power.sum() - power, 1e-300)
+    return _certainty(factor * product - 0.5 * factor**2 * power)
+
+
+def _certainty(gain: np.ndarray) -> float:
+    """Return the mean of blocks by its standard error [-]."""
+    spread = float(gain.std(ddof=1))
+    return float(gain.mean()) / spread * np.sqrt(gain.size) if spread > 0.0 else 0.0
+
+
+@dataclass(eq=False, kw_only=True)
+class Search:
+    """Residuals of a motor and of the joint that it may turn along with, by d."""
+
+    rows: Rows
+    stretches: Sequence[ArmSignals]
+    terms: Sequence[Terms]
+    motor: int
+    joint: int
+
+    def __post_init__(self):
+        weight = self.rows.weight
+        self.used = np.flatnonzero((weight[:, self.motor] > 0) & (weight[:, self.joint] > 0))
+        self.step = steps_of(self.stretches)
+
+    def pieces(self, d: float) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Return columns and torque of the motor and of the joint, if it were d."""
+        rows, used, motor, joint = self.rows, self.used, self.motor, self.joint
+        along = []
+        for s in self.stretches:
+            turns, speeds = (x[:, motor] + d * x[:, joint] for x in (s.velocity, s.acceleration))
+            columns = self.terms[motor].columns(turns, speeds, None)[:, :-1]
+            along.append(low_pass(columns, JUDGED_BELOW, s.rate)[:: self.step])
+        own = np.hstack([rows.bodies[used, motor], np.concatenate(along)[used]])
+        other = np.hstack(
+            [rows.bodies[used, joint] - d * rows.bodies[used, motor], rows.friction[joint][used, :-1]]
+        )
+        return [
+            (own, rows.torque[used, motor]),
+            (other, rows.torque[used, joint] - d * rows.torque[used, motor]),
+        ]
+
+    def errors(self, d: float) -> list[np.ndarray]:
+        """Return the residuals of motor and joint."""
+        return [y - X @ _coefficients(X, y) for X, y in self.pieces(d)]
+
+    def loss(self, d: float) -> float:
+        """Return the logarithm of their mean squares, summed."""
+        return sum(float(np.log(np.mean(e**2))) for e in self.errors(d))
+
+    def gain(self, d: float) -> float:
+        """Return by how much d lowers the loss."""
+        return self.loss(0.0) - self.loss(d)
+
+    def best(self) -> float:
+        """Return the d that makes the loss least."""
+        tried = np.arange(-LARGEST, LARGEST + 0.5 * STEP, STEP)
+        middle = float(tried[np.argmin([self.loss(d) for d in tried])])
+        ends = (middle - STEP, middle + STEP)
+        return float(minimize_scalar(self.loss, bounds=ends, method="bounded", options={"xatol": 1e-3}).x)  # type: ignore[arg-type]
+
+    def unseen(self, d: float) -> float:
+        """Return by how many standard errors d lowers the squared residuals of blocks that the columns were not fitted on."""
+        gain, block = np.zeros(BLOCKS), _blocks(self.used.size)
+        for (X, y), (X0, y0) in zip(self.pieces(d), self.pieces(0.0)):
+            scale = float(np.mean((y0 - X0 @ _coefficients(X0, y0)) ** 2))
+            for b in range(BLOCKS):
+                out, kept = block == b, block != b
+                after = y[out] - X[out] @ _coefficients(X[kept], y[kept])
+                before = y0[out] - X0[out] @ _coefficients(X0[kept], y0[kept])
+                most = WILD**2 * scale
+                gain[b] += float(np.sum(np.minimum(before**2, most) - np.minimum(after**2, most))) / scale
+        return _certainty(gain)
+
+    def error(self, d: float) -> float:
+        """Return the standard error of d by the scatter of the blocks' slopes, and what no block tells [-]."""
+        block = _blocks(self.used.size)
+        size = [np.mean(e**2) for e in self.errors(d)]
+        low, high, here = (
+            np.sum([np.bincount(block, e**2 / v, BLOCKS) for e, v in zip(self.errors(at), size)], axis=0)
+            for at in (d - WIDE, d + WIDE, d)
+        )
+        bend = float(np.sum(high + low - 2.0 * here)) / WIDE**2
+        slopes = (high - low) / (2.0 * WIDE)
+        scatter = float(np.sqrt(np.sum((slopes - slopes.mean()) ** 2))) / bend if bend > 0.0 else np.inf
+        return float(np.hypot(scatter, FLOOR))

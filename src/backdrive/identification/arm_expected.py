@@ -1,0 +1,189 @@
+"""Standard errors of an arm's parameters: those to be expected of a motion before anyone moves, beside those that a fit achieved.
+
+Expected ones come from the rows that the fit itself would make of the motion, with white noise in the place of what a model
+leaves of the torque. `noise` is its standard deviation below 5 Hz, where the fit looks: ten independent values a second.
+
+    Coulomb and viscous friction: the straight line through the knots of the curve, least squares, mean of both directions
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+from backdrive.identification.arm_signals import ArmSignals, resting
+from backdrive.identification.arm_solve import Solution, expect
+from backdrive.identification.arm_terms import Regressor, Terms, build, terms_of
+from backdrive.logs.log import Log
+from backdrive.plans.arm import ArmPlan
+from backdrive.robot import PARAMETERS, PER_LINK, Robot
+
+RATE = 100.0  # of the motion that is looked at [Hz]
+TOLD = 0.5  # a parameter hardly shows where noise makes less than this share of its variance, priors the rest [-]
+UNITS = ("kg", *["kg.m"] * 3, *["kg.m^2"] * 6)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StandardError:
+    """How exactly one parameter is known.
+
+    Attributes:
+        name: `coulomb`, `viscous`, `offset`, `inertia` of the motor, or a base parameter of the joint's link: `mx` and what
+            moves with it.
+        joint: whose it is.
+        unit: of the parameter.
+        expected: standard error by the motion and the noise; None: not computed.
+        achieved: as the fit states it; None: nothing was fitted.
+        shows: whether it is the noise that limits it, and not what priors say where the motion tells nothing.
+    """
+
+    name: str
+    joint: str
+    unit: str
+    expected: float | None
+    achieved: float | None = None
+    shows: bool = True
+
+    @property
+    def of_friction(self) -> bool:
+        """Whether it is Coulomb or viscous friction."""
+        return self.name in ("coulomb", "viscous")
+
+
+def signals_of(plan: ArmPlan, robot: Robot) -> ArmSignals:
+    """Return the motion of a plan as a fit takes it, without torque, joints in the robot's order.
+
+    Raises:
+        InvalidInput: the plan is not of all the robot's joints.
+    """
+    if set(plan.joints) != set(robot.joints):
+        raise InvalidInput(
+            f"The plan moves {', '.join(plan.joints)}, the arm has {', '.join(robot.joints)}.",
+            remedy="Use the plan that was made with this description.",
+        )
+    order = [plan.joints.index(name) for name in robot.joints]
+    time = plan.start + np.arange(int(plan.duration * RATE) + 1) / RATE
+    q, dq, ddq = (f(time)[:, order] for f in (plan.position, plan.velocity, plan.acceleration))
+    every = np.ones(time.size, dtype=bool)
+    return ArmSignals(
+        time=time,
+        position=q,
+        velocity=dq,
+        acceleration=ddq,
+        torque=np.zeros_like(q),
+        rate=RATE,
+        fitted=every,
+        held_out=~every,
+    )
+
+
+def expected_errors(
+    signals: Sequence[ArmSignals],
+    robot: Robot,
+    noise: np.ndarray,
+    friction: np.ndarray,
+    terms: Sequence[Terms] | None = None,
+) -> list[StandardError]:
+    """Return the standard error to be expected of every parameter.
+
+    Args:
+        signals: of the motion; where they have no torque, the description's is taken.
+        robot: the description.
+        noise: what the model will leave of the torque below 5 Hz [N.m or N], (J,).
+        friction: about as large as it will be [N.m or N], (J,).
+        terms: of every joint; None: by the speeds of the motion.
+    """
+    own = terms or terms_along(signals, len(robot.joints))
+    moved = [s if np.any(s.torque) else _with_torque(s, robot, friction) for s in signals]
+    covariance, by_noise = expect(build(Regressor(robot, moved), own), robot, own, noise)
+    table, names = _reported(robot, own)
+    spread = np.einsum("kp,pq,kq->k", table, covariance, table)
+    told = np.einsum("kp,pq,kq->k", table, by_noise, table)
+    return [
+        StandardError(**name, expected=float(np.sqrt(max(v, 0.0))), shows=bool(v0 > TOLD * v))
+        for name, v, v0 in zip(names, spread, told)
+    ]
+
+
+def _with_torque(s: ArmSignals, robot: Robot, friction: np.ndarray) -> ArmSignals:
+    """Return a planned motion with the torque that it takes by the description."""
+    torque = robot.inverse_dynamics(s.position, s.velocity, s.acceleration) + friction * np.sign(s.velocity)
+    return replace(s, torque=torque)
+
+
+def terms_along(signals: Sequence[ArmSignals], J: int) -> list[Terms]:
+    """Return every joint's terms by the speeds that it runs at in what is fitted."""
+    top = np.max([np.quantile(np.abs(s.velocity), 0.999, axis=0) for s in signals], axis=0)
+    moves = [~resting(s.velocity, top, s.rate) & s.fitted[:, None] for s in signals]
+    speeds = [
+        np.concatenate([np.abs(s.velocity[m[:, j], j]) for s, m in zip(signals, moves)]) for j in range(J)
+    ]
+    return [terms_of(speed) for speed in speeds]
+
+
+def achieved_errors(
+    logs: Sequence[Log],
+    signals: Sequence[ArmSignals],
+    robot: Robot,
+    terms: Sequence[Terms],
+    solution: Solution,
+) -> list[StandardError]:
+    """Return expected beside achieved standard errors of a fit.
+
+    What is expected comes from the plan of the log, its motion and its noise; without one, from the log's motion and the noise
+    that the fit left, taken to be white.
+
+    Args:
+        logs: that were fitted, linked to their plans where they have them.
+        signals: of them.
+        robot: the description.
+        terms: of the fit.
+        solution: the fit.
+    """
+    noise, motion = solution.noise, list(signals)
+    plans = [log.plan for log in logs]
+    coupled = any(s.coupling is not None for s in signals)  # a plan knows the joints, and not the motors
+    of_arm = all(isinstance(p, ArmPlan) and p.noise and set(p.joints) == set(robot.joints) for p in plans)
+    if of_arm and not coupled:
+        motion = [signals_of(p, robot) for p in plans]
+        noise = np.array([plans[0].noise[plans[0].joints.index(name)] for name in robot.joints])
+    k = [t.knots.size for t in terms]
+    friction = np.array([float(np.mean(own[: 2 * n])) for own, n in zip(solution.own, k)])
+    expected = expected_errors(motion, robot, noise, friction, terms)
+    table, _ = _reported(robot, terms)
+    achieved = np.sqrt(np.maximum(np.einsum("kp,pq,kq->k", table, solution.everything, table), 0.0))
+    return [replace(e, achieved=float(a)) for e, a in zip(expected, achieved)]
+
+
+def _reported(robot: Robot, terms: Sequence[Terms]) -> tuple[np.ndarray, list[dict[str, Any]]]:
+    """Return the combinations of coefficients that are reported, (k, p), and what they are."""
+    columns = robot.base.columns
+    first = columns.size + np.concatenate([[0], np.cumsum([t.size for t in terms])]).astype(int)
+    rows, names = [], []
+    for i, column in enumerate(columns):
+        row = np.zeros(first[-1])
+        row[i] = 1.0
+        rows.append(row)
+        joint, which = robot.joints[column // PER_LINK], column % PER_LINK
+        names.append({"name": PARAMETERS[which], "joint": joint, "unit": UNITS[which]})
+    for j, t in enumerate(terms):
+        n, newton = t.knots.size, "N.m" if robot.units[j] == "rad" else "N"
+        line = np.linalg.pinv(np.column_stack([np.ones(n), t.knots]))
+        for name, part, unit in (
+            ("coulomb", np.tile(0.5 * line[0], 2), newton),
+            ("viscous", np.tile(0.5 * line[1], 2), f"{newton}.s/{robot.units[j]}"),
+            ("offset", None, newton),
+            ("inertia", None, "kg.m^2" if robot.units[j] == "rad" else "kg"),
+        ):
+            row = np.zeros(first[-1])
+            if part is not None:
+                row[first[j] : first[j] + 2 * n] = part
+            else:
+                row[first[j] + 2 * n + (name == "inertia")] = 1.0
+            rows.append(row)
+            names.append({"name": name, "joint": robot.joints[j], "unit": unit})
+    return np.array(rows), names

@@ -1,0 +1,150 @@
+"""The torque at which a joint breaks away on a torque ramp: the friction that it overcomes while it begins to slide.
+
+What holds a joint yields before it slides: the speed grows out of creeping, and the torque at which it passes some limit says when
+that began, not what held the joint. What did is the torque u0 = u(t0) of a slide from rest that goes as the one that is seen,
+
+    J a + B v = u - u0 = k (t - t0),   J (x - x0) + B integral of (x - x0) = k (t - t0)^3 / 6,
+
+with the slope k of the ramp: for any t0 a regression on the position, and t0 is where that leaves least.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+from scipy.optimize import minimize_scalar, nnls
+
+from backdrive.identification.noise import covariance_of_fit
+
+SETTLED = 2.0  # displacements before the slip after which what yields has yielded [-]
+COUNTED = 20.0  # and encoder steps [-]
+RISE = 0.1  # growth of the torque over which the slide is looked at, by the torque [-]
+FEWEST = 12  # samples of a slide that tells its friction
+MISFIT = 5.0  # share of the friction that is uncertain, by what the equation of the slide leaves of it [-]
+EARLY = 1.0  # by which a slide may have begun before it is seen [s]
+EDGE = 0.1  # ends of a ramp that may be round [s]
+BENDS = 4  # degree of the polynomial that shows how far off its line a ramp is, whatever its noise [-]
+STRAIGHT = 0.01  # how far off its line a ramp may be, by its range [-]
+LINE = 0.3  # share of a ramp before a slip by whose curve the torque is read where the ramp is no line [-]
+SHORTEST = 8  # samples of it, at least
+ROOT_3 = np.sqrt(3.0)
+
+
+class Line(NamedTuple):
+    """The torque along a ramp, a straight line.
+
+    Attributes:
+        first: sample at which it begins.
+        terms: level there and slope [N.m or N; a sample], (2,).
+        covariance: of these, which holds under coloured noise, (2, 2).
+    """
+
+    first: int
+    terms: np.ndarray
+    covariance: np.ndarray
+
+    def at(self, samples: np.ndarray) -> np.ndarray:
+        """Return the torque [N.m or N], (n,)."""
+        return self.terms[0] + self.terms[1] * (samples - self.first)
+
+    def error(self, sample: float) -> float:
+        """Return its standard error at a sample [N.m or N]."""
+        row = np.array([1.0, sample - self.first])
+        return float(np.sqrt(max(row @ self.covariance @ row, 0.0)))
+
+
+def line(torque: np.ndarray, smooth: np.ndarray, turns: tuple[int, int], rate: float) -> Line | None:
+    """Return the straight line of a ramp between its turns; None where it is none, or too short.
+
+    Args:
+        torque: of the log, as measured [N.m or N], (n,).
+        smooth: the same low-passed, (n,).
+        turns: first and last sample of the ramp.
+        rate: of sampling [Hz].
+    """
+    inner = slice(turns[0] + round(EDGE * rate), turns[1] - round(EDGE * rate))
+    if inner.stop - inner.start < SHORTEST:
+        return None
+    y = torque[inner]
+    X = np.stack([np.ones(y.size), np.arange(y.size)], axis=1)
+    terms = np.linalg.lstsq(X, y, rcond=None)[0]
+    bend = np.polynomial.Polynomial.fit(X[:, 1], smooth[inner] - X @ terms, BENDS)(X[:, 1])
+    if np.sqrt(np.mean(bend**2)) > STRAIGHT * np.ptp(smooth):
+        return None
+    covariance = covariance_of_fit(X, y - X @ terms, np.ones(y.size, dtype=bool))
+    return Line(inner.start, terms, covariance)
+
+
+def overcome(
+    torque: np.ndarray,
+    ramp: Line | None,
+    position: np.ndarray,
+    slip: tuple[int, int, int],
+    least: float,
+    rate: float,
+) -> tuple[float, float] | None:
+    """Return the friction that a joint overcomes as it begins to slide, and its standard error [N.m or N].
+
+    Args:
+        torque: of the log, as measured [N.m or N], (n,).
+        ramp: line of the ramp; None where it is none.
+        position: of the log [rad or m], (n,).
+        slip: samples at which the ramp begins, the slip is seen, and the torque turns.
+        least: displacement from there on after which it slides [rad or m].
+        rate: of sampling [Hz].
+
+    Returns:
+        None where the ramp is no line, or the slide is too short to tell.
+    """
+    begin, at, turn = slip
+    end = turn - round(EDGE * rate)
+    gone = np.flatnonzero(np.abs(position[at:end] - position[at]) > least)
+    if ramp is None or not gone.size:
+        return None
+    first = at + int(gone[0])
+    risen = np.abs(ramp.at(np.arange(first, end)) - ramp.at(np.array([first])))
+    last = first + int(np.searchsorted(risen, RISE * abs(float(ramp.at(np.array([first]))[0]))))
+    if last - first < FEWEST:
+        return None
+    before = slice(max(at - round(4 * EDGE * rate), begin), at - round(EDGE * rate))
+    rest = float(np.median(position[before])) if before.stop > before.start else float(position[at])
+    x = np.abs(position[at:last] - rest)
+    motion = np.stack([x, cumulative_trapezoid(x, dx=1.0 / rate, initial=0.0)], axis=1)[first - at :]
+    scale = np.linalg.norm(motion, axis=0)
+    time = np.arange(first - at, last - at) / rate
+
+    def left(start: float) -> float:
+        impulse = (time - start) ** 3
+        return nnls(motion / scale, impulse)[1] / float(np.linalg.norm(impulse))
+
+    found: Any = minimize_scalar(left, bounds=(-EARLY, time[0] - 1.0 / rate), method="bounded")
+    sample = at + found.x * rate
+    friction = float(ramp.at(np.array([sample]))[0])
+    return friction, float(np.hypot(ramp.error(sample), MISFIT * found.fun * friction))
+
+
+def onset(
+    torque: np.ndarray, velocity: np.ndarray, at: int, rate: float, cutoff: float
+) -> tuple[float, float]:
+    """Return the torque when a slip began, by the line of the ramp before it, and the uncertainty of that.
+
+    Under a rising torque the speed grows with the square of the time since the slip began where inertia holds it back, and with
+    that time itself where viscous friction does: the time lies between one and two times the speed over the acceleration.
+
+    Args:
+        torque: as measured, from the beginning of the ramp to the sample at which the slip is seen [N.m or N], (n,).
+        velocity: of the whole log [rad/s or m/s].
+        at: sample of it at which the slip is seen.
+        rate: of sampling [Hz].
+        cutoff: of the low pass on the position [Hz].
+    """
+    acceleration = (velocity[min(at + 1, velocity.size - 1)] - velocity[at - 1]) * rate / 2.0
+    lag = min(abs(velocity[at]) / max(abs(acceleration), 1e-300), 2.0 / cutoff)
+    before = torque[-max(round(LINE * torque.size), SHORTEST) :]
+    time = (np.arange(before.size) - (before.size - 1)) / rate
+    slope, level = np.polyfit(time, before, 1)
+    left = before - level - slope * time
+    blur = abs(slope) * np.hypot(0.5 * lag, 1.0 / cutoff) / ROOT_3
+    return float(level - 1.5 * slope * lag), float(np.hypot(blur, 2.0 * np.std(left) / np.sqrt(before.size)))

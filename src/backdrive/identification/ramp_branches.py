@@ -1,0 +1,132 @@
+"""Stretches of torque ramps in which a joint sticks: how it yields in each, and the torque at which it begins to slip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive.identification.break_away import COUNTED, EDGE, SETTLED, SHORTEST, line, onset, overcome
+from backdrive.identification.regression import long_run
+from backdrive.identification.signals import spans
+from backdrive.identification.sweep_windows import turning_points
+from backdrive.logs import filters
+from backdrive.logs.log import Log
+
+CUTOFF = 20.0  # corner of the low pass on torque and position of a ramp [Hz]
+BRANCH = 0.2  # a branch of a ramp covers at least this share of the whole torque range [-]
+SLIPS = 30.0  # a joint slips when it moves so many times faster than at the start of the ramp [-]
+FLICKER = 10.0  # and faster than so many counts in one period of the low pass [-]
+RESOLVED = 5.0  # displacement before break-away from which on a stiffness is given [count]
+START = 0.3  # share of a branch's torque, from its beginning, that gives the tangent [-]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Branch:
+    """A stretch of one ramp in which the joint sticks and the torque goes one way.
+
+    Attributes:
+        torque: [N.m or N], (n,).
+        position: as read [rad or m], (n,).
+        direction: 1 where the torque rises, -1 where it falls.
+        break_away: torque at which the joint begins to slip at its end, and its uncertainty [N.m or N]; None where it does not.
+    """
+
+    torque: np.ndarray
+    position: np.ndarray
+    direction: int
+    break_away: tuple[float, float] | None
+
+    @property
+    def secant(self) -> tuple[float, float]:
+        """Compliance over the whole branch and its standard error [rad/N.m or m/N]."""
+        return _compliance(self.torque, self.position)
+
+    @property
+    def tangent(self) -> tuple[float, float]:
+        """Compliance at the beginning of the branch and its standard error [rad/N.m or m/N]."""
+        change = np.maximum.accumulate(np.abs(self.torque - self.torque[0]))
+        part = slice(0, max(8, int(np.searchsorted(change, START * change[-1]))))
+        return _compliance(self.torque[part], self.position[part])
+
+    def bound(self, count: float) -> float:
+        """Return a stiffness that the joint certainly exceeds [N.m/rad or N/m].
+
+        A reading that changes by n counts means a displacement below n + 1 counts.
+
+        Args:
+            count: resolution of the encoder [rad or m].
+        """
+        torque = np.abs(self.torque - self.torque[0])
+        moved = np.maximum.accumulate(np.abs(self.position - self.position[0]))
+        return float(np.max(torque / (moved + count)))
+
+
+def branches_of(log: Log, count: float) -> tuple[list[Branch], float, float]:
+    """Return the branches of one log, the speed from which on it slips, and the torque before the first ramp."""
+    torque, position = log.driving_torque[:, 0], log.need("position")[:, 0]
+    smooth, rate, cutoff = low_passed(log)
+    turns = turning_points(smooth, BRANCH * float(np.ptp(smooth)))
+    if turns.size < 2:
+        return [], 0.0, float(torque[0])
+    velocity = filters.derivative(filters.low_pass(position, cutoff, rate), log.period)
+    first = slice(turns[0], turns[0] + max(2, (turns[1] - turns[0]) // 10))
+    slips = max(SLIPS * float(np.median(np.abs(velocity[first]))), FLICKER * count * cutoff)
+    stuck = np.abs(velocity) < slips
+    for start, stop in spans(~stuck):
+        if np.ptp(position[start:stop]) < RESOLVED * count:
+            stuck[start:stop] = True  # a count that flickers is no slip
+    settle = round(rate / cutoff)  # as long as the low pass lets a slip shine into its neighbourhood
+    result = []
+
+    def slipped(begin: int, at: int, turn: int, stuck: slice) -> tuple[float, float]:
+        least = max(SETTLED * float(np.ptp(position[stuck])), COUNTED * count)
+        ramp = line(torque, smooth, (begin, turn), rate)
+        return overcome(torque, ramp, position, (begin, at, turn), least, rate) or onset(
+            torque[begin : at + 1], velocity, at, rate, cutoff
+        )
+
+    for a, b in zip(turns, turns[1:]):
+        for start, stop in a + spans(stuck[a : b + 1]):
+            after, before = start > a or not stuck[max(a - 1, 0)], stop <= b
+            first, last = start + settle * after, stop - settle * before
+            if last - first < SHORTEST or np.ptp(smooth[first:last]) < 0.5 * BRANCH * np.ptp(smooth):
+                continue
+            inside = slice(first, last)
+            result.append(
+                Branch(
+                    torque=smooth[inside],
+                    position=position[inside],
+                    direction=1 if smooth[b] > smooth[a] else -1,
+                    break_away=slipped(a, stop, b, inside) if before else None,
+                )
+            )
+    return result, slips, _before(torque, smooth, turns, rate)
+
+
+def _before(torque: np.ndarray, smooth: np.ndarray, turns: np.ndarray, rate: float) -> float:
+    """Return the torque before the first ramp [N.m or N]: the mean of the time before, or where the ramp's line begins."""
+    first = line(torque, smooth, (int(turns[0]), int(turns[1])), rate) if turns[0] < EDGE * rate else None
+    return float(torque[: turns[0] + 1].mean() if first is None else first.at(turns[:1])[0])
+
+
+def low_passed(log: Log) -> tuple[np.ndarray, float, float]:
+    """Return the low-passed torque of a log's only joint [N.m or N], (n,), its sampling rate and the corner [Hz]."""
+    rate = 1.0 / log.period
+    cutoff = min(CUTOFF, 0.1 * rate)
+    return filters.low_pass(log.driving_torque[:, 0], cutoff, rate), rate, cutoff
+
+
+def _compliance(torque: np.ndarray, position: np.ndarray) -> tuple[float, float]:
+    """Return position over torque of one branch, and its standard error [rad/N.m or m/N].
+
+    Both have noise, which a regression of either on the other would take for compliance or stiffness; time has none, and both
+    follow it: it is the instrument (Durbin, Revue de l'Institut International de Statistique 22, 1954).
+    """
+    u, x, t = torque - torque.mean(), position - position.mean(), np.linspace(-1.0, 1.0, torque.size)
+    power = float(t @ u)
+    if power == 0.0:
+        return 0.0, np.inf
+    c = float(t @ x) / power
+    left = x - c * u
+    return c, float(np.sqrt(long_run((t * left)[None])[0, 0])) / abs(power)
