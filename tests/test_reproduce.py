@@ -107,7 +107,7 @@ def test_what_breaks_down_does_not_stop_the_others(fake):
     assert not third.holds
     assert verdict(third) == ("poor", "1 of 2 fall short")
     assert verdict(first)[1] == "broke down"
-    assert overall([first, second, third]).startswith("Of 2 judged claims in 3 experiments, 1 hold")
+    assert "Of 2 checks of our own in 3 experiments, 1 hold" in overall([first, second, third])
 
 
 def test_the_book_is_one_safe_file(fake):
@@ -143,7 +143,8 @@ def test_the_command_writes_a_book_and_tells_what_falls_short(fake, tmp_path):
     fake("fig-2.2", lambda seed: outcome(True))
     done = CliRunner().invoke(app, ["reproduce", "fig-2.2", "--folder", str(tmp_path)])
     assert done.exit_code == 0
-    assert "Of 1 judged claim in 1 experiment, 1 hold" in done.stdout
+    assert "Of 1 check of our own in 1 experiment, 1 hold" in done.stdout
+    assert "Of 1 statements of the thesis: 1 reproduced, 0 not reproduced and explained" in done.stdout
 
 
 def test_an_interrupt_keeps_what_is_done(fake, tmp_path, monkeypatch):
@@ -177,3 +178,17 @@ def test_processes_give_the_same_numbers_as_one():
         assert result.outcome.claims == other.outcome.claims
         assert result.outcome.numbers == other.outcome.numbers
         assert result.png == other.png
+
+
+def stated(holds: bool) -> Outcome:
+    claim = Claim(what="a statement", ours="so", holds=holds, statement="2.2-duration")
+    return Outcome(name="fig-2.2", title="t", setting="s", claims=(claim,))
+
+
+def test_a_statement_that_comes_out_otherwise_than_the_ledger_says_is_named(fake):
+    (good,) = run_all([fake("fig-2.2", lambda seed: stated(True))])
+    assert good.holds and verdict(good) == ("good", "1 of 1 statements come out")
+    (bad,) = run_all([fake("fig-2.2", lambda seed: stated(False))])
+    assert not bad.holds
+    assert verdict(bad) == ("poor", "other than in the ledger: 2.2-duration")
+    assert "Other than in the ledger: 2.2-duration." in overall([bad])

@@ -36,7 +36,8 @@ def command(
 ) -> None:
     """Run experiments of the thesis in simulation, print what it states beside what came out, and bind an HTML book.
 
-    Ctrl-C keeps what is done. The exit code is 1 when a claim falls short.
+    Ctrl-C keeps what is done. The exit code is 1 when a check of our own falls short, or a statement
+    of the thesis comes out otherwise than docs/theory/claims.md says.
 
     Example: backdrive reproduce fig-2.12
     """
@@ -136,7 +137,13 @@ def _entry(entry: Entry) -> dict[str, Any]:
 
 
 def _result(result: Result, folder: Path) -> dict[str, Any]:
+    from backdrive.thesis.ledger import of
+
     document = _entry(result.entry) | {"holds": result.holds, "seconds": round(result.seconds, 2)}
+    document["statements"] = [
+        {"name": s.name, "section": s.section, "text": s.text, "verdict": s.verdict, "why": s.why}
+        for s in of(result.entry.name)
+    ]
     if result.outcome is None:
         return document | {"error": result.error}
     outcome = result.outcome
@@ -152,6 +159,7 @@ def _result(result: Result, folder: Path) -> dict[str, Any]:
                 "gate": c.gate,
                 "holds": c.holds,
                 "why": c.why,
+                "statement": c.statement,
             }
             for c in outcome.claims
         ],
@@ -187,14 +195,14 @@ def _print(results: list[Result], book: Path, interrupted: bool, asked: int) -> 
 
 def _table(result: Result) -> Any:
     """Return the claims of an experiment as a table with a column each."""
-    from backdrive.thesis.book import WORDS
+    from backdrive.thesis.book import word
 
     rows = table("verdict", text=("verdict",), no_wrap=True)
     for heading, ratio in (("claim", 4), ("thesis", 2), ("here", 5), ("gate", 3)):
         rows.add_column(heading, ratio=ratio, overflow="fold")
     for c in result.outcome.claims if result.outcome else ():
         why = f"{c.what}. {c.why}" if c.holds is False and c.why else c.what
-        rows.add_row(WORDS[c.holds][1], why, c.thesis, c.ours, c.gate)
+        rows.add_row(word(c)[1], why, c.thesis, c.ours, c.gate)
     return rows
 
 
@@ -202,16 +210,16 @@ def _blocks(result: Result) -> Any:
     """Return the same for a narrow terminal: a block a claim."""
     from rich.table import Table
 
-    from backdrive.thesis.book import WORDS
+    from backdrive.thesis.book import word
 
     rows = Table(box=None, pad_edge=False, show_header=False)
     rows.add_column(no_wrap=True)
     rows.add_column(overflow="fold")
     for c in result.outcome.claims if result.outcome else ():
-        rows.add_row(WORDS[c.holds][1], c.what)
+        rows.add_row(word(c)[1], c.what)
         shown = [("thesis", c.thesis), ("here", c.ours), ("gate", c.gate)]
         shown += [("why", c.why)] if c.holds is False else []
-        for word, text in shown:
+        for heading, text in shown:
             if text:
-                rows.add_row(f"  {word}", text)
+                rows.add_row(f"  {heading}", text)
     return rows

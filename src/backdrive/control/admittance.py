@@ -17,6 +17,7 @@ from typing import ClassVar
 import numpy as np
 
 from backdrive._jit import jit
+from backdrive.errors import InvalidInput
 from backdrive.parameters import NOT_NEGATIVE, POSITIVE, Bounded
 
 ROW = 5
@@ -65,6 +66,23 @@ class Admittance(Bounded):
     def row(self) -> np.ndarray:
         """Return the row that `tick` reads, (5,)."""
         return np.array([self.inertia, self.viscosity, self.proportional, self.derivative, self.limit])
+
+    def virtual_force(self, velocity: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+        """Return the force that acts on the virtual object, tau_a = m q'' + b q', Iwatani 2017, (4.19) [N.m or N].
+
+        Args:
+            velocity: q', as a filter of the encoder gives it [rad/s or m/s], any shape.
+            acceleration: q'' [rad/s^2 or m/s^2], the same shape.
+
+        Raises:
+            InvalidInput: the shapes differ.
+        """
+        v, a = np.asarray(velocity, dtype=np.float64), np.asarray(acceleration, dtype=np.float64)
+        if v.shape != a.shape:
+            raise InvalidInput(
+                f"Velocities {v.shape} and accelerations {a.shape}.", remedy="Give one of each a sample."
+            )
+        return self.inertia * a + self.viscosity * v
 
     def start(self, position: float) -> np.ndarray:
         """Return the state at rest at a position, (3,)."""

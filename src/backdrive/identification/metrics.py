@@ -53,6 +53,48 @@ def relative_curve_distance(first: Law, second: Law, top_speed: float, *, direct
     return distance / size if size > 0 else float("nan")
 
 
+def mean_magnitude(signal: np.ndarray) -> float:
+    """Return the root mean square of a signal over an experiment.
+
+    Args:
+        signal: velocity, torque, or an error, evenly sampled, (n,).
+
+    Returns:
+        V_s or F_s of Iwatani 2017, (2.23), in the signal's unit.
+
+    Raises:
+        InvalidInput: it is empty or not finite.
+    """
+    x = np.asarray(signal, dtype=np.float64)
+    if x.ndim != 1 or x.size == 0 or not np.all(np.isfinite(x)):
+        raise InvalidInput(
+            f"A signal of shape {x.shape} with {int(np.sum(~np.isfinite(x)))} values that are not finite has no mean magnitude.",
+            remedy="Give one finite number a sample, (n,).",
+        )
+    return float(np.sqrt(np.mean(x**2)))
+
+
+def tracking_error(desired: np.ndarray, position: np.ndarray) -> float:
+    """Return the root mean square by which a position misses the desired one over an experiment.
+
+    Args:
+        desired: p_d [rad or m], evenly sampled, (n,).
+        position: p_s [rad or m], (n,).
+
+    Returns:
+        E_s of Iwatani 2017, (2.26) [rad or m].
+
+    Raises:
+        InvalidInput: the lengths differ, or a value is not finite.
+    """
+    a, b = np.asarray(desired, dtype=np.float64), np.asarray(position, dtype=np.float64)
+    if a.shape != b.shape:
+        raise InvalidInput(
+            f"{a.shape} desired positions and {b.shape} positions.", remedy="Give one of each a sample, (n,)."
+        )
+    return mean_magnitude(a - b)
+
+
 def _quadrature(laws: tuple[Law, ...], top_speed: float, direction: int) -> tuple[np.ndarray, np.ndarray]:
     """Return nodes inside (0, top_speed) and their weights, section by section between the knots."""
     if not 0 < top_speed < np.inf or direction not in (1, -1):

@@ -14,50 +14,37 @@ import numpy as np
 
 from backdrive.control import Unguarded
 from backdrive.control.compensators.catalog import mahvash_okamura, nothing
-from backdrive.engine.servo import Servo
+from backdrive.identification.metrics import mean_magnitude
 from backdrive.laws import Law
 from backdrive.simulation import SimulatedJoint
 from backdrive.simulation.closed_loop import Record, Scene, play
 from backdrive.simulation.hand import Hand, HandMotion, along
-from backdrive.simulation.machines import COUNTS, bent_curve, joint_0, joint_1, joint_2
 from backdrive.thesis._sweeps import identified
+from backdrive.thesis.setups import rigid_arm
 
 CONTACT, SHARE = 1e4, 0.9  # K [N.m/rad] and R of 2.5
 FREQUENCY, CYCLES = 0.5, 11  # of the motion [Hz]; the first cycle is not judged
 AMPLITUDE = 0.25  # of the motion, half its stroke [rad]
 PERIOD = 1e-3  # of the loop [s]
 FIRM, SOFT = 3000.0, 110.0  # stiffness of a hand that prescribes the motion, and of a person's arm [N.m/rad]
+FELT = (
+    "joint_0",
+    "joint_1",
+    "joint_2",
+    "joint_4",
+)  # moved by hand; the others are too much for the thesis' force sensor
 SENSOR_NOISE = 0.05  # of the force sensor, at the joint [N.m]
 
 
-def joint_4() -> SimulatedJoint:
-    """Return Joint 4 of the arm (wrist); all of it is assumed but the ratio of 100 and the torque of 28.5 N.m (Table 2.1).
-
-    It has the ratio of Joint 0 and 0.3 times its torque, and so 0.3 times its friction; the rotor of a 30 W motor (1.66e-6 kg.m^2)
-    times the ratio squared and half as much for the wave generator; wrist, sensor and grip as 0.05 kg.m^2 and 2 N.m of weight.
-    """
-    motor, load, scale = 0.025, 0.05, 28.5 / 95.1
-    return SimulatedJoint(
-        name="joint_4",
-        law=bent_curve(6.85 * scale, 5.0 * scale),
-        servo=Servo.tuned(motor + load, 120.0),
-        motor_inertia=motor,
-        load_inertia=load,
-        gravity_cos=2.0,
-        encoder_count=2.0 * np.pi / COUNTS / 100.0,
-        torque_limit=28.5,
-    )
-
-
 def joints() -> tuple[SimulatedJoint, ...]:
-    """Return the joints of Figs. 2.11 to 2.14 that can be simulated: 0, 1, 2 and, assumed, 4."""
-    return joint_0(), joint_1(), joint_2(), joint_4()
+    """Return the joints that Figs. 2.11 and 2.12 move by hand: 0, 1, 2 and 4."""
+    return tuple(joint for joint in rigid_arm() if joint.name in FELT)
 
 
 @lru_cache(maxsize=8)
 def curves(seed: int) -> dict[str, Law]:
     """Return the friction that a sweep identified on each joint."""
-    return {joint.name: identified(joint, seed=seed) for joint in joints()}
+    return {joint.name: identified(joint, seed=seed) for joint in rigid_arm()}
 
 
 def motion(amplitude: float = AMPLITUDE, cycles: int = CYCLES) -> HandMotion:
@@ -100,12 +87,12 @@ class Moved:
     @property
     def speeds(self) -> tuple[float, float]:
         """V_s of (2.23), before and after [rad/s]."""
-        return tuple(magnitude(judged(r, r.load_velocity)) for r in (self.before, self.after))  # type: ignore[return-value]
+        return tuple(mean_magnitude(judged(r, r.load_velocity)) for r in (self.before, self.after))  # type: ignore[return-value]
 
     @property
     def torques(self) -> tuple[float, float]:
         """F_s of (2.23), before and after [N.m]."""
-        return tuple(magnitude(judged(r, r.sensed)) for r in (self.before, self.after))  # type: ignore[return-value]
+        return tuple(mean_magnitude(judged(r, r.sensed)) for r in (self.before, self.after))  # type: ignore[return-value]
 
     @property
     def reduction(self) -> float:
@@ -128,12 +115,12 @@ class Moved:
     @property
     def inertia_torque(self) -> float:
         """Root mean square of what inertia alone asks of the hand, with compensation [N.m]."""
-        return magnitude(judged(self.after, self._inertia(self.after)))
+        return mean_magnitude(judged(self.after, self._inertia(self.after)))
 
     @property
     def reduction_beside_inertia(self) -> float:
         """The reduction of what is not inertia [%]."""
-        rest = [magnitude(judged(r, r.sensed - self._inertia(r))) for r in (self.before, self.after)]
+        rest = [mean_magnitude(judged(r, r.sensed - self._inertia(r))) for r in (self.before, self.after)]
         return 100.0 * (1.0 - rest[1] / rest[0])
 
     def _inertia(self, record: Record) -> np.ndarray:
@@ -143,11 +130,6 @@ class Moved:
 def judged(record: Record, column: np.ndarray) -> np.ndarray:
     """Return a column from the second cycle on."""
     return column[record.time >= 1.0 / FREQUENCY - 0.5 * PERIOD]
-
-
-def magnitude(x: np.ndarray) -> float:
-    """Return the root mean square of (2.23) and (2.26)."""
-    return float(np.sqrt(np.mean(x**2)))
 
 
 def phase(x: np.ndarray, record: Record) -> float:

@@ -10,31 +10,28 @@ import numpy as np
 from backdrive.control.admittance import Admittance
 from backdrive.control.estimators.friction import FrictionEstimator, alg_fe, alg_fe2, between_counts
 from backdrive.control.estimators.sliding_mode import MotionFilter
-from backdrive.laws import Law, Polyline
 from backdrive.laws.base import Rate
 from backdrive.simulation.closed_loop import Record, play
 from backdrive.simulation.hand import Hand, HandMotion, strokes
 from backdrive.simulation.joint import SimulatedJoint
 from backdrive.thesis._sensorless import (
-    ADMITTANCE,
-    CASCADE,
     DECAY,
     FAST,
     HAND_A,
+    LITERAL,
     PERIOD,
+    PRINTED,
     STIFFNESS,
     admitted,
     rms,
     then,
 )
-from backdrive.thesis.fig_3_4 import identified, setups
+from backdrive.thesis.fig_3_4 import identified
+from backdrive.thesis.setups import K_B, RATIO, setups
 
 CASES = ("alpha_N", "alpha_H", "algFE2")
-SEEDS = 10
-FEW = 4  # seeds of the conditions beside
+SEEDS = 30
 HOLD, FREE = 1.2, 3.0  # after the stroke [s]
-SHARES = (1.0, 0.95)  # of the true friction that the estimator takes [-]
-MASSES = (0.08, 0.12, 0.16, 0.2, 0.32)  # m that are tried on Joint 0 [kg.m^2]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,13 +74,13 @@ class Setting:
         return replace(self, admittance=replace(self.admittance, inertia=m))
 
 
-def joint_0(seed: int = 0) -> Setting:
+def joint_0(seed: int = 0, ratio: float = RATIO) -> Setting:
     """Return Joint 0 of Setup B; virtual object, gains and filter are not printed and chosen here."""
-    plant = setups()["joint_0"]
+    plant = setups(ratio)["joint_0"]
     return Setting(
         plant=plant,
         rate=identified(plant, seed),
-        stiffness=5e4,
+        stiffness=K_B,
         threshold=1e-3,
         hand=Hand(stiffness=130.0, damping=6.0, noise=0.05),
         stroke=0.3,
@@ -95,18 +92,18 @@ def joint_0(seed: int = 0) -> Setting:
     )
 
 
-def axis(seed: int = 0) -> Setting:
-    """Return Setup A with the virtual object of Fig. 4.8."""
-    plant = setups()["setup_a"]
+def axis(seed: int = 0, ratio: float = RATIO) -> Setting:
+    """Return Setup A with virtual object, gains and filter as printed."""
+    plant = setups(ratio)["setup_a"]
     return Setting(
         plant=plant,
         rate=identified(plant, seed),
         stiffness=STIFFNESS,
         threshold=0.01,
         hand=HAND_A,
-        stroke=0.12,
-        admittance=ADMITTANCE,
-        filter=CASCADE,
+        stroke=0.06,
+        admittance=PRINTED,
+        filter=LITERAL,
         still=2.5 * plant.encoder_count,
     )
 
@@ -153,14 +150,3 @@ def measure(records: Mapping[str, Sequence[Record]], setting: Setting) -> dict[s
             "held": np.array([rms(r.load_velocity[h]) for r, h in zip(made, held)]),
         }
     return measured
-
-
-def share_of(law: Law, share: float) -> Rate:
-    """Return a law's curve times a share."""
-    curve = law.rate
-    assert isinstance(curve, Polyline)
-    less = {
-        "positive": tuple(share * f for f in curve.positive),
-        "negative": tuple(share * f for f in curve.negative),
-    }
-    return replace(curve, **less)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,8 @@ from backdrive.control.estimators.friction import between_counts
 from backdrive.simulation.closed_loop import Record, Scene, play
 from backdrive.simulation.hand import Hand, HandMotion, strokes
 from backdrive.simulation.joint import SimulatedJoint
-from backdrive.thesis.fig_3_4 import intercepts, setups
+from backdrive.thesis.fig_3_4 import identified, intercepts
+from backdrive.thesis.setups import K_A, K_B, RATIO, setups
 
 PERIOD = 1e-3  # s
 BEGIN, HOLD, AFTER = 0.3, 1.0, 2.0  # before the stroke, between its end and release, after release [s]
@@ -21,10 +22,7 @@ LOOKED = 0.5  # the end of the record in which rest is judged [s]
 STILL = 2.0  # counts by which the load may travel meanwhile
 SLOW, FAST, SWITCH = 20.0, 500.0, 10.0  # alpha_N, alpha_H, r_W [1/s]
 CASES = ("alpha_N", "alpha_H", "algFC2")
-SEEDS, FEWER = 20, 10
-RATIOS = (1.0, 1.1, 1.2)  # K_c by K on Joint 0
-HASTY = 0.3  # hold of a hand that lets go while the joint still swings [s]
-SHARES = (0.95, 0.9)  # R beside 1 on Setup A
+SEEDS = 20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +55,7 @@ class Release:
 
     def compensators(self) -> dict[str, Compensator]:
         """Return the three cases; the threshold lies between two counts."""
-        wave, rate = Dither(share=self.dither), self.plant.law.rate
+        wave, rate = Dither(share=self.dither), identified(self.plant)
         threshold = between_counts(self.threshold, self.plant.encoder_count, PERIOD)
         return {
             "alpha_N": alg_fc(rate, self.stiffness, SLOW, wave, share=self.share),
@@ -102,38 +100,38 @@ class Release:
         return self.fast * float(np.mean(intercepts(self.plant.law.rate))) / self.stiffness
 
 
-def joint_0(ratio: float, share: float = 1.0) -> Release:
-    """Return Joint 0 with K_c as so many times K = 5e4 N.m/rad."""
-    plant = setups()["joint_0"].replace(stiffness=ratio * 5e4)
+def joint_0(ratio: float = RATIO) -> Release:
+    """Return Joint 0.
+
+    Args:
+        ratio: K_c by K [-].
+    """
     return Release(
-        plant=plant,
-        stiffness=5e4,
+        plant=setups(ratio)["joint_0"],
+        stiffness=K_B,
         threshold=0.005,
         dither=0.2,
         hand=Hand(stiffness=120.0, damping=6.0, noise=0.02),
         stroke=0.3,
         duration=0.8,
-        share=share,
     )
 
 
-def setup_a(share: float = 1.0) -> Release:
-    """Return Setup A with K_c = 2K = 2.4e6 N/m."""
+def setup_a(ratio: float = RATIO) -> Release:
+    """Return Setup A.
+
+    Args:
+        ratio: K_c by K [-].
+    """
     return Release(
-        plant=setups()["setup_a"],
-        stiffness=1.2e6,
+        plant=setups(ratio)["setup_a"],
+        stiffness=K_A,
         threshold=0.01,
         dither=0.5,
         hand=Hand(stiffness=800.0, damping=40.0, noise=0.05),
         stroke=0.06,
         duration=0.7,
-        share=share,
     )
-
-
-def softer(release: Release) -> Release:
-    """Return the same with K_c = K."""
-    return replace(release, plant=release.plant.replace(stiffness=release.stiffness))
 
 
 def travel(record: Record) -> float:
@@ -151,8 +149,8 @@ def judge(release: Release, seeds: int, first: int) -> dict[str, Any]:
         first: seed of the first.
 
     Returns:
-        `rest` (how many of the hands end at rest), `peak` (mean of the largest force of the hand) and `travel` (counts, by
-        hand), each by case; `records` of the first hand.
+        `rest` (how many of the hands end at rest), `peaks` (largest force of the hand, by hand), `peak` (their mean) and `travel`
+        (counts, by hand), each by case; `records` of the first hand.
     """
     scenes = [scene for i in range(seeds) for scene in release.scenes(first + i)]
     records = play(scenes)
@@ -161,8 +159,9 @@ def judge(release: Release, seeds: int, first: int) -> dict[str, Any]:
         case: np.array([travel(r) for r in records[i :: len(CASES)]]) for i, case in enumerate(CASES)
     }
     result["rest"] = {case: int(np.sum(counts < STILL)) for case, counts in result["travel"].items()}
-    result["peak"] = {
-        case: float(np.mean([np.abs(r.force).max() for r in records[i :: len(CASES)]]))
+    result["peaks"] = {
+        case: np.array([np.abs(r.force).max() for r in records[i :: len(CASES)]])
         for i, case in enumerate(CASES)
     }
+    result["peak"] = {case: float(high.mean()) for case, high in result["peaks"].items()}
     return result

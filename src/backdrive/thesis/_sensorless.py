@@ -33,6 +33,7 @@ LITERAL = MotionFilter.literal()  # G = 10, H = 2, on the position
 HAND_A = Hand(stiffness=800.0, damping=40.0, noise=0.2)  # on Setup A
 STROKE, DURATION = 0.06, 0.7  # of the hand on Setup A [m], [s]
 INTERVAL, BEGIN = 0.75, 0.5  # between strokes, before the first [s]
+PRINTED = Admittance(inertia=1.0, viscosity=15.0, proportional=1e5, derivative=1e3, limit=600.0)  # Sec. 4.6.2
 ADMITTANCE = Admittance(inertia=2.0, viscosity=15.0, proportional=1e5, derivative=1e3, limit=600.0)
 REST = 1e-4  # speed below which Setup A is at rest [m/s]
 MOST = 100  # longest delay that is tried [samples]
@@ -123,7 +124,7 @@ def admitted(
 def virtual_force(record: Record, admittance: Admittance, filter: MotionFilter = CASCADE) -> np.ndarray:
     """Return the force on the virtual object, m q'' + b q' of the encoder, Iwatani 2017, (4.19) [N or N.m], (n,)."""
     velocity, acceleration = filter.run(record.reading, PERIOD)
-    return admittance.inertia * acceleration + admittance.viscosity * velocity
+    return admittance.virtual_force(velocity, acceleration)
 
 
 def rms(x: np.ndarray) -> float:

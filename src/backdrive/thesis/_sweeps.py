@@ -19,8 +19,9 @@ from backdrive.laws import Law
 from backdrive.logs.log import Log
 from backdrive.plans import Sweep
 from backdrive.simulation import SimulatedJoint
-from backdrive.simulation.machines import joint_0, joint_1, joint_2
+from backdrive.simulation.machines import joint_1
 from backdrive.simulation.open_loop import simulate
+from backdrive.thesis.setups import rigid_arm
 
 TOP_SPEED, CYCLES = 2.0, 10  # V [rad/s], N; 2.4.2
 STROKES = (5.0, 10.0, 20.0, 30.0, 50.0)  # A [deg]
@@ -121,8 +122,8 @@ def identified(joint: SimulatedJoint, *, seed: int) -> Law:
 def by_stroke(
     seed: int, joints: Iterable[SimulatedJoint] | None = None, strokes: Iterable[float] = STROKES
 ) -> dict[str, dict[float, Swept]]:
-    """Return sweeps by joint and stroke [deg]; Joints 0 to 2 by default."""
-    chosen = (joint_0(), joint_1(), joint_2()) if joints is None else joints
+    """Return sweeps by joint and stroke [deg]; Joints 0 to 5 by default."""
+    chosen = rigid_arm() if joints is None else joints
     return {
         joint.name: {stroke: sweep(joint, stroke, seed=1000 * seed + int(stroke)) for stroke in strokes}
         for joint in chosen

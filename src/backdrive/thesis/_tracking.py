@@ -16,11 +16,13 @@ from backdrive.control.compensators import Compensator
 from backdrive.control.compensators.catalog import mahvash_okamura, nothing
 from backdrive.engine.servo import Servo
 from backdrive.errors import InvalidInput
+from backdrive.identification.metrics import tracking_error
 from backdrive.laws import CoulombViscous, Law, Polyline
 from backdrive.simulation import SimulatedJoint
 from backdrive.simulation.closed_loop import Record, Scene, play
 from backdrive.simulation.hand import still
-from backdrive.thesis._manual import CONTACT, PERIOD, SHARE, curves, joints, magnitude
+from backdrive.thesis._manual import CONTACT, PERIOD, SHARE, curves, joints
+from backdrive.thesis.setups import rigid_arm
 
 CASES = ("NC", "MO", "MOL", "MOP")
 GAIN, RATIO = 200.0, 0.5  # K_p [N.m/rad] and damping ratio of the PD
@@ -30,7 +32,7 @@ RATIOS = (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)  # damping ratios at which the ord
 SETTING = (
     f"Rigid joints, PD of K_p = {GAIN:g} N.m/rad at a damping ratio of {RATIO:g}; saw-teeth of {TOOTH:g} rad at "
     f"{', '.join(f'{v:g}' for v in TEETH)} rad/s; K = {CONTACT:g} N.m/rad, R = {SHARE:g}, curves identified by a sweep of 20 deg; "
-    "gravity held. Joint 4 is assumed but for ratio and torque limit."
+    "gravity held. Joints 3 to 5 are assumed but for ratio and torque limit."
 )
 
 
@@ -121,13 +123,13 @@ def tracked(
 
 def error(record: Record) -> float:
     """Return E_s of (2.26) [rad]."""
-    return magnitude(record.wanted - record.reading)
+    return tracking_error(record.wanted, record.reading)
 
 
 @lru_cache(maxsize=1)
 def by_joint(seed: int) -> dict[str, dict[str, Record]]:
     """Return the four cases of each joint at the gains that are judged."""
-    chosen = joints()
+    chosen = rigid_arm()
     done = tracked([(j, pd(j)) for j in chosen], seed=seed, target=saw_teeth())
     return {joint.name: cases for joint, cases in zip(chosen, done)}
 

@@ -14,14 +14,23 @@ from backdrive.report import POLICY
 from backdrive.report.joint import table
 from backdrive.report.sheet import CSS
 from backdrive.report.words import counted, esc, number, prose, sentence
+from backdrive.thesis.ledger import disagreements, evaluate
+from backdrive.thesis.ledger import headline as statement_counts
+from backdrive.thesis.ledger import of as statements_of
 from backdrive.thesis.outcome import Claim
 from backdrive.thesis.run import Result
 
 TITLE = "Friction of robot joints: the experiments of Iwatani 2017, run again in simulation"
-#: Verdict on a claim -> level of the report's colours, word.
+#: Verdict on a check of our own -> level of the report's colours, word.
 WORDS: dict[bool | None, tuple[str, str]] = {
     True: ("good", "holds"),
     False: ("poor", "falls short"),
+    None: ("unknown", "shown"),
+}
+#: Whether a statement of the thesis comes out -> the same.
+CAME_OUT: dict[bool | None, tuple[str, str]] = {
+    True: ("good", "comes out"),
+    False: ("poor", "does not come out"),
     None: ("unknown", "shown"),
 }
 MORE = """
@@ -47,16 +56,33 @@ def verdict(result: Result) -> tuple[str, str]:
     short, held = len(result.of(False)), len(result.of(True))
     if short:
         return "poor", f"{short} of {short + held} fall short" if short + held > 1 else "falls short"
+    came_out = evaluate([result.outcome])
+    if other := disagreements(came_out):
+        return "poor", f"other than in the ledger: {', '.join(other)}"
+    if came_out:
+        n, of = sum(came_out.values()), len(came_out)
+        return "good" if n == of else "unknown", f"{n} of {of} statements come out"
     return ("good", f"all {held} hold" if held > 1 else "holds") if held else ("unknown", "shown")
 
 
 def overall(results: Sequence[Result]) -> str:
     """Return the verdict on all in a sentence."""
     held, short, told = (sum(len(r.of(v)) for r in results) for v in (True, False, None))
+    done = [r for r in results if r.outcome is not None]
     broken = [r.entry.name for r in results if r.outcome is None]
-    said = f"Of {counted(held + short, 'judged claim')} in {counted(len(results), 'experiment')}, {held} hold"
-    said += f"; {told} more statements inform." if told else "."
-    return said + (f" Broke down: {', '.join(broken)}." if broken else "")
+    listed = [s for r in done for s in statements_of(r.entry.name)]
+    other = disagreements(evaluate(r.outcome for r in done if r.outcome is not None))
+    said = [statement_counts(listed)] if listed else []
+    checks = f"Of {counted(held + short, 'check')} of our own in {counted(len(results), 'experiment')}, {held} hold"
+    said.append(checks + (f"; {told} more notes inform." if told else "."))
+    said += [f"Other than in the ledger: {', '.join(other)}."] if other else []
+    said += [f"Broke down: {', '.join(broken)}."] if broken else []
+    return " ".join(said)
+
+
+def word(claim: Claim) -> tuple[str, str]:
+    """Return a level of the report's colours and what came of a claim, in words."""
+    return (CAME_OUT if claim.statement else WORDS)[claim.holds]
 
 
 def render(
@@ -166,7 +192,7 @@ def _claims(claims: Sequence[Claim]) -> str:
     heads = ("Claim", "Thesis", "Here", "Gate", "Verdict")
     rows = []
     for claim in claims:
-        level, word = WORDS[claim.holds]
+        level, came = word(claim)
         why = f'<small class="why">{esc(prose(sentence(claim.why)))}</small>' if claim.why else ""
         cells = "".join(
             f'<td data-label="{label}">{esc(prose(text))}</td>'
@@ -174,7 +200,7 @@ def _claims(claims: Sequence[Claim]) -> str:
         )
         rows.append(
             f'<tr><th scope="row">{esc(prose(claim.what))}{why}</th>{cells}'
-            f'<td><span class="chip {level}">{word}</span></td></tr>'
+            f'<td><span class="chip {level}">{came}</span></td></tr>'
         )
     top = "".join(f'<th scope="col">{h}</th>' for h in heads)
     return f'<table class="claims"><thead><tr>{top}</tr></thead><tbody>{"".join(rows)}</tbody></table>'

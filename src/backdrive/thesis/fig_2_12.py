@@ -9,10 +9,9 @@ from backdrive.simulation import SimulatedJoint
 from backdrive.simulation.machines import joint_0, joint_1, joint_2
 from backdrive.thesis import _sweep_plots as own
 from backdrive.thesis._manual import FIRM, SOFT, Moved, by_hand, joints, moved
-from backdrive.thesis.fig_2_11 import SETTING, SPEEDS
+from backdrive.thesis.fig_2_11 import SETTING
 from backdrive.thesis.outcome import Claim, Outcome
 
-LEAST = {"joint_0": 60.0, "joint_1": 50.0, "joint_2": 60.0, "joint_4": 60.0}  # gates [%]
 AMPLITUDES = (0.2, 0.3)  # besides [rad]
 
 
@@ -29,13 +28,16 @@ def run(seed: int = 0) -> Outcome:
     }
     claims = [
         Claim(
-            what=f"{_name(m.joint)}: the hand's torque is smaller with compensation",
-            thesis="by 60 to 80 %",
-            ours=f"{m.torques[0]:.2f} to {m.torques[1]:.2f} N.m: {m.reduction:.1f} % less, velocity {m.speed_change:+.2f} %",
-            gate=f"at least {LEAST[m.joint.name]:g} %, velocity within {SPEEDS:g} %",
-            holds=m.reduction >= LEAST[m.joint.name] and abs(m.speed_change) <= SPEEDS,
+            what=f"{_name(m.joint)}: the hand's torque is smaller by 60 to 80 %.",
+            thesis="smaller by 60 to 80 percent",
+            ours=f"{m.torques[0]:.2f} to {m.torques[1]:.2f} N.m: {m.reduction:.1f} % less; by a soft hand of the same speed "
+            f"{s.reduction:.1f} %",
+            gate="60 to 80 %, firm hand",
+            holds=60.0 <= m.reduction <= 80.0,
+            why="What is left on Joint 1 is mostly inertia, which no friction compensation takes away.",
+            statement="2.12-reduction",
         )
-        for m in firm
+        for m, s in zip(firm, soft)
     ]
     claims.append(
         Claim(
@@ -45,8 +47,7 @@ def run(seed: int = 0) -> Outcome:
                 f"{m.reduction_beside_inertia:.0f} %"
                 for m in firm
             ),
-            gate="without inertia at least 65 % less on every joint",
-            holds=all(m.reduction_beside_inertia >= 65.0 for m in firm),
+            holds=None,
             why="No friction compensation takes inertia away; Joint 1 has the most of it.",
         )
     )
@@ -55,8 +56,7 @@ def run(seed: int = 0) -> Outcome:
         Claim(
             what="The same with compliant transmissions (1e5, 1e5 and 8e4 N.m/rad)",
             ours="; ".join(f"{_name(m.joint)} {m.reduction:.1f} %, {m.forward:+.0f} deg" for m in stiff),
-            gate="the same as rigid",
-            holds=all(m.reduction >= LEAST[m.joint.name] and m.forward >= 40.0 for m in stiff),
+            holds=None,
         )
     )
     for amplitude in AMPLITUDES:
@@ -64,12 +64,8 @@ def run(seed: int = 0) -> Outcome:
         claims.append(
             Claim(
                 what=f"The same for ±{amplitude:g} rad",
-                thesis="by 60 to 80 %",
                 ours=_reductions(other),
-                gate="as above",
-                holds=all(
-                    m.reduction >= LEAST[m.joint.name] and abs(m.speed_change) <= SPEEDS for m in other
-                ),
+                holds=None,
             )
         )
     claims.append(
@@ -86,7 +82,6 @@ def run(seed: int = 0) -> Outcome:
     claims.append(
         Claim(
             what=f"A soft hand of {SOFT:g} N.m/rad that keeps the velocity of the firm one",
-            thesis="by 60 to 80 %",
             ours=_reductions(rows["soft hand, same speed"]),
             holds=None,
             why="A soft hand cannot break a joint away at its own instant: the joint sticks at each reversal and jumps, "

@@ -65,6 +65,7 @@ def run(seed: int = 0) -> Outcome:
             ours=f"{full.duration:.2f} s; (2.15) gives {series:.2f} s",
             gate="equal",
             holds=bool(abs(full.duration - series) < 1e-9),
+            statement="2.2-duration",
         ),
         Claim(
             what="The acceleration grows with V^2/A, which bounds A from below",

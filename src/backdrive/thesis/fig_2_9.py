@@ -32,17 +32,15 @@ def run(seed: int = 0) -> Outcome:
     claims = (
         Claim(
             what="Inertia is largest in (v) and smallest in (i), gravity largest in (ii) and smallest in (v)",
-            thesis="caption of Fig. 2.9",
             ours=f"{listed(inertia.values())} kg.m^2; {listed(carried.values())} N.m",
             holds=None,
             why="So chosen: the thesis gives the order and no numbers.",
         ),
         Claim(
-            what="The curves of all postures almost overlap, as printed",
-            thesis="differences below 4 %",
-            ours=f"at most {worst['literal']:.2f} %",
-            gate="at most 4 %",
-            holds=worst["literal"] <= 4.0,
+            what="The curves of all postures, as printed",
+            ours=f"at most {worst['literal']:.2f} % apart",
+            holds=None,
+            why="Inertia and gravity of the postures are not printed, and these are assumed.",
         ),
         Claim(
             what="The same, aligned",
@@ -53,10 +51,9 @@ def run(seed: int = 0) -> Outcome:
         Claim(
             what="Friction that grows with the transmitted torque drives the postures apart",
             ours=f"{listed(spread, '.2f')} % for {listed(LOADS, 'g')} N.m a N.m",
-            gate="grows; 0.03 N.m a N.m reaches the thesis' size",
-            holds=spread == sorted(spread) and spread[-1] > 3.0,
+            holds=None,
             why="Neither inertia nor gravity explains a difference of 4 %: the sweep removes both to a tenth of that. Friction "
-            "of gears grows with the load they carry, and 3 % of it is enough.",
+            "of gears grows with the load they carry, and 3 % of it would be enough; so might warmth or position.",
         ),
     )
     return Outcome(

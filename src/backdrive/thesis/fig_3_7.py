@@ -14,19 +14,21 @@ from backdrive.thesis import _guided_plots as own
 from backdrive.thesis._guided import CASES, PERIOD
 from backdrive.thesis.fig_3_8 import CYCLES, SETTING, guidance
 from backdrive.thesis.outcome import Claim, Outcome
+from backdrive.thesis.setups import RATIO
 
 THINNED = 10  # of the whole run one sample in so many is drawn
 ZOOM = (10, 13)  # windows that are drawn in full
 STILL = 1e-4  # speed below which the load stands still [m/s]
 
 
-def run(seed: int = 0) -> Outcome:
+def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
     """Guide Setup A for 30 cycles in each case.
 
     Args:
         seed: of the hand.
+        ratio: K_c by K [-].
     """
-    records = _guided.guide([(guidance(), CYCLES, seed)])[0]
+    records = _guided.guide([(guidance(ratio), CYCLES, seed)])[0]
     found = _guided.peaks(records, CYCLES)
     lowest = np.argmin(np.stack([found[case] for case in CASES]), axis=0) == CASES.index("PD")
     speed = top_speeds(records)
@@ -98,7 +100,8 @@ def _claims(
             f"{100 * lowest[:, 1].mean():.0f} % (-q) of {len(lowest)} windows",
             gate="in more than half of them, each direction",
             holds=bool(np.all(lowest.mean(axis=0) > 0.5)),
-            why="Peak by peak P sometimes is lower; the means, Fig. 3.8, are what differs surely.",
+            why="CD does what PD does, and by chance is the smallest as often.",
+            statement="3.7-smallest",
         ),
         Claim(
             what="With C and CD the peaks appear at the reversals, where the compensation opposes the hand.",
@@ -108,20 +111,22 @@ def _claims(
                 f"{100 * rest:.0f} % of the time"
                 for case, (late, along, rest) in turned.items()
             ),
-            gate="with C and CD within 50 ms of the reversal and against the hand by at least 8 N",
-            holds=all(turned[case][0] < 0.05 and turned[case][1] < -8.0 for case in ("C", "CD")),
+            gate="with C and CD within 50 ms of the reversal, and the compensation against the hand",
+            holds=all(turned[case][0] < 0.05 and turned[case][1] < 0.0 for case in ("C", "CD")),
             why=(
-                "C and CD keep what they gave when the load stopped, so that it stands still until the hand overcomes friction and "
-                "compensation; P and PD let go, so that it hardly stops."
+                "C keeps what it gave when the load stopped, so that it stands still until the hand overcomes friction and "
+                "compensation. CD does not: its dither breaks the load away before."
             ),
+            statement="3.7-reversal",
         ),
         Claim(
             what="The velocity peaks are larger with C.",
             thesis="C larger than CD, P and PD",
             ours=", ".join(f"{case} {value:.3f}" for case, value in speed.items()) + " m/s",
-            gate="C above P and PD",
-            holds=speed["C"] > max(speed["P"], speed["PD"]),
-            why="The compensation reverses at once when the joint breaks away; CD does the same here, for it hardly dithers.",
+            gate="C above CD, P and PD",
+            holds=speed["C"] > max(speed["CD"], speed["P"], speed["PD"]),
+            why="The compensation reverses at once when the joint breaks away.",
+            statement="3.7-speed",
         ),
     )
 

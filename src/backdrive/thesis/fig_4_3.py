@@ -16,6 +16,7 @@ from backdrive.thesis import _sensorless_plots as own
 from backdrive.thesis import fig_3_4
 from backdrive.thesis._sensorless import DECAY, HAND_A, PERIOD, STIFFNESS, metronome, rms
 from backdrive.thesis.outcome import Claim, Outcome
+from backdrive.thesis.setups import setups
 
 PRINTED = 6.85  # F of Joint 0, the intercept of the printed figure [N.m]
 LEVER = 0.4  # from metres of Setup A to radians of Joint 0 [m]
@@ -32,7 +33,7 @@ def run(seed: int = 0, cycles: int = CYCLES) -> Outcome:
     """
     before = fig_3_4.run(seed)
     panels = {name: before.data["panels"][name] for name in ("setup_a", "joint_0")}
-    plants = fig_3_4.setups()
+    plants = setups()
     rates = {name: fig_3_4.identified(plants[name], seed) for name in panels}
     error = {name: _used(name, rates[name], seed, cycles) for name in panels}
     F_p, F_n = panels["setup_a"]["intercepts"]
@@ -48,17 +49,6 @@ def run(seed: int = 0, cycles: int = CYCLES) -> Outcome:
             f"on a hand's motion that they were not identified from ({cycles} cycles of the metronome, no actuator force)."
         ),
         claims=(
-            Claim(
-                what="Setup A has unequal friction in the two directions, Joint 0 equal.",
-                thesis="Setup A: F_p != F_n, almost linear; Setup B almost symmetric",
-                ours=(
-                    f"Setup A {F_p:.2f} and {F_n:.2f} N; Joint 0 {panels['joint_0']['intercepts'][0]:.2f} and "
-                    f"{panels['joint_0']['intercepts'][1]:.2f} N m"
-                ),
-                gate="directions more than 10 % apart on Setup A, less than 2 % on Joint 0",
-                holds=bool(abs(F_p - F_n) > 0.1 * F_p and _unequal(panels["joint_0"]["intercepts"]) < 0.02),
-                why="These are the frictions that were put into the simulated joints.",
-            ),
             Claim(
                 what="The intercept of Joint 0 is the F that its estimator uses.",
                 thesis=f"F = {PRINTED} N m",
@@ -83,13 +73,9 @@ def run(seed: int = 0, cycles: int = CYCLES) -> Outcome:
     )
 
 
-def _unequal(pair: tuple[float, float]) -> float:
-    return abs(pair[0] - pair[1]) / max(pair)
-
-
 def _used(name: str, rate: Rate, seed: int, cycles: int) -> dict[str, float]:
     """Return the RMS error of the estimated friction while the joint slides, and that of the friction [N or N.m]."""
-    plant = fig_3_4.setups()[name]
+    plant = setups()[name]
     motion, hand, stiffness = metronome(cycles, seed), HAND_A, STIFFNESS
     if plant.unit == "rad":
         motion = along(motion.position / LEVER, motion.velocity / LEVER)

@@ -18,6 +18,7 @@ class Claim:
         gate: what is required.
         holds: the verdict; None for information.
         why: where it does not hold, or holds for another reason: the explanation.
+        statement: name of the thesis' statement in the ledger (`ledger.STATEMENTS`); empty for a check of our own.
     """
 
     what: str
@@ -26,6 +27,7 @@ class Claim:
     gate: str = ""
     holds: bool | None
     why: str = ""
+    statement: str = ""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

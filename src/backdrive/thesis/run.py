@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from backdrive.errors import BackdriveError
 from backdrive.report.pictures import canvas
 from backdrive.thesis.catalog import Entry
+from backdrive.thesis.ledger import disagreements, evaluate
 from backdrive.thesis.outcome import Claim, Outcome
 
 SCALE = 2.0  # pixels per point of a picture
@@ -43,12 +44,16 @@ class Result:
 
     @property
     def holds(self) -> bool:
-        """Whether it ran and every claim that is judged holds."""
-        return self.outcome is not None and self.outcome.holds
+        """Whether it ran, every check of our own holds, and the thesis' statements come out as the ledger says."""
+        if self.outcome is None:
+            return False
+        return not self.of(False) and not disagreements(evaluate([self.outcome]))
 
     def of(self, verdict: bool | None) -> list[Claim]:
-        """Return the claims with a verdict: True, False, or None for those that only inform."""
-        return [] if self.outcome is None else [c for c in self.outcome.claims if c.holds is verdict]
+        """Return the checks of our own with a verdict: True, False, or None for those that only inform."""
+        if self.outcome is None:
+            return []
+        return [c for c in self.outcome.claims if c.holds is verdict and not c.statement]
 
 
 def run_one(entry: Entry, seed: int = 0) -> Result:

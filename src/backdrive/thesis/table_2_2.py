@@ -21,28 +21,24 @@ def run(seed: int = 0) -> Outcome:
         runs = by_posture(seed, mu)
         for method in METHODS:
             found[mu, method] = posture_errors(runs, method)
+    loaded = found[LOADED, "literal"]
     claims = [
         Claim(
-            what=f"E_p({name}, (i)), friction independent of load",
-            thesis=f"{printed:.2f} %",
-            ours=f"{found[0.0, 'literal'][name]:.2f} % as printed, {found[0.0, 'aligned'][name]:.2f} % aligned",
-            gate="at most 4 %",
-            holds=max(found[0.0, m][name] for m in METHODS) <= 4.0,
-        )
-        for name, printed in TABLE_2_2.items()
-    ]
-    loaded = found[LOADED, "literal"]
-    claims.append(
+            what="E_p of (2.17) by posture, friction independent of load",
+            thesis=_row(TABLE_2_2),
+            ours=f"{_row(found[0.0, 'literal'])} as printed, {_row(found[0.0, 'aligned'])} aligned",
+            holds=None,
+            why="The postures' inertia and gravity are not printed; these are assumed, in the order that the caption of "
+            "Fig. 2.9 gives.",
+        ),
         Claim(
-            what=f"With {LOADED:g} N.m of friction a N.m of load the postures lie in the order of the table, at its size",
+            what=f"The same with {LOADED:g} N.m of friction a N.m of load",
             thesis=_row(TABLE_2_2),
             ours=_row(loaded),
-            gate="the same order, each between half and twice",
-            holds=list(loaded.values()) == sorted(loaded.values())
-            and all(0.5 <= loaded[n] / TABLE_2_2[n] <= 2.0 for n in TABLE_2_2),
-            why="Without it the procedure leaves less than the thesis measured: the real joint's friction depends on its load.",
-        )
-    )
+            holds=None,
+            why="It has the table's size; its order is that of the loads that were assumed. Warmth or position could do the same.",
+        ),
+    ]
     return Outcome(
         name="table-2.2",
         title="Distance of each posture's curve from that of posture (i)",

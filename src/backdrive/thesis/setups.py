@@ -1,0 +1,75 @@
+"""The one Setup A and the one Setup B on which chapters 3 and 4 are run again, and how what is not printed was fixed.
+
+Chapter 2 takes the same joints as rigid, as its analysis (2.10) does, and Joints 3 to 5 beside them.
+
+Fixed before any statement was judged, in this order:
+
+1. What the thesis prints is taken as printed: counts, ratios, moving mass, F of Joints 0 to 2, K, alpha, R_d, V_W, T, no factor
+   R in chapter 3, m, b, gains and filter of Setup A in chapter 4.
+2. The transmission's stiffness K_c, which it does not print, is K: on Setup A the thesis calls K "close to the elasticity of the
+   setup" (3.5.1) and "estimated as the compliance of the setup" (4.6.1), and on Setup B it gives no other hint.
+3. The rest (inertias of either side, growth of friction with speed, F_p and F_n of Setup A, damping) is that of
+   `simulation.machines`, estimated there from motors' data, and is the same for all figures.
+4. A statement that is lost on these joints counts as lost. No figure has a joint of its own; `benchmarks/evidence/thesis_claims.py
+   --stiffness` shows every statement over K_c/K.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from backdrive.engine.servo import Servo
+from backdrive.simulation.joint import SimulatedJoint
+from backdrive.simulation.machines import COUNTS, bent_curve, joint_0, joint_1, joint_2, setup_a
+
+RATIO = 1.0  # K_c by K
+RATIOS = (1.0, 1.1, 1.2, 1.5, 2.0)  # at which every statement is looked at
+K_A, K_B = 1.2e6, 5e4  # K of the thesis [N/m], [N.m/rad]
+WRIST = {
+    3: (120.0, 34.2),
+    4: (100.0, 28.5),
+    5: (81.5, 23.3),
+}  # joint -> ratio, largest torque [N.m], Table 2.1
+ROTOR = 1.66e-6  # of a 30 W motor [kg.m^2]
+JOINTS = ("setup_a", "joint_0", "joint_1", "joint_2")
+
+
+def setups(ratio: float = RATIO) -> dict[str, SimulatedJoint]:
+    """Return Setup A and Joints 0 to 2 of Setup B as Fig. 3.2 draws them: compliant, with friction on the load's side.
+
+    Args:
+        ratio: K_c by K [-].
+    """
+    arm = [
+        make(compliant=True).replace(friction_side="load", stiffness=ratio * K_B)
+        for make in (joint_0, joint_1, joint_2)
+    ]
+    return dict(zip(JOINTS, [setup_a().replace(stiffness=ratio * K_A), *arm]))
+
+
+def wrist(number: int) -> SimulatedJoint:
+    """Return Joint 3, 4 or 5 of the arm, rigid; all of it is assumed but ratio and largest torque.
+
+    Friction in proportion to the torque as on Joint 0; rotor times the ratio squared and half as much for the wave generator;
+    wrist, sensor and grip as 0.05 kg.m^2 and 2 N.m of weight.
+
+    Args:
+        number: 3, 4 or 5.
+    """
+    ratio, limit = WRIST[number]
+    motor, load, scale = 1.5 * ROTOR * ratio**2, 0.05, limit / 95.1
+    return SimulatedJoint(
+        name=f"joint_{number}",
+        law=bent_curve(6.85 * scale, 5.0 * scale),
+        servo=Servo.tuned(motor + load, 120.0),
+        motor_inertia=motor,
+        load_inertia=load,
+        gravity_cos=2.0,
+        encoder_count=2.0 * np.pi / COUNTS / ratio,
+        torque_limit=limit,
+    )
+
+
+def rigid_arm() -> tuple[SimulatedJoint, ...]:
+    """Return Joints 0 to 5 as rigid joints, (2.10)."""
+    return (joint_0(), joint_1(), joint_2(), *(wrist(number) for number in WRIST))
