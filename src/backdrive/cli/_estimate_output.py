@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from backdrive.cli._output import console as new_console
 from backdrive.cli._output import print_lines, table
 
@@ -46,6 +44,8 @@ def document(result: ForceEstimate, remarks: list[str]) -> dict[str, Any]:
 
 def figures(one: JointForce) -> dict[str, Any]:
     """Return what the command says of a joint, in SI."""
+    import numpy as np
+
     largest = int(np.argmax(np.abs(one.force)))
     return {
         "method": one.method,
@@ -62,6 +62,8 @@ def figures(one: JointForce) -> dict[str, Any]:
 
 def wrench_figures(wrench: WrenchEstimate) -> dict[str, Any]:
     """Return what the command says of a wrench, in SI."""
+    import numpy as np
+
     error = wrench.rms_error
     return {
         "frame": wrench.frame,

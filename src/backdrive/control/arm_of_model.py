@@ -57,7 +57,8 @@ def joints_of(
         InvalidInput: the model is not of an arm or not of this one, or a speed, a torque or a count is not known.
         UnknownName: there is no such frame.
     """
-    force = ArmForce.from_model(model, robot, method=method, bandwidth=bandwidth, frame=frame)
+    alone = replace(model, coupling=None, coupled=())  # friction of coupled motors is taken off at the motors
+    force = ArmForce.from_model(alone, robot, method=method, bandwidth=bandwidth, frame=frame)
     known = force.bodies.robot
     C = coupling_of(model, known)
     coupled = C is not None and bool(np.any(np.eye(len(known.joints)) != C))

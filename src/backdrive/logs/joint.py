@@ -80,7 +80,7 @@ class Source:
     sha256: str
 
 
-def check_coupling(coupling: Sequence[Sequence[float]], size: int) -> np.ndarray:
+def check_coupling(coupling: Sequence[Sequence[float]] | np.ndarray, size: int) -> np.ndarray:
     """Return C of q_joint = C q_motor as an array, (J, J).
 
     Args:

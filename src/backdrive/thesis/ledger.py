@@ -1,7 +1,7 @@
 """What the thesis says its figures and tables show, sentence by sentence, and what came of it here.
 
 Counted are the sentences of the results sections that name a figure or table or point at one ("it can be seen"), as far as they
-say more than what is drawn; captions count where they state a result. They were listed before they were judged. An experiment
+say more than what is drawn; captions count where they state a result. An experiment
 computes each one (`Claim.statement`); the verdict written here has to be what it computes, whatever the seed.
 """
 

@@ -24,7 +24,7 @@ from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.terms import GRAVITY, RIGID, estimates
-from backdrive.laws import CoulombViscous
+from backdrive.laws import CoulombViscous, Rigid
 from backdrive.logs.log import Log
 from backdrive.model import JointFriction
 
@@ -130,6 +130,12 @@ class TorqueTask(Task):
     def error(self, one: Fit) -> tuple[float, int]:
         """Return the mean squared error on what was fitted, rests included, and the number of its samples."""
         return choice.fitted_error(one, self.shown)
+
+    def judges_of(self, one: Fit) -> Sequence[Stretch]:
+        """Return what a fit is judged on: sliding alone, where no law of the choice says what happens before."""
+        if any(LawShape.named(law).element is not Rigid for law in self.laws):
+            return self.judges
+        return sliding(self.judges, one.values.get("delay", 0.0))
 
     def shows(self, one: Fit) -> bool:
         """Return whether the motion shows a law's presliding."""

@@ -94,6 +94,10 @@ class Task(ABC):
         """Return whether a symmetric law is worth a fit by direction, as its own residuals say; False where they cannot."""
         return False
 
+    def judges_of(self, one: Fit) -> Sequence[Any]:
+        """Return the records that a fit is judged on beside the others of the choice."""
+        return self.judges
+
     @abstractmethod
     def explains(self, final: Fit, judged: Fit) -> bool:
         """Return whether a fit to everything is to be taken, and not the one that was judged."""
@@ -202,7 +206,7 @@ def _by_direction(task: Task, choice: Choice, candidates: Sequence[Candidate]) -
 def _candidate(task: Task, law: str, begun: float) -> Candidate:
     """Return one law fitted without what it is judged on, and judged."""
     one = task.fit(law, task.shown)
-    squares = choice_.held_out_errors(one, task.judges, task.masks)
+    squares = choice_.held_out_errors(one, task.judges_of(one), task.masks)
     square, count = task.error(one)
     return Candidate(
         name=one.name,
