@@ -36,7 +36,8 @@ A difference counts where its 95 % interval over hands, or over windows of the m
 STIFFNESS = """## By the transmission
 
 K_c, which the thesis does not print, is K for every figure: it calls K "close to the elasticity of the setup" (3.5.1). Other
-values had been tried when this one was taken. What comes out (+) and what does not (-) elsewhere, `python benchmarks/evidence/thesis_claims.py --stiffness`, seed 0; a statement that is not listed
+values had been tried when this one was taken. What comes out (+) and what does not (-) elsewhere,
+`python benchmarks/evidence/thesis_claims.py --stiffness`, seed 0; a statement that is not listed
 does not depend on it.
 
 """
