@@ -283,8 +283,8 @@ def test_rows_and_states_are_as_long_as_they_are_said_to_be():
     assert (MotionFilter().row().size, 5) == (sliding_mode.ROW, sliding_mode.STATES)
     assert (Dither().row().size, 5) == (dither_.ROW, dither_.STATES)
     assert axis.at(0.0).size == axis_.STATES and servo.STATES == 3 and drives.STATES == 4
-    assert friction_row.ROW == law.row().size == 7
-    assert (external_.ROW, external_.STATES) == (10 + 5 + 7, 5 + 1 + 4)
+    assert friction_row.ROW == law.row().size == 8
+    assert (external_.ROW, external_.STATES) == (10 + 5 + 8, 5 + 1 + 4)
 
 
 def test_relaxed_a_bristle_keeps_what_it_has_learned_and_an_observer_nothing():
@@ -342,6 +342,7 @@ def test_what_a_friction_estimator_takes_where_nothing_is_said():
         20.0,
         300.0,
         10.0,
+        0.0,
         0.0,
     ]
     assert FrictionEstimator(law=law).row()[2:5].tolist() == [0.0, 20.0, 20.0]

@@ -215,7 +215,7 @@ class ExternalForce(Bounded):
         return lag_of(self.row(dt)[5:8]) * dt
 
     def row(self, dt: float) -> np.ndarray:
-        """Return the row that `tick` reads, (22,)."""
+        """Return the row that `tick` reads, (23,)."""
         c = np.zeros(ROW)
         c[:5] = (
             METHODS.index(self.method),
