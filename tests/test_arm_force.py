@@ -27,7 +27,7 @@ from backdrive.control.estimators.arm_bodies import with_masses
 from backdrive.control.estimators.external import ExternalForce
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput, NotIdentifiable, UnknownName
-from backdrive.external import estimate_force
+from backdrive.external import arm, estimate_force
 from backdrive.laws import Growth
 from backdrive.robot import parse_robot
 from backdrive.status import Status
@@ -253,3 +253,11 @@ def test_logs_that_are_not_of_this_arm_are_refused():
     bad[500:520, 2] = np.nan
     estimate = estimate_force(SLIDING, log.replace(torque=bad), robot=ROBOT, bandwidth=60.0)
     assert np.all(np.isfinite(estimate.joint("j2").force))
+
+
+def test_an_observer_that_runs_away_is_not_chosen():
+    usual = [(np.arange(5.0), np.ones((5, 6)))]
+    away = [(np.arange(5.0), np.full((5, 6), 1e6)), (np.arange(2.0), np.full((2, 6), np.nan))]
+    assert arm._settles(usual, usual)
+    assert not arm._settles(away[:1], usual)
+    assert not arm._settles(away[1:], usual)

@@ -35,6 +35,8 @@ from backdrive.robot import Robot
 SLACK = 1.03  # of the largest friction of slow sliding, that friction at rest may be [-]
 EXPLAINED = 0.3  # share of a joint's torque in motion that a model of this robot explains at least [-]
 LONGEST = 0.5  # over which what a model leaves of the torque is alike, at most [s]
+SIMPLEST = "momentum"  # observer, which settles at every bandwidth that is chosen
+UNSETTLED = 10.0  # times the force without smoothing, from which on an observer has run away [-]
 DEGREES = 20.0  # speeds by the model's top speed, from which on positions are no radians [-]
 
 
@@ -91,12 +93,17 @@ class ArmEstimate:
         ]
         warmths = list(zip(*warmth))
         rate = arm.stretches[0][0].rate
-        if method == AUTO or bandwidth is None:
-            plain = self._parts(self._estimator("momentum", FASTEST * rate, arm), arm, warmths)
-            chosen = self._choose(plain, arm, None if method == AUTO else method)
+        plain, by_noise = None, method == AUTO
+        if by_noise or bandwidth is None:
+            plain = self._parts(self._estimator(SIMPLEST, FASTEST * rate, arm), arm, warmths)
+            chosen = self._choose(plain, arm, None if by_noise else method)
             method, bandwidth = chosen[0], bandwidth or max(chosen[1], min(least, FASTEST * rate))
         estimator = self._estimator(method, bandwidth, arm)
         parts = self._parts(estimator, arm, warmths)
+        if by_noise and plain is not None and not _settles(parts, plain):
+            method = SIMPLEST
+            estimator = self._estimator(method, bandwidth, arm)
+            parts = self._parts(estimator, arm, warmths)
         time = np.concatenate([p[0] for p in parts])
         if time.size < LEAST:
             raise NotIdentifiable(
@@ -305,6 +312,12 @@ class ArmEstimate:
                 "joints, or of another order or sign of them.",
                 remedy="Check --names, the unit and the sign of the torque, and that model and log are of one arm.",
             )
+
+
+def _settles(parts: Sequence[tuple[np.ndarray, ...]], plain: Sequence[tuple[np.ndarray, ...]]) -> bool:
+    """Return whether the forces of an observer stay about as large as those without smoothing."""
+    largest, usual = (max(float(np.abs(p[1]).max(initial=0.0)) for p in each) for each in (parts, plain))
+    return largest <= UNSETTLED * usual
 
 
 def _in_motion(noise: Noise, friction: JointFriction) -> Noise:
