@@ -15,7 +15,7 @@ from backdrive.identification.arm_signals import in_order
 from backdrive.logs.readers import read_log
 from backdrive.model import FrictionModel
 from backdrive.robot import parse_robot
-from test_payload import COULOMB, MOTORS, NAMES, VISCOUS, description
+from test_payload import COULOMB, MOTORS, NAMES, VISCOUS, description, multisine
 
 COUPLED = np.eye(4)
 COUPLED[2, 3] = 0.6  # the motor of `roll` moves `bend`, too
@@ -24,18 +24,7 @@ COUPLED[2, 3] = 0.6  # the motor of `roll` moves `bend`, too
 def made(seed, coupling=None, side="joint", seconds=30.0):
     random = np.random.default_rng(seed)
     C = np.eye(4) if coupling is None else coupling
-    t = np.arange(round(100 * seconds)) / 100.0
-    q, dq, ddq = np.zeros((3, t.size, 4))
-    for j in range(4):
-        for k in range(1, 7):
-            w, a, p = (
-                2 * np.pi * 0.1 * k * random.uniform(0.8, 1.2),
-                random.uniform(0.03, 0.2),
-                random.uniform(0, 6),
-            )
-            q[:, j] += a * np.sin(w * t + p)
-            dq[:, j] += a * w * np.cos(w * t + p)
-            ddq[:, j] -= a * w**2 * np.sin(w * t + p)
+    t, q, dq, ddq = multisine(random, seconds)
     D = np.linalg.inv(C).T
     m, dm, ddm = q @ D, dq @ D, ddq @ D
     tau = parse_robot(description()).inverse_dynamics(q, dq, ddq) @ C

@@ -61,8 +61,8 @@ def description(scale=1.0, payload=0.0):
     )  # fmt: skip
 
 
-def made(seed, payload=0.0, gains=(1.0,) * 4, seconds=25.0, noise=0.05, still=False):
-    random = np.random.default_rng(seed)
+def multisine(random, seconds):
+    """Return time, positions, velocities and accelerations of four joints, six tones each."""
     t = np.arange(round(100 * seconds)) / 100.0
     q, dq, ddq = np.zeros((3, t.size, 4))
     for j in range(4):
@@ -75,6 +75,12 @@ def made(seed, payload=0.0, gains=(1.0,) * 4, seconds=25.0, noise=0.05, still=Fa
             q[:, j] += a * np.sin(w * t + p)
             dq[:, j] += a * w * np.cos(w * t + p)
             ddq[:, j] -= a * w**2 * np.sin(w * t + p)
+    return t, q, dq, ddq
+
+
+def made(seed, payload=0.0, gains=(1.0,) * 4, seconds=25.0, noise=0.05, still=False):
+    random = np.random.default_rng(seed)
+    t, q, dq, ddq = multisine(random, seconds)
     q += (0.0, 0.5, -0.9, 0.3)
     if still:
         q, dq, ddq = np.tile(q[:1], (t.size, 1)), 0.0 * dq, 0.0 * ddq

@@ -117,7 +117,7 @@ def structure(case: Case) -> Remark | None:
         ]
     tests += [
         (res.explained(way * load), follows_load),
-        (res.explained(way * _held(case, res)), follows_load),
+        (res.explained(way * _static_load(case, res)), follows_load),
         (res.wave(), f"Torque follows the position {wave}, by {share}: cogging, or a gear's ripple."),
         (res.wave(way), f"Friction follows the position {wave}, by {share}."),
     ]
@@ -150,7 +150,7 @@ def _times(res: Residual) -> list[np.ndarray]:
     return [np.concatenate([np.linspace(-0.5, 0.5, n) for n in some]) for some in every]
 
 
-def _held(case: Case, res: Residual) -> np.ndarray:
+def _static_load(case: Case, res: Residual) -> np.ndarray:
     """Return the size of what the joint holds without moving, gravity and torque known from elsewhere [N.m or N], (n,)."""
     share, angle = case.value("model_torque")[0], np.isfinite(res.position).all()
     held = np.zeros_like(res.torque) if not math.isfinite(share) else share * res.known

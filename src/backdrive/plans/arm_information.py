@@ -80,7 +80,7 @@ class Information:
         return np.abs(still).max(axis=(0, 1)) > 1e-9
 
     @cached_property
-    def asked(self) -> np.ndarray:
+    def targets(self) -> np.ndarray:
         """Coefficients that are asked for, (P,)."""
         J, b = len(self.robot.joints), self.robot.base.columns.size
         of_gravity = self._shown_by_gravity
@@ -208,17 +208,17 @@ class Information:
 
     def _criterion(self, gram: np.ndarray) -> tuple[float, np.ndarray]:
         """Return the criterion and its slope by the information, (P, P)."""
-        asked = int(self.asked.sum())
+        count = int(self.targets.sum())
         scale = 1.0 / np.sqrt(np.diag(gram))
         unit = gram * np.outer(scale, scale)
         value = float(np.linalg.slogdet(unit)[1] - 2.0 * np.log(scale).sum())
         slope = np.linalg.inv(unit) * np.outer(scale, scale)
-        rest = ~self.asked
+        rest = ~self.targets
         if rest.any():
             pick = np.ix_(rest, rest)
             value -= float(np.linalg.slogdet(unit[pick])[1] - 2.0 * np.log(scale[rest]).sum())
             slope[pick] -= np.linalg.inv(unit[pick]) * np.outer(scale[rest], scale[rest])
-        return -value / asked, -slope / asked
+        return -value / count, -slope / count
 
     def _contracted(self, columns: np.ndarray, slope: np.ndarray) -> np.ndarray:
         """Return Z times the slope, over all logs, (n, J, P)."""
