@@ -1,6 +1,6 @@
 """Tables of text: any delimiter, header or none, preamble, a line of units, decimal comma, byte-order mark.
 
-The first lines decide the dialect. A regular table then goes through numpy's C parser; one with gaps, words or
+The first lines decide the dialect. A table of plain numbers is then read in blocks (`_blocks`); one with gaps, words or
 uneven rows goes cell by cell, and what was dropped is noted.
 """
 
@@ -14,6 +14,7 @@ from itertools import islice
 import numpy as np
 
 from backdrive.errors import ReadError, UnknownFormat
+from backdrive.logs.readers._blocks import numbers
 from backdrive.logs.readers._dialect import Dialect, cells, number, sniff
 from backdrive.logs.readers._labels import repeated_names
 from backdrive.logs.readers.columns import Columns, ReadOptions
@@ -38,10 +39,11 @@ def read(path: str, options: ReadOptions) -> Columns:
     notes: list[str] = []
     if dialect.headless:
         notes.append("The table has no header: its columns are called column_1, column_2 and so on.")
-    table = _regular(path, dialect) if dialect.regular else None
+    table = numbers(path, dialect) if dialect.regular or dialect.comma else None
     words: dict[int, list[str]] = {}
     if table is None:
-        table, words = _careful(path, dialect, notes)
+        rows, words = _careful(path, dialect, notes)
+        table = [np.ascontiguousarray(column) for column in rows.T]
     times = {i: time for i, cells in words.items() if (time := _clock(cells)) is not None}
     joints = repeated_names({dialect.names[i]: cells for i, cells in words.items() if i not in times})
     arrays = {}
@@ -50,25 +52,10 @@ def read(path: str, options: ReadOptions) -> Columns:
             arrays[name] = times[i]
         elif i in dialect.text:
             notes.append(f"Column '{name}' holds words and was left out.")
-        elif not name.startswith("column_") or dialect.headless or np.isfinite(table[:, i]).any():
-            arrays[name] = np.ascontiguousarray(table[:, i])
+        elif not name.startswith("column_") or dialect.headless or np.isfinite(table[i]).any():
+            arrays[name] = table[i]
     origin = {dialect.names[i]: _begin(words[i][0]) for i in times if words[i]}
     return Columns(arrays=arrays, units=dialect.units, joints=joints, notes=tuple(notes), origin=origin)
-
-
-def _regular(path: str, dialect: Dialect) -> np.ndarray | None:
-    """Let numpy parse it; None if it turns out to be irregular further down."""
-    with open(path, encoding=dialect.encoding) as stream:
-        try:
-            return np.loadtxt(
-                islice(stream, dialect.first, None),
-                delimiter=None if dialect.delimiter == " " else dialect.delimiter,
-                comments=None,
-                quotechar='"',
-                ndmin=2,
-            )
-        except ValueError:  # an empty or odd cell, an uneven row, a character of another encoding
-            return None
 
 
 def _careful(path: str, dialect: Dialect, notes: list[str]) -> tuple[np.ndarray, dict[int, list[str]]]:
