@@ -112,6 +112,7 @@ def read_log(
         coupling=coupling,
         coupling_side=coupling_side,
         sources=sources,
+        owned=True,
     )
 
 

@@ -18,10 +18,9 @@ import numpy as np
 
 from backdrive.logs.readers._dialect import Dialect
 
-_BLOCK = 1 << 18  # [B]: stays in a processor's cache
+_BLOCK = 1 << 16  # [B]: stays in a processor's cache
 _LINE_END = re.compile(rb"\r\n|\r|\n")
-#: What JSON would read in another way than a table does: brackets as rows, and an integer has no negative zero.
-_OTHERWISE = (b"[", b"]", b"-0,", b"-0\n", b"-0\r", b"-0 ")
+_NEGATIVE_ZERO = re.compile(rb"-0(?![0-9.eE])")  # has no sign as an integer of JSON
 
 
 def numbers(path: str, dialect: Dialect) -> list[np.ndarray] | None:
@@ -102,15 +101,18 @@ def _commas(block: bytes, swaps: bytes | None, delimiter: str) -> bytes:
 
 
 def _by_json(block: bytes, width: int, decode) -> np.ndarray | None:
-    """Return the rows of a block, (k, width).
+    """Return the rows of a block, (k, width); None if it holds something else than numbers.
 
     Raises:
         MsgspecError: a line is no row of JSON numbers.
     """
-    if any(part in block for part in _OTHERWISE):
-        return _by_numpy(block, width)
+    if b"[" in block or b"]" in block:  # would pass for rows
+        return None
     rows = decode(b"[[" + block.rstrip(b"\r\n").replace(b"\n", b"],[") + b"]]")
-    return np.fromiter(chain.from_iterable(rows), np.float64, len(rows) * width).reshape(-1, width)
+    values = np.fromiter(chain.from_iterable(rows), np.float64, len(rows) * width)
+    if not values.all() and _NEGATIVE_ZERO.search(block):
+        return _by_numpy(block, width)
+    return values.reshape(-1, width)
 
 
 def _by_numpy(block: bytes, width: int) -> np.ndarray | None:

@@ -37,8 +37,8 @@ class Values:
         notes: what was left out, in sentences.
     """
 
-    def __init__(self, columns: Columns, endings: Mapping[str, str], n: int):
-        self.columns, self.n = columns, n
+    def __init__(self, columns: Columns, endings: Mapping[str, str], n: int, owned: bool = False):
+        self.columns, self.n, self.owned = columns, n, owned
         self.stated = {**endings, **columns.units}
         self._said_by_name = set(endings)
         self.arrays: dict[str, np.ndarray] = {}
@@ -112,6 +112,9 @@ class Values:
                 self._settle(channel, unit.kind)
             parts.append(value)
         value = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+        if len(parts) > 1:
+            value.setflags(write=False)  # so that the log need not copy it
+            self._release(names)
         if channel == "time":
             self.origin = self.columns.origin.get(names[0], 0.0)
         widths = [v.shape[1] for c, v in self.arrays.items() if c != "time"]
@@ -126,6 +129,13 @@ class Values:
         shown = f"'{names[0]}'" if len(names) == 1 else f"'{names[0]}' to '{names[-1]}'"
         stated = self.stated.get(names[0])
         self.said.append(f"{channel} = {shown}" + (f" [{stated}]" if stated else ""))
+
+    def _release(self, names: Sequence[str]) -> None:
+        """Let go of columns that were copied, if they are ours: a long log is not held twice. Their shapes stay."""
+        arrays = self.columns.arrays
+        if self.owned and isinstance(arrays, dict):
+            for name in names:
+                arrays[name] = np.broadcast_to(np.float64(0.0), arrays[name].shape)
 
     def _full(self, name: str) -> str:
         arrays = self.columns.arrays

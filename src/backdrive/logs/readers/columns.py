@@ -80,7 +80,7 @@ def plain(array: np.ndarray) -> np.ndarray | None:
 
 
 def frames(columns: Columns) -> Iterator[bytes | memoryview]:
-    """Yield a header and then every array's bytes."""
+    """Yield a header and then every array's bytes; each array is let go once it has been passed on."""
     arrays = {name: np.ascontiguousarray(value) for name, value in columns.arrays.items()}
     drive = columns.drive
     yield header(
@@ -94,7 +94,9 @@ def frames(columns: Columns) -> Iterator[bytes | memoryview]:
             "origin": dict(columns.origin),
         }
     )
-    for value in arrays.values():
+    del columns
+    for name in list(arrays):
+        value = arrays.pop(name)
         if value.size:
             yield value.reshape(-1).view(np.uint8).data
 

@@ -30,6 +30,7 @@ def to_log(
     coupling: Sequence[Sequence[float]] | None = None,
     coupling_side: str | None = None,
     sources: tuple[Source, ...] = (),
+    owned: bool = False,
 ) -> Log:
     """Make a log of a file's columns.
 
@@ -44,6 +45,7 @@ def to_log(
         coupling: C of q_joint = C q_motor, after the gear (J, J); the torque goes by its inverse transpose.
         coupling_side: side that the channels are of, `motor` or `joint`; None: `motor`.
         sources: files the columns came from.
+        owned: nobody else needs the columns: the log may keep their memory, and those that were copied are emptied.
 
     Returns:
         The log in SI units; its notes say which column became which channel.
@@ -56,7 +58,10 @@ def to_log(
     side = _side(coupling_side, coupling)
     asked = _expression.parse(map, columns.arrays) if map is not None else {}
     found = automatic(columns, asked)
-    values = Values(columns, found.units, length(columns, asked, found))
+    if owned:
+        for array in columns.arrays.values():
+            array.setflags(write=False)
+    values = Values(columns, found.units, length(columns, asked, found), owned)
     for channel, sums in asked.items():
         if sums is not None:
             values.add_sums(channel, sums)
