@@ -215,31 +215,37 @@ OVER_SETS(m6)
 #define STEPS 60
 #define CLOSE 1e-14
 
-/* What a trial speed asks for beyond what the step provides. */
-static inline double excess_at(const double *p, double speed, double toward, double v_free, double dt_over_m) {
-    const double v = toward * speed;
-    return toward * (v + dt_over_m * (toward * gauss(v, p[1], p[2], p[3]) + p[5] * v) - v_free);
+/* LuGre's numbers: F_c, F_s, v_s, sigma_2, sigma_0, sigma_1, v_d. */
+struct bristle { double F_c, F_s, by_v_s, sigma_2, sigma_0, sigma_1, by_v_d, rate, h; };
+
+/* Torque of a step at velocity v from the bristle torque z; `after` is where that gets to. */
+static inline double bristle_torque(struct bristle c, double z, double v, double *after) {
+    const double r = fabs(v) * c.by_v_s, s = copysign(c.F_c + (c.F_s - c.F_c) * exp(-r * r), v);
+    const double reach = c.sigma_0 * (v * c.h), q = v * c.by_v_d;
+    *after = (z + reach) * (s / (s + reach));
+    return (*after + c.sigma_1 * exp(-q * q) * (*after - z) * c.rate) + c.sigma_2 * v;
 }
 
-/* Velocity at the end of a step of a mass under Stribeck friction: bracketed, then regula falsi with halving. */
-static double solve(const double *p, double v_free, double dt_over_m) {
-    const double held = dt_over_m * p[2];
-    if (-held <= v_free && v_free <= held) return 0.0;
-    const double at_rest = v_free - (v_free > 0.0 ? held : -held), toward = at_rest > 0.0 ? 1.0 : -1.0;
-    const double close = CLOSE * (fabs(v_free) + fabs(at_rest));
-    double a = 0.0, excess_a = -fabs(at_rest), b = fabs(at_rest), grown = 1.0;
-    double excess_b = excess_at(p, b, toward, v_free, dt_over_m);
+/* Velocity at the end of an implicit step of a mass: bracketed, then regula falsi with halving (Illinois). */
+static double bristle_solve(struct bristle c, double z, double v_free, double dt_over_m) {
+    double after;
+    const double at_rest = v_free - dt_over_m * bristle_torque(c, z, 0.0, &after);
+    if (at_rest == 0.0) return 0.0;
+    const double toward = at_rest > 0.0 ? 1.0 : -1.0, close = CLOSE * (fabs(v_free) + fabs(at_rest));
+#define EXCESS(speed)                                                                                          \
+    (toward * (toward * (speed) + dt_over_m * bristle_torque(c, z, toward * (speed), &after) - v_free))
+    double a = 0.0, excess_a = -fabs(at_rest), b = fabs(at_rest), grown = 1.0, excess_b = EXCESS(b);
     int side = 0;
     for (int i = 0; i < STEPS && excess_b < 0.0; i++) {
         const double next = b - 2.0 * grown * excess_b;
         a = b, excess_a = excess_b, b = next, grown *= 2.0;
-        excess_b = excess_at(p, b, toward, v_free, dt_over_m);
+        excess_b = EXCESS(b);
     }
     if (excess_b == 0.0) return toward * b;
     for (int i = 0; i < STEPS; i++) {
         const double speed = b - excess_b * (b - a) / (excess_b - excess_a);
         if (!(a < speed && speed < b)) break;
-        const double excess = excess_at(p, speed, toward, v_free, dt_over_m);
+        const double excess = EXCESS(speed);
         if (fabs(excess) <= close) return toward * speed;
         if (excess > 0.0) {
             b = speed, excess_b = excess;
@@ -254,17 +260,19 @@ static double solve(const double *p, double v_free, double dt_over_m) {
     return toward * (b - excess_b * (b - a) / (excess_b - excess_a));
 }
 
-/* A mass under Stribeck friction that a PD position loop takes along the reference r; position, velocity, torque. */
-void forward_stribeck(const double *p, double M, double K_p, double K_d, const double *r, double h, long n,
-                      double *restrict out) {
-    double q = 0.0, w = 0.0, before = r[0], q_before = 0.0;
+/* A mass under LuGre friction that a PD position loop takes along the reference r; position, velocity, torque. */
+void forward_lugre(const double *p, double M, double K_p, double K_d, const double *r, double h, long n,
+                   double *restrict out) {
+    const struct bristle c = {p[0], p[1], 1.0 / p[2], p[3], p[4], p[5], 1.0 / p[6], 1.0 / (p[4] * h), h};
+    double q = 0.0, w = 0.0, z = 0.0, before = r[0], q_before = 0.0;
     for (long k = 0; k < n; k++) {
         const double v = (q - q_before) / h, dr = (r[k] - before) / h;
         const double u = K_p * (r[k] - q) + K_d * (dr - v);
         out[3 * k] = q, out[3 * k + 1] = w, out[3 * k + 2] = u;
         q_before = q, before = r[k];
         const double middle = q + 0.5 * h * w;
-        w = solve(p, w + h / M * u, h / M);
+        w = bristle_solve(c, z, w + h / M * u, h / M);
+        bristle_torque(c, z, w, &z);
         q = middle + 0.5 * h * w;
     }
 }
