@@ -98,7 +98,10 @@ class Rows:
 
     def __post_init__(self):
         for name, parameter in self.PARAMETERS.items():
-            value = np.asarray(getattr(self, name), dtype=np.float64)
+            value = getattr(self, name)
+            if _plain(value, parameter):
+                continue
+            value = np.asarray(value, dtype=np.float64)
             if value.ndim != (1 if parameter.many else 0):
                 raise InvalidInput(
                     f"{self.NAME}: '{name}' must be {'a sequence of numbers' if parameter.many else 'one number'}, "
@@ -124,6 +127,14 @@ class Rows:
     def row(self) -> np.ndarray:
         """Return the parameters as the row that the kernels read, (P,)."""
         return np.array([getattr(self, name) for name in self.PARAMETERS], dtype=np.float64)
+
+
+def _plain(value: Any, parameter: Parameter) -> bool:
+    """Return whether a value is what a law holds already, a finite float within its bounds or a tuple of them; no is no verdict."""
+    if not parameter.many:
+        return type(value) is float and parameter.lower <= value <= parameter.upper and value - value == 0.0
+    low, high = parameter.lower, parameter.upper
+    return type(value) is tuple and all(type(v) is float and low <= v <= high and v - v == 0.0 for v in value)
 
 
 def by_name(names: Mapping[str, Any], base: type[R]) -> dict[str, type[R]]:

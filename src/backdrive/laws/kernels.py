@@ -11,12 +11,13 @@ law offers.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import cache
 
 import numpy as np
 
-from backdrive._jit import choice, jit, ladder, leaf
-from backdrive.laws import ELEMENTS, RATES, growth
+from backdrive._jit import choice, jit, ladder, leaf, specialised
+from backdrive.laws import ELEMENTS, RATES, REFERENCE, growth
 from backdrive.laws.base import Element, kernels_of
 from backdrive.laws.elements import none
 
@@ -228,6 +229,17 @@ def _excess(rate, element, p, x, speed, toward, v_free, dt, dt_over_m, load, tem
     else:
         friction = _tried(rate, element, p, x, v, dt, load, temp)
     return toward * (v + dt_over_m * friction - v_free)
+
+
+@cache
+def steady_of(rate: int) -> Callable:
+    """Return the steady friction torque of a plain rate law at one velocity, without a load and at 20 degC: f(p, v)."""
+
+    def at(p, v):
+        lo, hi, viscous = limits_of(rate, True, p, v, (0.0, 0.0), REFERENCE)
+        return none.step(p, 0, 0.0, lo, hi, v, 1.0)[1] + viscous
+
+    return specialised(at, rate)
 
 
 @jit
