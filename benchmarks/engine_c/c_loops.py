@@ -94,6 +94,14 @@ class Loops:
         )
         return out
 
+    def alg_fc2(self, numbers, q, dt: float) -> np.ndarray:
+        """Return what algFC2 adds along encoder readings, (n,)."""
+        out = np.empty(q.size)
+        self._library.alg_fc2(
+            pointer(numbers), pointer(q), ctypes.c_double(dt), ctypes.c_long(q.size), pointer(out)
+        )
+        return out
+
     def forward(self, row, inertia: float, proportional: float, derivative: float, reference, dt: float):
         """Return position, velocity and torque of a mass under LuGre friction and a PD position loop, (n, 3)."""
         out = np.empty((len(reference), 3))

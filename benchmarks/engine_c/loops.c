@@ -193,6 +193,24 @@ static void decaying_polyline(LANE) {
 }
 OVER_SETS(decaying_polyline)
 
+/* algFC2 tick by tick from encoder readings: the decay rate goes up in motion. c: R, K, alpha_N, alpha_H, r_W, V_W, line sections. */
+void alg_fc2(const double *c, const double *q, double dt, long n, double *restrict out) {
+    const double R = c[0], K = c[1], slow = c[2], fast = c[3], rate = c[4], threshold = c[5], by_K = 1.0 / K;
+    const struct sections lines = sections_of(c + 6);
+    const double hi = lines.forward[0], lo = -lines.backward[0];
+    double z = 0.0, w = 0.0, before = q[0];
+    for (long k = 0; k < n; k++) {
+        const double d = q[k] - before;
+        const double up = w + rate * dt, down = w - rate * dt;
+        w = fabs(d) > threshold * dt ? (up < 1.0 ? up : 1.0) : down > 0.0 ? down : 0.0;
+        const double alpha = (1.0 - w) * slow + w * fast;
+        const double trial = (z + K * d) / (1.0 + alpha * dt), after = clipped(trial, lo, hi);
+        const double slid = after == trial ? alpha * dt * by_K * trial : between(d - (after - z) * by_K, d);
+        z = after, before = q[k];
+        out[k] = R * (after + beyond(lines, slid / dt));
+    }
+}
+
 static void m6(LANE) {
     const double F_c = p[1], F_st = p[2], v_s = p[3], alpha = p[4], K_v = p[5];
     const double K_m = p[6], K_e = p[7], S_m = p[8], S_e = p[9], Q_e = p[10], Q_m = p[11];

@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import _speed_ticks
 import numpy as np
 from _common import Judge, parser
 from _speed_laws import CURVE, cases
@@ -176,6 +177,19 @@ def driven(loops: Loops, judge: Judge, count: int) -> None:
     judge.at_most("forward LuGre, time over implicit C's", ratio, 1.3)
 
 
+def ticks(loops: Loops, judge: Judge, n: int, count: int) -> None:
+    """Compare ticks along encoder readings with the compensator's law in C, without guards."""
+    q = _speed_ticks.readings(moved(n))
+    row = _speed_ticks.numbers(DT)
+    expected = loops.alg_fc2(row, q, DT)
+    limits = {"algFC2's tick": 1.5, "loop with guards": 2.5, "loop with estimator": 4.0}
+    for name, run in _speed_ticks.ours(q, DT).items():
+        apart = float(np.abs(run() - expected).max() / np.abs(expected).max())
+        x, y, ratio = turns(lambda: loops.alg_fc2(row, q, DT), run, count)
+        print(f"{name}: C {1e9 * x / n:.2f} ns, ours {1e9 * y / n:.2f} ns; torques apart by {apart:.1e}")
+        judge.at_most(f"{name}, time over C's law without guards", ratio, limits[name])
+
+
 def least(call: Callable, count: int, repeats: int = TURNS) -> float:
     """Return the median processor time of a call [us]."""
     times = []
@@ -215,6 +229,7 @@ def main() -> None:
         sets(loops, judge, count, wanted.short)
         against_jax(judge, Path(scratch), wanted.short)
         driven(loops, judge, count)
+        ticks(loops, judge, LONG // 5, count)
     scalars(judge)
     judge.end()
 

@@ -55,7 +55,7 @@ class GearLoad(Rate):
     """
 
     NAME: ClassVar[str] = "gear-load"
-    KIND: ClassVar[int] = 9
+    KIND: ClassVar[int] = 10
     NEEDS: ClassVar[tuple[str, ...]] = ("load",)
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
         "coulomb": Parameter(

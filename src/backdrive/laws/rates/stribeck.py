@@ -3,8 +3,8 @@
     s(v) = F_c + (F_s - F_c) exp(-|v/v_s|^delta),      tau_f in s(v) sgn(v) + sigma_2 v
 
 F_c: Coulomb torque, F_s: torque at the slowest motion [N.m or N]. v_s: Stribeck velocity [rad/s or m/s]. delta: exponent;
-1 is that of Tustin (1947), free in Bo and Pavelescu (Wear 82(3), 1982); 2, the Gauss form, has a kernel of its own
-(`stribeck_gauss`). sigma_2: viscous coefficient [N.m.s/rad or N.s/m].
+1 is that of Tustin (1947), free in Bo and Pavelescu (Wear 82(3), 1982); 2 is the Gauss form
+(`stribeck-gauss`). sigma_2: viscous coefficient [N.m.s/rad or N.s/m].
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class StribeckTustin(Rate):
     """
 
     NAME: ClassVar[str] = "stribeck-tustin"
-    KIND: ClassVar[int] = 2
+    KIND: ClassVar[int] = 3
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
         "coulomb": COMMON["coulomb"],
         "breakaway": COMMON["breakaway"],

@@ -1,4 +1,4 @@
-"""Stribeck friction with a Gauss curve: one exponential, so that a compiler evaluates several velocities in one instruction.
+"""Stribeck friction: the torque falls from break-away to Coulomb as the joint begins to slide, then grows.
 
     s(v) = F_c + (F_s - F_c) exp(-(v/v_s)^2),      tau_f in s(v) sgn(v) + sigma_2 v
 
@@ -19,7 +19,7 @@ from backdrive.laws.rates.stribeck import COMMON
 
 @leaf
 def limits(p, v, load, temp):
-    """Rate law: -s(v), s(v) and sigma_2 v."""
+    """Rate law: -s(v), s(v) and sigma_2 v, by one exponential, of which several are evaluated in one instruction."""
     F_c, F_s, v_s, sigma_2 = p[1], p[2], p[3], p[4]
     r = abs(v) * (1.0 / v_s)  # in a loop over ticks the division is done once
     s = F_c + (F_s - F_c) * decay(-r * r)
@@ -38,7 +38,7 @@ class StribeckGauss(Rate):
     """
 
     NAME: ClassVar[str] = "stribeck-gauss"
-    KIND: ClassVar[int] = 10
+    KIND: ClassVar[int] = 2
     PARAMETERS: ClassVar[dict[str, Parameter]] = COMMON
     EXAMPLE: ClassVar[dict[str, Any]] = dict(coulomb=4.0, breakaway=6.0, stribeck_velocity=0.05, viscous=1.0)
 
