@@ -1,11 +1,13 @@
 """Tests for engine/: torque along given motions, and forward dynamics against closed forms and the plain interpreter."""
 
+import pickle
+
 import numpy as np
 import pytest
 
 from backdrive.engine import Axis, DriveModel, Lanes, forward, rollout
 from backdrive.engine.cores import spread
-from backdrive.errors import InvalidInput
+from backdrive.errors import ExtrapolationWarning, InvalidInput
 from backdrive.laws import Coulomb, CoulombViscous, Law, kernels
 from backdrive.laws.examples import ELEMENT_EXAMPLES, RATE_EXAMPLES, example
 from backdrive.logs.log import Joint
@@ -69,6 +71,19 @@ def test_sets_side_by_side_are_each_by_itself(name, shared, fastest):
                 x[0, : max(law.element.states(), 1)].tobytes()
                 == state[i, : max(law.element.states(), 1)].tobytes()
             )
+
+
+def test_a_torque_at_one_velocity_is_that_of_many():
+    one = model(example("stribeck-gauss"), example("polyline"))
+    for joint in ("j0", "j1", 0):
+        for v in (0.3, -0.02, 0.0, 0.9):
+            expected = float(one.torque(joint, np.array([v]))[0])
+            assert [float(one.torque(joint, v)) for _ in range(3)] == [expected] * 3
+        with pytest.warns(ExtrapolationWarning):
+            one.torque(joint, 2.0)
+    with pytest.raises(InvalidInput, match="NaN"):
+        one.torque("j0", float("nan"))
+    assert pickle.loads(pickle.dumps(one)) == one
 
 
 def test_shapes_follow_the_motion_and_the_models():
