@@ -16,6 +16,7 @@ from backdrive.control.estimators.method import Method
 from backdrive.control.joint_loop import JointLoop
 from backdrive.export import prelude
 from backdrive.export.program import Function, Program
+from backdrive.export.selftest import selftest
 from backdrive.export.values import PLACE, REAL, Array, Const, Scalar, Spelling, Table, number
 from backdrive.status import STATUSES, Status
 
@@ -110,6 +111,7 @@ class LoopHeader:
 
     def __init__(self, joints: Sequence[JointLoop], interval: float, prefix: str, names: Sequence[str], single: bool):
         self.prefix, self.names, self.interval, self.single = prefix, names, interval, single
+        self.given = joints
         symbols = {s.name: f"{prefix.upper()}_{s.name}" for s in STATUSES}
         self.program = Program(prefix, Spelling(single), symbols)
         self.joints = [Joint(joint, interval) for joint in joints]
@@ -161,6 +163,7 @@ class LoopHeader:
             *[f.text() for f in functions],
             self._initial(),
             self._loop(),
+            selftest(self.given, self.interval, self.prefix, self.single),
         ]
         return "\n\n".join(part.rstrip() for part in parts if part.strip()) + "\n"
 
