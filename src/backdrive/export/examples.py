@@ -61,6 +61,8 @@ def controller(prefix: str, single: bool, mark: str) -> str:
     P = prefix.upper()
     return f"""\
 // {mark}: example in the manner of a ros2_control controller: interfaces in, interfaces out, nothing allocated in update().
+#include <cstddef>
+#include <utility>
 #include <vector>
 
 #include "{prefix}.hpp"

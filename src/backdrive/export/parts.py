@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -19,6 +20,7 @@ from backdrive.control.estimators.friction import FrictionEstimator
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.export import prelude
 from backdrive.export.program import Program
+from backdrive.export.statements import spelled
 from backdrive.export.values import BOOL, PLACE, REAL, Array, Const, Scalar, Several, Spelling, Value, number
 from backdrive.laws import Law, kernels
 
@@ -220,6 +222,10 @@ class PartsHeader:
         part, step, full = self.parts[name], self.steps[name], f"{self.prefix}_{name}"
         real = "float" if self.single else "double"
         used = {n for _, n in step.parameters}
+        kernel = getattr(part.kernel, "py_func", part.kernel)
+        called = dict(zip(inspect.signature(kernel).parameters, part.arguments))  # parameter -> argument
+        called = {spelled(n): str(a) for n, a in called.items()} | {"load_0": "load_motor", "load_1": "load_external"}
+        used = {called.get(n, n) for n in used}
         arrays: list[tuple[str, str, list[float], str]] = []
         for n, numbers in part.states.items():
             at = [float(numbers[i]) for i in sorted(part.places.get(n, ()))]
@@ -231,13 +237,9 @@ class PartsHeader:
             prelude.table(f"{full}_{n}", v, REAL, self.single) + "\n\n" for n, v in part.constants.items() if n in used
         )
         inputs = self.signature(name)
-        given = {"load_0": "load_motor", "load_1": "load_external"}
-        call = ", ".join(
-            f"s->{n}" if n in {a[0] for a in arrays} else f"{full}_{n}" if n in part.constants else given.get(n, n)
-            for _, n in step.parameters
-        )
-        spoken = {given.get(n, n) for n in used}
-        unused = "".join(f"  (void){n};\n" for _, n in inputs if n not in spoken) + ("" if arrays else "  (void)s;\n")
+        places = {a[0]: f"s->{a[0]}" for a in arrays} | {n: f"{full}_{n}" for n in part.constants}
+        call = ", ".join(places.get(n, called.get(n, n)) for _, n in step.parameters)
+        unused = "".join(f"  (void){n};\n" for _, n in inputs if n not in used) + ("" if arrays else "  (void)s;\n")
         words = ", ".join(f"{n}: {WORDS[n]}" for _, n in inputs)
         return (
             f"/* What {name} remembers: yours to keep. */\ntypedef struct {{\n{fields}}} {full}_state;\n\n{constants}"
