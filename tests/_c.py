@@ -12,18 +12,34 @@ import numpy as np
 from backdrive.export.parts import Part, PartsHeader
 from backdrive.export.prelude import GUARD, INCLUDES
 
-WARNINGS = "-Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow -Wno-unused-function -Werror".split()
+WARNINGS = (
+    "-Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow -Wno-unused-function -Werror".split()
+)
 ZIG = (sys.executable, "-m", "ziglang")
 
 
-def compiled(folder: Path, source: str, name: str = "code.c", standard: str = "c99", options: tuple[str, ...] = ()) -> Path:
+def compiled(
+    folder: Path, source: str, name: str = "code.c", standard: str = "c99", options: tuple[str, ...] = ()
+) -> Path:
     """Write a source file, compile it to a shared library and return that."""
     (folder / name).write_text(source)
     target = folder / f"{name}.so"
     compiler = "c++" if name.endswith("pp") else "cc"
-    command = [*ZIG, compiler, f"-std={standard}", "-O1", "-ffp-contract=off", "-fno-sanitize=all", *WARNINGS, *options]
+    command = [
+        *ZIG,
+        compiler,
+        f"-std={standard}",
+        "-O1",
+        "-ffp-contract=off",
+        "-fno-sanitize=all",
+        *WARNINGS,
+        *options,
+    ]
     done = subprocess.run(
-        [*command, "-shared", "-fPIC", "-o", target, folder / name], capture_output=True, text=True, check=False
+        [*command, "-shared", "-fPIC", "-o", target, folder / name],
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr[:3000]
     return target
@@ -38,7 +54,9 @@ def runs(parts: dict[str, Part], prefix: str = "bd", single: bool = False) -> st
         arguments = ", ".join(f"({t})in[k * {len(inputs)} + {i}]" for i, (t, _) in enumerate(inputs))
         step, full = header.steps[name], f"{prefix}_{name}"
         fields = [f for f in step.fields if len(f) == 3] if step.result.endswith("_result") else []
-        kept = [f"out[k * {len(fields)} + {i}] = (double)r.{f[1]};" for i, f in enumerate(fields)] or ["out[k] = (double)r;"]
+        kept = [f"out[k * {len(fields)} + {i}] = (double)r.{f[1]};" for i, f in enumerate(fields)] or [
+            "out[k] = (double)r;"
+        ]
         source.append(
             f"void run_{name}(int n, const double *in, double *out);\n"
             f"void run_{name}(int n, const double *in, double *out) {{\n  {full}_state s;\n  {full}_reset(&s, 0.0);\n"

@@ -47,8 +47,12 @@ def every_law() -> list[Law]:
 
 def test_every_law_gives_the_same_bits(tmp_path):
     laws = every_law()
-    laws.append(Law(rate=Polyline(**KNOTS), growth=Growth(load_driving=0.1, load_driven=0.05, load_carried=2.0)))
-    laws.append(Law(rate=by_direction(StribeckGauss(**StribeckGauss.EXAMPLE), StribeckGauss(**StribeckGauss.EXAMPLE))))
+    laws.append(
+        Law(rate=Polyline(**KNOTS), growth=Growth(load_driving=0.1, load_driven=0.05, load_carried=2.0))
+    )
+    laws.append(
+        Law(rate=by_direction(StribeckGauss(**StribeckGauss.EXAMPLE), StribeckGauss(**StribeckGauss.EXAMPLE)))
+    )
     named = {f"law_{i}": parts.of_law(law) for i, law in enumerate(laws)}
     library = compiled(tmp_path, runs(named))
     random = np.random.default_rng(5)
@@ -81,12 +85,17 @@ def test_parts_give_the_same_numbers(tmp_path, single):
         Compensator(friction=lugre, extra=BristleObserver(gain=0.1, adaptation=0.01)),
         Compensator(friction=alg_fe(law, 8e3), extra=DisturbanceObserver(inertia=0.5, limit=4.0)),
     ]
-    externals = [ExternalForce(inertia=0.5, friction=ha(law, 8e3), method=m, gravity_sin=2.0, offset=0.1) for m in METHODS]
+    externals = [
+        ExternalForce(inertia=0.5, friction=ha(law, 8e3), method=m, gravity_sin=2.0, offset=0.1)
+        for m in METHODS
+    ]
     named = {f"comp_{i}": parts.of_compensator(c, DT) for i, c in enumerate(compensators)}
     named |= {f"ext_{i}": parts.of_external(e, DT) for i, e in enumerate(externals)}
     named |= {f"fric_{i}": parts.of_friction(f) for i, f in enumerate((ct(law, 0.0155), fc2.friction, lugre))}
     named |= {f"filt_{w}": parts.of_filter(MotionFilter(way=w)) for w in WAYS}
-    named["admit"] = parts.of_admittance(Admittance(inertia=0.4, viscosity=2.0, proportional=500.0, derivative=20.0, limit=9.0))
+    named["admit"] = parts.of_admittance(
+        Admittance(inertia=0.4, viscosity=2.0, proportional=500.0, derivative=20.0, limit=9.0)
+    )
     library = compiled(tmp_path, runs(named, single=single))
     random = np.random.default_rng(3)
     dp = np.round(motion(1) / 1e-5) * 1e-5
@@ -110,7 +119,12 @@ def test_parts_give_the_same_numbers(tmp_path, single):
     }
     if single:
         columns |= {n: v.astype(np.float32).astype(float) for n, v in columns.items() if n not in ("q", "t")}
-    of_name = {"comp": compensator_tick, "ext": external_tick, "fric": friction_tick, "admit": admittance_tick}
+    of_name = {
+        "comp": compensator_tick,
+        "ext": external_tick,
+        "fric": friction_tick,
+        "admit": admittance_tick,
+    }
     header = parts.PartsHeader(named, "bd", single)
     for name, part in named.items():
         kernel = of_name.get(name.split("_")[0]) or part.kernel

@@ -32,10 +32,13 @@ def command(
         ),
     ] = None,
     to: Annotated[str, typer.Option("--to", help="Target: c.")] = "c",
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder to write to.")] = Path("."),
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder to write to.")] = Path(
+        "."
+    ),
     joint: _logs.Joints = None,
     name: Annotated[
-        str | None, typer.Option("--name", help="Of the files, and of every name in them.  [default: loop or friction]")
+        str | None,
+        typer.Option("--name", help="Of the files, and of every name in them.  [default: loop or friction]"),
     ] = None,
     precision: Annotated[
         str, typer.Option("--precision", help="double or float (positions and times stay doubles).")
@@ -55,7 +58,9 @@ def command(
     ] = None,
     beyond: Annotated[
         bool,
-        typer.Option("--beyond", help="Export a share of the friction that the model's errors do not support."),
+        typer.Option(
+            "--beyond", help="Export a share of the friction that the model's errors do not support."
+        ),
     ] = False,
     as_json: _logs.AsJson = False,
 ) -> None:
@@ -74,7 +79,9 @@ def command(
     names = list(dict.fromkeys(loaded.joint(n).joint.name for n in joint)) if joint else None
     if tuning is None:
         laws = {n: loaded.joint(n).law for n in names or loaded.names}
-        written = export_laws(laws, output, name=name or "friction", precision=precision, source=f"From {Path(model).name}.")
+        written = export_laws(
+            laws, output, name=name or "friction", precision=precision, source=f"From {Path(model).name}."
+        )
     else:
         from backdrive.tuning.tuning_file import load_tunings
 

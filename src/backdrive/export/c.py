@@ -45,7 +45,8 @@ def identifiers(names: Sequence[str]) -> list[str]:
     for i, name in enumerate(plain):
         if name in plain[:i]:
             raise InvalidInput(
-                f"'{names[plain.index(name)]}' and '{names[i]}' are both '{name}' in C.", remedy="Rename one of them."
+                f"'{names[plain.index(name)]}' and '{names[i]}' are both '{name}' in C.",
+                remedy="Rename one of them.",
             )
     return plain
 
@@ -104,7 +105,12 @@ def export_loop(
 
 
 def export_laws(
-    laws: Mapping[str, Law], folder: str | Path, *, name: str = "friction", precision: str = "double", source: str = ""
+    laws: Mapping[str, Law],
+    folder: str | Path,
+    *,
+    name: str = "friction",
+    precision: str = "double",
+    source: str = "",
 ) -> list[Path]:
     """Write friction laws as C: the torque of one tick of each joint.
 
@@ -128,9 +134,14 @@ def export_laws(
     prefix = identifier(name)
     parts = {joint: of_law(law) for joint, law in zip(identifiers(list(laws)), laws.values())}
     comment = _comment(
-        f"Friction torque of {', '.join(laws)}, tick by tick.", source, repr(list(laws.values())) + precision, ""
+        f"Friction torque of {', '.join(laws)}, tick by tick.",
+        source,
+        repr(list(laws.values())) + precision,
+        "",
     )
-    return _written(folder, {f"{prefix}.h": framed(prefix, comment, PartsHeader(parts, prefix, single).text())})
+    return _written(
+        folder, {f"{prefix}.h": framed(prefix, comment, PartsHeader(parts, prefix, single).text())}
+    )
 
 
 def _single(precision: str) -> bool:
@@ -158,11 +169,15 @@ def _written(folder: str | Path, files: Mapping[str, str]) -> list[Path]:
     for name in files:
         path = folder / name
         if path.exists() and MARK.encode() not in _begin(path):
-            raise WriteError(f"{path} exists and was not made by an export.", remedy="Choose another folder or name.")
+            raise WriteError(
+                f"{path} exists and was not made by an export.", remedy="Choose another folder or name."
+            )
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise WriteError(f"{folder} is no folder to write to: {error.strerror}.", remedy="Choose another.") from error
+        raise WriteError(
+            f"{folder} is no folder to write to: {error.strerror}.", remedy="Choose another."
+        ) from error
     return write_together({folder / name: text for name, text in files.items()})
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import operator
 from collections.abc import Callable
+from dataclasses import replace
 from types import ModuleType
 from typing import Any
 
@@ -214,7 +215,7 @@ class Expressions:
         inner = PRIMARY if level in (SHIFT, BITS, OR_BITS) else level
         text = f"{x.within(inner)} {sign} {y.within(max(inner, level + 1))}"
         result = self.spelling.join(text, kind, level, [x, y], both)
-        return self.spelling.scalar(result, REAL) if way else result
+        return replace(self.spelling.scalar(result, REAL), exact=result) if way else result
 
     def _compare(self, node: ast.Compare) -> Value:
         if isinstance(node.ops[0], ast.In):
@@ -327,7 +328,11 @@ class Expressions:
         base = "g" if stays is None else "k"
         text = f"{base}->{name}"
         return Scalar(
-            text, kind, names=frozenset({base}), memory=frozenset({text} if stays is None else ()), known=stays
+            text,
+            kind,
+            names=frozenset({base}),
+            memory=frozenset({text} if stays is None else ()),
+            known=stays,
         )
 
     def element(self, array: Array, index: Value) -> Value:

@@ -23,7 +23,19 @@ from backdrive.status import STATUSES, Status
 FIELDS = sorted(
     ((value, name.lower()) for name, value in vars(table).items() if name.isupper() and name != "TABLE")
 )
-TIMES = {"time", "passed", "since", "settled", "faulty", "still", "older_age", "newer_age", "nominal", "patience", "hold"}
+TIMES = {
+    "time",
+    "passed",
+    "since",
+    "settled",
+    "faulty",
+    "still",
+    "older_age",
+    "newer_age",
+    "nominal",
+    "patience",
+    "hold",
+}
 PLACES = {"before", "elsewhere", "older", "newer", "anchor", "zero"} | TIMES
 SETTINGS = {"nominal", *(name for value, name in FIELDS if table.TOP <= value <= table.UPPER)}
 INPUTS = ("error", "slope", "known", "motor", "load", "temperature")
@@ -109,7 +121,9 @@ class LoopHeader:
         single: reals are floats.
     """
 
-    def __init__(self, joints: Sequence[JointLoop], interval: float, prefix: str, names: Sequence[str], single: bool):
+    def __init__(
+        self, joints: Sequence[JointLoop], interval: float, prefix: str, names: Sequence[str], single: bool
+    ):
         self.prefix, self.names, self.interval, self.single = prefix, names, interval, single
         self.given = joints
         symbols = {s.name: f"{prefix.upper()}_{s.name}" for s in STATUSES}
@@ -121,7 +135,9 @@ class LoopHeader:
         self.shifts: list[Function] = []
         self.acknowledges: list[Function] = []
         for joint in self.joints:
-            c, p, x, s, ce, pe, xe, se = (joint.value(n) for n in ("c", "p", "x", "s", "ce", "pe", "xe", "se"))
+            c, p, x, s, ce, pe, xe, se = (
+                joint.value(n) for n in ("c", "p", "x", "s", "ce", "pe", "xe", "se")
+            )
             g = joint.table()
             self.ticks.append(
                 self.program.translate(loop_kernel.joint, [c, i, p, x, s, ce, pe, xe, se, g, j, q, dt])
@@ -134,7 +150,9 @@ class LoopHeader:
         self.settings = [n for _, n in FIELDS if n in set(re.findall(r"k->(\w+)", text))]
         self.variables = [n for _, n in FIELDS if n in self.used and n not in SETTINGS]
         called = [f for f in (*self.ticks, *self.shifts)]
-        self.states: list[str] = []  # of arrays, and behind each that of its positions where these are doubles
+        self.states: list[
+            str
+        ] = []  # of arrays, and behind each that of its positions where these are doubles
         for n in ("x", "s", "xe", "se", "p", "pe"):
             for name in (n, f"{n}_at"):
                 if any(n in j.initial for j in self.joints) and any(
@@ -180,15 +198,15 @@ class LoopHeader:
     def _structures(self) -> str:
         P = self.prefix
         kinds = {n: "double" if n in PLACES else self.real for _, n in FIELDS}
-        fields = [
-            f"  {kinds[n]} {n};" + (f" /* {WORDS[n]} */" if n in WORDS else "") for n in self.variables
-        ]
+        fields = [f"  {kinds[n]} {n};" + (f" /* {WORDS[n]} */" if n in WORDS else "") for n in self.variables]
         for n in self.states:
             fields.append(f"  {'double' if n.endswith('_at') else self.real} {n}[{self._size(n)}];")
         settings = [f"  {kinds[n]} {n};" for n in self.settings] or [f"  {self.real} none;"]
         return (
             f"/* What a joint remembers. */\ntypedef struct {{\n" + "\n".join(fields) + f"\n}} {P}_joint;\n\n"
-            "/* What stays: limits and rates. */\ntypedef struct {\n" + "\n".join(settings) + f"\n}} {P}_settings;\n\n"
+            "/* What stays: limits and rates. */\ntypedef struct {\n"
+            + "\n".join(settings)
+            + f"\n}} {P}_settings;\n\n"
             f"/* The whole loop, yours to keep: no memory but this is written to. */\ntypedef struct {{\n"
             f"  {P}_joint joint[{P.upper()}_JOINTS];\n  int code[{P.upper()}_JOINTS]; /* status of every joint */\n}} {P}_state;"
         )
@@ -269,9 +287,7 @@ class LoopHeader:
             f"  s->code[{i}] = {self._call(f, i, {'q': f'position[{i}]', 'dt': 'interval'})};"
             for i, f in enumerate(self.ticks)
         )
-        acknowledges = "\n".join(
-            f"  all &= {self._call(f, i, {})};" for i, f in enumerate(self.acknowledges)
-        )
+        acknowledges = "\n".join(f"  all &= {self._call(f, i, {})};" for i, f in enumerate(self.acknowledges))
         ok = f"{P.upper()}_{Status.OK.name}"
         return f"""\
 /* Return to joints at rest, relaxed and without torque, at these positions [rad or m]. */
@@ -308,7 +324,7 @@ static inline int {P}_step({P}_state *s, const double position[{N}], const {real
 
 /* Let the torque ramp down to zero at the slow rate, and stay there until {P}_acknowledge. */
 static inline void {P}_stop({P}_state *s) {{
-  for (int i = 0; i < {N}; i++) s->joint[i].stop = 1.0{'f' if self.single else ''};
+  for (int i = 0; i < {N}; i++) s->joint[i].stop = 1.0{"f" if self.single else ""};
 }}
 
 /* Take back latches and a stop; a latch stays where torque is left or the joint is too fast. Returns whether none is left. */
@@ -347,6 +363,6 @@ def framed(prefix: str, comment: str, body: str) -> str:
     guard_ = f"{prefix.upper()}_H"
     lines = "\n".join(f" * {line}".rstrip() for line in comment.splitlines())
     head = f"/*\n{lines}\n */\n" if comment else ""
-    return f"{head}#ifndef {guard_}\n#define {guard_}\n\n{prelude.INCLUDES}\n{prelude.GUARD}\n{body}\n#endif\n"
-
-
+    return (
+        f"{head}#ifndef {guard_}\n#define {guard_}\n\n{prelude.INCLUDES}\n{prelude.GUARD}\n{body}\n#endif\n"
+    )

@@ -79,7 +79,9 @@ class Part:
             content = None
             if argument in self.switch:
                 content = tuple(None if i == self.switch[argument] else x for i, x in enumerate(numbers))
-            return Array(argument, len(numbers), content=content, places=self.places.get(argument, frozenset()))
+            return Array(
+                argument, len(numbers), content=content, places=self.places.get(argument, frozenset())
+            )
         if argument == "load":
             return Several((Scalar("load_0", REAL), Scalar("load_1", REAL)))
         return Scalar(argument, self.inputs[argument])
@@ -126,7 +128,24 @@ def of_compensator(compensator: Compensator, interval: float) -> Part:
     places = {compensator_.S_DITHER + i for i in (0, 2, 3, 4)}
     return Part(
         kernel=compensator_.tick,
-        arguments=("c", 0, "p", "x", "s", 0, "q", "dp", "dt", "t", "error", "slope", "u", "load", "temp", "idle"),
+        arguments=(
+            "c",
+            0,
+            "p",
+            "x",
+            "s",
+            0,
+            "q",
+            "dp",
+            "dt",
+            "t",
+            "error",
+            "slope",
+            "u",
+            "load",
+            "temp",
+            "idle",
+        ),
         inputs={"q": PLACE, "dp": REAL, "dt": REAL, "t": PLACE}
         | dict.fromkeys(("error", "slope", "u", "load", "temp"), REAL)
         | {"idle": BOOL},
@@ -224,7 +243,10 @@ class PartsHeader:
         used = {n for _, n in step.parameters}
         kernel = getattr(part.kernel, "py_func", part.kernel)
         called = dict(zip(inspect.signature(kernel).parameters, part.arguments))  # parameter -> argument
-        called = {spelled(n): str(a) for n, a in called.items()} | {"load_0": "load_motor", "load_1": "load_external"}
+        called = {spelled(n): str(a) for n, a in called.items()} | {
+            "load_0": "load_motor",
+            "load_1": "load_external",
+        }
         used = {called.get(n, n) for n in used}
         arrays: list[tuple[str, str, list[float], str]] = []
         for n, numbers in part.states.items():
@@ -232,14 +254,21 @@ class PartsHeader:
             arrays += [(n, real, numbers.tolist(), REAL), (f"{n}_at", "double", at, PLACE)]
         arrays = [a for a in arrays if a[0] in used]
         fields = "".join(f"  {t} {n}[{len(v)}];\n" for n, t, v, _ in arrays) or "  int none;\n"
-        cells = ", ".join("{" + ", ".join(number(x, k, self.single) for x in v) + "}" for _, _, v, k in arrays) or "0"
+        cells = (
+            ", ".join("{" + ", ".join(number(x, k, self.single) for x in v) + "}" for _, _, v, k in arrays)
+            or "0"
+        )
         constants = "".join(
-            prelude.table(f"{full}_{n}", v, REAL, self.single) + "\n\n" for n, v in part.constants.items() if n in used
+            prelude.table(f"{full}_{n}", v, REAL, self.single) + "\n\n"
+            for n, v in part.constants.items()
+            if n in used
         )
         inputs = self.signature(name)
         places = {a[0]: f"s->{a[0]}" for a in arrays} | {n: f"{full}_{n}" for n in part.constants}
         call = ", ".join(places.get(n, called.get(n, n)) for _, n in step.parameters)
-        unused = "".join(f"  (void){n};\n" for _, n in inputs if n not in used) + ("" if arrays else "  (void)s;\n")
+        unused = "".join(f"  (void){n};\n" for _, n in inputs if n not in used) + (
+            "" if arrays else "  (void)s;\n"
+        )
         words = ", ".join(f"{n}: {WORDS[n]}" for _, n in inputs)
         return (
             f"/* What {name} remembers: yours to keep. */\ntypedef struct {{\n{fields}}} {full}_state;\n\n{constants}"

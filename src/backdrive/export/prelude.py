@@ -57,7 +57,9 @@ def helpers(program: Program, functions: Iterable[Function], more: Iterable[str]
     return "\n\n".join(HELPERS[name].format(**words) for name in HELPERS if name in needed)
 
 
-def table(name: str, numbers: np.ndarray, kind: str = WIDE, single: bool = False, comments: tuple[str, ...] = ()) -> str:
+def table(
+    name: str, numbers: np.ndarray, kind: str = WIDE, single: bool = False, comments: tuple[str, ...] = ()
+) -> str:
     """Return numbers as a constant array in C.
 
     Args:

@@ -40,6 +40,7 @@ from backdrive.export.values import (
 )
 
 INTERVALS, TIMED = ("dt", "T"), ("loop_kernel", "readings", "guard")
+MOVES = ("by",)  # by which positions are moved: as exact as they are
 RESULT = "@RESULT@"  # stands for the type that a function returns
 OF_FLOATS = {getattr(elementary, name): f"{name}f" for name in ("exp", "log", "pow", "tanh", "sin", "cos")}
 
@@ -245,7 +246,11 @@ class _Body(Statements):
 
     def _type(self, type_: str, name: str) -> str:
         if type_ == "table":
-            return f"{self.program.prefix}_joint *" if name in self.written else f"const {self.program.prefix}_joint *"
+            return (
+                f"{self.program.prefix}_joint *"
+                if name in self.written
+                else f"const {self.program.prefix}_joint *"
+            )
         if type_ == "settings":
             return f"const {self.program.prefix}_settings *"
         return f"const {type_}" if type_.endswith("*") and name not in self.written else type_
@@ -291,7 +296,10 @@ class _Body(Statements):
         for (leave, _, block), row in zip(self.returns, rows):
             at = next(i for i, statement in enumerate(block) if statement is leave)
             block[at:at] = [
-                Store(replace(whole, text=f"result.{made.fields[i][1]}"), self.spelling.scalar(row[i], made.fields[i][2]))
+                Store(
+                    replace(whole, text=f"result.{made.fields[i][1]}"),
+                    self.spelling.scalar(row[i], made.fields[i][2]),
+                )
                 for i in kept
             ]
             leave.value = whole
@@ -299,18 +307,28 @@ class _Body(Statements):
 
     def call(self, function: Callable, arguments: list[Value], hint: str = "") -> Value:
         if function in OF_FLOATS:
-            arguments = [a if not isinstance(a, Scalar) or a.kind != "place" else replace(a, kind=WIDE) for a in arguments]
+            arguments = [
+                a if not isinstance(a, Scalar) or a.kind != "place" else replace(a, kind=WIDE)
+                for a in arguments
+            ]
             if self.spelling.single and all(a.kind != WIDE for a in arguments):
                 parts = [self.spelling.scalar(a, REAL) for a in arguments]
-                return self.spelling.join(f"{OF_FLOATS[function]}({', '.join(p.text for p in parts)})", REAL, PRIMARY, parts)
+                return self.spelling.join(
+                    f"{OF_FLOATS[function]}({', '.join(p.text for p in parts)})", REAL, PRIMARY, parts
+                )
             if all(isinstance(a, Const) for a in arguments):
                 return Const(getattr(function, "py_func", function)(*(a.value for a in arguments)))
             if self.spelling.single:
                 arguments = [self.spelling.scalar(a, WIDE) for a in arguments]
+        source = getattr(function, "py_func", function)
+        names = inspect.signature(source).parameters
+        arguments = [
+            a.exact if n in MOVES and isinstance(a, Scalar) and a.exact is not None else a
+            for n, a in zip(names, arguments)
+        ]
         made = self.program.translate(function, arguments)
         self.made.calls.append(made)
-        result = self._call_of(made, arguments, getattr(function, "py_func", function))
-        return result
+        return self._call_of(made, arguments, source)
 
     def _call_of(self, made: Function, arguments: list[Value], source: FunctionType) -> Value:
         names = list(inspect.signature(source).parameters)

@@ -16,7 +16,13 @@ from backdrive.export.values import PLACE, REAL, number
 
 TICKS, SLOW = 64, 40  # vectors, and how many of the first come late, so that the ramp is over
 LATE = 15.0  # periods of these
-NOT_FINITE, JUMP, BAD, STOP, GO = 44, 46, 52, 54, 60  # ticks of what goes wrong, of a stop and of the acknowledgement
+NOT_FINITE, JUMP, BAD, STOP, GO = (
+    44,
+    46,
+    52,
+    54,
+    60,
+)  # ticks of what goes wrong, of a stop and of the acknowledgement
 PUSH, PULL = 0.3, 0.1  # of the limit: torque that acted, and gravity
 SPEED = 0.2  # of the top speed
 BEAT = (7.0, 11.0)  # ticks of two waves
@@ -71,7 +77,11 @@ def selftest(joints: Sequence[JointLoop], interval: float, prefix: str, single: 
     """Return the function that runs the vectors, in C."""
     given = vectors(joints, interval)
     real, N = "float" if single else "double", f"{prefix.upper()}_JOINTS"
-    scale = [max(np.abs(given[name][:, j]).max(), 1e-30) for j in range(len(joints)) for name in ("torque", "external")]
+    scale = [
+        max(np.abs(given[name][:, j]).max(), 1e-30)
+        for j in range(len(joints))
+        for name in ("torque", "external")
+    ]
     tolerances = TOLERANCE[single] * np.reshape(scale, (-1, 2)).T
     code = given["code"].astype(int)
     codes = "{\n" + ",\n".join("    {" + ", ".join(map(str, row)) + "}" for row in code) + "\n  }"

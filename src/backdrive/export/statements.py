@@ -126,7 +126,9 @@ class Statements(Expressions):
             before = {spelled(t.id) for t in targets[:i] if isinstance(t, ast.Name)}
             stores = [t for t in targets[:i] if not isinstance(t, ast.Name)]
             places = {self._place(t).text for t in stores}
-            hit = item.names & before or (places and (item.memory & places or any("[]" in m for m in item.memory)))
+            hit = item.names & before or (
+                places and (item.memory & places or any("[]" in m for m in item.memory))
+            )
             if hit and item.text not in plain[i : i + 1]:
                 items[i] = self.temporary(item)
         for target, item in zip(targets, items):
@@ -257,7 +259,9 @@ class Statements(Expressions):
     def _for(self, node: ast.For) -> bool:
         call = node.iter
         if not (
-            isinstance(call, ast.Call) and ast.unparse(call.func) == "range" and isinstance(node.target, ast.Name)
+            isinstance(call, ast.Call)
+            and ast.unparse(call.func) == "range"
+            and isinstance(node.target, ast.Name)
         ):
             raise Untranslatable(ast.unparse(node).split("\n")[0])
         bounds = [self.value(a) for a in call.args]
@@ -313,7 +317,10 @@ class Statements(Expressions):
         loop = Loop(head)
         outer, before = self.block, dict(self.env)
         around = self.changing, self.carried
-        self.changing, self.carried = self.changing | set(changing), self.carried | (set(changing) & set(before))
+        self.changing, self.carried = (
+            self.changing | set(changing),
+            self.carried | (set(changing) & set(before)),
+        )
         self.block = loop.body
         self.env = dict(before) | own
         try:

@@ -67,6 +67,7 @@ class Scalar:
         names: of variables, parameters and arrays that it reads.
         memory: what it reads that a call may change: `array[index]`, `array[]` where the index is not known, or fields.
         known: its number where that is known.
+        exact: the way between two places before it is rounded to a real.
     """
 
     text: str
@@ -75,6 +76,7 @@ class Scalar:
     names: frozenset[str] = frozenset()
     memory: frozenset[str] = frozenset()
     known: Any = None
+    exact: Scalar | None = field(default=None, compare=False)
 
     def within(self, level: int) -> str:
         """Return the text as an operand of an operator of some precedence."""
