@@ -13,7 +13,7 @@ from backdrive.export.parts import Part, PartsHeader
 from backdrive.export.prelude import GUARD, INCLUDES
 
 WARNINGS = (
-    "-Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow -Wno-unused-function -Werror".split()
+    ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Wno-unused-function", "-Werror"]
 )
 ZIG = (sys.executable, "-m", "ziglang")
 

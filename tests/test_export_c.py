@@ -6,8 +6,8 @@ from itertools import product
 
 import numpy as np
 import pytest
-from _c import compiled, run, runs
 
+from _c import compiled, run, runs
 from backdrive.control.admittance import Admittance
 from backdrive.control.admittance import tick as admittance_tick
 from backdrive.control.compensators.catalog import alg_fc2
@@ -40,7 +40,7 @@ def motion(seed: int) -> np.ndarray:
 def every_law() -> list[Law]:
     laws = []
     for rate, element in product(RATES.values(), ELEMENTS.values()):
-        if element.NAME == "none" or rate.NAME == "stribeck-gauss" and not rate.SMOOTH:
+        if element.NAME == "none" or (rate.NAME == "stribeck-gauss" and not rate.SMOOTH):
             laws.append(Law(rate=rate(**rate.EXAMPLE), element=element(**element.EXAMPLE)))
     return laws
 

@@ -8,11 +8,11 @@ import subprocess
 
 import numpy as np
 import pytest
-from _c import WARNINGS, ZIG, compiled
 from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
+from _c import WARNINGS, ZIG, compiled
 from backdrive import load_model
 from backdrive.cli import app
 from backdrive.control.compensators.catalog import alg_fc2
@@ -193,8 +193,8 @@ def test_the_same_joints_share_their_code(tmp_path):
     one = export_loop({"a": joint}, PERIOD, tmp_path / "1")[0].read_text()
     six = export_loop(dict.fromkeys("abcdef", joint), PERIOD, tmp_path / "6")[0].read_text()
     assert (
-        six.count("static inline int loop_loop_kernel_joint")
-        == one.count("static inline int loop_loop_kernel_joint")
+        six.count("static inline int loop_core_loop_kernel_joint")
+        == one.count("static inline int loop_core_loop_kernel_joint")
         == 1
     )
     assert (

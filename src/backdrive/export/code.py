@@ -123,10 +123,7 @@ def _pruned(block: list[Statement], used: frozenset[str]) -> bool:
             at = block.index(statement)
             block[at : at + 1] = [Do(statement.value)] if statement.effect else []
             changed = True
-        elif isinstance(statement, Branch) and not statement.then and not statement.other:
-            block.remove(statement)
-            changed = True
-        elif isinstance(statement, Loop) and not statement.body:
+        elif (isinstance(statement, Branch) and not statement.then and not statement.other) or (isinstance(statement, Loop) and not statement.body):
             block.remove(statement)
             changed = True
     return changed

@@ -364,7 +364,7 @@ class Expressions:
                 memory=place.memory | ({f"{array.name}[]"} if changes else set()),
             )
         at = int(at) + array.begin
-        if not 0 <= at:
+        if not at >= 0:
             raise Untranslatable(f"{array.name}[{at}]")
         number = None if array.content is None or at >= len(array.content) else array.content[at]
         kind = PLACE if at in array.places else array.kind

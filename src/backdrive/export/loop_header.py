@@ -203,7 +203,7 @@ class LoopHeader:
             fields.append(f"  {'double' if n.endswith('_at') else self.real} {n}[{self._size(n)}];")
         settings = [f"  {kinds[n]} {n};" for n in self.settings] or [f"  {self.real} none;"]
         return (
-            f"/* What a joint remembers. */\ntypedef struct {{\n" + "\n".join(fields) + f"\n}} {P}_joint;\n\n"
+            "/* What a joint remembers. */\ntypedef struct {\n" + "\n".join(fields) + f"\n}} {P}_joint;\n\n"
             "/* What stays: limits and rates. */\ntypedef struct {\n"
             + "\n".join(settings)
             + f"\n}} {P}_settings;\n\n"

@@ -288,7 +288,7 @@ class PartsHeader:
                 if i in positions_at(part, n):
                     names = {a[0] for a in arrays}
                     place = f"{n}_at[{rank}]" if self.single else f"{n}[{i}]"
-                    if place.split("[")[0] in names:
+                    if place.split("[", maxsplit=1)[0] in names:
                         lines.append(f"  s->{place} = position;\n")
         return "".join(lines) or "  (void)position;\n"
 

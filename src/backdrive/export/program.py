@@ -134,7 +134,7 @@ class Program:
 
     def _unique(self, source: FunctionType, made: Function) -> Function:
         module = source.__module__.rsplit(".", 1)[-1]
-        name = f"{self.prefix}_{module}_{source.__name__.strip('_')}"
+        name = f"{self.prefix}_core_{module}_{source.__name__.strip('_')}"
         same = [f for f in self.functions if f.name == name or re.fullmatch(rf"{name}_\d+", f.name)]
         for other in same:
             if replace(made, name=other.name, result=_renamed(made, other.name)).text() == other.text():
@@ -448,4 +448,4 @@ def _title(source: FunctionType) -> str:
     return doc.split("\n\n")[0].replace("\n", " ").replace("`", "").replace("*/", "* /")
 
 
-__all__ = ["INT", "Function", "Program", "number", "_jit"]
+__all__ = ["INT", "Function", "Program", "_jit", "number"]

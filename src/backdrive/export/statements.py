@@ -27,10 +27,10 @@ from backdrive.export.values import (
 )
 
 RESERVED = {
-    *"auto break case char const continue default do double else enum extern float for goto if inline int long".split(),
-    *"register restrict return short signed sizeof static struct switch typedef union unsigned void volatile".split(),
-    *"while bool true false class new delete this template namespace operator private public protected".split(),
-    *"virtual friend try catch throw using y0 y1 yn j0 j1 jn exp log sin cos tanh sqrt fabs N_".split(),
+    *["auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum", "extern", "float", "for", "goto", "if", "inline", "int", "long"],
+    *["register", "restrict", "return", "short", "signed", "sizeof", "static", "struct", "switch", "typedef", "union", "unsigned", "void", "volatile"],
+    *["while", "bool", "true", "false", "class", "new", "delete", "this", "template", "namespace", "operator", "private", "public", "protected"],
+    *["virtual", "friend", "try", "catch", "throw", "using", "y0", "y1", "yn", "j0", "j1", "jn", "exp", "log", "sin", "cos", "tanh", "sqrt", "fabs", "N_"],
 }
 
 
