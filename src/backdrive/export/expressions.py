@@ -366,6 +366,9 @@ class Expressions:
         at = int(at) + array.begin
         if not at >= 0:
             raise Untranslatable(f"{array.name}[{at}]")
+        if at == array.own:
+            text = f"{array.name}_own[0]"
+            return Scalar(text, array.kind, names=frozenset({f"{array.name}_own"}), memory=frozenset({text}))
         number = None if array.content is None or at >= len(array.content) else array.content[at]
         kind = PLACE if at in array.places else array.kind
         text = f"{array.name}[{at}]"

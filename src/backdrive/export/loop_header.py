@@ -72,14 +72,14 @@ class Joint:
         for name, law in (("x", compensator.friction.law), ("xe", estimator.friction.law)):
             self.initial[name] = self.initial[name][: max(law.element.states(), 1)]
         self.constants = {"c": c[0], "p": p[0], "ce": ce[0], "pe": pe[0]}
-        for name, part in (("p", compensator), ("pe", estimator)):
-            if part.friction.fast_decay is not None:  # the rate of decay switches: the row changes
-                self.initial[name] = self.constants.pop(name)
+        self.own = {"p": int(c[0][compensator_.FRICTION + 2]), "pe": int(ce[0][external_.FRICTION + 2])}
+        for name, at in self.own.items():
+            if at:  # the rate of decay switches
+                self.initial[f"{name}_own"] = self.constants[name][at : at + 1]
         places = {compensator_.S_DITHER + i for i in (0, 2, 3, 4)}  # times and positions
         if isinstance(compensator.extra, DisturbanceObserver):
             places |= {compensator_.S_EXTRA + i for i in _positions(compensator.extra.estimator())}
         self.places = {"s": places, "se": _positions(estimator)}
-        self.switches = {"p": int(c[0][compensator_.FRICTION + 2]), "pe": int(ce[0][external_.FRICTION + 2])}
         self.rows = rows[:, 0]
 
     def value(self, name: str) -> Array:
@@ -87,12 +87,9 @@ class Joint:
         places = frozenset(self.places.get(name, ()))
         if name in self.constants:
             numbers = self.constants[name]
-            return Array(name, len(numbers), content=tuple(numbers.tolist()), writeable=False)
-        numbers = self.initial[name]
-        content = None
-        if name in self.switches and name in self.initial and self.switches[name]:
-            content = tuple(None if i == self.switches[name] else v for i, v in enumerate(numbers.tolist()))
-        return Array(name, len(numbers), content=content, places=places)
+            own = self.own.get(name) or -1
+            return Array(name, len(numbers), content=tuple(numbers.tolist()), own=own, writeable=False)
+        return Array(name, len(self.initial[name]), places=places)
 
     def table(self) -> Table:
         """Return the joint's row of the table as an argument."""
@@ -153,7 +150,7 @@ class LoopHeader:
         self.states: list[
             str
         ] = []  # of arrays, and behind each that of its positions where these are doubles
-        for n in ("x", "s", "xe", "se", "p", "pe"):
+        for n in ("x", "s", "xe", "se", "p_own", "pe_own"):
             for name in (n, f"{n}_at"):
                 if any(n in j.initial for j in self.joints) and any(
                     name == of for f in called for _, of in f.parameters

@@ -54,7 +54,7 @@ class Part:
         constants: arrays that stay, by name.
         states: arrays that change, by name, at rest at 0.
         places: which of their numbers are positions or times, by name.
-        switch: place of what changes in an array of parameters among the states, by name.
+        own: place of what changes in an array of constants, by its name; the state holds it as NAME_own.
         title: of the step.
     """
 
@@ -64,7 +64,7 @@ class Part:
     constants: dict[str, np.ndarray] = field(default_factory=dict)
     states: dict[str, np.ndarray] = field(default_factory=dict)
     places: dict[str, frozenset[int]] = field(default_factory=dict)
-    switch: dict[str, int] = field(default_factory=dict)
+    own: dict[str, int] = field(default_factory=dict)
     title: str = ""
 
     def value(self, argument: int | str) -> Value:
@@ -73,27 +73,23 @@ class Part:
             return Const(argument)
         if argument in self.constants:
             numbers = tuple(self.constants[argument].tolist())
-            return Array(argument, len(numbers), content=numbers, writeable=False)
+            return Array(argument, len(numbers), content=numbers, own=self.own.get(argument, -1), writeable=False)
         if argument in self.states:
-            numbers = self.states[argument].tolist()
-            content = None
-            if argument in self.switch:
-                content = tuple(None if i == self.switch[argument] else x for i, x in enumerate(numbers))
-            return Array(
-                argument, len(numbers), content=content, places=self.places.get(argument, frozenset())
-            )
+            places = self.places.get(argument, frozenset())
+            return Array(argument, len(self.states[argument]), places=places)
         if argument == "load":
             return Several((Scalar("load_0", REAL), Scalar("load_1", REAL)))
         return Scalar(argument, self.inputs[argument])
 
 
 def _friction_arrays(friction: FrictionEstimator, p: str, x: str) -> tuple[dict, dict, dict]:
-    """Return constants, states and switches of a friction estimator's arrays."""
+    """Return constants, states and what changes of a friction estimator's arrays."""
     law = friction.law
     states = {x: np.zeros(max(law.element.states(), 1))}
     if friction.fast_decay is None:
         return {p: law.row()}, states, {}
-    return {}, states | {p: law.row()}, {p: int(friction.row()[2])}
+    at = int(friction.row()[2])
+    return {p: law.row()}, states | {f"{p}_own": law.row()[at : at + 1]}, {p: at}
 
 
 def of_law(law: Law) -> Part:
@@ -110,21 +106,21 @@ def of_law(law: Law) -> Part:
 
 def of_friction(friction: FrictionEstimator) -> Part:
     """Return a friction estimator."""
-    constants, states, switch = _friction_arrays(friction, "p", "x")
+    constants, states, own = _friction_arrays(friction, "p", "x")
     return Part(
         kernel=friction_.tick,
         arguments=("c", 0, "p", "x", "s", 0, "dp", "dt", "load", "temp"),
         inputs={"dp": REAL, "dt": REAL, "load": REAL, "temp": REAL},
         constants={"c": friction.row()} | constants,
         states=states | {"s": np.zeros(1)},
-        switch=switch,
+        own=own,
         title="Estimated friction torque of one tick [N.m or N].",
     )
 
 
 def of_compensator(compensator: Compensator, interval: float) -> Part:
     """Return a friction compensator."""
-    constants, states, switch = _friction_arrays(compensator.friction, "p", "x")
+    constants, states, own = _friction_arrays(compensator.friction, "p", "x")
     places = {compensator_.S_DITHER + i for i in (0, 2, 3, 4)}
     return Part(
         kernel=compensator_.tick,
@@ -152,14 +148,14 @@ def of_compensator(compensator: Compensator, interval: float) -> Part:
         constants={"c": compensator.row(interval)} | constants,
         states=states | {"s": compensator.start(0.0)},
         places={"s": frozenset(places)},
-        switch=switch,
+        own=own,
         title="Torque to add of one tick in two parts: what pushes, and the dither [N.m or N].",
     )
 
 
 def of_external(external: ExternalForce, interval: float) -> Part:
     """Return an estimator of the external force."""
-    constants, states, switch = _friction_arrays(external.friction, "p", "x")
+    constants, states, own = _friction_arrays(external.friction, "p", "x")
     method = external_.KNOWN[external.method]
     return Part(
         kernel=external_.tick,
@@ -168,7 +164,7 @@ def of_external(external: ExternalForce, interval: float) -> Part:
         constants={"c": external.row(interval)} | constants,
         states=states | {"s": external.start(0.0)},
         places={"s": frozenset({0, *({external_.OBSERVER} if method.places else ())})},
-        switch=switch,
+        own=own,
         title="External force and friction of one tick [N.m or N].",
     )
 

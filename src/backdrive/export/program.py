@@ -160,7 +160,7 @@ def _described(value: Value) -> Any:
     if isinstance(value, Array):
         places = frozenset(i - value.begin for i in value.places)
         content = None if value.content is None else value.content[value.begin :]
-        return ("array", value.size, content, places, value.rows, value.kind)
+        return ("array", value.size, content, value.own - value.begin, places, value.rows, value.kind)
     return ("table", value.fields)
 
 
@@ -210,9 +210,12 @@ class _Body(Statements):
             self.parameters.append((f"{self.spelling.declared(value.kind)} *", name))
             if value.places and self.spelling.single:
                 self.parameters.append(("double *", f"{name}_at"))
+            if value.own >= value.begin:
+                self.parameters.append((f"{self.spelling.declared(value.kind)} *", f"{name}_own"))
             content = None if value.content is None else value.content[value.begin :]
             places = frozenset(i - value.begin for i in value.places if i >= value.begin)
-            return replace(value, name=name, begin=0, content=content, places=places, names=frozenset())
+            own = max(value.own - value.begin, -1)
+            return replace(value, name=name, begin=0, content=content, own=own, places=places, names=frozenset())
         self.parameters.append((self.spelling.declared(kind), name))
         self.kinds_seen[name] = kind
         return Scalar(name, kind, names=frozenset({name}), known=value.known)
@@ -390,6 +393,9 @@ class _Body(Statements):
                 rank = sum(i < value.begin for i in value.places)
                 text = f"{value.name}_at + {rank}" if rank else f"{value.name}_at"
                 given[f"{name}_at"] = Scalar(text, kind, names=frozenset({f"{value.name}_at"}))
+            if value.own >= value.begin:
+                own = f"{value.name}_own"
+                given[f"{name}_own"] = Scalar(own, "pointer", names=frozenset({own}))
         elif isinstance(value, Scalar):
             made = next((t for t, n in parameters if n == name), "")
             given[name] = self.spelling.scalar(value, REAL) if made == self.spelling.declared(REAL) else value

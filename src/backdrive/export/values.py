@@ -98,7 +98,8 @@ class Array:
         name: in C.
         size: how many there are behind the pointer.
         begin: index at which the kernel's array begins.
-        content: its numbers, None each where they change; None: all of them change.
+        content: its numbers; None: they change.
+        own: index of a number of them that changes, which stands apart, or -1.
         places: indices of positions, counted from the pointer.
         names: that its own text reads.
         rows: length of a row, where the array has two dimensions.
@@ -110,6 +111,7 @@ class Array:
     size: int
     begin: int = 0
     content: tuple[Any, ...] | None = None
+    own: int = -1
     places: frozenset[int] = frozenset()
     names: frozenset[str] = frozenset()
     rows: int = 0
