@@ -193,8 +193,8 @@ def test_the_same_joints_share_their_code(tmp_path):
     one = export_loop({"a": joint}, PERIOD, tmp_path / "1")[0].read_text()
     six = export_loop(dict.fromkeys("abcdef", joint), PERIOD, tmp_path / "6")[0].read_text()
     assert (
-        six.count("static inline int loop_core_loop_kernel_joint")
-        == one.count("static inline int loop_core_loop_kernel_joint")
+        six.count("LOOP_INLINE int loop_core_loop_kernel_joint")
+        == one.count("LOOP_INLINE int loop_core_loop_kernel_joint")
         == 1
     )
     assert (

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive import _jit
+from backdrive import _jit, elementary
 from backdrive.export.code import Assign, Statement
 from backdrive.export.values import (
     AND,
@@ -65,6 +65,7 @@ COMPARE: dict[type, tuple[str, int, Callable]] = {
     ast.Eq: ("==", EQUAL, operator.eq),
     ast.NotEq: ("!=", EQUAL, operator.ne),
 }
+DEAD = "dead"  # text of a number that is never read
 MATH = {abs: "fabs", np.sqrt: "sqrt", np.copysign: "copysign"}
 
 
@@ -82,6 +83,7 @@ class Expressions:
         self.block: list[Statement] = []
         self.conditional = 0  # within what C may not evaluate
         self.temporaries = 0
+        self.angle = 0  # within the argument of a sine, which keeps what a time has grown to
 
     def call(self, function: Callable, arguments: list[Value], hint: str = "") -> Value:
         """Return the value of a call of a kernel."""
@@ -207,6 +209,9 @@ class Expressions:
             kind = REAL
         if kind == BOOL:
             kind = INT
+        if op in (ast.Mult, ast.Div) and kind == PLACE and not self.angle:  # by a real: no position or time any more
+            if {v.kind for v in (left, right) if isinstance(v, Scalar)} == {REAL, PLACE}:
+                kind = REAL
         x, y = self.spelling.scalar(left), self.spelling.scalar(right)
         way = op is ast.Sub and x.kind == y.kind == PLACE
         x, y = self.spelling.scalar(left, kind), self.spelling.scalar(right, kind)
@@ -350,7 +355,7 @@ class Expressions:
             row = None if at is None or array.content is None else array.content[at]
             return Array(text, array.rows, content=row, names=names | place.names, writeable=False, kind=WIDE)
         if at is None:
-            if array.places and self.spelling.single:
+            if array.dead or (array.places and self.spelling.single):
                 raise Mixed(array.name)
             begin = array.begin
             place = self.spelling.scalar(index)
@@ -366,6 +371,8 @@ class Expressions:
         at = int(at) + array.begin
         if not at >= 0:
             raise Untranslatable(f"{array.name}[{at}]")
+        if at in array.dead:
+            return Scalar(DEAD, array.kind)
         if at == array.own:
             text = f"{array.name}_own[0]"
             return Scalar(text, array.kind, names=frozenset({f"{array.name}_own"}), memory=frozenset({text}))
@@ -386,7 +393,10 @@ class Expressions:
         for each in node.args:
             if not isinstance(each, ast.Starred):
                 nodes.append(each)
+        turns = function in (elementary.sin, elementary.cos)
+        self.angle += turns
         values = self.ordered(nodes)
+        self.angle -= turns
         arguments: list[Value] = []
         for each in node.args:
             if isinstance(each, ast.Starred):

@@ -80,6 +80,19 @@ class Joint:
         if isinstance(compensator.extra, DisturbanceObserver):
             places |= {compensator_.S_EXTRA + i for i in _positions(compensator.extra.estimator())}
         self.places = {"s": places, "se": _positions(estimator)}
+        idle: set[int] = set()  # of the compensator, what nothing reads
+        if compensator.friction.fast_decay is None:
+            idle.add(0)
+        if compensator.dither is None:
+            idle |= set(range(compensator_.S_DITHER, compensator_.S_EXTRA))
+        if compensator.extra is None:
+            idle |= set(range(compensator_.S_EXTRA, compensator_.STATES))
+        none = joint.external is None
+        self.dead = {
+            "s": idle,
+            "se": set(range(external_.STATES)) if none else set(),
+            "xe": set(range(len(self.initial["xe"]))) if none else set(),
+        }
         self.rows = rows[:, 0]
 
     def value(self, name: str) -> Array:
@@ -89,7 +102,7 @@ class Joint:
             numbers = self.constants[name]
             own = self.own.get(name) or -1
             return Array(name, len(numbers), content=tuple(numbers.tolist()), own=own, writeable=False)
-        return Array(name, len(self.initial[name]), places=places)
+        return Array(name, len(self.initial[name]), places=places, dead=frozenset(self.dead.get(name, ())))
 
     def table(self) -> Table:
         """Return the joint's row of the table as an argument."""
@@ -172,6 +185,7 @@ class LoopHeader:
         parts = [
             self._statuses(),
             self._structures(),
+            prelude.INLINE.format(P=self.prefix.upper()),
             prelude.helpers(program, functions),
             prelude.tables(program, functions),
             self._constants(),

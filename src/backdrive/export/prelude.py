@@ -21,6 +21,14 @@ GUARD = """\
 #endif
 """
 
+INLINE = """\
+#if defined(__GNUC__) && defined(__OPTIMIZE__) && !defined(__OPTIMIZE_SIZE__)
+#define {P}_INLINE static inline __attribute__((always_inline))
+#else
+#define {P}_INLINE static inline
+#endif
+"""
+
 INCLUDES = "#include <math.h>\n#include <stdint.h>\n#include <string.h>\n"
 
 HELPERS = {
@@ -30,6 +38,14 @@ HELPERS = {
     "most_wide": "static inline double {p}_most_wide(double a, double b) {{ return b > a ? b : a; }}",
     "to_bits": "static inline int64_t {p}_to_bits(double x) {{\n  int64_t bits;\n  memcpy(&bits, &x, sizeof bits);\n  return bits;\n}}",
     "from_bits": "static inline double {p}_from_bits(int64_t bits) {{\n  double x;\n  memcpy(&x, &bits, sizeof x);\n  return x;\n}}",
+    "sinf_wide": (
+        "static inline float {p}_sinf_wide(double x) {{\n"
+        "  return sinf((float)(x - 0x1.921fb54442d18p+2 * floor(x * 0x1.45f306dc9c883p-3)));\n}}"
+    ),
+    "cosf_wide": (
+        "static inline float {p}_cosf_wide(double x) {{\n"
+        "  return cosf((float)(x - 0x1.921fb54442d18p+2 * floor(x * 0x1.45f306dc9c883p-3)));\n}}"
+    ),
     "finite_wide": (
         "/* Whether a number is finite, from its bits: no optimisation takes this away. */\n"
         "static inline int {p}_finite_wide(double x) {{\n  uint64_t bits;\n  memcpy(&bits, &x, sizeof bits);\n"

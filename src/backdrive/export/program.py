@@ -19,7 +19,7 @@ import numpy as np
 
 from backdrive import _jit, elementary
 from backdrive.export.code import Assign, Declare, Do, Store, declare, lines, merge, prune, reads, walk
-from backdrive.export.expressions import known
+from backdrive.export.expressions import DEAD, known
 from backdrive.export.statements import Statements, spelled
 from backdrive.export.values import (
     INT,
@@ -40,6 +40,7 @@ from backdrive.export.values import (
 )
 
 INTERVALS, TIMED = ("dt", "T"), ("loop_kernel", "readings", "guard")
+RARE = ("shift", "restart", "after_jump", "relax", "adapt", "acknowledge", "unusual_power", "solve")
 MOVES = ("by",)  # by which positions are moved: as exact as they are
 RESULT = "@RESULT@"  # stands for the type that a function returns
 OF_FLOATS = {getattr(elementary, name): f"{name}f" for name in ("exp", "log", "pow", "tanh", "sin", "cos")}
@@ -62,6 +63,8 @@ class Function:
         calls: functions that it calls.
         tables: tables of numbers that it reads.
         helpers: small functions that it needs.
+        rare: it is called seldom, and is not worth a copy wherever it is called.
+        macro: by which others are defined.
     """
 
     name: str
@@ -76,6 +79,8 @@ class Function:
     calls: list[Function] = field(default_factory=list)
     tables: set[str] = field(default_factory=set)
     helpers: set[str] = field(default_factory=set)
+    rare: bool = False
+    macro: str = "static inline"
 
     def text(self) -> str:
         """Return the function as C."""
@@ -86,7 +91,8 @@ class Function:
             members = " ".join(f"{f[0]} {f[1]};" for f in self.fields if len(f) == 3)
             struct = f"typedef struct {{ {members} }} {self.result};\n\n"
         body = "\n".join(self.body).replace(RESULT, self.result)
-        return f"{struct}{comment}static inline {self.result} {self.name}({head}) {{\n{body}\n}}\n"
+        inline = f"static inline {self.result}" if self.rare else f"{self.macro} {self.result}"
+        return f"{struct}{comment}{inline} {self.name}({head}) {{\n{body}\n}}\n"
 
 
 class Program:
@@ -160,7 +166,8 @@ def _described(value: Value) -> Any:
     if isinstance(value, Array):
         places = frozenset(i - value.begin for i in value.places)
         content = None if value.content is None else value.content[value.begin :]
-        return ("array", value.size, content, value.own - value.begin, places, value.rows, value.kind)
+        dead = frozenset(i - value.begin for i in value.dead)
+        return ("array", value.size, content, value.own - value.begin, dead, places, value.rows, value.kind)
     return ("table", value.fields)
 
 
@@ -215,7 +222,9 @@ class _Body(Statements):
             content = None if value.content is None else value.content[value.begin :]
             places = frozenset(i - value.begin for i in value.places if i >= value.begin)
             own = max(value.own - value.begin, -1)
-            return replace(value, name=name, begin=0, content=content, own=own, places=places, names=frozenset())
+            dead = frozenset(i - value.begin for i in value.dead if i >= value.begin)
+            made = replace(value, name=name, begin=0, content=content, own=own, dead=dead, places=places)
+            return replace(made, names=frozenset())
         self.parameters.append((self.spelling.declared(kind), name))
         self.kinds_seen[name] = kind
         return Scalar(name, kind, names=frozenset({name}), known=value.known)
@@ -229,6 +238,8 @@ class _Body(Statements):
     def _finished(self) -> Function:
         made = self.made
         made.title = _title(self.source)
+        made.rare = self.source.__name__ in RARE
+        made.macro = f"{self.program.prefix.upper()}_INLINE"
         self._results()
         prune(self.block)
         merge(self.block)
@@ -309,20 +320,15 @@ class _Body(Statements):
         self.block.insert(0, Declare(RESULT, ["result"]))
 
     def call(self, function: Callable, arguments: list[Value], hint: str = "") -> Value:
-        if function in OF_FLOATS:
-            arguments = [
-                a if not isinstance(a, Scalar) or a.kind != "place" else replace(a, kind=WIDE)
-                for a in arguments
-            ]
-            if self.spelling.single and all(a.kind != WIDE for a in arguments):
-                parts = [self.spelling.scalar(a, REAL) for a in arguments]
-                return self.spelling.join(
-                    f"{OF_FLOATS[function]}({', '.join(p.text for p in parts)})", REAL, PRIMARY, parts
-                )
-            if all(isinstance(a, Const) for a in arguments):
-                return Const(getattr(function, "py_func", function)(*(a.value for a in arguments)))
-            if self.spelling.single:
-                arguments = [self.spelling.scalar(a, WIDE) for a in arguments]
+        if function in OF_FLOATS and all(isinstance(a, Const) for a in arguments):
+            return Const(getattr(function, "py_func", function)(*(known(a) for a in arguments)))
+        if function in OF_FLOATS and self.spelling.single:
+            (first, *_), name = arguments, OF_FLOATS[function]
+            if name in ("sinf", "cosf") and getattr(first, "kind", REAL) == PLACE:  # in turns first, as a double
+                return self.helper(f"{name}_wide", REAL, [self.spelling.scalar(first)])
+            parts = [self.spelling.scalar(a, REAL) for a in arguments]
+            text = f"{name}({', '.join(p.text for p in parts)})"
+            return self.spelling.join(text, REAL, PRIMARY, parts)
         source = getattr(function, "py_func", function)
         names = inspect.signature(source).parameters
         arguments = [
@@ -416,7 +422,8 @@ class _Body(Statements):
             at = len(self.block)
             place = self.value(target)
             del self.block[at:]
-            self.written.add(place.text.split("[")[0] if isinstance(place, Scalar) else base.name)
+            if isinstance(place, Scalar) and place.text != DEAD:
+                self.written.add(place.text.split("[")[0])
         else:
             self.written.add("g")
 

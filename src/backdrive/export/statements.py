@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from backdrive.export.code import Assign, Branch, Do, Leave, Loop, Statement, Store
-from backdrive.export.expressions import BINARY, Expressions, known
+from backdrive.export.expressions import BINARY, DEAD, Expressions, known
 from backdrive.export.values import (
     BOOL,
     INT,
@@ -156,7 +156,8 @@ class Statements(Expressions):
             if not isinstance(place, Scalar) or place.known is not None:
                 raise Untranslatable(f"{ast.unparse(target)} is written to, but is a parameter")
             self.writes = True
-            self.block.append(Store(place, self.spelling.scalar(value, place.kind)))
+            if place.text != DEAD:
+                self.block.append(Store(place, self.spelling.scalar(value, place.kind)))
 
     def _augassign(self, node: ast.AugAssign) -> None:
         target = node.target
@@ -170,6 +171,8 @@ class Statements(Expressions):
         if not isinstance(place, Scalar) or place.known is not None:
             raise Untranslatable(f"{ast.unparse(target)} is written to, but is a parameter")
         self.writes = True
+        if place.text == DEAD:
+            return
         result = self.binary(type(node.op), place, value)
         kind = place.kind
         if self.spelling.scalar(result).kind == kind:

@@ -100,6 +100,7 @@ class Array:
         begin: index at which the kernel's array begins.
         content: its numbers; None: they change.
         own: index of a number of them that changes, which stands apart, or -1.
+        dead: indices of what nothing reads, so that nothing has to be written.
         places: indices of positions, counted from the pointer.
         names: that its own text reads.
         rows: length of a row, where the array has two dimensions.
@@ -112,6 +113,7 @@ class Array:
     begin: int = 0
     content: tuple[Any, ...] | None = None
     own: int = -1
+    dead: frozenset[int] = frozenset()
     places: frozenset[int] = frozenset()
     names: frozenset[str] = frozenset()
     rows: int = 0
