@@ -137,7 +137,7 @@ class LoopHeader:
         self.prefix, self.names, self.interval, self.single = prefix, names, interval, single
         self.given = joints
         symbols = {s.name: f"{prefix.upper()}_{s.name}" for s in STATUSES}
-        self.program = Program(prefix, Spelling(single), symbols)
+        self.program = Program(prefix, Spelling(single), symbols, inlines=True)
         self.joints = [Joint(joint, interval) for joint in joints]
         j, i = Const(0), Const(0)
         q, dt, by = Scalar("q", PLACE), Scalar("dt", PLACE), Scalar("by", PLACE)

@@ -216,7 +216,6 @@ class PartsHeader:
         """Return the whole of the header but its frame."""
         functions = self.program.reached(list(self.steps.values()))
         parts = [
-            prelude.INLINE.format(P=self.prefix.upper()),
             prelude.helpers(self.program, functions),
             prelude.tables(self.program, functions),
             *[f.text() for f in functions],

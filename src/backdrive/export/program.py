@@ -101,13 +101,16 @@ class Program:
     Attributes:
         prefix: of every name outside a function.
         spelling: how numbers are written.
+        inlines: what is called every tick is written out wherever it is called, as far as a compiler takes that.
         functions: translated so far, each after those that it calls.
         tables: name -> numbers that kernels read.
         symbols: constants of kernels that have a name in C.
     """
 
-    def __init__(self, prefix: str, spelling: Spelling, symbols: dict[str, str] | None = None):
-        self.prefix, self.spelling = prefix, spelling
+    def __init__(
+        self, prefix: str, spelling: Spelling, symbols: dict[str, str] | None = None, inlines: bool = False
+    ):
+        self.prefix, self.spelling, self.inlines = prefix, spelling, inlines
         self.symbols = symbols or {}
         self.functions: list[Function] = []
         self.tables: dict[str, np.ndarray] = {}
@@ -239,7 +242,8 @@ class _Body(Statements):
         made = self.made
         made.title = _title(self.source)
         made.rare = self.source.__name__ in RARE
-        made.macro = f"{self.program.prefix.upper()}_INLINE"
+        if self.program.inlines:
+            made.macro = f"{self.program.prefix.upper()}_INLINE"
         self._results()
         prune(self.block)
         merge(self.block)
