@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from backdrive.engine import Axis, DriveModel, forward, rollout
+from backdrive.engine import Axis, DriveModel, Lanes, forward, rollout
 from backdrive.engine.cores import spread
 from backdrive.errors import InvalidInput
 from backdrive.laws import Coulomb, CoulombViscous, Law, kernels
@@ -37,6 +37,33 @@ def test_a_rollout_is_the_loop_of_steps(name):
     load = np.tile([3.0, -2.0], (len(MOTION), 1))
     got = rollout(law, q=MOTION, dt=DT, load=load, temperature=35.0)
     assert np.array_equal(got, expected)
+
+
+@pytest.mark.parametrize("shared", [True, False])
+@pytest.mark.parametrize("name", [*RATE_EXAMPLES, *ELEMENT_EXAMPLES])
+def test_sets_side_by_side_are_each_by_itself(name, shared):
+    """Thirty-six lanes fill two groups of sixteen and a part of one, on one motion or on several, beyond all speeds too."""
+    law, n = example(name), 36
+    motions = [MOTION[:150] * scale for scale in (1.0, 0.3, -2.0, 1e90)]
+    dp = np.diff(motions, prepend=0.0, axis=1)
+    dp[3, 50:] *= 1e30
+    which = np.zeros(n, dtype=np.int64) if shared else np.arange(n) % 4
+    load = np.tile([3.0, -2.0], (4, 150, 1)) * np.linspace(1.0, 0.5, 150)[:, None]
+    lanes, alone = Lanes([law] * n), Lanes([law])
+    if name != "polyline":  # whose row counts its knots
+        lanes.rows[:, 1:4] *= np.linspace(0.9, 1.1, n)[:, None]
+    state = np.zeros((n, lanes.states))
+    with np.errstate(all="ignore"):
+        got = lanes.torque(which, dp, DT, load, state=state, workers=1)
+        for i in (0, 1, 2, 3, 15, 16, 35):
+            alone.rows[0], x = lanes.rows[i], np.zeros((1, lanes.states))
+            m = which[i : i + 1]
+            expected = alone.torque(m, dp, DT, load, state=x, workers=1)[0]
+            assert expected.tobytes() == got[i].tobytes()
+            assert (
+                x[0, : max(law.element.states(), 1)].tobytes()
+                == state[i, : max(law.element.states(), 1)].tobytes()
+            )
 
 
 def test_shapes_follow_the_motion_and_the_models():

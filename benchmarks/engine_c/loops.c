@@ -145,6 +145,54 @@ static void gms(LANE) {
 }
 OVER_SETS(gms)
 
+/* Line sections by direction with slopes made beforehand. p: N, V[N], intercept, F[N], slope[N - 1] along +q, the same along -q. */
+static inline double line(const double *restrict V, const double *restrict F, const double *restrict slope, int N,
+                          double speed) {
+    int i = 0;
+    while (i < N - 2 && speed >= V[i + 1]) i++;
+    return F[i] + slope[i] * (speed - V[i]);
+}
+
+struct sections { int N; const double *V, *forward, *backward; };
+
+static inline struct sections sections_of(const double *p) {
+    const int N = (int)p[0];
+    return (struct sections){N, p + 1, p + 1 + N, p + 1 + 3 * N};
+}
+
+/* What friction has beyond the intercepts: Phi(v). */
+static inline double beyond(struct sections c, double v) {
+    const int N = c.N;
+    if (v > 0.0) return line(c.V, c.forward + 1, c.forward + 1 + N, N, v) - c.forward[0];
+    if (v < 0.0) return c.backward[0] - line(c.V, c.backward + 1, c.backward + 1 + N, N, -v);
+    return 0.0 * v;
+}
+
+static void polyline(LANE) {
+    const struct sections c = sections_of(p);
+    for (long k = 0; k < n; k++) {
+        const double d = dp[k], v = d / dt;
+        const double f = d > 0.0 ? c.forward[0] : d < 0.0 ? -c.backward[0] : 0.0 * d;
+        out[k] = f + beyond(c, v);
+    }
+}
+OVER_SETS(polyline)
+
+static void decaying_polyline(LANE) {
+    const double K = p[0], alpha = p[1];
+    const struct sections c = sections_of(p + 2);
+    const double hi = c.forward[0], lo = -c.backward[0], left = 1.0 / (1.0 + alpha * dt), by_K = 1.0 / K;
+    double z = x[0]; /* torque of the spring */
+    for (long k = 0; k < n; k++) {
+        const double d = dp[k], trial = (z + K * d) * left, after = clipped(trial, lo, hi);
+        const double slid = after == trial ? alpha * dt * by_K * trial : between(d - (after - z) * by_K, d);
+        z = after;
+        out[k] = after + beyond(c, slid / dt);
+    }
+    x[0] = z;
+}
+OVER_SETS(decaying_polyline)
+
 static void m6(LANE) {
     const double F_c = p[1], F_st = p[2], v_s = p[3], alpha = p[4], K_v = p[5];
     const double K_m = p[6], K_e = p[7], S_m = p[8], S_e = p[9], Q_e = p[10], Q_m = p[11];

@@ -45,8 +45,8 @@ from backdrive.laws.rates.lorentz import StribeckLorentz as StribeckLorentz
 from backdrive.laws.rates.makkar import Makkar as Makkar
 from backdrive.laws.rates.polyline import Polyline as Polyline
 from backdrive.laws.rates.sigmoid import Sigmoid as Sigmoid
-from backdrive.laws.rates.stribeck import StribeckGauss as StribeckGauss
 from backdrive.laws.rates.stribeck import StribeckTustin as StribeckTustin
+from backdrive.laws.rates.stribeck_gauss import StribeckGauss as StribeckGauss
 
 #: Every rate law and every presliding element by name. A law is one file and its line above.
 RATES: dict[str, type[Rate]] = by_name(globals(), Rate)
