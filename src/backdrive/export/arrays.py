@@ -131,6 +131,8 @@ def _operation(xp: Any, name: str, given: list[Any]) -> Any:
     """Return one operation on arrays or numbers."""
     if name in _PLAIN:
         return _PLAIN[name](*given)
+    if name == "pick":
+        return _picked(xp, *given)
     if all(isinstance(g, (int, float, bool, np.generic)) for g in given):
         return _numbers(name, given)
     if name == "where":
@@ -147,6 +149,19 @@ def _operation(xp: Any, name: str, given: list[Any]) -> Any:
     if name == "copysign":
         return xp.where(given[1] < 0.0, -abs(given[0]), abs(given[0]))
     return getattr(xp, name)(given[0])
+
+
+def _picked(xp: Any, index: Any, first: int, *numbers: Any) -> Any:
+    """Return one of some numbers, by index."""
+    if not hasattr(index, "shape"):
+        return numbers[index - first]
+    if all(isinstance(n, float) for n in numbers):
+        table = xp.asarray(numbers, dtype=xp.float64)
+        return table[index - first]
+    result = numbers[-1]
+    for i in range(len(numbers) - 2, -1, -1):
+        result = xp.where(index == first + i, numbers[i], result)
+    return result
 
 
 def _numbers(name: str, given: list[Any]) -> Any:

@@ -353,7 +353,7 @@ class Expressions:
             place = self.spelling.scalar(index if at is None else Const(at))
             text = f"{array.name}[{place.text}]"
             row = None if at is None or array.content is None else array.content[at]
-            return Array(text, array.rows, content=row, names=names | place.names, writeable=False, kind=WIDE)
+            return Array(text, array.rows, content=row, names=names | place.names, writeable=False, kind=array.kind)
         if at is None:
             if array.dead or (array.places and self.spelling.single):
                 raise Mixed(array.name)

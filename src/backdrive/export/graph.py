@@ -45,7 +45,7 @@ COMPARE: dict[type, Callable] = {
     ast.NotEq: operator.ne,
 }
 NAMED = {"add", "sub", "mul", "truediv", "lt", "le", "gt", "ge", "eq", "ne"}
-ELEMENTARY = {getattr(elementary, n): n for n in ("exp", "log", "pow", "tanh", "sin", "cos")}
+ELEMENTARY = {getattr(elementary, n): n for n in ("exp", "log", "pow", "tanh", "sin", "cos")} | {elementary.decay: "exp"}
 NUMPY = {np.sqrt: "sqrt", np.copysign: "copysign", np.isfinite: "isfinite", np.isnan: "isnan", abs: "abs"}
 
 
@@ -401,30 +401,23 @@ class _Frame:
             return base[index]
         if not isinstance(base, Row):
             raise Untranslatable(ast.unparse(node))
-        if isinstance(index, Node):  # one of two places, as in p[a if ... else b]
-            return self._chosen(base, index, state)
+        if isinstance(index, Node):  # one of a few places
+            places = sorted(self._possible(index))
+            first = base.begin + places[0]
+            numbers = state.memory[base.name][first : base.begin + places[-1] + 1]
+            return self.graph.node("pick", index, first - base.begin, *numbers)
         return state.memory[base.name][base.begin + int(index)]
 
-    def _chosen(self, base: Row, index: Node, state: State) -> Any:
-        condition, a, b = self._ways(index)
-        one, other = (
-            self._chosen(base, i, state) if isinstance(i, Node) else state.memory[base.name][base.begin + int(i)]
-            for i in (a, b)
-        )
-        return self.graph.select(condition, one, other)
-
-    def _ways(self, index: Node) -> tuple[Any, Any, Any]:
-        """Return an index as one number or another."""
+    def _possible(self, index: Any) -> set[int]:
+        """Return the numbers that an index can be."""
+        if not isinstance(index, Node):
+            return {int(index)}
         name, arguments = self.graph.operations[index.index]
         if name == "where":
-            return arguments
-        if name in ("add", "sub") and sum(isinstance(a, Node) for a in arguments) == 1:
-            function, first = BINARY[ast.Add if name == "add" else ast.Sub], isinstance(arguments[0], Node)
-            condition, *ways = self._ways(arguments[0] if first else arguments[1])
-            moved = [
-                self.graph.binary(function, *((w, arguments[1]) if first else (arguments[0], w))) for w in ways
-            ]
-            return condition, moved[0], moved[1]
+            return self._possible(arguments[1]) | self._possible(arguments[2])
+        if name in ("add", "sub", "mul"):
+            a, b = (self._possible(x) for x in arguments)
+            return {int(getattr(operator, name)(x, y)) for x in a for y in b}
         raise Untranslatable("an index that is not known")
 
     def _v_call(self, node: ast.Call, state: State) -> Any:

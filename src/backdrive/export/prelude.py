@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from backdrive.export.program import Function, Program
-from backdrive.export.values import WIDE, number
+from backdrive.export.values import LONG, WIDE, number
 
 GUARD = """\
 #if defined(__FAST_MATH__) || defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ || defined(_M_FP_FAST)
@@ -85,7 +85,9 @@ def table(
         single: reals are floats.
         comments: of the numbers, as far as they go.
     """
-    type_ = "double" if kind == WIDE or not single else "float"
+    if numbers.dtype.kind == "i":
+        kind = LONG
+    type_ = "int64_t" if kind == LONG else "double" if kind == WIDE or not single else "float"
     if numbers.ndim == 2:
         rows = ",\n".join("  {" + ", ".join(number(x, kind, single) for x in row) + "}" for row in numbers)
         return f"static const {type_} {name}[{numbers.shape[0]}][{numbers.shape[1]}] = {{\n{rows}\n}};"

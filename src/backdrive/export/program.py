@@ -23,6 +23,7 @@ from backdrive.export.expressions import DEAD, known
 from backdrive.export.statements import Statements, spelled
 from backdrive.export.values import (
     INT,
+    LONG,
     PLACE,
     PRIMARY,
     REAL,
@@ -44,6 +45,7 @@ RARE = ("shift", "restart", "after_jump", "relax", "adapt", "acknowledge", "unus
 MOVES = ("by",)  # by which positions are moved: as exact as they are
 RESULT = "@RESULT@"  # stands for the type that a function returns
 OF_FLOATS = {getattr(elementary, name): f"{name}f" for name in ("exp", "log", "pow", "tanh", "sin", "cos")}
+OF_FLOATS[elementary.decay] = "expf"
 
 
 @dataclass(eq=False)
@@ -438,13 +440,14 @@ class _Body(Statements):
         return value
 
     def array(self, name: str, value: Any) -> Array:
-        numbers = np.asarray(value, dtype=np.float64)
+        numbers = np.asarray(value)
+        whole = numbers.dtype.kind == "i"
         full = f"{self.program.prefix}_{name}"
         self.program.tables[full] = numbers
         self.made.tables.add(full)
         content = tuple(map(tuple, numbers.tolist())) if numbers.ndim == 2 else tuple(numbers.tolist())
         rows = numbers.shape[1] if numbers.ndim == 2 else 0
-        return Array(full, numbers.shape[0], content=content, rows=rows, writeable=False, kind=WIDE)
+        return Array(full, numbers.shape[0], content=content, rows=rows, writeable=False, kind=LONG if whole else WIDE)
 
     def helper(self, name: str, kind: str, parts: list[Scalar]) -> Scalar:
         name = name if self.spelling.single else name.removesuffix("_wide")
