@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from backdrive.model import FrictionModel
     from backdrive.tuning import Tuning
 
-TARGETS = ("c",)
+TARGETS = ("c", "mjcf", "urdf")
 
 
 def command(
@@ -31,7 +31,11 @@ def command(
             help="Made by `tune -o`: export the whole loop with its limits.  [default: the laws alone]",
         ),
     ] = None,
-    to: Annotated[str, typer.Option("--to", help="Target: c.")] = "c",
+    to: Annotated[str, typer.Option("--to", help="Target: c, mjcf or urdf.")] = "c",
+    robot: Annotated[
+        Path | None,
+        typer.Option("--robot", metavar="FILE", help="Description that mjcf and urdf put the friction into."),
+    ] = None,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder to write to.")] = Path(
         "."
     ),
@@ -64,14 +68,19 @@ def command(
     ] = False,
     as_json: _logs.AsJson = False,
 ) -> None:
-    """Write C that does what the tuned loop does, bit for bit: compensation, external force, limits and watch.
+    """Write C that does what the tuned loop does, bit for bit, or a robot description with the friction identified.
 
     Example: backdrive export model.json --tuning tuning.json --to c -o firmware/
 
     Example: backdrive export preset:mx106/m6 --to c -o firmware/
+
+    Example: backdrive export model.json --to mjcf --robot arm.xml -o simulated/
     """
     if to not in TARGETS:
         raise InvalidInput(f"--to {to}.", remedy=f"Use {' or '.join(TARGETS)}.")
+    if to != "c":
+        _describe(model, to, robot, output, joint, name, as_json)
+        return
     from backdrive import load_model
     from backdrive.export import export_laws, export_loop
 
@@ -110,6 +119,31 @@ def command(
         echo(f"Wrote {path}")
     sure = "" if tuning is None else f"; {written[0].stem}_selftest() tells whether they are"
     echo(f'Include "{written[0].name}" and compile with -ffp-contract=off for the same bits{sure}.')
+
+
+def _describe(
+    model: str, to: str, robot: Path | None, output: Path, joint: list[str] | None, name: str | None, as_json: bool
+) -> None:
+    """Put the friction into a robot description."""
+    if robot is None:
+        raise InvalidInput(f"--to {to} without a robot description.", remedy="Name it: --robot FILE.")
+    from backdrive import load_model
+    from backdrive.export.simulators import export_description, target_of
+
+    if target_of(robot) != to:
+        raise InvalidInput(f"{robot} is no {to.upper()} file.", remedy=f"Say --to {target_of(robot)}.")
+    written, simple = export_description(load_model(model), robot, output, joints=joint, name=name)
+    if as_json:
+        print_json({"ok": True, "written": [str(p) for p in written]})
+        return
+    for each in simple:
+        lost = f"; lost: {', '.join(each.lost)}" if each.lost else ""
+        echo(
+            f"{each.joint}: friction {each.friction:.4g}, damping {each.damping:.4g}; off by up to {each.largest_error:.3g} "
+            f"({each.rms_error:.2g} rms){lost}"
+        )
+    for path in written:
+        echo(f"Wrote {path}")
 
 
 def _tuned(tunings: dict[str, Tuning], name: str, path: Path) -> Tuning:
