@@ -12,9 +12,16 @@ import numpy as np
 from backdrive.export.parts import Part, PartsHeader
 from backdrive.export.prelude import GUARD, INCLUDES
 
-WARNINGS = (
-    ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Wno-unused-function", "-Werror"]
-)
+WARNINGS = [
+    "-Wall",
+    "-Wextra",
+    "-Wpedantic",
+    "-Wconversion",
+    "-Wdouble-promotion",
+    "-Wshadow",
+    "-Wno-unused-function",
+    "-Werror",
+]
 ZIG = (sys.executable, "-m", "ziglang")
 
 

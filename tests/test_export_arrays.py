@@ -22,7 +22,9 @@ KNOTS = dict(velocity=(0.01, 0.1, 0.5, 2.0), positive=(5.0, 4.0, 4.5, 6.0), nega
 def every_law() -> list[Law]:
     laws = [Law(rate=rate(**rate.EXAMPLE)) for rate in RATES.values()]
     laws += [Law(rate=GAUSS, element=e(**e.EXAMPLE)) for e in ELEMENTS.values()]
-    laws.append(Law(rate=Polyline(**KNOTS), growth=Growth(load_driving=0.1, load_driven=0.05, load_carried=2.0)))
+    laws.append(
+        Law(rate=Polyline(**KNOTS), growth=Growth(load_driving=0.1, load_driven=0.05, load_carried=2.0))
+    )
     return [*laws, Law(rate=by_direction(GAUSS, GAUSS))]
 
 
@@ -48,7 +50,10 @@ def test_every_law_gives_the_kernels_numbers(law):
 
 
 def test_parameters_may_differ_from_lane_to_lane():
-    laws = [Law(rate=replace(GAUSS, coulomb=c), element=LuGre(stiffness=k, damping=5.0)) for c, k in ((3.0, 8e3), (4.0, 2e4))]
+    laws = [
+        Law(rate=replace(GAUSS, coulomb=c), element=LuGre(stiffness=k, damping=5.0))
+        for c, k in ((3.0, 8e3), (4.0, 2e4))
+    ]
     dp, _ = motion()
     f, tick = arrays.law(laws[0]), Tick(laws, dt=DT)
     x, rows = f.init(2), np.array([law.row() for law in laws])
@@ -78,7 +83,9 @@ def test_jax_agrees_and_its_gradients_are_finite():
                 out += (torque**2).sum()
             return out
 
-        slopes = jax.jit(jax.grad(total, argnums=(0, 1)))(jax.numpy.asarray(dp[:8]), jax.numpy.asarray(law.row()))
+        slopes = jax.jit(jax.grad(total, argnums=(0, 1)))(
+            jax.numpy.asarray(dp[:8]), jax.numpy.asarray(law.row())
+        )
         assert all(bool(np.isfinite(s).all()) for s in slopes)
 
 
@@ -105,9 +112,7 @@ def test_draws_have_the_mean_and_the_covariance_that_was_identified():
 
 def test_draws_stay_inside_bounds_that_are_near():
     model = identified()
-    friction = replace(
-        model.joints[0], law=Law(rate=RATES["m1"](coulomb=5.0, viscous=0.01)), covariance=None
-    )
+    friction = replace(model.joints[0], law=Law(rate=RATES["m1"](coulomb=5.0, viscous=0.01)), covariance=None)
     rows = replace(model, joints=(friction,)).sample(500)
     assert rows[:, 5].min() >= 0.0
     assert rows[:, 5].max() > 0.3
@@ -120,4 +125,6 @@ def test_what_cannot_be_drawn_is_refused():
     with pytest.raises(InvalidInput, match="0 draws"):
         identified().sample(0)
     with pytest.raises(InvalidInput, match="joints"):
-        FrictionModel(joints=(*model.joints, replace(model.joints[0], joint=replace(model.joints[0].joint, name="b")))).sample(3)
+        FrictionModel(
+            joints=(*model.joints, replace(model.joints[0], joint=replace(model.joints[0].joint, name="b")))
+        ).sample(3)

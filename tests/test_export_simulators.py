@@ -15,7 +15,8 @@ from backdrive.laws import RATES, Law, LuGre, StribeckGauss
 from backdrive.model import FrictionModel, Validity
 
 MJCF = '<mujoco><worldbody><body><joint name="j" type="hinge" axis="0 0 1"/><geom size="0.1" mass="1"/></body></worldbody></mujoco>'
-URDF = '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="revolute"><parent link="a"/><child link="b"/></joint></robot>'
+LINKS = '<link name="a"/><link name="b"/>'
+URDF = f'<robot name="r">{LINKS}<joint name="j" type="revolute"><parent link="a"/><child link="b"/></joint></robot>'
 
 
 def model(law: Law) -> FrictionModel:
@@ -23,7 +24,12 @@ def model(law: Law) -> FrictionModel:
     preset = load_model("preset:mx106/m6")
     joint = replace(preset.joints[0].joint, name="j", unit="rad")
     friction = replace(
-        preset.joints[0], joint=joint, law=law, validity=Validity(velocity=(-2.0, 2.0)), covariance=None, standard_errors={}
+        preset.joints[0],
+        joint=joint,
+        law=law,
+        validity=Validity(velocity=(-2.0, 2.0)),
+        covariance=None,
+        standard_errors={},
     )
     return replace(preset, joints=(friction,))
 
@@ -62,7 +68,12 @@ def test_what_is_lost_is_said():
     curve = StribeckGauss(coulomb=4.0, breakaway=6.0, stribeck_velocity=0.05, viscous=1.0)
     simple = simplify(model(Law(rate=curve, element=LuGre(**LuGre.EXAMPLE))).joints[0])
     velocity = np.linspace(2e-3, 2.0, 200)
-    error = 4.0 + 2.0 * np.exp(-((velocity / 0.05) ** 2)) + velocity - (simple.friction + simple.damping * velocity)
+    error = (
+        4.0
+        + 2.0 * np.exp(-((velocity / 0.05) ** 2))
+        + velocity
+        - (simple.friction + simple.damping * velocity)
+    )
     assert simple.largest_error == pytest.approx(np.abs(error).max(), rel=1e-6)
     assert simple.rms_error == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-6)
     assert simple.lost == ("presliding ('lugre')",)

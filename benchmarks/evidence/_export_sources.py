@@ -27,9 +27,16 @@ from backdrive.export.prelude import GUARD, INCLUDES
 from backdrive.laws import ELEMENTS, RATES, Growth, Law, LuGre, Polyline, StribeckGauss, by_direction
 
 T, COUNT = 1e-3, 1e-5
-WARNINGS = (
-    ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Wno-unused-function", "-Werror"]
-)
+WARNINGS = [
+    "-Wall",
+    "-Wextra",
+    "-Wpedantic",
+    "-Wconversion",
+    "-Wdouble-promotion",
+    "-Wshadow",
+    "-Wno-unused-function",
+    "-Werror",
+]
 SPEEDS = np.geomspace(0.01, 2.0, 10)
 TORQUES = 4.0 + 2.0 * np.exp(-SPEEDS / 0.05) + 0.8 * SPEEDS
 CURVE = Law(

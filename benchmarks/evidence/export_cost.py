@@ -43,7 +43,9 @@ def instructions(folder: Path, source: str) -> float:
     (folder / "cost.c").write_text(source)
     program = folder / "cost"
     subprocess.run(
-        ["gcc", "-std=c99", "-O2", "-ffp-contract=off", "-o", program, folder / "cost.c", "-lm"], check=True, cwd=folder
+        ["gcc", "-std=c99", "-O2", "-ffp-contract=off", "-o", program, folder / "cost.c", "-lm"],
+        check=True,
+        cwd=folder,
     )
     totals = []
     for n in (SHORT, LONG):
@@ -71,13 +73,24 @@ def program(head: str, body: str) -> str:
 def of_part(folder: Path, name: str, part: parts.Part) -> float:
     """Return the instructions of a part's step."""
     source, header = parts_source({name: part})
-    given = {"q": "q[k]", "dp": "dp[k]", "dt": "1e-3", "t": "1e-3 * (double)k", "temp": "30.0", "level": "1.0", "idle": "0"}
+    given = {
+        "q": "q[k]",
+        "dp": "dp[k]",
+        "dt": "1e-3",
+        "t": "1e-3 * (double)k",
+        "temp": "30.0",
+        "level": "1.0",
+        "idle": "0",
+    }
     arguments = ", ".join(given.get(n, "0.5") for _, n in header.signature(name))
     step = header.steps[name]
     field = next((f[1] for f in step.fields if len(f) == 3), "")
     read = f".{field}" if field else ""
     state = f"bd_{name}"
-    body = f"  static {state}_state s;\n  {state}_reset(&s, 0.0);\n  for (long k = 0; k < n; k++) sink = {state}_step(&s, {arguments}){read};"
+    call = f"{state}_step(&s, {arguments}){read}"
+    body = (
+        f"  static {state}_state s;\n  {state}_reset(&s, 0.0);\n  for (long k = 0; k < n; k++) sink = {call};"
+    )
     return instructions(folder, program(source, body))
 
 
@@ -102,12 +115,27 @@ def of_cortex(judge: Judge, folder: Path, joint: JointLoop) -> None:
     (folder / "cortex.c").write_text(
         '#include "arm.h"\nint tick(arm_state *s, const double *q, const float *u, double dt) { return arm_step(s, q, u, dt); }\n'
     )
-    options = "-std=c99 -Os -ffp-contract=off -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 -ffunction-sections -fdata-sections"
-    command = ["arm-none-eabi-gcc", *options.split(), "-fstack-usage", "-fcallgraph-info=su", "-c", "cortex.c", "-o", "cortex.o"]
+    options = "-std=c99 -Os -ffp-contract=off -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16"
+    command = [
+        "arm-none-eabi-gcc",
+        *options.split(),
+        "-ffunction-sections",
+        "-fdata-sections",
+        "-fstack-usage",
+        "-fcallgraph-info=su",
+        "-c",
+        "cortex.c",
+        "-o",
+        "cortex.o",
+    ]
     subprocess.run(command, check=True, cwd=folder)
-    sizes = subprocess.run(["arm-none-eabi-size", "cortex.o"], capture_output=True, text=True, check=True, cwd=folder)
+    sizes = subprocess.run(
+        ["arm-none-eabi-size", "cortex.o"], capture_output=True, text=True, check=True, cwd=folder
+    )
     text = int(sizes.stdout.splitlines()[1].split()[0])
-    frames = dict(re.findall(r'title: "([^"]+)" label: "[^"]*\\n(\d+) bytes', (folder / "cortex.ci").read_text()))
+    frames = dict(
+        re.findall(r'title: "([^"]+)" label: "[^"]*\\n(\d+) bytes', (folder / "cortex.ci").read_text())
+    )
     edges = re.findall(r'sourcename: "([^"]+)" targetname: "([^"]+)"', (folder / "cortex.ci").read_text())
 
     def depth(name: str) -> int:
@@ -128,13 +156,20 @@ def main() -> None:
     fc2 = alg_fc2(CURVE, 8e3, 0.0155, 20.0, 500.0, 10.0, None, 0.8)
     kalman = ExternalForce(inertia=0.5, friction=alg_fe(CURVE, 8e3), method="kalman", bandwidth=40.0)
     guarded = JointLoop(compensator=fc2, **LIMITS)
+    estimating = JointLoop(compensator=fc2, external=kalman, **LIMITS)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         nothing = empty(folder)
         print(f"instructions a tick, gcc -O2, doubles (an empty round takes {nothing:.1f}, taken off)")
-        judge.at_most("algFC2 with polyline-10 and the defended loop", of_loop(folder, guarded) - nothing, 250)
-        judge.at_most("algFC2 with polyline-10 alone", of_part(folder, "fc2", parts.of_compensator(fc2, T)) - nothing, 130)
-        print(f"  the loop with a Kalman estimator: {of_loop(folder, JointLoop(compensator=fc2, external=kalman, **LIMITS)) - nothing:.0f}")
+        judge.at_most(
+            "algFC2 with polyline-10 and the defended loop", of_loop(folder, guarded) - nothing, 250
+        )
+        judge.at_most(
+            "algFC2 with polyline-10 alone",
+            of_part(folder, "fc2", parts.of_compensator(fc2, T)) - nothing,
+            130,
+        )
+        print(f"  the loop with a Kalman estimator: {of_loop(folder, estimating) - nothing:.0f}")
         gauss = StribeckGauss(**StribeckGauss.EXAMPLE)
         laws = {
             "coulomb": parts.of_law(Law(rate=Coulomb(coulomb=5.0))),

@@ -12,10 +12,12 @@ import tempfile
 from pathlib import Path
 
 from _common import Judge, parser
-from _export_sources import T, WARNINGS, arm, compilers
+from _export_sources import WARNINGS, T, arm, compilers
 
 from backdrive.export import export_laws, export_loop
 
+SANITIZERS = ("-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all")
+CORTEX = "-mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16"
 TEST = '#include "arm.h"\nint main(void) { return arm_selftest() == EXPECTED ? 0 : 1; }\n'
 SANITIZED = """\
 #include "arm.h"
@@ -77,7 +79,9 @@ WebAssembly.instantiate(bytes, {}).then(({instance}) => {
 
 
 def run(*command: str | Path, folder: Path) -> subprocess.CompletedProcess:
-    return subprocess.run([str(c) for c in command], cwd=folder, capture_output=True, text=True, check=False, timeout=300)
+    return subprocess.run(
+        [str(c) for c in command], cwd=folder, capture_output=True, text=True, check=False, timeout=300
+    )
 
 
 def built(judge: Judge, what: str, folder: Path, *command: str) -> bool:
@@ -100,25 +104,89 @@ def on_hosts(judge: Judge, folder: Path, expected: int, real: str, short: bool) 
         for standard in ("c99", "c11", "c17") if not short else ("c99",):
             for level in ("-O0", "-O2", "-O3"):
                 what = f"{name} -std={standard} {level}, {real}"
-                command = [*compiler, f"-std={standard}", level, "-ffp-contract=off", *WARNINGS, "-o", "test", "test.c", "-lm"]
+                command = [
+                    *compiler,
+                    f"-std={standard}",
+                    level,
+                    "-ffp-contract=off",
+                    *WARNINGS,
+                    "-o",
+                    "test",
+                    "test.c",
+                    "-lm",
+                ]
                 if built(judge, what, folder, *command):
                     judge.that(f"{what}: self-test", run(folder / "test", folder=folder).returncode == 0)
-        command = [*compiler, "-std=c99", "-O2", "-ffp-contract=off", *WARNINGS, "-o", "both", "both.c", "other.c", "-lm"]
+        command = [
+            *compiler,
+            "-std=c99",
+            "-O2",
+            "-ffp-contract=off",
+            *WARNINGS,
+            "-o",
+            "both",
+            "both.c",
+            "other.c",
+            "-lm",
+        ]
         if built(judge, f"{name}, two translation units, {real}", folder, *command):
-            judge.that(f"{name}, two translation units: self-tests", run(folder / "both", folder=folder).returncode == 0)
-        plus = {"gcc": ["g++"], "clang": [*compiler[:-1], "clang++"] if compiler == ["clang"] else [*compiler, "-x", "c++"]}[name]
-        command = [*plus, "-std=c++17", "-O2", "-ffp-contract=off", *WARNINGS, "-o", "testpp", "test.cpp", "-lm"]
+            judge.that(
+                f"{name}, two translation units: self-tests",
+                run(folder / "both", folder=folder).returncode == 0,
+            )
+        plus = {
+            "gcc": ["g++"],
+            "clang": [*compiler[:-1], "clang++"] if compiler == ["clang"] else [*compiler, "-x", "c++"],
+        }[name]
+        command = [
+            *plus,
+            "-std=c++17",
+            "-O2",
+            "-ffp-contract=off",
+            *WARNINGS,
+            "-o",
+            "testpp",
+            "test.cpp",
+            "-lm",
+        ]
         if built(judge, f"{name} -std=c++17, {real}", folder, *command):
             judge.that(f"{name} -std=c++17: self-test", run(folder / "testpp", folder=folder).returncode == 0)
         if name == "gcc" or compiler == ["clang"]:
-            options = "-fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recover=all -g -O1 -ffp-contract=off".split()
-            if built(judge, f"{name}, sanitizers, {real}", folder, *compiler, "-std=c99", *options, "-o", "sane", "sanitized.c", "-lm"):
+            options = [*SANITIZERS, "-g", "-O1", "-ffp-contract=off"]
+            if built(
+                judge,
+                f"{name}, sanitizers, {real}",
+                folder,
+                *compiler,
+                "-std=c99",
+                *options,
+                "-o",
+                "sane",
+                "sanitized.c",
+                "-lm",
+            ):
                 done = run(folder / "sane", folder=folder)
-                judge.that(f"{name}: address and undefined-behaviour sanitizers are silent over 4e5 ticks with faults", done.returncode == 0 and not done.stderr)
-        contracted = [*compiler, "-std=gnu99", "-O3", "-march=native", "-ffp-contract=fast", "-o", "fma", "fma.c", "-lm"]
+                judge.that(
+                    f"{name}: address and undefined-behaviour sanitizers are silent over 4e5 ticks with faults",
+                    done.returncode == 0 and not done.stderr,
+                )
+        contracted = [
+            *compiler,
+            "-std=gnu99",
+            "-O3",
+            "-march=native",
+            "-ffp-contract=fast",
+            "-o",
+            "fma",
+            "fma.c",
+            "-lm",
+        ]
         (folder / "fma.c").write_text(TEST.replace("== EXPECTED ? 0 : 1", ">= 0 ? 0 : 1"))
         if built(judge, f"{name}, products and sums contracted, {real}", folder, *contracted):
-            judge.that(f"{name}, contracted: the self-test finds it within its tolerance", run(folder / "fma", folder=folder).returncode == 0)
+            judge.that(
+                f"{name}, contracted: the self-test finds it within its tolerance",
+                run(folder / "fma", folder=folder).returncode == 0,
+            )
 
 
 def on_cortex(judge: Judge, folder: Path, expected: int, real: str) -> list[str]:
@@ -128,8 +196,18 @@ def on_cortex(judge: Judge, folder: Path, expected: int, real: str) -> list[str]
         return missing
     (folder / "board.c").write_text(BOARD.replace("EXPECTED", str(expected)))
     (folder / "board.ld").write_text(MAP)
-    options = "-std=gnu99 -Os -ffp-contract=off -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 -nostartfiles -T board.ld"
-    command = ["arm-none-eabi-gcc", *options.split(), "-o", "board.elf", "board.c", "-lm", "-lc", "-lgcc", "--specs=nosys.specs"]
+    options = f"-std=gnu99 -Os -ffp-contract=off {CORTEX} -nostartfiles -T board.ld"
+    command = [
+        "arm-none-eabi-gcc",
+        *options.split(),
+        "-o",
+        "board.elf",
+        "board.c",
+        "-lm",
+        "-lc",
+        "-lgcc",
+        "--specs=nosys.specs",
+    ]
     if built(judge, f"arm-none-eabi-gcc, Cortex-M4F, {real}", folder, *command):
         machine = "qemu-system-arm -M mps2-an386 -nographic -semihosting-config enable=on,target=native -kernel board.elf"
         done = run(*machine.split(), folder=folder)
@@ -146,7 +224,9 @@ def on_wasm(judge: Judge, folder: Path, expected: int, real: str) -> list[str]:
         missing.append("ziglang (pip install ziglang)")
     if missing:
         return missing
-    (folder / "wasm.c").write_text('#include "arm.h"\nint selftest(void);\nint selftest(void) { return arm_selftest(); }\n')
+    (folder / "wasm.c").write_text(
+        '#include "arm.h"\nint selftest(void);\nint selftest(void) { return arm_selftest(); }\n'
+    )
     (folder / "wasm.js").write_text(NODE)
     options = "-target wasm32-wasi -mexec-model=reactor -std=c99 -O2 -ffp-contract=off -Wl,--export=selftest -o test.wasm wasm.c"
     if built(judge, f"WebAssembly, {real}", folder, sys.executable, "-m", "ziglang", "cc", *options.split()):
@@ -165,7 +245,12 @@ def main() -> None:
             folder = Path(name) / precision
             loops = arm()
             export_loop(loops, T, folder, name="arm", precision=precision)
-            export_laws({n: j.compensator.friction.law for n, j in loops.items()}, folder, name="laws", precision=precision)
+            export_laws(
+                {n: j.compensator.friction.law for n, j in loops.items()},
+                folder,
+                name="laws",
+                precision=precision,
+            )
             on_hosts(judge, folder, expected, precision, asked.short)
             missing += on_cortex(judge, folder, expected, precision)
             missing += on_wasm(judge, folder, expected, precision)

@@ -122,7 +122,13 @@ def command(
 
 
 def _describe(
-    model: str, to: str, robot: Path | None, output: Path, joint: list[str] | None, name: str | None, as_json: bool
+    model: str,
+    to: str,
+    robot: Path | None,
+    output: Path,
+    joint: list[str] | None,
+    name: str | None,
+    as_json: bool,
 ) -> None:
     """Put the friction into a robot description."""
     if robot is None:

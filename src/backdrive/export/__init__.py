@@ -4,4 +4,3 @@ from __future__ import annotations
 
 from backdrive.export.c import export_laws as export_laws
 from backdrive.export.c import export_loop as export_loop
-

@@ -22,7 +22,18 @@ from backdrive.laws import REFERENCE, Law, kernels
 if TYPE_CHECKING:
     from backdrive.model import FrictionModel
 
-SIGNS = {"add": "+", "sub": "-", "mul": "*", "truediv": "/", "lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==", "ne": "!="}
+SIGNS = {
+    "add": "+",
+    "sub": "-",
+    "mul": "*",
+    "truediv": "/",
+    "lt": "<",
+    "le": "<=",
+    "gt": ">",
+    "ge": ">=",
+    "eq": "==",
+    "ne": "!=",
+}
 
 
 class ArrayLaw:
@@ -107,7 +118,9 @@ class ArrayLaw:
             self._run(values, x, inputs, parameters)
         results = [values[r.index] if isinstance(r, Node) else r for r in self._results]
         like = dp + 0.0 * x[..., 0]
-        torque, *after = (r if hasattr(r, "shape") and r.shape == like.shape else r + 0.0 * like for r in results)
+        torque, *after = (
+            r if hasattr(r, "shape") and r.shape == like.shape else r + 0.0 * like for r in results
+        )
         return torque, xp.stack(after, -1)
 
     def _run(self, values: dict[int, Any], x: Any, inputs: Mapping[str, Any], parameters: Any) -> None:
@@ -136,7 +149,13 @@ def _operation(xp: Any, name: str, given: list[Any]) -> Any:
     if all(isinstance(g, (int, float, bool, np.generic)) for g in given):
         return _numbers(name, given)
     if name == "where":
-        return xp.where(given[0], given[1], given[2]) if hasattr(given[0], "shape") else given[1] if given[0] else given[2]
+        return (
+            xp.where(given[0], given[1], given[2])
+            if hasattr(given[0], "shape")
+            else given[1]
+            if given[0]
+            else given[2]
+        )
     if name in ("and", "or"):
         a, b = given
         return a & b if name == "and" else a | b
@@ -169,7 +188,13 @@ def _numbers(name: str, given: list[Any]) -> Any:
     if name == "where":
         return given[1] if given[0] else given[2]
     if name in ("and", "or", "not"):
-        return (given[0] and given[1]) if name == "and" else (given[0] or given[1]) if name == "or" else not given[0]
+        return (
+            (given[0] and given[1])
+            if name == "and"
+            else (given[0] or given[1])
+            if name == "or"
+            else not given[0]
+        )
     if name == "pow":
         return float(given[0]) ** given[1]
     if name == "abs":

@@ -91,8 +91,9 @@ def export_loop(
         f"Torque loop of {', '.join(joints)}: friction compensation, external force, limits and watch; period {interval:g} s.",
         source,
         repr(loops) + repr(interval) + precision,
-        f"{prefix}_init, then {prefix}_step every {interval:g} s; {prefix}_stop, {prefix}_acknowledge, {prefix}_reset, {prefix}_selftest.\n"
-        "A loop that nobody calls cannot change the torque that the drive was last given: have the drive time out, or watch `calls`.",
+        f"{prefix}_init, then {prefix}_step every {interval:g} s; {prefix}_stop, _acknowledge, _reset, _selftest.\n"
+        "A loop that nobody calls cannot change the torque that the drive was last given:\n"
+        "have the drive time out, or watch `calls`.",
     )
     header = loop_header(loops, interval, prefix, names, single, comment)
     files = {

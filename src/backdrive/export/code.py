@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Union
 
 from backdrive.export.values import Scalar
 
@@ -73,7 +72,7 @@ class Declare:
     names: list[str]
 
 
-Statement = Union[Assign, Store, Do, Leave, Branch, Loop, Declare]
+Statement = Assign | Store | Do | Leave | Branch | Loop | Declare
 
 
 def blocks(statement: Statement) -> list[list[Statement]]:
@@ -123,7 +122,9 @@ def _pruned(block: list[Statement], used: frozenset[str]) -> bool:
             at = block.index(statement)
             block[at : at + 1] = [Do(statement.value)] if statement.effect else []
             changed = True
-        elif (isinstance(statement, Branch) and not statement.then and not statement.other) or (isinstance(statement, Loop) and not statement.body):
+        elif (isinstance(statement, Branch) and not statement.then and not statement.other) or (
+            isinstance(statement, Loop) and not statement.body
+        ):
             block.remove(statement)
             changed = True
     return changed

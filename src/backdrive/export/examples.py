@@ -1,4 +1,4 @@
-"""Examples that are written beside a header: an interrupt routine, and the `update()` of a controller in the manner of ros2_control."""
+"""Examples beside a header: an interrupt routine, and the `update()` of a controller in the manner of ros2_control."""
 
 from __future__ import annotations
 

@@ -209,9 +209,11 @@ class Expressions:
             kind = REAL
         if kind == BOOL:
             kind = INT
-        if op in (ast.Mult, ast.Div) and kind == PLACE and not self.angle:  # by a real: no position or time any more
-            if {v.kind for v in (left, right) if isinstance(v, Scalar)} == {REAL, PLACE}:
-                kind = REAL
+        kinds = {v.kind for v in (left, right) if isinstance(v, Scalar)}
+        if (
+            op in (ast.Mult, ast.Div) and kinds == {REAL, PLACE} and not self.angle
+        ):  # no position or time any more
+            kind = REAL
         x, y = self.spelling.scalar(left), self.spelling.scalar(right)
         way = op is ast.Sub and x.kind == y.kind == PLACE
         x, y = self.spelling.scalar(left, kind), self.spelling.scalar(right, kind)
@@ -353,7 +355,9 @@ class Expressions:
             place = self.spelling.scalar(index if at is None else Const(at))
             text = f"{array.name}[{place.text}]"
             row = None if at is None or array.content is None else array.content[at]
-            return Array(text, array.rows, content=row, names=names | place.names, writeable=False, kind=array.kind)
+            return Array(
+                text, array.rows, content=row, names=names | place.names, writeable=False, kind=array.kind
+            )
         if at is None:
             if array.dead or (array.places and self.spelling.single):
                 raise Mixed(array.name)

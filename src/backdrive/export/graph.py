@@ -45,7 +45,9 @@ COMPARE: dict[type, Callable] = {
     ast.NotEq: operator.ne,
 }
 NAMED = {"add", "sub", "mul", "truediv", "lt", "le", "gt", "ge", "eq", "ne"}
-ELEMENTARY = {getattr(elementary, n): n for n in ("exp", "log", "pow", "tanh", "sin", "cos")} | {elementary.decay: "exp"}
+ELEMENTARY = {getattr(elementary, n): n for n in ("exp", "log", "pow", "tanh", "sin", "cos")} | {
+    elementary.decay: "exp"
+}
 NUMPY = {np.sqrt: "sqrt", np.copysign: "copysign", np.isfinite: "isfinite", np.isnan: "isnan", abs: "abs"}
 
 
@@ -125,7 +127,11 @@ class Graph:
     def function(self, name: str, arguments: Sequence[Any], path: Any) -> Any:
         """Return a function of numbers."""
         if not any(isinstance(a, Node) for a in arguments):
-            return float(getattr(elementary, name)(*arguments)) if name in elementary.__dict__ else getattr(np, name)(*arguments)
+            return (
+                float(getattr(elementary, name)(*arguments))
+                if name in elementary.__dict__
+                else getattr(np, name)(*arguments)
+            )
         first, *rest = arguments
         if name in ("exp", "log", "pow", "sqrt"):
             first = self.select(path, first, 1.0) if isinstance(first, Node) else first
@@ -168,7 +174,9 @@ class Walk:
     def __init__(self, graph: Graph, known: dict[str, Sequence[float]]):
         self.graph, self.known = graph, known
 
-    def call(self, kernel: Callable, arguments: Sequence[Any], memory: dict[str, list[Any]], path: Any) -> Any:
+    def call(
+        self, kernel: Callable, arguments: Sequence[Any], memory: dict[str, list[Any]], path: Any
+    ) -> Any:
         """Return what a kernel gives; `memory` is changed in place."""
         source = getattr(kernel, "py_func", kernel)
         if not isinstance(source, FunctionType):
@@ -185,7 +193,8 @@ class Walk:
         for other, value in reversed(ends[:-1]):
             result = self.graph.select(other.path, value, result)
             merged = {
-                k: [self.graph.select(other.path, a, b) for a, b in zip(other.memory[k], v)] for k, v in merged.items()
+                k: [self.graph.select(other.path, a, b) for a, b in zip(other.memory[k], v)]
+                for k, v in merged.items()
             }
         memory.update(merged)
         return result
@@ -276,7 +285,11 @@ class _Frame:
 
     def _for(self, node: ast.For, state: State) -> State:
         call = node.iter
-        if not isinstance(call, ast.Call) or ast.unparse(call.func) != "range" or not isinstance(node.target, ast.Name):
+        if (
+            not isinstance(call, ast.Call)
+            or ast.unparse(call.func) != "range"
+            or not isinstance(node.target, ast.Name)
+        ):
             raise Untranslatable(ast.unparse(node).split("\n")[0])
         numbers = range(*(int(self.value(a, state)) for a in call.args))
         if len(numbers) > SEARCH and any(isinstance(n, ast.Break) for n in ast.walk(node)):
@@ -454,5 +467,3 @@ class _Frame:
         if name != "parameter":
             raise Untranslatable("int() of what is not known")
         return int(self.walk.known[arguments[0]][arguments[1]])
-
-

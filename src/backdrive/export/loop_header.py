@@ -240,7 +240,7 @@ class LoopHeader:
         order = {n: r for r, n in FIELDS}
         for joint, name in zip(self.joints, self.names):
             cells = [
-                f"    {number(joint.rows[order[n]], PLACE if n in PLACES else REAL, self.single)}, /* {n} */"
+                f"    {number(float(joint.rows[order[n]]), PLACE if n in PLACES else REAL, self.single)}, /* {n} */"
                 for n in self.settings
             ] or ["    0.0"]
             rows.append(f"  {{ /* {name} */\n" + "\n".join(cells) + "\n  }")
@@ -258,7 +258,7 @@ class LoopHeader:
         order = {n: r for r, n in FIELDS}
         for joint, name in zip(self.joints, self.names):
             cells = [
-                f"    {number(joint.rows[order[n]], PLACE if n in PLACES else REAL, self.single)}, /* {n} */"
+                f"    {number(float(joint.rows[order[n]]), PLACE if n in PLACES else REAL, self.single)}, /* {n} */"
                 for n in self.variables
             ]
             for n in self.states:

@@ -73,7 +73,9 @@ class Part:
             return Const(argument)
         if argument in self.constants:
             numbers = tuple(self.constants[argument].tolist())
-            return Array(argument, len(numbers), content=numbers, own=self.own.get(argument, -1), writeable=False)
+            return Array(
+                argument, len(numbers), content=numbers, own=self.own.get(argument, -1), writeable=False
+            )
         if argument in self.states:
             places = self.places.get(argument, frozenset())
             return Array(argument, len(self.states[argument]), places=places)

@@ -36,8 +36,14 @@ HELPERS = {
     "most": "static inline {real} {p}_most({real} a, {real} b) {{ return b > a ? b : a; }}",
     "least_wide": "static inline double {p}_least_wide(double a, double b) {{ return b < a ? b : a; }}",
     "most_wide": "static inline double {p}_most_wide(double a, double b) {{ return b > a ? b : a; }}",
-    "to_bits": "static inline int64_t {p}_to_bits(double x) {{\n  int64_t bits;\n  memcpy(&bits, &x, sizeof bits);\n  return bits;\n}}",
-    "from_bits": "static inline double {p}_from_bits(int64_t bits) {{\n  double x;\n  memcpy(&x, &bits, sizeof x);\n  return x;\n}}",
+    "to_bits": (
+        "static inline int64_t {p}_to_bits(double x) {{\n  int64_t bits;"
+        "\n  memcpy(&bits, &x, sizeof bits);\n  return bits;\n}}"
+    ),
+    "from_bits": (
+        "static inline double {p}_from_bits(int64_t bits) {{\n  double x;"
+        "\n  memcpy(&x, &bits, sizeof x);\n  return x;\n}}"
+    ),
     "sinf_wide": (
         "static inline float {p}_sinf_wide(double x) {{\n"
         "  return sinf((float)(x - 0x1.921fb54442d18p+2 * floor(x * 0x1.45f306dc9c883p-3)));\n}}"

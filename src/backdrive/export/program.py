@@ -283,7 +283,7 @@ class _Body(Statements):
         if any(isinstance(v, Several) for v in values):
             self._several()
             return
-        if all(isinstance(v, Const) for v in values) and len({repr(known(v)) for v in values}) == 1:
+        if all(isinstance(v, Const) for v in values) and len({repr(known(v)) for v in values if v}) == 1:
             made.result, made.fields = "void", [values[0]]
             return
         made.kind = wider(*(v.kind for v in values if isinstance(v, (Const, Scalar))))
@@ -330,7 +330,9 @@ class _Body(Statements):
             return Const(getattr(function, "py_func", function)(*(known(a) for a in arguments)))
         if function in OF_FLOATS and self.spelling.single:
             (first, *_), name = arguments, OF_FLOATS[function]
-            if name in ("sinf", "cosf") and getattr(first, "kind", REAL) == PLACE:  # in turns first, as a double
+            if (
+                name in ("sinf", "cosf") and getattr(first, "kind", REAL) == PLACE
+            ):  # in turns first, as a double
                 return self.helper(f"{name}_wide", REAL, [self.spelling.scalar(first)])
             parts = [self.spelling.scalar(a, REAL) for a in arguments]
             text = f"{name}({', '.join(p.text for p in parts)})"
@@ -447,7 +449,9 @@ class _Body(Statements):
         self.made.tables.add(full)
         content = tuple(map(tuple, numbers.tolist())) if numbers.ndim == 2 else tuple(numbers.tolist())
         rows = numbers.shape[1] if numbers.ndim == 2 else 0
-        return Array(full, numbers.shape[0], content=content, rows=rows, writeable=False, kind=LONG if whole else WIDE)
+        return Array(
+            full, numbers.shape[0], content=content, rows=rows, writeable=False, kind=LONG if whole else WIDE
+        )
 
     def helper(self, name: str, kind: str, parts: list[Scalar]) -> Scalar:
         name = name if self.spelling.single else name.removesuffix("_wide")

@@ -87,8 +87,8 @@ def selftest(joints: Sequence[JointLoop], interval: float, prefix: str, single: 
     codes = "{\n" + ",\n".join("    {" + ", ".join(map(str, row)) + "}" for row in code) + "\n  }"
     size = "double" if not single else "float"
     return f"""\
-/* Run {TICKS} ticks and compare with what the loop gave where this file was made: 0 where every bit is the same, 1 where the numbers
-   are within {TOLERANCE[single]:g} of the largest, else minus the number of the first vector that is wrong. */
+/* Run {TICKS} ticks and compare with what the loop gave where this file was made: 0 where every bit is the same, 1 where
+   the numbers are within {TOLERANCE[single]:g} of the largest, else minus the number of the first vector that is wrong. */
 static inline int {prefix}_selftest(void) {{
   static const double position[{TICKS}][{N}] = {rows(given["position"], PLACE, single)};
   static const {real} applied[{TICKS}][{N}] = {rows(given["applied"], REAL, single)};

@@ -12,11 +12,11 @@ directions, growth with the load and temperature are lost.
 from __future__ import annotations
 
 import json
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
 
 import numpy as np
 from scipy.optimize import nnls
@@ -127,16 +127,21 @@ def export_description(
     for each in simple:
         if each.joint not in nodes:
             raise InvalidInput(
-                f"{robot} has no joint '{each.joint}'.", remedy=f"It has {', '.join(nodes) or 'none with a name'}."
+                f"{robot} has no joint '{each.joint}'.",
+                remedy=f"It has {', '.join(nodes) or 'none with a name'}.",
             )
         _write(root.tag, nodes[each.joint], each)
     description = folder / (name or robot.name)
     beside = description.with_suffix(".friction.json")
     if description.resolve() == robot.resolve():
-        raise WriteError(f"{description} is the description itself.", remedy="Write to another folder, or give --name.")
+        raise WriteError(
+            f"{description} is the description itself.", remedy="Write to another folder, or give --name."
+        )
     for path in (description, beside):
         if path.exists() and MARK.encode() not in path.read_bytes()[:400]:
-            raise WriteError(f"{path} exists and was not made by an export.", remedy="Choose another folder or --name.")
+            raise WriteError(
+                f"{path} exists and was not made by an export.", remedy="Choose another folder or --name."
+            )
     folder.mkdir(parents=True, exist_ok=True)
     text = ElementTree.tostring(root, encoding="unicode")
     comment = f"<!-- {robot.name} with friction from {MARK}; what it cannot express: {beside.name} -->\n"
@@ -161,7 +166,9 @@ def target_of(robot: str | Path) -> str:
     for target, tag in TAGS.items():
         if root.tag == tag:
             return target
-    raise ReadError(f"{path} begins with <{root.tag}>.", remedy="Name a URDF (<robot>) or MJCF (<mujoco>) file.")
+    raise ReadError(
+        f"{path} begins with <{root.tag}>.", remedy="Name a URDF (<robot>) or MJCF (<mujoco>) file."
+    )
 
 
 def _joints(root: Any, where: Path) -> dict[str, Any]:
@@ -171,7 +178,9 @@ def _joints(root: Any, where: Path) -> dict[str, Any]:
     elif root.tag == "mujoco":
         nodes = [node for body in root.iter("worldbody") for node in body.iter("joint")]
     else:
-        raise ReadError(f"{where} begins with <{root.tag}>.", remedy="Name a URDF (<robot>) or MJCF (<mujoco>) file.")
+        raise ReadError(
+            f"{where} begins with <{root.tag}>.", remedy="Name a URDF (<robot>) or MJCF (<mujoco>) file."
+        )
     return {node.get("name"): node for node in nodes if node.get("name")}
 
 
