@@ -22,6 +22,7 @@ COMMANDS = (
     "compare",
     "estimate",
     "tune",
+    "export",
     "laws",
     "reproduce",
 )

@@ -163,6 +163,28 @@ class FrictionModel:
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "_scalars"}
 
+    def sample(self, n: int, seed: int = 0, joint: str | int | None = None) -> np.ndarray:
+        """Return draws of a joint's friction law from the covariance that was identified, within the bounds of its parameters.
+
+        Args:
+            n: how many.
+            seed: the same one gives the same draws.
+            joint: name or number; None: the only joint.
+
+        Returns:
+            Rows of parameters as kernels and arrays read them (`Law.row`), (n, P).
+
+        Raises:
+            InvalidInput: the model has several joints and none is named, or it knows no errors of the joint's law.
+        """
+        from backdrive.model.sample import draw_laws
+
+        if joint is None and len(self.joints) != 1:
+            raise InvalidInput(
+                f"The model has {len(self.joints)} joints.", remedy=f"Name one of {', '.join(self.names)}."
+            )
+        return np.array([law.row() for law in draw_laws(self.joint(0 if joint is None else joint), n, seed)])
+
     def table(self, speeds: int = 21) -> dict[str, dict[str, np.ndarray]]:
         """Return each joint's curve over its validity range.
 
