@@ -203,11 +203,9 @@ def _sliding(
     and the low pass of the motion blurs it.
     """
     speed = np.abs(velocity)
-    turns = np.flatnonzero(np.diff(np.sign(velocity)) != 0) + 1
-    bounds = np.r_[0, turns, velocity.size]
-    length = np.diff(bounds)
-    way = np.r_[0.0, np.cumsum(speed)]
-    begun = way[1:] - np.repeat(way[bounds[:-1]], length) > BEGUN * np.repeat(np.diff(way[bounds]), length)
+    bounds, way, whole = _ways(velocity)
+    turns, length = bounds[1:-1], np.diff(bounds)
+    begun = way > BEGUN * whole
     steady = (speed >= SLOW * top) | ((np.abs(acceleration) * SUSTAINED < speed) & begun)
     lasting = max(float(np.clip(1.0 / cutoff, *REVERSAL)), BLURRED / cutoff)
     reach = np.minimum(lasting * rate, OF_A_MOVE * length)
@@ -219,6 +217,19 @@ def _sliding(
     until[bounds[-2] :] = velocity.size
     from_end = np.minimum(index, index[::-1])  # but the low pass does not know what lies beyond
     return steady & (since >= reach) & (until >= reach) & (from_end >= CONTINUED / cutoff * rate)
+
+
+def _ways(velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return where the joint reverses, both ends included; its way since then and of the whole move [rad or m times rate], (n,)."""
+    bounds = np.r_[0, np.flatnonzero(np.diff(np.sign(velocity)) != 0) + 1, velocity.size]
+    length, way = np.diff(bounds), np.r_[0.0, np.cumsum(np.abs(velocity))]
+    return bounds, way[1:] - np.repeat(way[bounds[:-1]], length), np.repeat(np.diff(way[bounds]), length)
+
+
+def way_since_reversal(s: Signals) -> tuple[np.ndarray, float]:
+    """Return how far the joint has gone since its last reversal (n,), and the median way between two of them [rad or m]."""
+    bounds, way, whole = _ways(s.velocity)
+    return way / s.rate, float(np.median(whole[bounds[:-1]])) / s.rate
 
 
 def surely_sliding(s: Signals, top: float) -> np.ndarray:
