@@ -31,7 +31,7 @@ _DISTANCES = (0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2)
 #: With such friction, this share of a slip is left of a real one [1].
 _REAL = 0.5
 #: Fewest instants; and time constants of a low pass that a slip may be instead, by the slip [1].
-_FEWEST, _LAGS = 100, (0.5, 2.0)
+_FEWEST, _LAGS = 100, (0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6)
 #: Nothing but a shift leaves so little of the misfit [1].
 _EXACT = 0.01
 #: No timing is read from a torque with this share of sample-to-sample noise [1].
@@ -127,8 +127,6 @@ def _by_low_pass(exam: Exam, j: int, slip: Slip) -> float:
 
     Both are compared where the low pass has forgotten the last reversal: how friction passes zero is no matter of timing.
     """
-    from scipy.optimize import minimize_scalar
-
     m = motion(exam, j, REACH)
     late = slip.samples * exam.period
     if m is None or late <= 0.0:
@@ -138,13 +136,8 @@ def _by_low_pass(exam: Exam, j: int, slip: Slip) -> float:
         return 0.0
     now = m.torque[used][:, [REACH]]
     shifted = _bottom(_misfits(m.terms[used], m.torque[used]))
-    lagged = minimize_scalar(
-        lambda share: float(_misfits(lagging(exam, j, REACH, share * late)[0][used], now)[0]),
-        bounds=_LAGS,
-        method="bounded",
-        options={"xatol": 0.02},
-    )
-    return float(lagged.x) * late if lagged.fun < shifted else 0.0
+    lagged = np.array([_misfits(lagging(exam, j, REACH, x * late)[0][used], now)[0] for x in _LAGS])
+    return _LAGS[int(np.argmin(lagged))] * late if _bottom(lagged) < shifted else 0.0
 
 
 @once
@@ -198,7 +191,7 @@ def _minimum(shifts: np.ndarray, misfit: np.ndarray) -> float:
 
 
 def _bottom(misfit: np.ndarray) -> float:
-    """Return the least misfit between shifts, by a parabola through the three lowest."""
+    """Return the least misfit between evenly spaced ones, by a parabola through the three lowest."""
     k = int(np.argmin(misfit))
     if k in (0, misfit.size - 1):
         return float(misfit[k])
