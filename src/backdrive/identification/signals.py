@@ -12,6 +12,7 @@ from backdrive.logs.log import Log
 
 GAP = 3.5  # an interval of so many periods is a gap; nothing is interpolated across it [period]
 SHORTEST = 50  # a segment between gaps with fewer samples is left out [sample]
+BLUNT = 15.0  # corner of the low pass below which motion of a servo may be lost [Hz]
 REST = 0.002  # below this share of the top speed a joint is taken to rest [-]
 REST_TIME = 0.25  # when it does so for longer than this [s]
 SLOW = 0.08  # below this share of the top speed a joint slides only where it keeps its velocity [-]
@@ -72,8 +73,11 @@ class Signals:
 
 
 def default_cutoff(rate: float) -> float:
-    """Return the corner frequency that motion is low-passed at before differentiation [Hz]."""
-    return min(0.1 * rate, 100.0)
+    """Return the corner frequency that motion is low-passed at before differentiation [Hz].
+
+    A tenth of the rate, or 0.15 of it up to `BLUNT`: with less the rise of a servo's move is lost, and passes for friction.
+    """
+    return min(max(0.1 * rate, min(0.15 * rate, BLUNT)), 100.0)
 
 
 def prepare(log: Log, joint: str | int, *, cutoff: float | None = None) -> list[Signals]:
@@ -82,7 +86,7 @@ def prepare(log: Log, joint: str | int, *, cutoff: float | None = None) -> list[
     Args:
         log: with torque, and position or velocity.
         joint: name or column.
-        cutoff: corner of the zero-phase low pass before differentiation [Hz]; None: a tenth of the rate.
+        cutoff: corner of the zero-phase low pass before differentiation [Hz]; None: `default_cutoff`.
 
     Raises:
         InvalidInput: the log holds no torque.
