@@ -16,7 +16,7 @@ from backdrive.identification.dynamic.torque import Stretch
 from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.identification.signals import spans
 
-WINDOWS, FEWEST_WINDOWS = 15, 9  # of time; every third is held out
+WINDOWS, FEWEST_WINDOWS = 15, 12  # of time; every third is held out
 PERIODS = 3.0  # of the motion in each window, as far as that leaves enough windows
 WORTH = 0.02  # a richer law must lower the held-out error by this share [-]
 LEAST = 0.002  # or by this, where the windows agree [-]
