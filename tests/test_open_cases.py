@@ -58,7 +58,9 @@ def test_noise_of_the_encoder_is_no_stick_slip(made):
     (friction,) = identify([to_log(r) for r in noisy]).model.joints
     assert friction.method == "constant-velocity"
     assert not any("did not keep their speed" in w for w in friction.warnings)
-    jerky = [replace(r, position=r.position + 0.008 * np.sin(40.0 * r.time)) for r in noisy]  # truly stick-slip
+    jerky = [
+        replace(r, position=r.position + 0.008 * np.sin(40.0 * r.time)) for r in noisy
+    ]  # truly stick-slip
     (friction,) = identify([to_log(r) for r in jerky], method="constant-velocity").model.joints
     assert any("did not keep their speed" in w for w in friction.warnings)
 

@@ -25,7 +25,6 @@ from backdrive.identification.result import JointEvidence
 from backdrive.logs.log import Joint
 from backdrive.model import JointFriction
 
-
 EXACT = 1e-5  # of what was measured: a law that leaves less on what it has not seen is not refined [-]
 
 
