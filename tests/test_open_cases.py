@@ -7,6 +7,7 @@ import json
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -76,7 +77,7 @@ def test_gravity_is_tried_before_directions(made, center):
     result = identify(to_log(record), law="coulomb-viscous")
     (friction,) = result.model.joints
     assert "gravity_sin" in friction.dynamics
-    rate = friction.law.rate
+    rate: Any = friction.law.rate
     assert rate.coulomb_positive == rate.coulomb_negative == pytest.approx(1.5, rel=0.03)
 
 

@@ -68,5 +68,7 @@ def _ways(stretches: Sequence[Signals], seconds: float) -> tuple[np.ndarray, np.
         way, middle = way_since_reversal(s)
         series = (x[: count * width].reshape(count, width) for x in (way, np.sign(s.velocity)))
         least, sense = (x.min(axis=1) if k == 0 else x.mean(axis=1) for k, x in enumerate(series))
-        ways.append(least), senses.append(sense), middles.append(middle)
+        ways.append(least)
+        senses.append(sense)
+        middles.append(middle)
     return np.concatenate(ways), np.concatenate(senses), float(np.median(middles))
