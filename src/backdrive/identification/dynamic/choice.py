@@ -16,8 +16,7 @@ from backdrive.identification.dynamic.torque import Stretch
 from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.identification.signals import spans
 
-WINDOWS, FEWEST_WINDOWS = 15, 12  # of time; every third is held out
-PERIODS = 3.0  # of the motion in each window, as far as that leaves enough windows
+WINDOWS = 15  # of time; every third is held out
 WORTH = 0.02  # a richer law must lower the held-out error by this share [-]
 LEAST = 0.002  # or by this, where the windows agree [-]
 CLEAR = 0.999  # probability by which they agree [-]
@@ -117,20 +116,12 @@ def shortlist(words: str | Sequence[str], *, presliding: bool, load: bool, warm:
     ]
 
 
-def windows(lengths: Sequence[int], period: float = 0.0) -> list[np.ndarray]:
-    """Return for stretches of so many samples a mask each of those that are held out: every third of the windows of time.
-
-    Args:
-        lengths: of the stretches [sample].
-        period: of the motion [sample]: the windows are longer than it by `PERIODS`, so that each holds motion of every kind, as
-            long as that leaves enough of them; 0: of no matter.
-    """
+def windows(lengths: Sequence[int]) -> list[np.ndarray]:
+    """Return for stretches of so many samples a mask each of those that are held out: every third of the windows of time."""
     total = sum(lengths)
-    most = total / (PERIODS * period) if period > 0.0 else np.inf
-    every = min(max(most, FEWEST_WINDOWS), WINDOWS)
     masks = []
     for n in lengths:
-        count = max(3, round(every * n / total))
+        count = max(3, round(WINDOWS * n / total))
         masks.append((np.arange(n) * count // n) % 3 == 1)
     return masks
 

@@ -84,7 +84,7 @@ class TorqueTask(Task):
             self.shown, self.judges, self.whole = stretches, [s for _, s in self.unseen], None
             self.masks = [np.ones(len(s.torque), dtype=bool) for s in self.judges]
         else:
-            self.masks = choice.windows([len(s.torque) for s in stretches], period_of(stretches))
+            self.masks = choice.windows([len(s.torque) for s in stretches])
             self.shown = choice.without(stretches, self.masks)
             self.judges = self.whole = stretches
         self.asked: dict[str, Any] = {
@@ -173,14 +173,6 @@ class TorqueTask(Task):
     def settings(self, final: Fit, held_out: float) -> dict[str, Any]:
         """Return the low pass."""
         return {"cutoff": self.cutoff}
-
-
-def period_of(stretches: Sequence[Stretch]) -> float:
-    """Return the time from a reversal to the second next, in the median [sample]; 0 where the joint hardly reverses."""
-    turns = [np.flatnonzero(np.diff(np.sign(s.velocity)) != 0) for s in stretches]
-    moves = np.concatenate([np.diff(at) for at in turns])
-    lasting = moves[moves > 0.1 * moves.max()] if moves.size else moves  # not those of an encoder at rest
-    return 2.0 * float(np.median(lasting)) if lasting.size else 0.0
 
 
 def gravity_sought(stretches: Sequence[Stretch], unit: str, wanted: bool | None) -> tuple[str, ...]:
