@@ -630,9 +630,11 @@ def test_the_numbers_of_an_arm_stand_where_they_belong(found):
     assert arm.condition > 1.0
 
 
-def test_load_friction_that_is_not_there_is_left_out(robot):
+def test_load_friction_that_is_not_there_is_zero_with_its_error(robot):
     one, other = identify_arm(made(load=(0.1, 0.0)), robot)[0]
-    assert one.law.growth.load_driving == pytest.approx(0.1, abs=0.02) and other.law.growth is None
+    assert one.law.growth.load_driving == pytest.approx(0.1, abs=0.02)
+    assert other.law.growth.load_driving == other.law.growth.load_driven == 0.0
+    assert 0.0 < other.standard_errors["load_driving"] < 0.1
 
 
 def test_an_arm_needs_two_rows_a_coefficient(robot):

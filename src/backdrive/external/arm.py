@@ -21,7 +21,7 @@ from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.external.bands import band, growth_of, states_along
 from backdrive.external.choose import FASTEST, Noise, choose
-from backdrive.external.estimate import AUTO, LEAST, SETTLED, delay_of, known_along, noise_of
+from backdrive.external.estimate import AUTO, LEAST, SETTLED, delay_of, known_along, noise_of, speed_along
 from backdrive.external.result import STATES, JointForce
 from backdrive.external.temperature import along_stretches
 from backdrive.external.wrench import WrenchEstimate, wrench_of
@@ -140,6 +140,7 @@ class ArmEstimate:
                     bandwidth=float(bandwidth),
                     lag=estimator.lag(1.0 / rate),
                     known=known_along(log, friction.joint.name, time),
+                    speed=speed_along([s[j] for s in arm.stretches], time),
                 )
             )
             beyond = friction.extrapolated(np.concatenate([s[j].velocity for s in arm.stretches]))

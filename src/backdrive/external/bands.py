@@ -92,7 +92,7 @@ def growth_of(friction: JointFriction) -> tuple[float, float]:
 
 
 def _spread(friction: JointFriction) -> float:
-    """Return the standard deviation of what is known of break-away [N.m or N]: of friction about the curve while the joint slides."""
+    """Return the standard deviation of break-away [N.m or N]: that of friction about its curve while the joint slides."""
     most = SPREAD * 0.5 * float(sum(break_away(friction)))
     moving = None if friction.bands is None else friction.bands.moving
     return most if moving is None else min(moving.half_width / WIDTH, most)

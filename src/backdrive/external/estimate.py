@@ -104,7 +104,7 @@ def estimate_force(
             if free:
                 calibrations[name] = _calibration(model.joint(name), free, result)
                 result = calibrations[name].apply(result)
-                said += calibrations[name].remarks()
+                said += calibrations[name].remarks() + calibrations[name].faster(result)
         except BackdriveError as error:
             if joints is not None or len(names) == 1:
                 raise
@@ -166,7 +166,7 @@ def _arm(
         for j, one in enumerate(results):
             made = calibrations[one.joint.name] = calibrate([part[j] for part in parts])
             results[j] = made.apply(one)
-            remarks += made.remarks()
+            remarks += made.remarks() + made.faster(one)
     remarks += _of_free_motion(model, log, free)
     results = whole.widened(results)
     wrench = None if frame is None else whole.wrench(log, results)
@@ -245,6 +245,7 @@ def _joint(
         bandwidth=float(bandwidth),
         lag=made.lag(1.0 / rate),
         known=known_along(log, name, time),
+        speed=speed_along(stretches, time),
     )
     beyond = friction.extrapolated(np.concatenate([s.velocity for s in stretches]))
     return result, remarks + ([beyond] if beyond else [])
@@ -310,6 +311,12 @@ def noise_of(friction: JointFriction, log: Log, stretches: Sequence[Signals], in
         cutoff=default_cutoff(rate),
         rate=rate,
     )
+
+
+def speed_along(stretches: Sequence[Signals], time: np.ndarray) -> np.ndarray:
+    """Return the speed of a joint on a clock [rad/s or m/s]."""
+    clock = np.concatenate([s.time for s in stretches])
+    return np.interp(time, clock, np.concatenate([np.abs(s.velocity) for s in stretches]))
 
 
 def known_along(log: Log, name: str, time: np.ndarray) -> np.ndarray | None:

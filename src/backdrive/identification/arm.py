@@ -64,8 +64,8 @@ def identify_arm(
     Returns:
         Friction and evidence by joint, in the log's order; and the bodies, in the URDF's. `dynamics` of a joint holds
         `inertia` that the motor adds, `offset` of the torque, and `transition`, the velocity within which friction changes
-        sign; friction per transmitted torque is the growth of its law, zero with its error where it cannot be told from that. The evidence's torques
-        are low-passed at 5 Hz, as they are judged.
+        sign; friction per transmitted torque is the growth of its law, zero with its error where it cannot be told from that.
+        The evidence's torques are low-passed at 5 Hz, as they are judged.
 
     Raises:
         InvalidInput: joints, units or channels do not fit.
