@@ -490,7 +490,7 @@ def test_remarks_name_what_is_suspect(robot):
         good = [np.r_[np.full(2 * t.knots.size, 4.0), 0.1, 0.2, 0.1] for t in terms]
         none = [np.zeros(t.size) for t in terms]
         solution = arm_solve.Solution(
-            beta=np.zeros(b), own=[good[0] if own is None else own, good[1]], errors=none, covariance=[],
+            beta=np.zeros(b), own=[good[0] if own is None else own, good[1]], errors=none,
             pushed=[none[0] if pushed is None else pushed, none[1]], told=np.ones(b) if told is None else told, condition=condition,
         )  # fmt: skip
         return remarks(robot, of, rows if weight is None else replace(rows, weight=weight), solution)[j]
@@ -533,7 +533,7 @@ def test_remarks_name_what_is_suspect(robot):
             good = np.r_[np.full(2 * k, 4.0), 0.1, 0.2, 0.1]
             other = np.r_[np.full(2 * terms[1].knots.size, 4.0), 0.1, 0.2, 0.1]
             solution = arm_solve.Solution(
-                beta=np.zeros(b), own=[good, other], errors=[good, other], covariance=[], condition=10.0,
+                beta=np.zeros(b), own=[good, other], errors=[good, other], condition=10.0,
                 pushed=[0.0 * good, 0.0 * other], told=np.ones(b),
             )  # fmt: skip
             assert sum("one way" in w for w in remarks(robot, terms, moved, solution)[0]) == count
@@ -578,7 +578,7 @@ def test_errors_of_a_whole_fit_are_the_sandwich_at_its_solution(robot):
     assert errors[free[b:]] == pytest.approx(deviation[b:][free[b:]], rel=2e-2)
     for j in range(2):
         own = slice(first[j], first[j + 1])
-        assert np.sqrt(np.diag(got.covariance[j])) == pytest.approx(deviation[own], rel=2e-2, abs=1e-12)
+        assert np.sqrt(np.diag(got.covariance(j))) == pytest.approx(deviation[own], rel=2e-2, abs=1e-12)
         assert not got.pushed[j][free[own]].any() and got.pushed[j].size == sizes[j]
     loose, pushed = arm_solve._let_go(gram + held, slope, scores, free)
     for i in np.flatnonzero(~free):

@@ -67,7 +67,6 @@ class ArmEstimate:
         Raises:
             InvalidInput: the model is not of an arm, or belongs to another description.
             UnknownName: there is no such frame.
-            NotIdentifiable: the arm has fewer than six joints and a wrench is wanted.
         """
         self.estimator = ArmForce.from_model(model, robot, frame=frame)
         self.frictions = tuple(with_break_away(model.joint(name)) for name in self.estimator.joints)

@@ -194,7 +194,7 @@ def _friction(
         standard_errors={name: (*e.tolist(), float(e[-1])) for name, e in errors.items()} | with_load,
         at_bound=tuple(name for name, v in values.items() if np.any(v == 0)),
         dynamics=estimates(found, joint.unit),
-        covariance=Covariance.of(names, solution.covariance[j][np.ix_(rows, rows)]),
+        covariance=Covariance.of(names, solution.covariance(j)[np.ix_(rows, rows)]),
         actuator=Actuator(motor_inertia=max(float(own[2 * k + 1]), 0.0)),
         validity=Validity(velocity=(-terms.top, terms.top), load=loads),
         method="arm",
@@ -228,7 +228,7 @@ def _evidence(
             )
             parts.append((signals, (torque - known)[mask], hat[mask], seen))
     k = terms.knots.size
-    covariance = solution.covariance[j][: 2 * k, : 2 * k]
+    covariance = solution.covariance(j)[: 2 * k, : 2 * k]
 
     form = curves.Form(name="arm", knots=terms.knots, symmetric=False, spread=np.eye(2 * k))
     of_curve, end = curves.error_of_curve(form, covariance), terms.knots[-1]
