@@ -486,16 +486,20 @@ def test_remarks_name_what_is_suspect(robot):
     b = rows.bodies.shape[2]
     k = terms[0].knots.size
 
-    def said(j=0, weight=None, own=None, pushed=None, told=None, condition=10.0, of=terms):
+    def said(j=0, weight=None, own=None, pushed=None, told=None, condition=10.0, of=terms, with_robot=robot):
         good = [np.r_[np.full(2 * t.knots.size, 4.0), 0.1, 0.2, 0.1] for t in terms]
         none = [np.zeros(t.size) for t in terms]
         solution = arm_solve.Solution(
             beta=np.zeros(b), own=[good[0] if own is None else own, good[1]], errors=none,
             pushed=[none[0] if pushed is None else pushed, none[1]], told=np.ones(b) if told is None else told, condition=condition,
         )  # fmt: skip
-        return remarks(robot, of, rows if weight is None else replace(rows, weight=weight), solution)[j]
+        return remarks(with_robot, of, rows if weight is None else replace(rows, weight=weight), solution)[j]
 
     assert said() == () and said(1) == ()
+    theta = np.where(np.arange(robot.parameters.size) < 10, robot.parameters, 0.0)
+    empty = replace(robot)
+    empty.__dict__["parameters"] = theta
+    assert said(with_robot=empty) == () and "no mass or inertia" in said(1, with_robot=empty)[0]
     own = np.r_[np.full(2 * k, 4.0), 0.1, 0.2, 0.1]
     for offset, count in ((1.19, 0), (1.21, 1), (-1.21, 1)):
         changed = own.copy()

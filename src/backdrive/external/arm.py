@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from backdrive.control.estimators.arm import WIDTH, ArmForce
-from backdrive.control.estimators.of_model import ABRUPT, at_rest, with_break_away
+from backdrive.control.estimators.arm import ArmForce
+from backdrive.control.estimators.of_model import ABRUPT, WIDTH, at_rest, with_break_away
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.external.bands import band, growth_of, states_along

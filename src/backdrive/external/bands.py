@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from backdrive.control.estimators.arm import WIDTH
-from backdrive.control.estimators.of_model import CREEP, break_away
+from backdrive.control.estimators.of_model import CREEP, WIDTH, break_away
 from backdrive.identification.bands import REVERSAL, states
 from backdrive.identification.signals import Signals
 from backdrive.model import JointFriction

@@ -15,8 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from backdrive.control.estimators import arm_kernel
-from backdrive.control.estimators.arm import WIDTH, ArmForce
+from backdrive.control.estimators.arm import ArmForce
 from backdrive.control.estimators.arm_tick import FULL, SINGULAR
+from backdrive.control.estimators.of_model import WIDTH
 from backdrive.external.result import JointForce
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
@@ -69,8 +70,8 @@ class WrenchEstimate:
             return []
         if self.joints < FULL:
             return [
-                f"Wrench at '{self.frame}': {self.joints} joints feel no more than {self.joints} of its {FULL} components at a time; "
-                "the rest is taken for zero, and standard deviations tell which it is."
+                f"Wrench at '{self.frame}': {self.joints} joints feel no more than {self.joints} of its {FULL} components at a "
+                "time; the rest is taken for zero, and standard deviations tell which it is."
             ]
         first, share = float(self.time[np.argmax(self.singular)]), float(np.mean(self.singular))
         return [

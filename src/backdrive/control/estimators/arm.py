@@ -19,7 +19,7 @@ from backdrive.control.estimators.arm_tick import FULL, SINGULAR, ArmForceTick, 
 from backdrive.control.estimators.external import KNOWN
 from backdrive.control.estimators.friction import FrictionEstimator
 from backdrive.control.estimators.gains import lag as lag_of
-from backdrive.control.estimators.of_model import ABRUPT, at_rest, contact, with_break_away
+from backdrive.control.estimators.of_model import ABRUPT, WIDTH, at_rest, contact, with_break_away
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput
 from backdrive.model import FrictionModel, JointFriction
@@ -29,7 +29,6 @@ from backdrive.robot import Robot, load_robot
 POSTURES = 200  # random ones, by which a posture is judged
 FAR = 10.0  # how much less certain than in the median posture a direction may be, before it is damped [-]
 SLOW = 5.0  # by the speed within which friction changes sign: below it a joint rests [-]
-WIDTH = 1.96  # of a 95 % band, by its standard deviation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

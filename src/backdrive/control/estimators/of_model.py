@@ -17,6 +17,7 @@ DECAY = 20.0  # of friction at rest, as in Iwatani 2017, Sec. 4.6 [1/s]
 COUNTS = 8.0  # of the encoder, over which a contact of unknown stiffness bends until it slides
 ABRUPT = 10.0  # forces by the friction, that the filter of `direct` follows where nobody knows the accelerations [-]
 CREEP = 0.05  # of the top speed: sliding up to twice that tells of friction at rest [-]
+WIDTH = 1.96  # half a 95 % band, by its standard deviation
 BEND = {"rad": 1e-3, "m": 1e-4}  # the same where the encoder's count is unknown [rad or m]
 
 
