@@ -65,6 +65,11 @@ def test_faster_than_the_free_motion_a_band_is_wider_with_the_square_of_the_spee
     assert ratio == pytest.approx(np.where((speed > 2.0) & (fast.state != 2), 2.25, 1.0))
     (sentence,) = bands.faster(wide)
     assert "'j1': 3 rad/s" in sentence and "reached 2 rad/s: 50 %" in sentence
+    other = bands.apply(
+        replace(fast, speed=speed), np.full(speed.size, 2.0)
+    )  # a joint of an arm, of which another is faster
+    ratio = (other.upper - other.lower) / (usual.upper - usual.lower)
+    assert ratio == pytest.approx(np.where(fast.state != 2, 4.0, 1.0))
     assert bands.faster(usual) == bands.faster(replace(fast, speed=np.minimum(speed, 2.0))) == []
 
 

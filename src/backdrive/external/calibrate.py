@@ -9,7 +9,8 @@ so that few events give a wider band (as in split conformal prediction, Lei et a
 anything within its bounds whatever free motion showed: that band stays.
 
 A joint that moves faster than free motion did, by a factor r of its top speed, has a band r^2 times as wide: what is wrong of the
-viscous part grows with the speed, of the bodies with its square, and nothing was seen there.
+viscous part grows with the speed, of the bodies with its square, and nothing was seen there. Bodies couple the joints of an arm:
+the largest r of all of them holds for each.
 """
 
 from __future__ import annotations
@@ -77,8 +78,13 @@ class Calibration:
     forces: tuple[JointForce, ...]
     top_speed: float = np.inf
 
-    def apply(self, one: JointForce) -> JointForce:
+    def apply(self, one: JointForce, faster: np.ndarray | None = None) -> JointForce:
         """Return an estimate with these bands in motion; at rest it keeps its own.
+
+        Args:
+            one: estimate.
+            faster: speed by the free motion's top speed, (n,): of an arm the largest of all joints, which its bodies couple; None:
+                the joint's own.
 
         Raises:
             InvalidInput: it is of another joint, method or bandwidth.
@@ -89,7 +95,9 @@ class Calibration:
                 f"A band of {own[0]}, {own[1]}, {own[2]:.4g} 1/s for an estimate of {other[0]}, {other[1]}, {other[2]:.4g} 1/s.",
                 remedy="Estimate free motion with the same joint, method and bandwidth.",
             )
-        return _with_bands(one, self.moving, self.reversing, self.top_speed)
+        if faster is None and one.speed is not None:
+            faster = one.speed / self.top_speed
+        return _with_bands(one, self.moving, self.reversing, faster)
 
     def faster(self, one: JointForce) -> list[str]:
         """Return a sentence where a joint is faster than in the free motion, by more than `FASTER`."""
@@ -161,14 +169,14 @@ def period(time: np.ndarray) -> float:
 
 
 def _with_bands(
-    one: JointForce, moving: StateBand | None, reversing: StateBand | None, top_speed: float = np.inf
+    one: JointForce, moving: StateBand | None, reversing: StateBand | None, faster: np.ndarray | None = None
 ) -> JointForce:
     """Return an estimate with other bands in motion; a state without one takes the other's."""
     widths = [np.nan if b is None else b.half_width for b in (moving, reversing)]
     widths = [np.nanmax(widths) if np.isnan(w) else w for w in widths]
     half = np.where(one.state == 0, widths[0], widths[1])
-    if one.speed is not None:
-        half = half * np.maximum(one.speed / top_speed, 1.0) ** 2
+    if faster is not None:
+        half = half * np.maximum(faster, 1.0) ** 2
     rest = one.state == STATES.index("rest")
     return replace(
         one,

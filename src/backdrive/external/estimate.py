@@ -163,10 +163,11 @@ def _arm(
     if free:
         like = results[0]
         parts = [whole.forces(one, like.method, like.bandwidth)[0] for one in free]
-        for j, one in enumerate(results):
-            made = calibrations[one.joint.name] = calibrate([part[j] for part in parts])
-            results[j] = made.apply(one)
-            remarks += made.remarks() + made.faster(one)
+        made = [calibrate([part[j] for part in parts]) for j in range(len(results))]
+        calibrations = {one.joint.name: own for one, own in zip(results, made)}
+        ratios = [one.speed / own.top_speed for one, own in zip(results, made) if one.speed is not None]
+        remarks += [line for one, own in zip(results, made) for line in (*own.remarks(), *own.faster(one))]
+        results = [own.apply(one, np.max(ratios, axis=0)) for one, own in zip(results, made)]
     remarks += _of_free_motion(model, log, free)
     results = whole.widened(results)
     wrench = None if frame is None else whole.wrench(log, results)
