@@ -159,7 +159,7 @@ def calibrate(free: Sequence[JointForce]) -> Calibration:
         duration=float(sum(f.time.size * period(f.time) for f in free)),
         moving=bands[0],
         reversing=bands[1],
-        forces=tuple(_with_bands(f, *bands) for f in free),
+        forces=tuple(_with_bands(f, bands[0], bands[1]) for f in free),
     )
 
 
