@@ -106,11 +106,7 @@ def draw(outcome: Outcome) -> Any:
         figure, axes = own.sheet(2, 4, width=760.0, height=420.0, sharey="row")
         for a in axes[0]:
             a.remove()
-        top = figure.add_subplot(axes[0, 0].get_gridspec()[0, :])
-        for side in ("top", "right", "left"):
-            top.spines[side].set_visible(False)
-        top.grid(True, color=LIGHT.grid, linewidth=0.7)
-        top.tick_params(colors=LIGHT.muted, labelsize=own.SMALL)
+        top = own.panel(figure, axes[0, 0].get_gridspec()[0, :])
         series = {case: [1e3 * e[case] for e in errors.values()] for case in COLORS}
         own.bars(top, [own.joint_title(joint) for joint in errors], series, COLORS)
         own.name(top, "(a) at a damping ratio of 0.5", y="E_s [mrad]")
