@@ -104,8 +104,8 @@ def peak_bars(axes: Any, panel: Mapping[str, Any]) -> None:
                 textcoords="offset points", ha="center", va="bottom", fontsize=SMALL - 1.5, color=LIGHT.ink,
             )  # fmt: skip
         axes.annotate(
-            f"along {'+−'[side]}{panel.get('axis', 'q')}", (float(x.mean()), 0.0), xycoords=("data", "axes fraction"), xytext=(0, -20),
-            textcoords="offset points", ha="center", va="top", fontsize=SMALL, color=LIGHT.ink,
+            f"along {'+−'[side]}{panel.get('axis', 'q')}", (float(x.mean()), 0.0), xycoords=("data", "axes fraction"),
+            xytext=(0, -20), textcoords="offset points", ha="center", va="top", fontsize=SMALL, color=LIGHT.ink,
         )  # fmt: skip
     axes.set_xticks([*np.arange(n), *(np.arange(n) + n + GAP)], [*cases, *cases])
     axes.grid(False, axis="x")

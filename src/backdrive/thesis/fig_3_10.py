@@ -7,6 +7,7 @@ from typing import Any
 from backdrive.report.pictures.canvas import house_style
 from backdrive.thesis import _guided, _square
 from backdrive.thesis import _guided_plots as own
+from backdrive.thesis._balance import balance
 from backdrive.thesis._square import ARM, AXES, SETTING
 from backdrive.thesis.fig_3_8 import claims
 from backdrive.thesis.outcome import Claim, Outcome
@@ -54,7 +55,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
         name="fig-3.10",
         title="Mean and standard deviation of the force peaks, Setup B",
         setting=f"{SETTING} {ROUNDS} squares. Beside it each joint alone, {STROKES} strokes back and forth as on Setup A.",
-        claims=tuple(judged),
+        claims=(*judged, _square.work_check(cases), balance(r for some in single for r in some.values())),
         data={"panels": panels},
         numbers=numbers,
     )

@@ -50,7 +50,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
         name="fig-3.9",
         title="Position, velocity, force and path of the grip, Setup B",
         setting=f"{SETTING} {ROUNDS} squares.",
-        claims=tuple(claims),
+        claims=(*claims, _square.work_check(cases)),
         data={
             "time": PERIOD * np.arange(part.start, part.stop),
             "edges": edges,
