@@ -20,7 +20,8 @@ large a bias each figure notices.
 
 **Counted** are the sentences of the results sections (2.4 to 2.5, 3.2, 3.4.2, 3.5, 3.6.2, 4.2.2, 4.6, 4.7.2) that name a figure
 or table, or point at one ("it can be seen"), as far as they say more than what is drawn; a caption counts where it states a
-result. They were listed before they were judged. Sections are given and no pages: the copy at hand has neither pages nor a table of contents.
+result. They were listed before they were judged. Sections are given and no pages: the copy at hand has neither pages nor a table
+of contents.
 
 - *Reproduced*: on the one Setup A and the one Setup B of `backdrive.thesis.setups`, with the printed numbers, compensators and
   filter.

@@ -41,8 +41,8 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
         Claim(
             what="Aligned, even 5 deg",
             ours="; ".join(f"{j}: {aligned[j][5.0]:.3f} N.m" for j in runs),
-            gate="at most 0.05 N.m",
-            holds=all(aligned[j][5.0] <= 0.05 for j in runs),
+            holds=None,
+            why="At 5 deg the load swings further on the transmission than the motor, whose speed is measured.",
         )
     )
     claims.append(truth_check(r for done in runs.values() for r in done.values()))

@@ -52,6 +52,12 @@ def fixed_rule(facts: Facts) -> dict[str, float]:
     return {"share": share, "stiffness": min(0.72, facts.stiffest / facts.stiffness), "decay": THESIS_DECAY}
 
 
+def full_rule(facts: Facts) -> dict[str, float]:
+    """Return nearly all of R, all of K and a slow decay: where much of what is light lies."""
+    share = 0.95 * rules.largest_share(1.0 - facts.friction[0])
+    return {"share": share, "stiffness": facts.stiffest / facts.stiffness, "decay": 5.0}
+
+
 @on_one_thread
 def tune(
     facts: Facts,
@@ -259,7 +265,7 @@ def _search_numbers(
     elif name == "admit":
         starts = [{"mass": 1.0, "viscosity": 10.0} | {k: 25.0 * g for k, g in filter_gains(stroke).items()}]
     else:
-        starts = [fixed_rule(facts)]
+        starts = [fixed_rule(facts), full_rule(facts)]
     light = name in ("estimate", "admit")
     found = search(goal, seed=seed, starts=starts, width=16 if light else 32, say=say)
     if found.numbers is None:
