@@ -222,7 +222,7 @@ def test_the_fixed_rule_is_proposed_where_it_is_safe_and_better():
 @needs_jit
 def test_a_search_repeats_itself_and_is_safe(quick):
     facts = facts_of(FRICTION, motor_share=0.1)
-    goal = goal_of("backdrive", facts, usual_stroke(facts))
+    goal = goal_of("backdrive", facts, usual_stroke(facts), wish="light")
     first, again = (search(goal, seed=2, width=8) for _ in range(2))
     assert first == again
     assert first.numbers is not None
