@@ -1,0 +1,148 @@
+"""Where the work is done: worker processes of this machine, or a Dask scheduler that is there already.
+
+Left alone, Dask sets `MALLOC_TRIM_THRESHOLD_` to 64 KiB in its workers, which switches off glibc's growing threshold for mapped
+memory: every array above 128 kB is then mapped anew and its pages fault in, which costs a factor of two on joint logs.
+Both thresholds are set here, and linear algebra is kept on one thread a worker.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
+
+from backdrive._blas import VARIABLES
+from backdrive.errors import InvalidInput, require
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+MEMORY = "1.5GiB"  # of a worker, above which it is started again
+WAIT = 8.0  # for a scheduler to answer [s]
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+ENVIRONMENT = {
+    "MALLOC_TRIM_THRESHOLD_": str(1 << 28),
+    "MALLOC_MMAP_THRESHOLD_": str(1 << 28),
+    "NUMBA_NUM_THREADS": "1",
+    **dict.fromkeys(VARIABLES, "1"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Credentials:
+    """Files of a TLS connection (PEM).
+
+    Attributes:
+        authority: certificate of the authority that signed the scheduler's.
+        certificate: of this client.
+        key: of this client.
+    """
+
+    authority: str | None = None
+    certificate: str | None = None
+    key: str | None = None
+
+
+@contextlib.contextmanager
+def local_client(workers: int) -> Iterator[Client]:
+    """Start worker processes here, and end them.
+
+    Args:
+        workers: number of them, a thread each.
+
+    Raises:
+        InvalidInput: the number is not positive.
+    """
+    if workers < 1:
+        raise InvalidInput(f"{workers} workers.", remedy="Give at least one.")
+    dask = _quiet()
+    distributed = require("distributed", "A fleet needs", "fleet")
+    with dask.config.set({"distributed.nanny.pre-spawn-environ": ENVIRONMENT, "distributed.admin.tick.limit": "1h"}):
+        cluster = distributed.LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            dashboard_address=None,
+            memory_limit=MEMORY,
+            security=_security_here(distributed),
+            silence_logs=logging.CRITICAL,
+        )
+        with cluster, distributed.Client(cluster) as client:
+            yield client
+
+
+def _security_here(distributed: Any) -> Any:
+    """Return certificates for this run alone, so that no other user of the machine reaches the workers; none without their library."""
+    try:
+        return distributed.Security.temporary()
+    except ImportError:
+        return None
+
+
+@contextlib.contextmanager
+def remote_client(address: str, credentials: Credentials, *, insecure: bool = False) -> Iterator[Client]:
+    """Connect to a scheduler.
+
+    Args:
+        address: of it, `tls://host:port`.
+        credentials: for TLS; what is absent is as Dask's own configuration says.
+        insecure: allow plain tcp to another host, where whoever reaches the port runs what he likes.
+
+    Raises:
+        InvalidInput: the address is none, would not be encrypted, or nobody answers there.
+    """
+    check_address(address, insecure=insecure)
+    _quiet()
+    distributed = require("distributed", "A fleet needs", "fleet")
+    security = None
+    if address.startswith("tls://"):
+        files = (credentials.authority, credentials.certificate, credentials.key)
+        for file in files:
+            if file is not None and not os.path.isfile(file):
+                raise InvalidInput(f"There is no file {file}.", remedy="Name PEM files with --tls-ca, --tls-cert, --tls-key.")
+        given = dict(zip(("tls_ca_file", "tls_client_cert", "tls_client_key"), files))
+        security = distributed.Security(require_encryption=True, **{k: v for k, v in given.items() if v})
+    try:
+        client = distributed.Client(address, security=security, timeout=WAIT, set_as_default=False)
+    except (OSError, asyncio.TimeoutError, TypeError, ValueError) as error:
+        raise InvalidInput(
+            f"No scheduler answers at {address} ({str(error)[:200] or type(error).__name__}).",
+            remedy="Start `dask scheduler` there, or check address, certificates and network.",
+        ) from error
+    with client:
+        yield client
+
+
+def check_address(address: str, *, insecure: bool) -> None:
+    """Refuse an address of a scheduler that is none, or that is plain tcp to another host.
+
+    Raises:
+        InvalidInput: as said.
+    """
+    parts = urlsplit(address)
+    try:
+        whole = parts.scheme in ("tls", "tcp") and bool(parts.hostname) and bool(parts.port)
+    except ValueError:
+        whole = False
+    if not whole:
+        raise InvalidInput(f"--cluster {address} is no address.", remedy="Give one such as tls://scheduler:8786.")
+    if parts.scheme == "tcp" and parts.hostname not in LOOPBACK and not insecure:
+        raise InvalidInput(
+            f"--cluster {address} is not encrypted: whoever reaches it runs what he likes on the workers.",
+            remedy="Use tls://, or say --insecure in a network that you trust.",
+        )
+
+
+def _quiet() -> Any:
+    """Return dask, its log of reconnections and dying workers silenced: what matters of them is told by the run."""
+    dask = require("dask", "A fleet needs", "fleet")
+    require("distributed", "A fleet needs", "fleet")
+    for name in ("distributed", "tornado", "asyncio"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    return dask
