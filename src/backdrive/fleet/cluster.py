@@ -100,7 +100,7 @@ def remote_client(address: str, credentials: Credentials, *, insecure: bool = Fa
     check_address(address, insecure=insecure)
     _quiet()
     distributed = require("distributed", "A fleet needs", "fleet")
-    security = None
+    security = distributed.Security()
     if address.startswith("tls://"):
         files = (credentials.authority, credentials.certificate, credentials.key)
         for file in files:
@@ -109,6 +109,7 @@ def remote_client(address: str, credentials: Credentials, *, insecure: bool = Fa
         given = dict(zip(("tls_ca_file", "tls_client_cert", "tls_client_key"), files))
         security = distributed.Security(require_encryption=True, **{k: v for k, v in given.items() if v})
     try:
+        asyncio.run(_call(distributed, address, security))
         client = distributed.Client(address, security=security, timeout=WAIT, set_as_default=False)
     except (OSError, asyncio.TimeoutError, TypeError, ValueError) as error:
         raise InvalidInput(
@@ -117,6 +118,19 @@ def remote_client(address: str, credentials: Credentials, *, insecure: bool = Fa
         ) from error
     with client:
         yield client
+
+
+async def _call(distributed: Any, address: str, security: Any) -> None:
+    """Ask a scheduler who it is, within `WAIT`; a client that is refused would leave its threads behind."""
+    arguments = security.get_connection_args("client")
+    if address.startswith("tls://") and arguments.get("ssl_context") is None:
+        raise InvalidInput(
+            f"{address} needs certificates.", remedy="Name PEM files with --tls-ca, --tls-cert and --tls-key."
+        )
+    from distributed.comm import connect
+
+    comm = await asyncio.wait_for(connect(address, timeout=WAIT / 2, **arguments), WAIT)
+    comm.abort()
 
 
 def check_address(address: str, *, insecure: bool) -> None:

@@ -113,9 +113,9 @@ def run(
     if cluster is not None:
         clusters.check_address(cluster, insecure=insecure)
     options = {"reading": dict(reading or {}), "identification": dict(identification or {})}
-    store = replace(Store.open(output, make=True), tag=tag_of(options), options=options, version=_version())
     say("Listing the logs")
     entries = list_logs(source, shard=shard)
+    store = replace(Store.open(output, make=True), tag=tag_of(options), options=options, version=_version())
     with ExitStack() as stack:
         stack.enter_context(store.lock(shard))
         store.save()
