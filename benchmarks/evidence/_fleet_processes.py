@@ -38,7 +38,7 @@ class Use:
 
 
 def processes() -> dict[int, tuple[int, float, int]]:
-    """Return parent, processor time with that of ended children [s] and resident memory [B] of every process, from /proc."""
+    """Return parent, processor time [s] and resident memory [B] of every process, from /proc."""
     table = {}
     for name in os.listdir("/proc"):
         if name.isdigit():
@@ -46,7 +46,7 @@ def processes() -> dict[int, tuple[int, float, int]]:
                 rest = Path(f"/proc/{name}/stat").read_text().rpartition(")")[2].split()
             except OSError:
                 continue
-            table[int(name)] = (int(rest[1]), sum(map(int, rest[11:15])) / TICK, int(rest[21]) * PAGE)
+            table[int(name)] = (int(rest[1]), sum(map(int, rest[11:13])) / TICK, int(rest[21]) * PAGE)
     return table
 
 

@@ -20,10 +20,10 @@ from _fleet_processes import Use, fleet
 SECONDS, RATE, ROBOTS = 20.0, 1000.0, 100
 
 
-def write_logs(folder: Path, count: int, samples: int) -> None:
+def write_logs(folder: Path, count: int, samples: int, *, first: int = 0) -> None:
     """Write logs of robots over days; a sum of sines, Coulomb and viscous friction, inertia, gravity, noise."""
     t = np.arange(samples) / RATE
-    for number in range(count):
+    for number in range(first, first + count):
         robot, day = number % ROBOTS, number // ROBOTS
         draws = np.random.default_rng([77, number])
         q, dq, ddq = np.zeros((3, t.size))
@@ -72,7 +72,8 @@ def main() -> None:
     print(f"load before: {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors; logs of {samples} samples")
     with tempfile.TemporaryDirectory(prefix="fleet-") as scratch:
         place = Path(scratch)
-        write_logs(place / "one", 1, samples)
+        for first in (0, 31 * ROBOTS):  # a log in each of two months is a batch for each of two workers
+            write_logs(place / "one", 1, samples, first=first)
         fleet(place / "one", "-o", place / "first", "--workers", 1)  # fills the cache of compiled kernels
         idle = fleet(place / "one", "-o", place / "second", "--workers", 2).processor
         print(f"starting and ending costs {idle:.1f} s of processor")

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from backdrive.cli import _fleet_answers as answers
 from backdrive.cli import _logs
 from backdrive.cli._output import echo, print_json, table
 from backdrive.cli._output import console as new_console
@@ -27,9 +28,6 @@ class Group(TyperGroup):
         return super().parse_args(ctx, args)
 
 
-Results = Annotated[Path, typer.Option("-o", "--output", help="Folder of the results.")]
-
-
 @_logs.shared
 def run(
     source: Annotated[
@@ -38,7 +36,7 @@ def run(
             metavar="DIR|GLOB|MANIFEST", help="Folder, pattern in quotes, CSV with a column `path`, or s3://bucket/folder."
         ),
     ],
-    output: Results,
+    output: answers.Results,
     workers: Annotated[
         int | None, typer.Option("--workers", help="Processes on this machine.  [default: one a processor]")
     ] = None,
@@ -118,7 +116,7 @@ def _shard(text: str) -> tuple[int, int]:
     raise typer.BadParameter(f"--shard {text}: give i/n with 1 <= i <= n, such as 3/16.")
 
 
-def status(output: Results, as_json: _logs.AsJson = False) -> None:
+def status(output: answers.Results, as_json: _logs.AsJson = False) -> None:
     """Tell what the results hold: robots, logs, days, and what failed why.
 
     Example: backdrive fleet status -o results/
@@ -169,4 +167,15 @@ def simulate(
 
 
 #: Name -> what it does.
-COMMANDS = {"run": run, "status": status, "simulate": simulate}
+COMMANDS = {
+    "run": run,
+    "status": status,
+    "trend": answers.trend,
+    "drifted": answers.drifted,
+    "sql": answers.sql,
+    "page": answers.page,
+    "merge": answers.merge,
+    "rename": answers.rename,
+    "forget": answers.forget,
+    "simulate": simulate,
+}

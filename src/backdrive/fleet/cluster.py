@@ -68,7 +68,7 @@ def local_client(workers: int) -> Iterator[Client]:
             threads_per_worker=1,
             processes=True,
             host="127.0.0.1",
-            dashboard_address=None,
+            dashboard_address="127.0.0.1:0",
             memory_limit=MEMORY,
             security=_security_here(distributed),
             silence_logs=logging.CRITICAL,
