@@ -48,6 +48,7 @@ def run(
     tls_key: Annotated[str | None, typer.Option("--tls-key", help="Key of this client (PEM).")] = None,
     insecure: Annotated[bool, typer.Option("--insecure", help="Allow plain tcp to another host.")] = False,
     shard: Annotated[str, typer.Option("--shard", help="Only part i of n of the logs, for job arrays: 3/16.")] = "1/1",
+    batch: Annotated[int, typer.Option("--batch", help="Logs that one task does at most.")] = 64,
     retry: Annotated[bool, typer.Option("--retry", help="Do logs that failed once more.")] = False,
     again: Annotated[
         list[str] | None, typer.Option("--again", metavar="ROBOT", help="Do this robot again; may be repeated.")
@@ -90,6 +91,7 @@ def run(
             credentials=Credentials(authority=tls_ca, certificate=tls_cert, key=tls_key),
             insecure=insecure,
             shard=part,
+            batch=batch,
             retry=retry,
             progress=say,
         )

@@ -110,7 +110,7 @@ def remote_client(address: str, credentials: Credentials, *, insecure: bool = Fa
         security = distributed.Security(require_encryption=True, **{k: v for k, v in given.items() if v})
     try:
         asyncio.run(_call(distributed, address, security))
-        client = distributed.Client(address, security=security, timeout=WAIT, set_as_default=False)
+        client = distributed.Client(address, security=security, timeout=WAIT)
     except (OSError, asyncio.TimeoutError, TypeError, ValueError) as error:
         raise InvalidInput(
             f"No scheduler answers at {address} ({str(error)[:200] or type(error).__name__}).",

@@ -20,7 +20,7 @@ from backdrive.fleet.work import Batch, do_batch, failure, tag_of
 BYTES = 8 << 20  # of logs in a batch, about a second and a half of work [B]
 LOGS = 64  # in a batch at most
 IN_FLIGHT = 4  # batches a worker that the scheduler knows of at a time, and as many again
-SHORT = 4  # batches below which no cluster is started where none is needed
+NOBODY = clusters.Credentials()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,9 +80,10 @@ def run(
     identification: Mapping[str, Any] | None = None,
     workers: int | None = None,
     cluster: str | None = None,
-    credentials: clusters.Credentials = clusters.Credentials(),
+    credentials: clusters.Credentials = NOBODY,
     insecure: bool = False,
     shard: tuple[int, int] = (1, 1),
+    batch: int = LOGS,
     retry: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Outcome:
@@ -98,6 +99,7 @@ def run(
         credentials: for that.
         insecure: allow plain tcp to another host.
         shard: i of n: only this part of the logs, for job arrays.
+        batch: logs that one task does at most.
         retry: do logs that failed once more.
         progress: called with a sentence now and then.
 
@@ -108,6 +110,8 @@ def run(
     begun = monotonic()
     require_fleet()
     index, count = shard
+    if batch < 1:
+        raise InvalidInput(f"{batch} logs in a batch.", remedy="Give at least one.")
     if not 1 <= index <= count:
         raise InvalidInput(f"Shard {index}/{count}.", remedy="Give i/n with 1 <= i <= n.")
     if cluster is not None:
@@ -121,7 +125,7 @@ def run(
         store.save()
         sentences = store.set_torn_aside() if count == 1 else []
         pending = _pending(store, entries, retry)
-        batches = list(cut(pending, store.tag))
+        batches = list(cut(pending, store.tag, batch))
         tally = Tally(len(pending))
         if batches:
             say(f"{len(pending)} of {len(entries)} logs to do; starting the workers")
@@ -152,12 +156,13 @@ def _version() -> str:
     return __version__
 
 
-def cut(entries: Sequence[LogEntry], tag: str) -> Iterator[Batch]:
+def cut(entries: Sequence[LogEntry], tag: str, most: int = LOGS) -> Iterator[Batch]:
     """Yield batches of about equal work, each of one month; the same for the same logs, however many workers there are.
 
     Args:
         entries: in the order of their paths.
         tag: of options and version.
+        most: logs in a batch.
     """
     months: dict[str, list[LogEntry]] = {}
     for entry in entries:
@@ -166,7 +171,7 @@ def cut(entries: Sequence[LogEntry], tag: str) -> Iterator[Batch]:
         part: list[LogEntry] = []
         size = 0
         for entry in months[month]:
-            if part and (size + entry.size > BYTES or len(part) == LOGS):
+            if part and (size + entry.size > BYTES or len(part) >= most):
                 yield _batch(month, part, tag)
                 part, size = [], 0
             part.append(entry)
@@ -218,14 +223,12 @@ def _work(
         under_way[future.key] = (future, batch)
         events.add(future)
 
-    def fill() -> None:
-        most = 2 * IN_FLIGHT * max(1, len(client.ncores()) if not under_way else fill.workers)  # type: ignore[attr-defined]
-        for batch in queue:
-            submit(batch)
-            if len(under_way) >= most:
-                break
+    most = 2 * IN_FLIGHT * max(1, len(client.ncores()))
 
-    fill.workers = max(1, len(client.ncores()))  # type: ignore[attr-defined]
+    def fill() -> None:
+        while len(under_way) < most and (batch := next(queue, None)) is not None:
+            submit(batch)
+
     fill()
     while under_way:
         future = next(events)
@@ -274,8 +277,10 @@ def check_workers(client: Any, store: Store) -> None:
     Raises:
         InvalidInput: as said.
     """
-    if not client.ncores():
-        raise InvalidInput("The cluster has no workers.", remedy="Start `dask worker` at its scheduler.")
+    try:
+        client.wait_for_workers(1, timeout=clusters.WAIT)
+    except TimeoutError as error:
+        raise InvalidInput("The cluster has no workers.", remedy="Start `dask worker` at its scheduler.") from error
     try:
         answers = client.run(probe, str(store.folder.resolve()), _version())
     except Exception as error:
