@@ -72,7 +72,7 @@ def watch(*command: object, interval: float = 0.2) -> Use:
     while process.poll() is None:
         table = processes()
         for pid in tree(process.pid, table):
-            parent, seconds, memory = table.get(pid, (0, 0.0, 0))
+            _, seconds, memory = table.get(pid, (0, 0.0, 0))
             spent[pid] = max(seconds, spent.get(pid, 0.0))
             if pid == process.pid:
                 use.parent = max(use.parent, memory)

@@ -18,7 +18,9 @@ def correlated(draws: np.random.Generator, shape: tuple[int, int], rho: float) -
     return e
 
 
-def rows(seed: int, joints: int, share: float, *, thermometer: float = 0.0, step: float = 0.0) -> dict[str, np.ndarray]:
+def rows(
+    seed: int, joints: int, share: float, *, thermometer: float = 0.0, step: float = 0.0
+) -> dict[str, np.ndarray]:
     """Return constant and viscous part, temperature, (joints, days), which joints ramp and which step, (joints,).
 
     Args:

@@ -1,7 +1,7 @@
 """Whose friction has changed: joints found, false alarms, dates with their intervals, and robots unlike their siblings.
 
-5,000 joints a fleet, daily for 180 days, repeatability 2 %, day-to-day correlation 0.6, seasons of 15 %; 2 % of the joints ramp by 10 %
-in the last 60 days. Rows are drawn by numpy (`_fleet_rows.py`); some joints also from logs, through `backdrive fleet`.
+5,000 joints a fleet, daily for 180 days, repeatability 2 %, day-to-day correlation 0.6, seasons of 15 %; 2 % of the joints ramp by
+10 % in the last 60 days. Rows are drawn by numpy (`_fleet_rows.py`); some joints also from logs, through `backdrive fleet`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,15 @@ def joints_of(drawn: dict[str, np.ndarray]) -> list[History]:
     parts = zip(drawn["constant"], drawn["viscous"], drawn["temperature"])
     return [
         History(
-            robot=f"r{i:04d}", type="", joint="j1", unit="rad", day=day, constant=c, viscous=v, temperature=T, speed=1.0
+            robot=f"r{i:04d}",
+            type="",
+            joint="j1",
+            unit="rad",
+            day=day,
+            constant=c,
+            viscous=v,
+            temperature=T,
+            speed=1.0,
         )
         for i, (c, v, T) in enumerate(parts)
     ]
@@ -59,7 +67,9 @@ def changed(judge: Judge, seed: int, fleets: int, joints: int) -> None:
         o, i = dates([one for one, r in zip(result, right) if r], float(drawn["begin"]))
         off, inside = off + o, inside + i
         shapes += [one.shape == "ramp" for one, r in zip(result, right) if r]
-        print(f"  fleet {k}: {named.sum()} named, {right.sum()} rightly; {spent:.1f} s of processor", flush=True)
+        print(
+            f"  fleet {k}: {named.sum()} named, {right.sum()} rightly; {spent:.1f} s of processor", flush=True
+        )
     judge.that(f"found {100 * np.mean(found):.1f} % of what ramps (at least 90)", np.mean(found) >= 0.9)
     judge.that(f"mean share of false {100 * np.mean(false):.2f} % (at most 6)", np.mean(false) <= 0.06)
     near, covered = float(np.mean(np.abs(off) <= 7)), float(np.mean(inside))
@@ -67,7 +77,9 @@ def changed(judge: Judge, seed: int, fleets: int, joints: int) -> None:
         f"onset within 7 days in {100 * near:.0f} % (80), or inside its interval in {100 * covered:.1f} % (90 to 98)",
         near >= 0.8 or 0.9 <= covered <= 0.98,
     )
-    print(f"  ramps called ramps: {100 * np.mean(shapes):.0f} %; onset off by {np.median(np.abs(off)):.0f} days in the median")
+    print(
+        f"  ramps called ramps: {100 * np.mean(shapes):.0f} %; onset off by {np.median(np.abs(off)):.0f} days in the median"
+    )
 
 
 def unchanged(judge: Judge, seed: int, fleets: int, joints: int, thermometer: float = 0.0) -> int:
@@ -78,7 +90,10 @@ def unchanged(judge: Judge, seed: int, fleets: int, joints: int, thermometer: fl
         alarms += any(one.named for one in result)
         ratio.append([np.mean([one.p <= level for one in result]) / level for level in (0.1, 0.01, 0.001)])
     shares = ", ".join(f"{r:.2f} at {a:g}" for r, a in zip(np.mean(ratio, axis=0), (0.1, 0.01, 0.001)))
-    print(f"  p-values below a level, by that level: {shares} (thermometer noise {thermometer:g} degC)", flush=True)
+    print(
+        f"  p-values below a level, by that level: {shares} (thermometer noise {thermometer:g} degC)",
+        flush=True,
+    )
     return alarms
 
 
@@ -90,7 +105,9 @@ def steps(seed: int, joints: int) -> None:
         mine = [one for one, is_it in zip(result, drawn[name]) if is_it and one.named]
         right, sure = sum(one.shape == shape for one in mine), sum(one.sure for one in mine)
         wrong = sum(one.sure and one.shape != shape for one in mine)
-        print(f"  {name}: {len(mine)} of {drawn[name].sum()} named, {right} called {shape}; {sure} surely, {wrong} of these wrongly")
+        print(
+            f"  {name}: {len(mine)} of {drawn[name].sum()} named, {right} called {shape}; {sure} surely, {wrong} of these wrongly"
+        )
 
 
 def siblings(judge: Judge, seed: int, fleets: int) -> None:
@@ -139,7 +156,9 @@ def from_logs(judge: Judge, seed: int, joints: int) -> None:
         result = drifts(histories(Store.open(place / "results").table(), today=FIRST + 400))
     named = np.array([one.named for one in result])
     right, wrong = int((named & drawn["ramps"]).sum()), int((named & ~drawn["ramps"]).sum())
-    print(f"  {joints} joints from logs, every {every} days: {use.wall:.0f} s, {use.processor:.0f} s of processor")
+    print(
+        f"  {joints} joints from logs, every {every} days: {use.wall:.0f} s, {use.processor:.0f} s of processor"
+    )
     sentence = f"from logs: {right} of {drawn['ramps'].sum()} ramps found, {wrong} others named"
     if joints < 100:
         print(f"  {sentence} (too few to judge)")

@@ -1,6 +1,7 @@
 """A fleet's run under faults: killed workers, schedulers and clients, full disks, torn files, clocks that go back, two clients.
 
-A real Dask scheduler and workers are separate processes on loopback with TLS. At the end the table must be that of an undisturbed run.
+A real Dask scheduler and workers are separate processes on loopback with TLS. At the end the table must be
+that of an undisturbed run.
 """
 
 from __future__ import annotations
@@ -50,7 +51,11 @@ class Plant:
         from distributed import Security
 
         self.folder, folder_ = folder, Security.temporary()
-        for name, text in (("ca", folder_.tls_ca_file), ("cert", folder_.tls_client_cert), ("key", folder_.tls_client_key)):
+        for name, text in (
+            ("ca", folder_.tls_ca_file),
+            ("cert", folder_.tls_client_cert),
+            ("key", folder_.tls_client_key),
+        ):
             (folder / f"{name}.pem").write_text(text)
         self.port = 28_000 + os.getpid() % 2000
         self.address = f"tls://127.0.0.1:{self.port}"
@@ -61,12 +66,28 @@ class Plant:
         """Return the options that name the certificates."""
         pem = self.folder
         if file == "file":
-            return ["--tls-ca-file", str(pem / "ca.pem"), "--tls-cert", str(pem / "cert.pem"), "--tls-key", str(pem / "key.pem")]
-        return ["--tls-ca", str(pem / "ca.pem"), "--tls-cert", str(pem / "cert.pem"), "--tls-key", str(pem / "key.pem")]
+            return [
+                "--tls-ca-file",
+                str(pem / "ca.pem"),
+                "--tls-cert",
+                str(pem / "cert.pem"),
+                "--tls-key",
+                str(pem / "key.pem"),
+            ]
+        return [
+            "--tls-ca",
+            str(pem / "ca.pem"),
+            "--tls-cert",
+            str(pem / "cert.pem"),
+            "--tls-key",
+            str(pem / "key.pem"),
+        ]
 
     def _start(self, what: str, *options: str) -> subprocess.Popen:
         log = open(self.folder / "dask.log", "ab")  # noqa: SIM115  (the process keeps it)
-        return subprocess.Popen([sys.executable, "-m", "distributed.cli." + what, *options, *self.tls()], stdout=log, stderr=log)
+        return subprocess.Popen(
+            [sys.executable, "-m", "distributed.cli." + what, *options, *self.tls()], stdout=log, stderr=log
+        )
 
     def mend(self) -> None:
         """Start what is not running."""
@@ -76,13 +97,29 @@ class Plant:
                 worker.wait()
             self.workers = []
             self.scheduler = self._start(
-                "dask_scheduler", "--protocol", "tls", "--host", "127.0.0.1", "--port", str(self.port), "--no-dashboard"
+                "dask_scheduler",
+                "--protocol",
+                "tls",
+                "--host",
+                "127.0.0.1",
+                "--port",
+                str(self.port),
+                "--no-dashboard",
             )
             time.sleep(1.0)
         self.workers = [w for w in self.workers if w.poll() is None]
         while len(self.workers) < 2:
             self.workers.append(
-                self._start("dask_worker", self.address, "--nthreads", "1", "--no-nanny", "--no-dashboard", "--host", "127.0.0.1")
+                self._start(
+                    "dask_worker",
+                    self.address,
+                    "--nthreads",
+                    "1",
+                    "--no-nanny",
+                    "--no-dashboard",
+                    "--host",
+                    "127.0.0.1",
+                )
             )
 
     def end(self) -> None:
@@ -95,13 +132,29 @@ class Plant:
 
 def command(logs: Path, results: Path, *more: object) -> list[str]:
     """Return the words of a run."""
-    return [sys.executable, "-m", "backdrive", "fleet", str(logs), "-o", str(results), "--batch", "3", *map(str, more)]
+    return [
+        sys.executable,
+        "-m",
+        "backdrive",
+        "fleet",
+        str(logs),
+        "-o",
+        str(results),
+        "--batch",
+        "3",
+        *map(str, more),
+    ]
 
 
 def run(logs: Path, results: Path, *more: object, **environment: str) -> subprocess.CompletedProcess:
     """Run a fleet to its end."""
     return subprocess.run(
-        command(logs, results, *more), capture_output=True, text=True, check=False, env=os.environ | environment, timeout=600
+        command(logs, results, *more),
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | environment,
+        timeout=600,
     )
 
 
@@ -109,7 +162,10 @@ def same(judge: Judge, what: str, results: Path, reference: Path) -> None:
     """Require the table of an undisturbed run, nothing lost and nothing doubled."""
     one, other = Store.open(results).table(), Store.open(reference).table()
     raw = Store.open(results).raw(["path"]).num_rows
-    judge.that(f"{what}: {one.num_rows} of {other.num_rows} rows, equal: {one.equals(other)} ({raw} rows in files)", one.equals(other))
+    judge.that(
+        f"{what}: {one.num_rows} of {other.num_rows} rows, equal: {one.equals(other)} ({raw} rows in files)",
+        one.equals(other),
+    )
 
 
 def kills(judge: Judge, place: Path, logs: Path, reference: Path, seed: int, count: int) -> None:
@@ -132,7 +188,13 @@ def kills(judge: Judge, place: Path, logs: Path, reference: Path, seed: int, cou
                 if client.poll() is not None:
                     break
                 victim = draws.choice(["worker", "worker", "scheduler", "client"])
-                process = client if victim == "client" else plant.scheduler if victim == "scheduler" else plant.workers[0]
+                process = (
+                    client
+                    if victim == "client"
+                    else plant.scheduler
+                    if victim == "scheduler"
+                    else plant.workers[0]
+                )
                 assert process is not None
                 if process.poll() is None:
                     process.send_signal(signal.SIGKILL)
@@ -179,7 +241,9 @@ def full(judge: Judge, place: Path, logs: Path, reference: Path) -> None:
     """A disk that fills up stops the run; with room it goes on."""
     disk = place / "disk"
     disk.mkdir()
-    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=40k", "none", disk], capture_output=True, check=False).returncode:
+    if subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=40k", "none", disk], capture_output=True, check=False
+    ).returncode:
         print("  a small disk cannot be mounted here (not root): full disk not tried")
         judge.that("full disk tried", False)
         return
@@ -215,7 +279,9 @@ def backwards(judge: Judge, place: Path, logs: Path, reference: Path) -> None:
     (shim / "sitecustomize.py").write_text(CLOCK)
     path = os.pathsep.join([str(shim), os.environ.get("PYTHONPATH", "")])
     outcome = run(logs, place / "backwards", "--workers", 2, PYTHONPATH=path)
-    judge.that(f"a clock that goes back: exit {outcome.returncode} {outcome.stderr[-200:]}", outcome.returncode == 0)
+    judge.that(
+        f"a clock that goes back: exit {outcome.returncode} {outcome.stderr[-200:]}", outcome.returncode == 0
+    )
     same(judge, "by that clock", place / "backwards", reference)
 
 
@@ -238,9 +304,11 @@ def together(judge: Judge, place: Path, logs: Path, reference: Path) -> None:
 def main() -> None:
     options = parser(__doc__)
     options.add_argument("--seed", type=int)
+    options.add_argument("--kills", type=int, help="in the place of 30")
     given = options.parse_args()
     seed, judge = first_seed(given.seed), Judge()
     robots, days, count = (3, 6, 2) if given.short else (6, 20, 30)
+    count = given.kills or count
     with tempfile.TemporaryDirectory(prefix="fleet-") as scratch:
         place = Path(scratch)
         logs, reference = place / "logs", place / "reference"

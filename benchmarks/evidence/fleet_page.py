@@ -63,7 +63,11 @@ class Browser:
         message = {"id": self.number, "method": method, "params": parameters}
         message |= {"sessionId": self.session} if self.session else {}
         data, mask = json.dumps(message).encode(), os.urandom(4)
-        size = bytes([0x80 | 126]) + len(data).to_bytes(2, "big") if len(data) > 125 else bytes([0x80 | len(data)])
+        size = (
+            bytes([0x80 | 126]) + len(data).to_bytes(2, "big")
+            if len(data) > 125
+            else bytes([0x80 | len(data)])
+        )
         self.socket.sendall(b"\x81" + size + mask + bytes(b ^ mask[i % 4] for i, b in enumerate(data)))
         while True:
             answer = json.loads(self.frame())
@@ -107,7 +111,13 @@ def opened(judge: Judge, program: str, page: Path, width: int, folder: Path, joi
         browser.call("Network.enable")
         browser.call("Page.enable")
         browser.call("Runtime.enable")
-        browser.call("Emulation.setDeviceMetricsOverride", width=width, height=844, deviceScaleFactor=1, mobile=width < 500)
+        browser.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=844,
+            deviceScaleFactor=1,
+            mobile=width < 500,
+        )
         begun = time.perf_counter()
         browser.call("Page.navigate", url=page.as_uri())
         while not browser.value(READY):
@@ -132,21 +142,30 @@ def opened(judge: Judge, program: str, page: Path, width: int, folder: Path, joi
         judge.that("a click opens the history", "r0123/j1" in text and "Friction at" in text)
         lines = browser.value("document.querySelectorAll('#one path').length")
         judge.that("with its picture", lines == 1)
-        box = browser.value("(r => [r.left, r.right])(document.getElementById('one').getBoundingClientRect())")
+        box = browser.value(
+            "(r => [r.left, r.right])(document.getElementById('one').getBoundingClientRect())"
+        )
         judge.that(f"that fits the screen ({box[0]:.0f} to {box[1]:.0f} px)", box[0] >= 0 and box[1] <= width)
-        browser.value("document.getElementById('one').close(); search.value=''; search.dispatchEvent(new Event('input')); 1")
-        browser.value("window.scrollTo(0, 1e9); new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))")
+        browser.value(
+            "document.getElementById('one').close(); search.value=''; search.dispatchEvent(new Event('input')); 1"
+        )
+        browser.value(
+            "window.scrollTo(0, 1e9); new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))"
+        )
         last = browser.value("document.querySelectorAll('.card').length")
         judge.that(f"{last} cards at the end of the page", last > 0)
         outside = [
             e["params"]["request"]["url"]
             for e in browser.events
-            if e.get("method") == "Network.requestWillBeSent" and not e["params"]["request"]["url"].startswith(("file:", "data:"))
+            if e.get("method") == "Network.requestWillBeSent"
+            and not e["params"]["request"]["url"].startswith(("file:", "data:"))
         ]
         judge.that(f"{len(outside)} requests to a network", not outside)
         errors = [e for e in browser.events if e.get("method") == "Runtime.exceptionThrown"]
         judge.that(f"{len(errors)} errors of scripts", not errors)
-        hostile = browser.value("window.hostile === undefined && document.querySelectorAll('b img, main script').length === 0")
+        hostile = browser.value(
+            "window.hostile === undefined && document.querySelectorAll('b img, main script').length === 0"
+        )
         judge.that("a hostile name ran nothing", hostile)
     finally:
         browser.close()
@@ -175,7 +194,11 @@ def main() -> None:
         write_page(page, drifts(histories), sentences=[f"{joints} joints"])
         size = page.stat().st_size / 1e6
         judge.at_most(f"page of {joints} joints [MB]", size, 10.0 if not given.short else 1.0)
-        judge.that("no address of a network in it", b"http" not in page.read_bytes().replace(b"http-equiv", b"").replace(b"http://www.w3.org/2000/svg", b""))
+        judge.that(
+            "no address of a network in it",
+            b"http"
+            not in page.read_bytes().replace(b"http-equiv", b"").replace(b"http://www.w3.org/2000/svg", b""),
+        )
         for width in (1280, 390):
             opened(judge, program, page, width, Path(scratch), joints)
     judge.end()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from datetime import date
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -39,7 +40,9 @@ def trend(
     known = {one.name: one for one in joints}
     if joint not in known:
         near = sorted(name for name in known if joint.lower() in name.lower())[:5] or sorted(known)[:5]
-        raise InvalidInput(f"There is no joint '{joint}' in {output}.", remedy=f"There are: {', '.join(near)} ...")
+        raise InvalidInput(
+            f"There is no joint '{joint}' in {output}.", remedy=f"There are: {', '.join(near)} ..."
+        )
     from backdrive.fleet.drift import drifts
 
     drift = next(one for one in drifts(joints) if one.history.name == joint)
@@ -65,7 +68,8 @@ def trend(
 def drifted(
     output: Results,
     since: Annotated[
-        str | None, typer.Option("--since", metavar="DATE", help="Only changes that may have begun since this day.")
+        str | None,
+        typer.Option("--since", metavar="DATE", help="Only changes that may have begun since this day."),
     ] = None,
     rate: Rate = 0.05,
     as_json: _logs.AsJson = False,
@@ -79,7 +83,7 @@ def drifted(
     first = _date(since, "--since") if since else None
     every, apart = _judged(output, rate, first)
     named = sorted((one for one in every if one.named), key=lambda one: -abs(one.size))
-    tested = sum(one.p == one.p for one in every)
+    tested = sum(isfinite(one.p) for one in every)
     if as_json:
         print_json(
             {
@@ -92,7 +96,9 @@ def drifted(
         )
     else:
         console = new_console()
-        console.print(f"{len(named)} of {tested} joints have changed; {len(every) - tested} histories are too short to tell.")
+        console.print(
+            f"{len(named)} of {tested} joints have changed; {len(every) - tested} histories are too short to tell."
+        )
         if named:
             rows = table("joint", "change", "since", "interval", "shape", "q", text=("joint", "shape"))
             for one in named:
@@ -113,7 +119,9 @@ def drifted(
 
 
 def sql(
-    question: Annotated[str, typer.Argument(metavar="SELECT", help="Over the tables `results` and `failures`.")],
+    question: Annotated[
+        str, typer.Argument(metavar="SELECT", help="Over the tables `results` and `failures`.")
+    ],
     output: Results,
     most: Annotated[int, typer.Option("--most", help="Rows that are printed.")] = 1000,
     as_json: _logs.AsJson = False,
@@ -141,7 +149,8 @@ def merge(
     output: Results,
     population: Annotated[Path, typer.Option("--population", help="Document to write (JSON).")],
     model: Annotated[
-        Path | None, typer.Option("--model", help="Model file of the mean robot; errors are the spread between robots.")
+        Path | None,
+        typer.Option("--model", help="Model file of the mean robot; errors are the spread between robots."),
     ] = None,
     type: Annotated[str, typer.Option("--type", help="Of the robots of --model.")] = "",
 ) -> None:
@@ -159,7 +168,8 @@ def merge(
     for one in result.members:
         spread = [100.0 * row[i] ** 0.5 for i, row in enumerate(one.between)]
         echo(
-            f"{one.type or 'robots'}, {one.joint}: {one.robots} robots, spread {spread[0]:.1f} % constant, {spread[1]:.1f} % viscous"
+            f"{one.type or 'robots'}, {one.joint}: {one.robots} robots, spread "
+            f"{spread[0]:.1f} % constant, {spread[1]:.1f} % viscous"
             + (f"; left out: {', '.join(one.left_out)}" if one.left_out else "")
         )
 
@@ -168,7 +178,10 @@ def page(
     output: Results,
     target: Annotated[Path, typer.Option("--page", help="HTML file to write.")] = Path("fleet.html"),
     reports: Annotated[
-        int, typer.Option("--reports", help="Joints, the worst first, whose last log gets a report beside the page.")
+        int,
+        typer.Option(
+            "--reports", help="Joints, the worst first, whose last log gets a report beside the page."
+        ),
     ] = 0,
     rate: Rate = 0.05,
 ) -> None:
@@ -184,12 +197,20 @@ def page(
         say("Judging the joints")
         every, apart = _judged(output, rate, None)
         links = _reports(output, target, every, reports, say)
-        write_page(target, every, apart, sentences=status(output)["sentences"], reports=links, title=f"Fleet {output.name}")
+        write_page(
+            target,
+            every,
+            apart,
+            sentences=status(output)["sentences"],
+            reports=links,
+            title=f"Fleet {output.name}",
+        )
     echo(f"{len(every)} joints in {target}.")
 
 
 def forget(
-    robot: Annotated[str, typer.Argument(help="Whose results are removed, under all its names.")], output: Results
+    robot: Annotated[str, typer.Argument(help="Whose results are removed, under all its names.")],
+    output: Results,
 ) -> None:
     """Remove a robot from the results; the next run does it again where its logs are still listed.
 
@@ -203,7 +224,9 @@ def forget(
 
 
 def rename(
-    pairs: Annotated[list[str], typer.Argument(metavar="OLD=NEW", help="Former and present name of a robot.")],
+    pairs: Annotated[
+        list[str], typer.Argument(metavar="OLD=NEW", help="Former and present name of a robot.")
+    ],
     output: Results,
 ) -> None:
     """Say that a robot has another name now, so that both histories are one.
@@ -248,7 +271,10 @@ def _date(text: str, option: str) -> date:
 
 def _drift_row(one: Drift) -> dict[str, Any]:
     names = ("p", "q", "named", "part", "shape", "sure", "size", "error", "season", "warmth", "sentence")
-    dates = {"onset": one.onset and str(one.onset), "interval": one.interval and [str(day) for day in one.interval]}
+    dates = {
+        "onset": one.onset and str(one.onset),
+        "interval": one.interval and [str(day) for day in one.interval],
+    }
     return {"joint": one.history.name} | {name: getattr(one, name) for name in names} | dates
 
 
@@ -256,7 +282,7 @@ def _days(one: History) -> list[dict[str, Any]]:
     columns = zip(one.dates(), one.level, one.constant, one.viscous, one.temperature, one.path)
     return [
         {"day": str(d), "level": float(x), "constant": float(c), "viscous": float(v), "path": path}
-        | {"temperature": float(T) if T == T else None}
+        | {"temperature": float(T) if isfinite(T) else None}
         for d, x, c, v, T, path in columns
     ]
 

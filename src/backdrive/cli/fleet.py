@@ -10,10 +10,9 @@ from typer.core import TyperGroup
 
 from backdrive.cli import _fleet_answers as answers
 from backdrive.cli import _logs
-from backdrive.cli._output import echo, print_json, table
 from backdrive.cli._output import console as new_console
+from backdrive.cli._output import echo, print_json, table
 from backdrive.cli._progress import progress
-
 
 HELP = "Identify the logs of a fleet, and tell whose friction is changing: backdrive fleet logs/ -o results/"
 
@@ -33,7 +32,8 @@ def run(
     source: Annotated[
         list[str],
         typer.Argument(
-            metavar="DIR|GLOB|MANIFEST", help="Folder, pattern in quotes, CSV with a column `path`, or s3://bucket/folder."
+            metavar="DIR|GLOB|MANIFEST",
+            help="Folder, pattern in quotes, CSV with a column `path`, or s3://bucket/folder.",
         ),
     ],
     output: answers.Results,
@@ -43,21 +43,29 @@ def run(
     cluster: Annotated[
         str | None, typer.Option("--cluster", help="A Dask scheduler to use instead: tls://host:8786.")
     ] = None,
-    tls_ca: Annotated[str | None, typer.Option("--tls-ca", help="Certificate of its authority (PEM).")] = None,
-    tls_cert: Annotated[str | None, typer.Option("--tls-cert", help="Certificate of this client (PEM).")] = None,
+    tls_ca: Annotated[
+        str | None, typer.Option("--tls-ca", help="Certificate of its authority (PEM).")
+    ] = None,
+    tls_cert: Annotated[
+        str | None, typer.Option("--tls-cert", help="Certificate of this client (PEM).")
+    ] = None,
     tls_key: Annotated[str | None, typer.Option("--tls-key", help="Key of this client (PEM).")] = None,
     insecure: Annotated[bool, typer.Option("--insecure", help="Allow plain tcp to another host.")] = False,
-    shard: Annotated[str, typer.Option("--shard", help="Only part i of n of the logs, for job arrays: 3/16.")] = "1/1",
+    shard: Annotated[
+        str, typer.Option("--shard", help="Only part i of n of the logs, for job arrays: 3/16.")
+    ] = "1/1",
     batch: Annotated[int, typer.Option("--batch", help="Logs that one task does at most.")] = 64,
     retry: Annotated[bool, typer.Option("--retry", help="Do logs that failed once more.")] = False,
     again: Annotated[
-        list[str] | None, typer.Option("--again", metavar="ROBOT", help="Do this robot again; may be repeated.")
+        list[str] | None,
+        typer.Option("--again", metavar="ROBOT", help="Do this robot again; may be repeated."),
     ] = None,
     reading: _logs.Reading = _logs.USUAL,
     law: Annotated[str | None, typer.Option("--law", help="As in `backdrive identify`.")] = None,
     method: Annotated[str, typer.Option("--method", help="As in `backdrive identify`.")] = "auto",
     symmetric: Annotated[
-        bool | None, typer.Option("--symmetric/--by-direction", help="As in `backdrive identify`.  [default: by data]")
+        bool | None,
+        typer.Option("--symmetric/--by-direction", help="As in `backdrive identify`.  [default: by data]"),
     ] = None,
     accept: _logs.Accept = None,
     repair: _logs.Repair = False,
@@ -85,7 +93,9 @@ def run(
             source,
             output,
             reading=given,
-            identification={name: value for name, value in chosen.items() if value not in (None, [], False, "auto")},
+            identification={
+                name: value for name, value in chosen.items() if value not in (None, [], False, "auto")
+            },
             workers=workers,
             cluster=cluster,
             credentials=Credentials(authority=tls_ca, certificate=tls_cert, key=tls_key),
@@ -101,7 +111,9 @@ def run(
         print_json({"ok": True} | asdict(outcome))
         return
     rate = f", {outcome.done / outcome.seconds:.3g} a second" if outcome.done else ""
-    echo(f"{outcome.logs} logs: {outcome.done} done in {outcome.seconds:.1f} s{rate}, {outcome.kept} were done before.")
+    echo(
+        f"{outcome.logs} logs: {outcome.done} done in {outcome.seconds:.1f} s{rate}, {outcome.kept} were done before."
+    )
     if outcome.failed:
         echo(f"{outcome.failed} of them failed: backdrive fleet status -o {output} says why.")
     for sentence in outcome.sentences:

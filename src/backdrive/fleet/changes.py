@@ -91,7 +91,7 @@ def cut_outliers(values: np.ndarray) -> np.ndarray:
 
 
 def correlation(day: np.ndarray, values: np.ndarray, design: np.ndarray) -> np.ndarray:
-    """Return correlations of what constant, temperature and a slow curve leave, one and two days apart [-], (2, c); too small by chance.
+    """Return correlations of what constant, temperature and a slow curve leave, one and two days apart [-], (2, c); biased low.
 
     Args:
         day: of the values, (n,).
@@ -111,16 +111,18 @@ def correlation(day: np.ndarray, values: np.ndarray, design: np.ndarray) -> np.n
 
 
 def carried(correlations: np.ndarray) -> float:
-    """Return the share that is carried from day to day where noise of single days lies on top, by medians of (2, c): c_2 / c_1 [-]."""
+    """Return what is carried from day to day where noise of single days lies on top, c_2 / c_1 of the medians of (2, c) [-]."""
     one, two = np.median(correlations, axis=1)
     return float(np.clip(two / one, 0.0, MOST)) if one > 0.05 else 0.0
 
 
-def true_correlation(found: np.ndarray, day: np.ndarray, design: np.ndarray, sizes: np.ndarray, seed: int) -> np.ndarray:
+def true_correlation(
+    found: np.ndarray, day: np.ndarray, design: np.ndarray, sizes: np.ndarray, seed: int
+) -> np.ndarray:
     """Return the correlation of every joint, free of bias, drawn to what all have in common, (m,).
 
-    Both are known from series drawn with known correlations, as the estimates of this very program (Andrews, Econometrica 61, 1993).
-    From `FEW` joints on noise of single days, as of a thermometer, is told from what is carried over by the second day.
+    Both are known from series drawn with known correlations, as the estimates of this very program
+    (Andrews, Econometrica 61, 1993). From `FEW` joints on noise of single days, as of a thermometer, is told from what is carried over by the second day.
 
     Args:
         found: of `correlation`, (2, m).
@@ -262,7 +264,9 @@ def date_change(one: Series, part: int) -> Onset:
     freedom = max(one.freedom - 1, 1)
     best = [float(rest.min()) for rest, _, _ in fits]
     clear = CLEAR * min(best) / freedom
-    kind = int(best[1] + clear < best[0])  # a ramp may be as steep as a step: a step it is only where that is clearly better
+    kind = int(
+        best[1] + clear < best[0]
+    )  # a ramp may be as steep as a step: a step it is only where that is clearly better
     rest, amount, squares = fits[kind]
     at = int(np.argmin(rest))
     variance = best[kind] / freedom

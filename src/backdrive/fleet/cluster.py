@@ -62,7 +62,9 @@ def local_client(workers: int) -> Iterator[Client]:
         raise InvalidInput(f"{workers} workers.", remedy="Give at least one.")
     dask = _quiet()
     distributed = require("distributed", "A fleet needs", "fleet")
-    with dask.config.set({"distributed.nanny.pre-spawn-environ": ENVIRONMENT, "distributed.admin.tick.limit": "1h"}):
+    with dask.config.set(
+        {"distributed.nanny.pre-spawn-environ": ENVIRONMENT, "distributed.admin.tick.limit": "1h"}
+    ):
         cluster = distributed.LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
@@ -78,7 +80,7 @@ def local_client(workers: int) -> Iterator[Client]:
 
 
 def _security_here(distributed: Any) -> Any:
-    """Return certificates for this run alone, so that no other user of the machine reaches the workers; none without their library."""
+    """Return certificates for this run alone, so that nobody else on the machine reaches the workers; none without `cryptography`."""
     try:
         return distributed.Security.temporary()
     except ImportError:
@@ -105,13 +107,15 @@ def remote_client(address: str, credentials: Credentials, *, insecure: bool = Fa
         files = (credentials.authority, credentials.certificate, credentials.key)
         for file in files:
             if file is not None and not os.path.isfile(file):
-                raise InvalidInput(f"There is no file {file}.", remedy="Name PEM files with --tls-ca, --tls-cert, --tls-key.")
+                raise InvalidInput(
+                    f"There is no file {file}.", remedy="Name PEM files with --tls-ca, --tls-cert, --tls-key."
+                )
         given = dict(zip(("tls_ca_file", "tls_client_cert", "tls_client_key"), files))
         security = distributed.Security(require_encryption=True, **{k: v for k, v in given.items() if v})
     try:
         asyncio.run(_call(distributed, address, security))
         client = distributed.Client(address, security=security, timeout=WAIT)
-    except (OSError, asyncio.TimeoutError, TypeError, ValueError) as error:
+    except (TimeoutError, OSError, TypeError, ValueError) as error:
         raise InvalidInput(
             f"No scheduler answers at {address} ({str(error)[:200] or type(error).__name__}).",
             remedy="Start `dask scheduler` there, or check address, certificates and network.",
@@ -145,7 +149,9 @@ def check_address(address: str, *, insecure: bool) -> None:
     except ValueError:
         whole = False
     if not whole:
-        raise InvalidInput(f"--cluster {address} is no address.", remedy="Give one such as tls://scheduler:8786.")
+        raise InvalidInput(
+            f"--cluster {address} is no address.", remedy="Give one such as tls://scheduler:8786."
+        )
     if parts.scheme == "tcp" and parts.hostname not in LOOPBACK and not insecure:
         raise InvalidInput(
             f"--cluster {address} is not encrypted: whoever reaches it runs what he likes on the workers.",

@@ -106,7 +106,9 @@ def drifts(
     found = [changes.correlation(joints[i].day, v[:, :1], d) for i, v, (d, _) in zip(long, values, designs)]
     sizes = np.array([v.shape[0] for v in values])
     middle = int(np.argsort(sizes)[sizes.size // 2])
-    rho = changes.true_correlation(np.hstack(found), joints[long[middle]].day, designs[middle][0], sizes, seed + 1)
+    rho = changes.true_correlation(
+        np.hstack(found), joints[long[middle]].day, designs[middle][0], sizes, seed + 1
+    )
     whitened = [changes.series(joints[i].day, v, d, r) for i, v, (d, _), r in zip(long, values, designs, rho)]
     p, parts = _probabilities(whitened, seed)
     q = benjamini_hochberg(p)
@@ -186,7 +188,9 @@ def _probabilities(every: Sequence[changes.Series], seed: int) -> tuple[np.ndarr
         observed[i] = changes.statistic(found.max(), one.freedom)
         flipped = changes.flipped(residual, one.base, draws, count)
         n, P, _ = flipped.shape
-        null[i] = changes.statistic(changes.largest(W, flipped.reshape(n, -1)).reshape(P, count).max(axis=0), one.freedom)
+        null[i] = changes.statistic(
+            changes.largest(W, flipped.reshape(n, -1)).reshape(P, count).max(axis=0), one.freedom
+        )
     reference = np.sort(null.ravel())
     above = reference.size - np.searchsorted(reference, observed, side="left")
     return (1.0 + above) / (1.0 + reference.size), parts

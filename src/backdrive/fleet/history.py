@@ -14,7 +14,19 @@ from backdrive.fleet.status import EARLIEST
 if TYPE_CHECKING:
     import pyarrow as pa
 
-COLUMNS = ("robot", "type", "joint", "unit", "day", "constant", "viscous", "top_speed", "temperature", "grade", "path")
+COLUMNS = (
+    "robot",
+    "type",
+    "joint",
+    "unit",
+    "day",
+    "constant",
+    "viscous",
+    "top_speed",
+    "temperature",
+    "grade",
+    "path",
+)
 AT = 0.5  # share of the median top speed at which the level is taken [-]
 PARTS = ("level", "constant", "viscous")
 
@@ -66,7 +78,7 @@ class History:
 
 def date_of(day: float) -> date:
     """Return the date of a number of days since 1970-01-01."""
-    return date.fromordinal(date(1970, 1, 1).toordinal() + int(round(float(day))))
+    return date.fromordinal(date(1970, 1, 1).toordinal() + round(float(day)))
 
 
 def number_of(day: date) -> int:
@@ -86,7 +98,9 @@ def histories(table: pa.Table, *, today: int | None = None) -> list[History]:
     import pyarrow as pa
     import pyarrow.compute as pc
 
-    table = table.select([name for name in COLUMNS]).sort_by([(n, "ascending") for n in ("robot", "joint", "day", "path")])
+    table = table.select([name for name in COLUMNS]).sort_by(
+        [(n, "ascending") for n in ("robot", "joint", "day", "path")]
+    )
     if not table.num_rows:
         return []
     latest = (number_of(date.today()) if today is None else today) + 1
@@ -97,7 +111,9 @@ def histories(table: pa.Table, *, today: int | None = None) -> list[History]:
     }
     robots, joints = (table.column(name).combine_chunks().dictionary_encode() for name in ("robot", "joint"))
     codes = np.column_stack([c.indices.to_numpy(zero_copy_only=False) for c in (robots, joints)])
-    starts = np.concatenate([[0], np.flatnonzero(np.any(np.diff(codes, axis=0) != 0, axis=1)) + 1, [len(codes)]])
+    starts = np.concatenate(
+        [[0], np.flatnonzero(np.any(np.diff(codes, axis=0) != 0, axis=1)) + 1, [len(codes)]]
+    )
     poor = np.asarray(pc.equal(table.column("grade"), "poor").fill_null(False))
     good = ~poor & np.isfinite(numbers["constant"]) & np.isfinite(numbers["viscous"])
     good &= (day >= number_of(EARLIEST)) & (day <= latest)

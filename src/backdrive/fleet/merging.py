@@ -33,7 +33,9 @@ def once(table: pa.Table, tag: str, names: Mapping[str, str], *, failures: bool)
     table = table.take(pc.sort_indices(table, sort_keys=keys)).drop_columns(["other"])
     n = table.num_rows
     if n:
-        digest, of_tag, path, stamp, joint = (_codes(table.column(c)) for c in ("digest", "tag", "path", "stamp", "joint"))
+        digest, of_tag, path, stamp, joint = (
+            _codes(table.column(c)) for c in ("digest", "tag", "path", "stamp", "joint")
+        )
         first = np.concatenate([[True], digest[1:] != digest[:-1]])
         head = np.maximum.accumulate(np.where(first, np.arange(n), 0))
         keep = (of_tag == of_tag[head]) & (path == path[head]) & (stamp == stamp[head])
@@ -41,9 +43,13 @@ def once(table: pa.Table, tag: str, names: Mapping[str, str], *, failures: bool)
         failed = np.asarray(table.column("failure").is_valid())
         table = table.filter(keep & ~(again & keep) & (failed == failures))
     if names:
-        robots = pa.array([names.get(robot, robot) for robot in table.column("robot").to_pylist()], pa.string())
+        robots = pa.array(
+            [names.get(robot, robot) for robot in table.column("robot").to_pylist()], pa.string()
+        )
         table = table.set_column(table.column_names.index("robot"), "robot", robots)
-    return table.take(pc.sort_indices(table, sort_keys=[(name, "ascending") for name in ORDER])).combine_chunks()
+    return table.take(
+        pc.sort_indices(table, sort_keys=[(name, "ascending") for name in ORDER])
+    ).combine_chunks()
 
 
 def _codes(column: Any) -> np.ndarray:

@@ -36,7 +36,9 @@ def filesystem(address: str) -> tuple[Any, str]:
     try:
         return fsspec.filesystem(protocol), path
     except ImportError as error:
-        raise MissingExtra(f"{address}: {error}.", remedy="Install the client that it names with pip.") from error
+        raise MissingExtra(
+            f"{address}: {error}.", remedy="Install the client that it names with pip."
+        ) from error
 
 
 def list_objects(address: str) -> Iterator[tuple[str, int, str, float, str]]:
@@ -51,12 +53,16 @@ def list_objects(address: str) -> Iterator[tuple[str, int, str, float, str]]:
     system, path = filesystem(address)
     protocol = address.partition("://")[0]
     pattern = any(sign in path for sign in "*?[")
-    root = path[: min(path.find(sign) for sign in "*?[" if sign in path)].rpartition("/")[0] if pattern else path
+    root = (
+        path[: min(path.find(sign) for sign in "*?[" if sign in path)].rpartition("/")[0] if pattern else path
+    )
     with _explained(address):
         infos = system.glob(path, detail=True) if pattern else system.find(path, detail=True)
     for name, info in infos.items():
         if info.get("type") == "file" and PurePosixPath(name).suffix.lower() in SUFFIXES:
-            inside = name.removeprefix(root.strip("/")).strip("/") if name != root else PurePosixPath(name).name
+            inside = (
+                name.removeprefix(root.strip("/")).strip("/") if name != root else PurePosixPath(name).name
+            )
             yield _described(protocol, name, info, inside or PurePosixPath(name).name)
 
 

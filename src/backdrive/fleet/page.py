@@ -51,7 +51,11 @@ def write_page(
         apart.setdefault(f"{one.robot}/{one.joint}", one.sentence)
     order = sorted(drifts, key=lambda one: _rank(one, apart))
     data = {"points": POINTS, "joints": [_joint(one, apart, reports or {}) for one in order]}
-    text = json.dumps(data, ensure_ascii=True, separators=(",", ":")).replace("<", "\\u003c").replace("&", "\\u0026")
+    text = (
+        json.dumps(data, ensure_ascii=True, separators=(",", ":"))
+        .replace("<", "\\u003c")
+        .replace("&", "\\u0026")
+    )
     named = sum(one.named for one in drifts)
     head = [*sentences, f"{named} joints have changed; {len(apart)} are unlike their siblings."]
     folder = Path(__file__).parent

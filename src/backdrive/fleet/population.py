@@ -76,7 +76,14 @@ def outliers(joints: Sequence[History], *, rate: float = RATE) -> list[Outlier]:
                 ratio = float(np.exp(values[i, part] - np.median(np.delete(y, np.flatnonzero(known == i)))))
                 every.append(
                     Outlier(
-                        robot=one.robot, type=one.type, joint=one.joint, part=name, ratio=ratio, siblings=int(n), p=p, q=1.0
+                        robot=one.robot,
+                        type=one.type,
+                        joint=one.joint,
+                        part=name,
+                        ratio=ratio,
+                        siblings=int(n),
+                        p=p,
+                        q=1.0,
                     )
                 )
     if not every:
@@ -117,7 +124,10 @@ def _at_one_temperature(group: Sequence[History]) -> list[np.ndarray]:
             T = one.temperature[ok] - one.temperature[ok].mean()
             products, squares = products + np.nan_to_num(T @ y[ok]), squares + float(T @ T)
     slope = products / squares if squares > len(group) else np.zeros(2)
-    return [y - np.where(ok, one.temperature - middle, 0.0)[:, None] * slope for one, ok, y in zip(group, known, result)]
+    return [
+        y - np.where(ok, one.temperature - middle, 0.0)[:, None] * slope
+        for one, ok, y in zip(group, known, result)
+    ]
 
 
 def _against_siblings(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -189,7 +199,8 @@ def merge(folder: str | os.PathLike) -> Population:
         )
     if not members:
         raise NotIdentifiable(
-            f"No type in {folder} has {LEAST} robots.", remedy="Run more robots, or name their type in a manifest."
+            f"No type in {folder} has {LEAST} robots.",
+            remedy="Run more robots, or name their type in a manifest.",
         )
     return Population(members=tuple(members))
 

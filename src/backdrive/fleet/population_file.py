@@ -45,8 +45,10 @@ class Member(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     between: tuple[Pair, Pair]
     within: tuple[Pair, Pair]
 
-    def posterior(self, constant: float, viscous: float, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return constant and viscous part of a robot after one log, with the population as its prior, (2,), and covariance, (2, 2).
+    def posterior(
+        self, constant: float, viscous: float, covariance: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return constant and viscous part of a robot after one log, the population being its prior, (2,), and covariance, (2, 2).
 
         Args:
             constant: of the log [N.m or N].
@@ -57,7 +59,12 @@ class Member(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             InvalidInput: a number is not positive, or the covariance is none.
         """
         value, C = np.array([constant, viscous], dtype=float), np.asarray(covariance, dtype=float)
-        if not (np.all(value > 0) and C.shape == (2, 2) and np.all(np.isfinite(C)) and np.all(np.linalg.eigvalsh(C) >= 0)):
+        if not (
+            np.all(value > 0)
+            and C.shape == (2, 2)
+            and np.all(np.isfinite(C))
+            and np.all(np.linalg.eigvalsh(C) >= 0)
+        ):
             raise InvalidInput(
                 f"constant = {constant}, viscous = {viscous}, covariance = {C.tolist()}.",
                 remedy="Give positive numbers and their covariance.",
@@ -89,7 +96,9 @@ class Population:
         """
         kinds = sorted({one.type for one in self.members})
         if type not in kinds:
-            raise UnknownName(f"There is no type '{type}'.", remedy=f"There are: {', '.join(map(repr, kinds))}.")
+            raise UnknownName(
+                f"There is no type '{type}'.", remedy=f"There are: {', '.join(map(repr, kinds))}."
+            )
         return [one for one in self.members if one.type == type]
 
     def model(self, type: str = "") -> FrictionModel:
@@ -107,7 +116,9 @@ class Population:
         """
         members, draws = self.of(type), np.random.default_rng(seed)
         return [
-            _model(members, [draws.multivariate_normal(one.mean, one.between, method="eigh") for one in members])
+            _model(
+                members, [draws.multivariate_normal(one.mean, one.between, method="eigh") for one in members]
+            )
             for _ in range(count)
         ]
 
@@ -127,7 +138,9 @@ class Population:
         try:
             document = msgspec.json.decode(text, type=_Document)
         except (msgspec.MsgspecError, UnicodeDecodeError) as error:
-            raise ModelFileError(f"{path} is no population ({error}).", remedy="Make it with `backdrive fleet merge`.") from error
+            raise ModelFileError(
+                f"{path} is no population ({error}).", remedy="Make it with `backdrive fleet merge`."
+            ) from error
         if document.format != FORMAT or document.schema != SCHEMA:
             raise ModelFileError(
                 f"{path} is {document.format} of schema {document.schema}, not {FORMAT} of {SCHEMA}.",
@@ -153,14 +166,19 @@ def _model(members: list[Member], logarithms: list[np.ndarray]) -> FrictionModel
         constant, viscous = (float(x) for x in np.exp(logarithm))
         spread = np.sqrt(np.diag(np.array(one.between))) * [constant, viscous]
         rate = CoulombViscous(
-            coulomb_positive=constant, coulomb_negative=constant, viscous_positive=viscous, viscous_negative=viscous
+            coulomb_positive=constant,
+            coulomb_negative=constant,
+            viscous_positive=viscous,
+            viscous_negative=viscous,
         )
         names = {"coulomb": spread[0], "viscous": spread[1]}
         joints.append(
             JointFriction(
                 joint=Joint(name=one.joint, unit=one.unit),  # type: ignore[arg-type]
                 law=Law(rate=rate),
-                standard_errors={f"{n}_{way}": float(v) for n, v in names.items() for way in ("positive", "negative")},
+                standard_errors={
+                    f"{n}_{way}": float(v) for n, v in names.items() for way in ("positive", "negative")
+                },
                 validity=Validity(velocity=(-one.top_speed, one.top_speed)),
                 method=f"population of {one.robots} robots",
             )

@@ -49,12 +49,18 @@ def query(folder: str | os.PathLike, sql: str, *, most: int = 1000) -> Answer:
             database.register("arrow_rows", store.table(failures=failures))
             database.execute(f"CREATE TABLE {name} AS SELECT * FROM arrow_rows")
             database.unregister("arrow_rows")
-        for line in (f"SET memory_limit = '{MEMORY}'", "SET temp_directory = ''", "SET enable_external_access = false"):
+        for line in (
+            f"SET memory_limit = '{MEMORY}'",
+            "SET temp_directory = ''",
+            "SET enable_external_access = false",
+        ):
             database.execute(line)
         database.execute("SET lock_configuration = true")
         statements = database.extract_statements(sql)
         if len(statements) != 1 or statements[0].type != duckdb.StatementType.SELECT:
-            raise InvalidInput("That is not one SELECT.", remedy="Ask one question: the results are not changed by SQL.")
+            raise InvalidInput(
+                "That is not one SELECT.", remedy="Ask one question: the results are not changed by SQL."
+            )
         cursor = database.execute(sql)
         names = tuple(column[0] for column in cursor.description or ())
         rows = cursor.fetchmany(most + 1)

@@ -69,7 +69,13 @@ class Tally:
 
 
 def _duration(seconds: float) -> str:
-    return f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
+    return (
+        f"{seconds:.0f} s"
+        if seconds < 100
+        else f"{seconds / 60:.0f} min"
+        if seconds < 6000
+        else f"{seconds / 3600:.1f} h"
+    )
 
 
 def run(
@@ -194,7 +200,8 @@ def _pending(store: Store, entries: Sequence[LogEntry], retry: bool) -> list[Log
     def stale(table: Any) -> np.ndarray:
         columns = [table.column(name).to_pylist() for name in ("path", "stamp", "failure")]
         return np.array(
-            [p in stamps and (stamps[p] != s or (retry and f is not None)) for p, s, f in zip(*columns)], dtype=bool
+            [p in stamps and (stamps[p] != s or (retry and f is not None)) for p, s, f in zip(*columns)],
+            dtype=bool,
         )
 
     known = store.raw(["path", "stamp", "failure", "tag"])
@@ -209,7 +216,12 @@ def _pending(store: Store, entries: Sequence[LogEntry], retry: bool) -> list[Log
 
 
 def _work(
-    client: Any, batches: Sequence[Batch], options: Mapping[str, Any], store: Store, tally: Tally, say: Callable[[str], None]
+    client: Any,
+    batches: Sequence[Batch],
+    options: Mapping[str, Any],
+    store: Store,
+    tally: Tally,
+    say: Callable[[str], None],
 ) -> None:
     """Do the batches, at most some in flight; a batch that kills its worker is done log by log, and the log is named."""
     distributed = require("distributed", "A fleet needs", "fleet")
@@ -219,7 +231,9 @@ def _work(
     events = distributed.as_completed(with_results=False)
 
     def submit(batch: Batch) -> None:
-        future = client.submit(do_batch, batch, options, folder, key=f"backdrive-{batch.name}", pure=False, retries=0)
+        future = client.submit(
+            do_batch, batch, options, folder, key=f"backdrive-{batch.name}", pure=False, retries=0
+        )
         under_way[future.key] = (future, batch)
         events.add(future)
 
@@ -239,7 +253,8 @@ def _work(
             _again(future.exception(), batch, store, tally, submit)
         else:  # cancelled or lost
             raise InvalidInput(
-                "The scheduler is gone, or has forgotten its work.", remedy="Run again: what was done is kept."
+                "The scheduler is gone, or has forgotten its work.",
+                remedy="Run again: what was done is kept.",
             )
         future.release()
         say(str(tally))
@@ -250,7 +265,9 @@ def _counts(result: Mapping[str, Any]) -> dict[str, Any]:
     return {"done": result["done"], "failed": result["failed"], "seconds": result["seconds"]}
 
 
-def _again(error: BaseException, batch: Batch, store: Store, tally: Tally, submit: Callable[[Batch], None]) -> None:
+def _again(
+    error: BaseException, batch: Batch, store: Store, tally: Tally, submit: Callable[[Batch], None]
+) -> None:
     """Deal with a batch that has failed as a whole: its logs one by one, and of a single one a row that says why.
 
     Raises:
@@ -264,7 +281,13 @@ def _again(error: BaseException, batch: Batch, store: Store, tally: Tally, submi
         return
     entry = batch.entries[0]
     killed = type(error).__name__ == "KilledWorker"
-    kind = "WorkerKilled" if killed else type(error).__name__ if isinstance(error, BackdriveError) else "InternalError"
+    kind = (
+        "WorkerKilled"
+        if killed
+        else type(error).__name__
+        if isinstance(error, BackdriveError)
+        else "InternalError"
+    )
     message = "The process that identified it died." if killed else f"{type(error).__name__}: {error}"
     row = failure(entry, kind, message, "Identify it alone, with `backdrive identify`.")
     write_rows(store.folder, batch.month, batch.name, [row | {"tag": store.tag}])
@@ -280,7 +303,9 @@ def check_workers(client: Any, store: Store) -> None:
     try:
         client.wait_for_workers(1, timeout=clusters.WAIT)
     except TimeoutError as error:
-        raise InvalidInput("The cluster has no workers.", remedy="Start `dask worker` at its scheduler.") from error
+        raise InvalidInput(
+            "The cluster has no workers.", remedy="Start `dask worker` at its scheduler."
+        ) from error
     try:
         answers = client.run(probe, str(store.folder.resolve()), _version())
     except Exception as error:
@@ -290,7 +315,9 @@ def check_workers(client: Any, store: Store) -> None:
         ) from error
     for worker, answer in sorted(answers.items()):
         if answer:
-            raise InvalidInput(f"Worker {worker}: {answer}.", remedy="Give the workers the same version and folders.")
+            raise InvalidInput(
+                f"Worker {worker}: {answer}.", remedy="Give the workers the same version and folders."
+            )
 
 
 def probe(folder: str, version: str) -> str:
@@ -318,10 +345,14 @@ def _moved(store: Store, entries: Sequence[LogEntry]) -> tuple[Store, list[str]]
     pairs: dict[str, set[str]] = {}
     for shared in owners.values():
         for old in {robot for robot, _ in shared if gone[robot]}:
-            pairs.setdefault(old, set()).update(robot for robot, present in shared if present and robot != old)
+            pairs.setdefault(old, set()).update(
+                robot for robot, present in shared if present and robot != old
+            )
     names = {old: new.pop() for old, new in pairs.items() if len(new) == 1 and old not in store.names}
     if not names:
         return store, []
     store = store.rename(names)
     store.save()
-    return store, [f"Robot '{old}' is called '{new}' now: its logs are the same." for old, new in sorted(names.items())]
+    return store, [
+        f"Robot '{old}' is called '{new}' now: its logs are the same." for old, new in sorted(names.items())
+    ]

@@ -18,7 +18,16 @@ MIGRATIONS: Mapping[int, Callable[[Any], Any]] = {}
 
 TEXTS = ("digest", "path", "stamp", "tag", "version", "robot", "type", "joint", "unit", "method", "law", "grade",
          "verdict", "failure", "message", "remedy")  # fmt: skip
-NUMBERS = ("constant", "constant_error", "viscous", "viscous_error", "top_speed", "temperature", "residual", "rms")
+NUMBERS = (
+    "constant",
+    "constant_error",
+    "viscous",
+    "viscous_error",
+    "top_speed",
+    "temperature",
+    "residual",
+    "rms",
+)
 
 
 def schema() -> pa.Schema:

@@ -4,8 +4,8 @@ The friction of a joint on a day is
 
     tau_f = g(day) exp(-k (T - 25)) (1 + e(day)) (F_c sign(v) + F_v v)
 
-with g the wear (1 before its onset, then a ramp or a step), k from the season's amplitude, T the temperature of the day in degC, and
-e an AR(1) noise from day to day. A log is a sum of sines with the torque of the inverse dynamics. Nothing of this package
+with g the wear (1 before its onset, then a ramp or a step), k from the season's amplitude, T the temperature of the day in degC,
+and e an AR(1) noise from day to day. A log is a sum of sines with the torque of the inverse dynamics. Nothing of this package
 identifies or simulates here, so that the numbers are a truth to test against.
 """
 
@@ -175,7 +175,12 @@ class SimulatedFleet:
         return any(e.kind == "break" and e.robot == robot and day >= e.day for e in self.events)
 
     def write(
-        self, folder: str | Path, *, days: Sequence[int] | None = None, seconds: float = 20.0, rate: float = 1000.0
+        self,
+        folder: str | Path,
+        *,
+        days: Sequence[int] | None = None,
+        seconds: float = 20.0,
+        rate: float = 1000.0,
     ) -> Iterator[Path]:
         """Write logs as `ROBOT/YYYY-MM-DD.npz` and yield each path.
 

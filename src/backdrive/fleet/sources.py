@@ -129,20 +129,25 @@ def _local(path: str, root: str, **known: str) -> LogEntry:
 
 
 def _entry(
-    path: str, size: int, stamp: str, changed: float, inside: str, robot: str = "", type: str = "", day: str = ""
+    path: str,
+    size: int,
+    stamp: str,
+    changed: float,
+    inside: str,
+    robot: str = "",
+    type: str = "",
+    day: str = "",
 ) -> LogEntry:
     """Return an entry, what is not known taken from its path below the source, or from the time of its last change."""
     parts = PurePosixPath(inside.replace(os.sep, "/")).parts
-    match = None
-    for match in DATE.finditer(inside):  # the last one: folders may name the year before
-        pass
+    dates = [*DATE.finditer(inside)]  # the last one counts: folders may name the year before
     if not robot:
         stem = PurePosixPath(parts[-1]).stem
         robot = parts[0] if len(parts) > 1 else DATE.sub("", stem).strip("-_. T") or stem
     when = _day(day, path) if day else None
-    if when is None and match is not None:
+    if when is None and dates:
         try:
-            when = date(*map(int, match.groups()))
+            when = date(*map(int, dates[-1].groups()))
         except ValueError:  # the 31st of June
             when = None
     if when is None:
@@ -154,7 +159,9 @@ def _day(text: str, place: str) -> date:
     try:
         return date.fromisoformat(text.strip()[:10])
     except ValueError as error:
-        raise InvalidInput(f"{place}: the day '{text}' is no date.", remedy="Write days as 2026-03-31.") from error
+        raise InvalidInput(
+            f"{place}: the day '{text}' is no date.", remedy="Write days as 2026-03-31."
+        ) from error
 
 
 def _is_manifest(path: str) -> bool:
@@ -175,9 +182,12 @@ def _of_manifest(manifest: str) -> Iterator[LogEntry]:
     header = [name.strip() for name in next(rows, [])]
     unknown = [name for name in header if name not in COLUMNS]
     if unknown or "path" not in header or len(set(header)) < len(header):
-        what = f"has the unknown columns {', '.join(unknown)}" if unknown else "names no path, or a column twice"
+        what = (
+            f"has the unknown columns {', '.join(unknown)}" if unknown else "names no path, or a column twice"
+        )
         raise InvalidInput(
-            f"The manifest {manifest} {what}.", remedy=f"Its header may name: {', '.join(COLUMNS)}; `path` once."
+            f"The manifest {manifest} {what}.",
+            remedy=f"Its header may name: {', '.join(COLUMNS)}; `path` once.",
         )
     root = Path(manifest).parent
     for number, cells in enumerate(rows, start=2):

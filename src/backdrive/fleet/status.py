@@ -35,17 +35,22 @@ def status(folder: str | os.PathLike) -> dict[str, Any]:
     same = copies(raw)
     wrong = odd_days(results)
     grades = Counter(results.column("grade").to_pylist())
-    sentences = [f"{len(robots)} robots, {len(joints)} joints, {logs} logs" + (
-        f" from {min(days)} to {max(days)}." if days else "."
-    )]
-    sentences += [f"Grades: {', '.join(f'{n} {grade}' for grade, n in sorted(grades.items()))}."] if grades else []
+    sentences = [
+        f"{len(robots)} robots, {len(joints)} joints, {logs} logs"
+        + (f" from {min(days)} to {max(days)}." if days else ".")
+    ]
+    sentences += (
+        [f"Grades: {', '.join(f'{n} {grade}' for grade, n in sorted(grades.items()))}."] if grades else []
+    )
     sentences += [f"{failures.num_rows} logs failed."] if failures.num_rows else []
     if same:
         pairs = "; ".join(f"{copy} as {first}" for first, copy in same[:LISTED])
         sentences.append(f"{len(same)} logs have the content of another one and count once: {pairs}.")
     if wrong:
         names = "; ".join(f"{robot} on {day}" for robot, day in wrong[:LISTED])
-        sentences.append(f"{len(wrong)} days are none (a clock that was not set): {names}; left out of trends.")
+        sentences.append(
+            f"{len(wrong)} days are none (a clock that was not set): {names}; left out of trends."
+        )
     sentences += [f"Robot '{old}' is now '{new}'." for old, new in store.names.items()]
     return {
         "robots": len(robots),

@@ -4,8 +4,8 @@
     results/logs/month=2026-03/BATCH.parquet    rows of `schema.schema()`
     results/torn/                               files that were no whole Parquet, set aside
 
-The same log may be there twice: done by two clients at once, copied, or done again by another version. Read is one of them: by the
-present options and version, or else the newest, and of copies the one whose path comes first. So nothing is doubled, whoever writes.
+The same log may be there twice: done by two clients at once, copied, or done again by another version. Read is one of them: by
+the present options and version, or else the newest, and of copies the one whose path comes first. So nothing is doubled, whoever writes.
 """
 
 from __future__ import annotations
@@ -67,10 +67,15 @@ class Store:
         if not head.exists():
             if not make:
                 raise ReadError(
-                    f"{place} holds no results of a fleet.", remedy="Name the folder that `backdrive fleet ... -o` wrote."
+                    f"{place} holds no results of a fleet.",
+                    remedy="Name the folder that `backdrive fleet ... -o` wrote.",
                 )
             make_folder(place, "-o")
-            others = [name for name in os.listdir(place) if not name.startswith(".") and name not in ("logs", "torn")]
+            others = [
+                name
+                for name in os.listdir(place)
+                if not name.startswith(".") and name not in ("logs", "torn")
+            ]
             if others:
                 raise InvalidInput(
                     f"{place} holds other things ({others[0]}), and no results of a fleet.",
@@ -85,7 +90,8 @@ class Store:
                 raise ValueError("another kind of file")
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise ModelFileError(
-                f"{head} is damaged ({error}).", remedy="Remove it; the next run writes it again, without names."
+                f"{head} is damaged ({error}).",
+                remedy="Remove it; the next run writes it again, without names.",
             ) from error
         schema.check_version(content.get("schema"), head)
         return cls(place, names=names, **known)
@@ -193,9 +199,13 @@ class Store:
         import numpy as np
 
         names = {robot, *(old for old, new in self.names.items() if new == robot)}
-        count = self.drop(lambda table: np.isin(table.column("robot").to_numpy(zero_copy_only=False), list(names)))
+        count = self.drop(
+            lambda table: np.isin(table.column("robot").to_numpy(zero_copy_only=False), list(names))
+        )
         if not count:
-            raise InvalidInput(f"There is no robot '{robot}' in {self.folder}.", remedy="See `backdrive fleet status`.")
+            raise InvalidInput(
+                f"There is no robot '{robot}' in {self.folder}.", remedy="See `backdrive fleet status`."
+            )
         return count
 
     @contextmanager
@@ -214,12 +224,16 @@ class Store:
         whole = os.open(self.folder / ".lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
         part = os.open(self.folder / f".lock-{index}-{count}", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
         try:
-            for handle, kind in ((whole, fcntl.LOCK_EX if count == 1 else fcntl.LOCK_SH), (part, fcntl.LOCK_EX)):
+            for handle, kind in (
+                (whole, fcntl.LOCK_EX if count == 1 else fcntl.LOCK_SH),
+                (part, fcntl.LOCK_EX),
+            ):
                 try:
                     fcntl.flock(handle, kind | fcntl.LOCK_NB)
                 except BlockingIOError as error:
                     raise InvalidInput(
-                        f"Another run is at work on {self.folder}.", remedy="Wait for its end; what it does is kept."
+                        f"Another run is at work on {self.folder}.",
+                        remedy="Wait for its end; what it does is kept.",
                     ) from error
             yield
         finally:
@@ -254,4 +268,6 @@ def write_rows(folder: Path, month: str, name: str, rows: Sequence[Mapping[str, 
     """
     pa = require("pyarrow", "A fleet's results need", "fleet")
     place = make_folder(folder / "logs" / f"month={month}", "-o")
-    return write_whole(place / f"{name}.parquet", encoded(pa.Table.from_pylist(list(rows), schema=schema.schema())))
+    return write_whole(
+        place / f"{name}.parquet", encoded(pa.Table.from_pylist(list(rows), schema=schema.schema()))
+    )

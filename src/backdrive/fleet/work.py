@@ -86,12 +86,15 @@ def do_log(entry: LogEntry, options: Mapping[str, Any]) -> list[dict[str, Any]]:
             result = _identified(path, options)
             check_unchanged(entry)
         return [
-            _about(entry, digest) | row_of(result, number, entry) for number in range(len(result.model.joints))
+            _about(entry, digest) | row_of(result, number, entry)
+            for number in range(len(result.model.joints))
         ]
     except BackdriveError as error:
         return [failure(entry, type(error).__name__, error.message, error.remedy, digest)]
     except Exception as error:  # a fault of ours in one log must not stop the others
-        return [failure(entry, "InternalError", f"{type(error).__name__}: {error}", "Please report it.", digest)]
+        return [
+            failure(entry, "InternalError", f"{type(error).__name__}: {error}", "Please report it.", digest)
+        ]
 
 
 def failure(entry: LogEntry, kind: str, message: str, remedy: str = "", digest: str = "") -> dict[str, Any]:
