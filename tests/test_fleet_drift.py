@@ -27,7 +27,8 @@ def joints_of(fleet: SimulatedFleet, **changes) -> list[History]:
     return [
         History(
             robot=fleet.name(r, 0), type="", joint="j1", unit="rad", day=day, speed=1.0, path=["log"] * fleet.days,
-            **{"constant": fleet.truth(r, 0)[:, 0], "viscous": fleet.truth(r, 0)[:, 1], "temperature": fleet.temperature[r]} | changes,
+            **{"constant": fleet.truth(r, 0)[:, 0], "viscous": fleet.truth(r, 0)[:, 1],
+               "temperature": fleet.temperature[r]} | changes,
         )
         for r in range(fleet.robots)
     ]  # fmt: skip

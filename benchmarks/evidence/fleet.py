@@ -52,9 +52,10 @@ def digest(folder: Path) -> str:
 def tell(name: str, use: Use, logs: int, idle: float) -> float:
     """Print what a run used; return the processor's milliseconds a log, starting included."""
     each = 1e3 * use.processor / logs
+    marginal = 1e3 * (use.processor - idle) / logs
     print(
-        f"  {name}: {use.wall:.1f} s, {use.processor:.1f} s of processor, {each:.1f} ms a log ({1e3 * (use.processor - idle) / logs:.1f} "
-        f"without the start), worker {use.worker / 1e6:.0f} MB, parent {use.parent / 1e6:.0f} MB",
+        f"  {name}: {use.wall:.1f} s, {use.processor:.1f} s of processor, {each:.1f} ms a log ({marginal:.1f} without the start), "
+        f"worker {use.worker / 1e6:.0f} MB, parent {use.parent / 1e6:.0f} MB",
         flush=True,
     )
     if use.code:

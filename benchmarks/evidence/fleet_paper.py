@@ -72,7 +72,8 @@ def main() -> None:
         f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors; unit costs of one joint's log, 20 s at 1 kHz:"
     )
     print(
-        f"  {1e3 * cost:.0f} ms of processor without its reader ({1e3 * passed:.0f} ms passed), {size / 1e3:.0f} kB read, {row:.0f} B kept"
+        f"  {1e3 * cost:.0f} ms of processor without its reader ({1e3 * passed:.0f} ms passed), "
+        f"{size / 1e3:.0f} kB read, {row:.0f} B kept"
     )
     print(f"  {1e6 * read:.0f} us to read a row again; a batch is {batch} logs, {batch * cost:.1f} s")
     print(
@@ -88,7 +89,8 @@ def main() -> None:
             f"  {logs * size / 1e9:.0f} GB read a day, {8 * logs * size / WINDOW / 1e9:.2f} Gbit/s while it runs"
         )
         print(
-            f"  {logs * row / 1e6:.0f} MB of results a day, {365 * logs * row / 1e9:.0f} GB a year; a year is read in {365 * logs * read / 3600:.1f} h"
+            f"  {logs * row / 1e6:.0f} MB of results a day, {365 * logs * row / 1e9:.0f} GB a year; "
+            f"a year is read in {365 * logs * read / 3600:.1f} h"
         )
         share = tasks * task
         print(f"  {tasks:.1f} tasks a second: {100 * share:.0f} % of one scheduler")

@@ -26,7 +26,7 @@ _HOMES = {
     "write_page": "page",
 }
 
-__all__ = [*_HOMES]  # noqa: PLE0604, PLE0605  (the table above is the list)
+__all__ = [*_HOMES]  # noqa: PLE0604  (the table above is the list)
 
 
 def __getattr__(name: str) -> Any:

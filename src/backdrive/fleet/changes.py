@@ -122,7 +122,9 @@ def true_correlation(
     """Return the correlation of every joint, free of bias, drawn to what all have in common, (m,).
 
     Both are known from series drawn with known correlations, as the estimates of this very program
-    (Andrews, Econometrica 61, 1993). From `FEW` joints on noise of single days, as of a thermometer, is told from what is carried over by the second day.
+    (Andrews, Econometrica 61, 1993). From `FEW` joints on noise of single days,
+    as of a thermometer, is told from what is carried
+    over by the second day.
 
     Args:
         found: of `correlation`, (2, m).

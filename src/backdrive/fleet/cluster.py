@@ -80,7 +80,7 @@ def local_client(workers: int) -> Iterator[Client]:
 
 
 def _security_here(distributed: Any) -> Any:
-    """Return certificates for this run alone, so that nobody else on the machine reaches the workers; none without `cryptography`."""
+    """Return certificates for this run, so that nobody else on the machine reaches the workers; none without `cryptography`."""
     try:
         return distributed.Security.temporary()
     except ImportError:
@@ -131,7 +131,7 @@ async def _call(distributed: Any, address: str, security: Any) -> None:
         raise InvalidInput(
             f"{address} needs certificates.", remedy="Name PEM files with --tls-ca, --tls-cert and --tls-key."
         )
-    from distributed.comm import connect
+    from distributed.comm.core import connect
 
     comm = await asyncio.wait_for(connect(address, timeout=WAIT / 2, **arguments), WAIT)
     comm.abort()

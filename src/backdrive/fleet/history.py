@@ -114,7 +114,7 @@ def histories(table: pa.Table, *, today: int | None = None) -> list[History]:
     starts = np.concatenate(
         [[0], np.flatnonzero(np.any(np.diff(codes, axis=0) != 0, axis=1)) + 1, [len(codes)]]
     )
-    poor = np.asarray(pc.equal(table.column("grade"), "poor").fill_null(False))
+    poor = np.array([grade == "poor" for grade in table.column("grade").to_pylist()])
     good = ~poor & np.isfinite(numbers["constant"]) & np.isfinite(numbers["viscous"])
     good &= (day >= number_of(EARLIEST)) & (day <= latest)
     texts = {name: table.column(name).to_pylist() for name in ("type", "unit", "path")}

@@ -66,7 +66,7 @@ def write_page(
         "DATA": text,
         "SCRIPT": (folder / "page.js").read_text(encoding="utf-8"),
     }
-    return write_whole(path, re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match[1]], page))
+    return write_whole(Path(path), re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match[1]], page))
 
 
 def _rank(one: Drift, apart: Mapping[str, str]) -> tuple:

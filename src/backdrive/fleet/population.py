@@ -11,7 +11,7 @@ import numpy as np
 from backdrive.errors import NotIdentifiable
 from backdrive.fleet.drift import RATE, benjamini_hochberg, key_of
 from backdrive.fleet.history import History, histories
-from backdrive.fleet.population_file import Member, Population
+from backdrive.fleet.population_file import Member, Pair, Population
 from backdrive.fleet.store import Store
 
 FEWEST = 5  # robots of a type among which one can be unlike the others
@@ -175,7 +175,7 @@ def merge(folder: str | os.PathLike) -> Population:
     for (kind, joint), group in sorted(_groups(joints).items()):
         kept = [one for one in group if (one.robot, one.joint) not in apart]
         values = _typical(kept)
-        whole = np.isfinite(values).all(axis=1)
+        whole = np.asarray(np.isfinite(values).all(axis=1))
         if whole.sum() < LEAST:
             continue
         days = [y for y, ok in zip(_at_one_temperature(kept), whole) if ok]
@@ -192,9 +192,9 @@ def merge(folder: str | os.PathLike) -> Population:
                 robots=int(whole.sum()),
                 left_out=tuple(sorted(one.robot for one in group if (one.robot, one.joint) in apart)),
                 top_speed=float(np.median([one.speed for one in kept]) * 2.0),
-                mean=tuple(mean.tolist()),
-                between=tuple(map(tuple, between.tolist())),
-                within=tuple(map(tuple, np.mean(daily, axis=0).tolist())),
+                mean=(float(mean[0]), float(mean[1])),
+                between=_pairs(between),
+                within=_pairs(np.mean(daily, axis=0)),
             )
         )
     if not members:
@@ -203,6 +203,12 @@ def merge(folder: str | os.PathLike) -> Population:
             remedy="Run more robots, or name their type in a manifest.",
         )
     return Population(members=tuple(members))
+
+
+def _pairs(matrix: np.ndarray) -> tuple[Pair, Pair]:
+    """Return a (2, 2) matrix as rows of plain numbers."""
+    (a, b), (c, d) = matrix.tolist()
+    return (a, b), (c, d)
 
 
 def _positive(matrix: np.ndarray) -> np.ndarray:

@@ -279,7 +279,7 @@ def _again(
         for entry in batch.entries:
             submit(_batch(batch.month, [entry], store.tag))
         return
-    entry = batch.entries[0]
+    entry = next(iter(batch.entries))
     killed = type(error).__name__ == "KilledWorker"
     kind = (
         "WorkerKilled"

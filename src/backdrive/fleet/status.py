@@ -67,8 +67,9 @@ def status(folder: str | os.PathLike) -> dict[str, Any]:
     }
 
 
-def odd_days(table: Any) -> list[tuple[str, date]]:
+def odd_days(table: Any) -> list[tuple[str, date | None]]:
     """Return robots and days that no recording can have: before 2000, or after tomorrow."""
     latest = datetime.now(UTC).date() + timedelta(days=1)
     rows = set(zip(table.column("robot").to_pylist(), table.column("day").to_pylist()))
-    return sorted((robot, day) for robot, day in rows if day is None or not EARLIEST <= day <= latest)
+    odd = [(robot, day) for robot, day in rows if day is None or not EARLIEST <= day <= latest]
+    return sorted(odd, key=str)

@@ -5,7 +5,7 @@
     results/torn/                               files that were no whole Parquet, set aside
 
 The same log may be there twice: done by two clients at once, copied, or done again by another version. Read is one of them: by
-the present options and version, or else the newest, and of copies the one whose path comes first. So nothing is doubled, whoever writes.
+the present options and version, or else the newest, and of copies the one whose path comes first. So nothing is doubled.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Store:
     names: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
-    def open(cls, folder: str | Path, *, make: bool = False) -> Store:
+    def open(cls, folder: str | os.PathLike, *, make: bool = False) -> Store:
         """Open a folder of results.
 
         Args:
@@ -130,7 +130,7 @@ class Store:
                 stated = (file.schema_arrow.metadata or {}).get(schema.KEY, b"-1")
                 version = schema.check_version(int(stated), part)
                 whole = version < schema.VERSION or columns is None
-                table = file.read(columns=None if whole else list(columns))
+                table = file.read(columns=None if whole or columns is None else list(columns))
         except (OSError, pa.ArrowException, ValueError) as error:
             if isinstance(error, ModelFileError):
                 raise

@@ -179,7 +179,9 @@ def row_of(result: Identification, number: int, entry: LogEntry) -> dict[str, An
     speeds = np.linspace(SLOWEST, 1.0, LINE) * top
     curve = 0.5 * (friction.law.torque(speeds) - friction.law.torque(-speeds))
     viscous, constant = np.polyfit(speeds, curve, 1)
-    numbers = {e: (v.value, v.standard_error) for e, v in friction.dynamics.items()}
+    numbers: dict[str, tuple[Any, Any]] = {
+        e: (v.value, v.standard_error) for e, v in friction.dynamics.items()
+    }
     for rows in friction.law.parts:
         for name, parameter in rows.PARAMETERS.items():
             value = getattr(rows, name)
