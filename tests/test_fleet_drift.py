@@ -57,7 +57,7 @@ def test_wear_and_an_exchange_are_named_and_nothing_else(judged, fleet):
     assert wear.size == pytest.approx(0.25, abs=4 * wear.error)
     assert exchange.size == pytest.approx(-0.2, abs=4 * exchange.error)
     assert wear.season == "temperature"
-    assert wear.warmth == pytest.approx(-0.15 / 12, rel=0.3)
+    assert judged[0].warmth == pytest.approx(-0.15 / 12, rel=0.15)
     assert "growing" in wear.sentence
     assert "stepped" in exchange.sentence
 

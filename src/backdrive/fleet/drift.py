@@ -37,7 +37,7 @@ class Drift:
         size: relative change until the last day [-].
         error: its standard error [-].
         season: what stood for the season: `temperature`, `siblings` or nothing.
-        warmth: relative change of the level by temperature [1/degC]; NaN where it is not known.
+        warmth: relative change of the level by temperature [1/degC], as if nothing else had changed it; NaN where it is not known.
     """
 
     history: History
