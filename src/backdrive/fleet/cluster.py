@@ -13,6 +13,7 @@ import logging
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
@@ -157,6 +158,49 @@ def check_address(address: str, *, insecure: bool) -> None:
             f"--cluster {address} is not encrypted: whoever reaches it runs what he likes on the workers.",
             remedy="Use tls://, or say --insecure in a network that you trust.",
         )
+
+
+def check_workers(client: Any, folder: Path) -> None:
+    """Refuse a cluster whose workers cannot do the work: none, without this version, or without the folder of results.
+
+    Raises:
+        InvalidInput: as said.
+    """
+    from backdrive import __version__
+
+    try:
+        client.wait_for_workers(1, timeout=WAIT)
+    except TimeoutError as error:
+        raise InvalidInput(
+            "The cluster has no workers.", remedy="Start `dask worker` at its scheduler."
+        ) from error
+    try:
+        answers = client.run(probe, str(folder.resolve()), __version__)
+    except Exception as error:
+        raise InvalidInput(
+            f"A worker cannot load backdrive ({type(error).__name__}: {str(error)[:200]}).",
+            remedy='Install "backdrive[fleet]" where the workers run.',
+        ) from error
+    for worker, answer in sorted(answers.items()):
+        if answer:
+            raise InvalidInput(
+                f"Worker {worker}: {answer}.", remedy="Give the workers the same version and folders."
+            )
+
+
+def probe(folder: str, version: str) -> str:
+    """Return what keeps this process from working, or nothing; run by a worker.
+
+    Args:
+        folder: of the results.
+        version: of the client.
+    """
+    from backdrive import __version__
+
+    if version != __version__:
+        return f"its backdrive is {__version__}, here is {version}"
+    os.environ.update(ENVIRONMENT)
+    return "" if (Path(folder) / "fleet.json").is_file() else f"it does not see {folder}"
 
 
 def _quiet() -> Any:

@@ -7,12 +7,12 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from time import monotonic
 from typing import Any
 
 from backdrive.errors import BackdriveError, InvalidInput, WriteError, require
 from backdrive.fleet import cluster as clusters
+from backdrive.fleet.renamed import recognise_renamed
 from backdrive.fleet.sources import LogEntry, list_logs, require_fleet
 from backdrive.fleet.store import Store, write_rows
 from backdrive.fleet.work import Batch, do_batch, failure, tag_of
@@ -137,13 +137,13 @@ def run(
             say(f"{len(pending)} of {len(entries)} logs to do; starting the workers")
             if cluster is not None:
                 client = stack.enter_context(clusters.remote_client(cluster, credentials, insecure=insecure))
-                check_workers(client, store)
+                clusters.check_workers(client, store.folder)
             else:
                 number = workers if workers is not None else len(os.sched_getaffinity(0))
                 client = stack.enter_context(clusters.local_client(min(number, len(batches))))
             _work(client, batches, options, store, tally, say)
         if count == 1:
-            store, more = _moved(store, entries)
+            store, more = recognise_renamed(store, entries)
             sentences += more
     return Outcome(
         logs=len(entries),
@@ -292,67 +292,3 @@ def _again(
     row = failure(entry, kind, message, "Identify it alone, with `backdrive identify`.")
     write_rows(store.folder, batch.month, batch.name, [row | {"tag": store.tag}])
     tally.add(1, 1)
-
-
-def check_workers(client: Any, store: Store) -> None:
-    """Refuse a cluster whose workers cannot do the work: none, without this version, or without the folder of results.
-
-    Raises:
-        InvalidInput: as said.
-    """
-    try:
-        client.wait_for_workers(1, timeout=clusters.WAIT)
-    except TimeoutError as error:
-        raise InvalidInput(
-            "The cluster has no workers.", remedy="Start `dask worker` at its scheduler."
-        ) from error
-    try:
-        answers = client.run(probe, str(store.folder.resolve()), _version())
-    except Exception as error:
-        raise InvalidInput(
-            f"A worker cannot load backdrive ({type(error).__name__}: {str(error)[:200]}).",
-            remedy='Install "backdrive[fleet]" where the workers run.',
-        ) from error
-    for worker, answer in sorted(answers.items()):
-        if answer:
-            raise InvalidInput(
-                f"Worker {worker}: {answer}.", remedy="Give the workers the same version and folders."
-            )
-
-
-def probe(folder: str, version: str) -> str:
-    """Return what keeps this process from working, or nothing; run by a worker.
-
-    Args:
-        folder: of the results.
-        version: of the client.
-    """
-    if version != _version():
-        return f"its backdrive is {_version()}, here is {version}"
-    os.environ.update(clusters.ENVIRONMENT)
-    return "" if (Path(folder) / "fleet.json").is_file() else f"it does not see {folder}"
-
-
-def _moved(store: Store, entries: Sequence[LogEntry]) -> tuple[Store, list[str]]:
-    """Recognise robots that were renamed: all their logs are there under another name, and none under the former one."""
-    known = store.raw(["digest", "path", "robot"])
-    here = {entry.path for entry in entries}
-    owners: dict[str, set[tuple[str, bool]]] = {}
-    gone: dict[str, bool] = {}
-    for digest, path, robot in zip(*(known.column(name).to_pylist() for name in known.column_names)):
-        owners.setdefault(digest, set()).add((robot, path in here))
-        gone[robot] = gone.get(robot, True) and path not in here
-    pairs: dict[str, set[str]] = {}
-    for shared in owners.values():
-        for old in {robot for robot, _ in shared if gone[robot]}:
-            pairs.setdefault(old, set()).update(
-                robot for robot, present in shared if present and robot != old
-            )
-    names = {old: new.pop() for old, new in pairs.items() if len(new) == 1 and old not in store.names}
-    if not names:
-        return store, []
-    store = store.rename(names)
-    store.save()
-    return store, [
-        f"Robot '{old}' is called '{new}' now: its logs are the same." for old, new in sorted(names.items())
-    ]
