@@ -41,11 +41,21 @@ def test_a_rollout_is_the_loop_of_steps(name):
     assert np.array_equal(got, expected)
 
 
+#: Laws whose loops are compiled in every run, one of a kind; the others with `-m long`.
+FEW = ("stribeck-gauss", "polyline", "m6", "lugre", "gms", "decaying")
+
+
 @pytest.mark.parametrize(
     ("name", "shared", "fastest"),
     [
-        *((name, True, 1.0) for name in RATE_EXAMPLES),
-        *((name, False, 1.0) for name in ELEMENT_EXAMPLES),
+        *(
+            pytest.param(name, True, 1.0, marks=() if name in FEW else pytest.mark.long)
+            for name in RATE_EXAMPLES
+        ),
+        *(
+            pytest.param(name, False, 1.0, marks=() if name in FEW else pytest.mark.long)
+            for name in ELEMENT_EXAMPLES
+        ),
         ("lugre", True, 1e120),
     ],
 )

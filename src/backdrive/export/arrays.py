@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.export.graph import Graph, Node, Row, Walk
+from backdrive.export.graph import Graph, Node, Row
+from backdrive.export.walk import Walk
 from backdrive.laws import REFERENCE, Law, kernels
 
 if TYPE_CHECKING:

@@ -6,7 +6,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from backdrive.export.program import Function, Program
+from backdrive.export.function import Function
+from backdrive.export.program import Program
 from backdrive.export.values import LONG, WIDE, number
 
 GUARD = """\

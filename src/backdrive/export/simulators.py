@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 import numpy as np
-from scipy.optimize import nnls
 
 from backdrive._files import read_whole, write_together
 from backdrive.errors import InvalidInput, ReadError, WriteError
@@ -69,7 +68,7 @@ def simplify(friction: JointFriction) -> Simple:
     speeds = np.linspace(slowest, top, SPEEDS)
     velocity = np.concatenate([speeds, -speeds])
     torque = law.torque(velocity)
-    (F, B), _ = nnls(np.column_stack([np.ones(velocity.size), np.abs(velocity)]), torque * np.sign(velocity))
+    F, B = _line(np.abs(velocity), torque * np.sign(velocity))
     error = torque - (F * np.sign(velocity) + B * velocity)
     lost = []
     if law.element.states():
@@ -92,6 +91,16 @@ def simplify(friction: JointFriction) -> Simple:
         rms_error=float(np.sqrt(np.mean(error**2))),
         lost=tuple(lost),
     )
+
+
+def _line(speed: np.ndarray, torque: np.ndarray) -> tuple[float, float]:
+    """Return F >= 0 and B >= 0 of the line F + B v nearest to a curve, by least squares."""
+    slope, intercept = np.polyfit(speed, torque, 1)
+    if slope < 0.0:
+        return max(float(torque.mean()), 0.0), 0.0
+    if intercept < 0.0:
+        return 0.0, max(float(speed @ torque / (speed @ speed)), 0.0)
+    return float(intercept), float(slope)
 
 
 def export_description(
