@@ -78,13 +78,13 @@ def test_jax_agrees_and_its_gradients_are_finite():
 
         def total(increments, row, f=f):
             z, out = f.init(B), 0.0
-            for k in range(8):
+            for k in range(2):
                 torque, z = f.step(z, increments[k], DT, row=row)
                 out += (torque**2).sum()
             return out
 
         slopes = jax.jit(jax.grad(total, argnums=(0, 1)))(
-            jax.numpy.asarray(dp[:8]), jax.numpy.asarray(law.row())
+            jax.numpy.asarray(dp[4:6]), jax.numpy.asarray(law.row())
         )
         assert all(bool(np.isfinite(s).all()) for s in slopes)
 

@@ -171,16 +171,17 @@ def _operation(xp: Any, name: str, given: list[Any]) -> Any:
     return getattr(xp, name)(given[0])
 
 
-def _picked(xp: Any, index: Any, first: int, *numbers: Any) -> Any:
-    """Return one of some numbers, by index."""
+def _picked(xp: Any, index: Any, places: tuple[int, ...], *numbers: Any) -> Any:
+    """Return one of some numbers, by an index that is one of some places."""
     if not hasattr(index, "shape"):
-        return numbers[index - first]
+        return numbers[places.index(index)]
     if all(isinstance(n, float) for n in numbers):
-        table = xp.asarray(numbers, dtype=xp.float64)
-        return table[index - first]
+        table = np.zeros(places[-1] - places[0] + 1)
+        table[np.array(places) - places[0]] = numbers
+        return xp.asarray(table, dtype=xp.float64)[index - places[0]]
     result = numbers[-1]
-    for i in range(len(numbers) - 2, -1, -1):
-        result = xp.where(index == first + i, numbers[i], result)
+    for place, number in zip(places[-2::-1], numbers[-2::-1]):
+        result = xp.where(index == place, number, result)
     return result
 
 

@@ -285,9 +285,8 @@ class _Frame:
             raise Untranslatable(ast.unparse(node))
         if isinstance(index, Node):  # one of a few places
             places = sorted(self._possible(index))
-            first = base.begin + places[0]
-            numbers = state.memory[base.name][first : base.begin + places[-1] + 1]
-            return self.graph.node("pick", index, first - base.begin, *numbers)
+            numbers = [state.memory[base.name][base.begin + at] for at in places]
+            return self.graph.node("pick", index, tuple(places), *numbers)
         return state.memory[base.name][base.begin + int(index)]
 
     def _possible(self, index: Any) -> set[int]:
