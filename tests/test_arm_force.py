@@ -12,6 +12,7 @@ from _arm_force import (
     DT,
     MODEL,
     MOTORS,
+    OFFSET,
     PUSH,
     ROBOT,
     SLIDING,
@@ -29,6 +30,7 @@ from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput, NotIdentifiable, UnknownName
 from backdrive.external import arm, estimate_force
 from backdrive.laws import Growth
+from backdrive.logs.log import Joint, Log
 from backdrive.robot import parse_robot
 from backdrive.status import Status
 
@@ -161,9 +163,6 @@ def test_what_does_not_fit_is_named(tmp_path):
     )
     with pytest.raises(InvalidInput, match=r"another robot description"):
         ArmForce.from_model(MODEL, other)
-    short = parse_robot(text_of(4))
-    with pytest.raises(NotIdentifiable, match=r"4 joints.*6 components"):
-        ArmForce.from_model(model_of(short), short, frame="tip")
     with pytest.raises(InvalidInput, match=r"\(10, 5\).*6 joints"):
         ArmForce.from_model(MODEL, ROBOT).run(np.zeros((10, 5)), np.zeros((10, 5)), DT)
     with pytest.raises(InvalidInput, match=r"bandwidth"):
@@ -171,6 +170,26 @@ def test_what_does_not_fit_is_named(tmp_path):
     with pytest.raises(InvalidInput, match="period"):
         ArmForce.from_model(MODEL, ROBOT).online(0.0)
     assert not list(Path(tmp_path).iterdir())
+
+
+def test_fewer_than_six_joints_tell_the_part_of_a_wrench_that_they_feel():
+    short = parse_robot(text_of(4))
+    q = np.tile([0.2, 0.5, 0.7, 0.3], (400, 1))
+    jacobian = short.jacobian(q[:1], "tip")[0]
+    wrench = np.array([12.0, -8.0, 20.0, 0.5, -1.0, 0.3])
+    torque = short.gravity(q) + OFFSET[:4] - jacobian.T @ wrench
+    out = ArmForce.from_model(model_of(short), short, bandwidth=L, frame="tip").run(q, torque, DT)
+    assert jacobian.T @ out.wrench[-1] == pytest.approx(jacobian.T @ wrench, abs=0.1)
+    directions = np.linalg.svd(jacobian)[0]
+    seen, hidden = (
+        np.einsum("in,ij,jn->n", part, out.covariance[-1], part) for part in np.split(directions, [4], axis=1)
+    )
+    assert out.singular.all() and hidden.min() > 10.0 * seen.min() and np.isfinite(out.covariance).all()
+    log = Log(
+        time=np.arange(400) * DT, position=q, torque=torque, joints=tuple(Joint(name=n) for n in short.joints)
+    )
+    told = estimate_force(model_of(short), log, robot=short, frame="tip", method="momentum", bandwidth=L)
+    assert any("4 joints feel no more than 4 of its 6 components" in line for line in told.remarks)
 
 
 def test_one_door_for_joints_and_arms():

@@ -55,6 +55,24 @@ def calibrated(names, seconds, rng, push=None, **how):
     return ForceEstimate(joints=joints, calibrations=bands)
 
 
+def test_faster_than_the_free_motion_a_band_is_wider_with_the_square_of_the_speed():
+    rng = np.random.default_rng(8)
+    slow, fast = (force(600.0, rng) for _ in range(2))
+    bands = calibrate([replace(slow, speed=np.full(slow.time.size, 2.0))])
+    speed = np.where(fast.time < 300.0, 1.0, 3.0)
+    wide, usual = bands.apply(replace(fast, speed=speed)), bands.apply(fast)
+    ratio = (wide.upper - wide.lower) / (usual.upper - usual.lower)
+    assert ratio == pytest.approx(np.where((speed > 2.0) & (fast.state != 2), 2.25, 1.0))
+    (sentence,) = bands.faster(wide)
+    assert "'j1': 3 rad/s" in sentence and "reached 2 rad/s: 50 %" in sentence
+    other = bands.apply(
+        replace(fast, speed=speed), np.full(speed.size, 2.0)
+    )  # a joint of an arm, of which another is faster
+    ratio = (other.upper - other.lower) / (usual.upper - usual.lower)
+    assert ratio == pytest.approx(np.where(fast.state != 2, 4.0, 1.0))
+    assert bands.faster(usual) == bands.faster(replace(fast, speed=np.minimum(speed, 2.0))) == []
+
+
 def test_bands_hold_their_share_of_unseen_motion_and_state_their_error():
     rng = np.random.default_rng(1)
     bands = calibrate([force(1000.0, rng), force(1000.0, rng)])

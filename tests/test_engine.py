@@ -1,11 +1,13 @@
 """Tests for engine/: torque along given motions, and forward dynamics against closed forms and the plain interpreter."""
 
+import pickle
+
 import numpy as np
 import pytest
 
-from backdrive.engine import Axis, DriveModel, forward, rollout
+from backdrive.engine import Axis, DriveModel, Lanes, forward, rollout
 from backdrive.engine.cores import spread
-from backdrive.errors import InvalidInput
+from backdrive.errors import ExtrapolationWarning, InvalidInput
 from backdrive.laws import Coulomb, CoulombViscous, Law, kernels
 from backdrive.laws.examples import ELEMENT_EXAMPLES, RATE_EXAMPLES, example
 from backdrive.logs.log import Joint
@@ -37,6 +39,61 @@ def test_a_rollout_is_the_loop_of_steps(name):
     load = np.tile([3.0, -2.0], (len(MOTION), 1))
     got = rollout(law, q=MOTION, dt=DT, load=load, temperature=35.0)
     assert np.array_equal(got, expected)
+
+
+#: Laws whose loops are compiled in every run, one of a kind; the others with `-m long`.
+FEW = ("stribeck-gauss", "polyline", "m6", "lugre", "gms", "decaying")
+
+
+@pytest.mark.parametrize(
+    ("name", "shared", "fastest"),
+    [
+        *(
+            pytest.param(name, True, 1.0, marks=() if name in FEW else pytest.mark.long)
+            for name in RATE_EXAMPLES
+        ),
+        *(
+            pytest.param(name, False, 1.0, marks=() if name in FEW else pytest.mark.long)
+            for name in ELEMENT_EXAMPLES
+        ),
+        ("lugre", True, 1e120),
+    ],
+)
+def test_sets_side_by_side_are_each_by_itself(name, shared, fastest):
+    """Thirty-six lanes fill two groups of sixteen and a part of one, on one motion or on several, beyond all speeds too."""
+    law, n = example(name), 36
+    dp = np.diff([MOTION[:150] * scale for scale in (1.0, 0.3, -2.0, 3.0)], prepend=0.0, axis=1)
+    dp[:, 50:60] *= fastest
+    which = np.zeros(n, dtype=np.int64) if shared else np.arange(n) % 4
+    load = np.tile([3.0, -2.0], (4, 150, 1)) * np.linspace(1.0, 0.5, 150)[:, None]
+    lanes, alone = Lanes([law] * n), Lanes([law])
+    if name != "polyline":  # whose row counts its knots
+        lanes.rows[:, 1:4] *= np.linspace(0.9, 1.1, n)[:, None]
+    state = np.zeros((n, lanes.states))
+    with np.errstate(all="ignore"):
+        got = lanes.torque(which, dp, DT, load, state=state, workers=1)
+        for i in (0, 1, 2, 3, 15, 16, 35):
+            alone.rows[0], x = lanes.rows[i], np.zeros((1, lanes.states))
+            m = which[i : i + 1]
+            expected = alone.torque(m, dp, DT, load, state=x, workers=1)[0]
+            assert expected.tobytes() == got[i].tobytes()
+            assert (
+                x[0, : max(law.element.states(), 1)].tobytes()
+                == state[i, : max(law.element.states(), 1)].tobytes()
+            )
+
+
+def test_a_torque_at_one_velocity_is_that_of_many():
+    one = model(example("stribeck-gauss"), example("polyline"))
+    for joint in ("j0", "j1", 0):
+        for v in (0.3, -0.02, 0.0, 0.9):
+            expected = float(one.torque(joint, np.array([v]))[0])
+            assert [float(one.torque(joint, v)) for _ in range(3)] == [expected] * 3
+        with pytest.warns(ExtrapolationWarning):
+            one.torque(joint, 2.0)
+    with pytest.raises(InvalidInput, match="NaN"):
+        one.torque("j0", float("nan"))
+    assert pickle.loads(pickle.dumps(one)) == one
 
 
 def test_shapes_follow_the_motion_and_the_models():

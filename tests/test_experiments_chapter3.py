@@ -9,6 +9,7 @@ from scipy.stats import ttest_ind
 from backdrive.thesis import (
     _guided,
     _release_compensated,
+    _square,
     fig_3_3,
     fig_3_4,
     fig_3_6,
@@ -24,8 +25,8 @@ from backdrive.thesis.setups import RATIO, setups
 SHORT = {
     fig_3_7: {"CYCLES": 3, "ZOOM": (0, 2)},
     fig_3_8: {"CYCLES": 4},
-    fig_3_9: {"CYCLES": 3},
-    fig_3_10: {"CYCLES": 4},
+    fig_3_9: {"ROUNDS": 2, "ZOOM": (0, 1)},
+    fig_3_10: {"ROUNDS": 2, "STROKES": 3, "PACES": {}},
     fig_3_11: {"SEEDS": 2},
 }
 
@@ -35,8 +36,6 @@ def outcome(monkeypatch):
     """Return a function that runs an experiment with few, short motions."""
 
     def run(module, seed=0):
-        if module is fig_3_9:
-            monkeypatch.setattr(fig_3_7, "ZOOM", (0, 2))
         monkeypatch.setattr(_release_compensated, "AFTER", 1.2)
         for name, value in SHORT.get(module, {}).items():
             monkeypatch.setattr(module, name, value)
@@ -74,7 +73,7 @@ def test_marks_are_those_of_the_thesis():
 
 
 def test_the_five_cases_differ_as_the_thesis_says():
-    cases = fig_3_10.guidance("joint_0").compensators()
+    cases = _square.guidances()["joint_0"].compensators()
     assert tuple(cases) == _guided.CASES
     decay = {case: getattr(c.friction.law.element, "decay_rate", None) for case, c in cases.items()}
     assert (decay["C"], decay["CD"], decay["P"], decay["PD"]) == (0.0, 0.0, 20.0, 20.0)
@@ -84,7 +83,7 @@ def test_the_five_cases_differ_as_the_thesis_says():
 def test_one_setup_for_every_figure():
     """K_c = K, friction on the load's side, no factor R: fixed beforehand, whatever the figure."""
     plants = setups()
-    for guidance in (fig_3_8.guidance(), *(fig_3_10.guidance(name) for name in fig_3_10.ARM)):
+    for guidance in (fig_3_8.guidance(), *_square.guidances().values()):
         assert guidance.plant == plants[guidance.plant.name]
         assert guidance.plant.stiffness == RATIO * guidance.stiffness
         assert guidance.plant.friction_side == "load"

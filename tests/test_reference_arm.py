@@ -486,16 +486,20 @@ def test_remarks_name_what_is_suspect(robot):
     b = rows.bodies.shape[2]
     k = terms[0].knots.size
 
-    def said(j=0, weight=None, own=None, pushed=None, told=None, condition=10.0, of=terms):
+    def said(j=0, weight=None, own=None, pushed=None, told=None, condition=10.0, of=terms, with_robot=robot):
         good = [np.r_[np.full(2 * t.knots.size, 4.0), 0.1, 0.2, 0.1] for t in terms]
         none = [np.zeros(t.size) for t in terms]
         solution = arm_solve.Solution(
-            beta=np.zeros(b), own=[good[0] if own is None else own, good[1]], errors=none, covariance=[],
+            beta=np.zeros(b), own=[good[0] if own is None else own, good[1]], errors=none,
             pushed=[none[0] if pushed is None else pushed, none[1]], told=np.ones(b) if told is None else told, condition=condition,
         )  # fmt: skip
-        return remarks(robot, of, rows if weight is None else replace(rows, weight=weight), solution)[j]
+        return remarks(with_robot, of, rows if weight is None else replace(rows, weight=weight), solution)[j]
 
     assert said() == () and said(1) == ()
+    theta = np.where(np.arange(robot.parameters.size) < 10, robot.parameters, 0.0)
+    empty = replace(robot)
+    empty.__dict__["parameters"] = theta
+    assert said(with_robot=empty) == () and "no mass or inertia" in said(1, with_robot=empty)[0]
     own = np.r_[np.full(2 * k, 4.0), 0.1, 0.2, 0.1]
     for offset, count in ((1.19, 0), (1.21, 1), (-1.21, 1)):
         changed = own.copy()
@@ -533,7 +537,7 @@ def test_remarks_name_what_is_suspect(robot):
             good = np.r_[np.full(2 * k, 4.0), 0.1, 0.2, 0.1]
             other = np.r_[np.full(2 * terms[1].knots.size, 4.0), 0.1, 0.2, 0.1]
             solution = arm_solve.Solution(
-                beta=np.zeros(b), own=[good, other], errors=[good, other], covariance=[], condition=10.0,
+                beta=np.zeros(b), own=[good, other], errors=[good, other], condition=10.0,
                 pushed=[0.0 * good, 0.0 * other], told=np.ones(b),
             )  # fmt: skip
             assert sum("one way" in w for w in remarks(robot, terms, moved, solution)[0]) == count
@@ -578,7 +582,7 @@ def test_errors_of_a_whole_fit_are_the_sandwich_at_its_solution(robot):
     assert errors[free[b:]] == pytest.approx(deviation[b:][free[b:]], rel=2e-2)
     for j in range(2):
         own = slice(first[j], first[j + 1])
-        assert np.sqrt(np.diag(got.covariance[j])) == pytest.approx(deviation[own], rel=2e-2, abs=1e-12)
+        assert np.sqrt(np.diag(got.covariance(j))) == pytest.approx(deviation[own], rel=2e-2, abs=1e-12)
         assert not got.pushed[j][free[own]].any() and got.pushed[j].size == sizes[j]
     loose, pushed = arm_solve._let_go(gram + held, slope, scores, free)
     for i in np.flatnonzero(~free):
@@ -630,9 +634,11 @@ def test_the_numbers_of_an_arm_stand_where_they_belong(found):
     assert arm.condition > 1.0
 
 
-def test_load_friction_that_is_not_there_is_left_out(robot):
+def test_load_friction_that_is_not_there_is_zero_with_its_error(robot):
     one, other = identify_arm(made(load=(0.1, 0.0)), robot)[0]
-    assert one.law.growth.load_driving == pytest.approx(0.1, abs=0.02) and other.law.growth is None
+    assert one.law.growth.load_driving == pytest.approx(0.1, abs=0.02)
+    assert other.law.growth.load_driving == other.law.growth.load_driven == 0.0
+    assert 0.0 < other.standard_errors["load_driving"] < 0.1
 
 
 def test_an_arm_needs_two_rows_a_coefficient(robot):

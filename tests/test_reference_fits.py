@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import f as f_distribution
 
 from backdrive.errors import InvalidInput
 from backdrive.identification import (
@@ -19,8 +20,10 @@ from backdrive.identification import (
     runs,
 )
 from backdrive.identification.constant_velocity import (
+    _chance,
     _choose,
     _knots,
+    _try_sections,
     compare_sections,
     identify_constant_velocity,
 )
@@ -423,13 +426,6 @@ def test_sections_are_judged_by_runs_that_are_left_out():
             errors.append(y[i] - X[i] @ theta)
         assert loss == pytest.approx(np.sqrt(np.mean(np.square(errors))), rel=1e-4)
     assert list(losses) == [1, 2, 3, 4, 5, 6]  # 7 knots a direction are at most 0.3 of 28 runs
-    assert "1" not in losses and _choose({1: np.array([1.0, 1.0]), 3: np.array([1.0, 1.1])})[0] == 1
-    gain = np.array([1.0, 1.2, 0.9, 1.1])
-    assert _choose({1: np.sqrt(gain), 2: np.zeros(4)})[0] == 2  # a gain of many standard errors
-    little = {1: np.array([1.0, 0.0, 0.0, 0.0]), 2: np.array([0.0, 0.8, 0.0, 0.0])}
-    assert _choose(little)[0] == 1  # 0.09 +- 0.29
-    assert _choose({2: gain, 4: 0.5 * gain})[0] == 4
-    assert _choose({1: np.full(4, 0.6), 2: np.full(4, 0.5)})[0] == 2  # 0.36 less 0.25
     found, shown = identify_constant_velocity(logs, "a")
     assert found.held_out.rms == pytest.approx(min(losses.values()), rel=1e-6)
     assert found.held_out.residual == pytest.approx(
@@ -438,6 +434,32 @@ def test_sections_are_judged_by_runs_that_are_left_out():
     assert shown.samples.velocity == pytest.approx(v) and found.validity.velocity == pytest.approx(
         (-2.0, 2.0)
     )
+
+
+def test_a_line_is_given_up_where_an_f_test_says_so():
+    rng = np.random.default_rng(7)
+    v, none = np.array(SPEEDS), np.zeros((28, 2))
+    line, bend = np.sign(v) * (3.0 + abs(v)), np.sign(v) * np.exp(-abs(v) / 0.3)
+    taken = 0
+    for _ in range(300):
+        y = line + 0.02 * rng.standard_normal(28)
+        tried = _try_sections(v, y, True, True)
+        full, simple = (tried[k][1] for k in (3, 1))
+        power = [float(np.linalg.lstsq(X, y, rcond=None)[1][0]) for X in (simple, full)]
+        ratio = (power[0] - power[1]) / (full.shape[1] - simple.shape[1]) / power[1] * (28 - full.shape[1])
+        freedom = full.shape[1] - simple.shape[1], 28 - full.shape[1]
+        assert _chance(simple, full, y) == pytest.approx(f_distribution.sf(ratio, *freedom), rel=1e-6)
+        taken += _choose(tried, y, none)[0] > 1
+    assert taken <= 6  # 1 % of 300, and what chance adds to it
+    assert _chance(simple, full, line) == 1.0  # what rounding leaves of a line is not bent
+    y = line + bend + 0.02 * rng.standard_normal(28)
+    tried = _try_sections(v, y, True, True)
+    assert _choose(tried, y, none)[0] > 1
+    assert (
+        _choose({k: tried[k] for k in (3, 6)}, y, none)[0] == 6
+    )  # without a line the least error of left-out runs
+    pull = np.stack([bend, np.zeros(28)], axis=1)  # the error of a gravity that looks like it is not followed
+    assert _choose(tried, y, pull)[0] == 1
 
 
 def test_runs_that_jerk_or_go_one_way_or_feed_energy_are_said():

@@ -392,3 +392,41 @@ def test_a_slip_is_taken_out_by_whole_samples_and_never_across_a_gap(by):
         f"torque of j0 was shifted by {-round(by[0])} samples.", f"torque of j1 was shifted by {-round(by[1])} samples.",
         "Rows at the ends that lost their torque by the shift were dropped.",
     )  # fmt: skip
+
+
+def late_log(how, by, bend=0.0, rate=500.0):
+    """Return a log of a joint under gravity whose torque is late by a time: shifted, or behind a low pass of first order."""
+    rng = np.random.default_rng(5)
+    t = np.arange(round(20.0 * rate)) / rate
+    waves = ((0.8, 1.1, 0.0), (0.4, 2.9, 1.0), (0.1, 6.3, 2.0))
+    q, v, a = (sum(f(k, w * t + p) * w**d for k, w, p in waves) for d, f in enumerate((
+        lambda k, x: k * np.sin(x), lambda k, x: k * np.cos(x), lambda k, x: -k * np.sin(x),
+    )))  # fmt: skip
+    friction, z = np.sign(v), 0.0
+    if bend:
+        for k, step in enumerate(np.diff(q, prepend=q[0])):
+            z = float(np.clip(z + step, -bend, bend))
+            friction[k] = z / bend
+    tau = 0.1 * a + friction + 0.3 * v + 2.0 * np.sin(q)
+    if how == "shift":
+        tau = np.interp(t - by, t, tau)
+    else:
+        gain, late = 1.0 - np.exp(-1.0 / (by * rate)), tau[0]
+        for k, x in enumerate(tau.copy()):
+            late += gain * (x - late)
+            tau[k] = late
+    return Log(
+        time=t,
+        joints=(Joint(name="j0", unit="rad"),),
+        position=q,
+        torque=tau + 0.02 * rng.standard_normal(t.size),
+    )
+
+
+@pytest.mark.parametrize(("by", "bend"), [(0.02, 0.0), (0.02, 2e-3), (0.03, 0.0)])
+def test_torque_behind_a_low_pass_is_no_slip_that_a_shift_mends(by, bend):
+    (shifted,) = time_slip.find(Exam(late_log("shift", by, bend)))
+    assert shifted.repairable and "low pass" not in shifted.sentence
+    assert shifted.value == pytest.approx(by * 500.0, abs=0.5)
+    (passed,) = time_slip.find(Exam(late_log("low pass", by, bend)))
+    assert not passed.repairable and "low pass" in passed.sentence and "no shift mends it" in passed.remedy

@@ -127,7 +127,9 @@ def test_what_is_said_of_a_bent_curve():
     assert only.law.rate.NAME == "polyline" and "line sections per direction were fitted." in shown.verdict
     straight = identify_constant_velocity(runs(uneven_line, noise=0.05), "a")
     assert straight[0].law.rate.NAME == "coulomb-viscous"
-    assert straight[1].verdict.endswith(f"predicts left-out runs better ({straight[0].held_out.rms:.3g}).")
+    assert straight[1].verdict.endswith(
+        f"predicts left-out runs surely better ({straight[0].held_out.rms:.3g})."
+    )
     for n, enough in ((3, False), (4, True)):
         if enough:
             identify_constant_velocity(runs(uneven_line, [0.5, 1.0, -0.5, -1.0][:n]), "a", symmetric=True)

@@ -150,7 +150,7 @@ def test_the_command_writes_a_book_and_tells_what_falls_short(fake, tmp_path):
 def test_an_interrupt_keeps_what_is_done(fake, tmp_path, monkeypatch):
     items = [fake("fig-2.2", lambda seed: outcome(True)), fake("fig-2.3", lambda seed: outcome(True))]
 
-    def interrupted(entries, *, seed=0, workers=1):
+    def interrupted(entries, *, seed=0, workers=1, say=None):
         yield running.run_one(items[0], seed)
         raise KeyboardInterrupt
 

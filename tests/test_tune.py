@@ -23,7 +23,7 @@ from backdrive.tuning.goals import goal_of
 from backdrive.tuning.margins import least_breaking, with_value
 from backdrive.tuning.members import corners, nominal, sample
 from backdrive.tuning.propose import _rows, fixed_rule
-from backdrive.tuning.reasons import origin
+from backdrive.tuning.reasons import edges, origin
 from backdrive.tuning.safety import calm, ends, safe
 from backdrive.tuning.scenes import usual_stroke
 from backdrive.tuning.search import inverse, place, search
@@ -222,12 +222,46 @@ def test_the_fixed_rule_is_proposed_where_it_is_safe_and_better():
 @needs_jit
 def test_a_search_repeats_itself_and_is_safe(quick):
     facts = facts_of(FRICTION, motor_share=0.1)
-    goal = goal_of("backdrive", facts, usual_stroke(facts))
+    goal = goal_of("backdrive", facts, usual_stroke(facts), wish="light")
     first, again = (search(goal, seed=2, width=8) for _ in range(2))
     assert first == again
     assert first.numbers is not None
     assert goal.worst([first.numbers])[0] <= 1.0
     assert first.score < 0.75 * goal.scores([{"share": 0.0, "stiffness": 0.5, "decay": 20.0}])[0]
+
+
+def test_numbers_at_an_end_of_their_range_are_named():
+    facts = facts_of(FRICTION, motor_share=0.1)
+    goal = goal_of("backdrive", facts, usual_stroke(facts))
+    low, high = goal.ranges["decay"]
+    inside = {name: float(np.sqrt(a * b)) for name, (a, b) in goal.ranges.items()}
+    assert edges(goal, inside) == []
+    (said,) = edges(goal, inside | {"decay": low})
+    assert said.startswith("alpha_N") and "lower end" in said
+    assert "upper end" in edges(goal, inside | {"decay": high})[0]
+
+
+def test_a_wish_that_there_is_not_is_answered_with_those_that_there_are():
+    facts = facts_of(FRICTION, motor_share=0.1)
+    with pytest.raises(InvalidInput, match="even, light, touch, calm"):
+        goal_of("backdrive", facts, usual_stroke(facts), wish="soft")
+
+
+@needs_jit
+def test_what_a_hand_feels_falls_and_rises_as_it_must():
+    """A slower decay leaves more standing, more of R takes force from the hand and lets the joint coast further."""
+    facts = facts_of(FRICTION, motor_share=0.1)
+    goal = goal_of("backdrive", facts, usual_stroke(facts))
+    many = [
+        {"share": R, "stiffness": 0.5, "decay": a}
+        for R, a in ((0.8, 2.0), (0.8, 100.0), (0.4, 100.0), (0.0, 20.0))
+    ]
+    felt = goal.felt(many)
+    assert felt["standing"][0] > 5.0 * felt["standing"][1]
+    assert felt["force"][1] < felt["force"][2] < 1.0
+    assert felt["coast"][1] > felt["coast"][2]
+    assert [felt[k][3] for k in ("force", "touch", "coast")] == pytest.approx([1.0, 1.0, 1.0], rel=0.02)
+    assert felt["standing"][3] == 0.0
 
 
 @pytest.fixture
@@ -277,7 +311,9 @@ def test_what_is_printed_says_units_and_dither(capsys):
     said = " ".join(capsys.readouterr().out.split())
     assert "without dither: 100 % come to rest" in said
     assert ("With the dither, at rest" in said) == (tuned("backdrive")["dither_share"] > 0.0)
-    assert "N.m, comes to rest" in said
+    assert "rests on all joints tried" in said
+    assert "standing: torque left standing after a stop by F" in said
+    assert "With algFC2" in said
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Friction loops in C, compiled on the spot, behind the same arguments as `backdrive.engine.Lanes.torque`."""
+"""Friction loops in C, compiled on the spot, behind arguments like those of `backdrive.engine.Lanes.torque`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-SOURCE = Path(__file__).with_name("loops.c")
+from backdrive import elementary
+
+SOURCES = [str(Path(__file__).with_name(name)) for name in ("loops.c", "lanes.c")]
 FLAGS = ["-O3", "-march=native", "-ffp-contract=off", "-std=gnu11", "-shared", "-fPIC"]
 
 
@@ -18,6 +20,12 @@ def pointer(array: np.ndarray) -> ctypes.c_void_p:
     """Return where a contiguous array begins."""
     assert array.flags.c_contiguous
     return ctypes.c_void_p(array.ctypes.data)
+
+
+class Exponential(ctypes.Structure):
+    """What the exponential function of `lanes.c` reads."""
+
+    _fields_ = [(n, ctypes.c_double) for n in ("scale", "high", "low")] + [("powers", ctypes.c_void_p)]
 
 
 class Loops:
@@ -41,7 +49,7 @@ class Loops:
         self.compiler = said.stdout.splitlines()[0]
         library = folder / "loops.so"
         for extra in (["-fopenmp"], []):
-            command = [compiler, *FLAGS, *extra, "-o", str(library), str(SOURCE), "-lm"]
+            command = [compiler, *FLAGS, *extra, "-o", str(library), *SOURCES, "-lm"]
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             self.threaded = bool(extra)
             if done.returncode == 0:
@@ -50,14 +58,14 @@ class Loops:
             raise SystemExit(done.stderr)
         self._library = ctypes.CDLL(str(library))
 
-    def torque(self, name: str, lanes, motion, dp, dt: float, load, threads: int) -> np.ndarray:
-        """Return the torque of every lane by the loop of a law, (L, n); from rest, on fresh memory."""
-        out, states = np.empty((len(motion), dp.shape[1])), np.zeros((len(motion), lanes.states))
+    def torque(self, name: str, rows, states: int, motion, dp, dt: float, load, threads: int) -> np.ndarray:
+        """Return the torque of every row by the loop of a law, (L, n); from rest, on fresh memory."""
+        out, state = np.empty((len(motion), dp.shape[1])), np.zeros((len(motion), states))
         getattr(self._library, f"{name.replace('-', '_')}_sets")(
-            pointer(lanes.rows),
-            ctypes.c_long(lanes.rows.shape[1]),
-            pointer(states),
-            ctypes.c_long(states.shape[1]),
+            pointer(rows),
+            ctypes.c_long(rows.shape[1]),
+            pointer(state),
+            ctypes.c_long(states),
             pointer(motion),
             pointer(dp),
             pointer(load),
@@ -69,10 +77,35 @@ class Loops:
         )
         return out
 
+    def side_by_side(self, name: str, rows, dp, dt: float) -> np.ndarray:
+        """Return the torque of many rows along one motion, sixteen side by side, (L, n)."""
+        powers = np.array(elementary.POWERS, dtype=np.int64)
+        numbers = (elementary.BY_LOG_2, elementary.STEP_HIGH, elementary.STEP_LOW)
+        given, out = Exponential(*numbers, powers.ctypes.data), np.empty((len(rows), dp.size))
+        getattr(self._library, f"{name}_side_by_side")(
+            pointer(rows),
+            ctypes.c_long(rows.shape[1]),
+            pointer(dp),
+            ctypes.c_double(dt),
+            ctypes.c_long(dp.size),
+            ctypes.c_long(len(rows)),
+            ctypes.byref(given),
+            pointer(out),
+        )
+        return out
+
+    def alg_fc2(self, numbers, q, dt: float) -> np.ndarray:
+        """Return what algFC2 adds along encoder readings, (n,)."""
+        out = np.empty(q.size)
+        self._library.alg_fc2(
+            pointer(numbers), pointer(q), ctypes.c_double(dt), ctypes.c_long(q.size), pointer(out)
+        )
+        return out
+
     def forward(self, row, inertia: float, proportional: float, derivative: float, reference, dt: float):
-        """Return position, velocity and torque of a mass under Stribeck friction and a PD position loop, (n, 3)."""
+        """Return position, velocity and torque of a mass under LuGre friction and a PD position loop, (n, 3)."""
         out = np.empty((len(reference), 3))
-        self._library.forward_stribeck(
+        self._library.forward_lugre(
             pointer(row),
             ctypes.c_double(inertia),
             ctypes.c_double(proportional),

@@ -145,6 +145,72 @@ static void gms(LANE) {
 }
 OVER_SETS(gms)
 
+/* Line sections by direction with slopes made beforehand. p: N, V[N], intercept, F[N], slope[N - 1] along +q, the same along -q. */
+static inline double line(const double *restrict V, const double *restrict F, const double *restrict slope, int N,
+                          double speed) {
+    int i = 0;
+    while (i < N - 2 && speed >= V[i + 1]) i++;
+    return F[i] + slope[i] * (speed - V[i]);
+}
+
+struct sections { int N; const double *V, *forward, *backward; };
+
+static inline struct sections sections_of(const double *p) {
+    const int N = (int)p[0];
+    return (struct sections){N, p + 1, p + 1 + N, p + 1 + 3 * N};
+}
+
+/* What friction has beyond the intercepts: Phi(v). */
+static inline double beyond(struct sections c, double v) {
+    const int N = c.N;
+    if (v > 0.0) return line(c.V, c.forward + 1, c.forward + 1 + N, N, v) - c.forward[0];
+    if (v < 0.0) return c.backward[0] - line(c.V, c.backward + 1, c.backward + 1 + N, N, -v);
+    return 0.0 * v;
+}
+
+static void polyline(LANE) {
+    const struct sections c = sections_of(p);
+    for (long k = 0; k < n; k++) {
+        const double d = dp[k], v = d / dt;
+        const double f = d > 0.0 ? c.forward[0] : d < 0.0 ? -c.backward[0] : 0.0 * d;
+        out[k] = f + beyond(c, v);
+    }
+}
+OVER_SETS(polyline)
+
+static void decaying_polyline(LANE) {
+    const double K = p[0], alpha = p[1];
+    const struct sections c = sections_of(p + 2);
+    const double hi = c.forward[0], lo = -c.backward[0], left = 1.0 / (1.0 + alpha * dt), by_K = 1.0 / K;
+    double z = x[0]; /* torque of the spring */
+    for (long k = 0; k < n; k++) {
+        const double d = dp[k], trial = (z + K * d) * left, after = clipped(trial, lo, hi);
+        const double slid = after == trial ? alpha * dt * by_K * trial : between(d - (after - z) * by_K, d);
+        z = after;
+        out[k] = after + beyond(c, slid / dt);
+    }
+    x[0] = z;
+}
+OVER_SETS(decaying_polyline)
+
+/* algFC2 tick by tick from encoder readings: the decay rate goes up in motion. c: R, K, alpha_N, alpha_H, r_W, V_W, line sections. */
+void alg_fc2(const double *c, const double *q, double dt, long n, double *restrict out) {
+    const double R = c[0], K = c[1], slow = c[2], fast = c[3], rate = c[4], threshold = c[5], by_K = 1.0 / K;
+    const struct sections lines = sections_of(c + 6);
+    const double hi = lines.forward[0], lo = -lines.backward[0];
+    double z = 0.0, w = 0.0, before = q[0];
+    for (long k = 0; k < n; k++) {
+        const double d = q[k] - before;
+        const double up = w + rate * dt, down = w - rate * dt;
+        w = fabs(d) > threshold * dt ? (up < 1.0 ? up : 1.0) : down > 0.0 ? down : 0.0;
+        const double alpha = (1.0 - w) * slow + w * fast;
+        const double trial = (z + K * d) / (1.0 + alpha * dt), after = clipped(trial, lo, hi);
+        const double slid = after == trial ? alpha * dt * by_K * trial : between(d - (after - z) * by_K, d);
+        z = after, before = q[k];
+        out[k] = R * (after + beyond(lines, slid / dt));
+    }
+}
+
 static void m6(LANE) {
     const double F_c = p[1], F_st = p[2], v_s = p[3], alpha = p[4], K_v = p[5];
     const double K_m = p[6], K_e = p[7], S_m = p[8], S_e = p[9], Q_e = p[10], Q_m = p[11];
@@ -167,31 +233,37 @@ OVER_SETS(m6)
 #define STEPS 60
 #define CLOSE 1e-14
 
-/* What a trial speed asks for beyond what the step provides. */
-static inline double excess_at(const double *p, double speed, double toward, double v_free, double dt_over_m) {
-    const double v = toward * speed;
-    return toward * (v + dt_over_m * (toward * gauss(v, p[1], p[2], p[3]) + p[5] * v) - v_free);
+/* LuGre's numbers: F_c, F_s, v_s, sigma_2, sigma_0, sigma_1, v_d. */
+struct bristle { double F_c, F_s, by_v_s, sigma_2, sigma_0, sigma_1, by_v_d, rate, h; };
+
+/* Torque of a step at velocity v from the bristle torque z; `after` is where that gets to. */
+static inline double bristle_torque(struct bristle c, double z, double v, double *after) {
+    const double r = fabs(v) * c.by_v_s, s = copysign(c.F_c + (c.F_s - c.F_c) * exp(-r * r), v);
+    const double reach = c.sigma_0 * (v * c.h), q = v * c.by_v_d;
+    *after = (z + reach) * (s / (s + reach));
+    return (*after + c.sigma_1 * exp(-q * q) * (*after - z) * c.rate) + c.sigma_2 * v;
 }
 
-/* Velocity at the end of a step of a mass under Stribeck friction: bracketed, then regula falsi with halving. */
-static double solve(const double *p, double v_free, double dt_over_m) {
-    const double held = dt_over_m * p[2];
-    if (-held <= v_free && v_free <= held) return 0.0;
-    const double at_rest = v_free - (v_free > 0.0 ? held : -held), toward = at_rest > 0.0 ? 1.0 : -1.0;
-    const double close = CLOSE * (fabs(v_free) + fabs(at_rest));
-    double a = 0.0, excess_a = -fabs(at_rest), b = fabs(at_rest), grown = 1.0;
-    double excess_b = excess_at(p, b, toward, v_free, dt_over_m);
+/* Velocity at the end of an implicit step of a mass: bracketed, then regula falsi with halving (Illinois). */
+static double bristle_solve(struct bristle c, double z, double v_free, double dt_over_m) {
+    double after;
+    const double at_rest = v_free - dt_over_m * bristle_torque(c, z, 0.0, &after);
+    if (at_rest == 0.0) return 0.0;
+    const double toward = at_rest > 0.0 ? 1.0 : -1.0, close = CLOSE * (fabs(v_free) + fabs(at_rest));
+#define EXCESS(speed)                                                                                          \
+    (toward * (toward * (speed) + dt_over_m * bristle_torque(c, z, toward * (speed), &after) - v_free))
+    double a = 0.0, excess_a = -fabs(at_rest), b = fabs(at_rest), grown = 1.0, excess_b = EXCESS(b);
     int side = 0;
     for (int i = 0; i < STEPS && excess_b < 0.0; i++) {
         const double next = b - 2.0 * grown * excess_b;
         a = b, excess_a = excess_b, b = next, grown *= 2.0;
-        excess_b = excess_at(p, b, toward, v_free, dt_over_m);
+        excess_b = EXCESS(b);
     }
     if (excess_b == 0.0) return toward * b;
     for (int i = 0; i < STEPS; i++) {
         const double speed = b - excess_b * (b - a) / (excess_b - excess_a);
         if (!(a < speed && speed < b)) break;
-        const double excess = excess_at(p, speed, toward, v_free, dt_over_m);
+        const double excess = EXCESS(speed);
         if (fabs(excess) <= close) return toward * speed;
         if (excess > 0.0) {
             b = speed, excess_b = excess;
@@ -206,17 +278,19 @@ static double solve(const double *p, double v_free, double dt_over_m) {
     return toward * (b - excess_b * (b - a) / (excess_b - excess_a));
 }
 
-/* A mass under Stribeck friction that a PD position loop takes along the reference r; position, velocity, torque. */
-void forward_stribeck(const double *p, double M, double K_p, double K_d, const double *r, double h, long n,
-                      double *restrict out) {
-    double q = 0.0, w = 0.0, before = r[0], q_before = 0.0;
+/* A mass under LuGre friction that a PD position loop takes along the reference r; position, velocity, torque. */
+void forward_lugre(const double *p, double M, double K_p, double K_d, const double *r, double h, long n,
+                   double *restrict out) {
+    const struct bristle c = {p[0], p[1], 1.0 / p[2], p[3], p[4], p[5], 1.0 / p[6], 1.0 / (p[4] * h), h};
+    double q = 0.0, w = 0.0, z = 0.0, before = r[0], q_before = 0.0;
     for (long k = 0; k < n; k++) {
         const double v = (q - q_before) / h, dr = (r[k] - before) / h;
         const double u = K_p * (r[k] - q) + K_d * (dr - v);
         out[3 * k] = q, out[3 * k + 1] = w, out[3 * k + 2] = u;
         q_before = q, before = r[k];
         const double middle = q + 0.5 * h * w;
-        w = solve(p, w + h / M * u, h / M);
+        w = bristle_solve(c, z, w + h / M * u, h / M);
+        bristle_torque(c, z, w, &z);
         q = middle + 0.5 * h * w;
     }
 }

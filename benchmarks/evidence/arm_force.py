@@ -7,7 +7,7 @@ the same with friction 20 % too large, inertia 5 % too large, and a payload nobo
 width at rest, and the order of the thesis' friction estimators (algFE, CT, HA; Iwatani 2017, Sec. 4.6) on the arm whose friction
 is compensated and that a soft hand moves.
 
-    python benchmarks/evidence/arm_force.py
+    python benchmarks/evidence/arm_force.py [--short] [--bands] [--seed N] [--arms N]
 """
 
 from __future__ import annotations
@@ -64,29 +64,37 @@ def main() -> None:
     options = parser(__doc__)
     options.add_argument("--seed", type=int, default=500, help="of the first arm")
     options.add_argument("--arms", type=int, default=None, help="how many")
+    options.add_argument(
+        "--bands", action="store_true", help="bands alone, without tables and friction estimators"
+    )
     asked = options.parse_args()
-    judge, sums = Judge(), Sums()
+    judge, sums, tables = Judge(), Sums(), not asked.bands
     arms = asked.arms or (1 if asked.short else SEEDS)
     inside: dict[str, list[tuple[int, int, float, float]]] = defaultdict(list)
     thesis: dict[str, list[np.ndarray]] = defaultdict(list)
     for seed in range(asked.seed, asked.seed + arms):
         logs = logs_of(seed, asked.short)
         nominal = nominal_of(logs)
-        for name, model in models_of(nominal).items():
+        for name, model in models_of(nominal).items() if tables else ():
             for method in METHODS:
                 sums.add(
                     f"{name}, {method}", errors_of(estimated(model, logs, logs.contact, method), logs.contact)
                 )
-        for name, model in wrong_models(nominal).items():
+        for name, model in wrong_models(nominal).items() if tables else ():
             sums.add(name, errors_of(estimated(model, logs, logs.contact), logs.contact))
-        sums.add("payload of 1 kg, unknown", errors_of(estimated(nominal, logs, logs.loaded), logs.loaded))
+        if tables:
+            sums.add(
+                "payload of 1 kg, unknown", errors_of(estimated(nominal, logs, logs.loaded), logs.loaded)
+            )
         calibrated = estimated(nominal, logs, logs.contact, free=[logs.free])
         for _, state, count, within, width, events in covered(calibrated, logs.contact, logs.arm):
             inside[state].append((count, within, width, events))
-        for name, three in thesis_of(logs, nominal, seed).items():
+        for name, three in thesis_of(logs, nominal, seed).items() if tables else ():
             thesis[name].append(three)
-        print(f"arm {seed} done", flush=True)
-    sums.table()
+        so_far = (f"{s} {100 * sum(x[1] for x in r) / sum(x[0] for x in r):.1f} %" for s, r in inside.items())
+        print(f"arm {seed} done; inside so far: {', '.join(so_far)}", flush=True)
+    if tables:
+        sums.table()
     print("\nbands of 95 % at the nominal model, pooled over joints and arms:")
     for state in STATES:
         count, within, width, events = np.array(inside[state]).T
@@ -108,6 +116,8 @@ def main() -> None:
                     f"{state}: {events.sum():.0f} independent events (at least {EVENTS})",
                     events.sum() >= EVENTS,
                 )
+    if not tables:
+        judge.end()
     print(
         "\ncompensated arm moved by a hand: RMS of force held [N], of torques held, and after hands off [N.m]:"
     )

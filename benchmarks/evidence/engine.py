@@ -1,10 +1,4 @@
-"""How fast friction is computed: against C written by hand, against what people write in Python, and how the cost grows.
-
-The C loops (`benchmarks/engine_c/loops.c`) hold one law each and the same arithmetic in the same order; their torques are
-compared with ours bit for bit before anything is timed. Both sides give a fresh array. C and ours take turns within one
-run, and a ratio is the median over the turns: what a shared machine does to one it does to the other. One thread is
-measured in the thread's own CPU time, all threads by the wall clock.
-"""
+"""How fast friction is computed: the part of `speed` against C, against what people write in Python, and how the cost grows."""
 
 from __future__ import annotations
 
@@ -20,32 +14,23 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import speed
 from _common import Judge, parser
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "engine_c"))
 from c_loops import Loops
 
-from backdrive.engine import Axis, DriveModel, Lanes, forward, rollout
+from backdrive.engine import Lanes, rollout
 from backdrive.engine.cores import available
 from backdrive.engine.tick import Tick
-from backdrive.laws import GMS, Law, LuGre, MaxwellSlip
-from backdrive.laws.examples import RATE_EXAMPLES, example
+from backdrive.laws import Law, LuGre
+from backdrive.laws.examples import example
 
 DT = 1e-3
-LONG, SETS, TICKS = 1_000_000, 10_000, 1000
+LONG, SETS = 1_000_000, 10_000
 SECONDS = 2.0  # for the turns of one comparison, but at least:
 TURNS = 5
-EIGHT = {"stiffness": tuple(1.2e4 / k for k in range(1, 9)), "share": (0.125,) * 8}
-LAWS = {
-    "coulomb-viscous": example("coulomb-viscous"),
-    "stribeck-gauss": example("stribeck-gauss"),
-    "lugre": example("lugre"),
-    "hayward-armstrong": example("hayward-armstrong"),
-    "decaying": example("decaying"),
-    "maxwell-slip": Law(rate=RATE_EXAMPLES["stribeck-gauss"], element=MaxwellSlip(**EIGHT)),
-    "gms": Law(rate=RATE_EXAMPLES["stribeck-gauss"], element=GMS(**EIGHT, attraction=100.0)),
-    "m6": example("m6"),
-}
+LUGRE = example("lugre")
 ARM = ("coulomb-viscous", "stribeck-gauss", "lugre", "hayward-armstrong", "maxwell-slip", "gms", "m6")
 FIRST = """
 import time
@@ -80,44 +65,6 @@ def turns(theirs: Callable, ours: Callable, clock: Callable[[], float], seconds:
             del kept
     ratio = statistics.median(y / x for x, y in zip(a, b))
     return {"theirs": min(a), "ours": min(b), "ratio": ratio, "of_best": min(b) / min(a), "turns": len(a)}
-
-
-def against_c(loops: Loops, judge: Judge, seconds: float) -> list[dict]:
-    """Compare the loops of every law, one long series and many sets, on one thread and on all."""
-    threads, results, alike = available(), [], True
-    print(f"{'law':18s} {'case':12s} thr   C [ns] ours [ns]  ratio  of best  turns")
-    generator = np.random.default_rng(0)
-    for name, law in LAWS.items():
-        for case, n, count in (("one series", LONG, 1), ("10,000 sets", TICKS, SETS)):
-            for workers in (1, threads)[: 2 if threads > 1 and loops.threaded else 1]:
-                sets = count * workers if count == 1 else count  # on all threads: a series each
-                lanes, motion = Lanes([law] * sets), np.zeros(sets, dtype=np.int64)
-                lanes.rows[:, 1:3] *= generator.uniform(0.5, 2.0, (sets, 1))
-                q = moved(n, slower=0.2 if n == TICKS else 1.0)
-                dp = np.diff(q, prepend=q[0])[None].copy()
-                load = np.stack([3.0 * np.sin(9.0 * q), 2.0 * np.cos(7.0 * q)], axis=1)[None].copy()
-                given = load if law.rate.NEEDS else None
-
-                def c(name=name, lanes=lanes, motion=motion, dp=dp, load=load, workers=workers):
-                    return loops.torque(name, lanes, motion, dp, DT, load, workers)
-
-                def ours(lanes=lanes, motion=motion, dp=dp, given=given, workers=workers):
-                    return lanes.torque(motion, dp, DT, given, workers=workers)
-
-                alike &= np.array_equal(c().view(np.int64), ours().view(np.int64))
-                clock = time.thread_time if workers == 1 else time.perf_counter
-                got = turns(c, ours, clock, seconds) | {"law": name, "case": case, "threads": workers}
-                got["theirs"], got["ours"] = (1e9 * got[k] / sets / n for k in ("theirs", "ours"))
-                results.append(got)
-                print(
-                    f"{name:18s} {case:12s} {workers:3d} {got['theirs']:8.2f} {got['ours']:9.2f} {got['ratio']:6.2f} "
-                    f"{got['of_best']:8.2f} {got['turns']:6d}",
-                    flush=True,
-                )
-    judge.that("torques of C and ours agree in every bit, all laws", alike)
-    for r in results:
-        judge.at_most(f"{r['law']}, {r['case']}, {r['threads']} thread(s): time over C's", r["ratio"], 1.3)
-    return results
 
 
 def by_hand(law: Law, dq: np.ndarray) -> np.ndarray:
@@ -157,7 +104,7 @@ def by_integrator(law: Law, dq: np.ndarray, method: str) -> np.ndarray:
 
 def against_python(judge: Judge) -> dict:
     """Compare a whole `rollout` call with a loop in Python and with SciPy's integrators."""
-    law, results = Law(rate=LAWS["lugre"].rate, element=LuGre(stiffness=1e4, damping=20.0)), {}
+    law, results = Law(rate=LUGRE.rate, element=LuGre(stiffness=1e4, damping=20.0)), {}
     for name, n, other in (
         ("a NumPy loop", 50_000, lambda dq: by_hand(law, dq)),
         ("solve_ivp LSODA", 10_000, lambda dq: by_integrator(law, dq, "LSODA")),
@@ -187,7 +134,7 @@ def against_python(judge: Judge) -> dict:
 
 def growth(judge: Judge) -> dict:
     """Measure how the time grows with joints, sets and length, and what a set takes in memory."""
-    law, results = LAWS["lugre"], {}
+    law, results = LUGRE, {}
     q = moved(1_000_000)
     dp = np.diff(q, prepend=q[0])[None].copy()
     wide = {J: np.repeat(q[:20_000, None], J, axis=1) for J in (4, 8, 16, 32, 64)}
@@ -289,80 +236,27 @@ def ticking(judge: Judge, calls: int = 100_000) -> dict:
     return result
 
 
-def driven(loops: Loops) -> dict:
-    """Time forward dynamics of an axis with Stribeck friction in a position loop against the same in C."""
-    law, reference = LAWS["stribeck-gauss"], moved(100_000)
-    axis = Axis(
-        law=law, inertia=0.5, drive=DriveModel(controller="position", proportional=2000.0, derivative=60.0)
-    )
-
-    def c():
-        return loops.forward(law.row(), 0.5, 2000.0, 60.0, reference, DT)
-
-    def ours():
-        return forward(axis, reference, dt=DT, workers=1)
-
-    expected, motion = c(), ours()
-    got = turns(c, ours, time.thread_time)
-    got["theirs"], got["ours"] = (1e9 * got[k] / len(reference) for k in ("theirs", "ours"))
-    apart = float(np.abs(np.stack([motion.position[0], motion.velocity[0]], axis=1) - expected[:, :2]).max())
-    print(
-        f"  forward dynamics, Stribeck under a position loop: C {got['theirs']:.0f} ns a step, ours {got['ours']:.0f} ns, "
-        f"ratio {got['ratio']:.2f}; motions apart by {apart:.1e} at most (for information)"
-    )
-    return got | {"apart": apart}
-
-
-def draw(file: Path, found: dict) -> None:
-    """Draw times over C's, and how the cost grows."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, (left, right) = plt.subplots(1, 2, figsize=(10.5, 4.0), layout="constrained")
-    cases = sorted({(r["threads"], r["case"]) for r in found["against_c"]})
-    at = np.arange(len(LAWS))
-    for i, (threads, case) in enumerate(cases):
-        ratios = [r["ratio"] for r in found["against_c"] if (r["threads"], r["case"]) == (threads, case)]
-        left.bar(at + 0.2 * (i - 0.5 * len(cases) + 0.5), ratios, 0.19, label=f"{case}, {threads} thread(s)")
-    left.axhline(1.3, color="0.3", linewidth=1.0, linestyle="--")
-    left.set_xticks(at, list(LAWS), rotation=35, ha="right")
-    left.set_ylabel("time over that of C [-]")
-    left.set_ylim(0.0, 1.3 * max(r["ratio"] for r in found["against_c"]))
-    left.legend(fontsize=7, loc="upper left", ncols=2)
-    for name in ("joints", "sets", "length"):
-        g = found["growth"][name]
-        right.loglog(g["sizes"], g["seconds"], "o-", label=f"{name}: power {g['slope']:.2f}")
-    right.set_xlabel("number of joints, sets or ticks")
-    right.set_ylabel("time of one thread [s]")
-    right.legend(fontsize=8)
-    file.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(file, dpi=130)
-
-
 def main() -> None:
     """Measure, write down and judge."""
     made = parser(str(__doc__).splitlines()[0])
     made.add_argument("--json", type=Path, help="write the figures there")
-    made.add_argument("--figure", type=Path, help="draw them there")
     wanted = made.parse_args()
-    judge, seconds = Judge(), 0.2 if wanted.short else SECONDS
+    judge = Judge()
     with tempfile.TemporaryDirectory() as scratch:
         loops = Loops(Path(scratch))
         load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
         print(f"{loops.compiler}; {available()} cores, load {load:.1f}")
         found = {"compiler": loops.compiler, "cores": available(), "load": load}
-        found["against_c"] = against_c(loops, judge, seconds)
-        found["forward"] = driven(loops)
+        count = 5 if wanted.short else speed.TURNS
+        speed.series(loops, judge, LONG // 5 if wanted.short else LONG, count)
+        speed.sets(loops, judge, count, wanted.short)
+        speed.driven(loops, judge, count)
     found["against_python"] = against_python(judge)
     found["growth"] = growth(judge)
     found["starts"] = starts()
     found["tick"] = ticking(judge)
     if wanted.json:
         wanted.json.write_text(json.dumps(found, indent=1))
-    if wanted.figure:
-        draw(wanted.figure, found)
     judge.end()
 
 

@@ -219,9 +219,6 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
     *(
         (f"laws/{file}", line, line.replace(number, mutated), "the power with that exponent is the same number, only slower")
         for file, line, number, mutated in (
-            ("rates/stribeck.py", "if delta == 2.0:", "2.0", "(-2.0)"),
-            ("rates/stribeck.py", "if delta == 1.0:", "1.0", "(-1.0)"),
-            ("rates/stribeck.py", "if delta == 1.0:", "1.0", "(2.0)"),
             ("rates/degressive.py", "if n == 0.5:", "0.5", "(-0.5)"),
         )
     ),

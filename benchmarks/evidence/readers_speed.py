@@ -112,11 +112,10 @@ def main() -> None:
         sys.exit(2)
     judge = Judge()
     empty = statistics.median(run("pass")[1] for _ in range(5))
-    for kind in KINDS:
+    for kind, (_, cut, point) in KINDS.items():
         with tempfile.TemporaryDirectory() as scratch:
             path = Path(scratch, "log.csv")
             write(path, kind, size)
-            _, cut, point = KINDS[kind]
             output, _, peak = run(OURS, str(path), watch=True)
             ours, theirs, parse = [], [], []
             for _ in range(runs):

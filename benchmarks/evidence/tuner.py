@@ -6,9 +6,13 @@ tick, a transmission damped by 3 % or more; alpha = 20, which was fixed after a 
 stay below r_c/(1 - R) + 1 count, r_c = F/K_c of the joint as it is and R the compensating torque by its friction. Then each
 condition is broken by itself.
 
-Second part, the same joints: the proposal of `backdrive tune` (search, then R off the border) against the best point of
-a grid of 160 that passes the same safety test (K_c by 20 %, F by 10 %, and what goes with them in `scenes.corners`), by the hand's
-mean peak force over the stated stroke: 0.15 rad in 0.5 s every 0.75 s, a hand of 15 F/stroke with a damping ratio of 0.7.
+Second part, the same joints: the proposal of `backdrive tune --wish light` (search, then R off the border) against the best point
+of a grid of 160 that passes the same safety test (K_c by 20 %, F by 10 %, and what goes with them in `scenes.corners`), by the
+hand's mean peak force over the stated stroke: 0.15 rad in 0.5 s every 0.75 s, a hand of 15 F/stroke with a damping ratio of 0.7.
+
+Third part, the first of these joints: proposals for the three wishes that can be stated and the even one. Each wish's own number
+(force of the hand, light touch, way after a knock) has to be the least of the three at its own point, the points have to differ,
+and every number that lies within 1 % of its range's end has to be named.
 
 Ranges, drawn evenly (L: in the logarithm): F 1 to 30 N.m L; r_c 3e-5 to 5e-4 rad L, which makes K_c = F/r_c; F by inertia 2 to 30
 rad/s^2 L; the motor's share of it 0.05 to 0.4; F/(K_c count) 5 to 400 L; growth 0 to 1 F a rad/s; damping ratio 0.03 to 0.15 L;
@@ -36,11 +40,12 @@ from backdrive.tuning import rules, scenes
 from backdrive.tuning.facts import Facts
 from backdrive.tuning.goals import compensator, goal_of
 from backdrive.tuning.members import Member
-from backdrive.tuning.propose import calm, fixed_rule, thesis_numbers
-from backdrive.tuning.reasons import presliding_radius
+from backdrive.tuning.propose import calm, fixed_rule, full_rule, thesis_numbers
+from backdrive.tuning.reasons import SYMBOLS, edges, presliding_radius
 from backdrive.tuning.search import best_safe, search
+from backdrive.tuning.wishes import OWN, WISHES
 
-JOINTS, COMPARED = 200, 200
+JOINTS, COMPARED, WISHED = 200, 200, 60
 Case = tuple[Facts, Member, dict[str, float]]  # as believed, as it is, numbers
 T = 1e-3
 GRID = [
@@ -243,11 +248,12 @@ def choice(judge: Judge, joints: int) -> None:
     rest, none, seconds = [], 0, []
     for seed in range(joints):
         facts, _, _ = joint(seed)
-        goal = goal_of("backdrive", facts, scenes.usual_stroke(facts))
-        scores = goal.scores(GRID)
+        goal = goal_of("backdrive", facts, scenes.usual_stroke(facts), wish="light")
+        force = goal.parts[0]
+        scores = goal.values(force, GRID)
         at, _ = best_safe(goal, GRID, scores)
         begun = time.process_time()
-        found = search(goal, seed=seed, starts=[fixed_rule(facts)])
+        found = search(goal, seed=seed, starts=[fixed_rule(facts), full_rule(facts)])
         if at < 0 or found.numbers is None:
             none += 1
             print(f"  joint {seed}: grid safe {at >= 0}, search safe {found.numbers is not None}")
@@ -271,7 +277,7 @@ def choice(judge: Judge, joints: int) -> None:
             "thesis": thesis_numbers(facts),
             "thesis, R = 0.9, K = K_c/2": {"share": 0.9, "stiffness": 0.5, "decay": 20.0},
         }
-        for name, s, w in zip(rows, goal.scores(list(rows.values())), goal.worst(list(rows.values()))):
+        for name, s, w in zip(rows, goal.values(force, list(rows.values())), goal.worst(list(rows.values()))):
             ratios[name].append(float(s / scores[at]))
             safe[name].append(bool(w <= 1.0))
         unrest = goal.unrests([kept], members_.sample(facts, 64, 1000 + seed))[0]
@@ -294,21 +300,96 @@ def choice(judge: Judge, joints: int) -> None:
     )
 
 
+def proposal(
+    facts: Facts, wish: str, seed: int
+) -> tuple[dict[str, float], dict[str, float], list[str]] | None:
+    """Return the numbers for a wish, what a hand feels of them and what is said of their ranges; None where none is safe."""
+    goal = goal_of("backdrive", facts, scenes.usual_stroke(facts), wish=wish)
+    found = search(goal, seed=seed, starts=[fixed_rule(facts), full_rule(facts)])
+    if found.numbers is None:
+        return None
+    try:
+        kept = calm(goal, found.numbers, members_.sample(facts, 64, seed))
+    except NotIdentifiable:
+        return None
+    return kept, {k: float(v[0]) for k, v in goal.felt([kept]).items()}, edges(goal, kept)
+
+
+def at_an_end(facts: Facts, z: dict[str, float]) -> set[str]:
+    """Return which numbers lie within 1 % of an end of the range that the goal states, in its own scale."""
+    ranges = goal_of("backdrive", facts, scenes.usual_stroke(facts)).ranges
+    names = set()
+    for name, (low, high) in ranges.items():
+        scale = np.log if high >= 5.0 * low else float
+        way = (scale(z[name]) - scale(low)) / (scale(high) - scale(low))
+        if not 0.01 < way < 0.99:
+            names.add(name)
+    return names
+
+
+def wishes(judge: Judge, joints: int) -> None:
+    """Judge the points for the wishes, and whether numbers at an end are named."""
+    print(f"wishes, {joints} joints")
+    own: dict[str, list[bool]] = {wish: [] for wish in OWN}
+    felt: dict[str, list[list[float]]] = {wish: [] for wish in WISHES}
+    apart, ends, unnamed, slow = [], dict.fromkeys(WISHES, 0), 0, dict.fromkeys(WISHES, 0)
+    for seed in range(joints):
+        facts, _, _ = joint(seed)
+        points = {wish: proposal(facts, wish, seed) for wish in WISHES}
+        if any(p is None for p in points.values()):
+            print(f"  joint {seed}: not every wish has a safe point")
+            continue
+        for wish, (z, feels, sentences) in points.items():  # type: ignore[misc]
+            felt[wish].append(list(feels.values()))
+            at = at_an_end(facts, z)
+            ends[wish] += bool(at)
+            slow[wish] += "decay" in at and z["decay"] < 10.0
+            unnamed += sum(not any(s.startswith(SYMBOLS[name]) for s in sentences) for name in at)
+        for wish, name in OWN.items():
+            mine = points[wish][1][name]  # type: ignore[index]
+            own[wish].append(all(mine < points[w][1][name] for w in OWN if w != wish))  # type: ignore[index]
+        numbers = [tuple(points[w][0].values()) for w in OWN]  # type: ignore[index]
+        apart.append(len(set(numbers)) == len(OWN))
+    for wish, values in felt.items():
+        means = np.mean(values, axis=0)
+        words = ", ".join(f"{name} {m:.3f}" for name, m in zip(WISHES[wish], means))
+        print(
+            f"  {wish:<6} {words}; a number at an end of its range on {ends[wish]} joints, alpha_N at the lower one on {slow[wish]}"
+        )
+    for wish, best in own.items():
+        share = 100.0 * float(np.mean(best))
+        judge.that(
+            f"{wish}: the least {OWN[wish]} of the three wishes on {share:.0f} % of {len(best)} joints (at least 90)",
+            share >= 90.0,
+        )
+        others = [
+            np.mean([v[list(WISHES[wish]).index(OWN[wish])] for v in felt[w]]) for w in OWN if w != wish
+        ]
+        mine = np.mean([v[list(WISHES[wish]).index(OWN[wish])] for v in felt[wish]])
+        judge.that(f"{wish}: mean {OWN[wish]} {mine:.3f} (below {min(others):.3f})", bool(mine < min(others)))
+    judge.that(f"three points on {100 * np.mean(apart):.0f} % of joints (all)", all(apart))
+    judge.that(f"numbers at an end of their range that are not named: {unnamed}", unnamed == 0)
+
+
 def main() -> None:
     """Print the tables and the verdict."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--joints", type=int, default=JOINTS)
     parser.add_argument("--compared", type=int, default=COMPARED)
+    parser.add_argument("--wished", type=int, default=WISHED)
     parser.add_argument("--short", action="store_true", help="16 joints, 2 of them against the grid")
     options = parser.parse_args()
     if options.short:
-        options.joints, options.compared = 16, 2
+        options.joints, options.compared, options.wished = 16, 2, 2
     judge, begun = Judge(), time.perf_counter()
     safety(judge, options.joints)
     print(f"  {time.perf_counter() - begun:.0f} s")
     if options.compared:
         choice(judge, options.compared)
     print(f"  {time.perf_counter() - begun:.0f} s")
+    if options.wished:
+        wishes(judge, options.wished)
+    print(f"  {time.perf_counter() - begun:.0f} s, {time.process_time():.0f} s of processor time")
     judge.end()
 
 

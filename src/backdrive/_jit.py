@@ -118,6 +118,10 @@ def ladder(function: F) -> F:
     return _compiled(function, inline="always")
 
 
+#: What `choice` has made, with the kernels that it chooses among and the one of all other numbers.
+CHOICES: dict[Callable, tuple[Mapping[int, Callable], Callable]] = {}
+
+
 def choice(kernels: Mapping[int, Callable], otherwise: Callable) -> Callable:
     """Return `f(number, arguments)`, which hands a tuple of arguments to the kernel of a number, written out as a `ladder` is.
 
@@ -125,12 +129,13 @@ def choice(kernels: Mapping[int, Callable], otherwise: Callable) -> Callable:
         kernels: by number.
         otherwise: kernel of all other numbers.
     """
-    if not COMPILED:
-        return lambda number, arguments: kernels.get(number, otherwise)(*arguments)
-    numbers = list(kernels)
-    chosen = ladder(lambda number, arguments: otherwise(*arguments))
-    for i in range(0, len(numbers), 4):
-        chosen = _four([(n, kernels[n]) for n in numbers[i : i + 4]], otherwise, chosen)
+    chosen: Any = ladder(lambda number, arguments: kernels.get(number, otherwise)(*arguments))
+    if COMPILED:
+        numbers = list(kernels)
+        chosen = ladder(lambda number, arguments: otherwise(*arguments))
+        for i in range(0, len(numbers), 4):
+            chosen = _four([(n, kernels[n]) for n in numbers[i : i + 4]], otherwise, chosen)
+    CHOICES[chosen] = (kernels, otherwise)
     return chosen
 
 

@@ -14,7 +14,7 @@ from math import factorial, inf, isqrt, nan
 
 import numpy as np
 
-from backdrive._jit import COMPILED, from_bits, jit, leaf, to_bits
+from backdrive._jit import COMPILED, from_bits, leaf, to_bits
 
 BITS = 160  # of the integers that the tables are made with
 ONE = 1 << BITS
@@ -24,6 +24,11 @@ SMALLEST = -708.0  # and of less 0: results below 2e-308 are no normal numbers
 MOST = 2.0**50  # angle beyond which sin and cos are NaN; beyond 1e6 they are as exact as the angle is [rad]
 NEAR = 0.125  # below which tanh is its series
 MAGIC = 6755399441055744.0  # 1.5 * 2^52: adding it rounds to an integer
+MAGIC_BITS = 0x4338000000000000
+LACK = (
+    2.0**-64
+)  # unit of what a power's double lacks, relative to it: at most 2^-54, so that it fits beside the mantissa
+TINY = 2.2250738585072014e-308  # smallest normal number
 SPLIT = 134217729.0  # 2^27 + 1: parts a double into halves of 26 bits
 MANTISSA, EXPONENT_OF_1 = (1 << 52) - 1, 1023 << 52
 UPPER = (
@@ -47,15 +52,16 @@ def _parts(x: int, *places: int) -> list[float]:
     return [*parts, _float(x)]
 
 
-def _powers() -> list[list[float]]:
-    """Return 2^(j/N) for j = 0 ... N - 1 and, relative to it, what its double lacks."""
+def _powers() -> list[int]:
+    """Return 2^(j/N) for j = 0 ... N - 1: the mantissa of the nearest double, and above it what that lacks, in LACK of it."""
     root = 2 * ONE
     for _ in range(N.bit_length() - 1):
         root = isqrt(root << BITS)
     table, power = [], ONE
     for _ in range(N):
         high = _float(power)
-        table.append([high, _float(((power - int(high * 2.0**BITS)) << BITS) // power)])
+        lack = round(_float(((power - int(high * 2.0**BITS)) << BITS) // power) / LACK)
+        table.append((lack << 52) + int(high * 2.0**52) - (1 << 52))
         power = power * root >> BITS
     return table
 
@@ -86,7 +92,7 @@ def _half_pi() -> int:
     return total // 2
 
 
-def _table(rows: list[list[float]]) -> np.ndarray:
+def _table(rows: list) -> np.ndarray:
     """Return a table as compiled code reads it fastest, or as plain Python does."""
     return np.array(rows) if COMPILED else rows  # type: ignore[return-value]
 
@@ -129,19 +135,39 @@ def product(a, b):
 
 
 @leaf
+def divided(x, low):
+    """Return k, the mantissa of a power and t with exp(x + low) = 2^floor(k/N) mantissa (1 + t); SMALLEST <= x <= LARGEST."""
+    wide = x * BY_LOG_2 + MAGIC
+    count = wide - MAGIC
+    k = to_bits(wide) - MAGIC_BITS  # int(count), which has no vector instruction everywhere
+    entry = POWERS[k & (N - 1)]
+    lack = (from_bits((entry >> 52) + MAGIC_BITS) - MAGIC) * LACK
+    r = ((x - count * STEP_HIGH) - count * STEP_LOW) + low
+    square = r * r
+    t = lack + r + square * (0.5 + r * (1.0 / 6.0)) + square * square * (1.0 / 24.0 + r * (1.0 / 120.0))
+    return k, entry & MANTISSA, t
+
+
+@leaf
 def exponential(x, low):
     """Return a scale S and t with exp(x + low) = S (1 + t), and the factor that S still lacks; SMALLEST <= x <= LARGEST."""
-    count = (x * BY_LOG_2 + MAGIC) - MAGIC
-    k = int(count)
-    row = POWERS[k & (N - 1)]
-    r = ((x - count * STEP_HIGH) - count * STEP_LOW) + low
+    k, mantissa, t = divided(x, low)
     exponent = k >> 7
     rest = 1.0
     if exponent > 1023:
         exponent, rest = 1023, 2.0
-    square = r * r
-    t = row[1] + r + square * (0.5 + r * (1.0 / 6.0)) + square * square * (1.0 / 24.0 + r * (1.0 / 120.0))
-    return row[0] * from_bits((exponent + 1023) << 52), t, rest
+    return from_bits(mantissa + ((exponent + 1023) << 52)), t, rest
+
+
+@leaf
+def decay(x):
+    """Return e^x for x <= 0, of which less has to be looked at; 0 below -708."""
+    k, mantissa, t = divided(x if x >= SMALLEST else 0.0, 0.0)
+    S = from_bits(mantissa + (((k >> 7) + 1023) << 52))
+    value = S + S * t
+    if x >= SMALLEST:
+        return value
+    return 0.0 if x < SMALLEST else nan
 
 
 @leaf
@@ -158,14 +184,12 @@ def exp(x):
 
 
 @leaf
-def logarithm(x):
-    """Return log(x) as a sum of two doubles, for positive normal x."""
+def logarithm(x, halvings):
+    """Return log(x/2^halvings) as a sum of two doubles, for positive normal x."""
     bits = to_bits(x)
     j = (((bits & MANTISSA) >> 44) + 1) >> 1
     m = from_bits((bits & MANTISSA) | EXPONENT_OF_1)
-    k = (bits >> 52) - 1023
-    if j >= UPPER:
-        k += 1
+    k = (bits >> 52) - (1023 - (1 if j >= UPPER else 0)) - halvings
     c = 1.0 + j * (1.0 / N)
     d = m - c  # exact
     row = LOGS[j]
@@ -186,49 +210,45 @@ def logarithm(x):
     return sum_, (total - sum_) + second
 
 
-@jit
+@leaf
+def normal(x):
+    """Return x as a normal number and how often it was doubled for that, or 1 where x is not positive and finite."""
+    tiny = x < TINY
+    y = x * 18014398509481984.0 if tiny else x  # 2^54
+    return y if 0.0 < y < inf else 1.0, 54 if tiny else 0
+
+
+@leaf
 def log(x):
     """Return the natural logarithm; -inf at 0, NaN below."""
-    if not (2.2250738585072014e-308 <= x < inf):
-        if x == inf:
-            return inf
-        if x == 0.0:
-            return -inf
-        if not x > 0.0:
-            return nan
-        first, second = logarithm(x * 18014398509481984.0)  # 2^54
-        return (first - 54.0 * LOG_2_HIGH) + (second - 54.0 * LOG_2_LOW)
-    return logarithm(x)[0]
+    y, halvings = normal(x)
+    value = logarithm(y, halvings)[0]
+    if 0.0 < x < inf:
+        return value
+    return -inf if x == 0.0 else (inf if x == inf else nan)
 
 
-@jit
+@leaf
 def pow(x, y):
-    """Return x^y for x >= 0; NaN for a negative x."""
+    """Return x^y for x >= 0; NaN for a negative x. Without a branch that does something, for several x in one instruction."""
+    base, halvings = normal(x)
+    first, second = logarithm(base, halvings)
+    wild = not abs(y) * abs(first) <= 800.0 or x == 1.0
+    exponent = 0.0 if wild else y
+    whole, part = product(exponent, first)
+    part += exponent * second
+    inside = SMALLEST <= whole <= LARGEST
+    S, t, rest = exponential(whole if inside else 0.0, part if inside else 0.0)
+    value = (S + S * t) * rest
     if y == 0.0 or x == 1.0:
         return 1.0
-    if not (2.2250738585072014e-308 <= x < inf) or not abs(y) < inf:
-        return unusual_power(x, y)
-    first, second = logarithm(x)
-    if abs(y) * abs(first) > 800.0:
-        return inf if (y > 0.0) == (first > 0.0) else 0.0
-    whole, part = product(y, first)
-    part += y * second
-    if not SMALLEST <= whole <= LARGEST:
-        return 0.0 if whole < 0.0 else inf
-    S, t, rest = exponential(whole, part)
-    return (S + S * t) * rest
-
-
-@jit
-def unusual_power(x, y):
-    """Return x^y where x is no positive normal number, or y is not finite."""
     if not (x >= 0.0 and abs(y) <= inf):
         return nan
-    if abs(y) == inf:
-        return inf if (x > 1.0) == (y > 0.0) else 0.0
-    if 0.0 < x < inf:
-        return exp(y * log(x))
-    return inf if (x > 0.0) == (y > 0.0) else 0.0
+    if x == 0.0 or x == inf:  # noqa: PLR1714
+        return inf if (x > 0.0) == (y > 0.0) else 0.0
+    if wild or not inside:
+        return inf if (y > 0.0) == (first > 0.0) else 0.0
+    return value
 
 
 @leaf

@@ -22,9 +22,13 @@ COMMANDS = (
     "compare",
     "estimate",
     "tune",
+    "export",
     "laws",
     "reproduce",
 )
+
+#: Group name -> module that defines `COMMANDS`, name -> command, and `Group`, by which it takes its words.
+GROUPS = ("fleet",)
 
 #: Command as it was -> as it is.
 RENAMED = {"fit": "identify --law auto"}
@@ -71,6 +75,13 @@ def _root(version: bool = typer.Option(False, "--version", help="Print the versi
 
 for _name in COMMANDS:
     app.command(_name)(_held(importlib.import_module(f"backdrive.cli.{_name}").command))
+
+for _name in GROUPS:
+    _module = importlib.import_module(f"backdrive.cli.{_name}")
+    _group = typer.Typer(cls=_module.Group, help=_module.HELP, no_args_is_help=True, rich_markup_mode=None)
+    for _inner, _command in _module.COMMANDS.items():
+        _group.command(_inner)(_held(_command))
+    app.add_typer(_group, name=_name)
 
 
 def _renamed(old: str, new: str) -> Callable[[], None]:

@@ -92,7 +92,7 @@ def _run(
     with progress(quiet=quiet) as say:
         say(f"Running {entries[0].name}")
         try:
-            for result in run_all(entries, seed=seed):
+            for result in run_all(entries, seed=seed, say=say):
                 name = result.entry.name
                 done[name] = result
                 if result.outcome is not None:

@@ -17,7 +17,10 @@ from backdrive.errors import BackdriveError, InvalidInput
 if TYPE_CHECKING:
     from backdrive.tuning import Tuning
 
-RESTS = (("does NOT come to rest", "comes to rest"), ("does NOT fade at rest", "fades at rest"))  # NOT, yes
+RESTS = (
+    ("does NOT come to rest", "rests on all joints tried"),
+    ("does NOT fade at rest", "fades on all joints tried"),
+)  # NOT, yes
 
 
 def command(
@@ -26,6 +29,13 @@ def command(
     ],
     goal: Annotated[str, typer.Option("--goal", help="backdrive, track, estimate or admit.")] = "backdrive",
     joint: _logs.Joints = None,
+    wish: Annotated[
+        str,
+        typer.Option(
+            "--wish",
+            help="Of the person who moves the joint, for --goal backdrive: light, touch, calm, or even, some of each.",
+        ),
+    ] = "even",
     output: Annotated[Path | None, typer.Option("-o", "--output", help="File to write (JSON).")] = None,
     picture: Annotated[
         Path | None, typer.Option("--picture", help="Safe region to draw (PNG or SVG).")
@@ -117,6 +127,7 @@ def command(
     from backdrive.tuning import facts_of, save_tunings, tune
     from backdrive.tuning.bounds import check_given
     from backdrive.tuning.scenes import usual_stroke
+    from backdrive.tuning.wishes import check_wish
 
     warm: Any = None if temperature is None else _joint_options.ends(temperature, "--temperature", "20:45")
     warm = (warm, warm) if isinstance(warm, float) else warm
@@ -127,6 +138,7 @@ def command(
         "friction_error": friction_error,
         "temperature": warm,
     }
+    check_wish(wish)
     check_given("tune", **shared, stroke=stroke, duration=duration, joints=joints, seed=seed)
     _logs.check_targets([output, picture], _logs.files_of(model))
     loaded = load_model(model)
@@ -161,6 +173,7 @@ def command(
                     tune(
                         facts,
                         goal,
+                        wish=wish,
                         stroke=usual_stroke(facts, stroke, duration),
                         joints=joints,
                         seed=seed,
@@ -221,7 +234,14 @@ def _print(tuning: Tuning) -> None:
     for row, what in tuning.scores["rows"].items():
         rests = RESTS[tuning.goal == "estimate"][what["safe"]]
         words, unit = tuning.scores["words"], tuning.scores["unit"]
-        console.print(f"  {row:<11} {words} {what['score']:.4g} {unit}, {rests}")
+        felt = "".join(f", {name} {value:.3g}" for name, value in what.get("felt", {}).items())
+        console.print(f"  {row:<11} {words} {what['score']:.4g} {unit}, {rests}{felt}")
+    if "felt" in tuning.scores["rows"]["chosen"]:
+        from backdrive.tuning.wishes import FEELINGS
+
+        console.print(
+            "  " + "; ".join(f"{name}: {meaning}" for name, meaning in FEELINGS.items()) + "; without dither."
+        )
     print_lines(console, _margins(tuning))
     if tuning.trip_speed is not None:
         force = "N.m" if tuning.unit == "rad" else "N"
@@ -253,6 +273,12 @@ def _margins(tuning: Tuning) -> Sequence[str]:
         f"With the dither, at rest, the motor sways by up to {m['dither_motor']:.2g} {unit} ({m['dither_counts']:.2g} counts) "
         f"and the load by {m['dither_load']:.2g} {unit}.",
     )
+    switching = ()
+    if "switching_at_rest" in m:
+        switching = (
+            f"With algFC2 (`compensator(switching=True)`), which the test above does not play, "
+            f"{100 * m['switching_at_rest']:.0f} % of them come to rest after a knock.",
+        )
     return (
         f"Over {m['joints']} joints of the intervals, without dither: {100 * m['at_rest']:.0f} % come to rest; largest amplitude "
         f"there {m['cycle']:.2g} {unit} ({m['cycle_counts']:.2g} counts, {100 * m['cycle_by_bound']:.2g} % of the bound); "
@@ -261,4 +287,5 @@ def _margins(tuning: Tuning) -> Sequence[str]:
         f"Without dither it breaks at {share}, and at {delay}. Break-away left over"
         f"{', with the dither' if 'dither_motor' in m else ''}: {m['breakaway']:.3g} {force} "
         f"(worst {m['breakaway_worst']:.3g}, bare {m['breakaway_bare']:.3g}).",
+        *switching,
     )

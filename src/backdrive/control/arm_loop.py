@@ -24,7 +24,7 @@ from backdrive.control.arm_joint import ArmJoint
 from backdrive.control.arm_of_model import coupling_of, joints_of
 from backdrive.control.bodies import Bodies
 from backdrive.control.estimators.arm import ArmForce
-from backdrive.control.loop import Loop, Row
+from backdrive.control.loop import Loop, Row, take
 from backdrive.control.table import APPLIED, CALLS, CAUSE, TORQUE
 from backdrive.errors import InvalidInput
 from backdrive.logs.joint import check_coupling
@@ -273,16 +273,8 @@ class ArmLoop:
         Returns:
             The worst status of the motors; those of each are in `codes`.
         """
-        read, dt, bodies = self._read, self.interval, self._bodies
-        try:
-            if interval is not None:
-                dt = float(interval)
-            if len(position) != len(read) or len(applied) != len(read):
-                read[:] = np.nan
-            else:
-                read[:], self._applied[:] = position, applied
-        except Exception:  # whatever was given, it is no reading
-            read[:] = np.nan
+        read, bodies = self._read, self._bodies
+        dt = take(position, applied, interval, read, self._applied, self.interval)
         begins, force = kernel.locate(*self._believed, read, dt, self._frictions), self._force
         try:
             bodies.update(self._q, self._dq if force is None else None)

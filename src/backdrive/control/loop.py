@@ -203,21 +203,39 @@ class Loop:
         Returns:
             The worst status of the joints; those of each are in `codes`.
         """
-        read, dt = self._position, self.interval
-        try:
-            if interval is not None:
-                dt = float(interval)
-            if len(position) != len(read) or len(applied) != len(read):
-                read[:] = np.nan
-            else:
-                read[:], self._applied[:] = position, applied
-        except Exception:  # whatever was given, it is no reading
-            read[:] = np.nan
+        read = self._position
+        dt = take(position, applied, interval, read, self._applied, self.interval)
         return STATUSES[self._tick(*self._arrays, read, dt)]
 
     def __reduce__(self):
         state = (self._rows, self._table, self._codes)
         return _in_state, (self.joints, self.interval, *(copy.copy(array) for array in state))
+
+
+def take(
+    position: np.ndarray,
+    applied: np.ndarray,
+    interval: float | None,
+    read: np.ndarray,
+    acted: np.ndarray,
+    period: float,
+) -> float:
+    """Copy what a tick was given into `read` and `acted`, (J,) each; `read` is NaN where that is no reading.
+
+    Returns:
+        The interval, or the period where none was given [s].
+    """
+    dt = period
+    try:
+        if interval is not None:
+            dt = float(interval)
+        if len(position) != len(read) or len(applied) != len(read):
+            read[:] = np.nan
+        else:
+            read[:], acted[:] = position, applied
+    except Exception:  # whatever was given, it is no reading
+        read[:] = np.nan
+    return dt
 
 
 def _in_state(

@@ -105,8 +105,8 @@ def judge(c, s, ce, se, g, j, q, dt):
         g[BEGUN, j], g[SINCE, j], g[ZERO, j] = True, passed, 0.0
     if not timely:
         return BAD_INTERVAL
-    inputs = q + g[APPLIED, j] + g[KNOWN, j] + g[ERROR, j] + g[SLOPE, j] + g[MOTOR, j] + g[LOAD, j]
-    if not np.isfinite(inputs + g[TEMPERATURE, j]):
+    others = g[APPLIED, j] + g[KNOWN, j] + g[ERROR, j] + g[SLOPE, j] + g[MOTOR, j] + g[LOAD, j]
+    if not (np.isfinite(q) and np.isfinite(others + g[TEMPERATURE, j])):
         return NOT_FINITE
     code = OK
     if g[PENDING, j] > 0.0:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from backdrive._jit import jit, specialised
+from backdrive.engine import loops
 from backdrive.engine.cores import spread
 from backdrive.errors import InvalidInput
 from backdrive.laws import REFERENCE, Law, kernels
@@ -18,43 +17,7 @@ if TYPE_CHECKING:
     from backdrive.model import FrictionModel
 
 
-@jit
-def wild(dp, limit):
-    """Return how many increments are beyond a limit; a NaN is not."""
-    count = 0
-    for m in range(dp.shape[0]):
-        for k in range(dp.shape[1]):
-            count += abs(dp[m, k]) > limit
-    return count
-
-
-@cache
-def lanes_of(rate: int, element: int, tame: bool) -> Callable:
-    """Return the compiled loop of one law over lanes: parameter rows, each on one of the motions.
-
-    A loop that knows its law is as fast as one written for it by hand; a loop that chooses among all of them every tick
-    takes up to four times as long. The compiler meets a law when it is first rolled out, and the disk remembers.
-
-    Args:
-        rate: kind of the rate law.
-        element: kind of the element.
-        tame: no velocity is beyond `kernels.FASTEST`, so that none has to be looked at.
-    """
-
-    def lanes(which, P, X, motion, dp, dt, load, temp, out):
-        loads, temps = load.shape[1] > 1, temp.shape[1] > 1
-        for i in which:
-            m = motion[i]
-            p, x, tau, moved, loaded, warm = P[i], X[i], out[i], dp[m], load[m], temp[m]
-            for k in range(moved.size):
-                j = k if loads else 0
-                pair, t, d = (loaded[j, 0], loaded[j, 1]), warm[k if temps else 0], moved[k]
-                if tame:
-                    tau[k] = kernels.bounded(rate, element, p, x, d / dt, d, dt, pair, t)
-                else:
-                    tau[k] = kernels.step(rate, element, p, x, d, dt, pair, t)
-
-    return specialised(lanes, rate, element, int(tame))
+Kinds = tuple[int, int, bool, int, int]
 
 
 def stacked(rows: Sequence[np.ndarray]) -> np.ndarray:
@@ -82,13 +45,16 @@ class Lanes:
         self.rows = stacked([law.row() for law in laws])
         self.states = 2 * max(max(law.element.states(), 1) for law in laws)
         self.usual_loads = np.array([law.usual_load for law in laws])
-        #: for every law its kinds, its lanes, how many lanes come before, and the load where none is given
-        self._groups: list[tuple[int, int, np.ndarray, int, np.ndarray]] = []
+        plain = self.rows[:, 0] == np.floor(self.rows[:, 0])
+        sizes = ([law.rate.sections() for law in laws], [law.element.sections() for law in laws])
+        #: arguments of `loops.one_by_one`, the lanes, how many lanes come before, and the load where none is given
+        self._groups: list[tuple[Kinds, np.ndarray, int, np.ndarray]] = []
         grows, place = np.isnan(self.usual_loads[:, 1]), 0
-        kinds = zip(self.rates.tolist(), self.elements.tolist(), grows.tolist())
-        for rate, element, grown in sorted(set(kinds)):
-            lanes = np.flatnonzero((self.rates == rate) & (self.elements == element) & (grows == grown))
-            self._groups.append((rate, element, lanes, place, self.usual_loads[lanes[0]]))
+        kinds = list(zip(self.rates.tolist(), self.elements.tolist(), plain.tolist(), *sizes, grows.tolist()))
+        table = np.array(kinds)
+        for kind in sorted(set(kinds)):
+            lanes = np.flatnonzero((table == kind).all(axis=1))
+            self._groups.append((kind[:-1], lanes, place, self.usual_loads[lanes[0]]))
             place += len(lanes)
 
     def torque(
@@ -129,20 +95,35 @@ class Lanes:
         out = np.empty((len(motion), n))
 
         motion = np.ascontiguousarray(motion, dtype=np.int64)
-        tame = wild(dp, 0.5 * kernels.FASTEST * dt) == 0
-        loops = [
-            (lanes_of(rate, element, tame), lanes, place, np.full((M, 1, 2), usual) if load is None else load)
-            for rate, element, lanes, place, usual in self._groups
+        tame = loops.wild(dp, 0.5 * kernels.FASTEST * dt) == 0
+        parts = [
+            (
+                self._loop(kinds, lanes, motion, tame),
+                lanes,
+                place,
+                np.full((M, 1, 2), usual) if load is None else load,
+            )
+            for kinds, lanes, place, usual in self._groups
         ]
 
         def work(first: int, last: int) -> None:
-            for loop, lanes, place, loads in loops:
+            room = loops.work()
+            for loop, lanes, place, loads in parts:
                 a, b = max(first - place, 0), min(last - place, len(lanes))
                 if a < b:
-                    loop(lanes[a:b], self.rows, X, motion, dp, dt, loads, temperature, out)
+                    loop(lanes[a:b], self.rows, X, motion, dp, dt, loads, temperature, *room, out)
 
         spread(work, len(motion), workers)
         return out
+
+    def _loop(self, kinds: Kinds, lanes: np.ndarray, motion: np.ndarray, tame: bool) -> Callable:
+        """Return the compiled loop for some lanes of one law."""
+        rate, element, plain, knots, _ = kinds
+        wide = knots or kernels.ROWS >> element & 1 or not plain or self.rows.shape[1] > loops.COLUMNS
+        if len(lanes) < loops.FEWEST or wide:
+            return loops.one_by_one(*kinds, tame)
+        shared = bool((motion[lanes] == motion[lanes[0]]).all())
+        return loops.interleaved(rate, element, 1 + int(self.rows[lanes[0], 0]), tame, shared)
 
 
 def increments(q: np.ndarray | None, dq: np.ndarray | None, dt: float) -> np.ndarray:

@@ -15,14 +15,14 @@ from pathlib import Path
 
 import numpy as np
 
-from backdrive.control.estimators.arm import WIDTH, ArmForce
-from backdrive.control.estimators.of_model import ABRUPT, at_rest, bounds_at_rest, with_break_away
+from backdrive.control.estimators.arm import ArmForce
+from backdrive.control.estimators.of_model import ABRUPT, WIDTH, at_rest, with_break_away
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.external.bands import band, states_along
+from backdrive.external.bands import band, growth_of, states_along
 from backdrive.external.choose import FASTEST, Noise, choose
-from backdrive.external.estimate import AUTO, LEAST, SETTLED, delay_of, known_along, noise_of
-from backdrive.external.result import JointForce
+from backdrive.external.estimate import AUTO, LEAST, SETTLED, delay_of, known_along, noise_of, speed_along
+from backdrive.external.result import STATES, JointForce
 from backdrive.external.temperature import along_stretches
 from backdrive.external.wrench import WrenchEstimate, wrench_of
 from backdrive.identification.delay import earlier
@@ -32,11 +32,11 @@ from backdrive.logs.log import Log
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.robot import Robot
 
-SLACK = 1.03  # of the largest friction of slow sliding, that friction at rest may be [-]
 EXPLAINED = 0.3  # share of a joint's torque in motion that a model of this robot explains at least [-]
 LONGEST = 0.5  # over which what a model leaves of the torque is alike, at most [s]
 SIMPLEST = "momentum"  # observer, which settles at every bandwidth that is chosen
 UNSETTLED = 10.0  # times the force without smoothing, from which on an observer has run away [-]
+REST = STATES.index("rest")
 DEGREES = 20.0  # speeds by the model's top speed, from which on positions are no radians [-]
 
 
@@ -67,10 +67,9 @@ class ArmEstimate:
         Raises:
             InvalidInput: the model is not of an arm, or belongs to another description.
             UnknownName: there is no such frame.
-            NotIdentifiable: the arm has fewer than six joints and a wrench is wanted.
         """
         self.estimator = ArmForce.from_model(model, robot, frame=frame)
-        self.frictions = tuple(with_break_away(model.joint(name), 1.0) for name in self.estimator.joints)
+        self.frictions = tuple(with_break_away(model.joint(name)) for name in self.estimator.joints)
 
     def forces(
         self, log: Log, method: str = AUTO, bandwidth: float | None = None, least: float = 0.0
@@ -124,12 +123,9 @@ class ArmEstimate:
                     f"Joint '{friction.joint.name}': its model was not credible, or poor, when it was identified: the force is no "
                     "better."
                 )
-            lower, upper = band(friction, force[:, j], taken[:, j], state[:, j], remarks, warm[:, j])
-            more = _growth(friction) * np.abs(carried[:, j])
-            rest, free = state[:, j] == 2, force[:, j] - taken[:, j]
-            forwards, backwards = (SLACK * end for end in bounds_at_rest(friction.law))
-            lower = np.where(rest, free - backwards - more, lower)
-            upper = np.where(rest, free + forwards + more, upper)
+            lower, upper = band(
+                friction, force[:, j], taken[:, j], state[:, j], remarks, warm[:, j], carried[:, j]
+            )
             results.append(
                 JointForce(
                     joint=friction.joint,
@@ -143,6 +139,7 @@ class ArmEstimate:
                     bandwidth=float(bandwidth),
                     lag=estimator.lag(1.0 / rate),
                     known=known_along(log, friction.joint.name, time),
+                    speed=speed_along([s[j] for s in arm.stretches], time),
                 )
             )
             beyond = friction.extrapolated(np.concatenate([s[j].velocity for s in arm.stretches]))
@@ -178,8 +175,8 @@ class ArmEstimate:
         """Return the torques with bands that also hold what is not known of the friction's growth with the load."""
         results = []
         for one, friction in zip(joints, self.frictions):
-            error = friction.standard_errors.get("load_driving", 0.0)
-            more = WIDTH * np.abs(one.force) * (error if np.isfinite(error) else 0.0)
+            moving = one.state != REST  # at rest the band knows of it
+            more = WIDTH * growth_of(friction)[1] * np.where(moving, np.abs(one.force), 0.0)
             lower, upper = (
                 one.force + side * np.hypot(side * (end - one.force), more)
                 for side, end in ((-1.0, one.lower), (1.0, one.upper))
@@ -330,9 +327,3 @@ def _in_motion(noise: Noise, friction: JointFriction) -> Noise:
     long_run = None if channel is None else channel.long_run
     alike = 0.5 * (long_run / misfit) ** 2 if long_run and misfit > 0.0 else 0.0
     return replace(noise, misfit=misfit, correlation=min(alike, LONGEST))
-
-
-def _growth(friction: JointFriction) -> float:
-    """Return by how much friction grows with the load, what is not known of it included [-]."""
-    growth, error = friction.law.growth, friction.standard_errors.get("load_driving", 0.0)
-    return 0.0 if growth is None else max(growth.mean, 0.0) + WIDTH * (error if np.isfinite(error) else 0.0)

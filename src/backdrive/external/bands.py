@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from backdrive.control.estimators.of_model import at_rest
+from backdrive.control.estimators.of_model import CREEP, WIDTH, break_away
 from backdrive.identification.bands import REVERSAL, states
 from backdrive.identification.signals import Signals
 from backdrive.model import JointFriction
 
-SLACK = 0.1  # of the friction, by which the band at rest is wider than friction alone, at most [-]
-CREEP = 0.05  # of the model's top speed, below which friction is not that of sliding: the joint starts, stops or turns [-]
+SPREAD = (
+    0.05  # of the friction: standard deviation of break-away where the model holds no band, and at most [-]
+)
+ONE_SIDED = 1.645  # standard deviations to the end of a 95 % band that is left by one end only, as friction at rest does
 BLUR = 2.0  # lags after a reversal, in which what an estimator makes of it fades to a twentieth
 
 
@@ -39,10 +41,12 @@ def band(
     state: np.ndarray,
     remarks: list[str],
     temperature: np.ndarray | None = None,
+    carried: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the ends of the 95 % band, (n,) each; a state that the model has no band of has the widest that it has.
 
-    In motion: within it the model held 95 % of the measured torque. At rest: friction may be anything within its bounds.
+    In motion: within it the model held 95 % of the measured torque. At rest: friction may be anything up to break-away, which is
+    known as well as friction in motion, and its growth with the load.
 
     Args:
         friction: of the model.
@@ -51,6 +55,7 @@ def band(
         state: of motion, (n,).
         remarks: list that a sentence is added to where the model holds no band.
         temperature: for laws that depend on it [degC], (n,); None: 20.
+        carried: load under which friction at rest grows [N.m or N], (n,); None: none.
     """
     known = friction.bands
     widths = [
@@ -67,31 +72,26 @@ def band(
     half = np.where(state == 0, widths[0], widths[1])
     lower, upper = force - half, force + half
     rest = state == 2
-    forwards, backwards = _bounds(friction, temperature)
-    slack = SLACK * 0.5 * (forwards + backwards)
-    slack = np.minimum(slack, widths[1]) if np.isfinite(widths[1]) else slack
-    below, above = (np.broadcast_to(x, force.shape)[rest] for x in (backwards + slack, forwards + slack))
-    lower[rest] = (force - taken)[rest] - below
-    upper[rest] = (force - taken)[rest] + above
+    load = np.zeros(force.shape) if carried is None else np.abs(carried)
+    growth, error = growth_of(friction)
+    spread, free = _spread(friction), force - taken
+    ends = [
+        np.broadcast_to(end, force.shape) + growth * load + ONE_SIDED * np.hypot(spread, error * load)
+        for end in break_away(friction, temperature)
+    ]
+    lower[rest] = (free - ends[1])[rest]
+    upper[rest] = (free + ends[0])[rest]
     return lower, upper
 
 
-def _bounds(
-    friction: JointFriction, temperature: np.ndarray | None
-) -> tuple[np.ndarray | float, np.ndarray | float]:
-    """Return the friction's bounds at rest, along +q and along -q; of a law of temperature at each instant.
+def growth_of(friction: JointFriction) -> tuple[float, float]:
+    """Return by how much friction grows with the load, and the standard error of that, as far as known [-]."""
+    growth, error = friction.law.growth, friction.standard_errors.get("load_driving", 0.0)
+    return 0.0 if growth is None else max(growth.mean, 0.0), error if np.isfinite(error) else 0.0
 
-    No friction is seen at zero speed: a curve that falls towards it may do so by extrapolation. The line through its values at a
-    low speed and at twice that counts too where it meets zero speed higher.
-    """
-    law, low = friction.law, CREEP * friction.validity.speeds[1]
-    if law.rate.SMOOTH:
-        return at_rest(law), at_rest(law)
-    warmth = None if temperature is None or "temperature" not in law.rate.NEEDS else temperature
-    speeds = np.array([1e-12, low, 2.0 * low])[:, None] * np.ones(1 if warmth is None else warmth.size)
-    shared = None if warmth is None else np.broadcast_to(warmth, speeds.shape)
-    ends = []
-    for way in (1.0, -1.0):
-        curve = way * law.torque(way * speeds, temperature=shared)
-        ends.append(np.maximum(curve[0], 2.0 * curve[1] - curve[2]))
-    return ends[0], ends[1]
+
+def _spread(friction: JointFriction) -> float:
+    """Return the standard deviation of break-away [N.m or N]: that of friction about its curve while the joint slides."""
+    most = SPREAD * 0.5 * float(sum(break_away(friction)))
+    moving = None if friction.bands is None else friction.bands.moving
+    return most if moving is None else min(moving.half_width / WIDTH, most)

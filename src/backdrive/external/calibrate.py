@@ -7,6 +7,10 @@ that the estimate uses: half the band is the quantile of |estimate| that holds 9
 
 so that few events give a wider band (as in split conformal prediction, Lei et al., JASA 113, 2018). At rest friction may be
 anything within its bounds whatever free motion showed: that band stays.
+
+A joint that moves faster than free motion did, by a factor r of its top speed, has a band r^2 times as wide: what is wrong of the
+viscous part grows with the speed, of the bodies with its square, and nothing was seen there. Bodies couple the joints of an arm:
+the largest r of all of them holds for each.
 """
 
 from __future__ import annotations
@@ -26,6 +30,7 @@ FEW = 20.0  # independent events, below which a band is remarked on
 LEAST = 20  # samples, below which a state has no band
 FOLDS = 5  # contiguous parts of the free motion, each of which judges a band of the others
 MEMORY = 2.0  # over which errors may be alike, at least [s]
+FASTER = 1.02  # of the free motion's top speed, from which on a log is remarked [-]
 JUMP = 3.5  # sampling intervals from which on a series is broken [-]
 
 
@@ -61,6 +66,7 @@ class Calibration:
         moving: band in motion; None where free motion did not show it.
         reversing: close to a change of direction.
         forces: the estimates themselves, their bands calibrated.
+        top_speed: of the free motion [rad/s or m/s]; infinite where it is not known.
     """
 
     joint: str
@@ -70,9 +76,15 @@ class Calibration:
     moving: StateBand | None
     reversing: StateBand | None
     forces: tuple[JointForce, ...]
+    top_speed: float = np.inf
 
-    def apply(self, one: JointForce) -> JointForce:
+    def apply(self, one: JointForce, faster: np.ndarray | None = None) -> JointForce:
         """Return an estimate with these bands in motion; at rest it keeps its own.
+
+        Args:
+            one: estimate.
+            faster: speed by the free motion's top speed, (n,): of an arm the largest of all joints, which its bodies couple; None:
+                the joint's own.
 
         Raises:
             InvalidInput: it is of another joint, method or bandwidth.
@@ -83,7 +95,20 @@ class Calibration:
                 f"A band of {own[0]}, {own[1]}, {own[2]:.4g} 1/s for an estimate of {other[0]}, {other[1]}, {other[2]:.4g} 1/s.",
                 remedy="Estimate free motion with the same joint, method and bandwidth.",
             )
-        return _with_bands(one, self.moving, self.reversing)
+        if faster is None and one.speed is not None:
+            faster = one.speed / self.top_speed
+        return _with_bands(one, self.moving, self.reversing, faster)
+
+    def faster(self, one: JointForce) -> list[str]:
+        """Return a sentence where a joint is faster than in the free motion, by more than `FASTER`."""
+        if one.speed is None or not one.speed.max() > FASTER * self.top_speed:
+            return []
+        share, unit = float(np.mean(one.speed > self.top_speed)), one.joint.unit
+        return [
+            f"Joint '{self.joint}': {one.speed.max():.3g} {unit}/s, and free motion reached {self.top_speed:.3g} {unit}/s: "
+            f"{100 * share:.2g} % of the time bands and thresholds are extrapolated, wider with the square of the speed. Log free "
+            "motion as fast as this."
+        ]
 
     def remarks(self) -> list[str]:
         """Return what the free motion cannot tell, in sentences."""
@@ -125,14 +150,16 @@ def calibrate(free: Sequence[JointForce]) -> Calibration:
             f"Joint '{name}': the free motion has fewer than {LEAST} samples in motion.",
             remedy="Give a longer log of free motion (--free).",
         )
+    speeds = [f.speed.max() for f in free if f.speed is not None]
     return Calibration(
         joint=name,
+        top_speed=float(max(speeds)) if speeds else np.inf,
         method=method,
         bandwidth=bandwidth,
         duration=float(sum(f.time.size * period(f.time) for f in free)),
         moving=bands[0],
         reversing=bands[1],
-        forces=tuple(_with_bands(f, *bands) for f in free),
+        forces=tuple(_with_bands(f, bands[0], bands[1]) for f in free),
     )
 
 
@@ -141,11 +168,15 @@ def period(time: np.ndarray) -> float:
     return float(np.median(np.diff(time)))
 
 
-def _with_bands(one: JointForce, moving: StateBand | None, reversing: StateBand | None) -> JointForce:
+def _with_bands(
+    one: JointForce, moving: StateBand | None, reversing: StateBand | None, faster: np.ndarray | None = None
+) -> JointForce:
     """Return an estimate with other bands in motion; a state without one takes the other's."""
     widths = [np.nan if b is None else b.half_width for b in (moving, reversing)]
     widths = [np.nanmax(widths) if np.isnan(w) else w for w in widths]
     half = np.where(one.state == 0, widths[0], widths[1])
+    if faster is not None:
+        half = half * np.maximum(faster, 1.0) ** 2
     rest = one.state == STATES.index("rest")
     return replace(
         one,

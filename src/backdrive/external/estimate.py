@@ -104,7 +104,7 @@ def estimate_force(
             if free:
                 calibrations[name] = _calibration(model.joint(name), free, result)
                 result = calibrations[name].apply(result)
-                said += calibrations[name].remarks()
+                said += calibrations[name].remarks() + calibrations[name].faster(result)
         except BackdriveError as error:
             if joints is not None or len(names) == 1:
                 raise
@@ -163,10 +163,11 @@ def _arm(
     if free:
         like = results[0]
         parts = [whole.forces(one, like.method, like.bandwidth)[0] for one in free]
-        for j, one in enumerate(results):
-            made = calibrations[one.joint.name] = calibrate([part[j] for part in parts])
-            results[j] = made.apply(one)
-            remarks += made.remarks()
+        made = [calibrate([part[j] for part in parts]) for j in range(len(results))]
+        calibrations = {one.joint.name: own for one, own in zip(results, made)}
+        ratios = [one.speed / own.top_speed for one, own in zip(results, made) if one.speed is not None]
+        remarks += [line for one, own in zip(results, made) for line in (*own.remarks(), *own.faster(one))]
+        results = [own.apply(one, np.max(ratios, axis=0)) for one, own in zip(results, made)]
     remarks += _of_free_motion(model, log, free)
     results = whole.widened(results)
     wrench = None if frame is None else whole.wrench(log, results)
@@ -245,6 +246,7 @@ def _joint(
         bandwidth=float(bandwidth),
         lag=made.lag(1.0 / rate),
         known=known_along(log, name, time),
+        speed=speed_along(stretches, time),
     )
     beyond = friction.extrapolated(np.concatenate([s.velocity for s in stretches]))
     return result, remarks + ([beyond] if beyond else [])
@@ -310,6 +312,12 @@ def noise_of(friction: JointFriction, log: Log, stretches: Sequence[Signals], in
         cutoff=default_cutoff(rate),
         rate=rate,
     )
+
+
+def speed_along(stretches: Sequence[Signals], time: np.ndarray) -> np.ndarray:
+    """Return the speed of a joint on a clock [rad/s or m/s]."""
+    clock = np.concatenate([s.time for s in stretches])
+    return np.interp(time, clock, np.concatenate([np.abs(s.velocity) for s in stretches]))
 
 
 def known_along(log: Log, name: str, time: np.ndarray) -> np.ndarray | None:

@@ -37,6 +37,7 @@ class JointForce:
         lag: of the estimator on a ramp, which was taken out of `force` [s]; NaN where it is not known, and was not.
         known: external torque that the log holds [N.m or N], (n,); None where it holds none.
         contact: True where the estimate is beyond its threshold, (n,); None where contacts were not sought.
+        speed: of the joint [rad/s or m/s], (n,); None where it is not known.
     """
 
     joint: Joint
@@ -51,6 +52,7 @@ class JointForce:
     lag: float
     known: np.ndarray | None = None
     contact: np.ndarray | None = None
+    speed: np.ndarray | None = None
 
     @property
     def rms_error(self) -> float | None:

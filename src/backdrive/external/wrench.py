@@ -15,8 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from backdrive.control.estimators import arm_kernel
-from backdrive.control.estimators.arm import WIDTH, ArmForce
+from backdrive.control.estimators.arm import ArmForce
 from backdrive.control.estimators.arm_tick import FULL, SINGULAR
+from backdrive.control.estimators.of_model import WIDTH
 from backdrive.external.result import JointForce
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
@@ -34,6 +35,7 @@ class WrenchEstimate:
         covariance: of it, (n, 6, 6).
         singular: True where the posture hides a direction, which is damped, (n,).
         known: the wrench that explains the external torques that the log holds, weighted alike, (n, 6); None where it holds none.
+        joints: of the arm.
     """
 
     frame: str
@@ -42,6 +44,7 @@ class WrenchEstimate:
     covariance: np.ndarray
     singular: np.ndarray
     known: np.ndarray | None = None
+    joints: int = FULL
 
     @property
     def deviation(self) -> np.ndarray:
@@ -65,6 +68,11 @@ class WrenchEstimate:
         """Return what the postures cannot tell, in sentences."""
         if not self.singular.any():
             return []
+        if self.joints < FULL:
+            return [
+                f"Wrench at '{self.frame}': {self.joints} joints feel no more than {self.joints} of its {FULL} components at a "
+                "time; the rest is taken for zero, and standard deviations tell which it is."
+            ]
         first, share = float(self.time[np.argmax(self.singular)]), float(np.mean(self.singular))
         return [
             f"Wrench at '{self.frame}': {100 * share:.0f} % of the time (first at {first:.4g} s) a direction of it is hidden, "
@@ -104,6 +112,7 @@ def wrench_of(
         covariance=rows[:, FULL:-1].reshape(-1, FULL, FULL),
         singular=rows[:, -1] > SINGULAR,
         known=known,
+        joints=J,
     )
 
 

@@ -64,8 +64,8 @@ def identify_arm(
     Returns:
         Friction and evidence by joint, in the log's order; and the bodies, in the URDF's. `dynamics` of a joint holds
         `inertia` that the motor adds, `offset` of the torque, and `transition`, the velocity within which friction changes
-        sign; friction per transmitted torque is the growth of its law, absent where there is none. The evidence's torques
-        are low-passed at 5 Hz, as they are judged.
+        sign; friction per transmitted torque is the growth of its law, zero with its error where it cannot be told from that.
+        The evidence's torques are low-passed at 5 Hz, as they are judged.
 
     Raises:
         InvalidInput: joints, units or channels do not fit.
@@ -125,7 +125,7 @@ def identify_arm(
     order = [robot.joints.index(name) for name in logs[0].names if name in robot.joints]
     about = {joint.name: joint for joint in logs[0].joints}
     frictions = [
-        _friction(about[name], terms[j], solution, j, _load(seen, j), warnings[j])
+        _friction(about[name], terms[j], solution, j, _load(seen, j), warnings[j], load_friction)
         for j, name in enumerate(robot.joints)
     ]
     everything = [(s, *torque_parts(s, robot, arm, frictions)) for s in (*seen, *unseen)]
@@ -161,8 +161,13 @@ def _friction(
     j: int,
     loads: tuple[float, float],
     warnings: tuple[str, ...],
+    grows: bool,
 ) -> JointFriction:
-    """Put one joint's coefficients into its law; a last, level section holds the curve constant beyond the top speed."""
+    """Put one joint's coefficients into its law; a last, level section holds the curve constant beyond the top speed.
+
+    Growth with the load that cannot be told from zero is zero, with the standard error that it has: under loads that the motion
+    did not show, it is unknown, not absent.
+    """
     own, error, k = solution.own[j], solution.errors[j], terms.knots.size
     values = {"positive": own[:k], "negative": own[k : 2 * k]}
     errors = {"positive": error[:k], "negative": error[k : 2 * k]}
@@ -171,8 +176,9 @@ def _friction(
         **{name: (*v.tolist(), float(v[-1])) for name, v in values.items()},
     )
     growth, with_load = None, {}
-    if own[2 * k + 2] > 1e-9:
-        growth = Growth(load_driving=float(own[2 * k + 2]), load_driven=float(own[2 * k + 2]))
+    if grows:
+        slope = float(own[2 * k + 2]) if own[2 * k + 2] > 1e-9 else 0.0
+        growth = Growth(load_driving=slope, load_driven=slope)
         with_load = dict.fromkeys(("load_driving", "load_driven"), float(error[2 * k + 2]))
     repeated = [*range(k), k - 1, *range(k, 2 * k), 2 * k - 1]  # the level section repeats the knot before it
     rows = [*repeated, 2 * k, 2 * k + 1, *[2 * k + 2] * len(with_load)]
@@ -188,7 +194,7 @@ def _friction(
         standard_errors={name: (*e.tolist(), float(e[-1])) for name, e in errors.items()} | with_load,
         at_bound=tuple(name for name, v in values.items() if np.any(v == 0)),
         dynamics=estimates(found, joint.unit),
-        covariance=Covariance.of(names, solution.covariance[j][np.ix_(rows, rows)]),
+        covariance=Covariance.of(names, solution.covariance(j)[np.ix_(rows, rows)]),
         actuator=Actuator(motor_inertia=max(float(own[2 * k + 1]), 0.0)),
         validity=Validity(velocity=(-terms.top, terms.top), load=loads),
         method="arm",
@@ -222,7 +228,7 @@ def _evidence(
             )
             parts.append((signals, (torque - known)[mask], hat[mask], seen))
     k = terms.knots.size
-    covariance = solution.covariance[j][: 2 * k, : 2 * k]
+    covariance = solution.covariance(j)[: 2 * k, : 2 * k]
 
     form = curves.Form(name="arm", knots=terms.knots, symmetric=False, spread=np.eye(2 * k))
     of_curve, end = curves.error_of_curve(form, covariance), terms.knots[-1]

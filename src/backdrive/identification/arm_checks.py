@@ -98,6 +98,7 @@ def _remarks_of(
     own, pushed = solution.own[j], solution.pushed[j]
     mean, offset = float(np.mean(own[: 2 * k])), own[2 * k]
     columns = robot.base.columns // PER_LINK == j
+    bodiless = not robot.parameters[PER_LINK * j : PER_LINK * (j + 1)].any()
     guessed = int(np.sum(solution.told[columns] < GUESSED))
     return sentences(
         (top < SLOW * fastest, f"It moves at no more than {top:.2g} {unit}/s: the curve ends there."),
@@ -117,6 +118,10 @@ def _remarks_of(
             abs(offset) > LARGE_OFFSET * mean,
             f"The torque is offset by {offset:.2g}, not small beside the friction of {mean:.2g}: a sensor's offset, or friction "
             "that differs between the directions.",
+        ),
+        (
+            bodiless,
+            "The description gives its link no mass or inertia: what the motion does not tell of it is taken for nothing.",
         ),
         (
             guessed,

@@ -39,36 +39,56 @@ class Solution:
         beta: base parameters [kg, kg.m, kg.m^2], (b,).
         own: coefficients of each joint's terms, J arrays (2 k + 3,).
         errors: their standard errors in the same order, at a bound as if it were let go, J arrays.
-        covariance: of each joint's own coefficients, J arrays (2 k + 3, 2 k + 3).
         pushed: how strongly the data ask for less than a lower bound, in standard errors [-]; 0 for what is free,
             J arrays (2 k + 3,).
         told: share of each base parameter's prior variance that the data took away [-], (b,).
         condition: of the rigid-body columns at unit length [-].
-        everything: covariance of all coefficients, bodies first, at a bound as if let go alone, (p, p).
+        joint: covariance of all coefficients, bodies first, zero for what is at a bound, (p, p).
         noise: of the filtered torque [N.m or N], (J,).
-        bodies: covariance of the base parameters, (b, b).
-        shared: covariance of each joint's own coefficients with them, J arrays (2 k + 3, b).
-        level: covariance of the base parameters and, after them, of the joints' offsets, (b + J, b + J).
     """
 
     beta: np.ndarray
     own: list[np.ndarray]
     errors: list[np.ndarray]
-    covariance: list[np.ndarray]
     pushed: list[np.ndarray]
     told: np.ndarray
     condition: float
-    everything: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    joint: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
     noise: np.ndarray = field(default_factory=lambda: np.empty(0))
-    bodies: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
-    shared: list[np.ndarray] = field(default_factory=list)
-    level: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+
+    @property
+    def first(self) -> np.ndarray:
+        """Where each joint's own coefficients begin among all, and where the last ones end, (J + 1,)."""
+        return self.beta.size + np.concatenate([[0], np.cumsum([own.size for own in self.own])]).astype(int)
+
+    @property
+    def bodies(self) -> np.ndarray:
+        """Covariance of the base parameters, (b, b)."""
+        return self.joint[: self.beta.size, : self.beta.size]
+
+    @property
+    def level(self) -> np.ndarray:
+        """Covariance of the base parameters and, after them, of the joints' offsets, (b + J, b + J)."""
+        offsets = np.r_[: self.beta.size, self.first[1:] - 3]
+        return self.joint[np.ix_(offsets, offsets)]
+
+    @property
+    def everything(self) -> np.ndarray:
+        """Covariance of all coefficients, bodies first, at a bound as if let go alone, (p, p)."""
+        variances = np.concatenate([np.zeros(self.beta.size), *(e**2 for e in self.errors)])
+        return self.joint + np.diag(np.where(np.diag(self.joint) > 0.0, 0.0, variances))
+
+    def covariance(self, j: int) -> np.ndarray:
+        """Return that of a joint's own coefficients, (2 k + 3, 2 k + 3)."""
+        own = slice(*self.first[j : j + 2])
+        return self.joint[own, own]
 
     def with_bodies(self, beta: np.ndarray) -> Solution:
         """Return what is to be expected if the base parameters are these, (b,), bounds being kept."""
+        b, own = self.beta.size, []
         change = np.linalg.solve(self.bodies, beta - self.beta)
-        own = []
-        for before, shared in zip(self.own, self.shared):
+        for j, before in enumerate(self.own):
+            shared = self.joint[slice(*self.first[j : j + 2]), :b]
             after = np.maximum(before + shared @ change, np.minimum(before, 0.0))
             after[-3] = before[-3] + shared[-3] @ change
             own.append(after)
@@ -132,20 +152,15 @@ def solve_arm(
     loose, pushed = _let_go(gram + held, np.sum(moments, axis=0) - held @ (x - start), scores, free)
     errors = np.where(free, np.sqrt(np.maximum(np.diag(covariance), 0.0)), loose)
     prior = np.diag(np.linalg.inv(precision[:b, :b]))
-    offsets = np.r_[:b, first[1:] - 3]
     return Solution(
         beta=x[:b],
         own=[x[first[j] : first[j + 1]] for j in range(J)],
         errors=[errors[first[j] : first[j + 1]] for j in range(J)],
-        covariance=[covariance[first[j] : first[j + 1], first[j] : first[j + 1]] for j in range(J)],
         pushed=[pushed[first[j] : first[j + 1]] for j in range(J)],
         told=1.0 - np.diag(covariance)[:b] / prior,
         condition=regression.condition(gram[:b, :b]),
-        everything=covariance + np.diag(np.where(free, 0.0, errors**2)),
+        joint=covariance,
         noise=noise,
-        bodies=covariance[:b, :b],
-        shared=[covariance[first[j] : first[j + 1], :b] for j in range(J)],
-        level=covariance[np.ix_(offsets, offsets)],
     )
 
 

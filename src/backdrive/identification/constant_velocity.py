@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.special import fdtrc
 
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, regression
@@ -21,8 +22,8 @@ from backdrive.model import Covariance, JointFriction, Quality, Validity
 from backdrive.model.covariance import errors_by_parameter
 
 SECTIONS = (1, 2, 3, 4, 5, 6)  # line sections per direction that are tried
-GAIN = 2.0  # a curve must beat the line by so many standard errors of the mean gain [-]
-CLEAR, CLEAR_GAIN = 0.6, 1.0  # where it leaves less than this share, so many are enough [-]
+CHANCE = 0.01  # that noise alone makes a line look bent, at most [-]
+ROUNDING = 1e-20  # share of the torque's mean square that is no misfit [-]
 
 
 def _knots(speed: np.ndarray, sections: int) -> np.ndarray:
@@ -101,9 +102,8 @@ def identify_constant_velocity(
         raise NotIdentifiable(
             f"Joint '{joint}': the {v.size} runs do not determine a curve.", remedy="Record more speeds."
         )
-    losses = {sections: loss for sections, (_, _, loss) in tried.items()}
-    sections, remark = _choose(losses)
-    form, X, _ = tried[sections]
+    sections, remark = _choose(tried, y, pulls)
+    form, X, left_out = tried[sections]
     theta = regression.solve(X.T @ X, X.T @ y)
     covariance = regression.classical(X, y - X @ theta)
     if gravity:  # its error is common to all runs
@@ -134,7 +134,7 @@ def identify_constant_velocity(
         covariance=Covariance.of(names, covariance),
         validity=Validity(velocity=(float(v.min()), float(v.max())), lowest_speed=float(np.abs(v).min())),
         fitted=_quality(y, y - X @ theta),
-        held_out=_quality(y, losses[sections]),
+        held_out=_quality(y, left_out),
         method="constant-velocity",
         warnings=_warnings(runs, both, directional, "offset" in values, about),
     )
@@ -156,24 +156,45 @@ def identify_constant_velocity(
     )
 
 
-def _choose(losses: dict[int, np.ndarray]) -> tuple[int, str]:
-    """Return the number of sections and a sentence on the straight line."""
-    rms = {k: float(np.sqrt(np.mean(e**2))) for k, e in losses.items()}
-    best = min(rms, key=lambda k: rms[k])
+def _choose(tried: dict[int, tuple], y: np.ndarray, pulls: np.ndarray) -> tuple[int, str]:
+    """Return the number of sections and a sentence on the straight line.
+
+    A curve is taken where it predicts left-out runs better and an F test against the line within it says that noise would hardly do
+    as well; with several curves tried, each must be so much less likely.
+
+    Args:
+        tried: form, regressor and errors of left-out runs by the number of sections.
+        y: torque of the runs [N.m or N], (n,).
+        pulls: sin q and cos q where gravity was taken out of it, whose error no curve is to follow, otherwise 0, (n, 2).
+    """
+    rms = {k: float(np.sqrt(np.mean(error**2))) for k, (_, _, error) in tried.items()}
     if 1 not in rms:
+        best = min(rms, key=lambda k: rms[k])
         return best, f"{best} line sections per direction were fitted."
-    gain = losses[1] ** 2 - losses[best] ** 2
-    error = float(np.std(gain) / np.sqrt(gain.size))
-    needed = CLEAR_GAIN if rms[best] < CLEAR * rms[1] else GAIN
-    if float(np.mean(gain)) <= needed * error:
+    beside = pulls[:, np.any(pulls, axis=0)]
+    full = {k: np.hstack([X, beside]) for k, (_, X, _) in tried.items()}
+    likely = CHANCE / max(len(rms) - 1, 1)
+    bent = [k for k in rms if k > 1 and rms[k] < rms[1] and _chance(full[1], full[k], y) < likely]
+    if not bent:
         return (
             1,
-            f"A straight line per direction suffices: no curve predicts left-out runs better ({rms[1]:.3g}).",
+            f"A straight line per direction suffices: no curve predicts left-out runs surely better ({rms[1]:.3g}).",
         )
+    best = min(bent, key=lambda k: rms[k])
     return best, (
         f"{best} line sections per direction predict left-out runs to {rms[best]:.3g} rms, a straight line per "
         f"direction to {rms[1]:.3g}: the curve is bent."
     )
+
+
+def _chance(simple: np.ndarray, full: np.ndarray, y: np.ndarray) -> float:
+    """Return the probability that independent noise alone lowers the residual from one regressor to one that holds it so far."""
+    powers = [float(np.sum((y - X @ regression.solve(X.T @ X, X.T @ y)) ** 2)) for X in (simple, full)]
+    added, freedom = full.shape[1] - simple.shape[1], y.size - full.shape[1]
+    if freedom < 1 or not powers[0] > ROUNDING * float(y @ y):
+        return 1.0
+    gain = max(powers[0] - powers[1], 0.0) / added
+    return float(fdtrc(added, freedom, gain * freedom / max(powers[1], 1e-300)))
 
 
 def _quality(y: np.ndarray, error: np.ndarray) -> Quality:

@@ -182,6 +182,12 @@ def choose(blocks: regression.Blocks, options: list[Candidate]) -> Choice:
     )
 
 
+def refitted(choice: Choice, blocks: regression.Blocks) -> Choice:
+    """Return a choice with its coefficients by other normal equations of all columns."""
+    mapped = blocks.mapped(choice.candidate.spread)
+    return replace(choice, coefficients=mapped.solution(), left_out=regression.left_out_solutions(mapped))
+
+
 def _tie(worse: np.ndarray) -> bool:
     """Say whether the losses of blocks, less those of the best model, are within their scatter of zero."""
     return bool(worse.sum() <= GAIN * math.sqrt(worse.size) * float(worse.std(ddof=1)))

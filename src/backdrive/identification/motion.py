@@ -25,11 +25,14 @@ from backdrive.identification.evidence import evidence, parts_of, sentences
 from backdrive.identification.motion_bins import BIN_TIME, FILLED, HALF, Bins, bin_means, bin_size, bin_time
 from backdrive.identification.quality import assess, judge
 from backdrive.identification.result import JointEvidence
+from backdrive.identification.settling import settled
 from backdrive.identification.signals import SLOW, Signals, default_cutoff, prepare
 from backdrive.identification.slip import Slip, fit, seek_slip, with_slip
+from backdrive.identification.smoothing import noise as noise_of_encoder
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.terms import estimates
 from backdrive.logs.log import Joint, Log
+from backdrive.logs.resolution import encoder_step
 from backdrive.model import Covariance, JointFriction, Validity
 from backdrive.model.covariance import errors_by_parameter
 
@@ -100,21 +103,29 @@ def identify_motion(
         late = [delayed(s, delay) for s in stretches]
         return bin_means(late, knots, seconds=seconds, reversals=few, filled=HALF if few else FILLED)
 
-    def chosen(slip: Slip) -> tuple[design.Choice, Bins, float]:
-        return _choose(averaged(slip.delay), options, slip.correlation, (slowest, 0.0 if few else slow))
+    def chosen(slip: Slip, bins: Bins) -> tuple[design.Choice, Bins, float]:
+        false = noise_of_encoder(step, corner, rate, max(1, round(seconds * rate)), slip.correlation)
+        return _choose(bins, options, slip.correlation, (slowest, 0.0 if few else slow), false)
 
+    rate = stretches[0].rate
+    corner = smooth.cutoff or default_cutoff(rate)
+    step = 0.0 if logs[0].position is None else encoder_step(logs[0].select(joint))
     options = design.candidates(knots, allowed, symmetric=symmetric, **given)
-    slip = Slip(delay=0.0, error=np.inf, period=1.0 / stretches[0].rate)
+    slip, simpler = Slip(delay=0.0, error=np.inf, period=1.0 / rate), None
     if not few:
         slip = seek_slip(stretches, knots, full, seconds)
-        simpler = chosen(slip)[0].candidate
+        simpler = chosen(slip, averaged(slip.delay))[0].candidate
         slip = seek_slip(
             stretches, knots, simpler.with_term("jerk"), seconds, slip.delay, near=math.isfinite(slip.error)
         )
     if not slip.fitted:
         # whitened residuals ask for a model that is right at all frequencies: no more than that for what is not known anyway
         slip = replace(slip, delay=0.0, correlation=0.0)
-    choice, bins, slowest = chosen(slip)
+    bins = averaged(slip.delay)
+    if simpler is not None:
+        late = [delayed(s, slip.delay) for s in stretches]
+        bins = settled(bins, late, simpler.spread, slip.correlation, seconds)
+    choice, bins, slowest = chosen(slip, bins)
     if slip.fitted:
         later = replace(averaged(slip.delay + slip.error), used=bins.used).whitened(slip.correlation)
         now, then = (fit(each, choice.candidate.spread) for each in (bins, later))
@@ -162,7 +173,11 @@ def identify_motion(
 
 
 def _choose(
-    raw: Bins, options: list[design.Candidate], correlation: float, speeds: tuple[float, float]
+    raw: Bins,
+    options: list[design.Candidate],
+    correlation: float,
+    speeds: tuple[float, float],
+    false: float,
 ) -> tuple[design.Choice, Bins, float]:
     """Return the choice with its covariance, the bins that it was fitted to, and from which speed on they tell.
 
@@ -171,6 +186,7 @@ def _choose(
         options: candidates.
         correlation: of the noise of neighbouring bins [-].
         speeds: from which the bins tell, and below which a line is not asked to follow a crossing of zero [rad/s or m/s].
+        false: mean square of the acceleration that the encoder makes [rad^2/s^4 or m^2/s^4].
     """
     bins, (slowest, slow) = raw.whitened(correlation), speeds
     choice = design.choose(bins.equations(), options)
@@ -180,6 +196,7 @@ def _choose(
         with suppress(NotIdentifiable):  # where hardly anything is faster, the slow motion is kept
             choice = design.choose(faster.equations(), lines)
             bins, slowest = faster, slow
+    choice = design.refitted(choice, bins.equations(false))
     X = bins.X @ choice.candidate.spread
     covariance = noise.covariance_of_fit(X, bins.y - X @ choice.coefficients, bins.used)
     return replace(choice, covariance=covariance), bins, slowest

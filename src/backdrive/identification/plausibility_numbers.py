@@ -11,6 +11,7 @@ from backdrive.identification.remark import SHARE, SURE, Case, Remark
 from backdrive.identification.terms import GRAVITY, columns
 
 CANCEL = 3.0  # two terms that oppose each other are this much larger than the torque [-]
+KNOWN_DELAY = 0.1  # a delay is known whose standard error is at most this share of it [-]
 UNEQUAL = 3.0  # friction one way by that the other way [-]
 FASTEST = {"rad": 2000.0, "m": 100.0}  # faster than any joint [rad/s or m/s]
 
@@ -127,11 +128,17 @@ def certainty(case: Case) -> Remark | None:
 
 
 def delay_range(case: Case) -> Remark | None:
-    """A delay at the edge of its range."""
+    """A delay longer than a clock slips: one that is known is remarked, one that is not may be longer still."""
     value, error = case.value("time_slip")
     spread = 2.0 * error if math.isfinite(error) else 0.0
     if not abs(value) + spread >= LARGEST_SLIP:
         return None
+    if 0.0 < error <= KNOWN_DELAY * abs(value):
+        return Remark(
+            severity="note",
+            sentence=f"The torque comes {1e3 * abs(value):.3g} ± {1e3 * error:.2g} ms {'later' if value > 0.0 else 'earlier'} than "
+            "the motion: that was sought and taken out. Record both from one message, or look for a filter in one of them.",
+        )
     return Remark(
         severity="care",
         sentence=f"The delay of the torque, {1e3 * value:.3g} ms, is at the edge of what is sought ({1e3 * LARGEST_SLIP:.3g} ms): "

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from backdrive.identification.design import LARGEST_SLIP
 from backdrive.identification.plausibility_logs import other_joints
 from backdrive.identification.remark import Case, Remark
 from backdrive.identification.residual import MEAN, Explained, Residual
@@ -49,6 +50,8 @@ def delay(case: Case) -> Remark | None:
         default=0.0,
     )
     told = abs(known - abs(found[0])) < 0.3 * abs(found[0])
+    if told and known >= LARGEST_SLIP:
+        return None  # `delay_range` says so with its error
     way = "later" if found[0] > 0.0 else "earlier"
     return Remark(
         severity="note" if told else "care",

@@ -11,6 +11,7 @@ from backdrive.identification import regression
 from backdrive.identification.signals import spans
 from backdrive.logs.filters import derivative
 from backdrive.logs.log import Log
+from backdrive.logs.resolution import white_noise
 
 LEAST_RUNS = 4  # fewer runs do not make a curve
 LEAST_TIME = 0.3  # a plateau inside a longer log lasts at least so long [s]
@@ -23,6 +24,8 @@ UP_TO_SPEED = 0.95  # and has started where this share is reached [-]
 LEAST_SHARE = 0.5  # of a log that is left without start and stop, if it is one run [-]
 SEEN = 0.25  # gravity must explain so much of the torque's variance within the runs [-]
 SURE = 10.0  # or be so many standard errors [-]
+UNEVEN = 0.25  # standard deviation of the velocity by its mean, beyond which a run did not keep its speed [-]
+CERTAIN = 3.0  # so many times its own error it must be more than the encoder's noise [-]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +35,7 @@ class Run:
     Attributes:
         velocity: mean velocity [rad/s or m/s].
         torque: robust mean torque [N.m or N].
-        uneven: the velocity's standard deviation exceeds a quarter of its mean (stick-slip).
+        uneven: the velocity's standard deviation exceeds a quarter of its mean, the encoder's noise aside (stick-slip).
         start: first instant [s].
         pull: means of sin q and cos q over the run; None for a linear joint or without position.
         within: scatter of (sin q, cos q, torque) about their means, (3, 3); None like `pull`.
@@ -51,7 +54,9 @@ def _robust_mean(x: np.ndarray) -> float:
     return float(np.average(x, weights=weights))
 
 
-def _run(time: np.ndarray, velocity: np.ndarray, torque: np.ndarray, angle: np.ndarray | None) -> Run:
+def _run(
+    time: np.ndarray, velocity: np.ndarray, torque: np.ndarray, angle: np.ndarray | None, uneven: bool
+) -> Run:
     level = float(np.mean(velocity))
     pull, within = None, None
     if angle is not None:
@@ -62,7 +67,7 @@ def _run(time: np.ndarray, velocity: np.ndarray, torque: np.ndarray, angle: np.n
     return Run(
         velocity=level,
         torque=_robust_mean(torque),
-        uneven=bool(np.std(velocity) > 0.25 * abs(level)),
+        uneven=uneven,
         start=float(time[0]),
         pull=pull,
         within=within,
@@ -84,12 +89,42 @@ def find_runs(log: Log, joint: str | int) -> list[Run]:
     time, velocity, torque = log.time[good], velocity[good], torque[good]
     turns = log.position is not None and log.joints[0].unit == "rad"
     angle = log.need("position")[good, 0] if turns else None
-    if level := _level(velocity, log.period):
-        return [_run(time[level], velocity[level], torque[level], None if angle is None else angle[level])]
+    encoder = 0.0 if log.velocity is not None else white_noise(log.need("position")[good, 0])
+    level = _level(velocity, log.period)
+    parts = [level] if level else [slice(a, b) for a, b in _plateaus(velocity, log.period)]
     return [
-        _run(time[a:b], velocity[a:b], torque[a:b], None if angle is None else angle[a:b])
-        for a, b in _plateaus(velocity, log.period)
+        _run(
+            time[part],
+            velocity[part],
+            torque[part],
+            None if angle is None else angle[part],
+            _uneven(velocity[part], log.period, encoder),
+        )
+        for part in parts
     ]
+
+
+def _uneven(velocity: np.ndarray, period: float, encoder: float) -> bool:
+    """Say whether a velocity surely varies by more than `UNEVEN` of its mean, beyond what the encoder's noise makes.
+
+    Args:
+        velocity: of a run [rad/s or m/s], (n,).
+        period: sampling interval [s].
+        encoder: standard deviation of the noise of the positions that the velocity is the derivative of [rad or m].
+    """
+    allowed = (UNEVEN * float(np.mean(velocity))) ** 2
+    if not float(np.var(velocity)) > allowed:
+        return False
+    if not encoder > 0.0:
+        return True
+    for width in (1, max(1, round(SMOOTH / period))):
+        means = velocity[: velocity.size // width * width].reshape(-1, width).mean(axis=1)
+        # a mean of central differences is that of two positions at each end
+        noise = encoder**2 / (width * period) ** 2 * (0.5 if width == 1 else 1.0)
+        chance = 1.0 + CERTAIN * np.sqrt(2.0 * 3.0 / max(means.size, 1))  # neighbours share positions
+        if means.size > 2 and float(np.var(means)) > allowed + noise * chance:
+            return True
+    return False
 
 
 def whole_run(log: Log, joint: str | int) -> bool:

@@ -12,6 +12,7 @@ from backdrive.logs.log import Log
 
 GAP = 3.5  # an interval of so many periods is a gap; nothing is interpolated across it [period]
 SHORTEST = 50  # a segment between gaps with fewer samples is left out [sample]
+BLUNT = 15.0  # corner of the low pass below which motion of a servo may be lost [Hz]
 REST = 0.002  # below this share of the top speed a joint is taken to rest [-]
 REST_TIME = 0.25  # when it does so for longer than this [s]
 SLOW = 0.08  # below this share of the top speed a joint slides only where it keeps its velocity [-]
@@ -72,8 +73,11 @@ class Signals:
 
 
 def default_cutoff(rate: float) -> float:
-    """Return the corner frequency that motion is low-passed at before differentiation [Hz]."""
-    return min(0.1 * rate, 100.0)
+    """Return the corner frequency that motion is low-passed at before differentiation [Hz].
+
+    A tenth of the rate, or 0.15 of it up to `BLUNT`: with less the rise of a servo's move is lost, and passes for friction.
+    """
+    return min(max(0.1 * rate, min(0.15 * rate, BLUNT)), 100.0)
 
 
 def prepare(log: Log, joint: str | int, *, cutoff: float | None = None) -> list[Signals]:
@@ -82,7 +86,7 @@ def prepare(log: Log, joint: str | int, *, cutoff: float | None = None) -> list[
     Args:
         log: with torque, and position or velocity.
         joint: name or column.
-        cutoff: corner of the zero-phase low pass before differentiation [Hz]; None: a tenth of the rate.
+        cutoff: corner of the zero-phase low pass before differentiation [Hz]; None: `default_cutoff`.
 
     Raises:
         InvalidInput: the log holds no torque.
@@ -203,11 +207,9 @@ def _sliding(
     and the low pass of the motion blurs it.
     """
     speed = np.abs(velocity)
-    turns = np.flatnonzero(np.diff(np.sign(velocity)) != 0) + 1
-    bounds = np.r_[0, turns, velocity.size]
-    length = np.diff(bounds)
-    way = np.r_[0.0, np.cumsum(speed)]
-    begun = way[1:] - np.repeat(way[bounds[:-1]], length) > BEGUN * np.repeat(np.diff(way[bounds]), length)
+    bounds, way, whole = _ways(velocity)
+    turns, length = bounds[1:-1], np.diff(bounds)
+    begun = way > BEGUN * whole
     steady = (speed >= SLOW * top) | ((np.abs(acceleration) * SUSTAINED < speed) & begun)
     lasting = max(float(np.clip(1.0 / cutoff, *REVERSAL)), BLURRED / cutoff)
     reach = np.minimum(lasting * rate, OF_A_MOVE * length)
@@ -219,6 +221,19 @@ def _sliding(
     until[bounds[-2] :] = velocity.size
     from_end = np.minimum(index, index[::-1])  # but the low pass does not know what lies beyond
     return steady & (since >= reach) & (until >= reach) & (from_end >= CONTINUED / cutoff * rate)
+
+
+def _ways(velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return where the joint reverses, both ends included; its way since then and of the whole move [rad or m times rate], (n,)."""
+    bounds = np.r_[0, np.flatnonzero(np.diff(np.sign(velocity)) != 0) + 1, velocity.size]
+    length, way = np.diff(bounds), np.r_[0.0, np.cumsum(np.abs(velocity))]
+    return bounds, way[1:] - np.repeat(way[bounds[:-1]], length), np.repeat(np.diff(way[bounds]), length)
+
+
+def way_since_reversal(s: Signals) -> tuple[np.ndarray, float]:
+    """Return how far the joint has gone since its last reversal (n,), and the median way between two of them [rad or m]."""
+    bounds, way, whole = _ways(s.velocity)
+    return way / s.rate, float(np.median(whole[bounds[:-1]])) / s.rate
 
 
 def surely_sliding(s: Signals, top: float) -> np.ndarray:

@@ -19,7 +19,7 @@ from backdrive.identification.motion_bins import Bins, bin_means
 from backdrive.identification.signals import Signals
 from backdrive.logs.filters import low_pass
 
-ROUNDS = 7  # of fits, each along the motion of some delay
+ROUNDS = 10  # of fits, each along the motion of some delay
 STEP = 0.01  # longest change of the delay from one to the next [s]
 LEVER = 0.002  # distance of two delays from which is told how much of it the jerk shows [s]
 SHARES = 0.3, 1.5  # of a delay that jerk is taken to show while it is sought [-]

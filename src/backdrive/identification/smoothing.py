@@ -97,17 +97,25 @@ def _percent(wrong: float, right: float) -> str:
     return f"{100.0 * share:.2g} %" if share < 10.0 else "many times the size"
 
 
-def noise(step: float, cutoff: float, rate: float) -> float:
+def noise(step: float, cutoff: float, rate: float, width: int = 1, correlation: float = 0.0) -> float:
     """Return the mean square of the acceleration that an encoder's steps make [rad^2/s^4 or m^2/s^4].
 
     Args:
         step: of the encoder [rad or m].
         cutoff: of the low pass [Hz].
         rate: of sampling [Hz].
+        width: of means that are taken of it [sample].
+        correlation: each mean is less so much of its predecessor, and scaled as `Bins.whitened` does [-].
     """
     f = (np.arange(GRID) + 0.5) / (2 * GRID)
     twice = (rate * np.sin(2.0 * np.pi * f)) ** 4
-    return float(step**2 / 12.0 * np.mean(squared_gain(f, min(cutoff / rate, 0.49)) ** 2 * twice))
+    mean = (np.sin(np.pi * f * width) / (width * np.sin(np.pi * f))) ** 2
+    white = (1.0 + correlation**2 - 2.0 * correlation * np.cos(2.0 * np.pi * f * width)) / (
+        1.0 - correlation**2
+    )
+    return float(
+        step**2 / 12.0 * np.mean(squared_gain(f, min(cutoff / rate, 0.49)) ** 2 * twice * mean * white)
+    )
 
 
 def _longest(log: Log) -> np.ndarray | None:

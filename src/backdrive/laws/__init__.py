@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -45,8 +46,8 @@ from backdrive.laws.rates.lorentz import StribeckLorentz as StribeckLorentz
 from backdrive.laws.rates.makkar import Makkar as Makkar
 from backdrive.laws.rates.polyline import Polyline as Polyline
 from backdrive.laws.rates.sigmoid import Sigmoid as Sigmoid
-from backdrive.laws.rates.stribeck import StribeckGauss as StribeckGauss
 from backdrive.laws.rates.stribeck import StribeckTustin as StribeckTustin
+from backdrive.laws.rates.stribeck_gauss import StribeckGauss as StribeckGauss
 
 #: Every rate law and every presliding element by name. A law is one file and its line above.
 RATES: dict[str, type[Rate]] = by_name(globals(), Rate)
@@ -165,6 +166,13 @@ class Law:
         out = np.empty(v.size)
         kernels.steady(self.rate.KIND, self.row(), np.ravel(v), loads, temps, out)
         return out.reshape(v.shape)
+
+    @property
+    def scalar(self) -> Callable[[np.ndarray, float], float]:
+        """Return the compiled steady torque of the rate law at one velocity: f(row, velocity), without a load and at 20 degC."""
+        from backdrive.laws import kernels
+
+        return kernels.steady_of(self.rate.KIND)
 
     def coulomb(self) -> tuple[float, float]:
         """Return F_p and F_n of Iwatani 2017, (3.1): friction at the slowest motion along +q and along -q [N.m or N]."""

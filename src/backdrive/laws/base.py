@@ -98,7 +98,10 @@ class Rows:
 
     def __post_init__(self):
         for name, parameter in self.PARAMETERS.items():
-            value = np.asarray(getattr(self, name), dtype=np.float64)
+            value = getattr(self, name)
+            if _plain(value, parameter):
+                continue
+            value = np.asarray(value, dtype=np.float64)
             if value.ndim != (1 if parameter.many else 0):
                 raise InvalidInput(
                     f"{self.NAME}: '{name}' must be {'a sequence of numbers' if parameter.many else 'one number'}, "
@@ -117,9 +120,21 @@ class Rows:
         """Return the parameters by name."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
+    def sections(self) -> int:
+        """Return the number of sections that the kernel runs through, the first number of the row; 0 where there are none."""
+        return 0
+
     def row(self) -> np.ndarray:
         """Return the parameters as the row that the kernels read, (P,)."""
         return np.array([getattr(self, name) for name in self.PARAMETERS], dtype=np.float64)
+
+
+def _plain(value: Any, parameter: Parameter) -> bool:
+    """Return whether a value is what a law holds already, a finite float within its bounds or a tuple of them; no is no verdict."""
+    if not parameter.many:
+        return type(value) is float and parameter.lower <= value <= parameter.upper and value - value == 0.0
+    low, high = parameter.lower, parameter.upper
+    return type(value) is tuple and all(type(v) is float and low <= v <= high and v - v == 0.0 for v in value)
 
 
 def by_name(names: Mapping[str, Any], base: type[R]) -> dict[str, type[R]]:
@@ -218,6 +233,9 @@ class Element(Rows):
         STEADY: at constant velocity the torque is that of the rate law.
         ZONE: in a zone of low velocity there is no torque at all, the viscous one neither.
         SET_VALUED: at rest the torque is whatever holds the joint; `step` gives 0 there and `solve` holds.
+        STATE_ROW: the state is a row, so that the kernel is `step(p, e, x, y, lo, hi, dp, dt) -> torque`, from the row x to the row
+            y, which may be the same. Otherwise it is one number z: `step(p, e, z, lo, hi, dp, dt) -> z, torque`. Where SLIDER or
+            ZONE is set, the motion that the viscous part sees is returned behind the torque.
     """
 
     SLIDER: ClassVar[bool] = False
@@ -225,6 +243,7 @@ class Element(Rows):
     DRIFTS: ClassVar[bool] = False
     STEADY: ClassVar[bool] = True
     SET_VALUED: ClassVar[bool] = False
+    STATE_ROW: ClassVar[bool] = False
 
     def states(self) -> int:
         """Return the number of states of the element."""

@@ -4,19 +4,20 @@ A law is a row `p`: p[0] is the number m of rate-law parameters, p[1:1+m] the ra
 friction grows with the load, p[0] is 1/2 more, and the last of the m numbers say how (`growth`). Where the rate law differs by
 direction, p[0] is 1/4 more, and its row is there twice (`direction`). A rate law reads its row from p[1] on, an element from
 p[e] on: a slice would cost more than the law. `rate` and `element` are the integers of their
-classes; `x` is the element's state, followed by as much room for `solve` to keep it while it tries steps; `load` is the pair
+classes; `x` is the element's state, followed by as much room for what `solve`'s trial steps lead to; `load` is the pair
 of motor-side and external torque, a tuple, `temp` the temperature. `limits`, `step` and `solve` are the three kernels that a
 law offers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import cache
 
 import numpy as np
 
-from backdrive._jit import choice, jit, ladder, leaf
-from backdrive.laws import ELEMENTS, RATES, growth
+from backdrive._jit import choice, jit, ladder, leaf, specialised
+from backdrive.laws import ELEMENTS, RATES, REFERENCE, growth
 from backdrive.laws.base import Element, kernels_of
 from backdrive.laws.elements import none
 
@@ -32,15 +33,21 @@ def no_curve(p, v, load, temp):
 
 
 @leaf
-def no_torque(p, e, x, lo, hi, dp, dt):
+def no_row(p, e, x, y, lo, hi, dp, dt):
     """Element of a number that no class has."""
     return np.nan
 
 
 @leaf
-def no_motion(p, e, x, lo, hi, dp, dt):
+def no_torque(p, e, z, lo, hi, dp, dt):
+    """Element of a number that no class has."""
+    return z, np.nan
+
+
+@leaf
+def no_motion(p, e, z, lo, hi, dp, dt):
     """Element of a number that no class has, and the motion under it."""
-    return np.nan, np.nan
+    return z, np.nan, np.nan
 
 
 def among(classes: Iterable[type[Element]]) -> int:
@@ -48,13 +55,15 @@ def among(classes: Iterable[type[Element]]) -> int:
     return sum(1 << kind for kind in {c.KIND for c in classes})
 
 
-MOVERS = [
-    c for c in ELEMENTS.values() if c.SLIDER or c.ZONE
-]  # whose kernels say what motion the viscous part sees
-MOVES, HOLDS = among(MOVERS), among(c for c in ELEMENTS.values() if c.SET_VALUED)
+#: Elements whose state is a row, and the others: those whose viscous part sees another motion than the joint's, and the rest.
+WIDE = [c for c in ELEMENTS.values() if c.STATE_ROW]
+MOVERS = [c for c in ELEMENTS.values() if c.SLIDER or c.ZONE]
+PLAIN = [c for c in ELEMENTS.values() if c not in WIDE and c not in MOVERS]
+ROWS, MOVES, HOLDS = among(WIDE), among(MOVERS), among(c for c in ELEMENTS.values() if c.SET_VALUED)
 curve = choice(kernels_of(RATES.values(), "limits"), no_curve)
-carry = choice(kernels_of([c for c in ELEMENTS.values() if c not in MOVERS], "step"), no_torque)
+carry_row = choice(kernels_of(WIDE, "step"), no_row)
 carry_moving = choice(kernels_of(MOVERS, "step"), no_motion)
+carry_plain = choice(kernels_of(PLAIN, "step"), no_torque)
 
 
 @jit
@@ -66,40 +75,75 @@ def backward(rate, p, place, v, load, temp):
 @ladder
 def limits(rate, p, v, load, temp):
     """Rate law at velocity v under a load: (lo, hi, viscous)."""
+    return limits_of(rate, False, p, v, load, temp)
+
+
+@ladder
+def limits_of(rate, plain, p, v, load, temp):
+    """Rate law at velocity v under a load: (lo, hi, viscous); `plain`: it neither grows with the load nor differs by direction."""
     lo, hi, viscous = curve(rate, (p, v, load, temp))
-    m = int(p[0])
-    if p[0] > m:
-        more = p[0] - m
-        if more != growth.MARK:
-            place = m // 2 if more < growth.MARK else (m - growth.ROW) // 2
-            lo, _, viscous_backward = backward(rate, p, place, v, load, temp)
-            if v < 0.0:
-                viscous = viscous_backward
-        if more >= growth.MARK:
-            lo, hi = growth.grown(p, m + 1 - growth.ROW, v, load, lo, hi, viscous)
+    if not plain:
+        m = int(p[0])
+        if p[0] > m:
+            more = p[0] - m
+            if more != growth.MARK:
+                place = m // 2 if more < growth.MARK else (m - growth.ROW) // 2
+                lo, _, viscous_backward = backward(rate, p, place, v, load, temp)
+                if v < 0.0:
+                    viscous = viscous_backward
+            if more >= growth.MARK:
+                lo, hi = growth.grown(p, m + 1 - growth.ROW, v, load, lo, hi, viscous)
     return lo, hi, viscous
 
 
 @ladder
 def step(rate, element, p, x, dp, dt, load, temp):
     """Friction torque of one tick; `x` is advanced in place."""
-    v = dp / dt
-    if abs(v) > FASTEST:
-        v = FASTEST if v > 0.0 else -FASTEST
-        dp = v * dt
-    return bounded(rate, element, p, x, v, dp, dt, load, temp)
+    v = slow(dp / dt)
+    return step_at(rate, element, False, p, x, x, v, within(v, dp, dt), dt, load, temp)
+
+
+@leaf
+def slow(v):
+    """Velocity v, at most FASTEST."""
+    return (FASTEST if v > 0.0 else -FASTEST) if abs(v) > FASTEST else v
+
+
+@leaf
+def within(v, dp, dt):
+    """Increment dp, or that of the largest velocity."""
+    return v * dt if abs(v) >= FASTEST else dp
 
 
 @ladder
-def bounded(rate, element, p, x, v, dp, dt, load, temp):
-    """Friction torque of a `step` at a velocity v = dp/dt that is at most FASTEST."""
-    lo, hi, viscous = limits(rate, p, v, load, temp)
-    place = 1 + int(p[0])
+def step_at(rate, element, plain, p, x, y, v, dp, dt, load, temp):
+    """Friction torque of one tick from the state row x to y at a velocity v = dp/dt that is at most FASTEST."""
+    e = 1 + int(p[0])
+    if ROWS >> element & 1:
+        lo, hi, viscous = bounds(rate, element, plain, p, v, load, temp)
+        f = carry_row(element, (p, e, x, y, lo, hi, dp, dt)) + viscous
+    else:
+        y[0], f = step_one(rate, element, plain, p, e, x[0], v, dp, dt, load, temp)
+    return f
+
+
+@ladder
+def step_one(rate, element, plain, p, e, z, v, dp, dt, load, temp):
+    """State and friction torque after one tick of an element whose state is one number z; its row begins at p[e]."""
+    lo, hi, viscous = bounds(rate, element, plain, p, v, load, temp)
     if MOVES >> element & 1:
-        f, moved = carry_moving(element, (p, place, x, lo, hi, dp, dt))
-        return f + limits(rate, p, moved / dt, load, temp)[2]
-    if not HOLDS >> element & 1 and viscous * v < 0.0:
-        # what weakens with speed narrows the bounds
+        z, f, moved = carry_moving(element, (p, e, z, lo, hi, dp, dt))
+        viscous = limits_of(rate, plain, p, moved / dt, load, temp)[2]
+    else:
+        z, f = carry_plain(element, (p, e, z, lo, hi, dp, dt))
+    return z, f + viscous
+
+
+@ladder
+def bounds(rate, element, plain, p, v, load, temp):
+    """Bounds of an element at velocity v and the viscous part: what weakens with speed narrows the bounds."""
+    lo, hi, viscous = limits_of(rate, plain, p, v, load, temp)
+    if not (MOVES | HOLDS) >> element & 1 and viscous * v < 0.0:
         weaker = min(abs(viscous), hi if v > 0.0 else -lo)
         if v > 0.0:
             hi -= weaker
@@ -107,7 +151,7 @@ def bounded(rate, element, p, x, v, dp, dt, load, temp):
         else:
             lo += weaker
             viscous -= weaker
-    return carry(element, (p, place, x, lo, hi, dp, dt)) + viscous
+    return lo, hi, viscous
 
 
 @jit
@@ -169,14 +213,10 @@ def solve(rate, element, p, x, v_free, dt, dt_over_m, load, temp):
 
 @jit
 def _tried(rate, element, p, x, v, dt, load, temp):
-    """Friction torque of a step at velocity v that is not taken."""
-    n = x.size // 2
-    for i in range(n):
-        x[n + i] = x[i]
-    friction = step(rate, element, p, x, v * dt, dt, load, temp)
-    for i in range(n):
-        x[i] = x[n + i]
-    return friction
+    """Friction torque of a step at velocity v that is not taken: what it leads to is written behind the state."""
+    dp = v * dt
+    v = slow(dp / dt)
+    return step_at(rate, element, False, p, x, x[x.size // 2 :], v, within(v, dp, dt), dt, load, temp)
 
 
 @jit
@@ -191,6 +231,17 @@ def _excess(rate, element, p, x, speed, toward, v_free, dt, dt_over_m, load, tem
     return toward * (v + dt_over_m * friction - v_free)
 
 
+@cache
+def steady_of(rate: int) -> Callable:
+    """Return the steady friction torque of a plain rate law at one velocity, without a load and at 20 degC: f(p, v)."""
+
+    def at(p, v):
+        lo, hi, viscous = limits_of(rate, True, p, v, (0.0, 0.0), REFERENCE)
+        return none.step(p, 0, 0.0, lo, hi, v, 1.0)[1] + viscous
+
+    return specialised(at, rate)
+
+
 @jit
 def steady(rate, p, v, load, temp, out):
     """Fill `out` with the steady friction torque at the velocities `v` (n,), under loads (n, 2) or (1, 2); 0 at v = 0."""
@@ -198,4 +249,4 @@ def steady(rate, p, v, load, temp, out):
     for i in range(v.size):
         j = i if loads else 0
         lo, hi, viscous = limits(rate, p, v[i], (load[j, 0], load[j, 1]), temp[i if temps else 0])
-        out[i] = none.step(p, 0, v, lo, hi, v[i], 1.0) + viscous
+        out[i] = none.step(p, 0, 0.0, lo, hi, v[i], 1.0)[1] + viscous

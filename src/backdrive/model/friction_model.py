@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -125,6 +126,14 @@ class FrictionModel:
             ExtrapolationWarning: a velocity is outside the validity range.
             NegativeFrictionWarning: at a velocity friction drives the motion instead of resisting it.
         """
+        if load is None and temperature is None and type(dq) is float:
+            scalar = self._scalars.get(joint)
+            if scalar is not None:
+                at, row, low, high = scalar
+                if low <= dq <= high:
+                    value = at(row, dq)
+                    if value * dq >= 0.0:
+                        return np.float64(value)  # type: ignore[return-value]
         velocity = np.asarray(dq, dtype=np.float64)
         for name, plural, value in (
             ("velocity", "velocities", velocity),
@@ -140,7 +149,41 @@ class FrictionModel:
         if np.any(wrong := torque * velocity < 0.0):
             said = f"friction is negative at {velocity[wrong][0]:.4g} {friction.joint.unit}/s; there the model drives the motion"
             warnings.warn(f"Joint '{friction.joint.name}': {said}.", NegativeFrictionWarning, stacklevel=2)
+        if velocity.ndim == 0 and friction.law.growth is None and friction.law.rate.MARK == 0.0:
+            self._scalars[joint] = friction.law.scalar, friction.law.row(), *friction.validity.velocity
         return torque
+
+    @cached_property
+    def _scalars(
+        self,
+    ) -> dict[str | int, tuple[Callable[[np.ndarray, float], float], np.ndarray, float, float]]:
+        """Compiled curve, its row and the validity range of the joints whose torque at one velocity was computed before."""
+        return {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_scalars"}
+
+    def sample(self, n: int, seed: int = 0, joint: str | int | None = None) -> np.ndarray:
+        """Return draws of a joint's friction law from the covariance that was identified, within the bounds of its parameters.
+
+        Args:
+            n: how many.
+            seed: the same one gives the same draws.
+            joint: name or number; None: the only joint.
+
+        Returns:
+            Rows of parameters as kernels and arrays read them (`Law.row`), (n, P).
+
+        Raises:
+            InvalidInput: the model has several joints and none is named, or it knows no errors of the joint's law.
+        """
+        from backdrive.model.sample import draw_laws
+
+        if joint is None and len(self.joints) != 1:
+            raise InvalidInput(
+                f"The model has {len(self.joints)} joints.", remedy=f"Name one of {', '.join(self.names)}."
+            )
+        return np.array([law.row() for law in draw_laws(self.joint(0 if joint is None else joint), n, seed)])
 
     def table(self, speeds: int = 21) -> dict[str, dict[str, np.ndarray]]:
         """Return each joint's curve over its validity range.

@@ -134,6 +134,7 @@ class ArmRecord:
         load: true positions of the links.
         moment: of the hand on the grip, true [N.m], (n, 3); None where the hand gives none.
         codes: `Status` of every motor; None where they were not kept.
+        grip: true place of the grip [m], (n, 3); None where it was not kept.
     """
 
     time: np.ndarray
@@ -146,6 +147,7 @@ class ArmRecord:
     load: np.ndarray
     moment: np.ndarray | None = None
     codes: np.ndarray | None = None
+    grip: np.ndarray | None = None
 
 
 class Arm:

@@ -19,6 +19,13 @@ from backdrive.simulation.arm import Arm, ArmRecord
 from backdrive.simulation.hand import Hand, minimum_jerk
 
 
+class _Loop(Loop):
+    """A loop that no robot hangs on: its joints may go without guards, as in `closed_loop`."""
+
+    def _admit(self) -> None:
+        pass
+
+
 def polygon(
     corners: Sequence[Sequence[float]],
     *,
@@ -27,8 +34,13 @@ def polygon(
     interval: float,
     rounds: int,
     start: float = 0.3,
+    variation: float = 0.0,
+    seed: int = 0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return a hand's path along a polygon, a minimum-jerk stroke a side: positions [m] and velocities [m/s], (n, 3) each.
+
+    A hand that varies ends a stroke beside the corner, and begins and lasts otherwise from stroke to stroke, as
+    `hand.strokes` does.
 
     Args:
         corners: relative to where the grip begins, the first of them the begin itself [m].
@@ -37,17 +49,25 @@ def polygon(
         interval: between the beginnings of strokes [s].
         rounds: how often the polygon is gone around.
         start: time before the first stroke [s].
+        variation: standard deviation of length, duration and (in intervals) of the beginning, from stroke to stroke [-].
+        seed: of the variation.
     """
     points = np.asarray(corners, dtype=np.float64)
+    rng = np.random.default_rng(seed)
     count = rounds * len(points)
     t = dt * np.arange(round((start + count * interval) / dt))
     x, v = np.zeros((t.size, 3)), np.zeros((t.size, 3))
     x += points[0]
+    at = points[0]
     for i in range(count):
-        side = points[(i + 1) % len(points)] - points[i % len(points)]
-        share, rate = minimum_jerk((t - start - i * interval) / duration)
-        x += share[:, None] * side
-        v += rate[:, None] * side / duration
+        z = variation * np.clip(rng.standard_normal(3), -2.5, 2.5)
+        goal = points[(i + 1) % len(points)]
+        goal = goal + z[0] * (goal - points[i % len(points)])
+        D = min(duration * (1.0 + z[1]), interval * (1.0 - abs(z[2])))
+        share, rate = minimum_jerk((t - start - interval * (i + max(z[2], 0.0))) / D)
+        x += share[:, None] * (goal - at)
+        v += rate[:, None] * (goal - at) / D
+        at = goal
     return x, v
 
 
@@ -60,6 +80,7 @@ def guide(
     loops: Mapping[int, JointLoop],
     servos: Mapping[int, Servo],
     period: float = 1e-3,
+    delay: int = 0,
 ) -> ArmRecord:
     """Let a hand move the arm's grip along a path, and return what happened.
 
@@ -71,6 +92,7 @@ def guide(
         loops: what runs on the joints that are free to move; the arm's weight is held.
         servos: of the joints that are held where they are.
         period: of the loop [s].
+        delay: ticks until a command acts.
 
     Raises:
         InvalidInput: a joint has neither or both, or the path has another shape.
@@ -86,7 +108,7 @@ def guide(
             remedy=f"Give every joint of 0 to {J - 1} the one or the other, and a path (n, 3).",
         )
     free, fixed = sorted(loops), sorted(servos)
-    loop = Loop([loops[j] for j in free], interval=period)
+    loop = _Loop([loops[j] for j in free], interval=period)
     reading = arm.reading()
     loop.reset(reading[free])
     states = {j: np.zeros(STATES) for j in fixed}
@@ -100,14 +122,15 @@ def guide(
     columns = {
         name: np.zeros((n, J)) for name in ("reading", "command", "compensation", "estimate", "hand", "load")
     }
-    force = np.zeros((n, 3))
-    applied = arm.weight.copy()
+    force, place = np.zeros((n, 3)), np.zeros((n, 3))
+    waiting = [arm.weight.copy() for _ in range(delay + 1)]  # commands on their way, the oldest first
     for k in range(n):
         reading = arm.reading()
         weight = arm.data.qfrc_bias
         loop.known[:] = 0.0
-        loop.update(reading[free], (applied - weight)[free])
+        loop.update(reading[free], (waiting[0] - weight)[free])
         x, jacobian = arm.grip()
+        place[k] = x
         force[k] = hand.stiffness * (begin + path[k] - x) + hand.damping * (
             velocity[k] - jacobian @ arm.load_velocity
         )
@@ -120,9 +143,9 @@ def guide(
         columns["reading"][k], columns["command"][k], columns["load"][k] = reading, command, arm.load
         columns["compensation"][k, free], columns["estimate"][k, free] = loop.torque, loop.external
         columns["hand"][k] = pushed
-        applied = command
-        arm.step(command, pushed, period)
-    return ArmRecord(time=period * np.arange(n), force=force, **columns)
+        waiting = [*waiting[1:], command]
+        arm.step(waiting[0], pushed, period)
+    return ArmRecord(time=period * np.arange(n), force=force, grip=place, **columns)
 
 
 def guide_whole(

@@ -9,10 +9,10 @@ import numpy as np
 
 from backdrive.report.pictures.canvas import LIGHT, pretty_unit
 from backdrive.thesis._guided import mark
-from backdrive.thesis._sweep_plots import DASHED, SMALL, joint_title, key, name, sheet
+from backdrive.thesis._sweep_plots import DASHED, SMALL, joint_title, key, name, panel, sheet
 
 __all__ = [
-    "COLORS", "DASHED", "SMALL", "edges", "joint_title", "key", "lines", "name", "peak_bars", "release", "sheet", "title",
+    "COLORS", "DASHED", "SMALL", "edges", "joint_title", "key", "lines", "name", "panel", "peak_bars", "release", "sheet", "title",
 ]  # fmt: skip
 
 COLORS = {
@@ -72,7 +72,7 @@ def peak_bars(axes: Any, panel: Mapping[str, Any]) -> None:
 
     Args:
         axes: to draw on.
-        panel: of `experiments._guided.bars`, with the force's `unit`.
+        panel: of `thesis._guided.bars`, with the force's `unit`, and `axis` where it is not `q`.
     """
     cases, mean, deviation = panel["cases"], panel["mean"], panel["deviation"]
     n = len(cases)
@@ -104,8 +104,8 @@ def peak_bars(axes: Any, panel: Mapping[str, Any]) -> None:
                 textcoords="offset points", ha="center", va="bottom", fontsize=SMALL - 1.5, color=LIGHT.ink,
             )  # fmt: skip
         axes.annotate(
-            ("along +q", "along −q")[side], (float(x.mean()), 0.0), xycoords=("data", "axes fraction"), xytext=(0, -20),
-            textcoords="offset points", ha="center", va="top", fontsize=SMALL, color=LIGHT.ink,
+            f"along {'+−'[side]}{panel.get('axis', 'q')}", (float(x.mean()), 0.0), xycoords=("data", "axes fraction"),
+            xytext=(0, -20), textcoords="offset points", ha="center", va="top", fontsize=SMALL, color=LIGHT.ink,
         )  # fmt: skip
     axes.set_xticks([*np.arange(n), *(np.arange(n) + n + GAP)], [*cases, *cases])
     axes.grid(False, axis="x")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -14,12 +15,16 @@ from backdrive.laws.base import Rate
 from backdrive.simulation.closed_loop import Record, Scene
 from backdrive.simulation.hand import Hand, HandMotion, along, pushes, strokes
 from backdrive.simulation.joint import SimulatedJoint
-from backdrive.simulation.machines import joint_0, joint_1, joint_2, setup_a
+from backdrive.thesis.setups import setups
 
 DT = 1e-3
-SUBSTEP = 5e-5  # s, of the truth
+SUBSTEP = 1e-4  # s, of the truth: 50 steps a period of its fastest oscillation
 LETS_GO, PUSHES = 1.35, 2.35  # s, in the scene of release and break-away
 REST = 1.0  # s, at the end of a scene, in which a limit cycle is looked for
+STIFF, SOFT = 2.0, 0.5  # hands, by the contender's own [-]
+DWELL = 0.8  # s, that the hand stays between its strokes in the scene of a dwell
+STROKES = 4  # of a hand that guides; the first is not judged
+EPISODES = ("release", "knock", "stiff", "soft", "dwell", "tracking")  # scenes of a method, in this order
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,15 +108,14 @@ class Contender:
         )
 
 
+@lru_cache(maxsize=1)
 def contenders() -> tuple[Contender, ...]:
-    """Return Setup A and Joints 0 to 2 of the thesis' arm, their truths made less convenient than what is believed."""
+    """Return Setup A and Joints 0 to 2 of `setups`, their truths made less convenient than what is believed."""
     found = []
-    for joint, stroke, hand in (
-        (setup_a(), 0.06, Hand(stiffness=800.0, damping=40.0)),
-        (joint_0(compliant=True), 0.15, Hand(stiffness=130.0, damping=6.0)),
-        (joint_1(compliant=True), 0.15, Hand(stiffness=130.0, damping=6.0)),
-        (joint_2(compliant=True), 0.15, Hand(stiffness=130.0, damping=6.0)),
-    ):
+    for joint in setups().values():
+        linear = joint.unit == "m"
+        stroke = 0.06 if linear else 0.15
+        hand = Hand(stiffness=800.0, damping=40.0) if linear else Hand(stiffness=130.0, damping=6.0)
         rate = joint.law.rate
         if isinstance(rate, Polyline):
             coulomb, believed = rate.positive[0], rate
@@ -143,8 +147,15 @@ def contenders() -> tuple[Contender, ...]:
     return tuple(found)
 
 
-def scenes(who: Contender, loop: JointLoop, setting: Setting, seed: int) -> list[Scene]:
-    """Return what a compensator plays: release and break-away, rest after a knock, strokes, tracking at low gains."""
+def scenes(
+    who: Contender, loop: JointLoop, setting: Setting, seed: int, names: Sequence[str] = EPISODES
+) -> list[Scene]:
+    """Return what a compensator plays, in the order of `names`.
+
+    `release`: a stroke, a dwell, letting go and a light touch against the stroke; `knock`: a push on a joint that nobody holds;
+    `stiff`, `soft`: strokes of either hand; `dwell`: strokes of the soft hand between which it stays; `tracking`: saw-teeth at
+    low gains.
+    """
     plant = who.plant(setting)
     common = {
         "plant": plant,
@@ -156,22 +167,46 @@ def scenes(who: Contender, loop: JointLoop, setting: Setting, seed: int) -> list
         "substep": SUBSTEP,
         "seed": seed,
     }
-    guided = strokes(DT, stroke=who.stroke, duration=0.7, count=6, variation=0.05, seed=seed)
-    tick = DT * np.arange(2200)
-    pace, servo = 0.5, low_gains(plant)
-    saw = who.stroke * (2.0 / np.pi) * np.arcsin(0.98 * np.sin(2 * np.pi * pace * tick))
-    target = np.stack([saw, np.gradient(saw, DT)], axis=1)
-    return [
-        Scene(motion=release(who), hand=who.hand, **common),  # type: ignore[arg-type]
-        Scene(motion=pushes(2.0 * who.coulomb * ((tick > 0.1) & (tick < 0.16))), **common),  # type: ignore[arg-type]
-        Scene(motion=guided, hand=who.hand, **common),  # type: ignore[arg-type]
-        Scene(
-            motion=pushes(np.zeros(len(tick)), position=float(saw[0])),
-            controller=servo,
-            target=target,
-            **common,  # type: ignore[arg-type]
-        ),
-    ]
+    made = []
+    for name in names:
+        own: dict[str, object]
+        if name == "release":
+            own = {"motion": release(who), "hand": who.hand}
+        elif name == "knock":
+            t = DT * np.arange(2200)
+            own = {"motion": pushes(2.0 * who.coulomb * ((t > 0.1) & (t < 0.16)))}
+        elif name == "tracking":
+            saw, target = saw_tooth(who)
+            own = {
+                "motion": pushes(np.zeros(len(saw)), position=float(saw[0])),
+                "controller": low_gains(plant),
+                "target": target,
+            }
+        else:
+            own = {"motion": guided(who, name, seed), "hand": hand_of(who, name)}
+        made.append(Scene(**own, **common))  # type: ignore[arg-type]
+    return made
+
+
+def hand_of(who: Contender, name: str) -> Hand:
+    """Return the stiff hand or the soft one, of the same damping ratio."""
+    factor = STIFF if name == "stiff" else SOFT
+    return Hand(stiffness=factor * who.hand.stiffness, damping=np.sqrt(factor) * who.hand.damping)
+
+
+def guided(who: Contender, name: str, seed: int) -> HandMotion:
+    """Return strokes to a metronome, or with a dwell after each."""
+    interval, count = (0.7 + DWELL, 3) if name == "dwell" else (0.75, STROKES)
+    return strokes(
+        DT, stroke=who.stroke, duration=0.7, interval=interval, count=count, variation=0.05, seed=seed
+    )
+
+
+def saw_tooth(who: Contender) -> tuple[np.ndarray, np.ndarray]:
+    """Return rounded saw-teeth of 0.5 Hz, (n,), and them with their velocity, (n, 2)."""
+    t = DT * np.arange(2200)
+    saw = who.stroke * (2.0 / np.pi) * np.arcsin(0.98 * np.sin(np.pi * t))
+    return saw, np.stack([saw, np.gradient(saw, DT)], axis=1)
 
 
 def release(who: Contender) -> HandMotion:
@@ -208,18 +243,39 @@ def shaking(who: Contender, freed: Record, knocked: Record) -> dict[str, float]:
     }
 
 
-def scores(who: Contender, records: Sequence[Record]) -> dict[str, float]:
-    """Return what a compensator achieved in its scenes, SI units."""
-    freed, knocked, guided, tracked = records
-    windows = range(500, len(guided.time) - 1500, 1500)
-    peaks = [np.abs(guided.force[a : a + 1500]).max() for a in windows]
+def scores(who: Contender, records: Mapping[str, Record]) -> dict[str, float]:
+    """Return what a compensator achieved in its scenes, SI units.
+
+    Args:
+        who: the joint.
+        records: by name, of some of `EPISODES`.
+    """
+    found: dict[str, float] = {}
+    if "tracking" in records:
+        error = records["tracking"].wanted - records["tracking"].load
+        found["tracking"] = float(np.sqrt(np.mean(error**2)))
+    if "release" in records:
+        found["touch"] = light_touch(who, records["release"])
+        found |= shaking(who, records["release"], records["knock"])
+    if "dwell" in records:
+        found["dwell"] = held_force(records["dwell"])
+    for name in ("stiff", "soft"):
+        if name in records:
+            force = np.abs(records[name].force[1250 : 500 + 750 * STROKES]).reshape(STROKES - 1, 750)
+            found[f"{name}_peak"] = float(force.max(axis=1).mean())
+            found[f"{name}_rms"] = float(np.sqrt(np.mean(force**2)))
+    return found
+
+
+def light_touch(who: Contender, freed: Record) -> float:
+    """Return the force that moves the joint again after a dwell, against its last stroke [N.m or N]."""
     push = round(PUSHES / DT)
-    start = freed.load[push - 1]
-    moved = np.flatnonzero(np.abs(freed.load[push:] - start) > 5e-3 * who.stroke)
-    breakaway = float(np.abs(freed.force[push + moved[0]])) if moved.size else 2.2 * who.coulomb
-    return {
-        "breakaway": breakaway,
-        "peak": float(np.mean(peaks)),
-        "rms": float(np.sqrt(np.mean(guided.force**2))),
-        "tracking": float(np.sqrt(np.mean((tracked.wanted - tracked.load) ** 2))),
-    } | shaking(who, freed, knocked)
+    moved = np.flatnonzero(np.abs(freed.load[push:] - freed.load[push - 1]) > 5e-3 * who.stroke)
+    return float(np.abs(freed.force[push + moved[0]])) if moved.size else 2.2 * who.coulomb
+
+
+def held_force(dwelt: Record) -> float:
+    """Return the root mean square of the hand's force in the second half of its dwells [N.m or N]."""
+    interval, half = round((0.7 + DWELL) / DT), round(0.5 * DWELL / DT)
+    ends = [500 + interval * (i + 1) for i in range(2)]
+    return float(np.sqrt(np.mean([dwelt.force[end - half : end] ** 2 for end in ends])))

@@ -1,7 +1,8 @@
 """Joints moved by hand at 0.5 Hz, without and with the compensation of chapter 2: Iwatani 2017, 2.5.1.
 
 The compensator is (2.22): Mahvash and Okamura's contact with K = 1e4 N.m/rad and the curve that the sweep identified on the same
-simulated joint, R = 0.9. Gravity is held by the command. The joints are rigid, as the analysis of chapter 2, (2.10), takes them.
+simulated joint, R = 0.9. Gravity is held by the command. The joints are those of Setup B, whose
+encoders sit before the transmission.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from backdrive.simulation import SimulatedJoint
 from backdrive.simulation.closed_loop import Record, Scene, play
 from backdrive.simulation.hand import Hand, HandMotion, along
 from backdrive.thesis._sweeps import identified
-from backdrive.thesis.setups import rigid_arm
+from backdrive.thesis.setups import RATIO, arm
 
 CONTACT, SHARE = 1e4, 0.9  # K [N.m/rad] and R of 2.5
 FREQUENCY, CYCLES = 0.5, 11  # of the motion [Hz]; the first cycle is not judged
@@ -36,15 +37,19 @@ FELT = (
 SENSOR_NOISE = 0.05  # of the force sensor, at the joint [N.m]
 
 
-def joints() -> tuple[SimulatedJoint, ...]:
-    """Return the joints that Figs. 2.11 and 2.12 move by hand: 0, 1, 2 and 4."""
-    return tuple(joint for joint in rigid_arm() if joint.name in FELT)
+def joints(ratio: float = RATIO) -> tuple[SimulatedJoint, ...]:
+    """Return the joints that Figs. 2.11 and 2.12 move by hand: 0, 1, 2 and 4.
+
+    Args:
+        ratio: K_c by K [-].
+    """
+    return tuple(joint for joint in arm(ratio) if joint.name in FELT)
 
 
 @lru_cache(maxsize=8)
-def curves(seed: int) -> dict[str, Law]:
-    """Return the friction that a sweep identified on each joint."""
-    return {joint.name: identified(joint, seed=seed) for joint in rigid_arm()}
+def curves(seed: int, ratio: float = RATIO) -> dict[str, Law]:
+    """Return the friction that a sweep identified on each joint; K_c = ratio K."""
+    return {joint.name: identified(joint, seed=seed) for joint in arm(ratio)}
 
 
 def motion(amplitude: float = AMPLITUDE, cycles: int = CYCLES) -> HandMotion:
@@ -145,6 +150,7 @@ def moved(
     stiffness: float = FIRM,
     amplitudes: Sequence[tuple[float, float]] | None = None,
     cycles: int = CYCLES,
+    ratio: float = RATIO,
 ) -> list[Moved]:
     """Move joints by hand, without and with compensation.
 
@@ -154,8 +160,9 @@ def moved(
         stiffness: of the hand [N.m/rad].
         amplitudes: what the hand intends without and with compensation, a pair a joint [rad]; None: `AMPLITUDE`.
         cycles: of the motion.
+        ratio: K_c by K of the joints on which friction was identified [-].
     """
-    found = curves(seed)
+    found = curves(seed, ratio)
     scenes = []
     for i, joint in enumerate(chosen):
         intended = (AMPLITUDE, AMPLITUDE) if amplitudes is None else amplitudes[i]
@@ -176,16 +183,24 @@ def moved(
 
 
 @lru_cache(maxsize=1)
-def by_hand(seed: int) -> tuple[list[Moved], list[Moved]]:
-    """Return Joints 0, 1, 2 and 4 moved by the firm hand and by the soft one at the same speed, for both figures.
+def by_hand(seed: int, ratio: float = RATIO) -> tuple[list[Moved], list[Moved], list[Moved]]:
+    """Return Joints 0, 1, 2 and 4 moved by the firm hand, the soft one at the same speed and the soft one of the same reach.
 
     Args:
         seed: as in `moved`.
+        ratio: K_c by K [-].
     """
-    return moved(joints(), seed=seed), equally_fast(joints(), seed=seed)
+    chosen = joints(ratio)
+    return (
+        moved(chosen, seed=seed, ratio=ratio),
+        equally_fast(chosen, seed=seed, ratio=ratio),
+        moved(chosen, seed=seed, stiffness=SOFT, ratio=ratio),
+    )
 
 
-def equally_fast(chosen: Sequence[SimulatedJoint], *, seed: int, stiffness: float = SOFT) -> list[Moved]:
+def equally_fast(
+    chosen: Sequence[SimulatedJoint], *, seed: int, stiffness: float = SOFT, ratio: float = RATIO
+) -> list[Moved]:
     """Move joints by a soft hand that reaches as far as it takes to keep the velocity of the prescribed motion.
 
     A person sees the motion and not the force, and so intends more where more resists.
@@ -194,11 +209,19 @@ def equally_fast(chosen: Sequence[SimulatedJoint], *, seed: int, stiffness: floa
         chosen: joints.
         seed: as in `moved`.
         stiffness: of the hand [N.m/rad].
+        ratio: as in `moved`.
     """
     goal = AMPLITUDE * 2.0 * np.pi * FREQUENCY / np.sqrt(2.0)
     reach = np.full((len(chosen), 2), AMPLITUDE)
     for _ in range(6):
-        done = moved(chosen, seed=seed, stiffness=stiffness, amplitudes=[tuple(r) for r in reach], cycles=3)
+        done = moved(
+            chosen,
+            seed=seed,
+            stiffness=stiffness,
+            amplitudes=[tuple(r) for r in reach],
+            cycles=3,
+            ratio=ratio,
+        )
         speeds = np.array([m.speeds for m in done])
         reach += 0.9 * (goal - speeds) / (2.0 * np.pi * FREQUENCY / np.sqrt(2.0))
-    return moved(chosen, seed=seed, stiffness=stiffness, amplitudes=[tuple(r) for r in reach])
+    return moved(chosen, seed=seed, stiffness=stiffness, amplitudes=[tuple(r) for r in reach], ratio=ratio)

@@ -31,13 +31,25 @@ def sheet(
     figure.set_layout_engine("constrained", w_pad=6 / 72, h_pad=6 / 72, wspace=0.03, hspace=0.05)
     axes = figure.subplots(rows, columns, squeeze=False, **how)
     for a in axes.flat:
-        a.set_facecolor("none")
-        for side in ("top", "right", "left"):
-            a.spines[side].set_visible(False)
-        a.spines["bottom"].set_color(LIGHT.muted)
-        a.grid(True, color=LIGHT.grid, linewidth=0.7)
-        a.tick_params(colors=LIGHT.muted, labelcolor=LIGHT.muted, labelsize=SMALL)
+        _dress(a)
     return figure, axes
+
+
+def panel(figure: Any, place: Any) -> Any:
+    """Return one more panel of a figure, at a place of its grid."""
+    a = figure.add_subplot(place)
+    _dress(a)
+    return a
+
+
+def _dress(a: Any) -> None:
+    """Give a panel the look of the house."""
+    a.set_facecolor("none")
+    for side in ("top", "right", "left"):
+        a.spines[side].set_visible(False)
+    a.spines["bottom"].set_color(LIGHT.muted)
+    a.grid(True, color=LIGHT.grid, linewidth=0.7)
+    a.tick_params(colors=LIGHT.muted, labelcolor=LIGHT.muted, labelsize=SMALL)
 
 
 def name(axes: Any, title: str = "", x: str = "", y: str = "") -> None:

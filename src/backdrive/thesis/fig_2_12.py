@@ -6,24 +6,23 @@ from typing import Any
 
 from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.simulation import SimulatedJoint
-from backdrive.simulation.machines import joint_0, joint_1, joint_2
 from backdrive.thesis import _sweep_plots as own
-from backdrive.thesis._manual import FIRM, SOFT, Moved, by_hand, joints, moved
+from backdrive.thesis._balance import balance
+from backdrive.thesis._manual import SOFT, Moved, by_hand, joints, moved
 from backdrive.thesis.fig_2_11 import SETTING
 from backdrive.thesis.outcome import Claim, Outcome
+from backdrive.thesis.setups import RATIO
 
 AMPLITUDES = (0.2, 0.3)  # besides [rad]
 
 
-def run(seed: int = 0) -> Outcome:
-    """Move Joints 0, 1, 2 and 4 by a firm hand, a soft hand, and with compliant transmissions."""
-    chosen = joints()
-    compliant = [joint(compliant=True) for joint in (joint_0, joint_1, joint_2)]
-    firm, soft = by_hand(seed)
+def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
+    """Move Joints 0, 1, 2 and 4 by a firm hand and a soft hand."""
+    chosen = joints(ratio)
+    firm, soft, reaching = by_hand(seed, ratio)
     rows = {
         "firm hand": firm,
-        "firm hand, compliant": moved(compliant, seed=seed, stiffness=FIRM),
-        "soft hand, same reach": moved(chosen, seed=seed, stiffness=SOFT),
+        "soft hand, same reach": reaching,
         "soft hand, same speed": soft,
     }
     claims = [
@@ -51,16 +50,8 @@ def run(seed: int = 0) -> Outcome:
             why="No friction compensation takes inertia away; Joint 1 has the most of it.",
         )
     )
-    stiff = rows["firm hand, compliant"]
-    claims.append(
-        Claim(
-            what="The same with compliant transmissions (1e5, 1e5 and 8e4 N.m/rad)",
-            ours="; ".join(f"{_name(m.joint)} {m.reduction:.1f} %, {m.forward:+.0f} deg" for m in stiff),
-            holds=None,
-        )
-    )
     for amplitude in AMPLITUDES:
-        other = moved(chosen, seed=seed, amplitudes=[(amplitude, amplitude)] * len(chosen))
+        other = moved(chosen, seed=seed, amplitudes=[(amplitude, amplitude)] * len(chosen), ratio=ratio)
         claims.append(
             Claim(
                 what=f"The same for ±{amplitude:g} rad",
@@ -88,6 +79,7 @@ def run(seed: int = 0) -> Outcome:
             "and the jump is inertia. The thesis' 60 to 80 % needs a hand that prescribes the motion.",
         )
     )
+    claims.append(balance(r for m in (*firm, *soft) for r in (m.before, m.after)))
     return Outcome(
         name="fig-2.12",
         title="Mean magnitudes of velocity and hand torque",

@@ -10,15 +10,16 @@ from backdrive.identification.metrics import mean_magnitude, tracking_error
 from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.thesis import _sweep_plots as own
 from backdrive.thesis._manual import PERIOD
-from backdrive.thesis._tracking import CASES, SETTING, TEETH, TOOTH, by_joint
+from backdrive.thesis._tracking import CASES, SETTING, TEETH, TOOTH, by_joint, lag_check
 from backdrive.thesis.outcome import Claim, Outcome
+from backdrive.thesis.setups import RATIO
 
 EVERY = 20  # tick of the picture
 
 
-def run(seed: int = 0) -> Outcome:
+def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
     """Track saw-teeth with all joints and return position and error over time."""
-    done = by_joint(seed)
+    done = by_joint(seed, ratio)
     claims = []
     for joint, cases in done.items():
         by_speed = {case: _by_speed(record.wanted - record.reading) for case, record in cases.items()}
@@ -49,6 +50,7 @@ def run(seed: int = 0) -> Outcome:
                 "after the corners is most of the error.",
             )
         )
+    claims.append(lag_check(done))
     return Outcome(
         name="fig-2.13",
         title="Saw-tooth tracking with four compensations",

@@ -9,11 +9,12 @@ from backdrive.thesis import _sweep_plots as own
 from backdrive.thesis._manual import curves
 from backdrive.thesis._tracking import (
     CASES,
-    RATIOS,
+    DAMPINGS,
     SETTING,
+    by_damping,
     by_joint,
-    by_ratio,
     error,
+    lag_check,
     pd,
     saw_teeth,
     tracked,
@@ -21,14 +22,15 @@ from backdrive.thesis._tracking import (
 )
 from backdrive.thesis.fig_2_13 import COLORS
 from backdrive.thesis.outcome import Claim, Outcome
-from backdrive.thesis.setups import wrist
+from backdrive.thesis.setups import RATIO, wrist
 
 WEAK = 10.0  # a gain with which Joint 4 hardly moves against its friction [N.m/rad]
 
 
-def run(seed: int = 0) -> Outcome:
+def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
     """Return the tracking errors of all joints, and their order by damping ratio."""
-    E = {joint: {case: error(r) for case, r in cases.items()} for joint, cases in by_joint(seed).items()}
+    done = by_joint(seed, ratio)
+    E = {joint: {case: error(r) for case, r in cases.items()} for joint, cases in done.items()}
     claims = [
         Claim(
             what=f"{_name(joint)}: the tracking error is smallest with MOP.",
@@ -40,16 +42,16 @@ def run(seed: int = 0) -> Outcome:
         )
         for joint, e in E.items()
     ]
-    ratios = by_ratio(seed)
+    ratios = by_damping(seed, ratio)
     ordered = {
         joint: {r: e["MOP"] < e["MOL"] < e["MO"] for r, e in found.items()} for joint, found in ratios.items()
     }
-    damped = [r for r in RATIOS if r >= 0.5]
+    damped = [r for r in DAMPINGS if r >= 0.5]
     claims.append(
         Claim(
             what="MOP < MOL < MO at every damping ratio from 0.5 on",
             ours="; ".join(
-                f"{_name(j)}: " + ", ".join(f"{r:g}" for r in RATIOS if ordered[j][r]) for j in ratios
+                f"{_name(j)}: " + ", ".join(f"{r:g}" for r in DAMPINGS if ordered[j][r]) for j in ratios
             ),
             gate=f"on every joint at {', '.join(f'{r:g}' for r in damped)}",
             holds=all(ordered[j][r] for j in ratios for r in damped),
@@ -59,13 +61,13 @@ def run(seed: int = 0) -> Outcome:
         Claim(
             what="Where it fails: a PD that is little damped itself",
             ours="; ".join(
-                f"{_name(j)} at {RATIOS[0]:g}: "
-                + ", ".join(f"{c} {1e3 * e[RATIOS[0]][c]:.1f}" for c in CASES[1:])
+                f"{_name(j)} at {DAMPINGS[0]:g}: "
+                + ", ".join(f"{c} {1e3 * e[DAMPINGS[0]][c]:.1f}" for c in CASES[1:])
                 + " mrad"
                 for j, e in ratios.items()
             ),
             gate="the order breaks on Joints 0, 1 and 2",
-            holds=all(not ordered[j][RATIOS[0]] for j in ("joint_0", "joint_1", "joint_2")),
+            holds=all(not ordered[j][DAMPINGS[0]] for j in ("joint_0", "joint_1", "joint_2")),
             why="The joint's own viscous friction is what damps such a loop, and compensating it takes that damping away: after "
             "each corner the joint swings the longer, the better its friction is compensated.",
         )
@@ -74,7 +76,9 @@ def run(seed: int = 0) -> Outcome:
     held = float(joint.law.torque(0.5)) / WEAK
     weak = {
         case: error(r)
-        for case, r in tracked([(joint, pd(joint, WEAK))], seed=seed, target=saw_teeth())[0].items()
+        for case, r in tracked([(joint, pd(joint, WEAK))], seed=seed, target=saw_teeth(), ratio=ratio)[
+            0
+        ].items()
     }
     claims.append(
         Claim(
@@ -84,6 +88,7 @@ def run(seed: int = 0) -> Outcome:
             why="A loop this slow follows the faster teeth late with or without friction; without friction it also swings.",
         )
     )
+    claims.append(lag_check(done))
     return Outcome(
         name="fig-2.14",
         title="Tracking errors of four compensations",
@@ -91,7 +96,7 @@ def run(seed: int = 0) -> Outcome:
         claims=tuple(claims),
         data={"errors": E, "ratios": ratios},
         numbers={f"{j}_{case}": E[j][case] for j in E for case in CASES}
-        | {f"{j}_viscosity": viscosity(law) for j, law in curves(seed).items()},
+        | {f"{j}_viscosity": viscosity(law) for j, law in curves(seed, ratio).items()},
     )
 
 
@@ -106,11 +111,7 @@ def draw(outcome: Outcome) -> Any:
         figure, axes = own.sheet(2, 4, width=760.0, height=420.0, sharey="row")
         for a in axes[0]:
             a.remove()
-        top = figure.add_subplot(axes[0, 0].get_gridspec()[0, :])
-        for side in ("top", "right", "left"):
-            top.spines[side].set_visible(False)
-        top.grid(True, color=LIGHT.grid, linewidth=0.7)
-        top.tick_params(colors=LIGHT.muted, labelsize=own.SMALL)
+        top = own.panel(figure, axes[0, 0].get_gridspec()[0, :])
         series = {case: [1e3 * e[case] for e in errors.values()] for case in COLORS}
         own.bars(top, [own.joint_title(joint) for joint in errors], series, COLORS)
         own.name(top, "(a) at a damping ratio of 0.5", y="E_s [mrad]")

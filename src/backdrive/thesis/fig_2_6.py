@@ -8,7 +8,6 @@ import numpy as np
 
 from backdrive.plans import inertia_bias
 from backdrive.report.pictures.canvas import LIGHT, house_style
-from backdrive.simulation.machines import joint_1
 from backdrive.thesis import _sweep_plots as own
 from backdrive.thesis._sweeps import (
     CYCLES,
@@ -22,11 +21,12 @@ from backdrive.thesis._sweeps import (
     listed,
 )
 from backdrive.thesis.outcome import Claim, Outcome
+from backdrive.thesis.setups import RATIO, arm
 
 
-def run(seed: int = 0) -> Outcome:
+def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
     """Sweep Joint 1 over 5 to 50 degrees and return torque over velocity beside the identified curves."""
-    joint = joint_1()
+    joint = arm(ratio)[1]
     runs = by_stroke(seed, [joint])[joint.name]
     width = {A: _width(r) for A, r in runs.items()}
     E = {method: distances(runs, method) for method in METHODS}
@@ -35,6 +35,9 @@ def run(seed: int = 0) -> Outcome:
         A: float(r.knots["literal"].F[-1] - joint.law.torque(r.knots["literal"].V[-1]))
         for A, r in runs.items()
     }
+    swing = (
+        (2.0 * TOP_SPEED / np.deg2rad(5.0)) ** 2 * joint.load_inertia / joint.stiffness
+    )  # (w/w_c)^2, last cycle of 5 deg
     expected = {A: inertia_bias(np.deg2rad(A), TOP_SPEED, joint.inertia, 1e-3) for A in STROKES}
     claims = (
         Claim(
@@ -63,10 +66,12 @@ def run(seed: int = 0) -> Outcome:
             "after it: together one tick, -3.7 I V^3 T/A^2 at the top speed.",
         ),
         Claim(
-            what="With velocity and torque on the same instant the curve no longer depends on the stroke",
+            what="With velocity and torque on the same instant the curve no longer depends on the stroke, from 10 deg on",
             ours=f"E(A, 50 deg) {listed(aligned.values())} N.m",
-            gate="at most 0.05 N.m from 5 deg on",
-            holds=bool(max(aligned.values()) <= 0.05),
+            gate="at most 0.05 N.m from 10 deg on",
+            holds=bool(max(E for A, E in aligned.items() if A >= 10.0) <= 0.05),
+            why="At 5 deg the load swings further than the motor, whose speed is measured: 1/(1 - (w/w_c)^2) = "
+            f"{1.0 / (1.0 - swing):.3f} times as far on a transmission with K_c = {joint.stiffness:g} N.m/rad.",
         ),
     )
     return Outcome(

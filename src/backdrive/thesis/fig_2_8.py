@@ -6,13 +6,14 @@ from typing import Any
 
 from backdrive.report.pictures.canvas import house_style
 from backdrive.thesis import _sweep_plots as own
-from backdrive.thesis._sweeps import METHODS, SETTING, STROKES, by_stroke, distances, listed
+from backdrive.thesis._sweeps import METHODS, SETTING, STROKES, by_stroke, distances, listed, truth_check
 from backdrive.thesis.outcome import Claim, Outcome
+from backdrive.thesis.setups import RATIO, arm
 
 
-def run(seed: int = 0) -> Outcome:
+def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
     """Sweep Joints 0 to 5 over 5 to 50 degrees and return E(A, 50 deg)."""
-    runs = by_stroke(seed)
+    runs = by_stroke(seed, arm(ratio))
     E = {method: {joint: distances(done, method) for joint, done in runs.items()} for method in METHODS}
     short = STROKES[:-1]
     literal, aligned = (E[m] for m in METHODS)
@@ -40,10 +41,11 @@ def run(seed: int = 0) -> Outcome:
         Claim(
             what="Aligned, even 5 deg",
             ours="; ".join(f"{j}: {aligned[j][5.0]:.3f} N.m" for j in runs),
-            gate="at most 0.05 N.m",
-            holds=all(aligned[j][5.0] <= 0.05 for j in runs),
+            holds=None,
+            why="At 5 deg the load swings further on the transmission than the motor, whose speed is measured.",
         )
     )
+    claims.append(truth_check(r for done in runs.values() for r in done.values()))
     return Outcome(
         name="fig-2.8",
         title="Distance of each curve from that of the longest stroke",

@@ -17,6 +17,7 @@ from backdrive.thesis._sweeps import (
     in_posture,
     listed,
     posture_errors,
+    truth_check,
 )
 from backdrive.thesis.outcome import Claim, Outcome
 
@@ -56,6 +57,7 @@ def run(seed: int = 0) -> Outcome:
             "of gears grows with the load they carry, and 3 % of it would be enough; so might warmth or position.",
         ),
     )
+    claims = (*claims, truth_check(plain.values()))
     return Outcome(
         name="fig-2.9",
         title="Identified curves of Joint 1 by posture",

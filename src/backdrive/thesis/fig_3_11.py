@@ -7,6 +7,7 @@ from typing import Any
 from backdrive.report.pictures.canvas import house_style
 from backdrive.simulation.closed_loop import Record
 from backdrive.thesis import _guided_plots as own
+from backdrive.thesis._balance import balance
 from backdrive.thesis._release_compensated import BEGIN, CASES, SEEDS, Release, joint_0, judge, setup_a
 from backdrive.thesis.outcome import Claim, Outcome
 from backdrive.thesis.scatter import clearly_less, less
@@ -37,7 +38,10 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
             "delay. The hand holds for 1 s and lets go; at rest: the load travels less than 2 counts in the last 0.5 s of 2 s. "
             f"With dither the motor's side goes on to swing by what the dither stretches. {SEEDS} hands."
         ),
-        claims=tuple(claim for name, one in found.items() for claim in _claims(name, one)),
+        claims=(
+            *(claim for name, one in found.items() for claim in _claims(name, one)),
+            *(balance(one["records"].values()) for one in found.values()),
+        ),
         data={name: _series(one) for name, one in found.items()},
         numbers=numbers,
     )

@@ -99,6 +99,10 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
 def _claims(
     a: dict[str, Any], stiff: dict[str, Any], b: dict[str, Any], presliding: float
 ) -> tuple[Claim, ...]:
+    half = [np.searchsorted(found["force"], 0.5 * found["friction"]) for found in (a, b)]
+    stretched = [
+        float((f["motor"][k] - f["motor"][0]) * f["stiffness"] / f["force"][k]) for f, k in zip((a, b), half)
+    ]
     ratio = [found["count"] * found["stiffness"] / found["friction"] for found in (a, b)]
     return (
         Claim(
@@ -134,6 +138,12 @@ def _claims(
             ours=f"K_c delta / F = {ratio[0]:.2f} on Setup A, {ratio[1]:.4f} on Joint 0",
             gate="a factor of at least 20",
             holds=ratio[0] > 20.0 * ratio[1],
+        ),
+        Claim(
+            what="Before break-away the motor has moved by f/K_c, the closed form",
+            ours=", ".join(f"{100 * (s - 1):+.2f} %" for s in stretched) + " off at half of the friction",
+            gate="within 2 %",
+            holds=max(abs(s - 1.0) for s in stretched) <= 0.02,
         ),
     )
 

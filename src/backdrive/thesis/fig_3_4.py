@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.engine.servo import Servo
 from backdrive.identification import Identification, identify
 from backdrive.laws import Law
 from backdrive.laws.base import Rate
@@ -16,14 +15,11 @@ from backdrive.simulation.joint import SimulatedJoint
 from backdrive.simulation.open_loop import simulate
 from backdrive.thesis import _guided_plots as own
 from backdrive.thesis.outcome import Claim, Outcome
-from backdrive.thesis.setups import setups
+from backdrive.thesis.setups import BANDWIDTH, setups
 
 STROKE = {"rad": float(np.deg2rad(20.0)), "m": 0.1}  # A, peak to peak [rad or m]
 TOP = {"rad": 2.0, "m": 0.3}  # V [rad/s or m/s]
 CYCLES = 10
-BANDWIDTH = (
-    40.0  # of the servo on a compliant joint [rad/s]: stiff enough to track, slow beside the transmission
-)
 SHOWN = 4000  # samples in the figure
 
 
@@ -34,8 +30,6 @@ def sweep_of(plant: SimulatedJoint, seed: int = 0) -> Identification:
         plant: the joint.
         seed: of the actuator's noise.
     """
-    if plant.unit == "rad":
-        plant = plant.replace(servo=Servo.tuned(plant.inertia, BANDWIDTH))
     sweep = Sweep(STROKE[plant.unit], TOP[plant.unit], cycles=CYCLES, joint=plant.name, unit=plant.unit)
     return identify(simulate(plant, sweep, seed=seed), method="sweep", symmetric=False)
 

@@ -11,6 +11,7 @@ from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.simulation.closed_loop import Record
 from backdrive.thesis import _guided
 from backdrive.thesis import _guided_plots as own
+from backdrive.thesis._balance import balance
 from backdrive.thesis._guided import CASES, PERIOD
 from backdrive.thesis.fig_3_8 import CYCLES, SETTING, guidance
 from backdrive.thesis.outcome import Claim, Outcome
@@ -37,7 +38,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
         name="fig-3.7",
         title="Position, velocity, actuator force and external force, Setup A",
         setting=SETTING + f" {CYCLES} cycles.",
-        claims=_claims(lowest, speed, turned),
+        claims=(*_claims(lowest, speed, turned), balance(records.values())),
         data=time_series(records),
         numbers={
             **{f"top_speed.{case}": float(value) for case, value in speed.items()},

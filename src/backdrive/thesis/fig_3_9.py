@@ -1,4 +1,4 @@
-"""Fig. 3.9 of Iwatani 2017: position, velocity and torque while a hand guides three joints of Setup B."""
+"""Fig. 3.9 of Iwatani 2017: position, velocity and force while a hand leads the arm around a square in x and y."""
 
 from __future__ import annotations
 
@@ -7,72 +7,90 @@ from typing import Any
 import numpy as np
 
 from backdrive.report.pictures.canvas import house_style
-from backdrive.thesis import _guided
 from backdrive.thesis import _guided_plots as own
-from backdrive.thesis._guided import CASES
-from backdrive.thesis.fig_3_7 import time_series
-from backdrive.thesis.fig_3_10 import ARM, CYCLES, SETTING, guidance
+from backdrive.thesis import _square
+from backdrive.thesis._guided import CASES, PERIOD
+from backdrive.thesis._square import AXES, BEGIN, INTERVAL, SETTING
+from backdrive.thesis.fig_3_10 import ROUNDS
 from backdrive.thesis.outcome import Claim, Outcome
 from backdrive.thesis.setups import RATIO
 
+ZOOM = (4, 5)  # squares that are drawn
+
 
 def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
-    """Guide Joints 0, 1 and 2 for 30 cycles in each case.
+    """Lead the arm around squares in each case.
 
     Args:
         seed: of the hand.
         ratio: K_c by K [-].
     """
-    played = _guided.guide([(guidance(name, ratio), CYCLES, seed) for name in ARM])
-    claims, data, numbers = [], {}, {}
-    for name, records in zip(ARM, played):
-        found = _guided.peaks(records, CYCLES)
+    cases = _square.by_case(seed, ratio, ROUNDS)
+    claims, numbers = [], {}
+    for i, axis in enumerate(AXES):
+        found = _square.peaks(cases, i, ROUNDS)
         lowest = np.argmin(np.stack([found[case] for case in CASES]), axis=0) == CASES.index("PD")
         share = lowest.mean(axis=0)
-        data[name] = time_series(records)
-        numbers[f"{name}.windows_lowest"] = float(lowest.mean())
+        numbers[f"{axis}.squares_lowest"] = float(lowest.mean())
         claims.append(
             Claim(
-                what=f"{name}: the peaks of the external torque are smaller with PD through the experiment.",
+                what=f"Along {axis} the peaks of the external force are smaller with PD through the experiment.",
                 thesis="the same features as Setup A",
-                ours=f"PD is the smallest of the five in {100 * share[0]:.0f} % (+q) and {100 * share[1]:.0f} % (-q) "
-                f"of {CYCLES} windows",
+                ours=f"PD is the smallest of the five in {100 * share[0]:.0f} % (+{axis}) and {100 * share[1]:.0f} % (-{axis}) "
+                f"of {ROUNDS} squares",
                 gate="in more than half of them, each direction",
                 holds=bool(np.all(share > 0.5)),
                 why="CD does what PD does, so that either is the smallest by chance.",
                 statement="3.9-smallest",
             )
         )
+    edges = BEGIN + 4 * INTERVAL * np.arange(ZOOM[0], ZOOM[1] + 1)
+    part = slice(round(edges[0] / PERIOD), round(edges[-1] / PERIOD))
     return Outcome(
         name="fig-3.9",
-        title="Position and external torque, Setup B",
-        setting=SETTING + f" {CYCLES} cycles.",
-        claims=tuple(claims),
-        data=data,
+        title="Position, velocity, force and path of the grip, Setup B",
+        setting=f"{SETTING} {ROUNDS} squares.",
+        claims=(*claims, _square.work_check(cases)),
+        data={
+            "time": PERIOD * np.arange(part.start, part.stop),
+            "edges": edges,
+            "cases": {
+                case: {"position": g.grip[part], "velocity": g.velocity[part], "force": g.sensed[part]}
+                for case, g in cases.items()
+            },
+        },
         numbers=numbers,
     )
 
 
 ROWS = (
-    ("position", "position [rad]"),
-    ("velocity", "velocity [rad/s]"),
-    ("command", "actuator [N·m]"),
-    ("force", "external torque [N·m]"),
+    ("position", "position [mm]", 1e3),
+    ("velocity", "velocity [m/s]", 1.0),
+    ("force", "external force [N]", 1.0),
 )
 
 
 def draw(outcome: Outcome) -> Any:
-    """Return the figure: a column a joint; position, velocity, actuator and external torque of the five cases."""
+    """Return the figure: a column an axis, with position, velocity and external force; right the path of the grip."""
+    data = outcome.data
     with house_style():
-        figure, axes = own.sheet(len(ROWS), len(outcome.data), width=960.0, height=620.0, sharex=True)
-        for column, (joint, data) in zip(axes.T, outcome.data.items()):
-            for a, (quantity, label) in zip(column, ROWS):
-                own.lines(a, data["zoom"]["time"], data["zoom"]["cases"], quantity, step=3)
-                own.name(
-                    a, own.title(joint) if a is column[0] else "", "", label if joint == "joint_0" else ""
-                )
+        figure, axes = own.sheet(3, 3, width=960.0, height=560.0)
+        for column, (i, axis) in zip(axes.T, enumerate(AXES)):
+            cases = {case: {k: v[:, i] for k, v in c.items()} for case, c in data["cases"].items()}
+            for a, (quantity, label, factor) in zip(column, ROWS):
+                own.lines(a, data["time"], cases, quantity, factor=factor, step=3)
+                a.set_xlim(data["edges"][0], data["edges"][-1])
+                own.name(a, f"along {axis}" if a is column[0] else "", "", "" if i else label)
             own.edges(column[-1], data["edges"])
-            column[-1].set_xlim(data["edges"][0], data["edges"][-1])
             column[-1].set_xlabel("time [s]")
-        own.key(axes[0, -1], "lower right", 5, bbox_to_anchor=(1.0, 1.0))
+        own.key(axes[0, 1], "lower right", 5, bbox_to_anchor=(1.0, 1.0))
+        grid = axes[0, 2].get_gridspec()
+        for a in axes[:, 2]:
+            a.remove()
+        plane = own.panel(figure, grid[:, 2])
+        for case, c in data["cases"].items():
+            x, y = 1e3 * c["position"][::5].T
+            plane.plot(x, y, color=own.COLORS[case], linewidth=1.0)
+        plane.set_aspect("equal", adjustable="box")
+        own.name(plane, "path of the grip", "x [mm]", "y [mm]")
     return figure

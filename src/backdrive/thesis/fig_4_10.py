@@ -8,6 +8,7 @@ import numpy as np
 
 from backdrive.report.pictures.canvas import house_style
 from backdrive.thesis import _sensorless_plots as own
+from backdrive.thesis._balance import balance
 from backdrive.thesis._sensorless import CASES, PERIOD, in_words, lag, rms, virtual_force
 from backdrive.thesis.fig_4_8 import CHOSEN, CONDITIONS, CYCLES, MANY, OURS, SEEDS, SHOWN, admit
 from backdrive.thesis.outcome import Claim, Outcome
@@ -25,7 +26,7 @@ def run(seed: int = 0, seeds: int = SEEDS, cycles: int = CYCLES, ratio: float = 
         ratio: K_c by K [-].
     """
     found: dict[str, dict[str, dict[str, np.ndarray]]] = {}
-    shown = {}
+    shown, sensed = {}, []
     at = slice(0, round(SHOWN / PERIOD))
     for name in MANY:
         admittance, filter_, _ = CONDITIONS[name]
@@ -37,6 +38,7 @@ def run(seed: int = 0, seeds: int = SEEDS, cycles: int = CYCLES, ratio: float = 
             "force": {c: np.array([rms(r.sensed) for r, _ in pairs[c]]) for c in CASES},
         }
         if name == CHOSEN:
+            sensed = [r for runs in records.values() for r in runs]
             shown = {
                 c: {"sensor": 1.0 * r.sensed[at], "virtual": 1.0 * f[at]} for c, ((r, f), *_) in pairs.items()
             }
@@ -54,7 +56,7 @@ def run(seed: int = 0, seeds: int = SEEDS, cycles: int = CYCLES, ratio: float = 
             "filters in a row. "
             "Velocity and acceleration in (4.19) come from the encoder through the same filter."
         ),
-        claims=_claims(found),
+        claims=(*_claims(found), balance(sensed, weightless=False)),
         data={"time": PERIOD * np.arange(len(next(iter(shown.values()))["sensor"])), "cases": shown},
         numbers=numbers,
     )

@@ -11,6 +11,7 @@ import numpy as np
 from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.simulation.closed_loop import Record
 from backdrive.thesis import _sensorless_plots as own
+from backdrive.thesis._balance import balance
 from backdrive.thesis._release_admitted import CASES, SEEDS, axis, joint_0, measure, runs
 from backdrive.thesis._sensorless import ADMITTANCE, CASCADE
 from backdrive.thesis.outcome import Claim, Outcome
@@ -56,6 +57,10 @@ def run(seed: int = 0, seeds: int = SEEDS, ratio: float = RATIO) -> Outcome:
         claims=(
             *(c for name, of in (("setup_a", "Setup A"),) for c in _statements(found[name], of)),
             *_beside(found),
+            *(
+                balance((r for some in records[name].values() for r in some), weightless=False)
+                for name in ("setup_a", "joint_0")
+            ),
         ),
         data={name: _shown(records[name]) for name in ("setup_a", "joint_0")},
         numbers=numbers,

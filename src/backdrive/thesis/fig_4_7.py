@@ -12,6 +12,7 @@ from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.simulation.closed_loop import Record, Scene, play
 from backdrive.thesis import _sensorless_plots as own
+from backdrive.thesis._balance import balance
 from backdrive.thesis._sensorless import (
     CASCADE,
     CASES,
@@ -77,7 +78,7 @@ def run(seed: int = 0, seeds: int = SEEDS, cycles: int = CYCLES, ratio: float = 
             "friction curve is identified, the filter of the acceleration as printed (G = 10, H = 2). RMS force of the "
             f"hand {force:.1f} N; sensor with 0.2 N of noise."
         ),
-        claims=_claims(found, means),
+        claims=(*_claims(found, means), balance(records)),
         data=_shown(records[0], friction),
         numbers=numbers,
     )

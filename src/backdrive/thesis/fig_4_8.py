@@ -14,6 +14,7 @@ from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.simulation.closed_loop import Record, play
 from backdrive.thesis import _sensorless_plots as own
+from backdrive.thesis._balance import balance
 from backdrive.thesis._guided import peaks
 from backdrive.thesis._sensorless import (
     ADMITTANCE,
@@ -127,7 +128,7 @@ def run(seed: int = 0, seeds: int = SEEDS, cycles: int = CYCLES, ratio: float = 
             "the sampling; the estimator gets the command of the tick before. Peaks are the largest measured forces of each 1.5 s. "
             "Beside it m = 2 kg and two filters in a row, and one sample of delay more."
         ),
-        claims=_claims(found),
+        claims=(*_claims(found), balance((r for runs in records.values() for r in runs), weightless=False)),
         data=_shown(records),
         numbers=numbers,
     )

@@ -9,6 +9,7 @@ import numpy as np
 from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.simulation.closed_loop import Record, play
 from backdrive.thesis import _sensorless_plots as own
+from backdrive.thesis._balance import balance
 from backdrive.thesis._sensorless import (
     ADMITTANCE,
     CASCADE,
@@ -73,7 +74,10 @@ def run(seed: int = 0, seeds: int = SEEDS, cycles: int = CYCLES, ratio: float = 
             "let go. At rest: "
             f"slower than 0.1 mm/s for {DWELL:g} s."
         ),
-        claims=_claims(found, means),
+        claims=(
+            *_claims(found, means),
+            balance((r for by in runs.values() for some in by.values() for r in some), weightless=False),
+        ),
         data={
             "time": record.time[at],
             "position": 1.0 * record.load[at],

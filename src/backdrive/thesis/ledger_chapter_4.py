@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from backdrive.thesis.statement import CONTRADICTED, EXPLAINED, REPRODUCED, UNJUDGED, Statement
 
-PUT_IN = "the friction of a simulated joint is put in"
+PUT_IN = "the measured friction is printed as a picture without numbers: that of a simulated joint is put in"
 SHAKES = "the filter as printed shakes the joint; with m = 2 kg and two filters in a row it comes out"
 ARM = "m, b, gains and filter of Joint 0 are not printed"
 

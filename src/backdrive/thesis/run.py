@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import signal
 import time
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from backdrive.errors import BackdriveError
@@ -16,6 +17,8 @@ from backdrive.thesis.ledger import disagreements, evaluate
 from backdrive.thesis.outcome import Claim, Outcome
 
 SCALE = 2.0  # pixels per point of a picture
+
+Say = Callable[[str], None]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,17 +59,19 @@ class Result:
         return [c for c in self.outcome.claims if c.holds is verdict and not c.statement]
 
 
-def run_one(entry: Entry, seed: int = 0) -> Result:
+def run_one(entry: Entry, seed: int = 0, say: Say | None = None) -> Result:
     """Run one experiment and draw it; what goes wrong is in the result, so that the others go on.
 
     Args:
         entry: which.
         seed: of everything random in it.
+        say: told what is going on by those that take minutes.
     """
     begun = time.perf_counter()
     try:
         experiment = importlib.import_module(entry.module)
-        outcome = experiment.run(seed=seed)
+        told = say is not None and "say" in inspect.signature(experiment.run).parameters
+        outcome = experiment.run(seed=seed, say=say) if told else experiment.run(seed=seed)
         with canvas.house_style():
             figure = experiment.draw(outcome)
             pictures = canvas.content(figure, "png", SCALE), canvas.content(figure, "svg")
@@ -88,7 +93,9 @@ def run_one(entry: Entry, seed: int = 0) -> Result:
     )
 
 
-def run_all(entries: Sequence[Entry], *, seed: int = 0, workers: int = 1) -> Iterator[Result]:
+def run_all(
+    entries: Sequence[Entry], *, seed: int = 0, workers: int = 1, say: Say | None = None
+) -> Iterator[Result]:
     """Run experiments and yield each as soon as it is done; the numbers do not depend on the order.
 
     One process is the default: an experiment plays its scenes on all cores as it is, and figures of one chapter share what
@@ -98,6 +105,7 @@ def run_all(entries: Sequence[Entry], *, seed: int = 0, workers: int = 1) -> Ite
         entries: which.
         seed: of everything random in them.
         workers: processes; 1: this one alone, in the order given.
+        say: told what is going on, by one process.
 
     Raises:
         MissingExtra: matplotlib is not installed.
@@ -105,7 +113,7 @@ def run_all(entries: Sequence[Entry], *, seed: int = 0, workers: int = 1) -> Ite
     canvas.require_matplotlib()
     workers = min(workers, len(entries))
     if workers <= 1:
-        yield from (run_one(entry, seed) for entry in entries)
+        yield from (run_one(entry, seed, say) for entry in entries)
         return
     import multiprocessing
     from concurrent.futures import ProcessPoolExecutor, as_completed

@@ -210,7 +210,7 @@ def facts_of(
             "else identify one that has, `backdrive identify --law stribeck-gauss` or without --law.",
         )
     error = FRICTION_ERROR if friction_error is None else friction_error
-    known = _coulomb_error(friction, coulomb)
+    known = coulomb_error(friction, coulomb)
     if known is None and friction_error is None:
         notes.append(
             f"The model has no intervals: friction is taken as known within {100 * error:.0f} % (--friction-error)."
@@ -288,7 +288,7 @@ def _load_range(
     return low, high
 
 
-def _coulomb_error(friction: JointFriction, coulomb: float) -> float | None:
+def coulomb_error(friction: JointFriction, coulomb: float) -> float | None:
     """Return the half-width of the 95 % interval of F by F, from the standard errors of its law; None where there are none."""
     rate, total, seen = friction.law.rate, 0.0, False
     for name in rate.PARAMETERS:

@@ -1,14 +1,15 @@
 """What parameters are chosen for: which numbers are sought in which ranges, by what they are judged, and what they must not do.
 
-backdrive, track: R, K and alpha of algFC, by the hand's mean peak force over the stated stroke, or by the error of a soft position
-controller. estimate: K and alpha of algFE and the gains of the filter, by the error of the external force. admit: m and b, by
-the hand's mean peak force. Each has a safety test over the ends of the intervals, the same for whoever proposes numbers.
+backdrive, track: R, K and alpha of algFC, by what a person feels (`wishes`), or by the error of a soft position controller.
+estimate: K and alpha of algFE and the gains of the filter, by the error of the external force. admit: m and b, by the hand's mean
+peak force. Each has a safety test over the ends of the intervals, the same for whoever proposes numbers.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from backdrive.tuning.facts import SOFTEST, Facts, scaled_rate
 from backdrive.tuning.members import Member
 from backdrive.tuning.scenes import SUBSTEP, Stroke
 from backdrive.tuning.tuning import LEADING
+from backdrive.tuning.wishes import WISHES, Part, check_wish, coasting, standing
 
 Numbers = Mapping[str, float]
 Ranges = Mapping[str, tuple[float, float]]
@@ -37,6 +39,7 @@ LEFT_OVER = 0.1  # of F, that an estimate may show after the hand has let go [-]
 RESTLESS = 0.01  # of the stroke, by which a joint under admittance control may sway [-]
 POSITION = 60.0  # largest bandwidth of the position controller under an admittance [rad/s]
 DERIVATIVE = 0.4  # of its gain by the motor's inertia, times sampling time and delay: the loop around the motor alone [-]
+DECAYS = (1.0, 500.0)  # alpha [1/s]: gone 3 s after a stop, and half of it in a tick
 BACK_OFF = 0.96  # of R, or of what else calms, where a joint does not rest
 SOFTER = 0.85  # of K beside it, where R alone does not help
 GOALS = ("backdrive", "track", "estimate", "admit")
@@ -97,9 +100,8 @@ class Goal:
         facts: of the joint.
         stroke: of the hand.
         ranges: of the numbers that are sought; those that span a factor of five or more in the logarithm.
-        scenes: from numbers and a joint to what is played to judge them.
-        score: of what was played, smaller is better.
-        score_on: joints on which it is averaged.
+        parts: of the score: what is played, and what is read of it; smaller is better.
+        score_on: joints on which they are averaged.
         trial: from numbers, a joint and the longest integration step to the scene of the safety test.
         unrest: of that scene, by what is allowed: above 1 it fails.
         test_on: joints of the safety test.
@@ -112,8 +114,7 @@ class Goal:
     facts: Facts
     stroke: Stroke
     ranges: Ranges
-    scenes: Callable[[Numbers, Member], Scene]
-    score: Callable[[Record], float]
+    parts: Sequence[Part]
     score_on: Sequence[Member]
     trial: Callable[[Numbers, Member, float], Scene]
     unrest: Callable[[Record], float]
@@ -124,9 +125,18 @@ class Goal:
 
     def scores(self, many: Sequence[Numbers]) -> np.ndarray:
         """Return the score of each set of numbers, (n,)."""
-        made = (self.scenes(z, m) for z in many for m in self.score_on)
-        found = np.array(evaluate(made, self.score)).reshape(len(many), -1)
+        weighed = [part for part in self.parts if part.weight > 0.0]
+        return np.sum([part.weight * self.values(part, many) for part in weighed], axis=0)
+
+    def values(self, part: Part, many: Sequence[Numbers]) -> np.ndarray:
+        """Return a part of the score of each set of numbers, without its weight, (n,)."""
+        made = (part.scene(z, m) for z in many for m in self.score_on)
+        found = np.array(evaluate(made, part.value)).reshape(len(many), -1) / part.unit()
         return np.where(np.isfinite(found), found, np.inf).mean(axis=1)
+
+    def felt(self, many: Sequence[Numbers]) -> dict[str, np.ndarray]:
+        """Return all parts of the score of each set of numbers by name, without their weights, (n,) each."""
+        return {part.name: self.values(part, many) for part in self.parts}
 
     def worst(
         self,
@@ -146,7 +156,7 @@ class Goal:
         return np.where(np.isfinite(found), found, np.inf)
 
 
-def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None) -> Goal:
+def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None, wish: str = "even") -> Goal:
     """Return a goal for a joint.
 
     Args:
@@ -154,14 +164,16 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
         facts: of the joint.
         stroke: of the hand.
         base: for `admit`, numbers of the estimator.
+        wish: for `backdrive`, one of `wishes.WISHES`.
 
     Raises:
-        InvalidInput: there is no such goal.
+        InvalidInput: there is no such goal or wish.
     """
+    check_wish(wish)
     if name not in GOALS:
         raise InvalidInput(f"There is no goal '{name}'.", remedy=f"Goals are {', '.join(GOALS)}.")
     K_low, K_c = facts.stiffness_interval[0], facts.stiffness
-    spring = {"stiffness": (SOFTEST * K_low / K_c, facts.stiffest / K_c), "decay": (5.0, 500.0)}
+    spring = {"stiffness": (SOFTEST * K_low / K_c, facts.stiffest / K_c), "decay": DECAYS}
     corners, middle = members_.corners(facts), members_.nominal(facts)
     force = "N.m" if facts.unit == "rad" else "N"
     if name in ("backdrive", "track"):
@@ -173,24 +185,28 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
         share = (min(0.3, 0.5 * most), most)
         guides = name == "backdrive"
 
-        def played(z: Numbers, member: Member) -> Scene:
-            if guides:
-                return scenes.guidance(facts, member, loop(z), stroke)
+        def tracked(z: Numbers, member: Member) -> Scene:
             return scenes.tracking(facts, member, loop(z), stroke)
 
+        parts = (
+            _feelings(facts, stroke, middle, WISHES[wish])
+            if guides
+            else [Part(name="error", scene=tracked, value=tracking_error)]
+        )
         return Goal(
             name=name,
             facts=facts,
             stroke=stroke,
             ranges={"share": share} | spring,
-            scenes=played,
-            score=(lambda r: scenes.peak_force(r, stroke)) if guides else tracking_error,
+            parts=parts,
             score_on=[middle],
             trial=lambda z, member, longest: scenes.knock(facts, member, loop(z), longest),
             unrest=lambda r: scenes.amplitude(r) / (AT_REST * facts.count),
             test_on=corners,
-            words="mean peak force of the hand" if guides else "error of tracking, root mean square",
-            unit=force if guides else facts.unit,
+            words=f"what a hand feels, weighed by the wish '{wish}'"
+            if guides
+            else "error of tracking, root mean square",
+            unit="-" if guides else facts.unit,
             calming=[{"share": BACK_OFF}, {"share": BACK_OFF, "stiffness": SOFTER}],
         )
     if name == "estimate":
@@ -206,8 +222,13 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
             facts=facts,
             stroke=stroke,
             ranges=spring | gains,
-            scenes=lambda z, member: scenes.guidance(facts, member, watch(z), stroke),
-            score=lambda r: float(np.sqrt(np.mean((r.estimate - r.force) ** 2))),
+            parts=[
+                Part(
+                    name="error",
+                    scene=lambda z, member: scenes.guidance(facts, member, watch(z), stroke),
+                    value=lambda r: float(np.sqrt(np.mean((r.estimate - r.force) ** 2))),
+                )
+            ],
             score_on=corners[::2],
             trial=lambda z, member, longest: scenes.release(facts, member, watch(z), stroke, longest),
             unrest=lambda r: float(np.abs(np.mean(r.estimate[quiet]))) / (LEFT_OVER * facts.coulomb),
@@ -236,8 +257,13 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
         facts=facts,
         stroke=stroke,
         ranges={"mass": (lightest, 5.0 * max(lightest, 1.0)), "viscosity": (2.0, 60.0)} | gains,
-        scenes=lambda z, member: scenes.guidance(facts, member, estimating(z), stroke, **led(z)),
-        score=lambda r: scenes.peak_force(r, stroke),
+        parts=[
+            Part(
+                name="force",
+                scene=lambda z, member: scenes.guidance(facts, member, estimating(z), stroke, **led(z)),
+                value=lambda r: scenes.peak_force(r, stroke),
+            )
+        ],
         score_on=corners[::2],
         trial=lambda z, member, longest: scenes.knock(facts, member, estimating(z), longest, **led(z)),
         unrest=lambda r: scenes.amplitude(r) / (RESTLESS * stroke.length),
@@ -246,6 +272,39 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
         unit=force,
         calming=[{"mass": 1.0 / BACK_OFF, "viscosity": 1.0 / BACK_OFF}],
     )
+
+
+def _feelings(facts: Facts, stroke: Stroke, middle: Member, weights: Numbers) -> list[Part]:
+    """Return what a person feels of a compensated joint, and how much each weighs."""
+
+    def loop(z: Numbers) -> JointLoop:
+        return Unguarded(compensator=compensator(facts, z))
+
+    def guided(z: Numbers, member: Member) -> Scene:
+        return scenes.guidance(facts, member, loop(z), stroke)
+
+    def freed(z: Numbers, member: Member) -> Scene:
+        return scenes.release(facts, member, loop(z), stroke, SUBSTEP)
+
+    def knocked(z: Numbers, member: Member) -> Scene:
+        return scenes.knock(facts, member, loop(z))
+
+    bare = {"share": 0.0, "stiffness": facts.stiffest / facts.stiffness, "decay": 20.0}
+    played = {
+        "force": (guided, lambda r: scenes.peak_force(r, stroke)),
+        "standing": (freed, lambda r: standing(r, stroke, facts.coulomb)),
+        "touch": (freed, lambda r: scenes.breakaway(r, stroke, facts.coulomb)),
+        "coast": (knocked, coasting),
+    }
+
+    def of_bare(name: str) -> Callable[[], float]:
+        scene, value = played[name]
+        return cache(lambda: 1.0 if name == "standing" else evaluate([scene(bare, middle)], value)[0])
+
+    return [
+        Part(name=name, scene=scene, value=value, weight=weights[name], unit=of_bare(name))
+        for name, (scene, value) in played.items()
+    ]
 
 
 def tracking_error(record: Record) -> float:

@@ -9,9 +9,10 @@ from backdrive.control.estimators.friction import between_counts
 from backdrive.tuning import members as members_
 from backdrive.tuning import rules
 from backdrive.tuning.facts import Facts
-from backdrive.tuning.goals import Numbers, admittance, filter_gains
+from backdrive.tuning.goals import Goal, Numbers, admittance, filter_gains
 from backdrive.tuning.members import Member
 from backdrive.tuning.scenes import Stroke
+from backdrive.tuning.search import inverse
 from backdrive.tuning.tuning import NAMES, Number
 
 FAST_DECAY, SWITCH_RATE = 500.0, 10.0  # Iwatani 2017, (3.28), R_W as a rate [1/s]
@@ -79,12 +80,44 @@ def origin(z: Numbers, searched: Numbers | None, name: str, aim: str) -> str:
     """
     if searched is None:
         return "Of the rule to begin with (0.8, 0.72 of K_c, 20 1/s): it passes the same test as the search's and scores better."
-    found = f"SearchResult by search for {aim} among what passes the test."
+    found = f"Found by search for {aim} among what passes the test."
     if z[name] == searched[name]:
         return found
     kind = f"from {searched[name]:.3g} to {z[name]:.3g}" if name in ("share", "decay") else ""
     kind = kind or f"by a factor of {z[name] / searched[name]:.3g}"
     return f"{found[:-1]}, then moved {kind} until every drawn joint and the ends of all intervals pass it."
+
+
+SYMBOLS = {
+    "share": "R",
+    "stiffness": "K/K_c",
+    "decay": "alpha_N [1/s]",
+    "gain": "G",
+    "second_gain": "G of the velocity",
+    "mass": "m by the joint's inertia",
+    "viscosity": "b/m [1/s]",
+}
+AT_EDGE = 0.01  # of a range, within which a number lies at its end [-]
+
+
+def edges(goal: Goal, z: Numbers) -> list[str]:
+    """Return a sentence for each number that lies at an end of the range in which it was sought.
+
+    Args:
+        goal: with the ranges.
+        z: the chosen numbers.
+    """
+    sentences = []
+    u = inverse(goal.ranges, {name: z[name] for name in goal.ranges})
+    for (name, (low, high)), x in zip(goal.ranges.items(), u):
+        if AT_EDGE < x < 1.0 - AT_EDGE:
+            continue
+        end = "lower" if x <= AT_EDGE else "upper"
+        sentences.append(
+            f"{SYMBOLS[name]} = {z[name]:.3g} lies at the {end} end of its range, {low:.3g} to {high:.3g}: what is beyond was not "
+            "tried, and the score does not choose this number, the range does."
+        )
+    return sentences
 
 
 def numbers_of(
@@ -123,7 +156,7 @@ def numbers_of(
     least = T * control.derivative
     peak = 5.77 * stroke.length / stroke.duration**2
     aims = {
-        "backdrive": "the least mean peak force of the hand",
+        "backdrive": "the least of what a hand feels, as the wish weighs it,",
         "track": "the least error of a soft position controller",
         "estimate": "the least error of the external force",
         "admit": "the least mean peak force of the hand",
@@ -258,7 +291,7 @@ def numbers_of(
             value=control.viscosity,
             unit=viscosity,
             reason=why("viscosity") if "mass" in z else "15/s of m, the thesis' ratio.",
-            bound="b > 0: a joint that nobody touches comes to rest.",
+            bound="b > 0: the virtual mass slows down. That the joint rests is what the check shows.",
             limit=0.0,
         ),
         "position_gain": Number(

@@ -19,9 +19,9 @@ from backdrive.control.estimators.arm_tick import FULL, SINGULAR, ArmForceTick, 
 from backdrive.control.estimators.external import KNOWN
 from backdrive.control.estimators.friction import FrictionEstimator
 from backdrive.control.estimators.gains import lag as lag_of
-from backdrive.control.estimators.of_model import ABRUPT, at_rest, contact, with_break_away
+from backdrive.control.estimators.of_model import ABRUPT, WIDTH, at_rest, contact, with_break_away
 from backdrive.control.estimators.sliding_mode import MotionFilter
-from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.errors import InvalidInput
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.parameters import POSITIVE, Bounded
 from backdrive.robot import Robot, load_robot
@@ -29,7 +29,6 @@ from backdrive.robot import Robot, load_robot
 POSTURES = 200  # random ones, by which a posture is judged
 FAR = 10.0  # how much less certain than in the median posture a direction may be, before it is damped [-]
 SLOW = 5.0  # by the speed within which friction changes sign: below it a joint rests [-]
-WIDTH = 1.96  # of a 95 % band, by its standard deviation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,7 +46,8 @@ class ArmForce(Bounded):
         filters: of the encoders, for `direct`; empty: those of the bandwidth.
         method: `direct`, `momentum`, `disturbance`, `extended` or `kalman`.
         bandwidth: L [1/s].
-        frame: at which a wrench is wanted; None: none.
+        frame: at which a wrench is wanted; None: none. Of an arm of fewer than six joints, its part that they feel; the rest is
+            taken for zero, with a large standard deviation.
         force_rate: None; a rate of the force is for single joints.
     """
 
@@ -78,11 +78,6 @@ class ArmForce(Bounded):
                 )
         if self.frame is not None:
             robot.frame(self.frame)
-            if J < FULL:
-                raise NotIdentifiable(
-                    f"{robot.name} has {J} joints, and a wrench has {FULL} components.",
-                    remedy="Take the torques of the joints (leave the frame out).",
-                )
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -111,7 +106,6 @@ class ArmForce(Bounded):
         Raises:
             InvalidInput: the model is not of an arm, belongs to another description, or its motors drive several joints.
             UnknownName: there is no such frame; all are listed.
-            NotIdentifiable: the arm has fewer than six joints and a wrench is wanted.
         """
         known = robot_of(model, robot)
         if model.coupling is not None and np.any(np.array(model.coupling) != np.eye(len(model.coupling))):
@@ -181,7 +175,11 @@ class ArmForce(Bounded):
         return tuple(MotionFilter.of_bandwidth(self.bandwidth, a) for a in follow)
 
     def damping(self) -> np.ndarray:
-        """Return P, the information of ten times the deviations in the median posture [1/N^2, 1/(N.m)^2], (6,)."""
+        """Return P, the information of ten times the deviations in the median posture [1/N^2, 1/(N.m)^2], (6,).
+
+        Fewer than six joints leave directions open in every posture: deviations are then those of the force and the moment that
+        the joints feel best.
+        """
         assert self.frame is not None
         rng = np.random.default_rng(0)
         robot = self.bodies.robot
@@ -192,6 +190,9 @@ class ArmForce(Bounded):
         weighted = robot.jacobian(q, self.frame) / np.array(self.sliding)
         information = weighted @ np.swapaxes(weighted, 1, 2)
         size = np.median(np.einsum("nii->ni", information), axis=0)
+        if len(self.joints) < FULL:
+            best = np.repeat([size[:3].max(), size[3:].max()], 3)
+            return np.where(best > 0.0, best, size.max()) / FAR**2
         least = 1e-12 * np.maximum(size, 1e-30)
         variance = np.median(np.einsum("nii->ni", np.linalg.inv(information + np.diag(least))), axis=0)
         return 1.0 / (FAR**2 * variance)

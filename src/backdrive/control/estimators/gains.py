@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from backdrive._jit import jit
+from backdrive.elementary import exp
 
 if TYPE_CHECKING:
     from backdrive.control.estimators.external import ExternalForce
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 @jit
 def threefold(L, T):
     """Return the gains, in ticks, of an observer of q, v, d with all poles at exp(-L T)."""
-    b = np.exp(-L * T)
+    b = exp(-L * T)
     return 1.0 - b * b * b, 1.5 * (1.0 - b) * (1.0 - b) * (1.0 + b), (1.0 - b) * (1.0 - b) * (1.0 - b)
 
 

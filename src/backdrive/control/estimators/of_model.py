@@ -16,9 +16,8 @@ from backdrive.model import JointFriction
 DECAY = 20.0  # of friction at rest, as in Iwatani 2017, Sec. 4.6 [1/s]
 COUNTS = 8.0  # of the encoder, over which a contact of unknown stiffness bends until it slides
 ABRUPT = 10.0  # forces by the friction, that the filter of `direct` follows where nobody knows the accelerations [-]
-UNSEEN = 0.75  # of the friction of slow sliding, below which the curve's end at zero is taken for unseen [-]
-FIRST = 3  # knots of a curve that tell of it in any case
-CREEP = 0.05  # of the top speed, below which sliding tells of friction at rest [-]
+CREEP = 0.05  # of the top speed: sliding up to twice that tells of friction at rest [-]
+WIDTH = 1.96  # half a 95 % band, by its standard deviation
 BEND = {"rad": 1e-3, "m": 1e-4}  # the same where the encoder's count is unknown [rad or m]
 
 
@@ -72,31 +71,54 @@ def contact(friction: JointFriction) -> Law:
     return with_element(law, Decaying(stiffness=stiffness, decay_rate=DECAY))
 
 
-def with_break_away(friction: JointFriction, share: float = UNSEEN) -> JointFriction:
-    """Return a joint whose curve, where it is drawn through knots, starts at the largest friction of slow sliding.
+def with_break_away(friction: JointFriction) -> JointFriction:
+    """Return a joint whose curve, where it is drawn through knots, starts at its break-away friction.
 
     The fit of a whole arm sees little of a curve's end at zero, where the sign of the velocity is smooth, and may leave it at
-    nothing: friction at rest, which an estimate stands on, is then that of the next knots, in the stronger direction.
+    nothing: friction at rest, which an estimate stands on, is then that of slow sliding.
 
     Args:
         friction: of a model.
-        share: of that, below which the end at zero is replaced [-]; 1: friction at rest is never less than that of slow sliding.
     """
     rate = friction.law.rate
     if not isinstance(rate, Polyline):
         return friction
-    speed = CREEP * friction.validity.speeds[1]
-    slow = [i for i, v in enumerate(rate.velocity) if v <= speed or i < FIRST]
-    largest = max(max(rate.positive[i], rate.negative[i]) for i in slow)
-    curves = {
-        way: (largest, *values[1:])
-        for way, values in (("positive", rate.positive), ("negative", rate.negative))
-        if values[0] < share * largest
-    }
+    ends = zip(("positive", "negative"), break_away(friction), (rate.positive, rate.negative))
+    curves = {way: (float(end), *values[1:]) for way, end, values in ends if values[0] < end}
     if not curves:
         return friction
     law = replace(friction.law, rate=replace(rate, **curves))
     return replace(friction, law=law, covariance=None)
+
+
+def break_away(
+    friction: JointFriction, temperature: np.ndarray | None = None
+) -> tuple[np.ndarray | float, np.ndarray | float]:
+    """Return the friction that a joint at rest holds at most along +q and along -q, without load [N.m or N].
+
+    No friction is seen at zero speed: a curve that falls towards it may do so by extrapolation, or because the instant of a
+    reversal is not known. Largest of: the curve at zero, its knots of slow sliding, and the line through its values at a low speed
+    and at twice that, where it meets zero speed.
+
+    Args:
+        friction: of a model.
+        temperature: for laws that depend on it [degC], (n,); None: 20, and numbers are returned.
+    """
+    law, low = friction.law, CREEP * friction.validity.speeds[1]
+    if law.rate.SMOOTH:
+        return bounds_at_rest(law)
+    warmth = None if temperature is None or "temperature" not in law.rate.NEEDS else temperature
+    knots = [v for v in law.rate.velocity if v <= 2.0 * low] if isinstance(law.rate, Polyline) else []
+    speeds = np.array([1e-12, low, 2.0 * low, *knots])[:, None] * np.ones(
+        1 if warmth is None else warmth.size
+    )
+    shared = None if warmth is None else np.broadcast_to(warmth, speeds.shape)
+    ends = []
+    for way in (1.0, -1.0):
+        curve = way * law.torque(way * np.maximum(speeds, 1e-12), temperature=shared)
+        end = np.maximum(np.max(curve[[0, *range(3, len(curve))]], axis=0), 2.0 * curve[1] - curve[2])
+        ends.append(float(end[0]) if warmth is None else end)
+    return ends[0], ends[1]
 
 
 def bounds_at_rest(law: Law) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from backdrive._catalog import lookup
-from backdrive.errors import NotIdentifiable
+from backdrive.errors import BackdriveError, NotIdentifiable
 from backdrive.identification.delay import delayed, earlier
 from backdrive.identification.dynamic import choice, directions, starts
 from backdrive.identification.dynamic.crossing import lags_behind, sliding
@@ -19,6 +19,7 @@ from backdrive.identification.dynamic.law_fit import fit_law
 from backdrive.identification.dynamic.result import finish
 from backdrive.identification.dynamic.torque import SMOOTHED, Stretch, stretch
 from backdrive.identification.dynamic.unknowns import LawShape
+from backdrive.identification.motion import identify_motion
 from backdrive.identification.options import Options
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
@@ -31,6 +32,7 @@ from backdrive.model import JointFriction
 VARIES = 0.1  # a load or temperature varies that spans this share of its size [-]
 WORSE = 1.1  # mean square of a fit to everything by that of the one that was judged, beyond which it is not taken [-]
 BETTER = 0.9  # mean square of a fit to sliding alone by that of one to everything, there, below which it is taken [-]
+MOST_PULL = 100.0  # gravity by friction, beyond which two terms cancel each other [-]
 TURNS = 0.5  # a joint that turns by less shows little of gravity [rad]
 
 
@@ -62,7 +64,15 @@ class TorqueTask(Task):
         known = {term: value for term, value in options.known.items() if term != "delay"}
         delay = options.delay and "delay" not in options.known
         stretches = [s for _, s in self.pairs]
-        sought = ("inertia", "offset", *gravity_sought(stretches, info.unit, options.gravity))
+        pull = gravity_sought(stretches, info.unit, options.gravity)
+        if (
+            not pull
+            and options.gravity is None
+            and "offset" not in options.known
+            and gravity_shows(logs, name)
+        ):
+            pull = GRAVITY
+        sought = ("inertia", "offset", *pull)
         asked = dict.fromkeys((*sought, *(term for term in RIGID if term in options.bounds)))
         terms = [term for term in asked if term not in options.known]
         self.load = all(s.load.shape[0] > 1 and _varies(s.load[:, 1]) for s in stretches)
@@ -171,6 +181,21 @@ def gravity_sought(stretches: Sequence[Stretch], unit: str, wanted: bool | None)
     ends = [end(s.position) for s in stretches for end in (np.min, np.max) if s.position is not None]
     far = turns and max(ends) - min(ends) > TURNS
     return GRAVITY if wanted or (wanted is None and far) else ()
+
+
+def gravity_shows(logs: Sequence[Log], name: str) -> bool:
+    """Say whether a curve that is the same both ways asks for gravity where the joint turns little.
+
+    Gravity that is left out of a small stroke passes for friction that differs by direction, so that it is tried before.
+    """
+    try:
+        friction, _ = identify_motion(logs, name, symmetric=True)
+    except BackdriveError:
+        return False
+    size = float(np.mean(np.abs(friction.law.torque(np.array(friction.validity.velocity)))))
+    ends = [friction.dynamics[term] for term in GRAVITY if term in friction.dynamics]
+    # over a small stroke gravity is its slope: what a constant could hold of it is no evidence
+    return bool(ends) and max(abs(e.value) for e in ends) < MOST_PULL * size
 
 
 def _stretches(log: Log, name: str, cutoff: float | None, late: float = 0.0) -> list[tuple[Signals, Stretch]]:

@@ -25,6 +25,8 @@ from backdrive.identification.result import JointEvidence
 from backdrive.logs.log import Joint
 from backdrive.model import JointFriction
 
+EXACT = 1e-5  # of what was measured: a law that leaves less on what it has not seen is not refined [-]
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JointFit:
@@ -193,6 +195,8 @@ def _by_direction(task: Task, choice: Choice, candidates: Sequence[Candidate]) -
     if one is None or task.options.symmetric is not None or not one.problem.shape.rate.SYMMETRIC:
         return None
     law = directions.name_by_direction(one.name)
+    if choice.candidate().held_out <= EXACT * task.what[2]:
+        return None  # what is left is rounding
     if law in [c.name for c in candidates] or not task.differs(one):
         return None
     task.options.say(f"{task.info.name}: fitting {law}")

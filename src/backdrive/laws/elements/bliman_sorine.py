@@ -17,23 +17,22 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from backdrive._jit import leaf
-from backdrive.elementary import exp
+from backdrive.elementary import decay
 from backdrive.laws.base import Element, Parameter, Rate
 
 
 @leaf
-def step(p, e, x, lo, hi, dp, dt):
-    """Torque of one tick; the states are the two bristles, in torques of the rate law."""
+def step(p, e, x, y, lo, hi, dp, dt):
+    """Torque of one tick from the states x to y: the two bristles, in torques of the rate law."""
     distance, ratio, overshoot = p[e], p[e + 1], p[e + 2]
-    if dp == 0.0:
-        return (1.0 + overshoot) * x[0] - overshoot * x[1]
-    if dp > 0.0:
-        bound, path = hi, dp / distance
-    else:
-        bound, path = lo, -dp / distance
-    x[0] = bound + (x[0] - bound) * exp(-path / ratio)
-    x[1] = bound + (x[1] - bound) * exp(-path)
-    return (1.0 + overshoot) * x[0] - overshoot * x[1]
+    fast, slow = x[0], x[1]
+    if dp != 0.0:
+        bound = hi if dp > 0.0 else lo
+        path = abs(dp) / distance
+        fast = bound + (fast - bound) * decay(-path / ratio)
+        slow = bound + (slow - bound) * decay(-path)
+    y[0], y[1] = fast, slow
+    return (1.0 + overshoot) * fast - overshoot * slow
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +47,7 @@ class BlimanSorine(Element):
 
     NAME: ClassVar[str] = "bliman-sorine"
     KIND: ClassVar[int] = 3
+    STATE_ROW: ClassVar[bool] = True
     DRIFTS: ClassVar[bool] = True
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
         "distance": Parameter(

@@ -29,10 +29,10 @@ def relaxed(z, lo, hi, dp):
 
 
 @leaf
-def step(p, e, x, lo, hi, dp, dt):
-    """Torque of one tick; the state is the torque."""
-    x[0] = relaxed(x[0], lo, hi, p[e] * dp)
-    return x[0]
+def step(p, e, z, lo, hi, dp, dt):
+    """State and torque after one tick; the state is the torque."""
+    after = relaxed(z, lo, hi, p[e] * dp)
+    return after, after
 
 
 STIFFNESS = Parameter(

@@ -19,14 +19,14 @@ from backdrive.laws.base import Element, Parameter
 
 
 @leaf
-def step(p, e, x, lo, hi, dp, dt):
-    """Torque and motion of the viscous part of one tick: both 0 inside the zone."""
+def step(p, e, z, lo, hi, dp, dt):
+    """State, which there is none of, torque, and motion of the viscous part after one tick: both 0 inside the zone."""
     width = p[e] * dt
     if dp > width:
-        return hi, dp
+        return z, hi, dp
     if dp < -width:
-        return lo, dp
-    return 0.0, 0.0 * dp  # keeps a NaN
+        return z, lo, dp
+    return z, 0.0, 0.0 * dp  # keeps a NaN
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,15 +20,14 @@ from backdrive.laws.elements.hayward_armstrong import between, clipped
 
 
 @leaf
-def step(p, e, x, lo, hi, dp, dt):
-    """Torque and slider's motion of one tick; the state is K (p - q)."""
+def step(p, e, z, lo, hi, dp, dt):
+    """State, torque and slider's motion after one tick; the state is K (p - q)."""
     K, alpha = p[e], p[e + 1]
-    before = x[0]
-    trial = (before + K * dp) / (1.0 + alpha * dt)
-    x[0] = clipped(trial, lo, hi)
-    if x[0] == trial:
-        return x[0], alpha * dt * trial / K
-    return x[0], between(dp - (x[0] - before) / K, dp)
+    left, yielding = 1.0 / (1.0 + alpha * dt), 1.0 / K  # in a loop over ticks both divisions are done once
+    trial = (z + K * dp) * left
+    after = clipped(trial, lo, hi)
+    slid = alpha * dt * yielding * trial if after == trial else between(dp - (after - z) * yielding, dp)
+    return after, after, slid
 
 
 @dataclass(frozen=True, kw_only=True)

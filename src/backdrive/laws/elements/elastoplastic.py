@@ -63,20 +63,18 @@ def yielded(g, R, S, b):
 
 
 @leaf
-def step(p, e, x, lo, hi, dp, dt):
-    """Torque of one tick; the state is sigma_0 z."""
+def step(p, e, z, lo, hi, dp, dt):
+    """State and torque after one tick; the state is sigma_0 z."""
     sigma_0, sigma_1, v_d, b = p[e], p[e + 1], p[e + 2], p[e + 3]
-    f = x[0]
     if dp > 0.0:
-        after = yielded(f, sigma_0 * dp, hi, b) if hi > 0.0 else 0.0
+        after = yielded(z, sigma_0 * dp, hi, b) if hi > 0.0 else 0.0
     elif dp < 0.0:
-        after = -yielded(-f, -sigma_0 * dp, -lo, b) if lo < 0.0 else 0.0
+        after = -yielded(-z, -sigma_0 * dp, -lo, b) if lo < 0.0 else 0.0
     else:
-        after = f + dp
-    x[0] = after
+        after = z + dp
     if sigma_1 == 0.0:
-        return after
-    return after + damping(sigma_1, v_d, dp / dt) / sigma_0 * ((after - f) / dt)
+        return after, after
+    return after, after + damping(sigma_1, v_d, dp / dt) / sigma_0 * ((after - z) / dt)
 
 
 @dataclass(frozen=True, kw_only=True)

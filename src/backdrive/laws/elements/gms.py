@@ -16,9 +16,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import numpy as np
+
 from backdrive._jit import leaf
 from backdrive.laws.base import Parameter, Rate
-from backdrive.laws.elements.maxwell_slip import MANY, Parallel
+from backdrive.laws.elements.maxwell_slip import MANY, MOST, Parallel
 
 ATTRACTION = Parameter(
     symbol="C", unit="force/s", lower=1e-9, typical=100.0, log=True, start=lambda d: 20.0 * d.coulomb
@@ -26,33 +28,36 @@ ATTRACTION = Parameter(
 
 
 @leaf
-def step(p, e, x, lo, hi, dp, dt):
-    """Torque of one tick; the states are the elements' torques, then their regimes: +1, -1 slipping that way, 0 sticking."""
+def section(f, regime, way, k, w, s, C, lag, dp, dt):
+    """Torque and regime of one element after a tick dp != 0 along `way` under the bound s; lag = 1 + dt C/|s|."""
+    slipped = (f + dt * way * C * w) / lag
+    stuck = f + k * dp
+    bound = w * s
+    gives = (stuck - bound) * way >= 0.0
+    slips = regime == way
+    after = slipped if slips else (bound if gives else stuck)
+    return after, way if slips or gives else 0.0
+
+
+@leaf
+def step(p, e, x, y, lo, hi, dp, dt):
+    """Torque of one tick from the states x to y: the elements' torques, then their regimes, +1, -1 slipping, 0 sticking."""
     n = int(p[e])
+    if e < 0 or n < 0 or n > MOST:  # tells the compiler that no index is negative
+        return np.nan
     C = p[e + 1 + 2 * n]
     s = hi if dp >= 0.0 else lo
     way = 1.0 if dp > 0.0 else -1.0
     total = 0.0
+    if dp == 0.0:
+        for i in range(2 * n):
+            y[i] = x[i]
+    else:
+        lag = 1.0 + dt * C / abs(s) if s != 0.0 else np.inf
+        for i in range(n):
+            y[i], y[n + i] = section(x[i], x[n + i], way, p[e + 1 + i], p[e + 1 + n + i], s, C, lag, dp, dt)
     for i in range(n):
-        w = p[e + 1 + n + i]
-        bound = w * s
-        f = x[i]
-        if dp == 0.0:
-            total += f
-            continue
-        if x[n + i] == way:
-            if s == 0.0:
-                f = 0.0
-            else:
-                f = (f + dt * way * C * w) / (1.0 + dt * C / abs(s))
-        else:
-            f += p[e + 1 + i] * dp
-            x[n + i] = 0.0
-            if (f - bound) * way >= 0.0:
-                f = bound
-                x[n + i] = way
-        x[i] = f
-        total += f
+        total += y[i]
     return total
 
 

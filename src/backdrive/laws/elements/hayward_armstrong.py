@@ -36,15 +36,13 @@ def between(slid, dp):
 
 
 @leaf
-def step(p, e, x, lo, hi, dp, dt):
-    """Torque and slider's motion of one tick; the state is K (p - q)."""
+def step(p, e, z, lo, hi, dp, dt):
+    """State, torque and slider's motion after one tick; the state is K (p - q)."""
     K = p[e]
-    before = x[0]
-    trial = before + K * dp
-    x[0] = clipped(trial, lo, hi)
-    if x[0] == trial:
-        return x[0], 0.0
-    return x[0], between(dp - (x[0] - before) / K, dp)
+    trial = z + K * dp
+    after = clipped(trial, lo, hi)
+    slid = 0.0 if after == trial else between(dp - (after - z) / K, dp)
+    return after, after, slid
 
 
 @dataclass(frozen=True, kw_only=True)

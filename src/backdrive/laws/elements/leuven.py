@@ -82,15 +82,15 @@ def _sharp(r, n):
 
 
 @leaf
-def step(p, e, x, lo, hi, dp, dt):
-    """Torque of one tick; the states are the elements' torques."""
+def step(p, e, x, y, lo, hi, dp, dt):
+    """Torque of one tick from the states x to y, the elements' torques."""
     n = int(p[e])
     sigma_1 = p[e + 2 + 2 * n]
     dz = dp
     total = 0.0
     if dp != 0.0 and (hi if dp > 0.0 else -lo) <= NOTHING:
         for i in range(n):
-            x[i] = 0.0
+            y[i] = 0.0
         return total
     if dp > 0.0:
         dz = moved(p, e, x, 1.0, dp, lo, hi)
@@ -98,8 +98,8 @@ def step(p, e, x, lo, hi, dp, dt):
         dz = -moved(p, e, x, -1.0, -dp, lo, hi)
     for i in range(n):
         w = p[e + 1 + n + i]
-        x[i] = clipped(x[i] + p[e + 1 + i] * dz, w * lo, w * hi)
-        total += x[i]
+        y[i] = clipped(x[i] + p[e + 1 + i] * dz, w * lo, w * hi)
+        total += y[i]
     return total + sigma_1 * (dz / dt)
 
 

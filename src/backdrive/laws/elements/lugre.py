@@ -20,7 +20,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from backdrive._jit import leaf
-from backdrive.elementary import exp
+from backdrive.elementary import decay
 from backdrive.laws.base import Element, Parameter, Rate
 
 CANUDAS = "Canudas de Wit et al., IEEE TAC 40(3), 1995, Table I"
@@ -32,28 +32,26 @@ def damping(sigma_1, v_d, v):
     if v_d <= 0.0 or sigma_1 == 0.0:
         return sigma_1
     r = v * (1.0 / v_d)  # in a loop over ticks the division is done once
-    return sigma_1 * exp(-r * r)
+    return sigma_1 * decay(-r * r)
 
 
 @leaf
-def step(p, e, x, lo, hi, dp, dt):
-    """Torque of one tick; the state is sigma_0 z."""
+def step(p, e, z, lo, hi, dp, dt):
+    """State and torque after one tick; the state is sigma_0 z."""
     sigma_0, sigma_1, v_d = p[e], p[e + 1], p[e + 2]
-    f = x[0]
     reach = sigma_0 * dp
     s = hi if dp > 0.0 else lo
     if dp == 0.0:
-        after = f
+        after = z
     elif s == 0.0:
         after = 0.0
     elif abs(reach) > 1e16 * abs(s):  # where reach may overflow
         after = s
     else:
-        after = (f + reach) * (s / (s + reach))
-    x[0] = after
+        after = (z + reach) * (s / (s + reach))
     if sigma_1 == 0.0:
-        return after
-    return after + damping(sigma_1, v_d, dp / dt) * (after - f) * (1.0 / (sigma_0 * dt))
+        return after, after
+    return after, after + damping(sigma_1, v_d, dp / dt) * (after - z) * (1.0 / (sigma_0 * dt))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,17 +23,17 @@ MOST = 32  # elements
 
 
 @leaf
-def step(p, e, x, lo, hi, dp, dt):
-    """Torque of one tick; the states are the elements' torques."""
+def step(p, e, x, y, lo, hi, dp, dt):
+    """Torque of one tick from the states x to y, the elements' torques."""
     n = int(p[e])
     total = 0.0
     if e < 0 or n < 0 or n > MOST:  # tells the compiler that no index is negative
         return np.nan
     for i in range(n):
         w = p[e + 1 + n + i]
-        x[i] = clipped(x[i] + p[e + 1 + i] * dp, w * lo, w * hi)
+        y[i] = clipped(x[i] + p[e + 1 + i] * dp, w * lo, w * hi)
     for i in range(n):  # apart, so that the loop above runs on several elements at once
-        total += x[i]
+        total += y[i]
     return total
 
 
@@ -54,6 +54,7 @@ class Parallel(Element):
         share: w_i of the bound of the rate law [-], (N,).
     """
 
+    STATE_ROW: ClassVar[bool] = True
     EXAMPLE: ClassVar[dict[str, Any]] = dict(stiffness=(1.2e4, 5e3, 2e3), share=(0.5, 0.3, 0.2))
 
     stiffness: tuple[float, ...]
@@ -72,6 +73,10 @@ class Parallel(Element):
                 f"{self.NAME}: the shares {self.share} add up to {sum(self.share):g}.",
                 remedy="Divide them by their sum: the rate law says how much they carry together.",
             )
+
+    def sections(self) -> int:
+        """Return N."""
+        return len(self.stiffness)
 
     def many(self) -> list[float]:
         """Return [N, k_1..k_N, w_1..w_N]."""

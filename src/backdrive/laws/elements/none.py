@@ -17,13 +17,13 @@ from backdrive.laws.base import Element, Parameter
 
 
 @leaf
-def step(p, e, x, lo, hi, dp, dt):
-    """Torque of one tick from the limits at its velocity and its increment dp."""
+def step(p, e, z, lo, hi, dp, dt):
+    """State, which there is none of, and torque after one tick, from the limits at its velocity and its increment dp."""
     if dp > 0.0:
-        return hi
+        return z, hi
     if dp < 0.0:
-        return lo
-    return 0.0
+        return z, lo
+    return z, 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,28 +27,24 @@ def given(held, jump, damping, dp, dt):
 
 
 @leaf
-def step(p, e, x, lo, hi, dp, dt):
-    """Torque of one tick; the state is K z."""
+def step(p, e, z, lo, hi, dp, dt):
+    """State and torque after one tick; the state is K z."""
     stiffness, excess, damping = p[e], p[e + 1], p[e + 2]
-    before = x[0]
-    trial = before + stiffness * dp
+    trial = z + stiffness * dp
     if trial >= hi and dp >= 0.0:
-        x[0] = hi
-        return hi if before >= hi else hi + given((hi - before) / stiffness, excess * hi, damping, dp, dt)
+        return hi, hi if z >= hi else hi + given((hi - z) / stiffness, excess * hi, damping, dp, dt)
     if trial <= lo and dp <= 0.0:
-        x[0] = lo
-        return lo if before <= lo else lo + given((lo - before) / stiffness, excess * lo, damping, dp, dt)
+        return lo, lo if z <= lo else lo + given((lo - z) / stiffness, excess * lo, damping, dp, dt)
     if trial > hi:  # the bound has fallen under a bristle that is let go
         trial = hi
     elif trial < lo:
         trial = lo
     held = (1.0 + excess) * trial + damping * (dp / dt)
-    x[0] = trial
     if held > (1.0 + excess) * hi:
-        return (1.0 + excess) * hi
+        return trial, (1.0 + excess) * hi
     if held < (1.0 + excess) * lo:
-        return (1.0 + excess) * lo
-    return held
+        return trial, (1.0 + excess) * lo
+    return trial, held
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -75,25 +75,28 @@ def loaded(r, path, full, sharp, margin, reversal):
 
 
 @leaf
-def step(p, e, x, lo, hi, dp, dt):
-    """Torque of one tick; the states are the elements' torques."""
+def step(p, e, x, y, lo, hi, dp, dt):
+    """Torque of one tick from the states x to y, the elements' torques."""
     n = int(p[e])
     sharp, margin, reversal = p[e + 1 + 2 * n], p[e + 2 + 2 * n], p[e + 3 + 2 * n]
     s = hi if dp > 0.0 else lo
     total = 0.0
-    if dp != 0.0:
+    if dp == 0.0:
+        for i in range(n):
+            y[i] = x[i]
+    else:
         full = gate(1.0, sharp, margin, reversal)
         for i in range(n):
             bound = p[e + 1 + n + i] * s
             pull = p[e + 1 + i] * dp
             if abs(bound) <= NOTHING:
-                x[i] = 0.0
+                y[i] = 0.0
             elif abs(pull) > FAR * abs(bound):
-                x[i] = bound
+                y[i] = bound
             else:
-                x[i] = bound * loaded(x[i] / bound, pull / bound, full, sharp, margin, reversal)
+                y[i] = bound * loaded(x[i] / bound, pull / bound, full, sharp, margin, reversal)
     for i in range(n):
-        total += x[i]
+        total += y[i]
     return total
 
 

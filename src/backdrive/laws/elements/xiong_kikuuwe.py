@@ -30,23 +30,30 @@ ROBOT = "a 7-joint robot simulated with one such element a joint: K = 5000 N.m/r
 
 
 @leaf
-def step(p, e, x, lo, hi, dp, dt):
-    """Torque of one tick; the states are the spring torques K_i a_i, then the lagging bounds (0 before the first tick)."""
+def section(f, k, w, beta, lo, hi, dp, dt):
+    """Spring torque and torque of one element after a tick."""
+    pull = k * dp
+    total = clipped(f + pull + beta * (pull / dt), w * lo, w * hi)
+    return (beta * f + dt * total) / (beta + dt), total
+
+
+@leaf
+def step(p, e, x, y, lo, hi, dp, dt):
+    """Torque of one tick from the states x to y: the spring torques K_i a_i, the lagging bounds (0 before the first tick)."""
     n = int(p[e])
     beta, lag = p[e + 1 + 2 * n], p[e + 2 + 2 * n]
+    upper, lower = x[n], x[n + 1]
     if lag > 0.0:
-        if x[n] == 0.0 and x[n + 1] == 0.0:
-            x[n], x[n + 1] = hi, lo
+        if upper == 0.0 and lower == 0.0:
+            upper, lower = hi, lo
         a = dt / (lag + dt)
-        x[n] += a * (hi - x[n])
-        x[n + 1] += a * (lo - x[n + 1])
-        hi, lo = x[n], x[n + 1]
+        upper += a * (hi - upper)
+        lower += a * (lo - lower)
+        hi, lo = upper, lower
+    y[n], y[n + 1] = upper, lower
     total = 0.0
     for i in range(n):
-        w = p[e + 1 + n + i]
-        pull = p[e + 1 + i] * dp
-        f = clipped(x[i] + pull + beta * (pull / dt), w * lo, w * hi)
-        x[i] = (beta * x[i] + dt * f) / (beta + dt)
+        y[i], f = section(x[i], p[e + 1 + i], p[e + 1 + n + i], beta, lo, hi, dp, dt)
         total += f
     return total
 
@@ -73,6 +80,7 @@ class ViscoElastoplastic(Element):
 
     NAME: ClassVar[str] = "visco-elastoplastic"
     KIND: ClassVar[int] = 8
+    STATE_ROW: ClassVar[bool] = True
     PARAMETERS: ClassVar[dict[str, Parameter]] = {"stiffness": STIFFNESS, "damping": DAMPING}
     EXAMPLE: ClassVar[dict[str, Any]] = dict(stiffness=1e4, damping=20.0)
     CLAIMS: ClassVar[tuple[str, ...]] = (

@@ -43,7 +43,7 @@ class Degressive(Rate):
     """
 
     NAME: ClassVar[str] = "degressive"
-    KIND: ClassVar[int] = 6
+    KIND: ClassVar[int] = 7
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
         "coulomb": Parameter(
             symbol="F",

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from backdrive._jit import leaf
-from backdrive.elementary import exp
+from backdrive.elementary import decay
 from backdrive.laws.base import Parameter, Rate
 
 
@@ -30,7 +30,7 @@ def limits(p, v, load, temp):
     if size == 0.0:
         return -F_c, F_c, K_v * v
     ratio = v / v_s
-    e = exp(-ratio * ratio)
+    e = decay(-ratio * ratio)
     driving = F_c + (K + e * S_d) * size
     driven = F_c + (K + e * S_b) * size
     if load[1] < 0.0:
@@ -55,7 +55,7 @@ class GearLoad(Rate):
     """
 
     NAME: ClassVar[str] = "gear-load"
-    KIND: ClassVar[int] = 9
+    KIND: ClassVar[int] = 10
     NEEDS: ClassVar[tuple[str, ...]] = ("load",)
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
         "coulomb": Parameter(

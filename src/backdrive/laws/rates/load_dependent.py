@@ -103,7 +103,7 @@ def _only(*names: str) -> dict[str, Parameter]:
 class LoadDependent(Rate):
     """What M1 to M6 share: the row that names all eleven numbers, absent ones 0."""
 
-    KIND: ClassVar[int] = 7
+    KIND: ClassVar[int] = 8
     NEEDS: ClassVar[tuple[str, ...]] = ("load",)
 
     def row(self) -> np.ndarray:

@@ -40,7 +40,7 @@ class Makkar(Rate):
     """
 
     NAME: ClassVar[str] = "makkar"
-    KIND: ClassVar[int] = 4
+    KIND: ClassVar[int] = 5
     SMOOTH: ClassVar[bool] = True
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
         "stribeck": Parameter(

@@ -20,35 +20,40 @@ from backdrive.laws.base import Parameter, Rate
 
 
 @leaf
-def branch(p, n, start, speed):
-    """Curve of one direction at speed >= 0: knots p[2:2+n], torques p[start:start+n]."""
-    if n == 1:
-        return p[start]
-    i = 0
-    while i < n - 2 and speed >= p[3 + i]:
-        i += 1
-    V_0, V_1 = p[2 + i], p[3 + i]
-    F_0, F_1 = p[start + i], p[start + i + 1]
-    return F_0 + (F_1 - F_0) / (V_1 - V_0) * (speed - V_0)
-
-
-@leaf
 def limits(p, v, load, temp):
     """Rate law: the intercepts -F_n and F_p, and Phi(v)."""
-    n = int(p[1])
-    F_p = max(branch(p, n, 2 + n, 0.0), 0.0)
-    F_n = max(branch(p, n, 2 + 2 * n, 0.0), 0.0)
-    if (
-        abs(v) < p[2] and (F_p if v > 0.0 else F_n) == 0.0
-    ):  # a first section that would start below 0 starts at 0
-        phi = p[2 + n if v > 0.0 else 2 + 2 * n] / p[2] * v
-    elif v > 0.0:
-        phi = branch(p, n, 2 + n, v) - F_p
-    elif v < 0.0:
-        phi = F_n - branch(p, n, 2 + 2 * n, -v)
-    else:
-        phi = 0.0 * v  # keeps a NaN
-    return -F_n, F_p, phi
+    N, F_p, F_n = int(p[1]), p[2], p[3]
+    speed = abs(v)
+    i = 0
+    for k in range(
+        6
+    ):  # fixed lengths, which a compiler writes out, so that it can take several velocities at once
+        i += 1 if speed >= p[4 + k] else 0
+    if N > 6:
+        for k in range(6, 12):
+            i += 1 if speed >= p[4 + k] else 0
+    for k in range(12, N):
+        i += 1 if speed >= p[4 + k] else 0
+    at = 4 + N + 3 * (i if v > 0.0 else i + N + 1)
+    F = p[at + 1] + p[at + 2] * (speed - p[at])
+    phi = F - F_p if v > 0.0 else F_n - F
+    return -F_n, F_p, 0.0 * v if v == 0.0 else phi
+
+
+AT_ONCE = 6  # knots are filled up to a multiple of this, so that few loops are compiled for many curves
+
+
+def lines(V: np.ndarray, F: np.ndarray, count: int) -> tuple[float, np.ndarray]:
+    """Return the intercept of a curve and its lines: where each begins, its torque there, its slope, (count + 1, 3).
+
+    The first line is that below V_1: the next one prolonged, or one from 0 where that would start below 0.
+    """
+    slope = np.diff(F) / np.diff(V) if F.size > 1 else np.zeros(1)
+    intercept = max(float(F[0] + slope[0] * (0.0 - V[0])), 0.0)
+    table = np.column_stack([V[: slope.size], F[: slope.size], slope])
+    first = table[:1] if intercept > 0.0 or V[0] == 0.0 else np.array([[0.0, 0.0, F[0] / V[0]]])
+    table = np.concatenate([first, table])
+    return intercept, np.concatenate([table, np.repeat(table[-1:], count + 1 - len(table), axis=0)])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,8 +99,16 @@ class Polyline(Rate):
                 remedy="Sort and merge them.",
             )
 
+    def sections(self) -> int:
+        """Return the number of knots at which the line changes, filled up."""
+        return -(-max(len(self.velocity) - 1, 1) // AT_ONCE) * AT_ONCE
+
     def row(self) -> np.ndarray:
-        """Return [N, V_1..V_N, F+_1..F+_N, F-_1..F-_N], (1 + 3 N,)."""
-        return np.array(
-            [len(self.velocity), *self.velocity, *self.positive, *self.negative], dtype=np.float64
+        """Return [N, F_p, F_n, V_1..V_N, lines along +q, lines along -q], the last knots at infinity, (9 + 7 N,)."""
+        count, V = self.sections(), np.array(self.velocity)
+        knots = np.full(count, np.inf)
+        knots[: max(V.size - 1, 1)] = V[: max(V.size - 1, 1)]
+        (F_p, forward), (F_n, backward) = (
+            lines(V, np.array(F), count) for F in (self.positive, self.negative)
         )
+        return np.concatenate([[count, F_p, F_n], knots, forward.ravel(), backward.ravel()])

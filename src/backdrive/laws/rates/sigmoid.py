@@ -38,7 +38,7 @@ class Sigmoid(Rate):
     """
 
     NAME: ClassVar[str] = "sigmoid"
-    KIND: ClassVar[int] = 5
+    KIND: ClassVar[int] = 6
     SMOOTH: ClassVar[bool] = True
     SYMMETRIC: ClassVar[bool] = False
     PARAMETERS: ClassVar[dict[str, Parameter]] = {

@@ -15,6 +15,7 @@ from backdrive.logs.health._exam import Exam, once
 #: Length of each running mean, and the fewest samples: before the terms are made, and after.
 _LIGHT, _HEAVY, _FEWEST = 0.01, 0.03, 3
 _FOLDS = 12
+_FORGOTTEN = 4.0  # time constants after which a low pass has forgotten a reversal [1]
 #: Below this share of the top speed, presliding and its lag rule the friction.
 SLOW = 0.1
 
@@ -58,24 +59,15 @@ def motion(exam: Exam, j: int, reach: int) -> Motion | None:
     own = _path(exam, j)
     if own is None or not exam.usable("torque", j):
         return None
-    others = [path for k, _ in exam if k != j and (path := _path(exam, k)) is not None]
     light, heavy = _widths(exam.period)
     every, shifts = heavy // 2, np.arange(-reach, reach + 1)
-    all_q, all_v = (np.concatenate([p[k] for p in own]) for k in (0, 1))
-    top = max(float(np.quantile(np.abs(all_v), 0.99)), 1e-12)
-    middle, span = 0.5 * float(all_q.min() + all_q.max()), float(np.ptp(all_q))
-    wide = exam.log.joints[j].unit == "rad" and span > 0.5
+    each, plain, top = _columns(exam, j)
     terms, torque, fast, bends = [], [], [], []
     for number, block in enumerate(exam.blocks):
-        q, v, a = own[number]
-        if not q.size:
+        v = own[number][1]
+        if not v.size:
             continue
-        columns = [a, np.sign(v), v, np.ones_like(v)]
-        columns += [np.sin(q - middle), np.cos(q - middle)] if wide else [q - middle] if span > 0 else []
-        plain = len(columns)
-        columns += [v * np.abs(v), np.sign(v) * np.exp(-np.abs(v) / (0.05 * top))]
-        columns += [path[number][2] for path in others]
-        filtered = running(np.stack(columns, axis=1), heavy)
+        filtered = running(each[number], heavy)
         slow = np.concatenate([[0], np.cumsum(np.abs(v) < SLOW * top)])
         raw = exam.log.channels["torque"][block, j]
         smooth = running(running(raw, light), heavy)
@@ -100,6 +92,52 @@ def motion(exam: Exam, j: int, reach: int) -> Motion | None:
         noise=white * _gain(*_widths(exam.period)),
         fold=(np.arange(m) * _FOLDS) // m,
     )
+
+
+@once
+def _columns(exam: Exam, j: int) -> tuple[list[np.ndarray], int, float]:
+    """Return the terms of `Motion` by block before the heavy means, (n, p) each, how many are plain, and the top speed."""
+    own = _path(exam, j) or []
+    others = [path for k, _ in exam if k != j and (path := _path(exam, k)) is not None]
+    all_q, all_v = (np.concatenate([p[k] for p in own]) for k in (0, 1))
+    top = max(float(np.quantile(np.abs(all_v), 0.99)), 1e-12)
+    middle, span = 0.5 * float(all_q.min() + all_q.max()), float(np.ptp(all_q))
+    wide = exam.log.joints[j].unit == "rad" and span > 0.5
+    parts, plain = [], 0
+    for number, (q, v, a) in enumerate(own):
+        columns = [a, np.sign(v), v, np.ones_like(v)]
+        columns += [np.sin(q - middle), np.cos(q - middle)] if wide else [q - middle] if span > 0 else []
+        plain = len(columns)
+        columns += [v * np.abs(v), np.sign(v) * np.exp(-np.abs(v) / (0.05 * top))]
+        columns += [path[number][2] for path in others]
+        parts.append(np.stack(columns, axis=1))
+    return parts, plain, top
+
+
+def lagging(exam: Exam, j: int, reach: int, seconds: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the terms of `motion` behind a low pass of first order, (m, p), and where slow motion is forgotten, (m,).
+
+    Args:
+        exam: the log.
+        j: column of the joint.
+        reach: as `motion` was called with it [sample].
+        seconds: time constant of the low pass [s].
+    """
+    from scipy.signal import lfilter
+
+    heavy, gain = _widths(exam.period)[1], -np.expm1(-exam.period / seconds)
+    each, _, top = _columns(exam, j)
+    parts, forgotten, memory = [], [], round(_FORGOTTEN * seconds / exam.period)
+    for x in each:
+        if not x.size:
+            continue
+        late = lfilter([gain], [1.0, gain - 1.0], x, axis=0, zi=(1.0 - gain) * x[:1])[0]
+        filtered = running(late, heavy)
+        at = np.arange(reach, filtered.shape[0] - reach, heavy // 2)
+        slow = np.concatenate([[0], np.cumsum(np.abs(x[:, 2]) < SLOW * top)])
+        parts.append(filtered[at])
+        forgotten.append(slow[np.maximum(at - memory, 0)] == slow[at + 3 * heavy - 2])
+    return np.concatenate(parts), np.concatenate(forgotten)
 
 
 def bent(exam: Exam, j: int, reach: int, widths: np.ndarray) -> np.ndarray:

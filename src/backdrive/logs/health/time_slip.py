@@ -9,7 +9,7 @@ import numpy as np
 
 from backdrive.logs.health._exam import Exam, once
 from backdrive.logs.health._finding import Finding, Repair, check, columns_of, keep_rows, with_columns
-from backdrive.logs.health._motion import bent, folded, jackknife, motion, solvable
+from backdrive.logs.health._motion import bent, folded, jackknife, lagging, motion, solvable
 from backdrive.logs.health.jitter import LIMIT
 from backdrive.logs.resolution import white_noise
 
@@ -30,6 +30,8 @@ _ONE_SHIFT = 0.1
 _DISTANCES = (0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2)
 #: With such friction, this share of a slip is left of a real one [1].
 _REAL = 0.5
+#: Fewest instants; and time constants of a low pass that a slip may be instead, by the slip [1].
+_FEWEST, _LAGS = 100, (0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6)
 #: Nothing but a shift leaves so little of the misfit [1].
 _EXACT = 0.01
 #: No timing is read from a torque with this share of sample-to-sample noise [1].
@@ -61,7 +63,8 @@ def find(exam: Exam) -> Iterator[Finding]:
 
     The torque is regressed on acceleration, friction and position at each shift; reversals, where friction itself lags,
     are left out. The standard error comes from leaving out one stretch of the log at a time. Friction that builds up over
-    a distance is no slip, though it looks so in a slow joint under gravity.
+    a distance is no slip, though it looks so in a slow joint under gravity. Torque that a low pass explains better than any
+    shift is mended by none.
     """
     for j, joint in exam:
         slip = estimate(exam, j)
@@ -69,7 +72,7 @@ def find(exam: Exam) -> Iterator[Finding]:
             continue
         way = "late" if slip.samples > 0 else "early"
         spoils = slip.effect > _SPOILS
-        one = not spoils or slip.left <= _ONE_SHIFT
+        one, lag = not spoils or slip.left <= _ONE_SHIFT, _by_low_pass(exam, j, slip)
         late = abs(slip.samples)
         yield Finding(
             joint=joint,
@@ -80,15 +83,19 @@ def find(exam: Exam) -> Iterator[Finding]:
                 f"(standard error {slip.error:.1g}); that is worth {100 * slip.effect:.1f} % of the torque"
                 + (
                     "."
-                    if one
+                    if one and not lag
+                    else f", and a low pass of {1e3 * lag:.0f} ms explains it better than any shift."
+                    if lag
                     else f", {100 * slip.left:.0f} % of which no shift takes away: it comes and goes."
                 )
             ),
             remedy=f"Shift torque by {round(late)} samples (--repair does), or record both from one message."
-            if one
+            if one and not lag
+            else "Record torque without its low pass, or at a higher bandwidth: no shift mends it."
+            if lag
             else "Record torque and position from one message; or keep the part before the slip began.",
             value=slip.samples,
-            repairable=one,
+            repairable=one and not lag,
         )
 
 
@@ -106,21 +113,38 @@ def _by_distance(exam: Exam, j: int, slip: Slip) -> bool:
     if slip.left < _EXACT or m is None:
         return False
     span = float(np.ptp(exam.sample("position" if exam.usable("position", j) else "velocity", j)))
-    power = np.sum(m.torque**2, axis=0)
     least, samples = np.inf, slip.samples
     for bristle in bent(exam, j, REACH, span * np.array(_DISTANCES)).T:
         terms = np.column_stack([m.terms, bristle])
-        misfit = _misfit(solvable(terms.T @ terms), terms.T @ m.torque, power)
+        misfit = _misfits(terms, m.torque)
         if misfit.min() < least:
             least, samples = float(misfit.min()), _minimum(m.shifts, misfit)
     return samples / slip.samples < _REAL
+
+
+def _by_low_pass(exam: Exam, j: int, slip: Slip) -> float:
+    """Return the time constant of a low pass that explains late torque better than any shift [s]; 0 where none does.
+
+    Both are compared where the low pass has forgotten the last reversal: how friction passes zero is no matter of timing.
+    """
+    m = motion(exam, j, REACH)
+    late = slip.samples * exam.period
+    if m is None or late <= 0.0:
+        return 0.0
+    used = m.fast & lagging(exam, j, REACH, late)[1]
+    if np.count_nonzero(used) < _FEWEST:
+        return 0.0
+    now = m.torque[used][:, [REACH]]
+    shifted = _bottom(_misfits(m.terms[used], m.torque[used]))
+    lagged = np.array([_misfits(lagging(exam, j, REACH, x * late)[0][used], now)[0] for x in _LAGS])
+    return _LAGS[int(np.argmin(lagged))] * late if _bottom(lagged) < shifted else 0.0
 
 
 @once
 def estimate(exam: Exam, j: int) -> Slip | None:
     """Return the slip of a joint's torque; None where the motion does not tell."""
     m = motion(exam, j, REACH)
-    if m is None or m.fast.sum() < 100:
+    if m is None or m.fast.sum() < _FEWEST:
         return None
     if np.std(exam.steps[exam.steps < 2 * exam.period]) > LIMIT * exam.period:
         return None  # an uneven clock tells no timing
@@ -151,6 +175,11 @@ def _misfit(gram: np.ndarray, cross: np.ndarray, power: np.ndarray) -> np.ndarra
     return np.maximum(power - np.sum(cross * np.linalg.solve(gram, cross), axis=0), 0.0)
 
 
+def _misfits(terms: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    """Return the squared misfit of each column of torque (m, k) by terms (m, p), (k,)."""
+    return _misfit(solvable(terms.T @ terms), terms.T @ torque, np.sum(torque**2, axis=0))
+
+
 def _minimum(shifts: np.ndarray, misfit: np.ndarray) -> float:
     """Return the shift of least misfit, by a parabola through the three lowest."""
     k = int(np.argmin(misfit))
@@ -159,6 +188,15 @@ def _minimum(shifts: np.ndarray, misfit: np.ndarray) -> float:
     before, here, after = misfit[k - 1 : k + 2]
     bend = before - 2 * here + after
     return float(shifts[k] + 0.5 * (before - after) / bend)
+
+
+def _bottom(misfit: np.ndarray) -> float:
+    """Return the least misfit between evenly spaced ones, by a parabola through the three lowest."""
+    k = int(np.argmin(misfit))
+    if k in (0, misfit.size - 1):
+        return float(misfit[k])
+    before, here, after = misfit[k - 1 : k + 2]
+    return float(here - 0.125 * (before - after) ** 2 / max(before - 2 * here + after, 1e-300))
 
 
 @find.mended_by

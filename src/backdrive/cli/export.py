@@ -1,0 +1,184 @@
+"""`backdrive export`: a tuned loop or a friction model for firmware, simulators and robot descriptions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from backdrive.cli import _joint_options, _logs
+from backdrive.cli._output import echo, print_json
+from backdrive.errors import InvalidInput
+
+if TYPE_CHECKING:
+    from backdrive.control.joint_loop import JointLoop
+    from backdrive.model import FrictionModel
+    from backdrive.tuning import Tuning
+
+TARGETS = ("c", "mjcf", "urdf")
+
+
+def command(
+    model: Annotated[
+        str, typer.Argument(metavar="MODEL.json", help="Model file made by `identify -o`, or preset:NAME.")
+    ],
+    tuning: Annotated[
+        Path | None,
+        typer.Option(
+            "--tuning",
+            metavar="FILE",
+            help="Made by `tune -o`: export the whole loop with its limits.  [default: the laws alone]",
+        ),
+    ] = None,
+    to: Annotated[str, typer.Option("--to", help="Target: c, mjcf or urdf.")] = "c",
+    robot: Annotated[
+        Path | None,
+        typer.Option("--robot", metavar="FILE", help="Description that mjcf and urdf put the friction into."),
+    ] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder to write to.")] = Path(
+        "."
+    ),
+    joint: _logs.Joints = None,
+    name: Annotated[
+        str | None,
+        typer.Option("--name", help="Of the files, and of every name in them.  [default: loop or friction]"),
+    ] = None,
+    precision: Annotated[
+        str, typer.Option("--precision", help="double or float (positions and times stay doubles).")
+    ] = "double",
+    top_speed: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--top-speed",
+            help="Above which the joint is a runaway, SPEED or JOINT=SPEED [rad/s or m/s].  [default: the tuning's]",
+        ),
+    ] = None,
+    counts: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--counts", help="Of the encoder per rad or m, COUNTS or JOINT=COUNTS.  [default: the tuning's]"
+        ),
+    ] = None,
+    beyond: Annotated[
+        bool,
+        typer.Option(
+            "--beyond", help="Export a share of the friction that the model's errors do not support."
+        ),
+    ] = False,
+    as_json: _logs.AsJson = False,
+) -> None:
+    """Write C that does what the tuned loop does, bit for bit, or a robot description with the friction identified.
+
+    Example: backdrive export model.json --tuning tuning.json --to c -o firmware/
+
+    Example: backdrive export preset:mx106/m6 --to c -o firmware/
+
+    Example: backdrive export model.json --to mjcf --robot arm.xml -o simulated/
+    """
+    if to not in TARGETS:
+        raise InvalidInput(f"--to {to}.", remedy=f"Use {' or '.join(TARGETS)}.")
+    if to != "c":
+        _describe(model, to, robot, output, joint, name, as_json)
+        return
+    from backdrive import load_model
+    from backdrive.export import export_laws, export_loop
+
+    loaded = load_model(model)
+    names = list(dict.fromkeys(loaded.joint(n).joint.name for n in joint)) if joint else None
+    if tuning is None:
+        laws = {n: loaded.joint(n).law for n in names or loaded.names}
+        written = export_laws(
+            laws, output, name=name or "friction", precision=precision, source=f"From {Path(model).name}."
+        )
+    else:
+        from backdrive.tuning.tuning_file import load_tunings
+
+        tunings = {t.joint: t for t in load_tunings(tuning)}
+        tunings = {n: _tuned(tunings, n, tuning) for n in names or tunings}
+        speeds = _joint_options.by_joint(top_speed, "--top-speed", "3", list(tunings), interval=False)
+        per_unit = _joint_options.by_joint(counts, "--counts", "1043038", list(tunings), interval=False)
+        loops = {}
+        for n, each in tunings.items():
+            count = 1.0 / per_unit[n] if n in per_unit else None
+            loops[n] = each.loop(top_speed=speeds.get(n), encoder_count=count)
+            if not beyond:
+                _check_share(loaded, n, loops[n])
+        written = export_loop(
+            loops,
+            _interval(list(tunings.values())),
+            output,
+            name=name or "loop",
+            precision=precision,
+            source=f"From {Path(model).name} and {tuning.name}.",
+        )
+    if as_json:
+        print_json({"ok": True, "written": [str(p) for p in written]})
+        return
+    for path in written:
+        echo(f"Wrote {path}")
+    sure = "" if tuning is None else f"; {written[0].stem}_selftest() tells whether they are"
+    echo(f'Include "{written[0].name}" and compile with -ffp-contract=off for the same bits{sure}.')
+
+
+def _describe(
+    model: str,
+    to: str,
+    robot: Path | None,
+    output: Path,
+    joint: list[str] | None,
+    name: str | None,
+    as_json: bool,
+) -> None:
+    """Put the friction into a robot description."""
+    if robot is None:
+        raise InvalidInput(f"--to {to} without a robot description.", remedy="Name it: --robot FILE.")
+    from backdrive import load_model
+    from backdrive.export.simulators import export_description, target_of
+
+    if target_of(robot) != to:
+        raise InvalidInput(f"{robot} is no {to.upper()} file.", remedy=f"Say --to {target_of(robot)}.")
+    written, simple = export_description(load_model(model), robot, output, joints=joint, name=name)
+    if as_json:
+        print_json({"ok": True, "written": [str(p) for p in written]})
+        return
+    for each in simple:
+        lost = f"; lost: {', '.join(each.lost)}" if each.lost else ""
+        echo(
+            f"{each.joint}: friction {each.friction:.4g}, damping {each.damping:.4g}; off by up to {each.largest_error:.3g} "
+            f"({each.rms_error:.2g} rms){lost}"
+        )
+    for path in written:
+        echo(f"Wrote {path}")
+
+
+def _tuned(tunings: dict[str, Tuning], name: str, path: Path) -> Tuning:
+    if name not in tunings:
+        raise InvalidInput(f"{path} holds no tuning of '{name}'.", remedy=f"It has {', '.join(tunings)}.")
+    return tunings[name]
+
+
+def _interval(tunings: list[Tuning]) -> float:
+    intervals = sorted({t.interval for t in tunings})
+    if len(intervals) > 1:
+        raise InvalidInput(
+            f"The joints were tuned for periods of {', '.join(f'{i:g}' for i in intervals)} s.",
+            remedy="Tune them for one, or export them one by one (--joint).",
+        )
+    return intervals[0]
+
+
+def _check_share(model: FrictionModel, name: str, loop: JointLoop) -> None:
+    """Refuse a share of the friction that is more than what the model is sure of."""
+    from backdrive.tuning.facts import coulomb_error
+
+    friction: Any = model.joint(name)
+    coulomb = sum(friction.law.coulomb()) / 2.0
+    error = coulomb_error(friction, coulomb) if coulomb > 0.0 else None
+    if error is None or loop.compensator.share <= max(1.0 - error, 0.0):
+        return
+    raise InvalidInput(
+        f"Joint '{name}': R = {loop.compensator.share:.3g} of the friction is compensated, but the model knows its Coulomb "
+        f"friction to {100 * error:.2g} % only (95 %): up to R = {max(1.0 - error, 0.0):.3g} it is sure not to push.",
+        remedy="Identify from more data, tune with a larger --friction-error, or say --beyond.",
+    )

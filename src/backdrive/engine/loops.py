@@ -1,0 +1,177 @@
+"""Compiled loops of one law along motions: one lane at a time in blocks of ticks, or sixteen lanes interleaved.
+
+A loop that knows its law is as fast as one written for it by hand; a loop that chooses among all of them every tick takes up to
+four times as long. The compiler meets a law when it is first rolled out, and the disk remembers. Both loops give the bits of
+`kernels.step` tick by tick.
+
+In a block the limits of many ticks are evaluated first, several in one instruction, then the element's state follows them tick by
+tick. Where there are enough lanes, sixteen stand side by side instead (structure of arrays), and every instruction works on
+several of them. Work arrays are the caller's: compiled code allocates nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+
+from backdrive._jit import jit, specialised
+from backdrive.laws import kernels
+
+BLOCK = 64  # ticks
+LANES = 16  # side by side
+WIDTH = 8  # of them at once
+COLUMNS = 16  # of a row that stands side by side with others, at most
+FEWEST = 16  # lanes that stand side by side
+
+
+def work() -> tuple[np.ndarray, ...]:
+    """Return what a loop works on: limits and motion of a block; rows, states, torque and motion of lanes."""
+    return (
+        np.empty((4, BLOCK)),
+        np.zeros((COLUMNS, LANES)),
+        np.empty(LANES),
+        np.empty((2, BLOCK, LANES)),
+    )
+
+
+@jit
+def wild(dp, limit):
+    """Return how many increments are beyond a limit; a NaN is not."""
+    count = 0
+    for m in range(dp.shape[0]):
+        for k in range(dp.shape[1]):
+            count += abs(dp[m, k]) > limit
+    return count
+
+
+@cache
+def one_by_one(rate: int, element: int, plain: bool, knots: int, sections: int, tame: bool) -> Callable:
+    """Return the loop of one law over lanes one after the other: parameter rows, each on one of the motions.
+
+    Args:
+        rate: kind of the rate law.
+        element: kind of the element.
+        plain: the law neither grows with the load nor differs by direction.
+        knots: sections of the rate law's row; 0 for a loop that looks.
+        sections: of the element's row.
+        tame: no velocity is beyond `kernels.FASTEST`, so that none has to be looked at.
+    """
+
+    def lanes(which, P, X, motion, dp, dt, load, temp, W, Q, Z, T, out):
+        loads, temps = load.shape[1] > 1, temp.shape[1] > 1
+        lo, hi, viscous, slid = W[0], W[1], W[2], W[3]
+        for i in which:
+            m = motion[i]
+            p, x = P[i], X[i]
+            place = 1 + int(p[0])
+            if (knots and int(p[1]) != knots) or (sections and int(p[place]) != sections):
+                continue  # which says to the compiler how often its loops run
+            for start in range(0, dp.shape[1], BLOCK):
+                stop = min(start + BLOCK, dp.shape[1])
+                tau, moved = out[i, start:stop], dp[m, start:stop]
+                loaded = load[m, start:stop] if loads else load[m]
+                warm = temp[m, start:stop] if temps else temp[m]
+                if kernels.HOLDS >> element & 1:  # no state
+                    for k in range(moved.size):
+                        j = k if loads else 0
+                        pair, t = (loaded[j, 0], loaded[j, 1]), warm[k if temps else 0]
+                        v = moved[k] / dt if tame else kernels.slow(moved[k] / dt)
+                        d = moved[k] if tame else kernels.within(v, moved[k], dt)
+                        tau[k] = kernels.step_one(rate, element, plain, p, place, 0.0, v, d, dt, pair, t)[1]
+                    continue
+                for k in range(moved.size):
+                    j = k if loads else 0
+                    pair, t = (loaded[j, 0], loaded[j, 1]), warm[k if temps else 0]
+                    v = moved[k] / dt if tame else kernels.slow(moved[k] / dt)
+                    lo[k], hi[k], still = kernels.bounds(rate, element, plain, p, v, pair, t)
+                    if not kernels.MOVES >> element & 1:
+                        viscous[k] = still
+                z = x[0]
+                for k in range(moved.size):
+                    d = moved[k] if tame else kernels.within(kernels.slow(moved[k] / dt), moved[k], dt)
+                    if kernels.ROWS >> element & 1:
+                        tau[k] = kernels.carry_row(element, (p, place, x, x, lo[k], hi[k], d, dt))
+                    elif kernels.MOVES >> element & 1:
+                        z, tau[k], slid[k] = kernels.carry_moving(element, (p, place, z, lo[k], hi[k], d, dt))
+                    else:
+                        z, tau[k] = kernels.carry_plain(element, (p, place, z, lo[k], hi[k], d, dt))
+                if not kernels.ROWS >> element & 1:
+                    x[0] = z
+                for k in range(moved.size):
+                    if kernels.MOVES >> element & 1:
+                        j = k if loads else 0
+                        pair, t = (loaded[j, 0], loaded[j, 1]), warm[k if temps else 0]
+                        tau[k] += kernels.limits_of(rate, plain, p, slid[k] / dt, pair, t)[2]
+                    else:
+                        tau[k] += viscous[k]
+
+    return specialised(lanes, rate, element, int(plain), knots, sections, int(tame))
+
+
+@cache
+def interleaved(rate: int, element: int, place: int, tame: bool, shared: bool) -> Callable:
+    """Return the loop of one law over lanes side by side, of an element whose state is one number.
+
+    Args:
+        rate: kind of the rate law, whose rows are of one length.
+        element: kind of the element.
+        place: where the row of the element begins.
+        tame: no velocity is beyond `kernels.FASTEST`, so that none has to be looked at.
+        shared: all lanes are on the same motion.
+    """
+
+    def side_by_side(which, P, X, motion, dp, dt, load, temp, W, Q, Z, T, out):
+        loads, temps = load.shape[1] > 1, temp.shape[1] > 1
+        V, D = W[0], W[1]
+        U, E = T[0], T[1]
+        for first in range(0, which.size, LANES):
+            count = min(LANES, which.size - first)
+            for j in range(LANES):
+                i = which[first + min(j, count - 1)]
+                Z[j] = X[i, 0]
+                for r in range(P.shape[1]):
+                    Q[r, j] = P[i, r]
+            m = motion[which[first]]
+            for start in range(0, dp.shape[1], BLOCK):
+                size = min(BLOCK, dp.shape[1] - start)
+                if shared:
+                    for k in range(size):
+                        D[k] = dp[m, start + k]
+                        V[k] = D[k] / dt if tame else kernels.slow(D[k] / dt)
+                else:
+                    for j in range(LANES):
+                        moved = dp[motion[which[first + min(j, count - 1)]]]
+                        for k in range(size):
+                            E[k, j] = moved[start + k]
+                for half in range(
+                    0, LANES, WIDTH
+                ):  # a number that fits the instructions: its loop vanishes, and what stays is hoisted
+                    for k in range(size):
+                        for w in range(WIDTH):
+                            j = half + w
+                            if shared:
+                                d, v, on = D[k], V[k], m
+                            else:
+                                d, on = E[k, j], motion[which[first + min(j, count - 1)]]
+                                v = d / dt if tame else kernels.slow(d / dt)
+                            if not tame:
+                                d = kernels.within(v, d, dt)
+                            at = start + k if loads else 0
+                            p = (
+                                Q[0, j], Q[1, j], Q[2, j], Q[3, j], Q[4, j], Q[5, j], Q[6, j], Q[7, j],
+                                Q[8, j], Q[9, j], Q[10, j], Q[11, j], Q[12, j], Q[13, j], Q[14, j], Q[15, j],
+                            )  # fmt: skip
+                            pair, t = (load[on, at, 0], load[on, at, 1]), temp[on, start + k if temps else 0]
+                            Z[j], U[k, j] = kernels.step_one(
+                                rate, element, True, p, place, Z[j], v, d, dt, pair, t
+                            )
+                for j in range(count):
+                    tau = out[which[first + j], start : start + size]
+                    for k in range(size):
+                        tau[k] = U[k, j]
+            for j in range(count):
+                X[which[first + j], 0] = Z[j]
+
+    return specialised(side_by_side, rate, element, place, int(tame), int(shared))

@@ -1,0 +1,145 @@
+"""Kernels as straight-line programs of array operations: both ways of every branch are computed, and one is selected.
+
+A kernel's syntax tree is walked once with symbols for what it is called with; what is known (kinds, sizes, counts of loops) is
+decided on the way. What remains is a list of operations that any array library can run on whole batches. Denominators, and
+arguments of functions that have a pole, are 1 where the path that they stand on is not taken, so that gradients of what is not
+selected are finite too.
+"""
+
+from __future__ import annotations
+
+import ast
+import operator
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from backdrive import elementary
+from backdrive.export.values import Untranslatable
+
+BINARY: dict[type, Callable] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.FloorDiv: operator.floordiv,
+    ast.Mod: operator.mod,
+    ast.RShift: operator.rshift,
+    ast.LShift: operator.lshift,
+    ast.BitAnd: operator.and_,
+    ast.BitOr: operator.or_,
+}
+COMPARE: dict[type, Callable] = {
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+}
+NAMED = {"add", "sub", "mul", "truediv", "lt", "le", "gt", "ge", "eq", "ne"}
+ELEMENTARY = {getattr(elementary, n): n for n in ("exp", "log", "pow", "tanh", "sin", "cos")} | {
+    elementary.decay: "exp"
+}
+NUMPY = {np.sqrt: "sqrt", np.copysign: "copysign", np.isfinite: "isfinite", np.isnan: "isnan", abs: "abs"}
+
+
+@dataclass(frozen=True)
+class Node:
+    """The result of an operation: its place in the program."""
+
+    index: int
+
+
+@dataclass(frozen=True)
+class Row:
+    """An array of parameters or state: its name and where it begins."""
+
+    name: str
+    begin: int = 0
+
+
+class Graph:
+    """A program: operations in order, each with the places of what it works on, or numbers."""
+
+    def __init__(self):
+        self.operations: list[tuple[str, tuple[Any, ...]]] = []
+        self._same: dict[tuple, Node] = {}
+
+    def node(self, name: str, *arguments: Any) -> Node:
+        """Return the result of an operation, the same one where it was there before."""
+        key = (name, *((type(a), repr(a)) for a in arguments))
+        if key not in self._same:
+            self.operations.append((name, arguments))
+            self._same[key] = Node(len(self.operations) - 1)
+        return self._same[key]
+
+    def select(self, condition: Any, a: Any, b: Any) -> Any:
+        """Return `a` where a condition holds, else `b`."""
+        if not isinstance(condition, Node):
+            return a if condition else b
+        if repr(a) == repr(b):
+            return a
+        if isinstance(a, tuple) and isinstance(b, tuple):
+            return tuple(self.select(condition, x, y) for x, y in zip(a, b))
+        if isinstance(a, Row) or isinstance(b, Row):
+            raise Untranslatable("one array or another")
+        return self.node("where", condition, a, b)
+
+    def both(self, a: Any, b: Any) -> Any:
+        """Return whether two conditions hold."""
+        if not isinstance(a, Node):
+            return b if a else False
+        if not isinstance(b, Node):
+            return a if b else False
+        return self.node("and", a, b)
+
+    def either(self, a: Any, b: Any) -> Any:
+        """Return whether one of two conditions holds."""
+        if not isinstance(a, Node):
+            return True if a else b
+        if not isinstance(b, Node):
+            return True if b else a
+        return self.node("or", a, b)
+
+    def no(self, a: Any) -> Any:
+        """Return whether a condition does not hold."""
+        return self.node("not", a) if isinstance(a, Node) else not a
+
+    def binary(self, function: Callable, a: Any, b: Any, path: Any = True) -> Any:
+        """Return an operation on two numbers; `path`: where its result is used."""
+        if not isinstance(a, Node) and not isinstance(b, Node):
+            with np.errstate(all="ignore"):
+                return function(np.float64(a), b).item() if function is operator.truediv else function(a, b)
+        if function.__name__ not in NAMED:
+            raise Untranslatable(f"{function.__name__} of what is not known")
+        if function is operator.truediv:
+            b = self.select(path, b, 1.0) if isinstance(b, Node) else b
+        return self.node(function.__name__, a, b)
+
+    def function(self, name: str, arguments: Sequence[Any], path: Any) -> Any:
+        """Return a function of numbers."""
+        if not any(isinstance(a, Node) for a in arguments):
+            return (
+                float(getattr(elementary, name)(*arguments))
+                if name in elementary.__dict__
+                else getattr(np, name)(*arguments)
+            )
+        first, *rest = arguments
+        if name in ("exp", "log", "pow", "sqrt"):
+            first = self.select(path, first, 1.0) if isinstance(first, Node) else first
+            rest = [self.select(path, r, 1.0) if isinstance(r, Node) else r for r in rest]
+        return self.node(name, first, *rest)
+
+    def needed(self, results: Sequence[Any]) -> list[int]:
+        """Return the operations that some results need, in order."""
+        marked: set[int] = set()
+        waiting = [r.index for r in results if isinstance(r, Node)]
+        while waiting:
+            i = waiting.pop()
+            if i not in marked:
+                marked.add(i)
+                waiting += [a.index for a in self.operations[i][1] if isinstance(a, Node)]
+        return sorted(marked)

@@ -1,0 +1,337 @@
+"""A walk through a kernel with symbols: branches become selections, loops are written out."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import operator
+import textwrap
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from types import FunctionType
+from typing import Any
+
+from backdrive import _jit
+from backdrive.export.graph import BINARY, COMPARE, ELEMENTARY, NUMPY, Graph, Node, Row
+from backdrive.export.values import Untranslatable
+
+LONGEST = 200  # rounds of a loop that is written out
+SEARCH = 24  # rounds of a search for a root that stops by itself: secants have met the last digit by then
+
+
+@dataclass
+class State:
+    """What a path through a function holds: variables, and numbers of the arrays that change."""
+
+    names: dict[str, Any]
+    memory: dict[str, list[Any]]
+    path: Any
+
+    def copy(self, path: Any) -> State:
+        """Return the same for a branch."""
+        return State(dict(self.names), {k: list(v) for k, v in self.memory.items()}, path)
+
+
+class Walk:
+    """One walk through a kernel.
+
+    Args:
+        graph: to add operations to.
+        known: arrays of parameters whose numbers decide about structure: name -> numbers.
+    """
+
+    def __init__(self, graph: Graph, known: dict[str, Sequence[float]]):
+        self.graph, self.known = graph, known
+
+    def call(
+        self, kernel: Callable, arguments: Sequence[Any], memory: dict[str, list[Any]], path: Any
+    ) -> Any:
+        """Return what a kernel gives; `memory` is changed in place."""
+        source = getattr(kernel, "py_func", kernel)
+        if not isinstance(source, FunctionType):
+            raise Untranslatable(f"{kernel!r} is no kernel.")
+        tree = ast.parse(textwrap.dedent(inspect.getsource(source))).body[0]
+        if not isinstance(tree, ast.FunctionDef):
+            raise Untranslatable(source.__name__)
+        frame = _Frame(self, {**source.__globals__, **inspect.getclosurevars(source).nonlocals})
+        state = State(dict(zip((a.arg for a in tree.args.args), arguments)), memory, path)
+        end = frame.block(tree.body, state.copy(path))
+        ends = [*frame.returns, *([(end, None)] if end is not None else [])]
+        final, result = ends[-1]
+        merged = final.memory
+        for other, value in reversed(ends[:-1]):
+            result = self.graph.select(other.path, value, result)
+            merged = {
+                k: [self.graph.select(other.path, a, b) for a, b in zip(other.memory[k], v)]
+                for k, v in merged.items()
+            }
+        memory.update(merged)
+        return result
+
+
+class _Frame:
+    """A function that is being walked through."""
+
+    def __init__(self, walk: Walk, names: dict[str, Any]):
+        self.walk, self.graph, self.globals = walk, walk.graph, names
+        self.returns: list[tuple[State, Any]] = []
+        self.breaks: list[list[State]] = []
+        self.continues: list[list[State]] = []
+
+    def block(self, statements: list[ast.stmt], state: State | None) -> State | None:
+        """Walk through statements; None where no path goes on."""
+        for statement in statements:
+            if state is None:
+                return None
+            state = getattr(self, "_" + type(statement).__name__.lower())(statement, state)
+        return state
+
+    def _expr(self, node: ast.Expr, state: State) -> State:
+        if not isinstance(node.value, ast.Constant):
+            self.value(node.value, state)
+        return state
+
+    def _return(self, node: ast.Return, state: State) -> None:
+        value = None if node.value is None else self.value(node.value, state)
+        self.returns.append((state, value))
+
+    def _break(self, node: ast.Break, state: State) -> None:
+        self.breaks[-1].append(state)
+
+    def _continue(self, node: ast.Continue, state: State) -> None:
+        self.continues[-1].append(state)
+
+    def _assign(self, node: ast.Assign, state: State) -> State:
+        value = self.value(node.value, state)
+        for target in node.targets:
+            self.bind(target, value, state)
+        return state
+
+    def _augassign(self, node: ast.AugAssign, state: State) -> State:
+        before = self.value(node.target, state)
+        value = self.graph.binary(BINARY[type(node.op)], before, self.value(node.value, state), state.path)
+        self.bind(node.target, value, state)
+        return state
+
+    def bind(self, target: ast.expr, value: Any, state: State) -> None:
+        """Give a target its value."""
+        if isinstance(target, ast.Name):
+            state.names[target.id] = value
+        elif isinstance(target, ast.Tuple):
+            for each, item in zip(target.elts, value):
+                self.bind(each, item, state)
+        elif isinstance(target, ast.Subscript):
+            row, index = self.value(target.value, state), self.value(target.slice, state)
+            state.memory[row.name][row.begin + int(index)] = value
+        else:
+            raise Untranslatable(ast.unparse(target))
+
+    def _if(self, node: ast.If, state: State) -> State | None:
+        condition = self.value(node.test, state)
+        if not isinstance(condition, Node):
+            return self.block(node.body if condition else node.orelse, state)
+        inside = self.graph.both(state.path, condition)
+        outside = self.graph.both(state.path, self.graph.no(condition))
+        then = self.block(node.body, state.copy(inside))
+        other = self.block(node.orelse, state.copy(outside))
+        if then is None or other is None:
+            return other if then is None else then
+        return self.joined(condition, then, other, state.path)
+
+    def joined(self, condition: Any, a: State, b: State, path: Any) -> State:
+        """Return one state for two paths, the first where a condition holds."""
+        select = self.graph.select
+        names = {n: select(condition, v, b.names[n]) for n, v in a.names.items() if n in b.names}
+        memory = {k: [select(condition, x, y) for x, y in zip(v, b.memory[k])] for k, v in a.memory.items()}
+        return State(names, memory, path)
+
+    def merged(self, states: list[State]) -> State:
+        """Return one state for paths that exclude each other."""
+        result = states[-1]
+        for state in reversed(states[:-1]):
+            result = self.joined(state.path, state, result, self.graph.either(state.path, result.path))
+        return result
+
+    def _for(self, node: ast.For, state: State) -> State:
+        call = node.iter
+        if (
+            not isinstance(call, ast.Call)
+            or ast.unparse(call.func) != "range"
+            or not isinstance(node.target, ast.Name)
+        ):
+            raise Untranslatable(ast.unparse(node).split("\n")[0])
+        numbers = range(*(int(self.value(a, state)) for a in call.args))
+        if len(numbers) > SEARCH and any(isinstance(n, ast.Break) for n in ast.walk(node)):
+            numbers = numbers[:SEARCH]
+        return self.rounds(node, state, [{node.target.id: k} for k in numbers])
+
+    def _while(self, node: ast.While, state: State) -> State:
+        return self.rounds(node, state, [{} for _ in range(LONGEST)])
+
+    def rounds(self, node: ast.For | ast.While, state: State, each: list[dict[str, Any]]) -> State:
+        """Walk through a loop round by round; what leaves it early waits until it ends."""
+        entry, live = state.path, state
+        left: list[State] = []
+        self.breaks.append([])
+        for names in each:
+            live.names.update(names)
+            if isinstance(node, ast.While):
+                condition = self.value(node.test, live)
+                if isinstance(condition, Node):
+                    left.append(live.copy(self.graph.both(live.path, self.graph.no(condition))))
+                    live.path = self.graph.both(live.path, condition)
+                elif not condition:
+                    break
+            self.continues.append([])
+            end = self.block(node.body, live.copy(live.path))
+            ends = [*self.continues.pop(), *([end] if end is not None else [])]
+            if not ends:
+                live = None  # type: ignore[assignment]
+                break
+            live = self.merged(ends)
+        left += self.breaks.pop()
+        if live is not None:
+            left.append(live)
+        result = self.merged(left)
+        result.path = entry
+        return result
+
+    def value(self, node: ast.expr, state: State) -> Any:
+        """Return the value of an expression: a number, a `Node`, a tuple of them or a `Row`."""
+        method = getattr(self, "_v_" + type(node).__name__.lower(), None)
+        if method is None:
+            raise Untranslatable(ast.unparse(node))
+        return method(node, state)
+
+    def _v_constant(self, node: ast.Constant, state: State) -> Any:
+        return node.value
+
+    def _v_name(self, node: ast.Name, state: State) -> Any:
+        return state.names[node.id] if node.id in state.names else self.resolve(node)
+
+    def resolve(self, node: ast.expr) -> Any:
+        """Return the Python object that a name outside the function stands for."""
+        if isinstance(node, ast.Name):
+            import builtins
+
+            return self.globals[node.id] if node.id in self.globals else getattr(builtins, node.id)
+        if isinstance(node, ast.Attribute):
+            return getattr(self.resolve(node.value), node.attr)
+        raise Untranslatable(ast.unparse(node))
+
+    def _v_attribute(self, node: ast.Attribute, state: State) -> Any:
+        if isinstance(node.value, ast.Name) and isinstance(state.names.get(node.value.id), Row):
+            row = state.names[node.value.id]
+            return len(state.memory[row.name]) - row.begin
+        return self.resolve(node)
+
+    def _v_tuple(self, node: ast.Tuple, state: State) -> Any:
+        return tuple(self.value(e, state) for e in node.elts)
+
+    def _v_unaryop(self, node: ast.UnaryOp, state: State) -> Any:
+        value = self.value(node.operand, state)
+        if isinstance(node.op, ast.Not):
+            return self.graph.no(value)
+        return self.graph.node("neg", value) if isinstance(value, Node) else -value
+
+    def _v_binop(self, node: ast.BinOp, state: State) -> Any:
+        a, b = self.value(node.left, state), self.value(node.right, state)
+        return self.graph.binary(BINARY[type(node.op)], a, b, state.path)
+
+    def _v_compare(self, node: ast.Compare, state: State) -> Any:
+        left, result = self.value(node.left, state), True
+        for op, right_node in zip(node.ops, node.comparators):
+            right = self.value(right_node, state)
+            if isinstance(op, ast.In):
+                found: Any = False
+                for each in right:
+                    found = self.graph.either(found, self.graph.binary(operator.eq, left, each))
+                return found
+            result = self.graph.both(result, self.graph.binary(COMPARE[type(op)], left, right))
+            left = right
+        return result
+
+    def _v_boolop(self, node: ast.BoolOp, state: State) -> Any:
+        join = self.graph.both if isinstance(node.op, ast.And) else self.graph.either
+        result: Any = isinstance(node.op, ast.And)
+        for each in node.values:
+            result = join(result, self.value(each, state))
+            if not isinstance(result, Node) and result != isinstance(node.op, ast.And):
+                return result
+        return result
+
+    def _v_ifexp(self, node: ast.IfExp, state: State) -> Any:
+        condition = self.value(node.test, state)
+        if not isinstance(condition, Node):
+            return self.value(node.body if condition else node.orelse, state)
+        path = state.path
+        state.path = self.graph.both(path, condition)
+        a = self.value(node.body, state)
+        state.path = self.graph.both(path, self.graph.no(condition))
+        b = self.value(node.orelse, state)
+        state.path = path
+        return self.graph.select(condition, a, b)
+
+    def _v_subscript(self, node: ast.Subscript, state: State) -> Any:
+        base = self.value(node.value, state)
+        if isinstance(node.slice, ast.Slice):
+            if node.slice.lower is None or not isinstance(base, Row):
+                raise Untranslatable(ast.unparse(node))
+            return Row(base.name, base.begin + int(self.value(node.slice.lower, state)))
+        index = self.value(node.slice, state)
+        if isinstance(base, tuple):
+            return base[index]
+        if not isinstance(base, Row):
+            raise Untranslatable(ast.unparse(node))
+        if isinstance(index, Node):  # one of a few places
+            places = sorted(self._possible(index))
+            numbers = [state.memory[base.name][base.begin + at] for at in places]
+            return self.graph.node("pick", index, tuple(places), *numbers)
+        return state.memory[base.name][base.begin + int(index)]
+
+    def _possible(self, index: Any) -> set[int]:
+        """Return the numbers that an index can be."""
+        if not isinstance(index, Node):
+            return {int(index)}
+        name, arguments = self.graph.operations[index.index]
+        if name == "where":
+            return self._possible(arguments[1]) | self._possible(arguments[2])
+        if name in ("add", "sub", "mul"):
+            a, b = (self._possible(x) for x in arguments)
+            return {int(getattr(operator, name)(x, y)) for x in a for y in b}
+        raise Untranslatable("an index that is not known")
+
+    def _v_call(self, node: ast.Call, state: State) -> Any:
+        function = self.resolve(node.func)
+        arguments: list[Any] = []
+        for each in node.args:
+            if isinstance(each, ast.Starred):
+                arguments += self.value(each.value, state)
+            else:
+                arguments.append(self.value(each, state))
+        graph, path = self.graph, state.path
+        if function in (min, max):
+            result = arguments[0]
+            for other in arguments[1:]:
+                less = (other, result) if function is min else (result, other)
+                result = graph.select(graph.binary(operator.lt, *less), other, result)
+            return result
+        if function is int:
+            return self._whole(arguments[0])
+        if function in NUMPY:
+            return graph.function(NUMPY[function], arguments, path)
+        if function in ELEMENTARY:
+            return graph.function(ELEMENTARY[function], arguments, path)
+        if function in _jit.CHOICES:
+            kernels, otherwise = _jit.CHOICES[function]
+            function, arguments = kernels.get(arguments[0], otherwise), list(arguments[1])
+        return self.walk.call(function, arguments, state.memory, path)
+
+    def _whole(self, value: Any) -> int:
+        """Return a number that decides about structure: of a parameter, what it is in the model."""
+        if not isinstance(value, Node):
+            return int(value)
+        name, arguments = self.graph.operations[value.index]
+        if name != "parameter":
+            raise Untranslatable("int() of what is not known")
+        return int(self.walk.known[arguments[0]][arguments[1]])

@@ -1,0 +1,35 @@
+"""A fleet: many joint logs identified on Dask, results in Parquet, questions by DuckDB, and whose friction is changing."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+#: Public name -> module of this room; opened when first used, so that a command loads what it needs.
+_HOMES = {
+    "LogEntry": "sources",
+    "list_logs": "sources",
+    "Outcome": "run",
+    "run": "run",
+    "Store": "store",
+    "Event": "simulated",
+    "SimulatedFleet": "simulated",
+    "History": "history",
+    "histories": "history",
+    "Drift": "drift",
+    "drifts": "drift",
+    "Outlier": "population",
+    "outliers": "population",
+    "Population": "population_file",
+    "merge": "population",
+    "query": "query",
+    "write_page": "page",
+}
+
+__all__ = [*_HOMES]  # noqa: PLE0604  (the table above is the list)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'backdrive.fleet' has no attribute '{name}'")
+    return getattr(importlib.import_module(f"backdrive.fleet.{_HOMES[name]}"), name)

@@ -1,0 +1,69 @@
+"""One row a joint of a log, whatever was written twice."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from backdrive.errors import require
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+ORDER = ("robot", "joint", "day", "path")
+
+
+def once(table: pa.Table, tag: str, names: Mapping[str, str], *, failures: bool) -> pa.Table:
+    """Return each log once: by the present options and version or else by the newest, and of copies the first path.
+
+    Args:
+        table: rows of all batches.
+        tag: of the present options and version.
+        names: former name of a robot -> its present one.
+        failures: return the logs that failed, instead of the results.
+    """
+    pa = require("pyarrow", "A fleet's results need", "fleet")
+    pc = require("pyarrow.compute", "A fleet's results need", "fleet")
+    other = pc.cast(pc.not_equal(table.column("tag"), tag), pa.int8())
+    table = table.append_column("other", other)
+    keys = [("digest", "ascending"), ("other", "ascending"), ("version", "descending"), ("tag", "ascending")]
+    keys += [("path", "ascending"), ("stamp", "ascending"), ("joint", "ascending")]
+    table = table.take(pc.sort_indices(table, sort_keys=keys)).drop_columns(["other"])
+    n = table.num_rows
+    if n:
+        digest, of_tag, path, stamp, joint = (
+            _codes(table.column(c)) for c in ("digest", "tag", "path", "stamp", "joint")
+        )
+        first = np.concatenate([[True], digest[1:] != digest[:-1]])
+        head = np.maximum.accumulate(np.where(first, np.arange(n), 0))
+        keep = (of_tag == of_tag[head]) & (path == path[head]) & (stamp == stamp[head])
+        again = np.concatenate([[False], (joint[1:] == joint[:-1]) & ~first[1:]])
+        failed = np.asarray(table.column("failure").is_valid())
+        table = table.filter(keep & ~(again & keep) & (failed == failures))
+    if names:
+        robots = pa.array(
+            [names.get(robot, robot) for robot in table.column("robot").to_pylist()], pa.string()
+        )
+        table = table.set_column(table.column_names.index("robot"), "robot", robots)
+    return table.take(
+        pc.sort_indices(table, sort_keys=[(name, "ascending") for name in ORDER])
+    ).combine_chunks()
+
+
+def _codes(column: Any) -> np.ndarray:
+    """Return a number for every text of a column, equal for equal texts, (n,)."""
+    encoded = column.combine_chunks().dictionary_encode(null_encoding="encode")
+    return encoded.indices.to_numpy(zero_copy_only=False)
+
+
+def copies(table: pa.Table) -> list[tuple[str, str]]:
+    """Return pairs of paths whose files have the same content: the one that counts, and its copy."""
+    pairs = sorted(set(zip(table.column("digest").to_pylist(), table.column("path").to_pylist())))
+    first: dict[str, str] = {}
+    result = []
+    for digest, path in pairs:
+        if first.setdefault(digest, path) != path:
+            result.append((first[digest], path))
+    return result

@@ -1,0 +1,234 @@
+"""What a worker does: a batch of logs through reading, health, identification and validation, to one file of rows."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from time import process_time
+from typing import TYPE_CHECKING, Any
+
+from backdrive.errors import BackdriveError, ReadError
+
+if TYPE_CHECKING:
+    from backdrive.fleet.sources import LogEntry
+    from backdrive.identification import Identification
+
+LINE = 20  # speeds at which the line through a curve is taken
+SLOWEST = 0.05  # share of the top speed below which it is not [-]
+MOST_TEXT = 2000  # of a message or a warning [characters]
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Logs of one month that one task does.
+
+    Attributes:
+        name: of its file, the same for the same logs and options.
+        month: of the logs, such as `2026-03`.
+        entries: the logs.
+    """
+
+    name: str
+    month: str
+    entries: tuple[LogEntry, ...]
+
+
+def tag_of(options: Mapping[str, Any]) -> str:
+    """Return the digest of options, version and schema by which a result is known."""
+    import hashlib
+
+    from backdrive import __version__
+    from backdrive.fleet.schema import VERSION
+
+    text = json.dumps([options, __version__, VERSION], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def do_batch(batch: Batch, options: Mapping[str, Any], folder: str) -> dict[str, Any]:
+    """Identify a batch and write its rows.
+
+    Args:
+        batch: the logs.
+        options: `reading` as `read_log` takes it, `identification` as `identify` does.
+        folder: of the results.
+
+    Returns:
+        How many logs were done and how many failed, and the processor's time [s].
+
+    Raises:
+        WriteError: the rows cannot be written.
+    """
+    from backdrive.fleet.store import write_rows
+
+    begun, tag = process_time(), tag_of(options)
+    rows: list[dict[str, Any]] = []
+    failed = 0
+    for entry in batch.entries:
+        of_log = do_log(entry, options)
+        failed += any("failure" in row for row in of_log)
+        rows += [row | {"tag": tag} for row in of_log]
+    write_rows(Path(folder), batch.month, batch.name, rows)
+    return {"done": len(batch.entries), "failed": failed, "seconds": process_time() - begun}
+
+
+def do_log(entry: LogEntry, options: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the rows of a log: one a joint, or one that says why there is none."""
+    digest = ""
+    try:
+        with local_copy(entry) as path, warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            digest = _digest(path)
+            result = _identified(path, options)
+            check_unchanged(entry)
+        return [
+            _about(entry, digest) | row_of(result, number, entry)
+            for number in range(len(result.model.joints))
+        ]
+    except BackdriveError as error:
+        return [failure(entry, type(error).__name__, error.message, error.remedy, digest)]
+    except Exception as error:  # a fault of ours in one log must not stop the others
+        return [
+            failure(entry, "InternalError", f"{type(error).__name__}: {error}", "Please report it.", digest)
+        ]
+
+
+def failure(entry: LogEntry, kind: str, message: str, remedy: str = "", digest: str = "") -> dict[str, Any]:
+    """Return the row of a log that has no result."""
+    return _about(entry, digest or f"unread:{entry.path}") | {
+        "joint": "",
+        "failure": kind,
+        "message": message.replace(str(Path(entry.path)), Path(entry.path).name)[:MOST_TEXT],
+        "remedy": remedy[:MOST_TEXT],
+    }
+
+
+def _about(entry: LogEntry, digest: str) -> dict[str, Any]:
+    from backdrive import __version__
+
+    return asdict(entry) | {"digest": digest, "version": __version__}
+
+
+@contextlib.contextmanager
+def local_copy(entry: LogEntry) -> Iterator[str]:
+    """Yield the path of a log on this machine."""
+    if "://" not in entry.path:
+        yield entry.path
+        return
+    from backdrive.fleet.objects import fetched
+    from backdrive.logs.readers.limits import Limits
+
+    with fetched(entry.path, Limits().max_file_bytes) as copy:
+        yield str(copy)
+
+
+def check_unchanged(entry: LogEntry) -> None:
+    """Refuse a local file that has changed since it was listed: somebody is still writing it.
+
+    Raises:
+        ReadError: it has.
+    """
+    if "://" in entry.path:
+        return
+    state = os.stat(entry.path)
+    if f"{state.st_size}:{state.st_mtime_ns}" != entry.stamp:
+        raise ReadError(f"{entry.path} changed while it was read.", remedy="Run again when it is written.")
+
+
+def _digest(path: str) -> str:
+    from backdrive._files import check_regular
+    from backdrive.logs.joint import digest
+
+    check_regular(path)
+    try:
+        return digest(path)
+    except OSError as error:
+        raise ReadError(f"Cannot read {path}: {error.strerror}.", remedy="Allow reading it.") from error
+
+
+def _identified(path: str, options: Mapping[str, Any]) -> Identification:
+    """Return what a log gives; its reader is a process of its own, which a failure ends."""
+    from backdrive.identification import identify
+    from backdrive.logs.readers import guard, read_log
+
+    try:
+        log = read_log(path, **options.get("reading", {}))
+    except BackdriveError:
+        guard.shared().close()  # what a damaged file did to its reader must not reach the next one
+        raise
+    return identify(log, **options.get("identification", {}))
+
+
+def row_of(result: Identification, number: int, entry: LogEntry) -> dict[str, Any]:
+    """Return the columns of a joint's result.
+
+    Args:
+        result: of a log.
+        number: of the joint in it.
+        entry: the log.
+    """
+    import numpy as np
+
+    friction = result.model.joints[number]
+    top = max(min(-friction.validity.velocity[0], friction.validity.velocity[1]), 0.0)
+    top = top if top > 0 else max(abs(v) for v in friction.validity.velocity)
+    speeds = np.linspace(SLOWEST, 1.0, LINE) * top
+    curve = 0.5 * (friction.law.torque(speeds) - friction.law.torque(-speeds))
+    viscous, constant = np.polyfit(speeds, curve, 1)
+    numbers: dict[str, tuple[Any, Any]] = {
+        e: (v.value, v.standard_error) for e, v in friction.dynamics.items()
+    }
+    for rows in friction.law.parts:
+        for name, parameter in rows.PARAMETERS.items():
+            value = getattr(rows, name)
+            error = friction.standard_errors.get(name)
+            if parameter.many:
+                errors = error if isinstance(error, Sequence) else [None] * len(value)
+                numbers |= {f"{name}[{i}]": (v, e) for i, (v, e) in enumerate(zip(value, errors))}
+            else:
+                numbers[name] = (value, error)
+    quality = friction.held_out or friction.fitted
+    validity = friction.validity.temperature
+    matrix = friction.covariance
+    said = [*result.warnings, *friction.warnings]
+    return {
+        "joint": friction.joint.name,
+        "unit": friction.joint.unit,
+        "method": result.method,
+        "law": friction.law.name,
+        "parameters": [
+            {"name": name, "value": _number(value), "error": _number(error)}
+            for name, (value, error) in sorted(numbers.items())
+        ],
+        "covariance_names": list(matrix.names) if matrix else None,
+        "covariance": [x for row in matrix.matrix for x in row] if matrix else None,
+        "constant": _number(constant),
+        "constant_error": _error(friction.standard_errors, "coulomb"),
+        "viscous": _number(viscous),
+        "viscous_error": _error(friction.standard_errors, "viscous"),
+        "top_speed": _number(top),
+        "temperature": _number(np.mean(validity)) if validity else None,
+        "residual": _number(quality.residual) if quality else None,
+        "rms": _number(quality.rms) if quality else None,
+        "grade": friction.verdict.grade if friction.verdict else "unknown",
+        "verdict": friction.verdict.text[:MOST_TEXT] if friction.verdict else "",
+        "warnings": [sentence[:MOST_TEXT] for sentence in dict.fromkeys(said)],
+    }
+
+
+def _number(value: Any) -> float | None:
+    """Return a finite number or None."""
+    import math
+
+    return float(value) if value is not None and math.isfinite(float(value)) else None
+
+
+def _error(errors: Mapping[str, Any], name: str) -> float | None:
+    """Return the standard error of the mean of both directions, whose errors go together at worst."""
+    both = [errors.get(f"{name}_{way}") for way in ("positive", "negative")]
+    values = [v for v in map(_number, both) if v is not None]
+    return sum(values) / len(values) if values else None

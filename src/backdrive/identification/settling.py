@@ -1,0 +1,74 @@
+"""How far a joint goes after a reversal before its friction is that of sliding.
+
+What is elastic in it has to bend first: until then friction is smaller than that of sliding at the same speed. Where the torque
+just after reversals is surely smaller than what the fit says of sliding, so long a way is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from backdrive.identification import noise
+from backdrive.identification.motion_bins import Bins, bin_size
+from backdrive.identification.signals import Signals, way_since_reversal
+from backdrive.identification.slip import fit
+
+SHARES = (
+    0.005,
+    0.01,
+    0.02,
+    0.04,
+    0.08,
+    0.16,
+)  # of the median way between two reversals that are asked for [-]
+SURE = 2.5  # standard errors by which torque there is smaller [-]
+FEWEST = 8  # means that tell [-]
+
+
+def settled(
+    raw: Bins, stretches: Sequence[Signals], spread: np.ndarray, correlation: float, seconds: float
+) -> Bins:
+    """Return bins of which those are not used in which friction still builds up.
+
+    Args:
+        raw: bins, not whitened.
+        stretches: of one joint, that the bins are means of.
+        spread: of the candidate that is fitted, (p, r).
+        correlation: of the noise of neighbouring bins [-].
+        seconds: of the bins [s].
+    """
+    way, sense, middle = _ways(stretches, seconds)
+    used, before = raw.used, 0.0
+    for share in SHARES:
+        band = (way >= before) & (way < share * middle)
+        if np.count_nonzero(used & band) >= FEWEST and _lags(
+            replace(raw, used=used), sense * band, spread, correlation
+        ):
+            used = raw.used & (way >= share * middle)
+        before = share * middle
+    return replace(raw, used=used)
+
+
+def _lags(raw: Bins, column: np.ndarray, spread: np.ndarray, correlation: float) -> bool:
+    """Say whether the torque is surely smaller by a column than a candidate says."""
+    more = replace(raw, X=np.column_stack([raw.X @ spread, column])).whitened(correlation)
+    theta = fit(more, np.eye(more.X.shape[1]))
+    covariance = noise.covariance_of_fit(more.X, more.y - more.X @ theta, more.used)
+    return bool(theta[-1] < -SURE * np.sqrt(covariance[-1, -1]))
+
+
+def _ways(stretches: Sequence[Signals], seconds: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return way since the last reversal and sense of the motion of all bins, (n,) each, and the median way between reversals."""
+    ways, senses, middles = [], [], []
+    for s in stretches:
+        width, count = bin_size(s, seconds)
+        way, middle = way_since_reversal(s)
+        series = (x[: count * width].reshape(count, width) for x in (way, np.sign(s.velocity)))
+        least, sense = (x.min(axis=1) if k == 0 else x.mean(axis=1) for k, x in enumerate(series))
+        ways.append(least)
+        senses.append(sense)
+        middles.append(middle)
+    return np.concatenate(ways), np.concatenate(senses), float(np.median(middles))

@@ -1,0 +1,130 @@
+"""Laws as pure functions on arrays, and draws from what was identified."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from backdrive import load_model
+from backdrive.engine.tick import Tick
+from backdrive.errors import InvalidInput
+from backdrive.export import arrays
+from backdrive.laws import ELEMENTS, RATES, Growth, Law, LuGre, Polyline, StribeckGauss, by_direction
+from backdrive.model import Covariance, FrictionModel
+
+DT, N, B = 1e-3, 60, 12
+GAUSS = StribeckGauss(**StribeckGauss.EXAMPLE)
+KNOTS = dict(velocity=(0.01, 0.1, 0.5, 2.0), positive=(5.0, 4.0, 4.5, 6.0), negative=(4.5, 4.2, 4.4, 5.0))
+
+
+def every_law() -> list[Law]:
+    laws = [Law(rate=rate(**rate.EXAMPLE)) for rate in RATES.values()]
+    laws += [Law(rate=GAUSS, element=e(**e.EXAMPLE)) for e in ELEMENTS.values()]
+    laws.append(
+        Law(rate=Polyline(**KNOTS), growth=Growth(load_driving=0.1, load_driven=0.05, load_carried=2.0))
+    )
+    return [*laws, Law(rate=by_direction(GAUSS, GAUSS))]
+
+
+def motion() -> tuple[np.ndarray, np.ndarray]:
+    random = np.random.default_rng(1)
+    dp = 1e-3 * np.sin(np.arange(N) / 5.0)[:, None] * np.exp(random.normal(0.0, 1.0, B))
+    dp[random.random((N, B)) < 0.1] = 0.0
+    return dp, random.normal(0.0, 4.0, (N, B, 2))
+
+
+@pytest.mark.parametrize("law", every_law(), ids=lambda law: law.name)
+def test_every_law_gives_the_kernels_numbers(law):
+    dp, load = motion()
+    f, tick = arrays.law(law), Tick([law] * B, dt=DT)
+    tick.temperature[:] = 35.0
+    x, expected, got = f.init(B), [], []
+    for k in range(N):
+        tick.load[:] = load[k]
+        expected.append(tick.tick(dp[k]).copy())
+        torque, x = f.step(x, dp[k], DT, load[k], 35.0)
+        got.append(torque)
+    assert np.abs(np.array(got) - expected).max() <= 1e-12 * np.abs(expected).max()
+
+
+def test_parameters_may_differ_from_lane_to_lane():
+    laws = [
+        Law(rate=replace(GAUSS, coulomb=c), element=LuGre(stiffness=k, damping=5.0))
+        for c, k in ((3.0, 8e3), (4.0, 2e4))
+    ]
+    dp, _ = motion()
+    f, tick = arrays.law(laws[0]), Tick(laws, dt=DT)
+    x, rows = f.init(2), np.array([law.row() for law in laws])
+    for k in range(N):
+        torque, x = f.step(x, dp[k, :2], DT, row=rows)
+        assert np.allclose(torque, tick.tick(dp[k, :2].copy()), rtol=0.0, atol=1e-12)
+
+
+def test_jax_agrees_and_its_gradients_are_finite():
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    dp, load = motion()
+    dp[5] = 0.0
+    for law in (Law(rate=GAUSS, element=LuGre(**LuGre.EXAMPLE)), Law(rate=Polyline(**KNOTS))):
+        plain, f = arrays.law(law), arrays.law(law, xp=jax.numpy)
+        step = jax.jit(f.step)
+        x, y = plain.init(B), f.init(B)
+        for k in range(20):
+            a, x = plain.step(x, dp[k], DT, load[k])
+            b, y = step(y, dp[k], DT, load[k])
+            assert np.allclose(a, b, rtol=0.0, atol=1e-11)
+
+        def total(increments, row, f=f):
+            z, out = f.init(B), 0.0
+            for k in range(2):
+                torque, z = f.step(z, increments[k], DT, row=row)
+                out += (torque**2).sum()
+            return out
+
+        slopes = jax.jit(jax.grad(total, argnums=(0, 1)))(
+            jax.numpy.asarray(dp[4:6]), jax.numpy.asarray(law.row())
+        )
+        assert all(bool(np.isfinite(s).all()) for s in slopes)
+
+
+def identified() -> FrictionModel:
+    model = load_model("preset:mx106/m6")
+    names = ("coulomb", "viscous")
+    matrix = ((0.04, 0.03), (0.03, 0.09))
+    friction = replace(
+        model.joints[0],
+        law=Law(rate=RATES["m1"](coulomb=5.0, viscous=2.0)),
+        standard_errors={"coulomb": 0.2, "viscous": 0.3},
+        covariance=Covariance(names=names, matrix=matrix),
+    )
+    return replace(model, joints=(friction,))
+
+
+def test_draws_have_the_mean_and_the_covariance_that_was_identified():
+    rows = identified().sample(4000, seed=3)
+    drawn = rows[:, [1, 5]]
+    assert np.allclose(drawn.mean(axis=0), [5.0, 2.0], atol=0.02)
+    assert np.allclose(np.cov(drawn.T), [[0.04, 0.03], [0.03, 0.09]], atol=0.006)
+    assert np.array_equal(rows, identified().sample(4000, seed=3))
+
+
+def test_draws_stay_inside_bounds_that_are_near():
+    model = identified()
+    friction = replace(model.joints[0], law=Law(rate=RATES["m1"](coulomb=5.0, viscous=0.01)), covariance=None)
+    rows = replace(model, joints=(friction,)).sample(500)
+    assert rows[:, 5].min() >= 0.0
+    assert rows[:, 5].max() > 0.3
+
+
+def test_what_cannot_be_drawn_is_refused():
+    model = load_model("preset:mx106/m6")
+    with pytest.raises(InvalidInput, match="knows no errors"):
+        model.sample(3)
+    with pytest.raises(InvalidInput, match="0 draws"):
+        identified().sample(0)
+    with pytest.raises(InvalidInput, match="joints"):
+        FrictionModel(
+            joints=(*model.joints, replace(model.joints[0], joint=replace(model.joints[0].joint, name="b")))
+        ).sample(3)

@@ -1,0 +1,149 @@
+"""Cases in which an answer was wrong with confidence, by the independent generator of the evidence: what is said of each now."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from backdrive import Joint, Log, identify, read_log
+from backdrive.identification.quality import grade
+
+GENERATOR = Path(__file__).parents[1] / "benchmarks" / "evidence" / "_independent.py"
+
+
+@pytest.fixture(scope="module")
+def made():
+    """The independent generator: numpy and numba alone."""
+    name = "independent_generator"
+    about = importlib.util.spec_from_file_location(name, GENERATOR)
+    assert about is not None and about.loader is not None
+    module = importlib.util.module_from_spec(about)
+    sys.modules[name] = module  # dataclasses look it up
+    about.loader.exec_module(module)
+    yield module
+    del sys.modules[name]
+
+
+def to_log(record) -> Log:
+    return Log(
+        time=record.time,
+        joints=(Joint(name="j", unit="rad"),),
+        position=record.position[:, None],
+        torque=record.torque[:, None],
+    )
+
+
+def runs(made, joint, speeds, rng, **logger):
+    """One log a run there and back, steady."""
+    whole = made.record(joint, made.trapezoids(speeds, 3.0, 0.3), made.Logger(**logger), rng)
+    logs = []
+    for k in range(2 * len(speeds)):
+        a, b = np.searchsorted(whole.time, [3.2 * k + 0.8, 3.2 * k + 2.9])
+        part = whole.rows(slice(int(a), int(b)))
+        logs.append(replace(part, time=part.time - part.time[0]))
+    return logs
+
+
+def test_noise_of_the_encoder_is_no_stick_slip(made):
+    rng = np.random.default_rng(1)
+    joint = made.Joint()
+    logs = runs(made, joint, np.linspace(0.3, 1.5, 5), rng, rate=500.0)
+    noisy = [replace(r, position=r.position + 1e-3 * rng.standard_normal(r.time.size)) for r in logs]
+    (friction,) = identify([to_log(r) for r in noisy]).model.joints
+    assert friction.method == "constant-velocity"
+    assert not any("did not keep their speed" in w for w in friction.warnings)
+    jerky = [
+        replace(r, position=r.position + 0.008 * np.sin(40.0 * r.time)) for r in noisy
+    ]  # truly stick-slip
+    (friction,) = identify([to_log(r) for r in jerky], method="constant-velocity").model.joints
+    assert any("did not keep their speed" in w for w in friction.warnings)
+
+
+@pytest.mark.parametrize("center", [0.0, 0.9])
+def test_gravity_is_tried_before_directions(made, center):
+    rng = np.random.default_rng(2)
+    joint = made.Joint(gravity=(4.0, 1.0))
+    t = np.arange(200_000) * made.STEP
+    lead = np.clip(t, 0.0, 1.0)
+    q = center + 0.22 * np.sin(2.1 * t) * lead * lead * (3.0 - 2.0 * lead)
+    record = made.record(joint, q, made.Logger(rate=500.0, noise=0.03), rng)
+    result = identify(to_log(record), law="coulomb-viscous")
+    (friction,) = result.model.joints
+    assert "gravity_sin" in friction.dynamics
+    rate: Any = friction.law.rate
+    assert rate.coulomb_positive == rate.coulomb_negative == pytest.approx(1.5, rel=0.03)
+
+
+def test_torque_late_but_found_is_remarked_not_graded(made):
+    rng = np.random.default_rng(3)
+    for late in (0.02, 0.05):
+        record = made.record(made.Joint(), made.multisine(30.0, 2.0, rng), made.Logger(late=late), rng)
+        (friction,) = identify(to_log(record), accept=("time-slip",)).model.joints
+        assert friction.dynamics["time_slip"].value == pytest.approx(late, abs=1e-3)
+        assert grade(friction).level == "good"
+        told = [w for w in friction.warnings if "ms later than the motion" in w]
+        assert len(told) == 1 and not any("Torque comes about" in w for w in friction.warnings)
+
+
+def test_trapezoids_at_100_hz_keep_their_coulomb_friction(made):
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        joint = made.Joint(inertia=0.35, coulomb=2.1, viscous=0.35, offset=-0.1)
+        motion = made.trapezoids(2.1 * np.arange(1, 7) / 6.0, 1.2, 0.2)
+        record = made.record(joint, motion, made.Logger(rate=100.0, noise=0.08), rng)
+        (friction,) = identify(to_log(record)).model.joints
+        speeds = np.array([0.7, 1.3, 1.9])
+        assert friction.law.torque(speeds) == pytest.approx(joint.sliding(speeds), rel=0.03)
+
+
+@pytest.mark.parametrize("kind", ["sines", "sweeps", "runs"])
+def test_a_lerobot_folder_with_several_episodes_is_one_identification(made, tmp_path, kind):
+    pa, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    rng = np.random.default_rng(4)
+    joint, logger = made.Joint(gravity=(2.0, 0.5), offset=0.1), made.Logger(rate=200.0, noise=0.03)
+    if kind == "runs":
+        records = runs(made, joint, np.linspace(0.3, 1.8, 6), rng, rate=200.0, noise=0.03)
+    elif kind == "sweeps":
+        records = [made.record(joint, made.sweep(c, 0.4, 1.5, 8), logger, rng) for c in (-1.2, 0.0, 1.2)]
+    else:
+        records = [made.record(joint, made.multisine(12.0, 2.0, rng), logger, rng) for _ in range(3)]
+    (tmp_path / "meta").mkdir()
+    (tmp_path / "data" / "chunk-000").mkdir(parents=True)
+    for k, r in enumerate(records):
+        content = {
+            "observation.state": r.position.tolist(),
+            "observation.effort": r.torque.tolist(),
+            "timestamp": r.time - r.time[0],
+            "frame_index": np.arange(r.time.size),
+            "episode_index": np.full(r.time.size, k),
+        }
+        parquet.write_table(pa.table(content), tmp_path / "data" / "chunk-000" / f"episode_{k:06d}.parquet")
+    features = {
+        name: {"dtype": "float32", "names": ["j"]} for name in ("observation.state", "observation.effort")
+    }
+    (tmp_path / "meta" / "info.json").write_text(
+        json.dumps({"codebase_version": "v2.1", "fps": 200, "features": features})
+    )
+    (friction,) = identify(read_log(str(tmp_path))).model.joints
+    speeds = np.array([0.5, 0.9, 1.3])
+    assert friction.law.torque(speeds) == pytest.approx(joint.sliding(speeds), rel=0.05)
+    assert grade(friction).level == "good"
+
+
+def test_friction_that_follows_the_load_is_said_from_one_center(made):
+    rng = np.random.default_rng(5)
+    joint = made.Joint(gravity=(6.0, 2.0), load_growth=0.15)
+    record = made.record(joint, made.sweep(0.9, 0.7, 1.5, 10), made.Logger(rate=500.0, noise=0.03), rng)
+    (friction,) = identify(to_log(record)).model.joints
+    assert grade(friction).level != "good" or any("load" in w for w in friction.warnings)
+    plain = replace(joint, load_growth=0.0)
+    record = made.record(plain, made.sweep(0.9, 0.7, 1.5, 10), made.Logger(rate=500.0, noise=0.03), rng)
+    (friction,) = identify(to_log(record)).model.joints
+    assert not any("follows the load" in w for w in friction.warnings)

@@ -1,0 +1,83 @@
+"""Inertia by a coarse encoder under coloured noise, and friction that builds up over a way after each reversal."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from backdrive.identification.motion import identify_motion
+from backdrive.identification.signals import prepare, way_since_reversal
+from backdrive.identification.smoothing import noise
+from backdrive.logs.filters import low_pass
+from backdrive.logs.log import Joint, Log
+
+RATE = 1000.0
+WAVES = ((0.8, 0.9, 0.0), (0.4, 2.3, 1.0), (0.2, 6.1, 2.0))  # rad, rad/s, rad
+INERTIA, COULOMB, VISCOUS = 0.3, 1.0, 0.4
+
+
+def joint_log(seed: int, bend: float = 0.0, step: float = 0.0, colour: float = 0.98, sd: float = 0.02) -> Log:
+    """Return the log of a joint whose friction is complete so long a way after a reversal [rad], as a spring's."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(30.0 * RATE)) / RATE
+    q = sum(a * np.sin(w * t + p) for a, w, p in WAVES)
+    v = sum(a * w * np.cos(w * t + p) for a, w, p in WAVES)
+    acceleration = -sum(a * w * w * np.sin(w * t + p) for a, w, p in WAVES)
+    z = np.zeros(t.size)
+    for k in range(1, t.size):
+        z[k] = np.clip(z[k - 1] + q[k] - q[k - 1], -bend, bend)
+    level = z / bend if bend else np.sign(v)
+    white = rng.standard_normal(t.size)
+    wander = np.zeros(t.size)
+    for k in range(1, t.size):
+        wander[k] = colour * wander[k - 1] + np.sqrt(1.0 - colour**2) * white[k]
+    torque = INERTIA * acceleration + COULOMB * level + VISCOUS * v + sd * wander
+    position = np.round(q / step) * step if step else q
+    return Log(time=t, joints=(Joint(name="j", unit="rad"),), position=position, torque=torque)
+
+
+def scores(name: str, truth: float, **options) -> np.ndarray:
+    """Return errors of a number over several logs, by its stated error."""
+    made = []
+    for seed in range(8):
+        friction, _ = identify_motion([joint_log(seed, **options)], "j", law="coulomb-viscous")
+        if name == "inertia":
+            estimate = friction.dynamics["inertia"]
+            made.append((estimate.value - truth) / estimate.standard_error)
+        else:
+            made.append((getattr(friction.law.rate, name) - truth) / friction.standard_errors[name])
+    return np.array(made)
+
+
+def test_the_encoder_does_not_draw_the_inertia_to_zero_under_coloured_noise():
+    """Whitening weighs high frequencies, where an encoder's steps are most of the acceleration."""
+    assert abs(scores("inertia", INERTIA, step=4e-5).mean()) < 0.8
+
+
+def test_noise_of_the_encoder_is_that_of_whitened_means_of_a_rounded_position():
+    rng = np.random.default_rng(3)
+    step, cutoff, width, correlation = 1e-4, 60.0, 10, 0.8
+    x = low_pass(step * rng.uniform(-0.5, 0.5, 400_000), cutoff, RATE)
+    acceleration = np.gradient(np.gradient(x, 1.0 / RATE), 1.0 / RATE)
+    mean = acceleration.reshape(-1, width).mean(axis=1)
+    white = (mean[1:] - correlation * mean[:-1]) / np.sqrt(1.0 - correlation**2)
+    assert noise(step, cutoff, RATE) == pytest.approx(np.mean(acceleration[100:-100] ** 2), rel=0.02)
+    expected = np.mean(white[20:-20] ** 2)
+    assert noise(step, cutoff, RATE, width, correlation) == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.01, 0.02])
+def test_friction_that_builds_up_over_a_way_is_left_out(bend):
+    for name, truth in (("coulomb_positive", COULOMB), ("viscous_positive", VISCOUS)):
+        z = scores(name, truth, bend=bend, step=4e-6)
+        assert abs(z.mean()) < 2.0 and np.abs(z).max() < 4.0  # 14 where nothing is left out
+
+
+def test_the_way_since_a_reversal_is_that_of_the_motion():
+    (s,) = prepare(joint_log(0), "j")
+    way, middle = way_since_reversal(s)
+    turns = np.flatnonzero(np.diff(np.sign(s.velocity)) != 0) + 1
+    a, b = turns[1], turns[2]
+    assert way[b - 1] == pytest.approx(abs(s.position[b] - s.position[a]), rel=0.02)
+    assert way[a] < 0.01 * way[b - 1]
+    assert middle == pytest.approx(np.median(np.abs(np.diff(s.position[turns]))), rel=0.3)
