@@ -69,11 +69,12 @@ def motion(exam: Exam, j: int, reach: int) -> Motion | None:
             continue
         filtered = running(each[number], heavy)
         slow = np.concatenate([[0], np.cumsum(np.abs(v) < SLOW * top)])
+        others = [pulls[number] for k, _ in exam if k != j and (pulls := _pull(exam, k)) is not None]
         raw = exam.log.channels["torque"][block, j]
         smooth = running(running(raw, light), heavy)
         bends.append(np.abs(np.diff(raw, 2)))
         at = np.arange(reach, filtered.shape[0] - reach, every)
-        terms.append(filtered[at])
+        terms.append(np.column_stack([filtered[at], *(pull[at] for pull in others)]))
         torque.append(smooth[at[:, None] + shifts])
         fast.append(slow[at] == slow[at + 3 * heavy - 2])  # none of the samples that the means reach
     m = sum(part.shape[0] for part in terms)
@@ -95,21 +96,26 @@ def motion(exam: Exam, j: int, reach: int) -> Motion | None:
 
 
 @once
+def _pull(exam: Exam, j: int) -> list[np.ndarray] | None:
+    """Return a joint's acceleration by block behind the heavy means, as a term of all other joints."""
+    path, heavy = _path(exam, j), _widths(exam.period)[1]
+    return None if path is None else [running(a, heavy) if a.size else a for _, _, a in path]
+
+
+@once
 def _columns(exam: Exam, j: int) -> tuple[list[np.ndarray], int, float]:
-    """Return the terms of `Motion` by block before the heavy means, (n, p) each, how many are plain, and the top speed."""
+    """Return a joint's own terms of `Motion` by block before the heavy means, (n, p) each, how many are plain, its top speed."""
     own = _path(exam, j) or []
-    others = [path for k, _ in exam if k != j and (path := _path(exam, k)) is not None]
     all_q, all_v = (np.concatenate([p[k] for p in own]) for k in (0, 1))
     top = max(float(np.quantile(np.abs(all_v), 0.99)), 1e-12)
     middle, span = 0.5 * float(all_q.min() + all_q.max()), float(np.ptp(all_q))
     wide = exam.log.joints[j].unit == "rad" and span > 0.5
     parts, plain = [], 0
-    for number, (q, v, a) in enumerate(own):
+    for q, v, a in own:
         columns = [a, np.sign(v), v, np.ones_like(v)]
         columns += [np.sin(q - middle), np.cos(q - middle)] if wide else [q - middle] if span > 0 else []
         plain = len(columns)
         columns += [v * np.abs(v), np.sign(v) * np.exp(-np.abs(v) / (0.05 * top))]
-        columns += [path[number][2] for path in others]
         parts.append(np.stack(columns, axis=1))
     return parts, plain, top
 
@@ -127,10 +133,12 @@ def lagging(exam: Exam, j: int, reach: int, seconds: float) -> tuple[np.ndarray,
 
     heavy, gain = _widths(exam.period)[1], -np.expm1(-exam.period / seconds)
     each, _, top = _columns(exam, j)
+    others = [path for k, _ in exam if k != j and (path := _path(exam, k)) is not None]
     parts, forgotten, memory = [], [], round(_FORGOTTEN * seconds / exam.period)
-    for x in each:
-        if not x.size:
+    for number, own in enumerate(each):
+        if not own.size:
             continue
+        x = np.column_stack([own, *(path[number][2] for path in others)])
         late = lfilter([gain], [1.0, gain - 1.0], x, axis=0, zi=(1.0 - gain) * x[:1])[0]
         filtered = running(late, heavy)
         at = np.arange(reach, filtered.shape[0] - reach, heavy // 2)
