@@ -66,7 +66,7 @@ def test_help_loads_no_numerics():
 #: Forks a child for every module: each has what other people wrote in memory, and nothing of ours but its bytecode on disk.
 ALONE = """
 import importlib, os, sys, traceback
-import matplotlib.figure, msgspec, numba.core.caching, numba.core.options, rich, scipy, typer
+import matplotlib.figure, msgspec, numba.core.caching, numba.core.options, rich, scipy.optimize, scipy.signal, scipy.stats, typer
 sys.dont_write_bytecode, sys.pycache_prefix = False, sys.argv[1]
 for name in sys.stdin.read().split():
     assert "backdrive" not in sys.modules

@@ -117,9 +117,10 @@ def strings():
 
 
 def test_every_option_that_is_spoken_of_exists():
-    group = typer.main.get_command(app)
-    known = {"--help", "--version"}
-    for command in group.commands.values():
+    known, commands = {"--help", "--version"}, [typer.main.get_command(app)]
+    while commands:
+        command = commands.pop()
+        commands += getattr(command, "commands", {}).values()
         for parameter in command.params:
             known.update(parameter.opts, parameter.secondary_opts)
     wrong = [

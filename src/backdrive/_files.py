@@ -99,6 +99,17 @@ def check_writable(path: str | Path, *, make: bool = False) -> None:
         part.open()
 
 
+def set_aside(path: Path, folder: Path) -> Path:
+    """Move a file to a folder of the same disk, and return where it is.
+
+    Raises:
+        WriteError: it cannot be moved.
+    """
+    with _said(path):
+        os.replace(path, folder / path.name)
+    return folder / path.name
+
+
 def make_folder(folder: str | Path, option: str) -> Path:
     """Make a folder, and those above it, where it does not exist.
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from backdrive._files import make_folder, read_whole, write_whole
+from backdrive._files import make_folder, read_whole, set_aside, write_whole
 from backdrive.errors import InvalidInput, ModelFileError, ReadError, require
 from backdrive.fleet import schema
 
@@ -164,7 +164,7 @@ class Store:
                 self.read_part(part, ["digest"])
             except Torn:
                 folder = make_folder(self.folder / "torn", "-o")
-                os.replace(part, folder / part.name)
+                set_aside(part, folder)
                 sentences.append(f"{part.name} was torn: set aside in {folder}, its logs are done again.")
         return sentences
 
