@@ -34,8 +34,10 @@ def earlier(x: np.ndarray, samples: float, linear: bool = False) -> np.ndarray:
     padded = np.pad(x, [(0, 0)] * (x.ndim - 1) + [(max(whole + 2, 0), max(2 - whole, 0))], "edge")
     first = max(whole + 2, 0) - whole - 2
     moved = weights[0] * padded[..., first : first + n]
+    term = np.empty_like(moved)
     for j in (1, 2, 3):
-        moved += weights[j] * padded[..., first + j : first + j + n]
+        np.multiply(padded[..., first + j : first + j + n], weights[j], out=term)
+        moved += term
     return moved
 
 

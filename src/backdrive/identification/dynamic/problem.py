@@ -87,8 +87,14 @@ class Problem(ABC):
     def residuals(self, points: np.ndarray) -> np.ndarray:
         """Return predicted less measured of a batch of search points, in the unit of what was measured, (B, m)."""
         predicted = self.predict([self.values(p) for p in points])
-        pairs = [(x - y, counts) for x, (y, counts) in zip(predicted, self.series())]
-        return np.concatenate([e if counts.all() else e[:, counts] for e, counts in pairs], axis=1)
+        residual, begin = np.empty((len(points), self.size)), 0
+        for x, (y, counts) in zip(predicted, self.series()):
+            rows = np.flatnonzero(counts)
+            part = residual[:, begin : begin + rows.size]
+            for ahead, model in zip(part, x):  # row by row: nothing as large as the whole is held beside it
+                np.subtract(model[rows], y[rows], out=ahead)
+            begin += rows.size
+        return residual
 
     def encoder(self, point: np.ndarray) -> np.ndarray:
         """Return how the residuals change when the encoder's steps fall otherwise, a draw a row, (draws, m); none by default.

@@ -198,13 +198,14 @@ class TorqueProblem(Problem):
         for s, X in pairs:
             moved = [_late(s, X, d / s.dt, rigid) for d in delays]
             dp, load = np.array([m[0] for m in moved]), np.array([m[1] for m in moved])
-            warmth = np.broadcast_to(s.temperature, (len(delays), s.temperature.size))
-            tau = lanes.torque(which, dp, s.dt, load, np.ascontiguousarray(warmth))
+            warmth = np.tile(s.temperature, (len(delays), 1))  # an own array: a view compiles the loop again
+            tau = lanes.torque(which, dp, s.dt, load, warmth)
             if zones is not None:
                 tau *= _outside(dp[which] / s.dt, zones, self.blur)
             for j in range(len(delays) if len(X) and not friction else 0):
-                mine = which == j
-                tau[mine] += beta[mine] @ moved[j][2]
+                mine = np.flatnonzero(which == j)
+                for row, rest in zip(mine, beta[mine] @ moved[j][2]):
+                    tau[row] += rest
             predicted.append(tau)
         return predicted
 
