@@ -27,7 +27,7 @@ of contents.
   filter.
 - *Not reproduced and explained*: it does not come out, and a run beside it shows what it takes.
 - *Contradicted*: it does not come out on these joints. With another transmission it may (the table below): that is no rescue.
-- *Cannot be judged here*: the thesis omits a quantity that decides, or the simulated joint has it because it was put in.
+- *Cannot be judged here*: the thesis omits the quantity that decides, which is named; what stands for it here was put in.
 
 A difference counts where its 95 % interval over hands, or over windows of the metronome, leaves out zero.
 

@@ -34,6 +34,8 @@ def test_every_statement_has_a_place_a_verdict_and_where_it_is_lost_a_reason():
     for s in STATEMENTS:
         assert s.experiment in known and s.section[0] in "234" and s.verdict in VERDICTS
         assert bool(s.why) == (s.verdict != REPRODUCED)
+        omitted = "not printed" in s.why or "without numbers" in s.why
+        assert omitted or s.verdict != UNJUDGED, f"{s.name} does not name the quantity that is omitted"
     assert all(f" {n} {verdict}" in headline(STATEMENTS) for verdict, n in counts(STATEMENTS).items())
 
 
@@ -46,6 +48,11 @@ def test_a_statement_comes_out_where_all_its_claims_hold():
     unjudged = next(s for s in STATEMENTS if s.verdict == UNJUDGED)
     assert disagreements({unjudged.name: True}) == (unjudged.name,)
     assert kept in missing(["fig-3.7"], {}) and unjudged.name not in missing([unjudged.experiment], {})
+
+
+def test_a_failure_s_explanation_is_told_only_where_it_fails():
+    told = [Claim(what="w", ours="o", holds=h, why="a", why_not="b").explanation for h in (True, None, False)]
+    assert told == ["a", "a", "b"]
 
 
 def test_the_page_is_what_would_be_written():

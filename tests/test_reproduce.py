@@ -25,7 +25,13 @@ def outcome(*verdicts: bool | None, seed: int = 0) -> Outcome:
         setting="a setting of 3 N.m",
         claims=tuple(
             Claim(
-                what=f"statement {i}", thesis="so", ours="<script>", gate="at least", holds=v, why="because"
+                what=f"statement {i}",
+                thesis="so",
+                ours="<script>",
+                gate="at least",
+                holds=v,
+                why="so it comes",
+                why_not="because",
             )
             for i, v in enumerate(verdicts)
         ),

@@ -158,7 +158,7 @@ def _result(result: Result, folder: Path) -> dict[str, Any]:
                 "ours": c.ours,
                 "gate": c.gate,
                 "holds": c.holds,
-                "why": c.why,
+                "why": c.explanation,
                 "statement": c.statement,
             }
             for c in outcome.claims
@@ -201,7 +201,7 @@ def _table(result: Result) -> Any:
     for heading, ratio in (("claim", 4), ("thesis", 2), ("here", 5), ("gate", 3)):
         rows.add_column(heading, ratio=ratio, overflow="fold")
     for c in result.outcome.claims if result.outcome else ():
-        why = f"{c.what}. {c.why}" if c.holds is False and c.why else c.what
+        why = f"{c.what}. {c.why_not}" if c.holds is False and c.why_not else c.what
         rows.add_row(word(c)[1], why, c.thesis, c.ours, c.gate)
     return rows
 
@@ -218,7 +218,7 @@ def _blocks(result: Result) -> Any:
     for c in result.outcome.claims if result.outcome else ():
         rows.add_row(word(c)[1], c.what)
         shown = [("thesis", c.thesis), ("here", c.ours), ("gate", c.gate)]
-        shown += [("why", c.why)] if c.holds is False else []
+        shown += [("why", c.why_not)] if c.holds is False else []
         for heading, text in shown:
             if text:
                 rows.add_row(f"  {heading}", text)

@@ -193,7 +193,11 @@ def _claims(claims: Sequence[Claim]) -> str:
     rows = []
     for claim in claims:
         level, came = word(claim)
-        why = f'<small class="why">{esc(prose(sentence(claim.why)))}</small>' if claim.why else ""
+        why = (
+            f'<small class="why">{esc(prose(sentence(claim.explanation)))}</small>'
+            if claim.explanation
+            else ""
+        )
         cells = "".join(
             f'<td data-label="{label}">{esc(prose(text))}</td>'
             for label, text in zip(heads[1:], (claim.thesis, claim.ours, claim.gate))

@@ -57,7 +57,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
             f"{s.speed_change:+.1f} %",
             gate=f"within {100 * ALIKE:g} % by a soft hand that intends the same motion",
             holds=abs(m.speed_change) <= 100.0 * ALIKE,
-            why="Where friction no longer holds the joint back the same intention moves it faster: the hand of the thesis must "
+            why_not="Where friction no longer holds the joint back the same intention moves it faster: the hand of the thesis must "
             "have watched the motion.",
             statement="2.11-velocity",
         )
@@ -65,12 +65,11 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
     ]
     claims.append(
         Claim(
-            what="After a reversal the hand feels more than friction, until the contact has turned round",
+            what="The most that the hand feels after a reversal, by the friction at rest",
             ours="; ".join(f"{_name(m)} {_peak(m):.1f} times" for m in firm) + " the friction at rest",
             holds=None,
             why=f"The contact of {CONTACT:g} N.m/rad pushes along the old direction over 2 F/K of motion: (1 + R) F for "
-            "a moment, and the jump after it costs inertia. "
-            "It is why the torque falls by less than R.",
+            "a moment, and the jump after it costs inertia.",
         )
     )
     claims.append(balance(r for m in (*firm, *soft) for r in (m.before, m.after)))

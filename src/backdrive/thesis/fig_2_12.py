@@ -33,21 +33,21 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
             f"{s.reduction:.1f} %",
             gate="60 to 80 %, firm hand",
             holds=60.0 <= m.reduction <= 80.0,
-            why="What is left on Joint 1 is mostly inertia, which no friction compensation takes away.",
+            why_not="What is left on Joint 1 is mostly inertia, which no friction compensation takes away.",
             statement="2.12-reduction",
         )
         for m, s in zip(firm, soft)
     ]
     claims.append(
         Claim(
-            what="What is left is inertia and the reversals",
+            what="How much of what is left is inertia",
             ours="; ".join(
                 f"{_name(m.joint)} {m.inertia_torque:.2f} of {m.torques[1]:.2f} N.m is inertia, the rest fell by "
                 f"{m.reduction_beside_inertia:.0f} %"
                 for m in firm
             ),
             holds=None,
-            why="No friction compensation takes inertia away; Joint 1 has the most of it.",
+            why="No friction compensation takes inertia away.",
         )
     )
     for amplitude in AMPLITUDES:
@@ -67,7 +67,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
                 for m in rows["soft hand, same reach"]
             ),
             holds=None,
-            why="Where friction no longer holds the joint back the same intention moves it faster, which costs inertia.",
+            why="Such a hand moves faster what holds it back less, and pays for it with inertia.",
         )
     )
     claims.append(
@@ -75,8 +75,8 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
             what=f"A soft hand of {SOFT:g} N.m/rad that keeps the velocity of the firm one",
             ours=_reductions(rows["soft hand, same speed"]),
             holds=None,
-            why="A soft hand cannot break a joint away at its own instant: the joint sticks at each reversal and jumps, "
-            "and the jump is inertia. The thesis' 60 to 80 % needs a hand that prescribes the motion.",
+            why="A soft hand cannot break a joint away at its own instant: a joint that sticks at a reversal jumps, and the jump "
+            "is inertia.",
         )
     )
     claims.append(balance(r for m in (*firm, *soft) for r in (m.before, m.after)))

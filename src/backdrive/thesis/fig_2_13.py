@@ -37,7 +37,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
         )
         claims.append(
             Claim(
-                what=f"{joint.replace('_', ' ').capitalize()}: the error is smallest with MOP at every speed",
+                what=f"{joint.replace('_', ' ').capitalize()}: the error of MOP by the smallest, speed by speed",
                 ours=f"at most {100 * behind:.1f} % above the smallest; "
                 + "; ".join(
                     f"{v:g} rad/s: "
@@ -46,8 +46,8 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
                     for v in TEETH
                 ),
                 holds=None,
-                why="At the lowest speed a curve and a straight line through the same F_0 hardly differ; at the highest the swing "
-                "after the corners is most of the error.",
+                why="A curve and a straight line through the same F_0 lie the closer, the lower the speed; the swing after the "
+                "corners grows with it.",
             )
         )
     claims.append(lag_check(done))

@@ -82,10 +82,10 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
     }
     claims.append(
         Claim(
-            what=f"Where it fails: a gain so low ({WEAK:g} N.m/rad on Joint 4) that friction holds the joint {held:.2f} rad off",
+            what=f"Beside it a gain so low ({WEAK:g} N.m/rad on Joint 4) that friction holds the joint {held:.2f} rad off",
             ours=", ".join(f"{case} {1e3 * weak[case]:.0f}" for case in CASES) + " mrad",
             holds=None,
-            why="A loop this slow follows the faster teeth late with or without friction; without friction it also swings.",
+            why="A loop this slow follows the faster teeth late with or without friction, and has less damping without.",
         )
     )
     claims.append(lag_check(done))

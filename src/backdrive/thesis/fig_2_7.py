@@ -46,10 +46,10 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
     }
     claims.append(
         Claim(
-            what="The slope at high speed differs from that at low speed, so that high speed must be measured",
+            what="Slope of the curves at low and at high speed, on which depends whether high speed must be measured",
             ours="; ".join(f"{j}: {a:.2f} and {b:.2f} N.m.s/rad" for j, (a, b) in slopes.items()),
             holds=None,
-            why="The bend was put into the simulated joints, as Fig. 2.7 shows it; the sweep finds it again.",
+            why="The bend was put into the simulated joints, as Fig. 2.7 shows it.",
         )
     )
     truth = {joint: _worst(done, "aligned") for joint, done in runs.items()}
@@ -82,7 +82,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
             f"with {heavy:.2f} kg.m^2 instead of {hard.joint.inertia:.2f} {100 * limited:.0f} %",
             gate="the torque's limit is reached on Joint 1 alone",
             holds=bool(hard.peak_torque >= hard.joint.torque_limit > 0.0 and others < 1.0),
-            why="The inertia of the simulated joint is an estimate. The thesis does not say which limit stopped it.",
+            why_not="The inertia of the simulated joint is an estimate. The thesis does not say which limit stopped it.",
             statement="2.7-limit",
         )
     )

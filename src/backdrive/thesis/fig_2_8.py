@@ -39,7 +39,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
     )
     claims.append(
         Claim(
-            what="Aligned, even 5 deg",
+            what="Aligned, distance of 5 deg from 50 deg",
             ours="; ".join(f"{j}: {aligned[j][5.0]:.3f} N.m" for j in runs),
             holds=None,
             why="At 5 deg the load swings further on the transmission than the motor, whose speed is measured.",

@@ -86,7 +86,7 @@ def _claims(name: str, found: dict[str, Any]) -> tuple[Claim, ...]:
             ours=_peaks(found, unit),
             gate="95 % interval of the paired difference below zero against both",
             holds=less(peaks["algFC2"], peaks["alpha_N"]) and less(peaks["algFC2"], peaks["alpha_H"]),
-            why=(
+            why_not=(
                 "A joint at rest has alpha = alpha_N in both, so that algFC2 cannot break it away more easily; where "
                 "alpha_N hunts it "
                 "has broken away already when the hand comes."
@@ -99,7 +99,7 @@ def _claims(name: str, found: dict[str, Any]) -> tuple[Claim, ...]:
             ours=f"at rest: {_rests(found)}",
             gate="at rest with at least nine hands of ten",
             holds=rest["algFC2"] >= 0.9 * n,
-            why=(
+            why_not=(
                 f"V_W = {release.threshold:g}, alpha_H F/K = {release.boundary:.3g} {release.plant.unit}/s. Where V_W "
                 "is the larger, algFC2 is "
                 "alpha_N again before the contact lets go of anything."

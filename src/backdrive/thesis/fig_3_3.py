@@ -114,7 +114,7 @@ def _claims(
             ),
             gate="no displacement below 6 N from at least half of the resting places within a count",
             holds=a["silent"] >= 0.5,
-            why=(
+            why_not=(
                 "The first edge lies between nothing and a whole count away, and a count of 1.2e6 N/m is 6 N: the "
                 "figure asks for a "
                 "joint that had just passed an edge, or for a transmission twice as stiff as the thesis says."

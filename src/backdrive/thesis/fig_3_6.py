@@ -131,7 +131,7 @@ def _claims(found: dict[str, dict[str, Any]]) -> tuple[Claim, ...]:
             gate="two counts in each direction from at least half of the resting places",
             holds=soft["share"] >= 0.5,
             statement="3.6-counts",
-            why=(
+            why_not=(
                 "12 and 8 N stretch 1.2e6 N/m by 10 and 6.7 um, 2 and 1.3 counts; which edges lie inside depends on the "
                 "resting place."
             ),
@@ -142,7 +142,7 @@ def _claims(found: dict[str, dict[str, Any]]) -> tuple[Claim, ...]:
             ours=f"{travel(stiff)}: {reach(stiff)}; two in both directions from {100 * stiff['share']:.0f} % of places",
             holds=None,
             why=(
-                "The travel is 8.3 um, 1.7 counts from end to end. The dither may not exceed the friction, and two counts each "
+                "The dither may not exceed the friction, and two counts each "
                 "way are four edges, 15 um at least: K_c <= (F_p + F_n)/15 um = 1.33e6 N/m."
             ),
         ),
@@ -150,7 +150,7 @@ def _claims(found: dict[str, dict[str, Any]]) -> tuple[Claim, ...]:
             what="With equal friction of 12 N in both directions and K_c = K.",
             ours=f"{travel(equal)}: {reach(equal)}; two in both directions from {100 * equal['share']:.0f} % of places",
             holds=None,
-            why="Two counts each way then need no special resting place; the real F_n was then nearer to F_p than 8 N.",
+            why="A dither bounded by equal friction reaches equally far both ways.",
         ),
         Claim(
             what="The end-effector does not move: the dither stays below the friction.",

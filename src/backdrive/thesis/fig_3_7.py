@@ -101,7 +101,7 @@ def _claims(
             f"{100 * lowest[:, 1].mean():.0f} % (-q) of {len(lowest)} windows",
             gate="in more than half of them, each direction",
             holds=bool(np.all(lowest.mean(axis=0) > 0.5)),
-            why="CD does what PD does, and by chance is the smallest as often.",
+            why_not="CD does what PD does, and by chance is the smallest as often.",
             statement="3.7-smallest",
         ),
         Claim(

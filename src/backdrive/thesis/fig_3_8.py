@@ -87,7 +87,7 @@ def claims(found: Peaks, unit: str, figure: str, seed: int, joint: str = "") -> 
             ours=f"{_guided.in_words(_guided.means(found), unit)}; above PD by {_pairs(tests, unit)}",
             gate=gate,
             holds=all(c.low > 0.0 for pair in tests.values() for c in pair),
-            why="CD dithers after every stop as PD does, once equality in (3.27e) counts as stuck, and does what PD does.",
+            why_not="CD dithers after every stop as PD does, once equality in (3.27e) counts as stuck, and does what PD does.",
             statement=f"{figure}-smallest",
         ),
         Claim(
@@ -124,7 +124,7 @@ def by_direction(found: Peaks, seed: int) -> Claim:
         + " N",
         gate="95 % interval of the difference without zero, in every case",
         holds=all(c.low * c.high > 0.0 for c in apart.values()),
-        why="The friction of 12 and 8 N is compensated by direction, so that what is left need not differ.",
+        why_not="The friction of 12 and 8 N is compensated by direction, so that what is left need not differ.",
         statement="3.8-direction",
     )
 

@@ -40,7 +40,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
                 f"of {ROUNDS} squares",
                 gate="in more than half of them, each direction",
                 holds=bool(np.all(share > 0.5)),
-                why="CD does what PD does, so that either is the smallest by chance.",
+                why_not="CD does what PD does, so that either is the smallest by chance.",
                 statement="3.9-smallest",
             )
         )

@@ -160,13 +160,13 @@ def _claims(found: dict[str, dict[str, np.ndarray]], means: dict[str, Any]) -> t
             statement="4.7-steady",
         ),
         Claim(
-            what="Where the hand holds the joint at rest, CT is better than P.",
+            what="The three where the hand holds the joint at rest.",
             ours=f"RMS error with the joint held at rest, two filters in a row {in_words(means['cascade']['held'], 'N')}",
             holds=None,
             why=(
-                "Both take the friction of a stuck joint for zero, and what truly holds it may be anything up to the "
-                "Coulomb force; "
-                "CT lets go at once, P in 0.15 s."
+                "CT and P take the friction of a stuck joint for zero, and what truly holds it may be anything up to the "
+                "Coulomb force. "
+                "CT lets go at once, P with its decay rate."
             ),
         ),
     )

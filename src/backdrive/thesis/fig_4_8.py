@@ -189,7 +189,7 @@ def _claims(found: Any) -> tuple[Claim, ...]:
             ours=f"mean peaks {in_words(_mean(found, CHOSEN, 'peak'), 'N')}; ran away: {_away(found, CHOSEN)}",
             gate="P below CT and HA, 95 % interval of the paired difference",
             holds=less(peak["P"], peak["CT"]) and less(peak["P"], peak["HA"]),
-            why=(
+            why_not=(
                 "The filter as printed switches its acceleration by 100 N of this mass from tick to tick and shakes the joint "
                 f"(moving {in_words(restless, '%', digits=0)} of the time between strokes), so that HA never rests on a "
                 "friction of "

@@ -152,7 +152,7 @@ def _claims(
             ours=at_rest("as printed"),
             gate=gate,
             holds=equilibrium("as printed"),
-            why=why,
+            why_not=why,
             statement="4.9-equilibrium",
         ),
         Claim(

@@ -17,7 +17,8 @@ class Claim:
         ours: what was found.
         gate: what is required.
         holds: the verdict; None for information.
-        why: where it does not hold, or holds for another reason: the explanation.
+        why: what explains it where it holds, or goes with the information.
+        why_not: what explains it where it does not hold; printed nowhere else.
         statement: name of the thesis' statement in the ledger (`ledger.STATEMENTS`); empty for a check of our own.
     """
 
@@ -27,7 +28,13 @@ class Claim:
     gate: str = ""
     holds: bool | None
     why: str = ""
+    why_not: str = ""
     statement: str = ""
+
+    @property
+    def explanation(self) -> str:
+        """The sentence that goes with what came out, empty without one."""
+        return self.why_not if self.holds is False else self.why
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

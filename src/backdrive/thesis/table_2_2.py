@@ -44,7 +44,7 @@ def run(seed: int = 0) -> Outcome:
             thesis=_row(TABLE_2_2),
             ours=_row(loaded),
             holds=None,
-            why="It has the table's size; its order is that of the loads that were assumed. Warmth or position could do the same.",
+            why="Its order is that of the loads that were assumed. Warmth or position could drive the postures apart as well.",
         ),
     ]
     claims.append(truth_check(plain.values()))
