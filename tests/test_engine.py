@@ -5,6 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
+from _kinds import of_a_kind
 from backdrive.engine import Axis, DriveModel, Lanes, forward, rollout
 from backdrive.engine.cores import spread
 from backdrive.errors import ExtrapolationWarning, InvalidInput
@@ -28,7 +29,7 @@ def model(*laws):
     return FrictionModel(joints=tuple(joints))
 
 
-@pytest.mark.parametrize("name", [*RATE_EXAMPLES, *ELEMENT_EXAMPLES])
+@pytest.mark.parametrize("name", of_a_kind([*RATE_EXAMPLES, *ELEMENT_EXAMPLES]))
 def test_a_rollout_is_the_loop_of_steps(name):
     law = example(name)
     p, x = law.row(), law.state()
@@ -41,21 +42,11 @@ def test_a_rollout_is_the_loop_of_steps(name):
     assert np.array_equal(got, expected)
 
 
-#: Laws whose loops are compiled in every run, one of a kind; the others with `-m long`.
-FEW = ("stribeck-gauss", "polyline", "m6", "lugre", "gms", "decaying")
-
-
 @pytest.mark.parametrize(
     ("name", "shared", "fastest"),
     [
-        *(
-            pytest.param(name, True, 1.0, marks=() if name in FEW else pytest.mark.long)
-            for name in RATE_EXAMPLES
-        ),
-        *(
-            pytest.param(name, False, 1.0, marks=() if name in FEW else pytest.mark.long)
-            for name in ELEMENT_EXAMPLES
-        ),
+        *of_a_kind(RATE_EXAMPLES, True, 1.0),
+        *of_a_kind(ELEMENT_EXAMPLES, False, 1.0),
         ("lugre", True, 1e120),
     ],
 )
