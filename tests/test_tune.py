@@ -17,7 +17,7 @@ from backdrive.errors import InvalidInput, ModelFileError, NotIdentifiable
 from backdrive.laws import Coulomb, CoulombViscous, HaywardArmstrong, Law, Polyline, Sigmoid
 from backdrive.logs.log import Joint
 from backdrive.model import Estimate, FrictionModel, JointFriction, Validity
-from backdrive.tuning import facts_of, load_tunings, save_tunings, tune
+from backdrive.tuning import facts_of, load_tunings, safety, save_tunings, tune
 from backdrive.tuning.facts import curve_of, scaled_rate
 from backdrive.tuning.goals import goal_of
 from backdrive.tuning.margins import least_breaking, with_value
@@ -205,6 +205,20 @@ def test_numbers_are_taken_back_until_they_pass_the_whole_test_or_are_refused():
     restless = replace(goal, unrest=lambda r: 2.0, calming=[{"share": 0.5}], test_on=[nominal(facts)])
     with pytest.raises(NotIdentifiable, match="however much is taken back"):
         calm(restless, begun, [])
+
+
+@pytest.mark.parametrize(
+    ("border", "kept"), [(0.84, 0.85 * 0.5**0.25), (0.6, 0.85 * 0.5**0.75), (0.43, 0.425), (0.9, 0.85)]
+)
+def test_the_last_step_back_is_halved_twice(monkeypatch, border, kept):
+    facts = facts_of(FRICTION, motor_share=0.1)
+    goal = replace(goal_of("backdrive", facts, usual_stroke(facts)), calming=[{"share": 0.5}])
+    monkeypatch.setattr(safety, "trials", lambda goal, members: [("joint", 1.0)])
+    monkeypatch.setattr(
+        safety, "restless", lambda goal, z, tried, longest=0.0: [t for t in tried if z["share"] > border]
+    )
+    found = calm(goal, {"share": 0.85, "stiffness": 0.7, "decay": 20.0}, [])
+    assert found == pytest.approx({"share": kept, "stiffness": 0.7, "decay": 20.0})
 
 
 @needs_jit

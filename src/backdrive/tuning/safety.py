@@ -19,6 +19,7 @@ from backdrive.tuning.members import Member
 from backdrive.tuning.scenes import FINE, SUBSTEP
 
 NUDGE = 1.03  # on R and K, with which the ends of the intervals have to rest too
+HALVINGS = 2  # of the last step back, where the step itself passed
 MOST_DELAYS = 8  # steps of half an interval, or longer ones, between no delay and the longest
 Trial = tuple[Member, float]  # a joint, and the factor on R and K
 
@@ -70,7 +71,7 @@ def safe(goal: Goal, z: Numbers, members: Sequence[Member]) -> bool:
 
 
 def calm(goal: Goal, z: dict[str, float], members: Sequence[Member]) -> dict[str, float]:
-    """Take R back (or what else calms) until the numbers pass the test.
+    """Take R back (or what else calms) until the numbers pass the test, and no further than a quarter of a step needs.
 
     Args:
         goal: whose test.
@@ -100,11 +101,26 @@ def _calm_by(
     """Take numbers back one way until they pass; None where they do not at the end of their range either."""
     every = trials(goal, members)
     left = [trial for trial in every if trial[1] > 1.0]
+    failed: Numbers | None = None
     while True:  # a few with the coarse step until they rest, then all with the fine one
         left = restless(goal, z, left, SUBSTEP) or restless(goal, z, every)
         if not left:
-            return z
+            return z if failed is None else _nearer(goal, z, failed, every, way)
+        failed = z
         calmer = {k: float(np.clip(z[k] * factor, *goal.ranges[k])) for k, factor in way.items()}
         if all(calmer[k] == z[k] for k in calmer):
             return None
         z = {**z, **calmer}
+
+
+def _nearer(
+    goal: Goal, z: dict[str, float], failed: Numbers, every: Sequence[Trial], way: Numbers
+) -> dict[str, float]:
+    """Return numbers that pass, the last step back halved `HALVINGS` times: what a step takes too much is felt by the hand."""
+    for _ in range(HALVINGS):
+        middle = {**z, **{k: float(np.sqrt(z[k] * failed[k])) for k in way}}
+        if restless(goal, middle, every):
+            failed = middle
+        else:
+            z = middle
+    return z
