@@ -10,7 +10,8 @@ from scipy.stats import ttest_1samp
 from backdrive.control.admittance import Admittance
 from backdrive.errors import InvalidInput
 from backdrive.identification.metrics import mean_magnitude, tracking_error
-from backdrive.thesis import Claim, Outcome
+from backdrive.laws import CoulombViscous, Law
+from backdrive.thesis import Claim, Outcome, fig_2_7
 from backdrive.thesis.catalog import ENTRIES
 from backdrive.thesis.ledger import STATEMENTS, counts, disagreements, evaluate, headline, missing
 from backdrive.thesis.scatter import clearly_less, interval, less
@@ -90,3 +91,9 @@ def test_the_virtual_force_is_of_mass_and_viscosity():
     assert virtual.virtual_force(9.81 * t, np.full(5, 9.81)) == pytest.approx(2.0 * 9.81 + 15.0 * 9.81 * t)
     with pytest.raises(InvalidInput, match="one of each"):
         virtual.virtual_force(np.zeros(3), np.zeros(4))
+
+
+def test_a_curve_that_was_not_obtained_lies_on_no_other():
+    curve = Law(rate=CoulombViscous(coulomb_positive=5.0, coulomb_negative=5.0))
+    assert fig_2_7._apart(curve, curve) == 0.0
+    assert fig_2_7._apart(None, curve) == fig_2_7._apart(curve, None) == float("inf")

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from backdrive.identification.metrics import relative_curve_distance
+from backdrive.laws import Law
 from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.thesis import _sweep_plots as own
 from backdrive.thesis._sweeps import METHODS, SETTING, STROKES, TOP_SPEED, by_stroke, listed, plan, sweep
@@ -25,7 +26,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
     for method, gate in zip(METHODS, (OVERLAPPING, 0.5)):
         spread = {
             joint: max(
-                100.0 * relative_curve_distance(r.curves[method], done[50.0].curves[method], TOP_SPEED)
+                _apart(r.curves.get(method), done[50.0].curves.get(method))
                 for A, r in done.items()
                 if A >= OVERLAP
             )
@@ -118,6 +119,13 @@ def _worst(done: dict, method: str) -> float:
         if A >= 10.0 or len(done) == 1
     ]
     return max(errors)
+
+
+def _apart(curve: Law | None, last: Law | None) -> float:
+    """Return the distance of a curve from that of the longest stroke [%], infinite where one was not obtained."""
+    if curve is None or last is None:
+        return float("inf")
+    return 100.0 * relative_curve_distance(curve, last, TOP_SPEED)
 
 
 def draw(outcome: Outcome) -> Any:
