@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -184,6 +184,24 @@ class FrictionModel:
                 f"The model has {len(self.joints)} joints.", remedy=f"Name one of {', '.join(self.names)}."
             )
         return np.array([law.row() for law in draw_laws(self.joint(0 if joint is None else joint), n, seed)])
+
+    def draw(self, n: int, seed: int = 0) -> list[FrictionModel]:
+        """Return models that the data left as likely as this one: the law of every joint drawn as `sample` draws it.
+
+        Args:
+            n: how many.
+            seed: the same one gives the same models.
+
+        Raises:
+            InvalidInput: the model knows no errors of a joint's law.
+        """
+        from backdrive.model.sample import draw_laws
+
+        drawn = [draw_laws(friction, n, [seed, j]) for j, friction in enumerate(self.joints)]
+        return [
+            replace(self, joints=tuple(replace(f, law=laws[k]) for f, laws in zip(self.joints, drawn)))
+            for k in range(n)
+        ]
 
     def table(self, speeds: int = 21) -> dict[str, dict[str, np.ndarray]]:
         """Return each joint's curve over its validity range.
