@@ -184,7 +184,8 @@ def _picked(xp: Any, index: Any, places: tuple[int, ...], *numbers: Any) -> Any:
     if all(isinstance(n, float) for n in numbers):
         table = np.zeros(places[-1] - places[0] + 1)
         table[np.array(places) - places[0]] = numbers
-        return xp.asarray(table, dtype=xp.float64)[index - places[0]]
+        where = {"device": index.device} if xp.__name__ == "torch" else {}
+        return xp.asarray(table, dtype=xp.float64, **where)[index - places[0]]
     result = numbers[-1]
     for place, number in zip(places[-2::-1], numbers[-2::-1]):
         result = xp.where(index == place, number, result)
