@@ -80,6 +80,18 @@ class Source:
     sha256: str
 
 
+def as_joints(joints: Sequence[Joint | str] | Joint | str) -> tuple[Joint, ...]:
+    """Return joints; a name stands for a rotary one.
+
+    Raises:
+        InvalidInput: something is neither a joint nor a name.
+    """
+    several = (joints,) if isinstance(joints, (str, Joint)) else tuple(joints)
+    if wrong := [joint for joint in several if not isinstance(joint, (str, Joint)) or joint == ""]:
+        raise InvalidInput(f"A joint is {wrong[0]!r}.", remedy="Give names, or Joint(name=...).")
+    return tuple(Joint(name=joint, named=True) if isinstance(joint, str) else joint for joint in several)
+
+
 def check_coupling(coupling: Sequence[Sequence[float]] | np.ndarray, size: int) -> np.ndarray:
     """Return C of q_joint = C q_motor as an array, (J, J).
 

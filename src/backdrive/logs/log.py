@@ -9,18 +9,18 @@ square could not be told from infinity.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.logs.joint import Drive, Joint, Source, check_coupling
+from backdrive.logs.joint import Drive, Joint, Source, as_joints, check_coupling
+from backdrive.logs.values import checked_period, frozen
 
 #: Beyond, a number is no measurement in any unit, and products of a few of them overflow; an infinity is a hole in a log.
 LARGEST = 1e60
 AS_SI = "was taken as SI"  # in a note of a doubt
-SHORTEST = 1e-12  # median sampling interval [s]
 
 #: Per-sample, per-joint channels of a `Log`, each with the SI unit for a rotary and for a linear joint.
 CHANNELS: dict[str, tuple[str, str]] = {
@@ -43,7 +43,7 @@ class Log:
 
     Attributes:
         time: sampling instants [s], (n,).
-        joints: one `Joint` per column, (J,).
+        joints: one `Joint` per column, (J,); a name stands for a rotary joint.
         position: joint position [rad or m], (n, J). Position or velocity is required.
         velocity: joint velocity [rad/s or m/s], (n, J).
         torque: actuator torque on the joint side [N.m or N], (n, J).
@@ -62,7 +62,7 @@ class Log:
     """
 
     time: np.ndarray
-    joints: tuple[Joint, ...]
+    joints: tuple[Joint, ...]  # or names
     position: np.ndarray | None = None
     velocity: np.ndarray | None = None
     torque: np.ndarray | None = None
@@ -80,14 +80,14 @@ class Log:
     coupling: tuple[tuple[float, ...], ...] | None = None
 
     def __post_init__(self):
-        time = _frozen(self.time, "time")
+        time = frozen(self.time, "time")
         if time.ndim != 1:
             raise InvalidInput(f"Log.time has shape {time.shape}.", remedy="Give one instant a sample, (n,).")
         object.__setattr__(self, "time", time)
         self._refuse_beyond("time", time)
         if not self.joints:
             raise InvalidInput("A Log needs at least one joint.", remedy="Pass joints=(Joint(name=...),).")
-        object.__setattr__(self, "joints", tuple(self.joints))
+        object.__setattr__(self, "joints", as_joints(self.joints))
         names = [joint.name for joint in self.joints]
         if len(set(names)) != len(names):
             raise InvalidInput(f"Joint names repeat: {names}.", remedy="Name every joint differently.")
@@ -95,7 +95,7 @@ class Log:
             value = getattr(self, name)
             if value is None:
                 continue
-            value = _frozen(value, name)
+            value = frozen(value, name)
             if value.ndim == 1:
                 value = value[:, None]
             if value.shape != (time.size, len(names)):
@@ -127,6 +127,48 @@ class Log:
                 f"({LARGEST:g}).",
                 remedy="Mark missing samples as NaN, drop them, or correct the factor of --map.",
             )
+
+    @classmethod
+    def from_arrays(
+        cls,
+        time: Any = None,
+        *,
+        rate: float | None = None,
+        joints: str | Joint | Sequence[str | Joint] | None = None,
+        unit: str | Sequence[str] = "rad",
+        **channels: Any,
+    ) -> Log:
+        """Return a log of arrays: `Log.from_arrays(rate=1000, position=q, torque=tau)`.
+
+        Args:
+            time: sampling instants [s], (n,); None: by `rate`.
+            rate: samples a second [Hz].
+            joints: names; None: joint_1, joint_2, ...
+            unit: `rad` or `m`, for all joints or one each.
+            channels: `position`, `torque` and the other channels of a log, (n,) or (n, J).
+
+        Raises:
+            InvalidInput: an array is no array of numbers, shapes do not fit, or nobody says the time.
+        """
+        from backdrive.logs.tables import log_of_arrays
+
+        return log_of_arrays(time, rate=rate, joints=joints, unit=unit, channels=channels)
+
+    @classmethod
+    def from_frame(cls, frame: Any, **options: Any) -> Log:
+        """Return a log of a data frame, its columns taken by their names as those of a file are.
+
+        Args:
+            frame: of pandas, polars or pyarrow, or a mapping from names to arrays.
+            options: `map`, `names`, `units`, `gear`, `counts`, ..., as `read_log` takes them.
+
+        Raises:
+            MappingError: the columns do not say what they are; the message lists them.
+            InvalidInput: it is no table, or an option does not fit.
+        """
+        from backdrive.logs.tables import log_of_frame
+
+        return log_of_frame(frame, **options)
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -299,40 +341,10 @@ class Log:
         )
 
 
-def _frozen(value: Any, name: str) -> np.ndarray:
-    """Return the values as read-only float64; what already is, and cannot be written through another array, is not copied."""
-    if isinstance(value, np.ndarray) and value.dtype == np.float64 and not value.flags.writeable:
-        owner = value if value.base is None else value.base
-        if isinstance(owner, np.ndarray) and owner.base is None and not owner.flags.writeable:
-            return value
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidInput(
-            f"Log.{name} holds something that is not a number.", remedy="Give plain numbers."
-        ) from error
-    array.setflags(write=False)
-    return array
-
-
-def checked_period(period: float) -> float:
-    """Return a sampling interval [s], unless nothing samples so fast.
-
-    Raises:
-        InvalidInput: it is above zero and below a picosecond.
-    """
-    if 0.0 < period < SHORTEST:
-        raise InvalidInput(
-            f"The median sampling interval is {period:g} s.",
-            remedy="Bring the time to seconds, for example --map t=0.001*COLUMN.",
-        )
-    return period
-
-
 def channel_unit(channel: str, joint: Joint) -> str:
     """Return the SI unit of a channel for this joint."""
     rotary, linear = CHANNELS[channel]
     return rotary if joint.unit == "rad" else linear
 
 
-assert set(CHANNELS) <= {f.name for f in fields(Log)}
+assert set(CHANNELS) <= set(Log.__dataclass_fields__)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from backdrive._catalog import lookup
-from backdrive._upper import upper
+from backdrive._upper import Shown, upper
 from backdrive.errors import ExtrapolationWarning, InvalidInput, NegativeFrictionWarning
 from backdrive.logs.joint import Source, check_coupling
 from backdrive.model.covariance import AGAIN, check_covariance
@@ -47,7 +48,7 @@ class ArmModel:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FrictionModel:
+class FrictionModel(Shown):
     """The friction of every joint of a robot, ready to be used.
 
     Attributes:
@@ -202,6 +203,23 @@ class FrictionModel:
             replace(self, joints=tuple(replace(f, law=laws[k]) for f, laws in zip(self.joints, drawn)))
             for k in range(n)
         ]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the document of the model file as plain values."""
+        return json.loads(upper("model.file", "encode")(self))
+
+    def loop(self, tunings: Any, *, period: float | None = None, **more: Any) -> Any:
+        """Return the torque loop of one or several tuned joints, with the limits that the tunings hold.
+
+        Args:
+            tunings: of `tune`, one or several.
+            period: of the loop [s]; None: what they were tuned for.
+            more: `top_speed`, `limit`, `encoder_count`, as `Tuning.loop` takes them; a number, or by joint.
+
+        Raises:
+            InvalidInput: a tuning is of no joint of this model, was made for another period, or has no limits.
+        """
+        return upper("tuning.loops", "loop_of")(self, tunings, period=period, **more)
 
     def table(self, speeds: int = 21) -> dict[str, dict[str, np.ndarray]]:
         """Return each joint's curve over its validity range.
