@@ -34,7 +34,9 @@ def log_of_arrays(
     Raises:
         InvalidInput: an array is no array of numbers, shapes do not fit, or time and rate are both there or both absent.
     """
-    given = {name: _array(name, value) for name, value in channels.items() if value is not None}
+    given: dict[str, Any] = {
+        name: _array(name, value) for name, value in channels.items() if value is not None
+    }
     if unknown := sorted(set(given) - set(CHANNELS)):
         raise InvalidInput(f"A log has no channel '{unknown[0]}'.", remedy=f"It has {', '.join(CHANNELS)}.")
     if not given:

@@ -173,7 +173,7 @@ def _rows_of(model: FrictionModel, of: Sequence[Curve]) -> list[list[str]]:
             grade(f).word,
             _friction(f, curve, 0),
             _friction(f, curve, 1),
-            percent((f.held_out or f.fitted).residual if (f.held_out or f.fitted) else None),
+            percent(quality.residual if (quality := f.held_out or f.fitted) else None),
         ]
         for f, curve in zip(model.joints, of)
     ]
