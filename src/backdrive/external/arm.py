@@ -25,6 +25,7 @@ from backdrive.external.estimate import AUTO, LEAST, SETTLED, delay_of, known_al
 from backdrive.external.result import STATES, JointForce
 from backdrive.external.temperature import along_stretches
 from backdrive.external.wrench import WrenchEstimate, wrench_of
+from backdrive.external.wrench_axes import Convention, brought, doubt
 from backdrive.identification.delay import earlier
 from backdrive.identification.signals import Signals, prepare
 from backdrive.laws import REFERENCE
@@ -164,12 +165,30 @@ class ArmEstimate:
             carried[rest] = self.estimator.bodies.robot.gravity(q) - force[rest]
         return np.where(state == 2, carried, 0.0)
 
-    def wrench(self, log: Log, joints: Sequence[JointForce]) -> WrenchEstimate:
-        """Return the wrench at the frame that explains the torques of the joints, along a log."""
-        arm = self._signals(log)
+    def wrench(
+        self, log: Log, joints: Sequence[JointForce], axes: str = "frame"
+    ) -> tuple[WrenchEstimate, list[str]]:
+        """Return the wrench at the frame that explains the torques of the joints along a log, and remarks.
+
+        Args:
+            log: with a measured wrench, or without.
+            joints: external torques.
+            axes: along which a measured wrench is: `frame`, those of the frame itself, or `base`.
+        """
+        arm, frame, remarks = self._signals(log), str(self.estimator.frame), []
         time = np.concatenate([s[0].time for s in arm.stretches])
         position = np.concatenate([np.column_stack([one.position for one in s]) for s in arm.stretches])  # type: ignore[misc]
-        return wrench_of(self.estimator, time, position, joints)
+        if log.wrench is None:
+            estimate = wrench_of(self.estimator, time, position, joints)
+            return estimate, estimate.remarks()
+        clock, stated = joints[0].time, Convention(frame=frame, axes=axes)
+        good, robot = np.isfinite(log.time), self.estimator.bodies.robot
+        q = np.column_stack([np.interp(clock, time, column) for column in position.T])
+        raw = np.column_stack([np.interp(clock, log.time[good], column[good]) for column in log.wrench.T])
+        known = brought(raw, robot, q, stated, frame)
+        estimate = wrench_of(self.estimator, time, position, joints, known)
+        said = doubt(estimate, raw, robot, q, stated)
+        return estimate, [*estimate.remarks(), *([] if said is None else [said])]
 
     def widened(self, joints: Sequence[JointForce]) -> list[JointForce]:
         """Return the torques with bands that also hold what is not known of the friction's growth with the load."""

@@ -20,6 +20,7 @@ from backdrive.logs.joint import Drive, Joint, Source, check_coupling
 #: Beyond, a number is no measurement in any unit, and products of a few of them overflow; an infinity is a hole in a log.
 LARGEST = 1e60
 AS_SI = "was taken as SI"  # in a note of a doubt
+WRENCH = 6  # numbers of a wrench
 SHORTEST = 1e-12  # median sampling interval [s]
 
 #: Per-sample, per-joint channels of a `Log`, each with the SI unit for a rotary and for a linear joint.
@@ -54,6 +55,7 @@ class Log:
         model_torque: torque of the other axes' pull and gravity, known from elsewhere [N.m or N], (n, J).
         load: transmitted load [N.m or N], (n, J).
         temperature: of the joint [degC], (n, J).
+        wrench: of the environment on the robot, as a sensor has it: force [N], then moment [N.m], (n, 6). It is of no joint.
         drive: the law behind `drive_input`.
         plan: the motion plan it was recorded with (an object of `backdrive.plans`), if known.
         sources: files it came from.
@@ -73,6 +75,7 @@ class Log:
     model_torque: np.ndarray | None = None
     load: np.ndarray | None = None
     temperature: np.ndarray | None = None
+    wrench: np.ndarray | None = None
     drive: Drive | None = None
     plan: Any = None
     sources: tuple[Source, ...] = ()
@@ -105,6 +108,14 @@ class Log:
                 )
             object.__setattr__(self, name, value)
             self._refuse_beyond(name, value)
+        if self.wrench is not None:
+            wrench = _frozen(self.wrench, "wrench")
+            if wrench.shape != (time.size, WRENCH):
+                raise InvalidInput(
+                    f"Log.wrench has shape {wrench.shape}, but there are {time.size} instants.",
+                    remedy="Give a force and a moment an instant, (n, 6).",
+                )
+            object.__setattr__(self, "wrench", wrench)
         if self.coupling is not None:
             matrix = check_coupling(self.coupling, len(names))
             object.__setattr__(self, "coupling", tuple(map(tuple, matrix.tolist())))
@@ -211,7 +222,7 @@ class Log:
         return replace(self, notes=(*self.notes, sentence))
 
     def select(self, joints: str | int | Sequence[str | int]) -> Log:
-        """Return the log of some joints only, in the order given.
+        """Return the log of some joints only, in the order given; a wrench on the whole robot is left out unless all are.
 
         Raises:
             UnknownName: a joint is not in the log.
@@ -221,11 +232,16 @@ class Log:
         arrays = {name: value[:, columns] for name, value in self.channels.items()}
         every = self.coupling is not None and sorted(columns) == list(range(len(self.joints)))
         coupling = tuple(self.coupling[c] for c in columns) if every and self.coupling else None
-        return replace(self, joints=tuple(self.joints[c] for c in columns), coupling=coupling, **arrays)
+        joints = tuple(self.joints[c] for c in columns)
+        wrench = self.wrench if sorted(columns) == list(range(len(self.joints))) else None
+        return replace(self, joints=joints, coupling=coupling, wrench=wrench, **arrays)
 
     def rows(self, index: slice | np.ndarray) -> Log:
         """Return the samples at a slice, mask or index array."""
-        return replace(self, time=self.time[index], **{k: v[index] for k, v in self.channels.items()})
+        wrench = None if self.wrench is None else self.wrench[index]
+        return replace(
+            self, time=self.time[index], wrench=wrench, **{k: v[index] for k, v in self.channels.items()}
+        )
 
     def between(self, start: float = -np.inf, stop: float = np.inf) -> Log:
         """Return the samples with start <= time < stop [s]."""
