@@ -71,6 +71,8 @@ class ArmEstimate:
         """
         self.estimator = ArmForce.from_model(model, robot, frame=frame)
         self.frictions = tuple(with_break_away(model.joint(name)) for name in self.estimator.joints)
+        J, coupling = len(self.frictions), self.estimator.coupling
+        self._C = np.eye(J) if coupling is None else np.array(coupling)
 
     def forces(
         self, log: Log, method: str = AUTO, bandwidth: float | None = None, least: float = 0.0
@@ -117,7 +119,8 @@ class ArmEstimate:
                 remedy="Give a smaller --bandwidth, or --method momentum.",
             )
         carried = self._carried_at_rest(arm, time, force, state)
-        results = []
+        results, told = [], self._at_motors(log)
+        remarks += self._tied()
         for j, friction in enumerate(self.frictions):
             if friction.verdict is not None and friction.verdict.grade in ("poor", "unknown"):
                 remarks.append(
@@ -139,7 +142,7 @@ class ArmEstimate:
                     method=method,
                     bandwidth=float(bandwidth),
                     lag=estimator.lag(1.0 / rate),
-                    known=known_along(log, friction.joint.name, time),
+                    known=known_along(told, friction.joint.name, time),
                     speed=speed_along([s[j] for s in arm.stretches], time),
                 )
             )
@@ -147,6 +150,32 @@ class ArmEstimate:
             remarks += [beyond] if beyond else []
         self._check_robot(arm, results)
         return results, remarks
+
+    def _at_motors(self, log: Log) -> Log:
+        """Return a log with positions and torques of the motors, where these drive several joints."""
+        if self.estimator.coupling is None:
+            return log
+        names, C, moves = self.estimator.joints, self._C, {}
+        one = log.select(names)
+        moves["position"] = one.need("position") @ np.linalg.inv(C).T
+        for channel in ("torque", "external_torque"):
+            if channel in one.channels:
+                moves[channel] = one.channels[channel] @ C
+        plain = {channel: None for channel in one.channels if channel not in (*moves, "temperature")}
+        return one.replace(coupling=None, **plain, **moves)
+
+    def _tied(self) -> list[str]:
+        """Return what is to be said where motors drive several joints."""
+        tied = (self._C != 0.0) & ~np.eye(len(self._C), dtype=bool)
+        if not tied.any():
+            return []
+        names = [
+            n for n, row, column in zip(self.estimator.joints, tied, tied.T) if row.any() or column.any()
+        ]
+        return [
+            f"Motors of {', '.join(names)} drive several joints: torques, bands and contacts are those of the motors, at which "
+            "friction acts; the wrench is of the arm."
+        ]
 
     def _carried_at_rest(
         self, arm: ArmLog, time: np.ndarray, force: np.ndarray, state: np.ndarray
@@ -162,7 +191,7 @@ class ArmEstimate:
                     for j in range(force.shape[1])
                 ]
             )
-            carried[rest] = self.estimator.bodies.robot.gravity(q) - force[rest]
+            carried[rest] = self.estimator.bodies.robot.gravity(q @ self._C.T) @ self._C - force[rest]
         return np.where(state == 2, carried, 0.0)
 
     def wrench(
@@ -175,7 +204,7 @@ class ArmEstimate:
             joints: external torques.
             axes: along which a measured wrench is: `frame`, those of the frame itself, or `base`.
         """
-        arm, frame, remarks = self._signals(log), str(self.estimator.frame), []
+        arm, frame = self._signals(log), str(self.estimator.frame)
         time = np.concatenate([s[0].time for s in arm.stretches])
         position = np.concatenate([np.column_stack([one.position for one in s]) for s in arm.stretches])  # type: ignore[misc]
         if log.wrench is None:
@@ -183,7 +212,7 @@ class ArmEstimate:
             return estimate, estimate.remarks()
         clock, stated = joints[0].time, Convention(frame=frame, axes=axes)
         good, robot = np.isfinite(log.time), self.estimator.bodies.robot
-        q = np.column_stack([np.interp(clock, time, column) for column in position.T])
+        q = np.column_stack([np.interp(clock, time, column) for column in position.T]) @ self._C.T
         raw = np.column_stack([np.interp(clock, log.time[good], column[good]) for column in log.wrench.T])
         known = brought(raw, robot, q, stated, frame)
         estimate = wrench_of(self.estimator, time, position, joints, known)
@@ -217,6 +246,7 @@ class ArmEstimate:
                     remedy=f"Read the log with --unit {friction.joint.unit}.",
                 )
         whole = replace(log, external_torque=None)  # what is sought is no part of the motors' torque
+        whole = self._at_motors(whole)
         good = np.isfinite(log.time)
         for channel in (log.need("position"), log.need("torque")):
             good &= np.isfinite(channel[:, columns]).all(axis=1)
@@ -239,7 +269,7 @@ class ArmEstimate:
         made = self.estimator.replace(method=method, bandwidth=bandwidth, frame=None)
         if method != "direct":
             return made
-        inertia = np.diag(made.bodies.robot.inertia(self._middle(arm)[None])[0]) + made.inertia
+        inertia = np.diag(made.inertia_at(self._middle(arm)))
         filters = []
         for j, friction in enumerate(self.frictions):
             fastest = max(float(np.abs(s[j].acceleration).max()) for s in arm.stretches)
@@ -290,8 +320,7 @@ class ArmEstimate:
     ) -> tuple[str, float]:
         """Return the method that most joints ask for by their noise, and the median of their bandwidths [1/s]."""
         longest = max(range(len(plain)), key=lambda i: plain[i][0].size)
-        robot = self.estimator.bodies.robot
-        inertia = np.diag(robot.inertia(self._middle(arm)[None])[0]) + self.estimator.inertia
+        inertia = np.diag(self.estimator.inertia_at(self._middle(arm)))
         force = plain[longest][1]
         if force.shape[0] < LEAST:
             raise NotIdentifiable("The log is too short.", remedy="Give a longer log.")

@@ -93,14 +93,15 @@ def wrench_of(
     Args:
         estimator: with a frame.
         time: of the positions [s], (m,).
-        position: of the joints [rad or m], (m, J).
+        position: of the joints, or of coupled motors [rad or m], (m, J).
         joints: external torques on one clock, in the estimator's order.
         measured: wrench at the frame, along the axes of the base, at those instants [N, N.m], (n, 6); None: not measured.
     """
     frame, J, clock = estimator.frame, len(joints), joints[0].time
     assert frame is not None
     q = np.column_stack([np.interp(clock, time, position[:, j]) for j in range(J)])
-    jacobians = estimator.bodies.robot.jacobian(q, frame)
+    C = np.eye(J) if estimator.coupling is None else np.array(estimator.coupling)
+    jacobians = estimator.bodies.robot.jacobian(q @ C.T, frame) @ C
     deviations = np.column_stack([0.5 * (one.upper - one.lower) / WIDTH for one in joints])
     fallback = np.array(estimator.sliding)
     deviations = np.where(np.isfinite(deviations) & (deviations > 0.0), deviations, fallback)

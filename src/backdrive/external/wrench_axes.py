@@ -1,12 +1,12 @@
-"""A measured wrench beside the estimate: brought to the frame's origin and the axes of the base, and doubted where others fit better.
+"""A measured wrench beside the estimate: brought to the axes of the base, and doubted where other axes or places fit better.
 
-A sensor has axes and an origin of its own. Stated is at which frame it sits, and along whose axes it measures. With the rotation R_s
-and the origin p_s of a frame s, and the estimate at the origin p of another,
+A sensor has axes and an origin of its own. Stated is at which frame it sits, and along whose axes it measures. With the rotation
+R_s and the origin p_s of a frame s, and the estimate at the origin p of another,
 
     f = R_s f_s,       m = R_s m_s + (p_s - p) x f
 
-Of all frames of the arm, axes of each or of the base, and both signs, that which leaves least of the measured wrench unexplained, by
-the covariance of the estimate, is compared with what was stated.
+Of all frames of the arm, axes of each or of the base, and both signs, that which leaves least of the measured wrench unexplained,
+by the covariance of the estimate, is compared with what was stated.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ SHARE = (
     0.5  # of the measured wrench that the stated convention leaves at least, before another is spoken of [-]
 )
 CLEARER = 0.5  # share of that which another leaves at most [-]
-SAME = 1e-9  # differences of placements that are none [m or rad]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +107,7 @@ def doubt(
     best = int(np.argmin(shares))
     start = f"The log's wrench, taken {stated}, leaves {100 * np.sqrt(own):.0f} % of itself unexplained"
     if shares[best] > CLEARER * own:
-        return f"{start}, and no frame of the description explains it much better: check its unit, zero and mass of the tool."
+        return f"{start}, and no frame of the description explains it much better: check its unit, its zero, the tool's weight."
     return (
         f"{start}; taken {others[best]} it leaves {100 * np.sqrt(shares[best]):.0f} %: the frame, the axes (--wrench-axes) or the "
         "sign look wrong."

@@ -9,8 +9,8 @@ of a block G_b and its score s_b (columns times weighted residuals, summed), the
 D is the delete-a-block jackknife (Shao & Wu, Annals of Statistics 17, 1989; CR3 of Cameron & Miller, J. Human Resources 50, 2015):
 the cluster-robust sandwich, with what each block took of its own residuals put back; f widens it as Student's distribution is
 (`regression.few`). Few blocks say nothing of some directions among many coefficients. D is therefore mixed with what residuals
-would make that no column goes along with, as large as D on the whole (Ledoit & Wolf, J. Multivariate Analysis 88, 2004, with a fixed
-share):
+would make that no column goes along with, as large as D on the whole (Ledoit & Wolf, J. Multivariate Analysis 88, 2004, with a
+fixed share):
 
     cov x = (1 - a) D + a c V G V + V H V,       V = (G + H)^-1,       c = tr(V^-1 D) / tr(V G)
 """

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.identification.arm_signals import ArmSignals, hold_out_all, in_order, prepare_arm
+from backdrive.identification.arm_signals import ArmSignals, hold_out_all, prepare_arm
 from backdrive.identification.arm_terms import Regressor
 from backdrive.identification.quality import judge
 from backdrive.logs.log import Log
@@ -94,9 +94,7 @@ def arm_of(model: FrictionModel, urdf: str | Path | Robot) -> tuple[ArmModel, Ro
 
 def coupling_of_model(model: FrictionModel, robot: Robot) -> np.ndarray | None:
     """Return C of q_joint = C q_motor that the model holds, in the robot's order, (J, J), or None."""
-    if model.coupling is None:
-        return None
-    return in_order(model.coupling, model.coupled or model.names, robot.joints)
+    return robot.coupling_of(model.coupling, model.coupled or model.names)
 
 
 def torque_parts(
