@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.identification.delay import earlier
 from backdrive.identification.signals import SHORTEST, between_gaps
 from backdrive.logs import filters
 from backdrive.logs.joint import coupling_between
@@ -53,6 +54,12 @@ class ArmSignals:
     fitted: np.ndarray
     held_out: np.ndarray
     coupling: np.ndarray | None = None
+
+    def shifted(self, delay: float) -> ArmSignals:
+        """Return signals whose torque is that of some time later [s], where a log holds it so late."""
+        if delay == 0.0:
+            return self
+        return replace(self, torque=np.ascontiguousarray(earlier(self.torque.T, -delay * self.rate).T))
 
     def at_motors(self, coupling: np.ndarray) -> ArmSignals:
         """Return signals of joints with velocity, acceleration and torque brought to the motors that drive them."""

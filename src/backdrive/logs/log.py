@@ -232,9 +232,9 @@ class Log:
         arrays = {name: value[:, columns] for name, value in self.channels.items()}
         every = self.coupling is not None and sorted(columns) == list(range(len(self.joints)))
         coupling = tuple(self.coupling[c] for c in columns) if every and self.coupling else None
-        joints = tuple(self.joints[c] for c in columns)
+        chosen = tuple(self.joints[c] for c in columns)
         wrench = self.wrench if sorted(columns) == list(range(len(self.joints))) else None
-        return replace(self, joints=joints, coupling=coupling, wrench=wrench, **arrays)
+        return replace(self, joints=chosen, coupling=coupling, wrench=wrench, **arrays)
 
     def rows(self, index: slice | np.ndarray) -> Log:
         """Return the samples at a slice, mask or index array."""
