@@ -65,7 +65,8 @@ def identify_arm(
     Returns:
         Friction and evidence by joint, in the log's order; and the bodies, in the URDF's. `dynamics` of a joint holds
         `inertia` that the motor adds, `offset` of the torque, `transition`, the velocity within which friction changes
-        sign, and `time_slip` of the torque where one is told from none; friction per transmitted torque is the growth of its law, zero with its error where it cannot be told from that.
+        sign, and `time_slip` of the torque where one is told from none; friction per transmitted torque is the growth of its
+        law, zero with its error where it cannot be told from that.
         The evidence's torques are low-passed at 5 Hz, as they are judged.
 
     Raises:
