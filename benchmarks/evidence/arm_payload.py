@@ -65,8 +65,8 @@ def oracle(draws: list[Draw]) -> None:
         for way, variance in enumerate((1.0 / told[0], 1.0 / told[0] + 1.0 / told[1])):
             expected[way] += norm.cdf(gate / np.sqrt(variance)) - norm.cdf(-gate / np.sqrt(variance))
     print(
-        f"  an oracle that knows bodies, center, friction and the noise's spectrum: {expected[0]:.1f} of {len(draws)} within the gate; "
-        f"one that learns what the bodies weigh along that direction from the unloaded log: {expected[1]:.1f}"
+        f"  an oracle that knows bodies, center, friction and the noise's spectrum: {expected[0]:.1f} of {len(draws)} within the "
+        f"gate; one that learns what the bodies weigh along that direction from the unloaded log: {expected[1]:.1f}"
     )
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from backdrive.control.estimators.arm import ArmForce
 from backdrive.control.estimators.of_model import ABRUPT, WIDTH, at_rest, with_break_away
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.external.arm_log import ArmLog, arm_log, at_motors, tied_motors
 from backdrive.external.bands import band, growth_of, states_along
 from backdrive.external.choose import FASTEST, Noise, choose
 from backdrive.external.estimate import AUTO, LEAST, SETTLED, delay_of, known_along, noise_of, speed_along
@@ -27,7 +28,6 @@ from backdrive.external.temperature import along_stretches
 from backdrive.external.wrench import WrenchEstimate, wrench_of
 from backdrive.external.wrench_axes import Convention, brought, doubt
 from backdrive.identification.delay import earlier
-from backdrive.identification.signals import Signals, prepare
 from backdrive.laws import REFERENCE
 from backdrive.logs.log import Log
 from backdrive.model import FrictionModel, JointFriction
@@ -38,20 +38,6 @@ LONGEST = 0.5  # over which what a model leaves of the torque is alike, at most 
 SIMPLEST = "momentum"  # observer, which settles at every bandwidth that is chosen
 UNSETTLED = 10.0  # times the force without smoothing, from which on an observer has run away [-]
 REST = STATES.index("rest")
-DEGREES = 20.0  # speeds by the model's top speed, from which on positions are no radians [-]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ArmLog:
-    """What an arm's estimate needs of a log: stretches of all joints, on one clock, in the estimator's order.
-
-    Attributes:
-        log: with finite rows of the joints only.
-        stretches: by stretch, the signals of every joint.
-    """
-
-    log: Log
-    stretches: tuple[tuple[Signals, ...], ...]
 
 
 class ArmEstimate:
@@ -89,7 +75,7 @@ class ArmEstimate:
             InvalidInput: a joint is missing or in another unit, positions are in degrees, or the log is of another robot.
             NotIdentifiable: the log is too short.
         """
-        arm, remarks = self._signals(log), []
+        arm, remarks = arm_log(self.estimator, self.frictions, log), []
         warmth = [
             along_stretches(f, column, remarks) for f, column in zip(self.frictions, zip(*arm.stretches))
         ]
@@ -119,8 +105,8 @@ class ArmEstimate:
                 remedy="Give a smaller --bandwidth, or --method momentum.",
             )
         carried = self._carried_at_rest(arm, time, force, state)
-        results, told = [], self._at_motors(log)
-        remarks += self._tied()
+        results, told = [], at_motors(self.estimator, log)
+        remarks += tied_motors(self.estimator)
         for j, friction in enumerate(self.frictions):
             if friction.verdict is not None and friction.verdict.grade in ("poor", "unknown"):
                 remarks.append(
@@ -151,32 +137,6 @@ class ArmEstimate:
         self._check_robot(arm, results)
         return results, remarks
 
-    def _at_motors(self, log: Log) -> Log:
-        """Return a log with positions and torques of the motors, where these drive several joints."""
-        if self.estimator.coupling is None:
-            return log
-        names, C, moves = self.estimator.joints, self._C, {}
-        one = log.select(names)
-        moves["position"] = one.need("position") @ np.linalg.inv(C).T
-        for channel in ("torque", "external_torque"):
-            if channel in one.channels:
-                moves[channel] = one.channels[channel] @ C
-        plain = {channel: None for channel in one.channels if channel not in (*moves, "temperature")}
-        return one.replace(coupling=None, **plain, **moves)
-
-    def _tied(self) -> list[str]:
-        """Return what is to be said where motors drive several joints."""
-        tied = (self._C != 0.0) & ~np.eye(len(self._C), dtype=bool)
-        if not tied.any():
-            return []
-        names = [
-            n for n, row, column in zip(self.estimator.joints, tied, tied.T) if row.any() or column.any()
-        ]
-        return [
-            f"Motors of {', '.join(names)} drive several joints: torques, bands and contacts are those of the motors, at which "
-            "friction acts; the wrench is of the arm."
-        ]
-
     def _carried_at_rest(
         self, arm: ArmLog, time: np.ndarray, force: np.ndarray, state: np.ndarray
     ) -> np.ndarray:
@@ -204,7 +164,7 @@ class ArmEstimate:
             joints: external torques.
             axes: along which a measured wrench is: `frame`, those of the frame itself, or `base`.
         """
-        arm, frame = self._signals(log), str(self.estimator.frame)
+        arm, frame = arm_log(self.estimator, self.frictions, log), str(self.estimator.frame)
         time = np.concatenate([s[0].time for s in arm.stretches])
         position = np.concatenate([np.column_stack([one.position for one in s]) for s in arm.stretches])  # type: ignore[misc]
         if log.wrench is None:
@@ -231,38 +191,6 @@ class ArmEstimate:
             )
             results.append(replace(one, lower=lower, upper=upper))
         return results
-
-    def _signals(self, log: Log) -> ArmLog:
-        """Return the signals of all joints between gaps that any of them has."""
-        for channel in ("torque", "position"):
-            log.need(channel)
-        names = self.estimator.joints
-        columns = self.estimator.bodies.robot.order_in(log.names)
-        for friction, column in zip(self.frictions, columns):
-            if log.joints[column].unit != friction.joint.unit:
-                raise InvalidInput(
-                    f"Joint '{friction.joint.name}' is measured in {friction.joint.unit} in the model and in "
-                    f"{log.joints[column].unit} in the log.",
-                    remedy=f"Read the log with --unit {friction.joint.unit}.",
-                )
-        whole = replace(log, external_torque=None)  # what is sought is no part of the motors' torque
-        whole = self._at_motors(whole)
-        good = np.isfinite(log.time)
-        for channel in (log.need("position"), log.need("torque")):
-            good &= np.isfinite(channel[:, columns]).all(axis=1)
-        whole = whole if good.all() else whole.rows(good)
-        by_joint = [prepare(whole, name) for name in names]
-        arm = ArmLog(log=whole, stretches=tuple(zip(*by_joint)))
-        for friction, signals in zip(self.frictions, by_joint):
-            fastest = max(float(np.percentile(np.abs(s.velocity), 99.0)) for s in signals)
-            top = friction.validity.speeds[1]
-            if fastest > DEGREES * top > 0.0:
-                raise InvalidInput(
-                    f"Joint '{friction.joint.name}' moves at {fastest:.3g} {friction.joint.unit}/s, {fastest / top:.0f} times as "
-                    "fast as when the model was identified: its positions look like degrees.",
-                    remedy="Read the log with its unit (--unit deg).",
-                )
-        return arm
 
     def _estimator(self, method: str, bandwidth: float, arm: ArmLog) -> ArmForce:
         """Return the estimator of a method and bandwidth; the filters of `direct` follow this log's accelerations."""

@@ -118,11 +118,12 @@ def coupling_between(
     Raises:
         InvalidInput: a motor drives one of these joints and another one, too.
     """
-    from scipy.optimize import linear_sum_assignment
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
     matrix = np.array(coupling, dtype=np.float64)
     share = np.log(np.maximum(np.abs(matrix), 1e-12)) + 1e-6 * np.eye(len(matrix))
-    motor = linear_sum_assignment(-share)[1]
+    motor = min_weight_full_bipartite_matching(csr_array(share.max() + 1.0 - share))[1]
     rows = [list(names).index(joint) for joint in joints]
     rest = [i for i in range(len(matrix)) if i not in rows]
     if np.any(matrix[np.ix_(rest, motor[rows])]) or np.any(matrix[np.ix_(rows, motor[rest])]):

@@ -94,28 +94,21 @@ class Log:
         names = [joint.name for joint in self.joints]
         if len(set(names)) != len(names):
             raise InvalidInput(f"Joint names repeat: {names}.", remedy="Name every joint differently.")
-        for name in CHANNELS:
+        for name in (*CHANNELS, "wrench"):
+            width, of = (WRENCH, "numbers") if name == "wrench" else (len(names), "joints")
             value = getattr(self, name)
             if value is None:
                 continue
             value = _frozen(value, name)
             if value.ndim == 1:
                 value = value[:, None]
-            if value.shape != (time.size, len(names)):
+            if value.shape != (time.size, width):
                 raise InvalidInput(
-                    f"Log.{name} has shape {value.shape}, but there are {time.size} instants and {len(names)} joints.",
-                    remedy="Give every channel one row an instant and one column a joint.",
+                    f"Log.{name} has shape {value.shape}, but there are {time.size} instants and {width} {of}.",
+                    remedy="Give every channel one row an instant and one column a joint, a wrench six.",
                 )
             object.__setattr__(self, name, value)
             self._refuse_beyond(name, value)
-        if self.wrench is not None:
-            wrench = _frozen(self.wrench, "wrench")
-            if wrench.shape != (time.size, WRENCH):
-                raise InvalidInput(
-                    f"Log.wrench has shape {wrench.shape}, but there are {time.size} instants.",
-                    remedy="Give a force and a moment an instant, (n, 6).",
-                )
-            object.__setattr__(self, "wrench", wrench)
         if self.coupling is not None:
             matrix = check_coupling(self.coupling, len(names))
             object.__setattr__(self, "coupling", tuple(map(tuple, matrix.tolist())))
@@ -132,7 +125,7 @@ class Log:
         if len(beyond):
             place = tuple(beyond[0])
             where = f"{self.sources[0].path}: " if self.sources else ""
-            of = "" if channel == "time" else f" of joint '{self.joints[place[1]].name}'"
+            of = "" if channel in ("time", "wrench") else f" of joint '{self.joints[place[1]].name}'"
             raise InvalidInput(
                 f"{where}the {channel}{of} is {values[place]:g} at sample {place[0]}, beyond what can be reckoned with "
                 f"({LARGEST:g}).",
@@ -238,10 +231,8 @@ class Log:
 
     def rows(self, index: slice | np.ndarray) -> Log:
         """Return the samples at a slice, mask or index array."""
-        wrench = None if self.wrench is None else self.wrench[index]
-        return replace(
-            self, time=self.time[index], wrench=wrench, **{k: v[index] for k, v in self.channels.items()}
-        )
+        arrays = self.channels | ({} if self.wrench is None else {"wrench": self.wrench})
+        return replace(self, time=self.time[index], **{k: v[index] for k, v in arrays.items()})
 
     def between(self, start: float = -np.inf, stop: float = np.inf) -> Log:
         """Return the samples with start <= time < stop [s]."""
