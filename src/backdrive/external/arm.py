@@ -302,4 +302,4 @@ def _in_motion(noise: Noise, friction: JointFriction) -> Noise:
     channel = friction.torque_channel
     long_run = None if channel is None else channel.long_run
     alike = 0.5 * (long_run / misfit) ** 2 if long_run and misfit > 0.0 else 0.0
-    return replace(noise, misfit=misfit, correlation=min(alike, LONGEST))
+    return replace(noise, misfit=misfit, correlation=min(alike, LONGEST), turning=0.0)
