@@ -10,10 +10,15 @@ smoothed, and an abrupt one is not.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
+from backdrive.control.estimators.of_model import WIDTH
+from backdrive.identification.bands import states
+from backdrive.identification.signals import Signals
+from backdrive.model import JointFriction
 
 BANDS = 40  # of frequency, equal in its logarithm
 STEPS = 33  # bandwidths that are tried
@@ -83,6 +88,21 @@ RESPONSES: dict[str, Callable[[np.ndarray, float], np.ndarray]] = {
     "kalman": of_kalman,
 }
 LIKE = {"direct": "momentum", "disturbance": "momentum"}  # of other methods
+
+
+def turning_of(friction: JointFriction, stretches: Sequence[Signals]) -> float:
+    """Return what the model leaves of the torque about reversals, as spread over the whole log, RMS [N.m or N].
+
+    Args:
+        friction: of a model.
+        stretches: of the log.
+    """
+    bands = friction.bands
+    if bands is None or bands.moving is None or bands.reversing is None:
+        return 0.0
+    more = max(bands.reversing.half_width**2 - bands.moving.half_width**2, 0.0) / WIDTH**2
+    share = np.mean(np.concatenate([states(s)[s.moving] for s in stretches]) == 1)
+    return float(np.sqrt(share * more)) if np.isfinite(share) else 0.0
 
 
 def choose(force: np.ndarray, noise: Noise, method: str | None = None) -> tuple[str, float]:

@@ -17,16 +17,15 @@ import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive.control.estimators.external import METHODS, ExternalForce
-from backdrive.control.estimators.of_model import WIDTH, at_rest, fields
+from backdrive.control.estimators.of_model import at_rest, fields
 from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
 from backdrive.external.bands import band, states_along
 from backdrive.external.calibrate import Calibration, calibrate
-from backdrive.external.choose import FASTEST, Noise, choose
+from backdrive.external.choose import FASTEST, Noise, choose, turning_of
 from backdrive.external.contacts import with_contacts
 from backdrive.external.result import ForceEstimate, JointForce
 from backdrive.external.temperature import along_stretches
 from backdrive.external.wrench_axes import AXES
-from backdrive.identification.bands import states
 from backdrive.identification.delay import earlier
 from backdrive.identification.signals import Signals, default_cutoff, prepare
 from backdrive.laws import REFERENCE
@@ -324,18 +323,8 @@ def noise_of(friction: JointFriction, log: Log, stretches: Sequence[Signals], in
         correlation=0.5 * (long_run / misfit) ** 2 if long_run and misfit > 0.0 else 0.0,
         cutoff=default_cutoff(rate),
         rate=rate,
-        turning=_turning(friction, stretches),
+        turning=turning_of(friction, stretches),
     )
-
-
-def _turning(friction: JointFriction, stretches: Sequence[Signals]) -> float:
-    """Return what the model leaves of the torque about reversals, as spread over the whole log, RMS [N.m or N]."""
-    bands = friction.bands
-    if bands is None or bands.moving is None or bands.reversing is None:
-        return 0.0
-    more = max(bands.reversing.half_width**2 - bands.moving.half_width**2, 0.0) / WIDTH**2
-    share = np.mean(np.concatenate([states(s)[s.moving] for s in stretches]) == 1)
-    return float(np.sqrt(share * more)) if np.isfinite(share) else 0.0
 
 
 def speed_along(stretches: Sequence[Signals], time: np.ndarray) -> np.ndarray:
