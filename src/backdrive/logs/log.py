@@ -8,7 +8,7 @@ square could not be told from infinity.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -21,6 +21,7 @@ from backdrive.logs.values import checked_period, frozen
 #: Beyond, a number is no measurement in any unit, and products of a few of them overflow; an infinity is a hole in a log.
 LARGEST = 1e60
 AS_SI = "was taken as SI"  # in a note of a doubt
+WRENCH = 6  # numbers of a wrench
 
 #: Per-sample, per-joint channels of a `Log`, each with the SI unit for a rotary and for a linear joint.
 CHANNELS: dict[str, tuple[str, str]] = {
@@ -54,6 +55,7 @@ class Log:
         model_torque: torque of the other axes' pull and gravity, known from elsewhere [N.m or N], (n, J).
         load: transmitted load [N.m or N], (n, J).
         temperature: of the joint [degC], (n, J).
+        wrench: of the environment on the robot, as a sensor has it: force [N], then moment [N.m], (n, 6). It is of no joint.
         drive: the law behind `drive_input`.
         plan: the motion plan it was recorded with (an object of `backdrive.plans`), if known.
         sources: files it came from.
@@ -73,6 +75,7 @@ class Log:
     model_torque: np.ndarray | None = None
     load: np.ndarray | None = None
     temperature: np.ndarray | None = None
+    wrench: np.ndarray | None = None
     drive: Drive | None = None
     plan: Any = None
     sources: tuple[Source, ...] = ()
@@ -91,17 +94,18 @@ class Log:
         names = [joint.name for joint in self.joints]
         if len(set(names)) != len(names):
             raise InvalidInput(f"Joint names repeat: {names}.", remedy="Name every joint differently.")
-        for name in CHANNELS:
+        for name in (*CHANNELS, "wrench"):
+            width, of = (WRENCH, "numbers") if name == "wrench" else (len(names), "joints")
             value = getattr(self, name)
             if value is None:
                 continue
             value = frozen(value, name)
             if value.ndim == 1:
                 value = value[:, None]
-            if value.shape != (time.size, len(names)):
+            if value.shape != (time.size, width):
                 raise InvalidInput(
-                    f"Log.{name} has shape {value.shape}, but there are {time.size} instants and {len(names)} joints.",
-                    remedy="Give every channel one row an instant and one column a joint.",
+                    f"Log.{name} has shape {value.shape}, but there are {time.size} instants and {width} {of}.",
+                    remedy="Give every channel one row an instant and one column a joint, a wrench six.",
                 )
             object.__setattr__(self, name, value)
             self._refuse_beyond(name, value)
@@ -121,7 +125,7 @@ class Log:
         if len(beyond):
             place = tuple(beyond[0])
             where = f"{self.sources[0].path}: " if self.sources else ""
-            of = "" if channel == "time" else f" of joint '{self.joints[place[1]].name}'"
+            of = "" if channel in ("time", "wrench") else f" of joint '{self.joints[place[1]].name}'"
             raise InvalidInput(
                 f"{where}the {channel}{of} is {values[place]:g} at sample {place[0]}, beyond what can be reckoned with "
                 f"({LARGEST:g}).",
@@ -253,7 +257,7 @@ class Log:
         return replace(self, notes=(*self.notes, sentence))
 
     def select(self, joints: str | int | Sequence[str | int]) -> Log:
-        """Return the log of some joints only, in the order given.
+        """Return the log of some joints only, in the order given; a wrench on the whole robot is left out unless all are.
 
         Raises:
             UnknownName: a joint is not in the log.
@@ -263,40 +267,18 @@ class Log:
         arrays = {name: value[:, columns] for name, value in self.channels.items()}
         every = self.coupling is not None and sorted(columns) == list(range(len(self.joints)))
         coupling = tuple(self.coupling[c] for c in columns) if every and self.coupling else None
-        return replace(self, joints=tuple(self.joints[c] for c in columns), coupling=coupling, **arrays)
+        chosen = tuple(self.joints[c] for c in columns)
+        wrench = self.wrench if sorted(columns) == list(range(len(self.joints))) else None
+        return replace(self, joints=chosen, coupling=coupling, wrench=wrench, **arrays)
 
     def rows(self, index: slice | np.ndarray) -> Log:
         """Return the samples at a slice, mask or index array."""
-        return replace(self, time=self.time[index], **{k: v[index] for k, v in self.channels.items()})
+        arrays = self.channels | ({} if self.wrench is None else {"wrench": self.wrench})
+        return replace(self, time=self.time[index], **{k: v[index] for k, v in arrays.items()})
 
     def between(self, start: float = -np.inf, stop: float = np.inf) -> Log:
         """Return the samples with start <= time < stop [s]."""
         return self.rows((self.time >= start) & (self.time < stop))
-
-    def combined(self, channel: str, terms: Mapping[str, float], joint: str | int = 0) -> np.ndarray:
-        """Join channels with scale and sign: sum of factor * channel, for one joint.
-
-        Args:
-            channel: for the message only, what the sum is to be.
-            terms: channel name to factor [any].
-            joint: name or column.
-
-        Returns:
-            The sum, (n,).
-
-        Raises:
-            InvalidInput: a channel is absent.
-        """
-        column = self.column(joint)
-        total = np.zeros(len(self))
-        for name, factor in terms.items():
-            if name not in self.channels:
-                raise InvalidInput(
-                    f"'{name}' is not in the log, so '{channel}' cannot be joined from it.",
-                    remedy=f"Present: {', '.join(self.channels)}.",
-                )
-            total += factor * self.channels[name][:, column]
-        return total
 
     def apply_coupling(
         self, coupling: Sequence[Sequence[float]], side: Literal["motor", "joint"] = "motor"
