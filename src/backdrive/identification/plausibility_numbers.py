@@ -7,8 +7,9 @@ import math
 import numpy as np
 
 from backdrive.identification.design import LARGEST_SLIP
-from backdrive.identification.remark import SHARE, SURE, Case, Remark
+from backdrive.identification.remark import EARLY, SHARE, SURE, Case, Remark
 from backdrive.identification.terms import GRAVITY, columns
+from backdrive.laws.direction import ByDirection
 
 CANCEL = 3.0  # two terms that oppose each other are this much larger than the torque [-]
 KNOWN_DELAY = 0.1  # a delay is known whose standard error is at most this share of it [-]
@@ -168,13 +169,18 @@ def known_torque(case: Case) -> Remark | None:
 
 
 def break_away(case: Case) -> Remark | None:
-    """Break-away below Coulomb friction."""
-    law = case.friction.law.rate
-    rest, slide = getattr(law, "breakaway", math.nan), getattr(law, "coulomb", math.nan)
+    """Break-away below Coulomb friction: far below it is no joint's, and a little below was not seen."""
+    rate = case.friction.law.rate
+    ways = (rate.forward, rate.backward) if isinstance(rate, ByDirection) else (rate,)
+    levels = [(getattr(way, "breakaway", math.nan), getattr(way, "coulomb", math.nan)) for way in ways]
+    rest, slide = min(levels, key=lambda pair: pair[0] / pair[1] if pair[1] > 0.0 else math.inf)
     if not rest < slide * (1.0 - SHARE):
         return None
-    return Remark(
-        severity="note",
-        sentence=f"Break-away friction ({rest:.3g} {case.unit}) lies below Coulomb friction ({slide:.3g} {case.unit}): slow motion "
-        "did not show it.",
-    )
+    sentence = f"Break-away friction ({rest:.3g} {case.unit}) lies below Coulomb friction ({slide:.3g} {case.unit}): "
+    if rest < EARLY * slide:
+        return Remark(
+            severity="care",
+            sentence=sentence + "no joint slides so easily from rest. The law follows the crossing of zero, or its peak is not "
+            "seen: choose another law (--law coulomb-viscous), or add slow motion.",
+        )
+    return Remark(severity="note", sentence=sentence + "slow motion did not show it.")
