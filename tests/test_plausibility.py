@@ -124,3 +124,17 @@ def test_few_moves_tell_no_delay():
     tau = np.roll(dry(dq) + 8.0 * np.sin(3.0 * time), 30)  # a pull that the model does not know
     log = Log(time=time, joints=(Joint(name="j1"),), position=q, torque=tau)
     assert not any("ms later" in s or "ms earlier" in s for s in remarks(log)[1])
+
+
+@pytest.mark.parametrize(("late", "said"), [(0.0, False), (0.04, True)])
+def test_a_stribeck_peak_is_no_delay(late, said):
+    rate, cycles = 500.0, 8
+    phase = np.concatenate([np.arange(0.0, 1.0, 1.0 / (rate * 6.3 / n)) for n in range(1, cycles + 1)])
+    q = -0.6 * np.cos(2.0 * np.pi * phase)
+    dq = np.gradient(q) * rate
+    tau = dry(dq) + 3.0 * np.sign(dq) * np.exp(-((dq / 0.6) ** 2)) + 0.3 * np.gradient(dq) * rate
+    tau = np.roll(tau, round(late * rate)) + 0.1 * np.random.default_rng(1).standard_normal(tau.size)
+    log = Log(time=np.arange(q.size) / rate, joints=(Joint(name="j1"),), position=q, torque=tau)
+    case = identify(log, method="motion").evidence[0].residual
+    found, left = case.delay() or (0.0, 1.0)
+    assert (abs(found - late) < 0.011) if said else (abs(found) < 0.011 or left > 0.96)
