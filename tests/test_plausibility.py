@@ -138,3 +138,28 @@ def test_a_stribeck_peak_is_no_delay(late, said):
     case = identify(log, method="motion").evidence[0].residual
     found, left = case.delay() or (0.0, 1.0)
     assert (abs(found - late) < 0.011) if said else (abs(found) < 0.011 or left > 0.96)
+
+
+def test_gravity_that_is_the_known_torque_again_is_not_told_from_it(sound):
+    pull = 4.0 * np.sin(sound.position) + np.cos(sound.position)
+    both = sound.replace(torque=sound.torque + pull, model_torque=pull)
+    assert remarks(both)[0] == "good"
+    level, sentences = remarks(both, gravity=True)
+    assert level == "care"
+    assert any("does not tell it from the other terms" in s for s in sentences)
+
+
+def test_one_way_tells_no_friction_from_a_constant_torque():
+    time = np.arange(4000) / 500.0
+    dq = 1.0 + 0.5 * np.sin(2.0 * time)
+    tau = dry(dq) + 0.3 * np.cos(2.0 * time) + 0.02 * np.random.default_rng(0).standard_normal(time.size)
+    log = Log(time=time, joints=(Joint(name="j1"),), position=np.cumsum(dq) / 500.0, torque=tau)
+    level, sentences = remarks(log)
+    assert level == "care" and sum("in one direction only" in s for s in sentences) == 1
+
+
+def test_two_delays_are_not_told_on_one_page(sound):
+    late = sound.replace(torque=np.roll(sound.torque, round(0.05 / sound.period), axis=0))
+    level, sentences = remarks(late, accept=("time-slip",))
+    found = [s for s in sentences if "later than" in s or "earlier than" in s]
+    assert len(found) <= 1 and (level == "care" or found)
