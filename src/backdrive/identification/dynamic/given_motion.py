@@ -120,7 +120,9 @@ class TorqueTask(Task):
                 )
         warm_start = {"begin": 8, "descend": 1, "begin_at": begin_at} if begin_at else {}
         shape = directions.symmetric_shape(shape) if self.options.symmetric else shape
-        asked = self.asked | {"terms": directions.terms_beside(shape, self.asked["terms"], self.options)}
+        asked: dict[str, Any] = self.asked | {
+            "terms": directions.terms_beside(shape, self.asked["terms"], self.options)
+        }
         one = fit_law(shape, records, tick=self.options.ticker(self.info.name), **asked, **warm_start)
         if not shape.element.SET_VALUED or shape.rate.SMOOTH:
             return one
@@ -129,7 +131,7 @@ class TorqueTask(Task):
             return best
         slid = sliding(records, best.values.get("delay", 0.0))
         line = starts.rest_of(slid, asked["terms"], asked["known"])[0]["coulomb"]
-        asked["bounds"] = possible(best.values, line) | dict(asked["bounds"])
+        asked["bounds"] = possible(best.values, line) | dict(self.options.bounds)
         return fit_law(shape, slid, tick=self.options.ticker(self.info.name), **asked)
 
     def _of_sliding(
