@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from backdrive.errors import InvalidInput
+from backdrive.logs.joint import coupling_between
 from backdrive.logs.log import Joint, Log
 
 pytest.importorskip("pinocchio")
@@ -11,7 +12,6 @@ pytest.importorskip("pinocchio")
 from backdrive.identification import identify
 from backdrive.identification.arm import identify_arm
 from backdrive.identification.arm_predict import predict_arm, validate_arm
-from backdrive.identification.arm_signals import in_order
 from backdrive.logs.readers import read_log
 from backdrive.model import FrictionModel
 from backdrive.robot import parse_robot
@@ -114,7 +114,7 @@ def test_a_file_of_joints_is_left_as_it_is_and_remembers_the_matrix(tmp_path):
 def test_the_matrix_in_another_order_and_of_other_joints():
     order = [3, 2, 0, 1]
     names = [NAMES[i] for i in order]
-    assert np.array_equal(in_order(COUPLED[order], names, NAMES), COUPLED)
-    assert np.array_equal(in_order(COUPLED, NAMES, NAMES[:2]), np.eye(2))
+    assert np.array_equal(coupling_between(COUPLED[order], names, NAMES), COUPLED)
+    assert np.array_equal(coupling_between(COUPLED, NAMES, NAMES[:2]), np.eye(2))
     with pytest.raises(InvalidInput, match="roll"):
-        in_order(COUPLED, NAMES, NAMES[:3])
+        coupling_between(COUPLED, NAMES, NAMES[:3])

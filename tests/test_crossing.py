@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from backdrive import Joint, Log, identify
+from backdrive.identification.quality import grade
 
 RATE = 500.0
 
 
-def log_of(lag, seed=0):
-    """A log of a joint whose friction follows the sign of its velocity over so long a way [rad]."""
+def log_of(lag, seed=0, peak=0.0, noise=0.1):
+    """A log of a joint whose friction follows the sign of its velocity over so long a way [rad], with a Stribeck peak [N.m]."""
     t = np.arange(round(16.0 * RATE)) / RATE
     w = 2.0 * np.pi * np.array([0.23, 0.61, 1.3])
     size, phase = np.array([0.6, 0.2, 0.08]), np.random.default_rng(seed).uniform(0.0, 6.0, 3)
@@ -20,7 +21,8 @@ def log_of(lag, seed=0):
         z[k] = np.sign(v[k]) + (z[k - 1] - np.sign(v[k])) * (
             np.exp(-abs(q[k] - q[k - 1]) / lag) if lag else 0.0
         )
-    tau = 0.2 * a + 2.0 * z + 0.5 * v + 0.1 * np.random.default_rng(seed + 9).standard_normal(t.size)
+    level = 2.0 + peak * np.exp(-((v / 0.3) ** 2))
+    tau = 0.2 * a + level * z + 0.5 * v + noise * np.random.default_rng(seed + 9).standard_normal(t.size)
     return Log(time=t, joints=(Joint(name="a"),), position=q[:, None], torque=tau[:, None])
 
 
@@ -38,3 +40,18 @@ def test_a_law_of_the_velocity_is_judged_where_it_holds(law):
     found = identify(log_of(2e-3), law=law).model.joints[0]
     assert found.held_out is not None and found.held_out.residual < 5.0
     assert found.law.torque(0.3) == pytest.approx(2.15, abs=0.03)
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_a_peak_is_not_lost_to_the_crossing_of_zero(seed):
+    found = identify(log_of(2e-3, seed=seed, peak=1.0, noise=0.03), law="stribeck-gauss").model.joints[0]
+    values = found.law.rate.values()
+    assert values["coulomb"] == pytest.approx(2.0, abs=0.1)
+    assert values["breakaway"] == pytest.approx(3.0, abs=0.2)
+    assert grade(found).level == "good"
+
+
+def test_a_joint_that_breaks_away_at_nothing_is_not_good():
+    found = identify(log_of(0.0), law="stribeck-gauss", bounds={"breakaway": (1e-3, 0.1)}).model.joints[0]
+    assert found.warnings[0].startswith("Break-away friction") and "no joint" in found.warnings[0]
+    assert grade(found).level == "care"

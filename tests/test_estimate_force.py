@@ -140,6 +140,34 @@ def test_a_slow_force_is_smoothed_and_an_abrupt_one_is_not():
     assert choose(12.0 * np.sign(np.sin(12.0 * t)) + misfit, noise, "kalman")[0] == "kalman"
 
 
+def test_what_a_model_leaves_about_reversals_counts_where_it_was_fitted_sliding(model, contact):
+    from dataclasses import replace
+
+    from backdrive.external.estimate import noise_of
+    from backdrive.identification.bands import states
+    from backdrive.identification.signals import prepare
+    from backdrive.model import Band, Bands
+
+    one, stretches = model.joints[0], prepare(contact, 0)
+    moving, reversing = Band(half_width=0.2, samples=900), Band(half_width=2.0, samples=100)
+    turns = replace(one, bands=Bands(moving=moving, reversing=reversing))
+    got = noise_of(turns, contact, stretches, 1.0)
+    share = np.mean(np.concatenate([states(s)[s.moving] for s in stretches]) == 1)
+    assert got.turning == pytest.approx(np.sqrt(share * (2.0**2 - 0.2**2)) / 1.96) and got.turning > 0.0
+    assert noise_of(replace(one, bands=Bands(moving=moving)), contact, stretches, 1.0).turning == 0.0
+    assert (
+        noise_of(
+            replace(one, bands=Bands(moving=reversing, reversing=moving)), contact, stretches, 1.0
+        ).turning
+        == 0.0
+    )
+    f = np.array([0.1, 5.0, 40.0])
+    more = got.spectrum(f) - replace(got, turning=0.0).spectrum(f)
+    assert more == pytest.approx(0.04 * got.turning**2 / (1.0 + (2.0 * np.pi * f * 0.01) ** 2), rel=1e-6)
+    assert np.trapezoid(got.spectrum(np.linspace(0, 5000, 400001)) - replace(got, turning=0.0).spectrum(
+        np.linspace(0, 5000, 400001)), np.linspace(0, 5000, 400001)) == pytest.approx(got.turning**2, rel=0.01)  # fmt: skip
+
+
 def test_the_command_writes_a_table_and_a_picture(model, contact, tmp_path, monkeypatch, capsys):
     model.save(tmp_path / "m.json")
     names = {"t": contact.time, "q": contact.position[:, 0], "tau": contact.torque[:, 0]}

@@ -128,3 +128,19 @@ def test_what_cannot_be_drawn_is_refused():
         FrictionModel(
             joints=(*model.joints, replace(model.joints[0], joint=replace(model.joints[0].joint, name="b")))
         ).sample(3)
+
+
+def test_drawn_models_differ_joint_by_joint_and_are_the_same_for_the_same_seed():
+    one = identified().joints[0]
+    model = replace(identified(), joints=(one, replace(one, joint=replace(one.joint, name="other"))))
+    first, second = model.draw(2, seed=4)
+    assert first == model.draw(3, seed=4)[0]
+    laws = [f.law for drawn in (first, second) for f in drawn.joints]
+    assert len({law.row().tobytes() for law in laws}) == 4
+    assert first.names == model.names
+
+
+def test_a_state_of_another_shape_is_named():
+    f = arrays.law(identified())
+    with pytest.raises(InvalidInput, match="tuple of"):
+        f.step(np.zeros((3, 1)), np.zeros(3), 1e-3)

@@ -10,7 +10,8 @@ import pytest
 
 from backdrive import load_model
 from backdrive.errors import ForbiddenContent, InvalidInput, WriteError
-from backdrive.export.simulators import export_description, simplify
+from backdrive.export.simple import simplify
+from backdrive.export.simulators import export_description
 from backdrive.laws import RATES, Law, LuGre, StribeckGauss
 from backdrive.model import FrictionModel, Validity
 

@@ -44,14 +44,6 @@ def test_between_takes_the_start_and_leaves_the_stop():
     np.testing.assert_allclose(two_joints().between(0.1, 0.3).time, [0.1, 0.2])
 
 
-def test_channels_are_joined_with_scale_and_sign():
-    log = two_joints()
-    expected = 2.0 * log.position[:, 1] - 3.0 * log.torque[:, 1]
-    np.testing.assert_array_equal(log.combined("torque", {"position": 2.0, "torque": -3.0}, "b"), expected)
-    with pytest.raises(InvalidInput, match="velocity"):
-        log.combined("torque", {"velocity": 1.0})
-
-
 def test_motor_side_torque_is_brought_to_the_joint_once():
     log = two_joints().replace(
         joints=(Joint(name="a", torque_side="motor", gear_ratio=100.0), Joint(name="b", unit="m"))

@@ -16,7 +16,7 @@ from backdrive.plans import arm_search as search
 from backdrive.plans.arm_bounds import ArmBounds
 from backdrive.plans.arm_collision import Clearance
 from backdrive.plans.arm_information import Information
-from backdrive.plans.arm_shapes import floor_at, read_shapes
+from backdrive.plans.arm_shapes import capsules, floor_at, read_shapes
 from backdrive.plans.limits import read_limits
 from backdrive.plans.tables import sample
 from backdrive.robot import load_robot
@@ -273,7 +273,10 @@ def test_missing_limits_and_meshes_are_named(tmp_path, brief):
     assert "acceleration of j1, j2, j3 (--acceleration-limit)" in done.stderr
     done = called(*words, "--acceleration-limit", "8")
     assert done.returncode == 0, done.stderr
-    assert "Self-collision of l1, l2, l3 was not checked" in done.stdout.replace("\n", " ")
+    told = " ".join(done.stdout.split())
+    assert (
+        "Meshes of l1, l2, l3 were not read: give the folder" in told and "Capsules stand in for them" in told
+    )
     done = called(*words, "--acceleration-limit", "8", "--packages", tmp_path)
     assert done.returncode != 0
     assert "no mesh 'package://x/y.stl'" in done.stderr
@@ -283,3 +286,87 @@ def test_missing_limits_and_meshes_are_named(tmp_path, brief):
 def test_a_plan_of_other_joints_is_refused_for_an_arm(urdf):
     with pytest.raises(InvalidInput, match="The plan moves a, b"):
         signals_of(small(), load_robot(urdf))
+
+
+def test_capsules_stand_in_for_links_whose_meshes_are_not_read(tmp_path):
+    path = tmp_path / "bare.urdf"
+    path.write_text(description(shape='<mesh filename="package://x/y.stl"/>'))
+    robot = load_robot(path)
+    shapes, without = read_shapes(path, robot)
+    assert shapes == [] and without == ["l1", "l2", "l3"]
+    rods, bare = capsules(robot, [*without, "l0"])
+    assert [rod.link for rod in rods] == ["l1", "l2", "l3"] and bare == ["l0"]
+    for rod, m, length in zip(rods, (2.0, 1.0, 1.0), (np.hypot(0.3, 0.1), 0.3, 2.0 * np.hypot(0.15, 0.02))):
+        along = rod.placement[:3, 2]
+        turning = along @ np.diag([0.01, 0.05, 0.05]) @ along
+        assert rod.geometry.radius == pytest.approx(np.sqrt(2.0 * turning / m))
+        assert 2.0 * rod.geometry.halfLength == pytest.approx(length)
+        assert rod.placement[:3, 3] == pytest.approx(0.5 * length * along)
+    folded = Clearance.of(robot, rods, np.full(3, -2.6), np.full(3, 2.6), 0.02)
+    assert folded.narrowest(np.array([[0.0, 0.0, 0.0]]))[0] > 0.0 or not len(folded.pairs)
+
+
+MJCF = """<mujoco model="a"><compiler angle="radian"/>
+<default><geom contype="1"/><default class="seen"><geom contype="0" conaffinity="0"/></default></default>
+<worldbody><geom type="plane" size="1 1 0.1"/>
+ <body name="l1" pos="0 0 0.2"><joint name="j1" axis="0 0 1" range="-2.6 2.6" actuatorfrcrange="-60 60"/>
+  <inertial pos="0.15 0 0.02" mass="2" diaginertia="0.01 0.05 0.05"/>
+  <geom type="cylinder" fromto="0.03 0 0 0.27 0 0" size="0.04"/><geom class="seen" type="mesh" mesh="nice"/>
+  <body name="l2" pos="0.3 0 0.1"><joint name="j2" axis="0 1 0" range="-2.6 2.6" actuatorfrcrange="-40 40"/>
+   <inertial pos="0.15 0 0.02" mass="1" diaginertia="0.01 0.05 0.05"/>
+   <frame pos="0.1 0 0"><geom type="box" size="0.1 0.03 0.02" pos="0.05 0 0"/></frame>
+   <body name="l3" pos="0.3 0 0"><joint name="j3" axis="0 1 0" range="-2.6 2.6" actuatorfrcrange="-20 20"/>
+    <inertial pos="0.15 0 0.02" mass="1" diaginertia="0.01 0.05 0.05"/>
+    <geom type="capsule" size="0.04 0.1" pos="0.15 0 0" euler="0 1.5707963 0"/><geom type="mesh" mesh="hand"/>
+    <geom type="ellipsoid" size="0.05 0.04 0.03"/><geom type="sphere" size="0.05"/>
+</body></body></body></worldbody></mujoco>"""
+
+
+def test_shapes_of_an_mjcf_are_those_that_mujoco_has(tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(MJCF)
+    robot = load_robot(path)
+    shapes, without = read_shapes(path, robot)
+    assert without == ["l3"] and [s.link for s in shapes] == ["l1", "l2", "l3", "l3", "l3"]
+    mujoco = pytest.importorskip("mujoco")
+    bare = MJCF.replace('<geom class="seen" type="mesh" mesh="nice"/>', "").replace(
+        '<geom type="mesh" mesh="hand"/>', ""
+    )
+    model = mujoco.MjModel.from_xml_string(bare)
+    data = mujoco.MjData(model)
+    for q in np.random.default_rng(0).uniform(-1.5, 1.5, (5, 3)):
+        data.qpos[:] = q
+        mujoco.mj_forward(model, data)
+        for k, shape in enumerate(shapes):
+            placed = robot.placement(q[None], shape.link)[0] @ np.linalg.inv(
+                robot.model.frames[robot.frame(shape.link)].placement.homogeneous
+            )
+            here = placed @ shape.placement
+            assert here[:3, 3] == pytest.approx(data.geom_xpos[k + 1], abs=1e-6)
+            turned = here[:3, :3].T @ data.geom_xmat[k + 1].reshape(3, 3)
+            assert np.abs(turned[2, 2]) == pytest.approx(1.0, abs=1e-6)
+    sizes = model.geom_size[1:]
+    cylinder, box, capsule, ellipsoid, sphere = (s.geometry for s in shapes)
+    assert (cylinder.radius, cylinder.halfLength) == pytest.approx(sizes[0][:2])
+    assert np.ravel(box.halfSide) == pytest.approx(sizes[1])
+    assert (capsule.radius, capsule.halfLength) == pytest.approx(sizes[2][:2])
+    assert np.ravel(ellipsoid.radii) == pytest.approx(sizes[3]) and sphere.radius == pytest.approx(0.05)
+
+
+def test_the_command_plans_by_an_mjcf(tmp_path, brief):
+    path = tmp_path / "arm.xml"
+    path.write_text(MJCF)
+    words = ("plan", "arm", "--urdf", path, "-o", tmp_path / "out", "--draw", "none", "--duration", "10")
+    done = called(*words, "--acceleration-limit", "8")
+    assert done.returncode == 2 and "velocity of j1, j2, j3 (--velocity-limit)" in done.stderr
+    done = called(*words, "--acceleration-limit", "8", "--velocity-limit", "2")
+    assert done.returncode == 0, done.stderr
+    assert "Meshes of l3 were not read" in " ".join(done.stdout.split())
+    plan = load_plan(tmp_path / "out" / "plan.json")
+    time = np.arange(0.0, plan.duration, 0.01)
+    q = plan.position(time)
+    assert np.abs(q).max() < 2.6 and np.abs(plan.velocity(time)).max() <= 2.0
+    robot = load_robot(path)
+    shapes, _ = read_shapes(path, robot)
+    apart = Clearance.of(robot, shapes, np.full(3, -2.6), np.full(3, 2.6), 0.02)
+    assert apart.narrowest(q)[0] > -1e-6

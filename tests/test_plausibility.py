@@ -124,3 +124,42 @@ def test_few_moves_tell_no_delay():
     tau = np.roll(dry(dq) + 8.0 * np.sin(3.0 * time), 30)  # a pull that the model does not know
     log = Log(time=time, joints=(Joint(name="j1"),), position=q, torque=tau)
     assert not any("ms later" in s or "ms earlier" in s for s in remarks(log)[1])
+
+
+@pytest.mark.parametrize(("late", "said"), [(0.0, False), (0.04, True)])
+def test_a_stribeck_peak_is_no_delay(late, said):
+    rate, cycles = 500.0, 8
+    phase = np.concatenate([np.arange(0.0, 1.0, 1.0 / (rate * 6.3 / n)) for n in range(1, cycles + 1)])
+    q = -0.6 * np.cos(2.0 * np.pi * phase)
+    dq = np.gradient(q) * rate
+    tau = dry(dq) + 3.0 * np.sign(dq) * np.exp(-((dq / 0.6) ** 2)) + 0.3 * np.gradient(dq) * rate
+    tau = np.roll(tau, round(late * rate)) + 0.1 * np.random.default_rng(1).standard_normal(tau.size)
+    log = Log(time=np.arange(q.size) / rate, joints=(Joint(name="j1"),), position=q, torque=tau)
+    case = identify(log, method="motion").evidence[0].residual
+    found, left = (case and case.delay()) or (0.0, 1.0)
+    assert (abs(found - late) < 0.011) if said else (abs(found) < 0.011 or left > 0.96)
+
+
+def test_gravity_that_is_the_known_torque_again_is_not_told_from_it(sound):
+    pull = 4.0 * np.sin(sound.position) + np.cos(sound.position)
+    both = sound.replace(torque=sound.torque + pull, model_torque=pull)
+    assert remarks(both)[0] == "good"
+    level, sentences = remarks(both, gravity=True)
+    assert level == "care"
+    assert any("does not tell it from the other terms" in s for s in sentences)
+
+
+def test_one_way_tells_no_friction_from_a_constant_torque():
+    time = np.arange(4000) / 500.0
+    dq = 1.0 + 0.5 * np.sin(2.0 * time)
+    tau = dry(dq) + 0.3 * np.cos(2.0 * time) + 0.02 * np.random.default_rng(0).standard_normal(time.size)
+    log = Log(time=time, joints=(Joint(name="j1"),), position=np.cumsum(dq) / 500.0, torque=tau)
+    level, sentences = remarks(log)
+    assert level == "care" and sum("in one direction only" in s for s in sentences) == 1
+
+
+def test_two_delays_are_not_told_on_one_page(sound):
+    late = sound.replace(torque=np.roll(sound.torque, round(0.05 / sound.period), axis=0))
+    level, sentences = remarks(late, accept=("time-slip",))
+    found = [s for s in sentences if "later than" in s or "earlier than" in s]
+    assert len(found) <= 1 and (level == "care" or found)

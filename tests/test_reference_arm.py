@@ -10,7 +10,7 @@ from backdrive.logs.log import Joint, Log
 
 pytest.importorskip("pinocchio")
 
-from backdrive.identification import arm_signals, arm_solve, arm_terms
+from backdrive.identification import arm_errors, arm_signals, arm_solve, arm_terms, regression
 from backdrive.identification.arm import identify_arm
 from backdrive.identification.arm_checks import remarks
 from backdrive.identification.arm_predict import predict_arm, torque_parts, validate_arm
@@ -365,23 +365,106 @@ def test_a_bounded_minimum_is_the_best_of_all_sets_of_active_bounds():
         assert got == pytest.approx(best, rel=1e-5, abs=1e-8)
 
 
-def test_errors_of_held_coefficients():
-    gram, _ = quadratic(1)
-    precision, scores = np.diag(np.arange(1.0, 7.0)), 2.5 * gram
-    free = np.array([True, True, False, True, True, False])
-    slope = np.random.default_rng(2).standard_normal(6)
-    slope[free] = 0.0
-    total = gram + precision
-    errors, pushed = arm_solve._let_go(total, slope, scores, free)
-    assert not errors[free].any() and not pushed[free].any()
-    for i in (2, 5):  # let go alone: solve with the free ones
+def refits(X, y, block, held, start, kept):
+    """Return ridge fits of some columns without each block, and that of all rows, by plain loops, (B + 1, k)."""
+    fits = []
+    for out in [*range(block.max() + 1), -1]:
+        rows = block != out
+        gram = X[rows].T @ X[rows] + held
+        moment = X[rows].T @ (y[rows] - X[rows] @ start)
+        inner = np.ix_(kept, kept)
+        offset = np.where(kept, 0.0, -start)  # what is at a bound stays at zero
+        step = np.linalg.solve(gram[inner], (moment - gram @ offset)[kept])
+        fits.append(start[kept] + step)
+    return np.array(fits)
+
+
+def brute_force_errors(X, y, block, held, start, free):
+    """Return covariance of the free coefficients, and error and pull of each that is at the bound of zero and let go alone."""
+    p, B = X.shape[1], block.max() + 1
+    fits = refits(X, y, block, held, start, free)
+    change, total = fits[:-1] - fits[-1], X.T @ X + held
+    widen = (B - 1) / B * (1.0 + 1.22 / (B - 1)) ** 2
+    jack, V = widen * change.T @ change, np.linalg.inv(total[np.ix_(free, free)])
+    gram = (X.T @ X)[np.ix_(free, free)]
+    even = np.trace(np.linalg.inv(V) @ jack) / np.trace(V @ gram)
+    covariance = 0.8 * jack + 0.2 * even * V @ gram @ V + V @ held[np.ix_(free, free)] @ V
+    errors, pushed = np.zeros(p), np.zeros(p)
+    for i in np.flatnonzero(~free):
         loose = free.copy()
         loose[i] = True
-        step = np.linalg.inv(total[np.ix_(loose, loose)])
         place = int(loose[:i].sum())
-        error = np.sqrt(step[place] @ scores[np.ix_(loose, loose)] @ step[place])
-        assert errors[i] == pytest.approx(error, rel=1e-6)
-        assert pushed[i] == pytest.approx(max(-(step @ slope[loose])[place] / error, 0.0), rel=1e-6)
+        own = refits(X, y, block, held, start, loose)[:, place]
+        V = np.linalg.inv(total[np.ix_(loose, loose)])
+        rest = (V @ (0.2 * even * X.T @ X + held)[np.ix_(loose, loose)] @ V)[place, place]
+        errors[i] = np.sqrt(0.8 * widen * np.sum((own[:-1] - own[-1]) ** 2) + rest)
+        pushed[i] = max(-own[-1] / errors[i], 0.0)
+    return covariance, errors, pushed
+
+
+@pytest.mark.parametrize("bound", [(), (2, 5)])
+def test_errors_are_those_of_refits_without_a_block_each(bound):
+    generator = np.random.default_rng(3)
+    X, block = generator.standard_normal((240, 6)), np.arange(240) // 24
+    X[:, 4] += 3.0 * X[:, 1]
+    y = X @ [1.0, -2.0, 0.0, 0.5, 1.0, 0.0] + np.repeat(generator.standard_normal(60), 4)
+    held, start = np.diag(np.arange(1.0, 7.0)), np.array([0.5, 0.0, 0.0, 0.0, 0.2, 0.0])
+    free = ~np.isin(np.arange(6), bound)
+    x = np.zeros(6)
+    x[free] = refits(X, y, block, held, start, free)[-1]
+    left = y - X @ x
+    blocks = regression.accumulate(X, left, np.ones(240), block, 10)
+    got = arm_errors.errors_of_fit(blocks, held, held @ (start - x), free)
+    covariance, errors, pushed = brute_force_errors(X, y, block, held, start, free)
+    assert got.covariance[np.ix_(free, free)] == pytest.approx(covariance, rel=1e-6, abs=1e-12)
+    assert not got.covariance[~free].any() and not got.covariance[:, ~free].any()
+    assert got.loose == pytest.approx(errors, rel=1e-6) and got.pushed == pytest.approx(
+        pushed, rel=1e-6, abs=1e-9
+    )
+    assert np.count_nonzero(errors) == len(bound) and np.linalg.eigvalsh(covariance)[0] > 0.0
+
+
+def test_blocks_are_five_seconds_and_neither_few_nor_many():
+    assert np.bincount(arm_errors.blocks_of(2000, 20.0)).tolist() == [100] * 20
+    assert arm_errors.blocks_of(100, 20.0).max() == 7 and arm_errors.blocks_of(10**6, 20.0).max() == 127
+
+
+def wandering(seed, seconds=60.0):
+    """A log whose friction wanders by 5 % within 3 s, as it does with temperature and grease."""
+    log, generator = (
+        made(seconds=seconds, noise=0.02, seed=seed, load=(0.0, 0.0)),
+        np.random.default_rng(seed + 500),
+    )
+    level, keep = np.zeros((len(log), 2)), np.exp(-1.0 / 300.0)
+    for k in range(1, len(log)):
+        level[k] = keep * level[k - 1] + np.sqrt(1.0 - keep**2) * generator.standard_normal(2)
+    velocity = np.gradient(log.position, log.time, axis=0)
+    friction = np.column_stack([curve(j, velocity[:, j]) for j in range(2)])
+    return log.replace(torque=log.torque + 0.05 * level * friction)
+
+
+def test_stated_errors_hold_what_friction_that_wanders_does(robot):
+    """By the scatter of what comes out over logs, not by any formula."""
+    values, errors = [], []
+    for seed in range(24):
+        frictions, shown, _ = identify_arm(wandering(seed), robot, load_friction=False)
+        said = [p for one in shown for p in one.precision]
+        errors.append([p.achieved for p in said])
+        knots = [np.r_[f.law.rate.positive[:-1], f.law.rate.negative[:-1]] for f in frictions]
+        lines = [
+            np.linalg.pinv(np.column_stack([np.ones(k.size // 2), f.law.rate.velocity[:-1]]))
+            for f, k in zip(frictions, knots)
+        ]
+        own = [(line @ k.reshape(2, -1).mean(axis=0)) for line, k in zip(lines, knots)]
+        values.append([dict(coulomb=own[j][0], viscous=own[j][1], offset=f.dynamics["offset"].value)[name]
+                       for j, f in enumerate(frictions) for name in ("coulomb", "viscous", "offset")])  # fmt: skip
+    names = [p.name for one in shown for p in one.precision]
+    stated = np.sqrt(np.mean(np.square(errors), axis=0))[
+        [n in ("coulomb", "viscous", "offset") for n in names]
+    ]
+    scatter = np.std(values, axis=0, ddof=1)
+    assert np.all(scatter < 1.5 * stated) and np.all(scatter > 0.3 * stated), scatter / stated
+    assert np.mean(scatter / stated) > 0.55  # with the long-run variance of the residual, offsets were 0.47
 
 
 def test_correlated_residuals_count_for_less():
@@ -435,10 +518,6 @@ def test_normal_equations_and_priors_written_out(robot):
         W = X * weight[:, j, None]
         own = W.T @ X, W.T @ (rows.torque[:, j] - X @ start)
         gram, moment = gram + own[0], moment + own[1]
-        alone = arm_solve._normal(rows, first, weight, start, only=j)
-        assert alone[0] == pytest.approx(own[0], rel=1e-9, abs=1e-9) and alone[1] == pytest.approx(
-            own[1], rel=1e-9, abs=1e-9
-        )
         assert arm_solve._predict(rows, first, start + 0.1)[:, j] == pytest.approx(X @ (start + 0.1))
     got = arm_solve._normal(rows, first, weight, start)
     assert got[0] == pytest.approx(gram, rel=1e-9, abs=1e-9) and got[1] == pytest.approx(
@@ -546,8 +625,8 @@ def test_remarks_name_what_is_suspect(robot):
         assert sum("no more than" in w for w in said(of=slow)) == count
 
 
-def test_errors_of_a_whole_fit_are_the_sandwich_at_its_solution(robot):
-    """Huber's weights, each joint's noise and its correlated residuals, as they are where the rounds end."""
+def test_errors_of_a_whole_fit_are_those_of_refits_at_its_solution(robot):
+    """Huber's weights and each joint's noise as they are where the rounds end, and a refit without each block."""
     rows, terms = rows_for(robot)
     b, sizes = rows.bodies.shape[2], [t.size for t in terms]
     first = b + np.array([0, sizes[0], sum(sizes)])
@@ -555,38 +634,38 @@ def test_errors_of_a_whole_fit_are_the_sandwich_at_its_solution(robot):
     x = np.concatenate([got.beta, *got.own])
     scale = np.array([np.sqrt(np.mean(rows.torque[rows.weight[:, j] > 0, j] ** 2)) for j in range(2)])
     start, precision = arm_solve._prior(rows, robot, terms, scale)
-    grams, moments, swell = [], [], []
+    columns, torques = [], []
     for j in range(2):
         X = np.zeros((rows.torque.shape[0], first[-1]))
         X[:, :b], X[:, first[j] : first[j + 1]] = rows.bodies[:, j], rows.friction[j]
         left, used = rows.torque[:, j] - X @ x, rows.weight[:, j] > 0
         noise = 1.4826 * np.median(np.abs(left[used]))
-        huber = np.minimum(1.0, 2.0 * noise / np.abs(left))
-        w = rows.weight[:, j] * huber / noise**2
-        grams.append((X * w[:, None]).T @ X)
-        moments.append((X * w[:, None]).T @ left)
-        e = left * huber * rows.weight[:, j]
-        c = np.array([e[: e.size - k] @ e[k:] for k in range(41)])  # two seconds of 20 rows each
-        swell.append(max(1.0, 1.0 + 2.0 * ((1.0 - np.arange(1, 41) / 41.0) @ c[1:]) / c[0]))
-    gram = sum(grams)
+        root = np.sqrt(rows.weight[:, j] * np.minimum(1.0, 2.0 * noise / np.abs(left))) / noise
+        columns.append(X * root[:, None])
+        torques.append(rows.torque[:, j] * root)
+    both, torque, block = (
+        np.vstack(columns),
+        np.concatenate(torques),
+        np.tile(arm_errors.blocks_of(len(rows.torque), 20.0), 2),
+    )
+    gram = both.T @ both
     held = precision + arm_solve._alike(gram, first, terms)
-    scores = swell[0] * grams[0] + swell[1] * grams[1]
     low, high = arm_solve._bounds(b, terms, np.array([True, True]))
     free = (x > low) & (x < high)
     inner = np.ix_(free, free)
     bread = np.linalg.inv((gram + held)[inner])
+    slope = both.T @ (torque - both @ x) - held @ (x - start)
     covariance = np.zeros_like(gram)
-    covariance[inner] = bread @ (scores + held)[inner] @ bread
+    covariance[inner], loose, pushed = brute_force_errors(both, torque, block, held, start, free)
     deviation = np.sqrt(np.diag(covariance))
-    errors, slope = np.concatenate(got.errors), sum(moments) - held @ (x - start)
-    assert errors[free[b:]] == pytest.approx(deviation[b:][free[b:]], rel=2e-2)
+    errors = np.concatenate(got.errors)
+    assert errors[free[b:]] == pytest.approx(deviation[b:][free[b:]], rel=3e-2)
     for j in range(2):
         own = slice(first[j], first[j + 1])
-        assert np.sqrt(np.diag(got.covariance(j))) == pytest.approx(deviation[own], rel=2e-2, abs=1e-12)
+        assert np.sqrt(np.diag(got.covariance(j))) == pytest.approx(deviation[own], rel=3e-2, abs=1e-12)
         assert not got.pushed[j][free[own]].any() and got.pushed[j].size == sizes[j]
-    loose, pushed = arm_solve._let_go(gram + held, slope, scores, free)
     for i in np.flatnonzero(~free):
-        assert errors[i - b] == pytest.approx(loose[i], rel=2e-2)
+        assert errors[i - b] == pytest.approx(loose[i], rel=3e-2)
         assert np.concatenate(got.pushed)[i - b] == pytest.approx(pushed[i], rel=0.1, abs=0.1)
     # the sum of squares does not fall along any free direction
     assert np.abs(bread @ slope[free]).max() < 0.05 * deviation[free].max()
@@ -596,7 +675,7 @@ def test_errors_of_a_whole_fit_are_the_sandwich_at_its_solution(robot):
     assert got.condition == pytest.approx(
         np.sqrt(np.linalg.cond(gram[:b, :b] / np.outer(unit, unit))), rel=1e-2
     )
-    assert max(swell) > 1.2 and (~free).sum() <= 6
+    assert (~free).sum() <= 6
 
 
 def test_the_numbers_of_an_arm_stand_where_they_belong(found):

@@ -16,22 +16,26 @@ PLACE, AXIS, MASS, CENTER, INERTIA, WIDTH = 0, 3, 6, 7, 10, 19
 G = 9.81
 
 
-@njit(error_model="numpy")
-def _cross(a, b, out):
-    out[0] = a[1] * b[2] - a[2] * b[1]
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]
+# Vectors are rows of V, matrices of R, by number: a view of a row costs more than what is done with it.
 
 
 @njit(error_model="numpy")
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+def _cross(V, a, b, out):
+    V[out, 0] = V[a, 1] * V[b, 2] - V[a, 2] * V[b, 1]
+    V[out, 1] = V[a, 2] * V[b, 0] - V[a, 0] * V[b, 2]
+    V[out, 2] = V[a, 0] * V[b, 1] - V[a, 1] * V[b, 0]
 
 
 @njit(error_model="numpy")
-def _turn(R, x, out):
-    for i in range(3):
-        out[i] = R[i, 0] * x[0] + R[i, 1] * x[1] + R[i, 2] * x[2]
+def _dot(V, a, b):
+    return V[a, 0] * V[b, 0] + V[a, 1] * V[b, 1] + V[a, 2] * V[b, 2]
+
+
+@njit(error_model="numpy")
+def _turn(R, r, x, i, at, V, out):
+    """Turn three numbers of row i of x by the matrix r into row `out` of V."""
+    for m in range(3):
+        V[out, m] = R[r, m, 0] * x[i, at] + R[r, m, 1] * x[i, at + 1] + R[r, m, 2] * x[i, at + 2]
 
 
 @njit(error_model="numpy")
@@ -44,36 +48,35 @@ def workspace(J):
 def kinematics(bodies, q, R, V):
     """Fill R[i] with the rotation of body i, V[i] with the place of its hinge, V[J + i] with the axis."""
     J = bodies.shape[0]
+    own = 3 * J
     for i in range(J):
-        a, angle = bodies[i, AXIS : AXIS + 3], q[i]
-        s, c = np.sin(angle), np.cos(angle)
-        own = R[3 * J]
+        s, c = np.sin(q[i]), np.cos(q[i])
         for m in range(3):
             for n in range(3):
-                own[m, n] = a[m] * a[n] * (1.0 - c) + (c if m == n else 0.0)
-        own[0, 1] -= a[2] * s
-        own[1, 0] += a[2] * s
-        own[0, 2] += a[1] * s
-        own[2, 0] -= a[1] * s
-        own[1, 2] -= a[0] * s
-        own[2, 1] += a[0] * s
-        place = bodies[i, PLACE : PLACE + 3]
+                R[own, m, n] = bodies[i, AXIS + m] * bodies[i, AXIS + n] * (1.0 - c) + (c if m == n else 0.0)
+        R[own, 0, 1] -= bodies[i, AXIS + 2] * s
+        R[own, 1, 0] += bodies[i, AXIS + 2] * s
+        R[own, 0, 2] += bodies[i, AXIS + 1] * s
+        R[own, 2, 0] -= bodies[i, AXIS + 1] * s
+        R[own, 1, 2] -= bodies[i, AXIS] * s
+        R[own, 2, 1] += bodies[i, AXIS] * s
         if i == 0:
             for m in range(3):
-                V[0, m] = place[m]
-                V[J, m] = a[m]
+                V[0, m] = bodies[0, PLACE + m]
+                V[J, m] = bodies[0, AXIS + m]
                 for n in range(3):
-                    R[0, m, n] = own[m, n]
+                    R[0, m, n] = R[own, m, n]
         else:
-            before = R[i - 1]
-            _turn(before, place, V[i])
+            _turn(R, i - 1, bodies, i, PLACE, V, i)
             for m in range(3):
                 V[i, m] += V[i - 1, m]
                 for n in range(3):
                     R[i, m, n] = (
-                        before[m, 0] * own[0, n] + before[m, 1] * own[1, n] + before[m, 2] * own[2, n]
+                        R[i - 1, m, 0] * R[own, 0, n]
+                        + R[i - 1, m, 1] * R[own, 1, n]
+                        + R[i - 1, m, 2] * R[own, 2, n]
                     )
-            _turn(before, a, V[J + i])
+            _turn(R, i - 1, bodies, i, AXIS, V, J + i)
 
 
 @njit(error_model="numpy")
@@ -83,19 +86,19 @@ def terms(bodies, q, v, R, V, M, bias):
     kinematics(bodies, q, R, V)
     O, Z, C, W, D, A, F, N = 0, J, 2 * J, 3 * J, 4 * J, 5 * J, 6 * J, 7 * J  # noqa: E741
     I = J  # noqa: E741  (inertias, behind the rotations)
-    t, u, w = V[13 * J], V[13 * J + 1], V[13 * J + 2]
-    T = R[3 * J + 1]
+    t, u, w = 13 * J, 13 * J + 1, 13 * J + 2
+    T = 3 * J + 1
     for i in range(J):
-        _turn(R[i], bodies[i, CENTER : CENTER + 3], V[C + i])
+        _turn(R, i, bodies, i, CENTER, V, C + i)
         for m in range(3):
             V[C + i, m] += V[O + i, m]
             for n in range(3):
-                T[m, n] = 0.0
+                R[T, m, n] = 0.0
                 for k in range(3):
-                    T[m, n] += R[i, m, k] * bodies[i, INERTIA + 3 * k + n]
+                    R[T, m, n] += R[i, m, k] * bodies[i, INERTIA + 3 * k + n]
         for m in range(3):
             for n in range(3):
-                R[I + i, m, n] = T[m, 0] * R[i, n, 0] + T[m, 1] * R[i, n, 1] + T[m, 2] * R[i, n, 2]
+                R[I + i, m, n] = R[T, m, 0] * R[i, n, 0] + R[T, m, 1] * R[i, n, 1] + R[T, m, 2] * R[i, n, 2]
         # angular velocity W, angular acceleration D, acceleration A of the hinge, with gravity as an upward one
         if i == 0:
             for m in range(3):
@@ -103,95 +106,99 @@ def terms(bodies, q, v, R, V, M, bias):
                 V[D, m] = 0.0
                 V[A, m] = G if m == 2 else 0.0
         else:
-            _cross(V[W + i - 1], V[Z + i], t)
+            _cross(V, W + i - 1, Z + i, t)
             for m in range(3):
                 V[W + i, m] = V[W + i - 1, m] + v[i] * V[Z + i, m]
-                V[D + i, m] = V[D + i - 1, m] + v[i] * t[m]
-                u[m] = V[O + i, m] - V[O + i - 1, m]
-            _cross(V[D + i - 1], u, t)
-            _cross(V[W + i - 1], u, w)
-            _cross(V[W + i - 1], w, u)
+                V[D + i, m] = V[D + i - 1, m] + v[i] * V[t, m]
+                V[u, m] = V[O + i, m] - V[O + i - 1, m]
+            _cross(V, D + i - 1, u, t)
+            _cross(V, W + i - 1, u, w)
+            _cross(V, W + i - 1, w, u)
             for m in range(3):
-                V[A + i, m] = V[A + i - 1, m] + t[m] + u[m]
+                V[A + i, m] = V[A + i - 1, m] + V[t, m] + V[u, m]
         # force F and moment N about the center
         for m in range(3):
-            u[m] = V[C + i, m] - V[O + i, m]
-        _cross(V[D + i], u, t)
-        _cross(V[W + i], u, w)
-        _cross(V[W + i], w, u)
+            V[u, m] = V[C + i, m] - V[O + i, m]
+        _cross(V, D + i, u, t)
+        _cross(V, W + i, u, w)
+        _cross(V, W + i, w, u)
         for m in range(3):
-            V[F + i, m] = bodies[i, MASS] * (V[A + i, m] + t[m] + u[m])
-        _turn(R[I + i], V[W + i], t)
-        _cross(V[W + i], t, u)
-        _turn(R[I + i], V[D + i], t)
+            V[F + i, m] = bodies[i, MASS] * (V[A + i, m] + V[t, m] + V[u, m])
+        _turn(R, I + i, V, W + i, 0, V, t)
+        _cross(V, W + i, t, u)
+        _turn(R, I + i, V, D + i, 0, V, t)
         for m in range(3):
-            V[N + i, m] = t[m] + u[m]
+            V[N + i, m] = V[t, m] + V[u, m]
     # moments of everything beyond, about the world's origin, and composite bodies
-    f, n_, moment = V[13 * J + 3], V[13 * J + 4], V[13 * J + 5]
-    center, total = V[13 * J + 6], 0.0
-    whole = R[3 * J + 2]
+    f, n_, moment = 13 * J + 3, 13 * J + 4, 13 * J + 5
+    center, d, total = 13 * J + 6, 13 * J + 7, 0.0
+    whole = 3 * J + 2
     for m in range(3):
-        f[m] = n_[m] = center[m] = 0.0
+        V[f, m] = V[n_, m] = V[center, m] = 0.0
         for k in range(3):
-            whole[m, k] = 0.0
+            R[whole, m, k] = 0.0
     for i in range(J - 1, -1, -1):
-        _cross(V[C + i], V[F + i], t)
+        _cross(V, C + i, F + i, t)
         for m in range(3):
-            f[m] += V[F + i, m]
-            n_[m] += V[N + i, m] + t[m]
-        _cross(V[O + i], f, t)
+            V[f, m] += V[F + i, m]
+            V[n_, m] += V[N + i, m] + V[t, m]
+        _cross(V, O + i, f, t)
         for m in range(3):
-            moment[m] = n_[m] - t[m]
-        bias[i] = _dot(V[Z + i], moment)
+            V[moment, m] = V[n_, m] - V[t, m]
+        bias[i] = _dot(V, Z + i, moment)
         # the composite: inertia about its own center
-        m_i, d = bodies[i, MASS], V[13 * J + 7]
+        m_i = bodies[i, MASS]
         both = total + m_i
         share = m_i * total / both
         for m in range(3):
-            d[m] = V[C + i, m] - center[m]
-        square = _dot(d, d)
+            V[d, m] = V[C + i, m] - V[center, m]
+        square = _dot(V, d, d)
         for m in range(3):
             for k in range(3):
-                whole[m, k] += R[I + i, m, k] + share * ((square if m == k else 0.0) - d[m] * d[k])
+                R[whole, m, k] += R[I + i, m, k] + share * ((square if m == k else 0.0) - V[d, m] * V[d, k])
         for m in range(3):
-            center[m] += m_i / both * d[m]
+            V[center, m] += m_i / both * V[d, m]
         total = both
         # one alone accelerates by one
         for m in range(3):
-            u[m] = center[m] - V[O + i, m]
-        _cross(V[Z + i], u, w)
-        _turn(whole, V[Z + i], moment)
+            V[u, m] = V[center, m] - V[O + i, m]
+        _cross(V, Z + i, u, w)
+        _turn(R, whole, V, Z + i, 0, V, moment)
         for m in range(3):
-            w[m] *= total
+            V[w, m] *= total
         for j in range(i + 1):
             for m in range(3):
-                u[m] = center[m] - V[O + j, m]
-            _cross(u, w, t)
+                V[u, m] = V[center, m] - V[O + j, m]
+            _cross(V, u, w, t)
             for m in range(3):
-                t[m] += moment[m]
-            M[i, j] = M[j, i] = _dot(V[Z + j], t)
+                V[t, m] += V[moment, m]
+            M[i, j] = M[j, i] = _dot(V, Z + j, t)
 
 
 @njit(error_model="numpy")
 def tool_point(R, V, J, tool, out):
     """Fill `out` with the place of the tool; after `kinematics`."""
-    _turn(R[J - 1], tool, out)
     for m in range(3):
-        out[m] += V[J - 1, m]
+        out[m] = V[J - 1, m] + (
+            R[J - 1, m, 0] * tool[0] + R[J - 1, m, 1] * tool[1] + R[J - 1, m, 2] * tool[2]
+        )
 
 
 @njit(error_model="numpy")
 def push(R, V, J, tool, wrench, tau):
     """Fill tau with what a wrench at the tool, along the axes of the world, does to the joints: J^T w."""
-    point, arm, moment = V[13 * J + 8], V[13 * J + 9], V[13 * J + 10]
-    tool_point(R, V, J, tool, point)
+    arm, force, moment = 13 * J + 9, 13 * J + 8, 13 * J + 10
+    last = J - 1
+    for m in range(3):
+        V[force, m] = wrench[m]
     for i in range(J):
         for m in range(3):
-            arm[m] = point[m] - V[i, m]
-        _cross(arm, wrench[:3], moment)
+            point = (R[last, m, 0] * tool[0] + R[last, m, 1] * tool[1] + R[last, m, 2] * tool[2]) + V[last, m]
+            V[arm, m] = point - V[i, m]
+        _cross(V, arm, force, moment)
         for m in range(3):
-            moment[m] += wrench[3 + m]
-        tau[i] = _dot(V[J + i], moment)
+            V[moment, m] += wrench[3 + m]
+        tau[i] = _dot(V, J + i, moment)
 
 
 @njit(error_model="numpy")
@@ -215,6 +222,31 @@ def invert(M, L, out):
             for k in range(i + 1, J):
                 s -= L[k, i] * out[k, c]
             out[i, c] = s / L[i, i]
+
+
+@njit(error_model="numpy")
+def factor(M, L):
+    """Fill the lower triangle of L with Cholesky's factor of a positive definite matrix, its diagonal inverted."""
+    for i in range(M.shape[0]):
+        for j in range(i + 1):
+            s = M[i, j]
+            for k in range(j):
+                s -= L[i, k] * L[j, k]
+            L[i, j] = 1.0 / np.sqrt(s) if i == j else s * L[j, j]
+
+
+@njit(error_model="numpy")
+def solve(L, x):
+    """Solve in place a system that `factor` has factored."""
+    J = x.size
+    for i in range(J):
+        for k in range(i):
+            x[i] -= L[i, k] * x[k]
+        x[i] *= L[i, i]
+    for i in range(J - 1, -1, -1):
+        for k in range(i + 1, J):
+            x[i] -= L[k, i] * x[k]
+        x[i] *= L[i, i]
 
 
 def along(bodies: np.ndarray, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

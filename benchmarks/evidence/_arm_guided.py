@@ -40,7 +40,7 @@ def _advance(joints, C, Minv, bias, u, braked, p, w, q, v, z, load):
             back[j] = 0.0
             for i in range(n):
                 back[j] += C[i, j] * c[i]
-            f, z[j] = _friction(joints[j], w[j], z[j], abs(back[j]), p[j], 1.0, h)
+            f, z[j] = _friction(joints, j, w[j], z[j], abs(back[j]), p[j], 1.0, h)
             w[j] = 0.0 if braked[j] else w[j] + h / joints[j, 0] * (u[j] - back[j] - f)
         for i in range(n):
             for j in range(n):

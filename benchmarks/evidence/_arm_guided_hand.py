@@ -70,7 +70,7 @@ def _guide(joints, bodies, level, tool, target, held, hand, p, w, q, v, z, f, qu
                         out[k, 2, i], out[k, 3, i] = wrench[i], tau[i]
             for i in range(N):
                 c = joints[i, 1] * (p[i] - q[i]) + joints[i, 2] * (w[i] - v[i])
-                force, z[i] = _friction(joints[i], w[i], z[i], abs(c), p[i], 1.0, STEP)
+                force, z[i] = _friction(joints, i, w[i], z[i], abs(c), p[i], 1.0, STEP)
                 w[i] += STEP / joints[i, 0] * (queue[slot, i] - c - force)
                 queue[slot, i] = u[i]
                 a[i] = c - bias[i] + tau[i]

@@ -17,6 +17,7 @@ from backdrive.external import JointForce
 from backdrive.external.arm import ArmEstimate
 
 EVERY = 4  # ticks from one logged instant to the next
+LOOKS = 5  # steps of the simulator between two looks at the bodies: twice a tick
 BLOCK = 300.0  # of free motion, each a log of its own [s]
 COUNT = 13  # column of the encoder's step
 IDENTIFIED = 150.0  # motion that the model is identified from [s]
@@ -35,7 +36,7 @@ def log_of(r: Record) -> Log:
 def free(seed: int) -> Log:
     """Return a log of free motion."""
     rng = np.random.default_rng(seed)
-    return log_of(record(Arm(), free_motion(BLOCK, rng), rng, every=EVERY))
+    return log_of(record(Arm(), free_motion(BLOCK, rng), rng, every=EVERY, looks=LOOKS))
 
 
 class Cell:
@@ -103,7 +104,7 @@ def stepped(seed: int, seconds: float, heights: np.ndarray) -> tuple[Log, Log, l
         heights: torque of a step, by joint [N.m], (6,).
     """
     reference = free_motion(seconds, np.random.default_rng(seed))
-    dry = record(Arm(), reference, np.random.default_rng(seed + 1), every=EVERY)
+    dry = record(Arm(), reference, np.random.default_rng(seed + 1), every=EVERY, looks=LOOKS)
     rng = np.random.default_rng(seed + 2)
     hands, steps = np.zeros((reference.shape[0], 6)), []
     for begin in np.arange(3.0, seconds - 2.0, SPACING):
@@ -117,7 +118,7 @@ def stepped(seed: int, seconds: float, heights: np.ndarray) -> tuple[Log, Log, l
             continue
         hands[round(t / TICK) : round((t + LENGTH) / TICK)] = wrench
         steps.append((t, j))
-    wet = record(Arm(), reference, np.random.default_rng(seed + 1), wrench=hands, every=EVERY)
+    wet = record(Arm(), reference, np.random.default_rng(seed + 1), wrench=hands, every=EVERY, looks=LOOKS)
     return log_of(dry), log_of(wet), steps
 
 

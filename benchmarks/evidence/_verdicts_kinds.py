@@ -328,6 +328,14 @@ RIGHT = (
         {"law": "auto"},
         smaller=0.0,
     ),
+    Kind(
+        "Stribeck peak, law named",
+        0.5,
+        "Coulomb",
+        searched_peak,
+        options={"law": "stribeck-gauss"},
+        smaller=0.0,
+    ),
 )
 
 #: What no log shows by itself, and sound logs that a search has called poor: they must be called good.
@@ -350,4 +358,5 @@ HIDDEN = (
         gravity=True,
         smaller=0.0,
     ),
+    Kind("Stribeck peak that is shown", 0.5, "Coulomb", searched_peak, smaller=0.0),
 )

@@ -11,8 +11,8 @@ UR3 that nothing touches, contacts counted on id2 and prbs; the upper bound of t
     python benchmarks/evidence/arm_contact.py [--short] [--only joint,arm,ur3] [--hours H] [--calibrate H] [--jobs 2] [--seed N]
 
 `--short` judges minutes, not hours, of the arm, and falls short only where the exact interval of the rate lies above the limit.
-`--hours` judges so many, `--calibrate` takes so many of the arm. A simulated hour of the arm takes some 150 s of one core; the
-whole program over an hour.
+`--hours` judges so many, `--calibrate` takes so many of the arm. A simulated hour of the arm takes some 30 s of one core, the
+whole program a quarter of an hour.
 """
 
 from __future__ import annotations

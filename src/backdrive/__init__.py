@@ -30,6 +30,9 @@ _HOMES = {
     "fit_motion": "backdrive.identification.dynamic",
     "forward": "backdrive.engine",
     "rollout": "backdrive.engine",
+    "compare": "backdrive.identification.drift.comparison",
+    "simulate": "backdrive.simulation.of_model",
+    "tune": "backdrive.tuning.of_model:tune_joint",
 }
 
 __all__ = [  # noqa: RUF022  (sorted by use)
@@ -37,20 +40,21 @@ __all__ = [  # noqa: RUF022  (sorted by use)
     "Axis",
     "BackdriveError",
     "Drive",
-    "DriveModel",
     "FrictionModel",
     "Joint",
     "Law",
     "Log",
     "Sweep",
     "check",
-    "fit_motion",
+    "compare",
     "forward",
     "identify",
     "load_model",
     "read_log",
     "read_logs",
     "rollout",
+    "simulate",
+    "tune",
 ]
 
 if TYPE_CHECKING:
@@ -60,6 +64,7 @@ if TYPE_CHECKING:
     from backdrive.engine import rollout as rollout
     from backdrive.errors import BackdriveError as BackdriveError
     from backdrive.identification import identify as identify
+    from backdrive.identification.drift.comparison import compare as compare
     from backdrive.identification.dynamic import fit_motion as fit_motion
     from backdrive.laws import Law as Law
     from backdrive.logs.health import check as check
@@ -71,6 +76,8 @@ if TYPE_CHECKING:
     from backdrive.model import FrictionModel as FrictionModel
     from backdrive.model import load_model as load_model
     from backdrive.plans import Sweep as Sweep
+    from backdrive.simulation.of_model import simulate as simulate
+    from backdrive.tuning.of_model import tune_joint as tune
 
 
 _renamed.install()
@@ -80,7 +87,8 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         _renamed.refuse(name)
         raise AttributeError(f"module 'backdrive' has no attribute '{name}'")
-    value = getattr(importlib.import_module(_HOMES[name]), name)
+    home, _, member = _HOMES[name].partition(":")
+    value = getattr(importlib.import_module(home), member or name)
     if callable(
         value
     ):  # `backdrive.identification` is a package and a function; the function is the public name

@@ -14,3 +14,26 @@ def upper(module: str, name: str) -> Any:
         name: of the member.
     """
     return getattr(importlib.import_module(f"backdrive.{module}"), name)
+
+
+class Shown:
+    """What shows itself: text by `summary`, a picture by `plot`, a page by `report`, and HTML in a notebook."""
+
+    def summary(self, width: int = 80) -> str:
+        """Return what there is to say, as plain text.
+
+        Args:
+            width: of a line [characters].
+        """
+        return upper("report.show", "text")(self, width)
+
+    def plot(self) -> Any:
+        """Return a picture as a matplotlib figure, which shows itself in a notebook and has `savefig`.
+
+        Raises:
+            MissingExtra: matplotlib is not installed.
+        """
+        return upper("report.show", "picture")(self)
+
+    def _repr_html_(self) -> str:
+        return upper("report.show", "html")(self)

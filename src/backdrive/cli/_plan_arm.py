@@ -17,7 +17,7 @@ from backdrive.plans.arm_bounds import ArmBounds
 from backdrive.plans.arm_collision import Clearance
 from backdrive.plans.arm_information import Information
 from backdrive.plans.arm_search import Search
-from backdrive.plans.arm_shapes import floor_at, read_shapes
+from backdrive.plans.arm_shapes import capsules, floor_at, read_shapes
 from backdrive.plans.base import spoken
 from backdrive.plans.limits import JointLimits, read_limits
 from backdrive.robot import Robot, load_robot
@@ -216,6 +216,10 @@ def _center(request: Request, robot: Robot) -> np.ndarray | None:
     return np.array([values[name] for name in robot.joints])
 
 
+def _who(links: Sequence[str]) -> str:
+    return ", ".join(links) if len(links) < 4 else f"{len(links)} links"
+
+
 def _clearance(
     request: Request, robot: Robot, limits: Sequence[JointLimits], notes: list[str]
 ) -> Clearance | None:
@@ -226,13 +230,18 @@ def _clearance(
         notes.append(f"Self-collision was not checked: {error.message} {error.remedy}")
         return None
     if without:
-        who = ", ".join(without) if len(without) < 4 else f"{len(without)} links"
-        way = (
-            "give the folder that holds the packages with --packages"
-            if request.packages is None
-            else "they have none"
-        )
-        notes.append(f"Self-collision of {who} was not checked: the meshes were not read; {way}.")
+        rods, bare = capsules(robot, without)
+        shapes = [*shapes, *rods]
+        way = ": give the folder that holds the packages with --packages" if request.packages is None else ""
+        if rods:
+            notes.append(
+                f"Meshes of {_who(without)} were not read{way}. Capsules stand in for them, from joint to joint and as thick as "
+                "the inertia says: look at the motion in a simulator before it runs."
+            )
+        if bare:
+            notes.append(
+                f"Self-collision of {_who(bare)} was not checked: neither mesh nor inertia tells its shape{way}."
+            )
     if request.floor is not None:
         shapes = [*shapes, floor_at(request.floor)]
     clearance = _or(request.clearance, 0.02)

@@ -13,6 +13,7 @@ from backdrive.errors import InvalidInput, ModelFileError
 
 if TYPE_CHECKING:
     from backdrive.identification.drift.change import Change
+    from backdrive.identification.drift.comparison import Comparison
     from backdrive.model import FrictionModel
 
 
@@ -46,7 +47,7 @@ def command(
 
     Example: backdrive compare folded.json stretched.json --joint elbow
     """
-    from backdrive.identification.drift.change import change_of
+    from backdrive.identification.drift.comparison import compare
 
     if top_speed is not None and not 0.0 < top_speed < float("inf"):
         raise InvalidInput(
@@ -56,28 +57,42 @@ def command(
         raise InvalidInput(
             f"--alarm {alarm:g} is no probability.", remedy="Give one between 0 and 1, such as 0.01."
         )
-    models = _load(first), _renamed(_load(second), rename or [])
-    pairs, left_out = _pairs(*models, joint)
+    models = _load(first), _load(second)
+    joints = {a: b or a for a, _, b in (word.partition("=") for word in joint or ())}
     try:
-        changes = [
-            change_of(models[0].joint(a), models[1].joint(b), top_speed=top_speed, alarm=alarm)
-            for a, b in pairs
-        ]
+        comparison = compare(
+            *models,
+            joints=joints or None,
+            rename=_names(models[1], rename or []),
+            top_speed=top_speed,
+            alarm=alarm,
+        )
     except InvalidInput as error:
+        if "no joint in common" in error.message or "--rename" in error.message or "matched" in error.message:
+            raise
         raise InvalidInput(f"{first} and {second}: {error.message}", remedy=error.remedy) from error
     unjudged = None
-    if not any(c.judged for c in changes):
-        unjudged = InvalidInput(
-            "Neither change nor its absence can be told.",
-            remedy=next((r for c in changes for r in c.remarks if "standard errors" in r), ""),
-        )
-    _print_json(changes, left_out, unjudged) if as_json else _print_table(changes, left_out)
+    if not comparison.judged:
+        remarks = (r for c in comparison.changes for r in c.remarks if "standard errors" in r)
+        unjudged = InvalidInput("Neither change nor its absence can be told.", remedy=next(remarks, ""))
+    if as_json:
+        _print_json(comparison, unjudged)
+    else:
+        _print_table(list(comparison.changes), list(comparison.left_out))
     if unjudged is not None:
         if as_json:
             raise typer.Exit(unjudged.exit_code)
         raise unjudged
-    if any(c.changed for c in changes):
+    if comparison.changed:
         raise typer.Exit(1)
+
+
+def _names(model: FrictionModel, pairs: list[str]) -> dict[str, str]:
+    """Return old name -> new name of pairs OLD=NEW, after they were checked."""
+    from backdrive.identification.names import renamed
+
+    renamed([friction.joint for friction in model.joints], pairs)
+    return {old.strip(): new.strip() for old, _, new in (pair.partition("=") for pair in pairs)}
 
 
 def _load(name: str) -> FrictionModel:
@@ -92,68 +107,8 @@ def _load(name: str) -> FrictionModel:
         raise ModelFileError(f"{name}: {error.message}", remedy=error.remedy) from error
 
 
-def _renamed(model: FrictionModel, pairs: list[str]) -> FrictionModel:
-    """Return a model with its joints under the names that a person gives them."""
-    from dataclasses import replace
-
-    from backdrive.identification.names import renamed
-
-    if not pairs:
-        return model
-    joints = renamed([friction.joint for friction in model.joints], pairs)
-    named = tuple(replace(friction, joint=joint) for friction, joint in zip(model.joints, joints))
-    return replace(model, joints=named, coupling=None, coupled=())
-
-
-def _pairs(
-    first: FrictionModel, second: FrictionModel, joint: list[str] | None
-) -> tuple[list[tuple[str, str]], list[str]]:
-    """Return names of the joints to compare, and a sentence for every joint that only one model has."""
-    from backdrive.identification.names import same_names
-
-    if joint:
-        words = [word.partition("=") for word in joint]
-        pairs = [(first.joint(a).joint.name, second.joint(b or a).joint.name) for a, _, b in words]
-        return list(dict.fromkeys(pairs)), []
-    by_order = same_names(
-        [j.joint for j in first.joints], [j.joint for j in second.joints], "first", "second"
-    )
-    common = [name for name in first.names if name in second.names]
-    if not common:
-        raise InvalidInput(
-            f"The models have no joint in common: {', '.join(first.names)}, and {', '.join(second.names)}.",
-            remedy=f"Say which is which: --rename {second.names[0]}={first.names[0]}, once for each.",
-        )
-    left_out = [
-        *by_order,
-        *(f"Joint '{n}' is only in the first model." for n in first.names if n not in common),
-    ]
-    left_out += [f"Joint '{n}' is only in the second model." for n in second.names if n not in common]
-    return [(name, name) for name in common], left_out
-
-
-def _print_json(changes: list[Change], left_out: list[str], unjudged: InvalidInput | None) -> None:
-    from backdrive.identification.drift.change import REACH, kind_of
-
-    rows = {
-        c.joint: {
-            "outcome": kind_of(c),
-            "verdict": c.verdict,
-            "top_speed": c.top_speed,
-            "distance": {"positive": c.distance[0], "negative": c.distance[1], "unit": c.unit},
-            "relative": {"positive": c.relative[0], "negative": c.relative[1]},
-            "mean_change": c.mean,
-            "mean_change_interval": [c.mean - REACH * c.mean_error, c.mean + REACH * c.mean_error],
-            "chi_square": c.chi_square,
-            "degrees_of_freedom": c.degrees,
-            "probability": c.probability,
-            "alarm": c.alarm,
-            "remarks": c.remarks,
-        }
-        for c in changes
-    }
-    changed = [c.joint for c in changes if c.changed]
-    document = {"ok": unjudged is None, "changed": changed, "joints": rows, "left_out": left_out}
+def _print_json(comparison: Comparison, unjudged: InvalidInput | None) -> None:
+    document = {"ok": unjudged is None, **comparison.to_dict()}
     if unjudged is not None:
         error = {"kind": type(unjudged).__name__, "message": str(unjudged)}
         document |= {"error": error, "exit_code": unjudged.exit_code}

@@ -48,6 +48,13 @@ def command(
             help="Link, tool or site of it, at which the wrench is estimated, or that --payload is fixed to.",
         ),
     ] = None,
+    wrench_axes: Annotated[
+        str | None,
+        typer.Option(
+            "--wrench-axes",
+            help="Along which the log's own wrench (--map wrench=) is: frame, those of TOOL, or base.  [default: frame]",
+        ),
+    ] = None,
     payload: Annotated[
         bool, typer.Option("--payload", help="Mass and center of what the arm carries, instead of the force.")
     ] = False,
@@ -106,7 +113,8 @@ def command(
 ) -> None:
     """Estimate the external torque on each joint, without a force sensor.
 
-    Where the log holds that torque (--map tau_ext=COLUMN), it is left out of the estimate and compared with it.
+    Where the log holds that torque (--map tau_ext=COLUMN), it is left out of the estimate and compared with it; so is a wrench
+    measured at TOOL (--map "wrench=(fx,fy,fz,mx,my,mz)").
 
     Bands and contacts are calibrated by a log of free motion, best not the one that the model was identified from.
     A whole arm (`identify --method arm`) needs its description (--urdf); with --frame the table has the wrench there, too.
@@ -150,6 +158,7 @@ def command(
             "--output": output,
             "--plot": plot,
             "--report": report,
+            "--wrench-axes": wrench_axes,
         },
     )
     if false_alarms is not None and not contact:
@@ -192,6 +201,7 @@ def command(
             free=untouched,
             robot=urdf,
             frame=frame,
+            wrench_axes=wrench_axes or "frame",
             false_alarms=(1.0 if false_alarms is None else false_alarms) if contact else None,
         )
         suspect += result.remarks

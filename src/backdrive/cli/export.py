@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from backdrive.model import FrictionModel
     from backdrive.tuning import Tuning
 
-TARGETS = ("c", "mjcf", "urdf")
+TARGETS = ("c", "mjcf", "urdf", "mujoco")
 
 
 def command(
@@ -31,10 +31,14 @@ def command(
             help="Made by `tune -o`: export the whole loop with its limits.  [default: the laws alone]",
         ),
     ] = None,
-    to: Annotated[str, typer.Option("--to", help="Target: c, mjcf or urdf.")] = "c",
+    to: Annotated[
+        str, typer.Option("--to", help="Target: c, mjcf, urdf, or mujoco (any law, as a callback in C).")
+    ] = "c",
     robot: Annotated[
         Path | None,
-        typer.Option("--robot", metavar="FILE", help="Description that mjcf and urdf put the friction into."),
+        typer.Option(
+            "--robot", metavar="FILE", help="Description that mjcf, urdf and mujoco put the friction into."
+        ),
     ] = None,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder to write to.")] = Path(
         "."
@@ -66,6 +70,10 @@ def command(
             "--beyond", help="Export a share of the friction that the model's errors do not support."
         ),
     ] = False,
+    dcmotor: Annotated[
+        bool,
+        typer.Option("--dcmotor", help="mjcf: write LuGre whole, as a passive dcmotor of MuJoCo 4."),
+    ] = False,
     as_json: _logs.AsJson = False,
 ) -> None:
     """Write C that does what the tuned loop does, bit for bit, or a robot description with the friction identified.
@@ -75,11 +83,16 @@ def command(
     Example: backdrive export preset:mx106/m6 --to c -o firmware/
 
     Example: backdrive export model.json --to mjcf --robot arm.xml -o simulated/
+
+    Example: backdrive export model.json --to mujoco --robot arm.xml -o simulated/
     """
     if to not in TARGETS:
         raise InvalidInput(f"--to {to}.", remedy=f"Use {' or '.join(TARGETS)}.")
+    if to == "mujoco":
+        _callback(model, robot, output, joint, name, as_json)
+        return
     if to != "c":
-        _describe(model, to, robot, output, joint, name, as_json)
+        _describe(model, to, robot, output, joint, name, dcmotor, as_json)
         return
     from backdrive import load_model
     from backdrive.export import export_laws, export_loop
@@ -128,6 +141,7 @@ def _describe(
     output: Path,
     joint: list[str] | None,
     name: str | None,
+    dcmotor: bool,
     as_json: bool,
 ) -> None:
     """Put the friction into a robot description."""
@@ -138,18 +152,49 @@ def _describe(
 
     if target_of(robot) != to:
         raise InvalidInput(f"{robot} is no {to.upper()} file.", remedy=f"Say --to {target_of(robot)}.")
-    written, simple = export_description(load_model(model), robot, output, joints=joint, name=name)
+    written, simple = export_description(
+        load_model(model), robot, output, joints=joint, name=name, dcmotor=dcmotor
+    )
     if as_json:
         print_json({"ok": True, "written": [str(p) for p in written]})
         return
     for each in simple:
         lost = f"; lost: {', '.join(each.lost)}" if each.lost else ""
+        if each.lugre is not None:
+            words = ", ".join(f"{x:.4g}" for x in each.lugre)
+            echo(f"{each.joint}: dcmotor lugre {words}, damping {each.damping:.4g}{lost}")
+            continue
         echo(
             f"{each.joint}: friction {each.friction:.4g}, damping {each.damping:.4g}; off by up to {each.largest_error:.3g} "
             f"({each.rms_error:.2g} rms){lost}"
         )
     for path in written:
         echo(f"Wrote {path}")
+
+
+def _callback(
+    model: str, robot: Path | None, output: Path, joint: list[str] | None, name: str | None, as_json: bool
+) -> None:
+    """Write any law for MuJoCo."""
+    if robot is None:
+        raise InvalidInput("--to mujoco without a robot description.", remedy="Name it: --robot FILE.")
+    from backdrive import load_model
+    from backdrive.export.mujoco import export_mujoco
+
+    source = f"From {Path(model).name}."
+    written, placed, step = export_mujoco(
+        load_model(model), robot, output, joints=joint, name=name or "friction", source=source
+    )
+    if as_json:
+        print_json({"ok": True, "written": [str(p) for p in written], "timestep": step})
+        return
+    for each in placed:
+        divided = f", which a step of {each.steps * step:g} s is too long for" if each.steps > 1 else ""
+        echo(f"{each.name}: {each.law.name}{divided}")
+    echo(f"Step: {step:g} s")
+    for path in written:
+        echo(f"Wrote {path}")
+    echo(f"{written[1].name} says how to compile it and how to set the callback, in C and in Python.")
 
 
 def _tuned(tunings: dict[str, Tuning], name: str, path: Path) -> Tuning:

@@ -27,7 +27,6 @@ from backdrive.control.table import (
     BEGUN,
     CAUSE,
     EXTERNAL,
-    FRICTION,
     KNOWN,
     NOMINAL,
     OLDER,
@@ -56,18 +55,18 @@ HASTE = 0.02  # in which gravity that drives a runaway is let go [s]
     Q, V,
     # output, and the share of gravity that is given; how long latched
     TOTAL, GRAVITY, DRIVE, TAU_E, SHARE, AGE,
-    # what the estimate is given: torque that acted on the joints, and the time that has passed
+    # what the estimate is given: torque of the motors that acted, and the time that has passed
     ACTED, STEP,
 ) = range(26)  # fmt: skip
 ROWS = 26
 
 
 @jit
-def locate(g, h, C, back, whole, read, dt, frictions):
+def locate(g, h, C, whole, read, dt):
     """Write where motors and joints are believed to be, how fast, and what torque acted; return whether the estimate begins anew.
 
-    A reading that is not possible changes nothing: the motor is taken to go on, and to stop within some 20 ms. `frictions`: the
-    motors' own friction is taken off what acted. `whole`: the estimate of the tick before.
+    A reading that is not possible changes nothing: the motor is taken to go on, and to stop within some 20 ms. `whole`: the
+    estimate of the tick before.
     """
     J, begins = read.size, False
     for j in range(J):
@@ -89,12 +88,11 @@ def locate(g, h, C, back, whole, read, dt, frictions):
             h[P, j] += passed * h[W, j]
             h[W, j] *= COASTING / (COASTING + passed)
     for i in range(J):
-        h[Q, i] = h[V, i] = h[ACTED, i] = 0.0
+        h[ACTED, i] = g[APPLIED, i] if np.isfinite(g[APPLIED, i]) else h[TOTAL, i]
+        h[Q, i] = h[V, i] = 0.0
         for j in range(J):
             h[Q, i] += C[i, j] * h[P, j]
             h[V, i] += C[i, j] * h[W, j]
-            acted = g[APPLIED, j] if np.isfinite(g[APPLIED, j]) else h[TOTAL, j]
-            h[ACTED, i] += back[j, i] * (acted - g[FRICTION, j] if frictions else acted)
     for i in range(whole.size):
         begins = begins or not np.isfinite(whole[i])
     return begins
@@ -162,7 +160,8 @@ def tick(A, o, g, codes, d, h, a, s, wanted, C, back, whole, read, dt, weight, b
 
     `A`, `o`, `g`, `codes`: of `loop_kernel.tick`; `d`: table of the drive's output stage, `h`: of the arm, `a`, `s`: rows and
     states of the admittances, `wanted`: torque of walls and admittance on the joints, `C`: q = C p, `back`: its inverse,
-    `whole`: external torque of an estimator of the whole arm, (J,), or (0,), `weight`: g(q), `bias`: h + g of the joints.
+    `whole`: external torque on the motors by an estimator of the whole arm, (J,), or (0,), `weight`: g(q), `bias`: h + g of the
+    joints.
     """
     J = codes.size
     for j in range(J):
@@ -175,11 +174,10 @@ def tick(A, o, g, codes, d, h, a, s, wanted, C, back, whole, read, dt, weight, b
         latched = latched or g[CAUSE, j] != 0.0
     for i in range(J):
         rests, h[TAU_E, i] = False, 0.0
-        if whole.size > 0 and np.isfinite(whole[i]):
-            h[TAU_E, i] = whole[i]
         for j in range(J):
-            if whole.size == 0:
-                h[TAU_E, i] += back[j, i] * g[EXTERNAL, j]
+            outside = g[EXTERNAL, j] if whole.size == 0 else whole[j]
+            if back[j, i] != 0.0 and np.isfinite(outside):
+                h[TAU_E, i] += back[j, i] * outside
             if C[i, j] != 0.0:
                 rests = rests or g[BAD, j] > 1.0 or g[CAUSE, j] != 0.0 or g[STOP, j] != 0.0
         wanted[i] = wall(h, i)

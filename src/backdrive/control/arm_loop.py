@@ -21,7 +21,7 @@ from backdrive.control import arm_kernel as kernel
 from backdrive.control import arm_rows, guard
 from backdrive.control.admittance import ROW, STATES
 from backdrive.control.arm_joint import ArmJoint
-from backdrive.control.arm_of_model import coupling_of, joints_of
+from backdrive.control.arm_of_model import joints_of
 from backdrive.control.bodies import Bodies
 from backdrive.control.estimators.arm import ArmForce
 from backdrive.control.loop import Loop, Row, take
@@ -71,7 +71,8 @@ class ArmLoop:
             joints: what runs on each joint of the robot, by its name.
             interval: period [s].
             parameters: of the rigid bodies, as identified [kg, kg.m, kg.m^2], (10 J,); None: the description's.
-            force: estimator of the external torque of the whole arm; None: each joint's own (`JointLoop.external`), without wrench.
+            force: estimator of the external torque of the whole arm, with the same coupling; None: each joint's own
+                (`JointLoop.external`), without wrench.
             coupling: C of q_joint = C q_motor; None: each motor drives its own joint, (J, J).
             rise: time in which gravity's torque comes and goes [s].
             brake: time for which a latched motor holds gravity: until then the brakes have to hold [s].
@@ -101,19 +102,19 @@ class ArmLoop:
         rows = np.array([np.zeros(ROW) if a is None else a.row() for a in followers])
         self._virtual, wanted = np.zeros((J, STATES)), np.zeros(J)
         back = np.ascontiguousarray(np.linalg.inv(self.coupling))
-        self._force = arm_rows.matching(force, robot, interval)
+        self._force = arm_rows.matching(force, robot, self.coupling, interval)
         whole = np.zeros(0) if self._force is None else self._force.force
         self._arrays = (
             *self._loop._arrays, self._stage, self._table, rows, self._virtual, wanted, self.coupling, back, whole,
         )  # fmt: skip
         g = self._loop._table
         self._tick: Any = kernel.tick
-        self._believed = (g, self._table, self.coupling, back, whole)
+        self._believed = (g, self._table, self.coupling, whole)
         self._frame = force is not None and force.frame is not None
-        self._frictions = bool(np.any(self.coupling != np.eye(J)))
         self._acted, self._passed = self._table[kernel.ACTED], self._table[kernel.STEP]
         self._read, self._applied = np.zeros(J), g[APPLIED]
         self._q, self._dq = self._table[kernel.Q], self._table[kernel.V]
+        self._p = self._table[kernel.P]
         self._views = {k: row.view(self._table) for k, row in vars(ArmLoop).items() if isinstance(row, Row)}
         self.update(np.zeros(J), np.zeros(J))
         self.reset(np.zeros(J))
@@ -162,9 +163,7 @@ class ArmLoop:
                     remedy=f"It has {', '.join(names)}.",
                 )
             joints[name] = replace(joints[name], **values)
-        C = coupling_of(model, known)
-        coupling = None if C is None else C.tolist()
-        return cls(known, joints, interval=interval, force=force, coupling=coupling, **settings)
+        return cls(known, joints, interval=interval, force=force, coupling=force.coupling, **settings)
 
     torque = Row(kernel.TOTAL, writeable=False)
     gravity = Row(kernel.GRAVITY, writeable=False)
@@ -181,7 +180,7 @@ class ArmLoop:
     @property
     def friction(self) -> np.ndarray:
         """Friction of the motors, estimated [N.m or N], read-only (J,)."""
-        if self._force is None or self._frictions:
+        if self._force is None:
             return self._loop.friction
         return _read_only(self._force.friction)
 
@@ -275,13 +274,13 @@ class ArmLoop:
         """
         read, bodies = self._read, self._bodies
         dt = take(position, applied, interval, read, self._applied, self.interval)
-        begins, force = kernel.locate(*self._believed, read, dt, self._frictions), self._force
+        begins, force = kernel.locate(*self._believed, read, dt), self._force
         try:
             bodies.update(self._q, self._dq if force is None else None)
             if force is not None:
                 if begins:
                     force.reset()
-                force.tick(self._q, self._acted, float(self._passed[0]))
+                force.tick(self._p, self._acted, float(self._passed[0]))
         except Exception:  # it weighs what it weighed
             read[:] = np.nan
         return STATUSES[self._tick(*self._arrays, read, dt, bodies.weight, bodies.bias)]

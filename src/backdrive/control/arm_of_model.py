@@ -13,8 +13,7 @@ from backdrive.control.arm_joint import ArmJoint
 from backdrive.control.compensators import Dither, alg_fc, nothing
 from backdrive.control.compensators.compensator import SHARE
 from backdrive.control.estimators.arm import ArmForce
-from backdrive.control.estimators.external import ExternalForce
-from backdrive.control.estimators.friction import NOTHING, alg_fe
+from backdrive.control.estimators.friction import alg_fe
 from backdrive.control.estimators.of_model import BEND, at_rest
 from backdrive.control.joint_loop import JointLoop, torque_limit
 from backdrive.errors import InvalidInput
@@ -57,11 +56,11 @@ def joints_of(
         InvalidInput: the model is not of an arm or not of this one, or a speed, a torque or a count is not known.
         UnknownName: there is no such frame.
     """
-    alone = replace(model, coupling=None, coupled=())  # friction of coupled motors is taken off at the motors
-    force = ArmForce.from_model(alone, robot, method=method, bandwidth=bandwidth, frame=frame)
+    force = ArmForce.from_model(model, robot, method=method, bandwidth=bandwidth, frame=frame)
     known = force.bodies.robot
-    C = coupling_of(model, known)
-    coupled = C is not None and bool(np.any(np.eye(len(known.joints)) != C))
+    offsets = np.array(force.offset)
+    if force.coupling is not None:  # those of the motors, brought to the joints
+        offsets = np.linalg.solve(np.array(force.coupling).T, offsets)
     joints, contacts = {}, []
     for k, name in enumerate(known.joints):
         friction = model.joint(name)
@@ -78,41 +77,15 @@ def joints_of(
         compensator = nothing()
         if share > 0.0:
             compensator = alg_fc(friction.law, K, dither=dither, share=share)
-        external = None
-        if coupled:  # for its friction alone, which is the motor's
-            external = ExternalForce(inertia=max(inertia, 1e-6), friction=estimator)
         loop = JointLoop(
             compensator=compensator,
-            external=external,
             limit=min(torque_limit(compensator, own.velocity), own.effort),
             top_speed=own.velocity,
             encoder_count=count,
         )
-        joints[name] = ArmJoint(loop=loop, limits=own, inertia=inertia, offset=force.offset[k])
-        contacts.append(NOTHING if coupled else estimator)
+        joints[name] = ArmJoint(loop=loop, limits=own, inertia=inertia, offset=float(offsets[k]))
+        contacts.append(estimator)
     return joints, force.replace(friction=tuple(contacts))
-
-
-def coupling_of(model: FrictionModel, robot: Robot) -> np.ndarray | None:
-    """Return C of q_joint = C q_motor in the order of a robot's joints, (J, J); None where each motor drives its own joint.
-
-    Args:
-        model: of friction.
-        robot: whose joints are wanted.
-
-    Raises:
-        InvalidInput: the matrix holds joints that the robot does not have, or lacks some.
-    """
-    if model.coupling is None:
-        return None
-    rows = model.coupled or model.names
-    if set(rows) != set(robot.joints):
-        raise InvalidInput(
-            f"The coupling is of {', '.join(rows)}, and {robot.name} has {', '.join(robot.joints)}.",
-            remedy="Identify all of its joints together.",
-        )
-    order = [rows.index(name) for name in robot.joints]
-    return np.array(model.coupling)[np.ix_(order, order)]
 
 
 def _range(robot: Robot, k: int) -> JointLimits:

@@ -49,9 +49,13 @@ def limits(
     weights, inertias = bodies.over(postures)
     least, most = inertias.min(axis=0), inertias.max(axis=0)
     heaviest = np.abs((weights + [joint.offset for joint in joints]) @ coupling).max(axis=0)
+    back = np.linalg.inv(coupling)
+    motors = np.diag(
+        back.T @ np.diag([joint.inertia for joint in joints]) @ back
+    )  # what they add to each joint
     for k, joint in enumerate(joints):
         weight = HEAVIER * float(heaviest[k]) if joint.gravity is None else joint.gravity
-        inertia = (float(least[k]) + joint.inertia, float(most[k]) + joint.inertia)
+        inertia = (float(least[k] + motors[k]), float(most[k] + motors[k]))
         wall, stiffness, lead = joint.walls(weight, inertia, interval)
         depth = joint.depth
         table[kernel.EFFORT, k], table[kernel.WEIGHT, k] = joint.limits.effort, weight
@@ -96,13 +100,21 @@ def in_order(robot: Robot, joints: Mapping[str, ArmJoint]) -> dict[str, ArmJoint
     return {name: joints[name] for name in robot.joints}
 
 
-def matching(force: ArmForce | None, robot: Robot, interval: float) -> ArmForceTick | None:
-    """Return what estimates the external torque in the loop; refuse an estimator of other joints."""
+def matching(
+    force: ArmForce | None, robot: Robot, coupling: np.ndarray, interval: float
+) -> ArmForceTick | None:
+    """Return what estimates the external torque in the loop; refuse an estimator of other joints or motors."""
     if force is None:
         return None
     if force.joints != robot.joints:
         raise InvalidInput(
             f"The estimator is of {', '.join(force.joints)}, and {robot.name} has {', '.join(robot.joints)}.",
             remedy="Give one of this robot, its joints in this order.",
+        )
+    C = np.eye(len(robot.joints)) if force.coupling is None else np.array(force.coupling)
+    if not np.array_equal(C, coupling):
+        raise InvalidInput(
+            "The estimator of the external torque and the loop have different couplings.",
+            remedy="Give both the same (`force.replace(coupling=...)`).",
         )
     return force.online(interval)

@@ -9,7 +9,9 @@ The operations are those of the kernels, in the same order (`graph`): on doubles
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -75,29 +77,29 @@ class ArrayLaw:
         self._needed = graph.needed(self._results)
         self._operations = [(i, *graph.operations[i]) for i in self._needed]
 
-    def init(self, shape: Sequence[int] | int = ()) -> Any:
-        """Return the state of joints at rest and relaxed, (..., states).
+    def init(self, shape: Sequence[int] | int = ()) -> tuple[Any, ...]:
+        """Return the state of joints at rest and relaxed: a tuple of arrays, one for each number that a joint remembers.
 
         Args:
             shape: of the batch.
         """
         shape = (shape,) if isinstance(shape, int) else tuple(shape)
-        zeros = self.xp.zeros((*shape, self.states), dtype=getattr(self.xp, "float64", float))
-        return zeros
+        xp = self.xp
+        return tuple(xp.zeros(shape, dtype=getattr(xp, "float64", float)) for _ in range(self.states))
 
     def step(
         self,
-        x: Any,
+        x: Sequence[Any],
         dp: Any,
         dt: Any,
         load: Any = None,
         temperature: Any = REFERENCE,
         row: Any = None,
-    ) -> tuple[Any, Any]:
+    ) -> tuple[Any, tuple[Any, ...]]:
         """Return torque and state after one tick; nothing is changed in place.
 
         Args:
-            x: state, (..., states).
+            x: state, a tuple of arrays (...).
             dp: increments of the positions [rad or m], (...).
             dt: time since the tick before [s], a number or (...).
             load: motor-side and external torque [N.m or N], (..., 2); None: the law's usual one.
@@ -105,24 +107,28 @@ class ArrayLaw:
             row: parameters, (..., P), as `sample` draws them; None: the law's.
 
         Returns:
-            tau_f [N.m or N], (...), and the state, (..., states).
+            tau_f [N.m or N], (...), and the state, a tuple of arrays (...).
+
+        Raises:
+            InvalidInput: the state is not one array for each number that a joint remembers.
         """
-        xp = self.xp
+        if not isinstance(x, (tuple, list)) or len(x) != self.states:
+            raise InvalidInput(
+                f"The state of '{self.law.name}' is a tuple of {self.states} arrays.",
+                remedy="Begin with init(shape), and hand on what step returns.",
+            )
         motor, external = self.law.usual_load if load is None else (load[..., 0], load[..., 1])
         inputs = {"dp": dp, "dt": dt, "motor": motor, "external": external, "temperature": temperature}
         parameters = self.row.tolist() if row is None else row
         values: dict[int, Any] = {}
-        if xp is np:
-            with np.errstate(all="ignore"):
-                self._run(values, x, inputs, parameters)
-        else:
+        with np.errstate(all="ignore") if self.xp is np else nullcontext():
             self._run(values, x, inputs, parameters)
         results = [values[r.index] if isinstance(r, Node) else r for r in self._results]
-        like = dp + 0.0 * x[..., 0]
+        like = dp + 0.0 * x[0]
         torque, *after = (
             r if hasattr(r, "shape") and r.shape == like.shape else r + 0.0 * like for r in results
         )
-        return torque, xp.stack(after, -1)
+        return torque, tuple(after)
 
     def _run(self, values: dict[int, Any], x: Any, inputs: Mapping[str, Any], parameters: Any) -> None:
         xp = self.xp
@@ -132,7 +138,7 @@ class ArrayLaw:
                 values[i] = parameters[at] if isinstance(parameters, list) else parameters[..., at]
                 continue
             if name == "state":
-                values[i] = x[..., arguments[0]] if arguments[0] < self.states else 0.0
+                values[i] = x[arguments[0]] if arguments[0] < self.states else 0.0
                 continue
             if name == "input":
                 values[i] = inputs[arguments[0]]
@@ -178,7 +184,8 @@ def _picked(xp: Any, index: Any, places: tuple[int, ...], *numbers: Any) -> Any:
     if all(isinstance(n, float) for n in numbers):
         table = np.zeros(places[-1] - places[0] + 1)
         table[np.array(places) - places[0]] = numbers
-        return xp.asarray(table, dtype=xp.float64)[index - places[0]]
+        where = {"device": index.device} if xp.__name__ == "torch" else {}
+        return xp.asarray(table, dtype=xp.float64, **where)[index - places[0]]
     result = numbers[-1]
     for place, number in zip(places[-2::-1], numbers[-2::-1]):
         result = xp.where(index == place, number, result)
@@ -204,9 +211,7 @@ def _numbers(name: str, given: list[Any]) -> Any:
     return getattr(np, name)(*given).item()
 
 
-import operator as _operator  # noqa: E402
-
-_PLAIN = {name: getattr(_operator, name) for name in (*SIGNS, "neg")}
+_PLAIN = {name: getattr(operator, name) for name in (*SIGNS, "neg")}
 
 
 def counts(law: Law) -> list[int]:

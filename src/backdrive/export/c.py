@@ -87,7 +87,7 @@ def export_loop(
     prefix = identifier(name)
     names = identifiers(list(joints))
     loops = list(joints.values())
-    comment = _comment(
+    about = comment(
         f"Torque loop of {', '.join(joints)}: friction compensation, external force, limits and watch; period {interval:g} s.",
         source,
         repr(loops) + repr(interval) + precision,
@@ -95,14 +95,14 @@ def export_loop(
         "A loop that nobody calls cannot change the torque that the drive was last given:\n"
         "have the drive time out, or watch `calls`.",
     )
-    header = loop_header(loops, interval, prefix, names, single, comment)
+    header = loop_header(loops, interval, prefix, names, single, about)
     files = {
         f"{prefix}.h": header,
-        f"{prefix}.hpp": cpp.wrapper(prefix, names, single, _comment("C++17 wrapper.", source, header, "")),
+        f"{prefix}.hpp": cpp.wrapper(prefix, names, single, comment("C++17 wrapper.", source, header, "")),
         f"{prefix}_interrupt.c": examples.interrupt(prefix, interval, single, len(loops), MARK),
         f"{prefix}_controller.cpp": examples.controller(prefix, single, MARK),
     }
-    return _written(folder, files)
+    return written(folder, files)
 
 
 def export_laws(
@@ -134,15 +134,13 @@ def export_laws(
         raise InvalidInput("No friction law.", remedy="Give at least one.")
     prefix = identifier(name)
     parts = {joint: of_law(law) for joint, law in zip(identifiers(list(laws)), laws.values())}
-    comment = _comment(
+    about = comment(
         f"Friction torque of {', '.join(laws)}, tick by tick.",
         source,
         repr(list(laws.values())) + precision,
         "",
     )
-    return _written(
-        folder, {f"{prefix}.h": framed(prefix, comment, PartsHeader(parts, prefix, single).text())}
-    )
+    return written(folder, {f"{prefix}.h": framed(prefix, about, PartsHeader(parts, prefix, single).text())})
 
 
 def _single(precision: str) -> bool:
@@ -151,7 +149,7 @@ def _single(precision: str) -> bool:
     return precision == "float"
 
 
-def _comment(title: str, source: str, content: str, more: str) -> str:
+def comment(title: str, source: str, content: str, more: str) -> str:
     """Return the first lines of a file: what it is, from what, and the digest of what it was made of."""
     from backdrive import __version__
 
@@ -160,7 +158,7 @@ def _comment(title: str, source: str, content: str, more: str) -> str:
     return "\n".join(line.replace("*/", "* /") for line in lines if line or line == "").strip()
 
 
-def _written(folder: str | Path, files: Mapping[str, str]) -> list[Path]:
+def written(folder: str | Path, files: Mapping[str, str]) -> list[Path]:
     """Write files together, none where one is there that is not ours.
 
     Raises:

@@ -1,106 +1,31 @@
 """Friction into robot descriptions: MJCF and URDF, with what they cannot express said in numbers.
 
-Both know Coulomb and viscous friction alone, the same in both directions:
-
-    tau = F sgn(v) + B v
-
-F and B >= 0 are fitted by least squares to the identified curve over the velocities that the data covered; what is left, the
-largest and the root-mean-square torque error there, is written beside the description. Presliding, a Stribeck peak, unlike
-directions, growth with the load and temperature are lost.
+Both know Coulomb and viscous friction alone, the same in both directions (`simple`); what is left, the largest and the
+root-mean-square torque error over the velocities that the data covered, is written beside the description. Presliding, a Stribeck
+peak, unlike directions, growth with the load and temperature are lost.
 """
 
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
-import numpy as np
-
 from backdrive._files import read_whole, write_together
 from backdrive.errors import InvalidInput, ReadError, WriteError
+from backdrive.export.simple import Simple, simplify, with_lugre
 from backdrive.robot.xml import parse
 
 if TYPE_CHECKING:
     from backdrive.model import FrictionModel
-    from backdrive.model.joint_friction import JointFriction
 
 MARK = "backdrive"
-SPEEDS = 200  # velocities of a fit, in each direction
 MAX_BYTES = 20_000_000  # of a robot description
 TAGS = {"mjcf": "mujoco", "urdf": "robot"}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Simple:
-    """What a description says of a joint's friction, and what it leaves out.
-
-    Attributes:
-        joint: name.
-        friction: F [N.m or N].
-        damping: B [N.m.s/rad or N.s/m].
-        armature: inertia of the motor as the joint sees it [kg.m^2 or kg]; None where the model does not know it.
-        velocity: smallest and largest velocity of the fit [rad/s or m/s].
-        largest_error: of the torque, against the identified curve [N.m or N].
-        rms_error: of the same [N.m or N].
-        lost: what the description cannot express, in words.
-    """
-
-    joint: str
-    friction: float
-    damping: float
-    armature: float | None
-    velocity: tuple[float, float]
-    largest_error: float
-    rms_error: float
-    lost: tuple[str, ...]
-
-
-def simplify(friction: JointFriction) -> Simple:
-    """Return the Coulomb and viscous friction nearest to what was identified, over the velocities that the data covered."""
-    law = friction.law
-    low, high = friction.validity.velocity
-    top = max(abs(low), abs(high))
-    slowest = min(friction.validity.lowest_speed or 1e-3 * top, top)
-    speeds = np.linspace(slowest, top, SPEEDS)
-    velocity = np.concatenate([speeds, -speeds])
-    torque = law.torque(velocity)
-    F, B = _line(np.abs(velocity), torque * np.sign(velocity))
-    error = torque - (F * np.sign(velocity) + B * velocity)
-    lost = []
-    if law.element.states():
-        lost.append(f"presliding ('{law.element.NAME}')")
-    forwards, backwards = law.torque(speeds), -law.torque(-speeds)
-    if np.abs(forwards - backwards).max() > 1e-6 * np.abs(torque).max():
-        lost.append("different friction in the two directions")
-    if law.growth is not None or "load" in law.rate.NEEDS:
-        lost.append("growth with the load")
-    if "temperature" in law.rate.NEEDS:
-        lost.append("change with temperature")
-    actuator = friction.actuator
-    return Simple(
-        joint=friction.joint.name,
-        friction=float(F),
-        damping=float(B),
-        armature=None if actuator is None else actuator.motor_inertia,
-        velocity=(-top, top),
-        largest_error=float(np.abs(error).max()),
-        rms_error=float(np.sqrt(np.mean(error**2))),
-        lost=tuple(lost),
-    )
-
-
-def _line(speed: np.ndarray, torque: np.ndarray) -> tuple[float, float]:
-    """Return F >= 0 and B >= 0 of the line F + B v nearest to a curve, by least squares."""
-    slope, intercept = np.polyfit(speed, torque, 1)
-    if slope < 0.0:
-        return max(float(torque.mean()), 0.0), 0.0
-    if intercept < 0.0:
-        return 0.0, max(float(speed @ torque / (speed @ speed)), 0.0)
-    return float(intercept), float(slope)
 
 
 def export_description(
@@ -110,6 +35,7 @@ def export_description(
     *,
     joints: Sequence[str] | None = None,
     name: str | None = None,
+    dcmotor: bool = False,
 ) -> tuple[list[Path], list[Simple]]:
     """Write a robot description with the friction that was identified, and beside it what it cannot express.
 
@@ -119,12 +45,13 @@ def export_description(
         folder: to write to, made where it is not there.
         joints: names; None: all of the model.
         name: of the file to write; None: that of `robot`.
+        dcmotor: write LuGre as a passive `dcmotor` of MuJoCo 4, where the law is one.
 
     Returns:
         Files written, the description and a JSON file of `Simple`s; and these.
 
     Raises:
-        InvalidInput: a joint is not in the description.
+        InvalidInput: a joint is not in the description; a `dcmotor` in a URDF.
         ReadError: the description cannot be read.
         WriteError: the description itself would be replaced, or a file is there that is not ours.
     """
@@ -132,14 +59,18 @@ def export_description(
     data = read_whole(robot, MAX_BYTES, error=ReadError, remedy="Name a URDF or MJCF file.")
     root = parse(data, str(robot))
     simple = [simplify(model.joint(n)) for n in joints or model.names]
-    nodes = _joints(root, robot)
+    if dcmotor and root.tag == "robot":
+        raise InvalidInput("URDF knows no dcmotor.", remedy="Name an MJCF file, or leave the option out.")
+    if dcmotor:
+        simple = [with_lugre(each, model.joint(each.joint).law) for each in simple]
+    nodes = joints_of(root)
     for each in simple:
         if each.joint not in nodes:
             raise InvalidInput(
                 f"{robot} has no joint '{each.joint}'.",
                 remedy=f"It has {', '.join(nodes) or 'none with a name'}.",
             )
-        _write(root.tag, nodes[each.joint], each)
+        _write(root, nodes[each.joint], each)
     description = folder / (name or robot.name)
     beside = description.with_suffix(".friction.json")
     if description.resolve() == robot.resolve():
@@ -152,6 +83,7 @@ def export_description(
                 f"{path} exists and was not made by an export.", remedy="Choose another folder or --name."
             )
     folder.mkdir(parents=True, exist_ok=True)
+    relocate(root, robot.parent, folder)
     text = ElementTree.tostring(root, encoding="unicode")
     comment = f"<!-- {robot.name} with friction from {MARK}; what it cannot express: {beside.name} -->\n"
     rows = {"format": f"{MARK}.friction", "joints": [asdict(each) for each in simple]}
@@ -180,29 +112,80 @@ def target_of(robot: str | Path) -> str:
     )
 
 
-def _joints(root: Any, where: Path) -> dict[str, Any]:
-    """Return the joints of a description by name."""
+def joints_of(root: Any) -> dict[str, Any]:
+    """Return the joints of a description by name.
+
+    Raises:
+        ReadError: it is neither URDF nor MJCF.
+    """
     if root.tag == "robot":
         nodes = root.findall("joint")
     elif root.tag == "mujoco":
         nodes = [node for body in root.iter("worldbody") for node in body.iter("joint")]
     else:
         raise ReadError(
-            f"{where} begins with <{root.tag}>.", remedy="Name a URDF (<robot>) or MJCF (<mujoco>) file."
+            f"A description begins with <{root.tag}>.",
+            remedy="Name a URDF (<robot>) or MJCF (<mujoco>) file.",
         )
     return {node.get("name"): node for node in nodes if node.get("name")}
 
 
-def _write(tag: str, node: Any, simple: Simple) -> None:
-    """Put the numbers into a joint's element."""
-    if tag == "mujoco":
-        node.set("frictionloss", repr(simple.friction))
-        node.set("damping", repr(simple.damping))
-        if simple.armature is not None:
-            node.set("armature", repr(simple.armature))
+def relocate(root: Any, old: Path, new: Path) -> None:
+    """Let a description find its meshes, textures and included files from another folder.
+
+    Args:
+        root: of the description, changed in place.
+        old: folder that it was in.
+        new: folder that it will be in.
+    """
+    if old.resolve() == new.resolve():
         return
-    dynamics = node.find("dynamics")
-    if dynamics is None:
-        dynamics = ElementTree.SubElement(node, "dynamics")
-    dynamics.set("friction", repr(simple.friction))
-    dynamics.set("damping", repr(simple.damping))
+
+    def moved(path: str) -> str:
+        return (
+            path
+            if os.path.isabs(path) or "://" in path
+            else os.path.relpath(old.resolve() / path, new.resolve())
+        )
+
+    if root.tag == "robot":
+        for mesh in root.iter("mesh"):
+            mesh.set("filename", moved(mesh.get("filename", "")))
+        return
+    for include in root.iter("include"):
+        include.set("file", moved(include.get("file", "")))
+    needs = {"meshdir": ("mesh", "hfield", "skin"), "texturedir": ("texture",)}
+    for key, tags in needs.items():
+        if any(node.get("file") for tag in tags for node in root.iter(tag)):
+            compilers = root.findall("compiler")
+            compiler = compilers[-1] if compilers else ElementTree.SubElement(root, "compiler")
+            compiler.set(key, moved(compiler.get(key, compiler.get("assetdir", "."))))
+
+
+def _write(root: Any, node: Any, simple: Simple) -> None:
+    """Put the numbers into a joint's element, and a `dcmotor` beside the actuators."""
+    if root.tag == "robot":
+        dynamics = node.find("dynamics")
+        if dynamics is None:
+            dynamics = ElementTree.SubElement(node, "dynamics")
+        dynamics.set("friction", repr(simple.friction))
+        dynamics.set("damping", repr(simple.damping))
+        return
+    if simple.armature is not None:
+        node.set("armature", repr(simple.armature))
+    node.set("frictionloss", repr(simple.friction))
+    node.set("damping", repr(simple.damping))
+    if simple.lugre is None:
+        return
+    node.set("damping", "0")
+    actuators = root.findall("actuator")
+    actuator = actuators[-1] if actuators else ElementTree.SubElement(root, "actuator")
+    motor = {
+        "name": f"friction of {simple.joint}",
+        "joint": simple.joint,
+        "input": "none",
+        "motorconst": "0",
+        "resistance": "1",
+    }
+    motor |= {"damping": repr(simple.damping), "lugre": " ".join(repr(x) for x in simple.lugre)}
+    ElementTree.SubElement(actuator, "dcmotor", motor)

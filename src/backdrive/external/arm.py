@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,14 +19,15 @@ from backdrive.control.estimators.arm import ArmForce
 from backdrive.control.estimators.of_model import ABRUPT, WIDTH, at_rest, with_break_away
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.external.arm_log import ArmLog, arm_log, at_motors, tied_motors
 from backdrive.external.bands import band, growth_of, states_along
 from backdrive.external.choose import FASTEST, Noise, choose
 from backdrive.external.estimate import AUTO, LEAST, SETTLED, delay_of, known_along, noise_of, speed_along
 from backdrive.external.result import STATES, JointForce
 from backdrive.external.temperature import along_stretches
 from backdrive.external.wrench import WrenchEstimate, wrench_of
+from backdrive.external.wrench_axes import Convention, brought, doubt
 from backdrive.identification.delay import earlier
-from backdrive.identification.signals import Signals, prepare
 from backdrive.laws import REFERENCE
 from backdrive.logs.log import Log
 from backdrive.model import FrictionModel, JointFriction
@@ -37,20 +38,6 @@ LONGEST = 0.5  # over which what a model leaves of the torque is alike, at most 
 SIMPLEST = "momentum"  # observer, which settles at every bandwidth that is chosen
 UNSETTLED = 10.0  # times the force without smoothing, from which on an observer has run away [-]
 REST = STATES.index("rest")
-DEGREES = 20.0  # speeds by the model's top speed, from which on positions are no radians [-]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ArmLog:
-    """What an arm's estimate needs of a log: stretches of all joints, on one clock, in the estimator's order.
-
-    Attributes:
-        log: with finite rows of the joints only.
-        stretches: by stretch, the signals of every joint.
-    """
-
-    log: Log
-    stretches: tuple[tuple[Signals, ...], ...]
 
 
 class ArmEstimate:
@@ -70,6 +57,8 @@ class ArmEstimate:
         """
         self.estimator = ArmForce.from_model(model, robot, frame=frame)
         self.frictions = tuple(with_break_away(model.joint(name)) for name in self.estimator.joints)
+        J, coupling = len(self.frictions), self.estimator.coupling
+        self._C = np.eye(J) if coupling is None else np.array(coupling)
 
     def forces(
         self, log: Log, method: str = AUTO, bandwidth: float | None = None, least: float = 0.0
@@ -86,7 +75,7 @@ class ArmEstimate:
             InvalidInput: a joint is missing or in another unit, positions are in degrees, or the log is of another robot.
             NotIdentifiable: the log is too short.
         """
-        arm, remarks = self._signals(log), []
+        arm, remarks = arm_log(self.estimator, self.frictions, log), []
         warmth = [
             along_stretches(f, column, remarks) for f, column in zip(self.frictions, zip(*arm.stretches))
         ]
@@ -116,7 +105,8 @@ class ArmEstimate:
                 remedy="Give a smaller --bandwidth, or --method momentum.",
             )
         carried = self._carried_at_rest(arm, time, force, state)
-        results = []
+        results, told = [], at_motors(self.estimator, log)
+        remarks += tied_motors(self.estimator)
         for j, friction in enumerate(self.frictions):
             if friction.verdict is not None and friction.verdict.grade in ("poor", "unknown"):
                 remarks.append(
@@ -138,7 +128,7 @@ class ArmEstimate:
                     method=method,
                     bandwidth=float(bandwidth),
                     lag=estimator.lag(1.0 / rate),
-                    known=known_along(log, friction.joint.name, time),
+                    known=known_along(told, friction.joint.name, time),
                     speed=speed_along([s[j] for s in arm.stretches], time),
                 )
             )
@@ -161,15 +151,33 @@ class ArmEstimate:
                     for j in range(force.shape[1])
                 ]
             )
-            carried[rest] = self.estimator.bodies.robot.gravity(q) - force[rest]
+            carried[rest] = self.estimator.bodies.robot.gravity(q @ self._C.T) @ self._C - force[rest]
         return np.where(state == 2, carried, 0.0)
 
-    def wrench(self, log: Log, joints: Sequence[JointForce]) -> WrenchEstimate:
-        """Return the wrench at the frame that explains the torques of the joints, along a log."""
-        arm = self._signals(log)
+    def wrench(
+        self, log: Log, joints: Sequence[JointForce], axes: str = "frame"
+    ) -> tuple[WrenchEstimate, list[str]]:
+        """Return the wrench at the frame that explains the torques of the joints along a log, and remarks.
+
+        Args:
+            log: with a measured wrench, or without.
+            joints: external torques.
+            axes: along which a measured wrench is: `frame`, those of the frame itself, or `base`.
+        """
+        arm, frame = arm_log(self.estimator, self.frictions, log), str(self.estimator.frame)
         time = np.concatenate([s[0].time for s in arm.stretches])
         position = np.concatenate([np.column_stack([one.position for one in s]) for s in arm.stretches])  # type: ignore[misc]
-        return wrench_of(self.estimator, time, position, joints)
+        if log.wrench is None:
+            estimate = wrench_of(self.estimator, time, position, joints)
+            return estimate, estimate.remarks()
+        clock, stated = joints[0].time, Convention(frame=frame, axes=axes)
+        good, robot = np.isfinite(log.time), self.estimator.bodies.robot
+        q = np.column_stack([np.interp(clock, time, column) for column in position.T]) @ self._C.T
+        raw = np.column_stack([np.interp(clock, log.time[good], column[good]) for column in log.wrench.T])
+        known = brought(raw, robot, q, stated, frame)
+        estimate = wrench_of(self.estimator, time, position, joints, known)
+        said = doubt(estimate, raw, robot, q, stated)
+        return estimate, [*estimate.remarks(), *([] if said is None else [said])]
 
     def widened(self, joints: Sequence[JointForce]) -> list[JointForce]:
         """Return the torques with bands that also hold what is not known of the friction's growth with the load."""
@@ -184,43 +192,12 @@ class ArmEstimate:
             results.append(replace(one, lower=lower, upper=upper))
         return results
 
-    def _signals(self, log: Log) -> ArmLog:
-        """Return the signals of all joints between gaps that any of them has."""
-        for channel in ("torque", "position"):
-            log.need(channel)
-        names = self.estimator.joints
-        columns = self.estimator.bodies.robot.order_in(log.names)
-        for friction, column in zip(self.frictions, columns):
-            if log.joints[column].unit != friction.joint.unit:
-                raise InvalidInput(
-                    f"Joint '{friction.joint.name}' is measured in {friction.joint.unit} in the model and in "
-                    f"{log.joints[column].unit} in the log.",
-                    remedy=f"Read the log with --unit {friction.joint.unit}.",
-                )
-        whole = replace(log, external_torque=None)  # what is sought is no part of the motors' torque
-        good = np.isfinite(log.time)
-        for channel in (log.need("position"), log.need("torque")):
-            good &= np.isfinite(channel[:, columns]).all(axis=1)
-        whole = whole if good.all() else whole.rows(good)
-        by_joint = [prepare(whole, name) for name in names]
-        arm = ArmLog(log=whole, stretches=tuple(zip(*by_joint)))
-        for friction, signals in zip(self.frictions, by_joint):
-            fastest = max(float(np.percentile(np.abs(s.velocity), 99.0)) for s in signals)
-            top = friction.validity.speeds[1]
-            if fastest > DEGREES * top > 0.0:
-                raise InvalidInput(
-                    f"Joint '{friction.joint.name}' moves at {fastest:.3g} {friction.joint.unit}/s, {fastest / top:.0f} times as "
-                    "fast as when the model was identified: its positions look like degrees.",
-                    remedy="Read the log with its unit (--unit deg).",
-                )
-        return arm
-
     def _estimator(self, method: str, bandwidth: float, arm: ArmLog) -> ArmForce:
         """Return the estimator of a method and bandwidth; the filters of `direct` follow this log's accelerations."""
         made = self.estimator.replace(method=method, bandwidth=bandwidth, frame=None)
         if method != "direct":
             return made
-        inertia = np.diag(made.bodies.robot.inertia(self._middle(arm)[None])[0]) + made.inertia
+        inertia = np.diag(made.inertia_at(self._middle(arm)))
         filters = []
         for j, friction in enumerate(self.frictions):
             fastest = max(float(np.abs(s[j].acceleration).max()) for s in arm.stretches)
@@ -271,8 +248,7 @@ class ArmEstimate:
     ) -> tuple[str, float]:
         """Return the method that most joints ask for by their noise, and the median of their bandwidths [1/s]."""
         longest = max(range(len(plain)), key=lambda i: plain[i][0].size)
-        robot = self.estimator.bodies.robot
-        inertia = np.diag(robot.inertia(self._middle(arm)[None])[0]) + self.estimator.inertia
+        inertia = np.diag(self.estimator.inertia_at(self._middle(arm)))
         force = plain[longest][1]
         if force.shape[0] < LEAST:
             raise NotIdentifiable("The log is too short.", remedy="Give a longer log.")
@@ -326,4 +302,4 @@ def _in_motion(noise: Noise, friction: JointFriction) -> Noise:
     channel = friction.torque_channel
     long_run = None if channel is None else channel.long_run
     alike = 0.5 * (long_run / misfit) ** 2 if long_run and misfit > 0.0 else 0.0
-    return replace(noise, misfit=misfit, correlation=min(alike, LONGEST))
+    return replace(noise, misfit=misfit, correlation=min(alike, LONGEST), turning=0.0)

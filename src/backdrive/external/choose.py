@@ -4,21 +4,28 @@
 
 H is the response of an estimator whose lag is taken out, S the spectrum of the force estimated without any smoothing, S_n that of
 what disturbs it: white noise of the torque, what the model leaves of it (a first-order noise of the same size and long-run
-variance), and steps of the encoder, differenced twice. So a slow and weak force is smoothed, and an abrupt one is not.
+variance, and about reversals one that is over sooner), and steps of the encoder, differenced twice. So a slow and weak force is
+smoothed, and an abrupt one is not.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
+from backdrive.control.estimators.of_model import WIDTH
+from backdrive.identification.bands import states
+from backdrive.identification.signals import Signals
+from backdrive.model import JointFriction
 
 BANDS = 40  # of frequency, equal in its logarithm
 STEPS = 33  # bandwidths that are tried
 SLOWEST, FASTEST = 5.0, 0.5  # the lowest [1/s], the highest by the sampling rate [-]
 SIMPLER = 1.02  # an error by which the first method in the list may be worse [-]
 SEEN = 4.0  # power by what disturbs it, from which on it is taken for a force's [-]
+ABRUPT = 0.01  # over which what is left about a reversal is alike [s]
 HIGHEST = 0.4  # frequency that is looked at, by the sampling rate [-]
 
 
@@ -34,6 +41,8 @@ class Noise:
         correlation: time over which that is alike [s].
         cutoff: corner of the low pass on the position [Hz].
         rate: sampling frequency [Hz].
+        turning: what the model leaves about reversals beyond that, as spread over the log: a law that is fitted and judged where a
+            joint slides tells nothing of it [N.m or N].
     """
 
     count: float
@@ -43,6 +52,7 @@ class Noise:
     correlation: float
     cutoff: float
     rate: float
+    turning: float = 0.0
 
     def spectrum(self, frequency: np.ndarray) -> np.ndarray:
         """Return the power by frequency, of positive ones alone [(N.m)^2/Hz or N^2/Hz]."""
@@ -50,7 +60,9 @@ class Noise:
         low_pass = 1.0 / (1.0 + (frequency / self.cutoff) ** 4)
         steps = (self.inertia * w**2 * low_pass) ** 2 * self.count**2 / 12.0
         time = max(self.correlation, 0.5 * dt)
-        return 2.0 * dt * (self.torque**2 + steps) + 4.0 * time * self.misfit**2 / (1.0 + (w * time) ** 2)
+        coloured = 4.0 * time * self.misfit**2 / (1.0 + (w * time) ** 2)
+        abrupt = 4.0 * ABRUPT * self.turning**2 / (1.0 + (w * ABRUPT) ** 2)
+        return 2.0 * dt * (self.torque**2 + steps) + coloured + abrupt
 
 
 def first_order(s: np.ndarray, L: float) -> np.ndarray:
@@ -76,6 +88,21 @@ RESPONSES: dict[str, Callable[[np.ndarray, float], np.ndarray]] = {
     "kalman": of_kalman,
 }
 LIKE = {"direct": "momentum", "disturbance": "momentum"}  # of other methods
+
+
+def turning_of(friction: JointFriction, stretches: Sequence[Signals]) -> float:
+    """Return what the model leaves of the torque about reversals, as spread over the whole log, RMS [N.m or N].
+
+    Args:
+        friction: of a model.
+        stretches: of the log.
+    """
+    bands = friction.bands
+    if bands is None or bands.moving is None or bands.reversing is None:
+        return 0.0
+    more = max(bands.reversing.half_width**2 - bands.moving.half_width**2, 0.0) / WIDTH**2
+    share = np.mean(np.concatenate([states(s)[s.moving] for s in stretches]) == 1)
+    return float(np.sqrt(share * more)) if np.isfinite(share) else 0.0
 
 
 def choose(force: np.ndarray, noise: Noise, method: str | None = None) -> tuple[str, float]:

@@ -21,10 +21,11 @@ from backdrive.control.estimators.of_model import at_rest, fields
 from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
 from backdrive.external.bands import band, states_along
 from backdrive.external.calibrate import Calibration, calibrate
-from backdrive.external.choose import FASTEST, Noise, choose
+from backdrive.external.choose import FASTEST, Noise, choose, turning_of
 from backdrive.external.contacts import with_contacts
 from backdrive.external.result import ForceEstimate, JointForce
 from backdrive.external.temperature import along_stretches
+from backdrive.external.wrench_axes import AXES
 from backdrive.identification.delay import earlier
 from backdrive.identification.signals import Signals, default_cutoff, prepare
 from backdrive.laws import REFERENCE
@@ -36,6 +37,7 @@ from backdrive.robot import Robot
 AUTO = "auto"
 CONTACTS = 60.0  # bandwidth at which a step of 1.5 thresholds is noticed within 50 ms; contacts are sought at least so fast [1/s]
 LEAST = 16  # samples of an estimate
+NO_FRAME = "The log's wrench is not compared: say at which frame of the arm it was measured (--urdf ROBOT --frame TOOL)."
 SETTLED = 5.0  # lags from the beginning of a stretch, in which an estimate is not given
 
 
@@ -50,6 +52,7 @@ def estimate_force(
     false_alarms: float | None = None,
     robot: str | Path | Robot | None = None,
     frame: str | None = None,
+    wrench_axes: str = "frame",
 ) -> ForceEstimate:
     """Return the external torque on the joints that model and log share.
 
@@ -64,6 +67,7 @@ def estimate_force(
         false_alarms: contacts are sought, with so many false ones of all joints together [1/h]; None: they are not.
         robot: description (URDF or MJCF) that a model of a whole arm was identified with, or the robot read from it.
         frame: of the robot, at which the wrench is wanted: a link, a fixed tool or a site; None: no wrench.
+        wrench_axes: along which the log's own wrench is, which is compared: `frame`, those of `frame`, or `base`.
 
     Raises:
         InvalidInput: model and log share no joint, or differ in its unit; a bandwidth or a rate that is not positive; a model of a
@@ -84,9 +88,12 @@ def estimate_force(
             "Contacts need free motion, by which their thresholds are calibrated.",
             remedy="Give a log in which nothing touched the joints (--free FREE.csv).",
         )
+    lookup(wrench_axes, dict.fromkeys(AXES, 0), "axes of a wrench")
     least = 0.0 if false_alarms is None else CONTACTS
     if robot is not None or model.arm is not None or frame is not None:
-        return _arm(model, log, joints, method, bandwidth, least, free, false_alarms, robot, frame)
+        return _arm(
+            model, log, joints, method, bandwidth, least, free, false_alarms, robot, frame, wrench_axes
+        )
     names = [n for n in model.names if n in log.names]
     if joints is not None:
         names = [model.joint(n).joint.name for n in joints if log.column(n) is not None]
@@ -116,6 +123,7 @@ def estimate_force(
     if not results:
         raise refused[0]
     remarks += _of_free_motion(model, log, free)
+    remarks += [] if log.wrench is None else [NO_FRAME]
     estimate = ForceEstimate(joints=tuple(results), remarks=tuple(remarks), calibrations=calibrations)
     return estimate if false_alarms is None else with_contacts(estimate, false_alarms)
 
@@ -146,6 +154,7 @@ def _arm(
     false_alarms: float | None,
     robot: str | Path | Robot | None,
     frame: str | None,
+    wrench_axes: str,
 ) -> ForceEstimate:
     """Return the external torque on the joints of a whole arm, and the wrench at a frame."""
     from backdrive.external.arm import ArmEstimate
@@ -170,9 +179,12 @@ def _arm(
         results = [own.apply(one, np.max(ratios, axis=0)) for one, own in zip(results, made)]
     remarks += _of_free_motion(model, log, free)
     results = whole.widened(results)
-    wrench = None if frame is None else whole.wrench(log, results)
-    if wrench is not None:
-        remarks += wrench.remarks()
+    wrench = None
+    if frame is not None:
+        wrench, told = whole.wrench(log, results, wrench_axes)
+        remarks += told
+    elif log.wrench is not None:
+        remarks.append(NO_FRAME)
     if joints is not None:
         results = [one for one in results if one.joint.name in {model.joint(n).joint.name for n in joints}]
     estimate = ForceEstimate(
@@ -311,6 +323,7 @@ def noise_of(friction: JointFriction, log: Log, stretches: Sequence[Signals], in
         correlation=0.5 * (long_run / misfit) ** 2 if long_run and misfit > 0.0 else 0.0,
         cutoff=default_cutoff(rate),
         rate=rate,
+        turning=turning_of(friction, stretches),
     )
 
 

@@ -17,8 +17,8 @@ import numpy as np
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.external.gains import Gains, absolute_gains, gain_ratios
 from backdrive.external.payload_fit import Known, PayloadFit, PayloadProblem
-from backdrive.identification.arm_predict import arm_of, coupling_of_model
-from backdrive.identification.arm_signals import prepare_arm
+from backdrive.identification.arm_predict import arm_of, coupling_of_model, slip_in
+from backdrive.identification.arm_signals import ArmSignals, prepare_arm
 from backdrive.identification.pseudo_inertia import about_center, moved
 from backdrive.identification.regression import NORMAL
 from backdrive.logs.log import Log
@@ -110,13 +110,17 @@ def estimate_payload(
     frame, placement, link = _frame(body, frame)
     adds = body.base.relation[:, 10 * link : 10 * link + 10] @ moved(placement)
     coupling = coupling_of_model(model, body)
+
+    def signals(one: Log) -> list[ArmSignals]:
+        return [s.shifted(slip_in(model)) for s in prepare_arm(one, body, coupling=coupling)]
+
     problem = PayloadProblem(
         robot=body,
         arm=arm,
         frictions=[model.joint(name) for name in body.joints],
         adds=adds,
-        loaded=prepare_arm(log, body, coupling=coupling),
-        unloaded=[] if unloaded is None else prepare_arm(unloaded, body, coupling=coupling),
+        loaded=signals(log),
+        unloaded=[] if unloaded is None else signals(unloaded),
     )
     if problem.rows < 2 * (10 + len(body.joints)):
         raise NotIdentifiable(

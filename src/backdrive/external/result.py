@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from backdrive._files import write_whole
+from backdrive._upper import Shown
 from backdrive.errors import InvalidInput, UnknownName, require
 from backdrive.logs.log import Joint
 
@@ -119,7 +120,7 @@ class Contact:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ForceEstimate:
+class ForceEstimate(Shown):
     """The external torque on the joints of a log.
 
     Attributes:

@@ -34,7 +34,8 @@ class WrenchEstimate:
         wrench: force [N] and moment about the frame's origin [N.m], along the axes of the base, (n, 6).
         covariance: of it, (n, 6, 6).
         singular: True where the posture hides a direction, which is damped, (n,).
-        known: the wrench that explains the external torques that the log holds, weighted alike, (n, 6); None where it holds none.
+        known: the wrench that the log holds (`measured_along`), or else that which explains the external torques that it holds,
+            weighted alike, (n, 6); None where it holds neither.
         joints: of the arm.
     """
 
@@ -54,7 +55,7 @@ class WrenchEstimate:
     @property
     def rms_error(self) -> np.ndarray | None:
         """Root mean square of the error against the known wrench [N, N.m], (6,); None without one."""
-        return None if self.known is None else np.sqrt(np.mean((self.wrench - self.known) ** 2, axis=0))
+        return None if self.known is None else np.sqrt(np.nanmean((self.wrench - self.known) ** 2, axis=0))
 
     def columns(self) -> dict[str, np.ndarray]:
         """Return the columns of a table, by name."""
@@ -81,28 +82,34 @@ class WrenchEstimate:
 
 
 def wrench_of(
-    estimator: ArmForce, time: np.ndarray, position: np.ndarray, joints: Sequence[JointForce]
+    estimator: ArmForce,
+    time: np.ndarray,
+    position: np.ndarray,
+    joints: Sequence[JointForce],
+    measured: np.ndarray | None = None,
 ) -> WrenchEstimate:
     """Return the wrench that explains the torques of the joints.
 
     Args:
         estimator: with a frame.
         time: of the positions [s], (m,).
-        position: of the joints [rad or m], (m, J).
+        position: of the joints, or of coupled motors [rad or m], (m, J).
         joints: external torques on one clock, in the estimator's order.
+        measured: wrench at the frame, along the axes of the base, at those instants [N, N.m], (n, 6); None: not measured.
     """
     frame, J, clock = estimator.frame, len(joints), joints[0].time
     assert frame is not None
     q = np.column_stack([np.interp(clock, time, position[:, j]) for j in range(J)])
-    jacobians = estimator.bodies.robot.jacobian(q, frame)
+    C = np.eye(J) if estimator.coupling is None else np.array(estimator.coupling)
+    jacobians = estimator.bodies.robot.jacobian(q @ C.T, frame) @ C
     deviations = np.column_stack([0.5 * (one.upper - one.lower) / WIDTH for one in joints])
     fallback = np.array(estimator.sliding)
     deviations = np.where(np.isfinite(deviations) & (deviations > 0.0), deviations, fallback)
     forces = np.column_stack([one.force for one in joints])
     row = estimator.row(1e-3)
     rows = _solved(row, jacobians, forces, deviations)
-    known = None
-    if all(one.known is not None for one in joints):
+    known = measured
+    if known is None and all(one.known is not None for one in joints):
         told = np.column_stack([one.known for one in joints])  # type: ignore[arg-type]
         known = _solved(row, jacobians, told, deviations)[:, :FULL]
     return WrenchEstimate(

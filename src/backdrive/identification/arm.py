@@ -26,6 +26,7 @@ from backdrive.identification.arm_signals import (
     hold_out_blocks,
     prepare_arm,
 )
+from backdrive.identification.arm_slip import ArmSlip, seek_slip
 from backdrive.identification.arm_solve import Solution, solve_arm, spread_of
 from backdrive.identification.arm_terms import Regressor, Terms, build, fill_load
 from backdrive.identification.evidence import evidence
@@ -63,8 +64,9 @@ def identify_arm(
 
     Returns:
         Friction and evidence by joint, in the log's order; and the bodies, in the URDF's. `dynamics` of a joint holds
-        `inertia` that the motor adds, `offset` of the torque, and `transition`, the velocity within which friction changes
-        sign; friction per transmitted torque is the growth of its law, zero with its error where it cannot be told from that.
+        `inertia` that the motor adds, `offset` of the torque, `transition`, the velocity within which friction changes
+        sign, and `time_slip` of the torque where one is told from none; friction per transmitted torque is the growth of its
+        law, zero with its error where it cannot be told from that.
         The evidence's torques are low-passed at 5 Hz, as they are judged.
 
     Raises:
@@ -104,6 +106,12 @@ def identify_arm(
 
     loaded = np.full(len(terms), load_friction)
     solution = solve_arm(rows, robot, terms, refill, loaded)
+    slip = seek_slip(regressor, terms, solution.beta)
+    if slip is not None and slip.known:
+        seen, unseen = ([s.shifted(slip.delay) for s in some] for some in (seen, unseen))
+        regressor = Regressor(robot, seen)
+        rows = build(regressor, terms)
+        solution = solve_arm(rows, robot, terms, refill, loaded)
     found = np.array([own[-1] > SIGNIFICANT * e[-1] for own, e in zip(solution.own, solution.errors)])
     if np.any(loaded & ~found):  # what cannot be told from zero is left out, and the rest fitted again
         loaded &= found
@@ -125,7 +133,7 @@ def identify_arm(
     order = [robot.joints.index(name) for name in logs[0].names if name in robot.joints]
     about = {joint.name: joint for joint in logs[0].joints}
     frictions = [
-        _friction(about[name], terms[j], solution, j, _load(seen, j), warnings[j], load_friction)
+        _friction(about[name], terms[j], solution, j, _load(seen, j), warnings[j], load_friction, slip)
         for j, name in enumerate(robot.joints)
     ]
     everything = [(s, *torque_parts(s, robot, arm, frictions)) for s in (*seen, *unseen)]
@@ -162,6 +170,7 @@ def _friction(
     loads: tuple[float, float],
     warnings: tuple[str, ...],
     grows: bool,
+    slip: ArmSlip | None,
 ) -> JointFriction:
     """Put one joint's coefficients into its law; a last, level section holds the curve constant beyond the top speed.
 
@@ -188,6 +197,8 @@ def _friction(
         "inertia": (own[2 * k + 1], error[2 * k + 1]),
         "transition": (terms.transition, np.nan),
     }
+    if slip is not None and slip.known:
+        found["time_slip"] = slip.delay, slip.error
     return JointFriction(
         joint=replace(joint, torque_side="joint"),
         law=Law(rate=law, growth=growth),

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.identification.arm_signals import ArmSignals, hold_out_all, in_order, prepare_arm
+from backdrive.identification.arm_signals import ArmSignals, hold_out_all, prepare_arm
 from backdrive.identification.arm_terms import Regressor
+from backdrive.identification.delay import earlier
 from backdrive.identification.quality import judge
 from backdrive.logs.log import Log
 from backdrive.model import ArmModel, FrictionModel, JointFriction, Quality
@@ -36,8 +37,10 @@ def predict_arm(model: FrictionModel, log: Log, urdf: str | Path | Robot) -> np.
     arm, robot = arm_of(model, urdf)
     frictions = [model.joint(name) for name in robot.joints]
     torque = np.full((len(log), len(robot.joints)), np.nan)
+    late = slip_in(model)
     for s in prepare_arm(log, robot, coupling=coupling_of_model(model, robot)):
         predicted, _ = torque_parts(s, robot, arm, frictions)
+        predicted = earlier(predicted.T, late * s.rate).T
         if s.coupling is not None:
             predicted = predicted @ np.linalg.inv(s.coupling)
         inside = (log.time >= s.time[0]) & (log.time <= s.time[-1] + 1.0 / s.rate)
@@ -63,7 +66,9 @@ def validate_arm(
     arm, robot = arm_of(model, urdf)
     frictions = [model.joint(name) for name in robot.joints]
     coupling = coupling_of_model(model, robot)
-    stretches = hold_out_all([s for log in logs for s in prepare_arm(log, robot, coupling=coupling)])
+    late = slip_in(model)
+    prepared = [s.shifted(late) for log in logs for s in prepare_arm(log, robot, coupling=coupling)]
+    stretches = hold_out_all(prepared)
     everything = [(s, *torque_parts(s, robot, arm, frictions)) for s in stretches]
     qualities = {}
     for name in model.names:
@@ -94,9 +99,13 @@ def arm_of(model: FrictionModel, urdf: str | Path | Robot) -> tuple[ArmModel, Ro
 
 def coupling_of_model(model: FrictionModel, robot: Robot) -> np.ndarray | None:
     """Return C of q_joint = C q_motor that the model holds, in the robot's order, (J, J), or None."""
-    if model.coupling is None:
-        return None
-    return in_order(model.coupling, model.coupled or model.names, robot.joints)
+    return robot.coupling_of(model.coupling, model.coupled or model.names)
+
+
+def slip_in(model: FrictionModel) -> float:
+    """Return how late the torque of an arm's logs is by its model [s]; it is one for all joints."""
+    dynamics = model.joints[0].dynamics
+    return float(dynamics["time_slip"].value) if "time_slip" in dynamics else 0.0
 
 
 def torque_parts(

@@ -8,8 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.identification.delay import earlier
 from backdrive.identification.signals import SHORTEST, between_gaps
 from backdrive.logs import filters
+from backdrive.logs.joint import coupling_between
 from backdrive.logs.log import Log
 from backdrive.robot import Robot
 
@@ -52,6 +54,12 @@ class ArmSignals:
     fitted: np.ndarray
     held_out: np.ndarray
     coupling: np.ndarray | None = None
+
+    def shifted(self, delay: float) -> ArmSignals:
+        """Return signals whose torque is that of some time later [s], where a log holds it so late."""
+        if delay == 0.0:
+            return self
+        return replace(self, torque=np.ascontiguousarray(earlier(self.torque.T, -delay * self.rate).T))
 
     def at_motors(self, coupling: np.ndarray) -> ArmSignals:
         """Return signals of joints with velocity, acceleration and torque brought to the motors that drive them."""
@@ -107,34 +115,8 @@ def prepare_arm(
             f"No stretch between gaps lasts {least * period:.3g} s.",
             remedy="Record without dropping samples.",
         )
-    known = in_order(log.coupling, log.names, robot.joints) if log.coupling is not None else coupling
+    known = coupling_between(log.coupling, log.names, robot.joints) if log.coupling is not None else coupling
     return stretches if known is None else [s.at_motors(known) for s in stretches]
-
-
-def in_order(coupling: Sequence[Sequence[float]], names: Sequence[str], joints: Sequence[str]) -> np.ndarray:
-    """Return C of q_joint = C q_motor for joints in another order, each with the motor that mainly moves it, (J, J).
-
-    Args:
-        coupling: rows of the joints `names`, columns of motors.
-        names: of the rows.
-        joints: of the rows and columns wanted, some or all of them.
-
-    Raises:
-        InvalidInput: a motor drives one of these joints and another one, too.
-    """
-    from scipy.optimize import linear_sum_assignment
-
-    matrix = np.array(coupling, dtype=np.float64)
-    share = np.log(np.maximum(np.abs(matrix), 1e-12)) + 1e-6 * np.eye(len(matrix))
-    motor = linear_sum_assignment(-share)[1]
-    rows = [list(names).index(joint) for joint in joints]
-    rest = [i for i in range(len(matrix)) if i not in rows]
-    if np.any(matrix[np.ix_(rest, motor[rows])]) or np.any(matrix[np.ix_(rows, motor[rest])]):
-        raise InvalidInput(
-            f"The coupling ties joints of the robot to {', '.join(names[i] for i in rest)}.",
-            remedy="Name a robot description with all coupled joints.",
-        )
-    return matrix[np.ix_(rows, motor[rows])]
 
 
 def _stretch(log: Log, order: np.ndarray, rows: slice, period: float, cutoff: float) -> ArmSignals:

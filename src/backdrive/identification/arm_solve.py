@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from backdrive.identification import regression
+from backdrive.identification.arm_errors import blocks_of, errors_of_fit
 from backdrive.identification.arm_terms import Rows, Terms
 from backdrive.identification.quality import JUDGED_BELOW
 from backdrive.robot import Robot
@@ -143,23 +144,19 @@ def solve_arm(
             break
         if any(loaded):
             refill(x[:b])
-    grams = [_normal(rows, first, rows.weight * huber / noise**2, start, only=j)[0] for j in range(J)]
-    swell = [correlated(error[:, j] * huber[:, j] * rows.weight[:, j], rows.rate) for j in range(J)]
+    blocks = _blocks(rows, first, rows.weight * huber / noise**2, x)
     free = (x > low) & (x < high)
-    gram, scores = np.sum(grams, axis=0), np.tensordot(swell, grams, axes=1)
-    covariance = sandwich(gram, scores, held, free)
-    moments = [_normal(rows, first, rows.weight * huber / noise**2, x, only=j)[1] for j in range(J)]
-    loose, pushed = _let_go(gram + held, np.sum(moments, axis=0) - held @ (x - start), scores, free)
-    errors = np.where(free, np.sqrt(np.maximum(np.diag(covariance), 0.0)), loose)
+    sure = errors_of_fit(blocks, held, held @ (start - x), free)
+    errors = np.where(free, np.sqrt(np.diag(sure.covariance)), sure.loose)
     prior = np.diag(np.linalg.inv(precision[:b, :b]))
     return Solution(
         beta=x[:b],
         own=[x[first[j] : first[j + 1]] for j in range(J)],
         errors=[errors[first[j] : first[j + 1]] for j in range(J)],
-        pushed=[pushed[first[j] : first[j + 1]] for j in range(J)],
-        told=1.0 - np.diag(covariance)[:b] / prior,
-        condition=regression.condition(gram[:b, :b]),
-        joint=covariance,
+        pushed=[sure.pushed[first[j] : first[j + 1]] for j in range(J)],
+        told=1.0 - np.diag(sure.covariance)[:b] / prior,
+        condition=regression.condition(blocks.gram.sum(axis=0)[:b, :b]),
+        joint=sure.covariance,
         noise=noise,
     )
 
@@ -226,14 +223,12 @@ def _predict(rows: Rows, first: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def _normal(
-    rows: Rows, first: np.ndarray, weight: np.ndarray, start: np.ndarray, only: int | None = None
+    rows: Rows, first: np.ndarray, weight: np.ndarray, start: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the normal equations of the step away from `start`, of all joints or one."""
+    """Return the normal equations of the step away from `start`."""
     b = first[0]
     gram, moment = np.zeros((first[-1], first[-1])), np.zeros(first[-1])
     for j, own in enumerate(rows.friction):
-        if only is not None and j != only:
-            continue
         used = weight[:, j] > 0
         columns = np.hstack([rows.bodies[used, j], own[used]])
         place = np.concatenate([np.arange(b), np.arange(first[j], first[j + 1])])
@@ -241,6 +236,24 @@ def _normal(
         gram[np.ix_(place, place)] += weighted.T @ columns
         moment[place] += weighted.T @ (rows.torque[used, j] - columns @ start[place])
     return gram, moment
+
+
+def _blocks(rows: Rows, first: np.ndarray, weight: np.ndarray, x: np.ndarray) -> regression.Blocks:
+    """Return the normal equations of the step away from `x` by block of time, of all joints together."""
+    block = blocks_of(len(rows.torque), rows.rate)
+    parts = []
+    for k in range(block[-1] + 1):
+        inside = block == k
+        some = replace(
+            rows,
+            bodies=rows.bodies[inside],
+            friction=[own[inside] for own in rows.friction],
+            torque=rows.torque[inside],
+        )
+        parts.append(_normal(some, first, weight[inside], x))
+    count = np.bincount(block, weights=np.count_nonzero(weight > 0, axis=1))
+    gram, moment = (np.array(part) for part in zip(*parts))
+    return regression.Blocks(gram=gram, moment=moment, power=np.zeros(count.size), rows=count)
 
 
 def _prior(
@@ -309,33 +322,6 @@ def _bounded(gram: np.ndarray, moment: np.ndarray, low: np.ndarray, high: np.nda
         return free / size
     found = lsq_linear(upper, right, (low * size, high * size), method="bvls", tol=1e-14)
     return np.clip(found.x / size, low, high)
-
-
-def _let_go(
-    total: np.ndarray, slope: np.ndarray, scores: np.ndarray, free: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return what each coefficient at a bound would do if it were let go alone.
-
-    Args:
-        total: second derivative of the penalised sum of squares, (p, p).
-        slope: its negative gradient at the solution, (p,).
-        scores: covariance of the data's part of the gradient, (p, p).
-        free: coefficients that are at no bound, (p,).
-
-    Returns:
-        Its standard error, and how far below the bound it would go, in standard errors; each (p,), 0 for what is free.
-    """
-    errors, pushed = np.zeros(slope.size), np.zeros(slope.size)
-    size = np.sqrt(np.diag(total))
-    inner = total[np.ix_(free, free)] / np.outer(size[free], size[free])
-    for i in np.flatnonzero(~free):
-        others = np.linalg.solve(inner, total[free, i] / size[free]) / size[free]
-        direction = np.zeros(slope.size)
-        direction[free], direction[i] = -others, 1.0
-        spread = float(np.sqrt(max(direction @ scores @ direction, 1e-300)))
-        errors[i] = spread / max(float(direction @ total @ direction), 1e-300)
-        pushed[i] = max(-float(direction @ slope) / spread, 0.0)
-    return errors, pushed
 
 
 def correlated(error: np.ndarray, rate: float) -> float:

@@ -24,6 +24,7 @@ from backdrive.identification.dynamics import predict, rest_of_dynamics
 from backdrive.identification.evidence import evidence, parts_of, sentences
 from backdrive.identification.motion_bins import BIN_TIME, FILLED, HALF, Bins, bin_means, bin_size, bin_time
 from backdrive.identification.quality import assess, judge
+from backdrive.identification.remark import ONE_WAY_ONLY
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.settling import settled
 from backdrive.identification.signals import SLOW, Signals, default_cutoff, prepare
@@ -293,7 +294,7 @@ def with_warnings(friction: JointFriction, choice: design.Choice, both_direction
     warnings = sentences(
         (
             not both_directions,
-            "The joint moved in one direction only: friction and a constant torque cannot be told apart.",
+            ONE_WAY_ONLY,
         ),
         (
             not symmetric and apart,

@@ -32,6 +32,7 @@ from backdrive.identification.supplement import supplement
 from backdrive.identification.timing import Timing
 from backdrive.identification.validate import validate
 from backdrive.logs.log import AS_SI, Drive, Log
+from backdrive.logs.tables import as_logs
 from backdrive.model import ArmModel, FrictionModel, JointFriction
 from backdrive.plans.limits import JointLimits, read_limits
 
@@ -48,7 +49,7 @@ Outcome = tuple[Sequence[JointFriction], Sequence[JointEvidence], ArmModel | Non
 
 @on_one_thread
 def identify(
-    logs: Log | Sequence[Log],
+    logs: Log | Sequence[Log] | Any,
     *,
     law: str | Sequence[str] | None = None,
     method: str = "auto",
@@ -85,8 +86,8 @@ def identify(
     position that it predicts from the drive's input.
 
     Args:
-        logs: one log, or several of the same joints, with position or velocity, and torque; or with position and the input
-            of the drive (`drive_input`).
+        logs: one log or data frame, or several of the same joints, with position or velocity, and torque; or with position and
+            the input of the drive (`drive_input`).
         law: None; `auto` for a shortlist that the data can support; `rate`, `rate+element`, or several with commas between. For
             the methods `motion` and `constant-velocity`, `coulomb-viscous` or `polyline` to allow only that.
         method: `auto`, or one of `METHODS`.
@@ -159,8 +160,8 @@ def identify(
     )
     from backdrive import __version__
 
-    logs = [logs] if isinstance(logs, Log) else list(logs) if isinstance(logs, Sequence) else []
-    if not logs or not all(isinstance(log, Log) for log in [*logs, *held_out]):
+    logs, held_out = as_logs(logs), as_logs(held_out)
+    if not logs:
         raise InvalidInput(
             "There is no log to identify from.", remedy="Pass at least one `Log`, as `read_log` gives it."
         )

@@ -30,6 +30,7 @@ RULES: tuple[Rule, ...] = (
     numbers.balance,
     numbers.certainty,
     numbers.known_torque,
+    numbers.one_way,
     numbers.directions,
     numbers.delay_range,
     beside.plan,

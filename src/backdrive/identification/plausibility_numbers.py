@@ -7,11 +7,15 @@ import math
 import numpy as np
 
 from backdrive.identification.design import LARGEST_SLIP
-from backdrive.identification.remark import SHARE, SURE, Case, Remark
+from backdrive.identification.plausibility_residual import delay
+from backdrive.identification.remark import EARLY, ONE_WAY_ONLY, SHARE, SURE, Case, Remark
 from backdrive.identification.terms import GRAVITY, columns
+from backdrive.laws.direction import ByDirection
 
 CANCEL = 3.0  # two terms that oppose each other are this much larger than the torque [-]
+HALF_KNOWN = 0.5  # error of the share of known torque from which on it may be anything [-]
 KNOWN_DELAY = 0.1  # a delay is known whose standard error is at most this share of it [-]
+ONE_WAY = 0.05  # top speed one way by that the other way: less is one direction only [-]
 UNEQUAL = 3.0  # friction one way by that the other way [-]
 FASTEST = {"rad": 2000.0, "m": 100.0}  # faster than any joint [rad/s or m/s]
 
@@ -92,9 +96,17 @@ def directions(case: Case) -> Remark | None:
     )
 
 
+def one_way(case: Case) -> Remark | None:
+    """Motion one way only, from which no method tells friction from a constant torque."""
+    low, high = case.friction.validity.velocity
+    if case.friction.method != "motion" or min(-low, high) > ONE_WAY * max(-low, high):
+        return None
+    return Remark(severity="care", sentence=ONE_WAY_ONLY)
+
+
 def vague_terms(case: Case) -> Remark | None:
-    """Terms no larger than their error."""
-    res, vague = case.residual, []
+    """Terms no larger than their error; where that is larger than all torque, they may be anything."""
+    res, vague, worst = case.residual, [], 0.0
     if res is None or not res.size > 0.0:
         return None
     for term, estimate in case.friction.dynamics.items():
@@ -104,12 +116,16 @@ def vague_terms(case: Case) -> Remark | None:
         error = estimate.standard_error
         if abs(estimate.value) < error and error * column > 2.0 * SHARE * res.size:
             vague.append(f"{term} {estimate.value:.3g} ± {error:.2g} {estimate.unit}")
+            worst = max(worst, error * column)
     if not vague:
         return None
-    return Remark(
-        severity="note",
-        sentence=f"The data do not tell {', '.join(vague)}: no larger than the error.",
-    )
+    sentence = f"The data do not tell {', '.join(vague)}: no larger than the error."
+    if worst > float(np.sqrt(np.mean(res.torque**2))):
+        return Remark(
+            severity="care",
+            sentence=f"{sentence} That is more than all torque: leave a term out (--no-gravity), or move farther.",
+        )
+    return Remark(severity="note", sentence=sentence)
 
 
 def certainty(case: Case) -> Remark | None:
@@ -131,6 +147,9 @@ def delay_range(case: Case) -> Remark | None:
     """A delay longer than a clock slips: one that is known is remarked, one that is not may be longer still."""
     value, error = case.value("time_slip")
     spread = 2.0 * error if math.isfinite(error) else 0.0
+    shift = delay(case)
+    if shift is not None and shift.severity == "care":
+        return None  # another delay explains the torque better, and is spoken of
     if not abs(value) + spread >= LARGEST_SLIP:
         return None
     if 0.0 < error <= KNOWN_DELAY * abs(value):
@@ -150,6 +169,12 @@ def known_torque(case: Case) -> Remark | None:
     """A share of known torque other than one."""
     value, error = case.value("model_torque")
     sure = math.isfinite(error)
+    if sure and error > HALF_KNOWN:
+        return Remark(
+            severity="care",
+            sentence=f"The torque known from elsewhere has a share of {value:.3g} ± {error:.2g} where 1 is meant: the motion does "
+            "not tell it from the other terms. Leave gravity out (--no-gravity), or the known torque.",
+        )
     if not abs(value - 1.0) > max(SURE * error if sure else 0.0, SHARE):
         return None
     share = f"{value:.3g} ± {error:.2g}" if sure else f"{value:.3g}"
@@ -168,13 +193,19 @@ def known_torque(case: Case) -> Remark | None:
 
 
 def break_away(case: Case) -> Remark | None:
-    """Break-away below Coulomb friction."""
-    law = case.friction.law.rate
-    rest, slide = getattr(law, "breakaway", math.nan), getattr(law, "coulomb", math.nan)
+    """Break-away below Coulomb friction: far below it is no joint's, and a little below was not seen."""
+    rate = case.friction.law.rate
+    ways = (rate.forward, rate.backward) if isinstance(rate, ByDirection) else (rate,)
+    levels = [(getattr(way, "breakaway", math.nan), getattr(way, "coulomb", math.nan)) for way in ways]
+    rest, slide = min(levels, key=lambda pair: pair[0] / pair[1] if pair[1] > 0.0 else math.inf)
     if not rest < slide * (1.0 - SHARE):
         return None
-    return Remark(
-        severity="note",
-        sentence=f"Break-away friction ({rest:.3g} {case.unit}) lies below Coulomb friction ({slide:.3g} {case.unit}): slow motion "
-        "did not show it.",
-    )
+    sentence = f"Break-away friction ({rest:.3g} {case.unit}) lies below Coulomb friction ({slide:.3g} {case.unit}): "
+    if rest < EARLY * slide:
+        return Remark(
+            severity="care",
+            sentence=sentence
+            + "no joint slides so easily from rest. The law follows the crossing of zero, or its peak is not "
+            "seen: choose another law (--law coulomb-viscous), or add slow motion.",
+        )
+    return Remark(severity="note", sentence=sentence + "slow motion did not show it.")

@@ -148,8 +148,12 @@ def clustered(inverse: np.ndarray, scores: np.ndarray) -> np.ndarray:
         scores: regressor times residual, a block a row, (B, p).
     """
     used = max(len(scores), 2)
-    few = 1.0 + 1.22 / (used - 1)  # quantile of Student's distribution over that of the normal one, to 1 %
-    return inverse @ (scores.T @ scores) @ inverse * used / (used - 1) * few**2
+    return inverse @ (scores.T @ scores) @ inverse * used / (used - 1) * few(used) ** 2
+
+
+def few(blocks: int) -> float:
+    """Return the quantile of Student's distribution by so many blocks over that of the normal one, to 1 % [-]."""
+    return 1.0 + 1.22 / (blocks - 1)
 
 
 def widened(covariance: np.ndarray, freedom: float) -> np.ndarray:

@@ -15,12 +15,14 @@ from typing import Any
 import numpy as np
 from scipy.special import fdtrc
 
+from backdrive.identification.curves import basis
 from backdrive.identification.signals import Signals, surely_sliding
 from backdrive.logs.resolution import resolution
 
 MEAN = 0.01  # length of a mean [s]
 BLOCK = 0.4  # length of a block of means [s]
 FEWEST_BLOCKS = 8  # more than there are columns, for a test
+SECTIONS = 6  # of the curve that a delay is sought beside
 WILD = 8.0  # a sample farther off than so many standard deviations is wild
 FEWEST_MOVES = 6  # with fewer there and back no delay is told
 LATEST = 0.15  # longest delay that is sought [s]
@@ -115,9 +117,7 @@ class Residual:
     @cached_property
     def _basis(self) -> np.ndarray:
         """Return orthonormal columns of what any model may hold, (n, r)."""
-        scaled = self.columns / np.maximum(np.linalg.norm(self.columns, axis=0), 1e-300)
-        u, s, _ = np.linalg.svd(scaled, full_matrices=False)
-        return u[:, s > 1e-6 * s[0]] if s.size else u
+        return _orthonormal(self.columns)
 
     def _apart(self, columns: np.ndarray) -> np.ndarray:
         return columns - self._basis @ (self._basis.T @ columns)
@@ -193,8 +193,8 @@ class Residual:
     def delay(self) -> tuple[float, float] | None:
         """Return by how much torque comes later than motion [s], and the residual there by that without a delay [-].
 
-        A line and the rest of a single axis are fitted to torque at every shift; None where the log is too short, or no shift
-        within the range is best.
+        A curve of the velocity and the rest of a single axis are fitted to torque at every shift; None where the log is too short,
+        or no shift within the range is best.
         """
         reach = round(LATEST / self.period)
         n = self.time.size
@@ -205,16 +205,25 @@ class Residual:
         moves = 1 + int(np.count_nonzero(np.diff(np.sign(self.velocity[inside]))))
         if inside.size < 20 * reach // 2 or moves < FEWEST_MOVES:
             return None
-        basis, _ = np.linalg.qr(self.columns[inside])
+        speed = np.abs(self.velocity[inside])
+        knots = np.unique(np.quantile(speed, np.linspace(0.0, 1.0, SECTIONS + 1)))
+        columns = _orthonormal(np.hstack([self.columns[inside], basis(self.velocity[inside], knots)]))
         powers = []
         for shift in range(-reach, reach + 1):
             torque = self.torque[inside + shift]
-            rest = torque - basis @ (basis.T @ torque)
+            rest = torque - columns @ (columns.T @ torque)
             powers.append(float(rest @ rest))
         best = int(np.argmin(powers))
         if best in (0, 2 * reach):
             return None  # no minimum: something slow is missing, and any shift is better than none
         return (best - reach) * self.period, float(np.sqrt(powers[best] / max(powers[reach], 1e-300)))
+
+
+def _orthonormal(columns: np.ndarray) -> np.ndarray:
+    """Return an orthonormal basis of what columns span, (n, r)."""
+    scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    u, s, _ = np.linalg.svd(scaled, full_matrices=False)
+    return u[:, s > 1e-6 * s[0]] if s.size else u
 
 
 def residual_of(parts: Sequence[Part]) -> Residual | None:

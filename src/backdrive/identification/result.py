@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from backdrive._upper import Shown, upper
 from backdrive.errors import InvalidInput
 from backdrive.identification.residual import Residual
 from backdrive.model import Bands, FrictionModel
@@ -88,7 +90,7 @@ class JointEvidence:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Identification:
+class Identification(Shown):
     """The outcome of `identify`.
 
     Attributes:
@@ -112,6 +114,34 @@ class Identification:
     choices: tuple[Choice, ...] = ()
     intervals: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
     stopped: bool = False
+
+    def report(self, path: str | Path, *, command: str = "", title: str | None = None) -> Path:
+        """Write the report: one HTML file with curves, residuals, warnings and where all comes from.
+
+        Args:
+            path: of the file.
+            command: that made it, to be copied.
+            title: of the report.
+
+        Raises:
+            MissingExtra: matplotlib is not installed.
+            WriteError: the file cannot be written.
+        """
+        command = command or f"identify(..., method={self.method!r})  # in Python"
+        return upper("report", "write_report")(self, path, command=command, title=title)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values: the model file's document, and beside it method, reason, verdicts, warnings and notes."""
+        from backdrive.identification.quality import grade
+
+        return {
+            "model": self.model.to_dict(),
+            "method": self.method,
+            "reason": self.reason,
+            "verdicts": {f.joint.name: grade(f).word for f in self.model.joints},
+            "warnings": list(self.warnings),
+            "notes": list(self.notes),
+        }
 
     def choice(self, joint: str | int = 0) -> Choice:
         """Return the choice between laws of one joint, by name or position.

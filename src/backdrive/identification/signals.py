@@ -144,7 +144,7 @@ def _uniform(log: Log, period: float) -> tuple[np.ndarray, Log]:
     if n == len(log) and np.max(np.abs(clock - log.time)) < 0.05 * period:
         return clock, log
     channels = {k: np.interp(clock, log.time, v[:, 0])[:, None] for k, v in log.channels.items()}
-    return clock, log.replace(time=clock, **channels)
+    return clock, log.replace(time=clock, wrench=None, **channels)
 
 
 def _segment(log: Log, period: float, cutoff: float | None, top: float) -> Signals:

@@ -80,6 +80,18 @@ class Source:
     sha256: str
 
 
+def as_joints(joints: Sequence[Joint | str] | Joint | str) -> tuple[Joint, ...]:
+    """Return joints; a name stands for a rotary one.
+
+    Raises:
+        InvalidInput: something is neither a joint nor a name.
+    """
+    several = (joints,) if isinstance(joints, (str, Joint)) else tuple(joints)
+    if wrong := [joint for joint in several if not isinstance(joint, (str, Joint)) or joint == ""]:
+        raise InvalidInput(f"A joint is {wrong[0]!r}.", remedy="Give names, or Joint(name=...).")
+    return tuple(Joint(name=joint, named=True) if isinstance(joint, str) else joint for joint in several)
+
+
 def check_coupling(coupling: Sequence[Sequence[float]] | np.ndarray, size: int) -> np.ndarray:
     """Return C of q_joint = C q_motor as an array, (J, J).
 
@@ -103,6 +115,35 @@ def check_coupling(coupling: Sequence[Sequence[float]] | np.ndarray, size: int) 
         f"The coupling of {size} joints is no invertible matrix of {size} rows and columns ({shape}).",
         remedy="Give C of q_joint = C q_motor, a row for each joint and a column for each motor.",
     )
+
+
+def coupling_between(
+    coupling: Sequence[Sequence[float]], names: Sequence[str], joints: Sequence[str]
+) -> np.ndarray:
+    """Return C of q_joint = C q_motor for joints in another order, each with the motor that mainly moves it, (J, J).
+
+    Args:
+        coupling: rows of the joints `names`, columns of motors.
+        names: of the rows.
+        joints: of the rows and columns wanted, some or all of them.
+
+    Raises:
+        InvalidInput: a motor drives one of these joints and another one, too.
+    """
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import min_weight_full_bipartite_matching
+
+    matrix = np.array(coupling, dtype=np.float64)
+    share = np.log(np.maximum(np.abs(matrix), 1e-12)) + 1e-6 * np.eye(len(matrix))
+    motor = min_weight_full_bipartite_matching(csr_array(share.max() + 1.0 - share))[1]
+    rows = [list(names).index(joint) for joint in joints]
+    rest = [i for i in range(len(matrix)) if i not in rows]
+    if np.any(matrix[np.ix_(rest, motor[rows])]) or np.any(matrix[np.ix_(rows, motor[rest])]):
+        raise InvalidInput(
+            f"The coupling ties joints of the robot to {', '.join(names[i] for i in rest)}.",
+            remedy="Name a robot description with all coupled joints.",
+        )
+    return matrix[np.ix_(rows, motor[rows])]
 
 
 def digest(path: str | Path) -> str:

@@ -8,19 +8,20 @@ square could not be told from infinity.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.logs.joint import Drive, Joint, Source, check_coupling
+from backdrive.logs.joint import Drive, Joint, Source, as_joints, check_coupling
+from backdrive.logs.values import checked_period, frozen
 
 #: Beyond, a number is no measurement in any unit, and products of a few of them overflow; an infinity is a hole in a log.
 LARGEST = 1e60
 AS_SI = "was taken as SI"  # in a note of a doubt
-SHORTEST = 1e-12  # median sampling interval [s]
+WRENCH = 6  # numbers of a wrench
 
 #: Per-sample, per-joint channels of a `Log`, each with the SI unit for a rotary and for a linear joint.
 CHANNELS: dict[str, tuple[str, str]] = {
@@ -43,7 +44,7 @@ class Log:
 
     Attributes:
         time: sampling instants [s], (n,).
-        joints: one `Joint` per column, (J,).
+        joints: one `Joint` per column, (J,); a name stands for a rotary joint.
         position: joint position [rad or m], (n, J). Position or velocity is required.
         velocity: joint velocity [rad/s or m/s], (n, J).
         torque: actuator torque on the joint side [N.m or N], (n, J).
@@ -54,6 +55,7 @@ class Log:
         model_torque: torque of the other axes' pull and gravity, known from elsewhere [N.m or N], (n, J).
         load: transmitted load [N.m or N], (n, J).
         temperature: of the joint [degC], (n, J).
+        wrench: of the environment on the robot, as a sensor has it: force [N], then moment [N.m], (n, 6). It is of no joint.
         drive: the law behind `drive_input`.
         plan: the motion plan it was recorded with (an object of `backdrive.plans`), if known.
         sources: files it came from.
@@ -62,7 +64,7 @@ class Log:
     """
 
     time: np.ndarray
-    joints: tuple[Joint, ...]
+    joints: tuple[Joint, ...]  # or names
     position: np.ndarray | None = None
     velocity: np.ndarray | None = None
     torque: np.ndarray | None = None
@@ -73,6 +75,7 @@ class Log:
     model_torque: np.ndarray | None = None
     load: np.ndarray | None = None
     temperature: np.ndarray | None = None
+    wrench: np.ndarray | None = None
     drive: Drive | None = None
     plan: Any = None
     sources: tuple[Source, ...] = ()
@@ -80,28 +83,29 @@ class Log:
     coupling: tuple[tuple[float, ...], ...] | None = None
 
     def __post_init__(self):
-        time = _frozen(self.time, "time")
+        time = frozen(self.time, "time")
         if time.ndim != 1:
             raise InvalidInput(f"Log.time has shape {time.shape}.", remedy="Give one instant a sample, (n,).")
         object.__setattr__(self, "time", time)
         self._refuse_beyond("time", time)
         if not self.joints:
             raise InvalidInput("A Log needs at least one joint.", remedy="Pass joints=(Joint(name=...),).")
-        object.__setattr__(self, "joints", tuple(self.joints))
+        object.__setattr__(self, "joints", as_joints(self.joints))
         names = [joint.name for joint in self.joints]
         if len(set(names)) != len(names):
             raise InvalidInput(f"Joint names repeat: {names}.", remedy="Name every joint differently.")
-        for name in CHANNELS:
+        for name in (*CHANNELS, "wrench"):
+            width, of = (WRENCH, "numbers") if name == "wrench" else (len(names), "joints")
             value = getattr(self, name)
             if value is None:
                 continue
-            value = _frozen(value, name)
+            value = frozen(value, name)
             if value.ndim == 1:
                 value = value[:, None]
-            if value.shape != (time.size, len(names)):
+            if value.shape != (time.size, width):
                 raise InvalidInput(
-                    f"Log.{name} has shape {value.shape}, but there are {time.size} instants and {len(names)} joints.",
-                    remedy="Give every channel one row an instant and one column a joint.",
+                    f"Log.{name} has shape {value.shape}, but there are {time.size} instants and {width} {of}.",
+                    remedy="Give every channel one row an instant and one column a joint, a wrench six.",
                 )
             object.__setattr__(self, name, value)
             self._refuse_beyond(name, value)
@@ -121,12 +125,54 @@ class Log:
         if len(beyond):
             place = tuple(beyond[0])
             where = f"{self.sources[0].path}: " if self.sources else ""
-            of = "" if channel == "time" else f" of joint '{self.joints[place[1]].name}'"
+            of = "" if channel in ("time", "wrench") else f" of joint '{self.joints[place[1]].name}'"
             raise InvalidInput(
                 f"{where}the {channel}{of} is {values[place]:g} at sample {place[0]}, beyond what can be reckoned with "
                 f"({LARGEST:g}).",
                 remedy="Mark missing samples as NaN, drop them, or correct the factor of --map.",
             )
+
+    @classmethod
+    def from_arrays(
+        cls,
+        time: Any = None,
+        *,
+        rate: float | None = None,
+        joints: str | Joint | Sequence[str | Joint] | None = None,
+        unit: str | Sequence[str] = "rad",
+        **channels: Any,
+    ) -> Log:
+        """Return a log of arrays: `Log.from_arrays(rate=1000, position=q, torque=tau)`.
+
+        Args:
+            time: sampling instants [s], (n,); None: by `rate`.
+            rate: samples a second [Hz].
+            joints: names; None: joint_1, joint_2, ...
+            unit: `rad` or `m`, for all joints or one each.
+            channels: `position`, `torque` and the other channels of a log, (n,) or (n, J).
+
+        Raises:
+            InvalidInput: an array is no array of numbers, shapes do not fit, or nobody says the time.
+        """
+        from backdrive.logs.tables import log_of_arrays
+
+        return log_of_arrays(time, rate=rate, joints=joints, unit=unit, channels=channels)
+
+    @classmethod
+    def from_frame(cls, frame: Any, **options: Any) -> Log:
+        """Return a log of a data frame, its columns taken by their names as those of a file are.
+
+        Args:
+            frame: of pandas, polars or pyarrow, or a mapping from names to arrays.
+            options: `map`, `names`, `units`, `gear`, `counts`, ..., as `read_log` takes them.
+
+        Raises:
+            MappingError: the columns do not say what they are; the message lists them.
+            InvalidInput: it is no table, or an option does not fit.
+        """
+        from backdrive.logs.tables import log_of_frame
+
+        return log_of_frame(frame, **options)
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -211,7 +257,7 @@ class Log:
         return replace(self, notes=(*self.notes, sentence))
 
     def select(self, joints: str | int | Sequence[str | int]) -> Log:
-        """Return the log of some joints only, in the order given.
+        """Return the log of some joints only, in the order given; a wrench on the whole robot is left out unless all are.
 
         Raises:
             UnknownName: a joint is not in the log.
@@ -221,40 +267,18 @@ class Log:
         arrays = {name: value[:, columns] for name, value in self.channels.items()}
         every = self.coupling is not None and sorted(columns) == list(range(len(self.joints)))
         coupling = tuple(self.coupling[c] for c in columns) if every and self.coupling else None
-        return replace(self, joints=tuple(self.joints[c] for c in columns), coupling=coupling, **arrays)
+        chosen = tuple(self.joints[c] for c in columns)
+        wrench = self.wrench if sorted(columns) == list(range(len(self.joints))) else None
+        return replace(self, joints=chosen, coupling=coupling, wrench=wrench, **arrays)
 
     def rows(self, index: slice | np.ndarray) -> Log:
         """Return the samples at a slice, mask or index array."""
-        return replace(self, time=self.time[index], **{k: v[index] for k, v in self.channels.items()})
+        arrays = self.channels | ({} if self.wrench is None else {"wrench": self.wrench})
+        return replace(self, time=self.time[index], **{k: v[index] for k, v in arrays.items()})
 
     def between(self, start: float = -np.inf, stop: float = np.inf) -> Log:
         """Return the samples with start <= time < stop [s]."""
         return self.rows((self.time >= start) & (self.time < stop))
-
-    def combined(self, channel: str, terms: Mapping[str, float], joint: str | int = 0) -> np.ndarray:
-        """Join channels with scale and sign: sum of factor * channel, for one joint.
-
-        Args:
-            channel: for the message only, what the sum is to be.
-            terms: channel name to factor [any].
-            joint: name or column.
-
-        Returns:
-            The sum, (n,).
-
-        Raises:
-            InvalidInput: a channel is absent.
-        """
-        column = self.column(joint)
-        total = np.zeros(len(self))
-        for name, factor in terms.items():
-            if name not in self.channels:
-                raise InvalidInput(
-                    f"'{name}' is not in the log, so '{channel}' cannot be joined from it.",
-                    remedy=f"Present: {', '.join(self.channels)}.",
-                )
-            total += factor * self.channels[name][:, column]
-        return total
 
     def apply_coupling(
         self, coupling: Sequence[Sequence[float]], side: Literal["motor", "joint"] = "motor"
@@ -299,40 +323,10 @@ class Log:
         )
 
 
-def _frozen(value: Any, name: str) -> np.ndarray:
-    """Return the values as read-only float64; what already is, and cannot be written through another array, is not copied."""
-    if isinstance(value, np.ndarray) and value.dtype == np.float64 and not value.flags.writeable:
-        owner = value if value.base is None else value.base
-        if isinstance(owner, np.ndarray) and owner.base is None and not owner.flags.writeable:
-            return value
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidInput(
-            f"Log.{name} holds something that is not a number.", remedy="Give plain numbers."
-        ) from error
-    array.setflags(write=False)
-    return array
-
-
-def checked_period(period: float) -> float:
-    """Return a sampling interval [s], unless nothing samples so fast.
-
-    Raises:
-        InvalidInput: it is above zero and below a picosecond.
-    """
-    if 0.0 < period < SHORTEST:
-        raise InvalidInput(
-            f"The median sampling interval is {period:g} s.",
-            remedy="Bring the time to seconds, for example --map t=0.001*COLUMN.",
-        )
-    return period
-
-
 def channel_unit(channel: str, joint: Joint) -> str:
     """Return the SI unit of a channel for this joint."""
     rotary, linear = CHANNELS[channel]
     return rotary if joint.unit == "rad" else linear
 
 
-assert set(CHANNELS) <= {f.name for f in fields(Log)}
+assert set(CHANNELS) <= set(Log.__dataclass_fields__)

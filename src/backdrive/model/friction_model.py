@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from backdrive._catalog import lookup
-from backdrive._upper import upper
+from backdrive._upper import Shown, upper
 from backdrive.errors import ExtrapolationWarning, InvalidInput, NegativeFrictionWarning
 from backdrive.logs.joint import Source, check_coupling
 from backdrive.model.covariance import AGAIN, check_covariance
@@ -47,7 +48,7 @@ class ArmModel:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FrictionModel:
+class FrictionModel(Shown):
     """The friction of every joint of a robot, ready to be used.
 
     Attributes:
@@ -184,6 +185,41 @@ class FrictionModel:
                 f"The model has {len(self.joints)} joints.", remedy=f"Name one of {', '.join(self.names)}."
             )
         return np.array([law.row() for law in draw_laws(self.joint(0 if joint is None else joint), n, seed)])
+
+    def draw(self, n: int, seed: int = 0) -> list[FrictionModel]:
+        """Return models that the data left as likely as this one: the law of every joint drawn as `sample` draws it.
+
+        Args:
+            n: how many.
+            seed: the same one gives the same models.
+
+        Raises:
+            InvalidInput: the model knows no errors of a joint's law.
+        """
+        from backdrive.model.sample import draw_laws
+
+        drawn = [draw_laws(friction, n, [seed, j]) for j, friction in enumerate(self.joints)]
+        return [
+            replace(self, joints=tuple(replace(f, law=laws[k]) for f, laws in zip(self.joints, drawn)))
+            for k in range(n)
+        ]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the document of the model file as plain values."""
+        return json.loads(upper("model.file", "encode")(self))
+
+    def loop(self, tunings: Any, *, period: float | None = None, **more: Any) -> Any:
+        """Return the torque loop of one or several tuned joints, with the limits that the tunings hold.
+
+        Args:
+            tunings: of `tune`, one or several.
+            period: of the loop [s]; None: what they were tuned for.
+            more: `top_speed`, `limit`, `encoder_count`, as `Tuning.loop` takes them; a number, or by joint.
+
+        Raises:
+            InvalidInput: a tuning is of no joint of this model, was made for another period, or has no limits.
+        """
+        return upper("tuning.loops", "loop_of")(self, tunings, period=period, **more)
 
     def table(self, speeds: int = 21) -> dict[str, dict[str, np.ndarray]]:
         """Return each joint's curve over its validity range.

@@ -8,6 +8,7 @@ where bounds are far, and no draw leaves them where they are near.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +24,7 @@ ROUNDS = 200  # draws of what fell outside its bounds
 MOST = 10**7  # sets that are drawn at once
 
 
-def draw_laws(friction: JointFriction, n: int, seed: int = 0) -> list[Law]:
+def draw_laws(friction: JointFriction, n: int, seed: int | Sequence[int] = 0) -> list[Law]:
     """Return draws of a joint's law.
 
     Args:

@@ -1,11 +1,13 @@
-"""The shapes of an arm's links by its URDF, for self-collision: primitives, and convex hulls of meshes.
+"""The shapes of an arm's links by its URDF or MJCF, for self-collision: primitives, and convex hulls of a URDF's meshes.
 
 Meshes are opened only where a folder of packages is given, and only below it (or beside the URDF): a description may come from
-anywhere. A hull holds its mesh, so what keeps hulls apart keeps the links apart.
+anywhere. A hull holds its mesh, so what keeps hulls apart keeps the links apart. Where meshes are not opened, a capsule may stand
+in for a link: from its joint to the next one, as thick as a rod that resists turning about that line as the link's inertia does.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,11 +17,13 @@ import numpy as np
 from backdrive._files import read_whole
 from backdrive.errors import InvalidInput, MissingExtra, ReadError, require
 from backdrive.plans.limits import MAX_BYTES
-from backdrive.robot import Robot
+from backdrive.robot import Robot, mjcf
+from backdrive.robot.mjcf_pose import along_z
 from backdrive.robot.xml import numbers, parse
 
 MESH_BYTES = 100_000_000
 MOST_SHAPES = 200
+THINNEST = 0.02  # radius of a capsule that stands in for a link, at least [m]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,7 +65,7 @@ def read_shapes(
     """Return the shapes of all links, and the links whose meshes could not be had.
 
     Args:
-        urdf: path of the description.
+        urdf: path of the description, URDF or MJCF.
         robot: read from it; tools may be held.
         packages: folder in which `package://` begins; None: meshes are left out.
 
@@ -79,6 +83,14 @@ def read_shapes(
     frames = {f.name: f for f in robot.model.frames}
     shapes: list[Shape] = []
     without: list[str] = []
+    for geom in mjcf.collision_shapes(root, str(urdf)) if root.tag == "mujoco" else ():
+        if geom.body not in frames:
+            continue
+        if not geom.size:
+            without.append(geom.body)
+            continue
+        joint, placed = _carrier(frames[geom.body])
+        shapes.append(_shape(geom.body, joint, placed @ geom.placement, _primitive(coal, geom)))
     for link in root.findall("link"):
         name = link.get("name") or ""
         for node in link.findall("collision"):
@@ -88,15 +100,66 @@ def read_shapes(
             if geometry is None:
                 without.append(name)
                 continue
-            frame = frames[name]
-            joint = int(frame.parentJoint if hasattr(frame, "parentJoint") else frame.parent)
-            placement = frame.placement.homogeneous @ _origin(node.find("origin"), name)
-            shapes.append(_shape(name, joint, placement, geometry))
+            joint, placed = _carrier(frames[name])
+            shapes.append(_shape(name, joint, placed @ _origin(node.find("origin"), name), geometry))
     if len(shapes) > MOST_SHAPES:
         raise InvalidInput(
             f"{urdf} has {len(shapes)} shapes.", remedy=f"Reduce them to at most {MOST_SHAPES}."
         )
     return shapes, list(dict.fromkeys(without))
+
+
+def capsules(robot: Robot, links: Sequence[str]) -> tuple[list[Shape], list[str]]:
+    """Return capsules that stand in for links, and those for which the description tells too little.
+
+    Args:
+        robot: the description.
+        links: names; those that move together get one.
+    """
+    coal, model = require_coal(), robot.model
+    frames = {f.name: f for f in model.frames}
+    shapes: list[Shape] = []
+    without: list[str] = []
+    covered: set[int] = {0}
+    for link in links:
+        joint = _carrier(frames[link])[0]
+        body = model.inertias[joint]
+        if joint in covered or not body.mass > 0.0:
+            without += [link] if joint == 0 or joint not in covered else []
+            continue
+        covered.add(joint)
+        center = np.asarray(body.lever).ravel()
+        ends = [np.asarray(model.jointPlacements[k].translation).ravel() for k in _children(model, joint)]
+        end = max(ends, key=np.linalg.norm) if ends else 2.0 * center
+        length = float(np.linalg.norm(end))
+        along = end / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
+        radius = float(np.sqrt(max(2.0 * (along @ np.asarray(body.inertia) @ along) / body.mass, 0.0)))
+        placement = np.eye(4)
+        placement[:3, :3], placement[:3, 3] = along_z(along), 0.5 * end
+        shapes.append(_shape(link, joint, placement, coal.Capsule(max(radius, THINNEST), length)))
+    return shapes, without
+
+
+def _children(model: Any, joint: int) -> list[int]:
+    return [k for k in range(1, model.njoints) if model.parents[k] == joint]
+
+
+def _carrier(frame: Any) -> tuple[int, np.ndarray]:
+    """Return the joint that carries a frame, and its placement there, (4, 4)."""
+    joint = int(frame.parentJoint if hasattr(frame, "parentJoint") else frame.parent)
+    return joint, frame.placement.homogeneous
+
+
+def _primitive(coal: Any, geom: mjcf.Geom) -> Any:
+    """Return a geom as a shape of coal; MJCF states halves."""
+    size = list(geom.size)
+    if geom.kind == "box":
+        return coal.Box(*(2.0 * x for x in size[:3]))
+    if geom.kind == "sphere":
+        return coal.Sphere(size[0])
+    if geom.kind == "ellipsoid":
+        return coal.Ellipsoid(*size[:3])
+    return {"cylinder": coal.Cylinder, "capsule": coal.Capsule}[geom.kind](size[0], 2.0 * size[1])
 
 
 def floor_at(height: float) -> Shape:

@@ -18,6 +18,7 @@ from typing import Any, Literal
 import numpy as np
 
 from backdrive.errors import InvalidInput, UnknownName, require
+from backdrive.logs.joint import coupling_between
 from backdrive.robot.base import BaseParameters
 
 PER_LINK = 10
@@ -181,6 +182,27 @@ class Robot:
                 remedy="Identify again.",
             )
         return robot
+
+    def coupling_of(
+        self, coupling: Sequence[Sequence[float]] | None, names: Sequence[str]
+    ) -> np.ndarray | None:
+        """Return C of q_joint = C q_motor in this robot's order, each joint with the motor that mainly moves it, (J, J), or None.
+
+        Args:
+            coupling: as a model has it, or None.
+            names: of its rows.
+
+        Raises:
+            InvalidInput: it is not of all this robot's joints, or ties them to others.
+        """
+        if coupling is None:
+            return None
+        if missing := [joint for joint in self.joints if joint not in names]:
+            raise InvalidInput(
+                f"The coupling is of {', '.join(names)}, and {self.name} has {', '.join(missing)}, too.",
+                remedy="Identify all of its joints together.",
+            )
+        return coupling_between(coupling, names, self.joints)
 
     def regressor(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
         """Return Y with tau = Y theta.

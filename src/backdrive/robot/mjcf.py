@@ -35,6 +35,13 @@ class Compiler:
     groups: tuple[float, float] = (0.0, 5.0)
 
 
+def collision_shapes(root: Any, where: str) -> list[Geom]:
+    """Return the geoms that may touch another, planes and height fields left out; see `build`."""
+    builder = Builder(root, where, shapes=True)
+    builder.built()
+    return builder.geoms
+
+
 def build(root: Any, where: str) -> tuple[Any, dict[str, Range], list[str]]:
     """Return pinocchio's model, what each joint is allowed, and remarks.
 
@@ -70,10 +77,27 @@ def build(root: Any, where: str) -> tuple[Any, dict[str, Range], list[str]]:
     return Builder(root, where).built()
 
 
+@dataclass(frozen=True, kw_only=True)
+class Geom:
+    """A shape of a body.
+
+    Attributes:
+        body: name.
+        kind: as MJCF calls it.
+        placement: in the body, (4, 4).
+        size: as MJCF has it [m]; empty for a mesh.
+    """
+
+    body: str
+    kind: str
+    placement: np.ndarray
+    size: tuple[float, ...]
+
+
 class Builder:
     """Walks the bodies and adds them to pinocchio's model."""
 
-    def __init__(self, root: Any, where: str):
+    def __init__(self, root: Any, where: str, shapes: bool = False):
         self.pin = require_pinocchio()
         self.root, self.where = root, where
         self.compiler = compiler_of(root, where)
@@ -81,6 +105,8 @@ class Builder:
         self.model = self.pin.Model()
         self.model.name = root.get("model") or "robot"
         self.ranges: dict[str, Range] = {}
+        self.geoms: list[Geom] = []
+        self.shapes = shapes
         self.names: dict[str, set[str]] = {"body": set(), "joint": set(), "site": set()}
 
     def built(self) -> tuple[Any, dict[str, Range], list[str]]:
@@ -110,6 +136,9 @@ class Builder:
             name = self.name(node, "body")
             kind = self.pin.FrameType.BODY
             self.model.addFrame(self.pin.Frame(name, parent, 0, self.pin.SE3(placed), kind), False)
+            for child, at, of in _flat(node, np.eye(4), style, self.compiler.angles, where):
+                if child.tag == "geom" and self.shapes:
+                    self.geoms += self.geom(name, child, at, of, where)
         hanging = []
         for child, at, of in _flat(node, placed, style, self.compiler.angles, where):
             if child.tag == "site":
@@ -204,6 +233,19 @@ class Builder:
         mass, center, inertia = part
         turned = at[:3, :3]
         return [(mass, at[:3, :3] @ center + at[:3, 3], turned @ inertia @ turned.T)]
+
+    def geom(self, body: str, node: Any, at: np.ndarray, style: str | None, where: str) -> list[Geom]:
+        """Return the shape of a geom in a list, an empty one where it touches nothing."""
+        x = self.defaults.attributes(node, style)
+        touches = any(x.get(name, "1") != "0" for name in ("contype", "conaffinity"))
+        kind = "mesh" if "mesh" in x else x.get("type", "sphere")
+        if not touches or kind in mjcf_inertia.WEIGHTLESS:
+            return []
+        if kind not in mjcf_inertia.SIZES:
+            return [Geom(body=body, kind=kind, placement=at, size=())]
+        label = f"{where}: geom '{node.get('name') or ''}'"
+        placed, size = mjcf_inertia.dimensions(x, self.compiler.angles, label)
+        return [Geom(body=body, kind=kind, placement=at @ placed, size=tuple(size))]
 
     def name(self, node: Any, kind: str) -> str:
         """Return the name of an element, or one with its number where it has none.

@@ -67,6 +67,20 @@ def of_shape(attributes: Mapping[str, str], angles: Angles, where: str) -> Inert
             f"{where}: a geom of type '{kind}' has no mass that is known here.",
             remedy="Write an <inertial> in this body.",
         )
+    placed, size = dimensions(attributes, angles, where)
+    volume, moments = unit_shape(kind, size)
+    mass = density * volume if mass is None else mass
+    turned = placed[:3, :3]
+    return mass, placed[:3, 3], mass * turned @ np.diag(moments) @ turned.T
+
+
+def dimensions(attributes: Mapping[str, str], angles: Angles, where: str) -> tuple[np.ndarray, list[float]]:
+    """Return the placement of a shape of `SIZES` in its body, (4, 4), and its sizes as MJCF has them [m].
+
+    Raises:
+        ReadError: a size is missing or no number.
+    """
+    kind = attributes.get("type", "sphere")
     size = [abs(x) for x in numbers(attributes.get("size", ""), (1, 2, 3), f"{where}: size of a {kind}")]
     placed = pose(attributes, angles, where)
     if "fromto" in attributes and kind in ENDS:
@@ -77,10 +91,7 @@ def of_shape(attributes: Mapping[str, str], angles: Angles, where: str) -> Inert
         size = [size[0], half] if SIZES[kind] == 2 else [size[0], size[0], half]
     if len(size) < SIZES[kind]:
         raise ReadError(f"{where}: a {kind} of {len(size)} sizes.", remedy=f"Write {SIZES[kind]} of them.")
-    volume, moments = unit_shape(kind, size)
-    mass = density * volume if mass is None else mass
-    turned = placed[:3, :3]
-    return mass, placed[:3, 3], mass * turned @ np.diag(moments) @ turned.T
+    return placed, size
 
 
 def unit_shape(kind: str, size: Sequence[float]) -> tuple[float, tuple[float, float, float]]:

@@ -4,3 +4,4 @@ from backdrive.engine.servo import Servo as Servo
 from backdrive.simulation.joint import SimulatedJoint as SimulatedJoint
 from backdrive.simulation.machines import MACHINES as MACHINES
 from backdrive.simulation.machines import machine as machine
+from backdrive.simulation.mujoco_friction import MujocoFriction as MujocoFriction

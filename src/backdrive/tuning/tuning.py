@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from backdrive._upper import Shown, upper
 from backdrive.control import Admittance, JointLoop, torque_limit
 from backdrive.control.compensators import Compensator, Dither, alg_fc, alg_fc2, nothing
 from backdrive.control.estimators.external import ExternalForce
@@ -57,7 +58,7 @@ class Number:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tuning:
+class Tuning(Shown):
     """The parameters of one joint.
 
     Attributes:
@@ -106,6 +107,10 @@ class Tuning:
                 remedy=f"It has {', '.join(self.numbers)}.",
             )
         return self.numbers[name].value
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, as the tuning file holds them."""
+        return upper("tuning.tuning_file", "plain")(self)
 
     def compensator(self, *, dither: bool = True, switching: bool = False) -> Compensator:
         """Return the friction compensator; one that gives nothing where the goal is an estimate.

@@ -22,6 +22,7 @@ from backdrive.control.estimators.gains import lag as lag_of
 from backdrive.control.estimators.of_model import ABRUPT, WIDTH, at_rest, contact, with_break_away
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput
+from backdrive.logs.joint import check_coupling
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.parameters import POSITIVE, Bounded
 from backdrive.robot import Robot, load_robot
@@ -46,6 +47,8 @@ class ArmForce(Bounded):
         filters: of the encoders, for `direct`; empty: those of the bandwidth.
         method: `direct`, `momentum`, `disturbance`, `extended` or `kalman`.
         bandwidth: L [1/s].
+        coupling: C of q_joint = C q_motor, a row a joint; positions, torques, velocities, all that is stated here, and what is
+            estimated but the wrench, are then those of the motors; None: each motor drives its own joint.
         frame: at which a wrench is wanted; None: none. Of an arm of fewer than six joints, its part that they feel; the rest is
             taken for zero, with a large standard deviation.
         force_rate: None; a rate of the force is for single joints.
@@ -65,6 +68,7 @@ class ArmForce(Bounded):
     method: str = "momentum"
     bandwidth: float = 50.0
     frame: str | None = None
+    coupling: tuple[tuple[float, ...], ...] | None = None
     force_rate: float | None = field(default=None, repr=False)
 
     def __post_init__(self):
@@ -78,6 +82,9 @@ class ArmForce(Bounded):
                 )
         if self.frame is not None:
             robot.frame(self.frame)
+        if self.coupling is not None:
+            C = check_coupling(self.coupling, J)
+            object.__setattr__(self, "coupling", tuple(map(tuple, C.tolist())))
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -104,15 +111,12 @@ class ArmForce(Bounded):
             frame: at which a wrench is wanted: a link, a fixed tool or a site; None: none.
 
         Raises:
-            InvalidInput: the model is not of an arm, belongs to another description, or its motors drive several joints.
+            InvalidInput: the model is not of an arm, or belongs to another description.
             UnknownName: there is no such frame; all are listed.
         """
         known = robot_of(model, robot)
-        if model.coupling is not None and np.any(np.array(model.coupling) != np.eye(len(model.coupling))):
-            raise InvalidInput(
-                "Motors of this arm drive several joints, and the model's friction is that of the motors.",
-                remedy="The force of coupled joints is not estimated; `estimate --payload` knows them.",
-            )
+        C = known.coupling_of(model.coupling, model.coupled or model.names)
+        plain = C is None or np.array_equal(C, np.eye(len(known.joints)))
         frictions = [with_break_away(model.joint(name)) for name in known.joints]
         values = [{term: e.value for term, e in f.dynamics.items()} for f in frictions]
         bands = [deviations(f) for f in frictions]
@@ -127,7 +131,13 @@ class ArmForce(Bounded):
             method=method,
             bandwidth=bandwidth,
             frame=frame,
+            coupling=None if C is None or plain else tuple(map(tuple, C.tolist())),
         )
+
+    def inertia_at(self, position: np.ndarray) -> np.ndarray:
+        """Return the inertia of bodies and motors [kg.m^2 or kg], (J, J), at positions of the motors [rad or m], (J,)."""
+        C = np.eye(len(self.joints)) if self.coupling is None else np.array(self.coupling)
+        return C.T @ self.bodies.robot.inertia((C @ position)[None])[0] @ C + np.diag(self.inertia)
 
     def replace(self, **changes) -> ArmForce:
         """Return the same with other fields."""
@@ -170,7 +180,7 @@ class ArmForce(Bounded):
 
     def default_filters(self) -> tuple[MotionFilter, ...]:
         """Return filters that follow accelerations of ten times the friction by the inertia at most 1/L late."""
-        own = np.diag(self.bodies.robot.inertia(np.zeros((1, len(self.joints))))[0]) + self.inertia
+        own = np.diag(self.inertia_at(np.zeros(len(self.joints))))
         follow = [ABRUPT * max(at_rest(f.law), 1e-9) / max(m, 1e-9) for f, m in zip(self.friction, own)]
         return tuple(MotionFilter.of_bandwidth(self.bandwidth, a) for a in follow)
 
@@ -187,7 +197,9 @@ class ArmForce(Bounded):
         for j, one in enumerate(robot.ranges):
             if np.isfinite(one.upper - one.lower):
                 q[:, j] = rng.uniform(one.lower, one.upper, POSTURES)
-        weighted = robot.jacobian(q, self.frame) / np.array(self.sliding)
+        jacobians = robot.jacobian(q, self.frame)
+        turned = jacobians if self.coupling is None else jacobians @ np.array(self.coupling)
+        weighted = turned / np.array(self.sliding)
         information = weighted @ np.swapaxes(weighted, 1, 2)
         size = np.median(np.einsum("nii->ni", information), axis=0)
         if len(self.joints) < FULL:

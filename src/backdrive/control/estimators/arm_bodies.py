@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from backdrive.control.estimators import arm_kernel as kernel
 from backdrive.errors import NotIdentifiable
 from backdrive.model import FrictionModel
 from backdrive.robot import PER_LINK, Robot, require_pinocchio
@@ -58,7 +59,7 @@ class ArmBodies:
 
     def calls(
         self, method: str, q: np.ndarray, v: np.ndarray, a: np.ndarray
-    ) -> tuple[Callable[[], None], np.ndarray, np.ndarray, np.ndarray]:
+    ) -> tuple[Callable[[], object], np.ndarray, np.ndarray, np.ndarray]:
         """Return what is to be called each tick, and where it leaves M, bias and Coriolis matrix.
 
         Args:
@@ -89,6 +90,28 @@ class ArmBodies:
             nonlinear(model, data, q, v)
 
         return two, M, data.nle, C
+
+    def calls_at_motors(
+        self, method: str, rows: np.ndarray, joints: np.ndarray, coupling: np.ndarray
+    ) -> tuple[Callable[[], object], np.ndarray, np.ndarray, np.ndarray]:
+        """Return the same for motors that drive several joints: what pinocchio has of the joints is brought to them.
+
+        Args:
+            method: of the estimator.
+            rows: positions, velocities, accelerations of the motors, read at each call, (3, J).
+            joints: room for those of the joints, (3, J).
+            coupling: C of q_joint = C q_motor, (J, J).
+        """
+        J = len(coupling)
+        asked, M, bias, coriolis = self.calls(method, *joints)
+        own, level, turning, room = np.zeros((J, J)), np.zeros(J), np.zeros((J, J)), np.zeros((J, J))
+
+        def call() -> None:
+            kernel.to_joints(coupling, rows, joints)
+            asked()
+            kernel.to_motors(coupling, M, bias, coriolis, own, level, turning, room)
+
+        return call, own, level, turning
 
 
 def with_masses(robot: Robot, parameters: np.ndarray) -> np.ndarray:

@@ -13,6 +13,8 @@ the joint carries: the bodies, less what the environment does. The wrench w at a
     (P + J S^-1 J') w = J S^-1 tau_e,
 
 S: variances of the joints' torques by state of motion, P: the inverse variance of a wrench that is never reached (`damping`).
+
+Where motors drive several joints, q_joint = C q_motor, all this is of the motors, at which friction acts: with C' M C, C' h, J C.
 """
 
 from __future__ import annotations
@@ -118,6 +120,46 @@ def after(c, s, io, P, X, M, bias, coriolis, jacobian, room, dt, temps):
         io[DEVIATION * J + j] = c[i + SLIDING] if abs(s[k + SPEED]) > c[i + SLOW] else c[i + RESTING]
     if c[WRENCH] > 0.0:
         wrench(c, io, jacobian, J)
+
+
+@jit
+def to_joints(C, rows, joints):
+    """Fill positions, velocities and accelerations of the joints by those of coupled motors, (3, J) each."""
+    J = C.shape[0]
+    for r in range(3):
+        for i in range(J):
+            joints[r, i] = 0.0
+            for j in range(J):
+                joints[r, i] += C[i, j] * rows[r, j]
+
+
+@jit
+def to_motors(C, M, bias, coriolis, own, level, turning, room):
+    """Fill inertia, bias and Coriolis matrix at coupled motors: C' M C, C' bias, C' coriolis C; of M the upper triangle is read."""
+    J = C.shape[0]
+    for i in range(J):
+        for j in range(J):
+            room[i, j] = 0.0
+            for m in range(J):
+                room[i, j] += (M[i, m] if i < m else M[m, i]) * C[m, j]
+    for i in range(J):
+        level[i] = 0.0
+        for m in range(J):
+            level[i] += C[m, i] * bias[m]
+        for j in range(J):
+            own[i, j] = 0.0
+            for m in range(J):
+                own[i, j] += C[m, i] * room[m, j]
+    for i in range(J):
+        for j in range(J):
+            room[i, j] = 0.0
+            for m in range(J):
+                room[i, j] += coriolis[i, m] * C[m, j]
+    for i in range(J):
+        for j in range(J):
+            turning[i, j] = 0.0
+            for m in range(J):
+                turning[i, j] += C[m, i] * room[m, j]
 
 
 @jit

@@ -83,11 +83,17 @@ class ArmForceTick:
         self.wrench = self._io[at : at + FULL]
         self.covariance = self._io[at + FULL : at + FULL + FULL**2].reshape(FULL, FULL)
         self.wrench_row = self._io[at : at + FULL + FULL**2 + 1]
-        self._bodies, self._M, self._bias, self._C = settings.bodies.calls(
-            settings.method, middle, velocity, acceleration
-        )
+        self._coupling = None if settings.coupling is None else np.array(settings.coupling)
+        moving = self._io[2 * J : 5 * J].reshape(3, J)
+        joints = moving if self._coupling is None else np.zeros((3, J))
+        if self._coupling is None:
+            made = settings.bodies.calls(settings.method, middle, velocity, acceleration)
+        else:
+            made = settings.bodies.calls_at_motors(settings.method, moving, joints, self._coupling)
+        self._bodies, self._M, self._bias, self._C = made
         self._jacobian = np.zeros((FULL, J), order="F")
-        self._frame, self._at, self._model, self._data = None, middle, None, None
+        self._turned = np.zeros((FULL, J), order="F")
+        self._frame, self._at, self._model, self._data = None, joints[0], None, None
         if settings.frame is not None:
             pin, robot = require_pinocchio(), settings.bodies.robot
             self._frame, self._model, self._data = (
@@ -123,9 +129,7 @@ class ArmForceTick:
             own = self._s.reshape(-1, k.STATES)
             v = np.asarray(velocity, dtype=np.float64)
             own[:, 1] = own[:, 2] = own[:, k.V] = own[:, k.V_HAT] = own[:, k.SPEED] = v
-            M = self.settings.bodies.robot.inertia(np.asarray(position)[None])[0] + np.diag(
-                self.settings.inertia
-            )
+            M = self.settings.inertia_at(np.asarray(position, dtype=np.float64))
             if self.settings.method == "momentum":
                 own[:, k.Y] = M @ v
 
@@ -134,6 +138,8 @@ class ArmForceTick:
         self._bodies()
         if self._frame is not None:
             self._jacobian = self._jacobian_of(self._model, self._data, self._at, self._frame, self._axes)
+            if self._coupling is not None:
+                self._jacobian = np.matmul(self._jacobian, self._coupling, out=self._turned)
 
     def tick(
         self,

@@ -6,7 +6,7 @@ it: fitted there, it takes the lag for less Coulomb and more viscous friction, o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,9 @@ import numpy as np
 from backdrive.identification.delay import earlier
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.torque import Stretch
+from backdrive.identification.remark import EARLY
 from backdrive.identification.signals import spans
+from backdrive.laws.direction import BACKWARD
 
 ENOUGH = 0.3  # share of the samples that has to be sliding for only that to count [-]
 LESS = 2.0  # standard errors by which friction about reversals has to be less for these not to count [-]
@@ -66,3 +68,31 @@ def lags_behind(
     if len(means) < FEWEST_TURNS:
         return False
     return bool(np.mean(means) < -LESS * np.std(means) / np.sqrt(len(means)))
+
+
+def slips_too_early(values: Mapping[str, float]) -> bool:
+    """Say whether a law breaks away far below the Coulomb friction that it slides with, one way or the other.
+
+    Args:
+        values: of the law, by name [SI].
+    """
+    return any(values[rest] < EARLY * values[slide] for rest, slide in _pairs(values))
+
+
+def possible(values: Mapping[str, float], line: float) -> dict[str, tuple[float, float]]:
+    """Return bounds in which friction falls from rest to sliding: the Coulomb friction of a line lies between the two.
+
+    Args:
+        values: of the law, by name [SI].
+        line: Coulomb friction of a line through all sliding [N.m or N].
+    """
+    bounds = {}
+    for rest, slide in _pairs(values):
+        bounds |= {rest: (line, np.inf), slide: (0.0, line)}
+    return bounds
+
+
+def _pairs(values: Mapping[str, float]) -> list[tuple[str, str]]:
+    """Return the names of break-away and Coulomb friction, of each direction that has numbers of its own."""
+    names = [("breakaway" + way, "coulomb" + way) for way in ("", BACKWARD)]
+    return [pair for pair in names if all(name in values for name in pair)]

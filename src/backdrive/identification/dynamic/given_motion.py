@@ -12,7 +12,7 @@ from backdrive._catalog import lookup
 from backdrive.errors import BackdriveError, NotIdentifiable
 from backdrive.identification.delay import delayed, earlier
 from backdrive.identification.dynamic import choice, directions, starts
-from backdrive.identification.dynamic.crossing import lags_behind, sliding
+from backdrive.identification.dynamic.crossing import lags_behind, possible, sliding, slips_too_early
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.joint_fit import Task
 from backdrive.identification.dynamic.law_fit import fit_law
@@ -120,10 +120,29 @@ class TorqueTask(Task):
                 )
         warm_start = {"begin": 8, "descend": 1, "begin_at": begin_at} if begin_at else {}
         shape = directions.symmetric_shape(shape) if self.options.symmetric else shape
-        asked = self.asked | {"terms": directions.terms_beside(shape, self.asked["terms"], self.options)}
+        asked: dict[str, Any] = self.asked | {
+            "terms": directions.terms_beside(shape, self.asked["terms"], self.options)
+        }
         one = fit_law(shape, records, tick=self.options.ticker(self.info.name), **asked, **warm_start)
         if not shape.element.SET_VALUED or shape.rate.SMOOTH:
             return one
+        best = self._of_sliding(shape, records, one, asked, warm_start)
+        if not slips_too_early(best.values):
+            return best
+        slid = sliding(records, best.values.get("delay", 0.0))
+        line = starts.rest_of(slid, asked["terms"], asked["known"])[0]["coulomb"]
+        asked["bounds"] = possible(best.values, line) | dict(self.options.bounds)
+        return fit_law(shape, slid, tick=self.options.ticker(self.info.name), **asked)
+
+    def _of_sliding(
+        self,
+        shape: LawShape,
+        records: Sequence[Stretch],
+        one: Fit,
+        asked: Mapping[str, Any],
+        warm_start: Mapping[str, Any],
+    ) -> Fit:
+        """Return the fit of a law to sliding alone where reversals spoil the one to everything; otherwise that one."""
         late = one.values.get("delay", 0.0)
         slid = sliding(records, late)
         if not any(s.only_sliding for s in slid):

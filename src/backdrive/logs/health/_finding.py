@@ -116,8 +116,7 @@ def columns_of(exam: Exam, findings: Sequence[Finding]) -> Iterator[tuple[Findin
 def keep_rows(log: Log, rows: np.ndarray, sentence: str) -> Repair:
     """Return the repair that keeps the rows of an index array or mask, in that order, with a note."""
     rows = np.flatnonzero(rows) if rows.dtype == bool else rows
-    arrays = {name: value[rows] for name, value in log.channels.items()}
-    return Repair(log.replace(time=log.time[rows], notes=(*log.notes, sentence), **arrays), rows)
+    return Repair(log.rows(rows).noted(sentence), rows)
 
 
 def without_rows(log: Log, rows: np.ndarray, noun: str, reason: str) -> Repair:

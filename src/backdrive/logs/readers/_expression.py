@@ -34,6 +34,7 @@ CHANNEL_OF: dict[str, str] = {
     "tau_model": "model_torque",
     "load": "load",
     "temp": "temperature",
+    "wrench": "wrench",
 }
 
 LONGEST = 9  # digits of a column index

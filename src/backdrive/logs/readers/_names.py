@@ -59,6 +59,7 @@ KINDS: dict[str, tuple[str, ...]] = {
     "model_torque": ("torque", "force"),
     "load": ("torque", "force"),
     "temperature": ("temperature",),
+    "wrench": ("force", "torque"),
     "drive_input": ("raw", "torque", "force", "angle", "length", "angle rate", "speed"),
 }
 

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from backdrive.errors import InvalidInput, MappingError
-from backdrive.logs.log import CHANNELS, Joint, Log, Source, channel_unit
+from backdrive.logs.log import CHANNELS, WRENCH, Joint, Log, Source, channel_unit
 from backdrive.logs.readers import _expression, _names
 from backdrive.logs.readers._channels import INDEX, Values, columns_of, described, extent
 from backdrive.logs.readers._sides import divide_by_gear, motor_channels
@@ -63,11 +63,12 @@ def to_log(
             array.setflags(write=False)
     values = Values(columns, found.units, length(columns, asked, found), owned)
     for channel, sums in asked.items():
-        if sums is not None:
+        if sums is not None and channel != "wrench":
             values.add_sums(channel, sums)
     for channel, names_of in found.columns.items():
         if channel not in asked:
             values.add_columns(channel, names_of)
+    wrench = _wrench(values, asked.get("wrench"))
     if not {"position", "velocity"} & set(values.arrays):
         doubt = found.doubt or "no column is known to be a position or a velocity"
         raise MappingError(
@@ -109,6 +110,7 @@ def to_log(
         joints=joints,
         drive=columns.drive if "drive_input" in channels else None,
         sources=sources,
+        wrench=wrench,
         notes=(*columns.notes, "Channels: " + "; ".join(values.said) + ".", *notes),
         **channels,
     )
@@ -116,6 +118,25 @@ def to_log(
         log = divide_by_gear(log, on_motor)
     log = log.on_joint_side()
     return log if coupling is None else log.apply_coupling(coupling, side)
+
+
+def _wrench(values: Values, sums: Any) -> np.ndarray | None:
+    """Return the wrench that a `--map` names, (n, 6); None without one.
+
+    Raises:
+        MappingError: it is not six columns.
+    """
+    if sums is None:
+        return None
+    values.add_sums("wrench", sums)
+    values.labels.pop("wrench", None)
+    wrench = values.arrays.pop("wrench")
+    if wrench.shape[1] != WRENCH:
+        raise MappingError(
+            f"--map wrench: {wrench.shape[1]} columns.",
+            remedy="Name six: forces along x, y, z, then moments, as in wrench=(fx,fy,fz,mx,my,mz).",
+        )
+    return wrench
 
 
 def _side(side: str | None, coupling: object) -> Literal["motor", "joint"]:

@@ -165,6 +165,19 @@ def save_curves(
         InvalidInput: another suffix, or the folder cannot be written.
         MissingExtra: matplotlib is not installed.
     """
+    with canvas.house_style():
+        return canvas.write(curves(model, evidence=evidence, truth=truth, dark=dark), path, scale)
+
+
+def curves(
+    model: FrictionModel,
+    *,
+    evidence: Sequence[JointEvidence] = (),
+    truth: Mapping[str, Curve] | None = None,
+    dark: bool = False,
+    names: tuple[str, str] = ("identified", "truth"),
+) -> Any:
+    """Return the figure that `save_curves` writes; `names`: of the curve, and of the one to compare with."""
     theme = canvas.DARK if dark else canvas.LIGHT
     shown = {e.joint: e for e in evidence}
     columns = min(3, len(model.joints))
@@ -191,7 +204,7 @@ def save_curves(
                 truth=true,
             )
             if i == 0:
-                curve_legend(axes, theme, found, curve, true is not None, bool(len(knots)))
+                curve_legend(axes, theme, found, curve, true is not None, bool(len(knots)), names)
             if title:
                 joint_title(figure, theme, friction.joint.name, left + 12.0, bottom + height - 18.0)
-        return canvas.write(figure, path, scale)
+        return figure

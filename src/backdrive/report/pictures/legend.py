@@ -12,7 +12,13 @@ from backdrive.report.pictures.canvas import Theme
 
 
 def curve_legend(
-    axes: Any, theme: Theme, evidence: JointEvidence | None, curve: Curve, truth: bool, knots: bool
+    axes: Any,
+    theme: Theme,
+    evidence: JointEvidence | None,
+    curve: Curve,
+    truth: bool,
+    knots: bool,
+    names: tuple[str, str] = ("identified", "truth"),
 ) -> None:
     """Write the legend of a friction curve into the empty corner, upper left.
 
@@ -23,6 +29,7 @@ def curve_legend(
         curve: drawn.
         truth: a true curve is drawn, too.
         knots: knots are drawn, too.
+        names: of the curve, and of the one to compare with.
     """
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -35,14 +42,14 @@ def curve_legend(
         seen = evidence.samples.fitted
         handles += [dot(theme.fitted, "measured")] if np.any(seen) else []
         handles += [dot(theme.held_out, "measured, held out")] if not np.all(seen) else []
-    handles.append(Line2D([], [], color=theme.ink, linewidth=1.6, label="identified"))
+    handles.append(Line2D([], [], color=theme.ink, linewidth=1.6, label=names[0]))
     if np.any(np.isfinite(curve.standard_error)):
         handles.append(Patch(color=theme.band, alpha=0.38, linewidth=0, label="±2 standard errors"))
     if knots:
         handles.append(Line2D([], [], label="knots", **canvas.markers(theme, 4.2, theme.ink)))
     if truth:
         handles.append(
-            Line2D([], [], color=theme.truth, linewidth=1.7, linestyle=canvas.DASHED, label="truth")
+            Line2D([], [], color=theme.truth, linewidth=1.7, linestyle=canvas.DASHED, label=names[1])
         )
     legend = axes.legend(
         handles=handles,

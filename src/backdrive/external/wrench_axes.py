@@ -1,0 +1,114 @@
+"""A measured wrench beside the estimate: brought to the axes of the base, and doubted where other axes or places fit better.
+
+A sensor has axes and an origin of its own. Stated is at which frame it sits, and along whose axes it measures. With the rotation
+R_s and the origin p_s of a frame s, and the estimate at the origin p of another,
+
+    f = R_s f_s,       m = R_s m_s + (p_s - p) x f
+
+Of all frames of the arm, axes of each or of the base, and both signs, that which leaves least of the measured wrench unexplained,
+by the covariance of the estimate, is compared with what was stated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive.external.wrench import WrenchEstimate
+from backdrive.robot import Robot
+
+AXES = ("frame", "base")
+SAMPLES = 400  # that the conventions are compared on
+SHARE = (
+    0.5  # of the measured wrench that the stated convention leaves at least, before another is spoken of [-]
+)
+CLEARER = 0.5  # share of that which another leaves at most [-]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Convention:
+    """How a wrench is measured.
+
+    Attributes:
+        frame: at whose origin.
+        axes: `frame`: along its own; `base`.
+        sign: 1: of the environment on the arm; -1: of the arm on the environment.
+    """
+
+    frame: str
+    axes: str
+    sign: float = 1.0
+
+    def __str__(self) -> str:
+        """Say it in words."""
+        along = "its own axes" if self.axes == "frame" else "those of the base"
+        return f"at '{self.frame}' along {along}{', its sign turned round' if self.sign < 0.0 else ''}"
+
+
+def brought(
+    measured: np.ndarray, robot: Robot, q: np.ndarray, convention: Convention, frame: str
+) -> np.ndarray:
+    """Return a measured wrench at the origin of a frame, along the axes of the base [N, N.m], (n, 6).
+
+    Args:
+        measured: force and moment [N, N.m], (n, 6).
+        robot: the description.
+        q: positions of the joints [rad or m], (n, J).
+        convention: how it was measured.
+        frame: wanted.
+    """
+    place = robot.placement(q, convention.frame)
+    force, moment = convention.sign * measured[:, :3], convention.sign * measured[:, 3:]
+    if convention.axes == "frame":
+        force, moment = (np.einsum("nij,nj->ni", place[:, :3, :3], x) for x in (force, moment))
+    if convention.frame != frame:
+        lever = place[:, :3, 3] - robot.placement(q, frame)[:, :3, 3]
+        moment = moment + np.cross(lever, force)
+    return np.hstack([force, moment])
+
+
+def doubt(
+    estimate: WrenchEstimate, measured: np.ndarray, robot: Robot, q: np.ndarray, stated: Convention
+) -> str | None:
+    """Return what is to be said where another convention fits the estimate far better than the stated one.
+
+    Args:
+        estimate: at the stated frame.
+        measured: force and moment as the log has them, at the estimate's instants [N, N.m], (n, 6).
+        robot: the description.
+        q: positions of the joints at these instants [rad or m], (n, J).
+        stated: how it was measured.
+    """
+    good = np.flatnonzero(np.isfinite(measured).all(axis=1) & np.any(measured != 0.0, axis=1))
+    good = good[:: max(1, good.size // SAMPLES)]
+    if not good.size:
+        return "The log's wrench is zero or missing throughout: nothing is compared with it."
+    at, raw, wrench = q[good], measured[good], estimate.wrench[good]
+    weight = np.linalg.pinv(estimate.covariance[good])
+
+    def size(x: np.ndarray) -> float:
+        return float(np.einsum("ni,nij,nj->", x, weight, x))
+
+    def left(convention: Convention) -> float:
+        known = brought(raw, robot, at, convention, estimate.frame)
+        return size(wrench - known) / max(size(known), 1e-300)
+
+    own = left(stated)
+    if own < SHARE:
+        return None
+    others = [
+        Convention(frame=frame, axes=axes, sign=sign)
+        for frame in dict.fromkeys((stated.frame, *robot.frames))
+        for axes in AXES
+        for sign in (1.0, -1.0)
+    ]
+    shares = [left(one) for one in others]
+    best = int(np.argmin(shares))
+    start = f"The log's wrench, taken {stated}, leaves {100 * np.sqrt(own):.0f} % of itself unexplained"
+    if shares[best] > CLEARER * own:
+        return f"{start}, and no frame of the description explains it much better: check its unit, its zero, the tool's weight."
+    return (
+        f"{start}; taken {others[best]} it leaves {100 * np.sqrt(shares[best]):.0f} %: the frame, the axes (--wrench-axes) or the "
+        "sign look wrong."
+    )

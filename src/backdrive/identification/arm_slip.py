@@ -1,0 +1,122 @@
+"""The delay of an arm's torque behind its motion, one for all joints: they share a bus and a controller.
+
+    tau(t) = bodies(t - d) + rest  ~  bodies - d bodies' + rest
+
+What weighs and has inertia tells d, where a joint slides; friction does not: it lags by itself after reversals. Of the logged
+torque of each joint and of the derivative of its bodies' torque, what the joint's own columns explain is taken off (Frisch, Waugh,
+Lovell); what is left gives d by joint, and weighted by the noise one d for all. Its error is the larger of what blocks of time and
+what the joints disagree by: some milliseconds on arms with gears, so that one sample is seldom told and a filter of the torque is.
+Torque is shifted by d, and again, until nothing is left of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import binary_dilation
+
+from backdrive.identification import regression
+from backdrive.identification.arm_errors import blocks_of
+from backdrive.identification.arm_signals import ArmSignals
+from backdrive.identification.arm_terms import Regressor, Rows, Terms, build, steps_of
+from backdrive.identification.quality import JUDGED_BELOW
+from backdrive.logs.filters import derivative, low_pass
+
+ROUNDS = 4  # of shifting
+SURE = 4.0  # standard errors from which on a delay is taken [-]
+LONGEST = 0.05  # delay that is sought [s]
+EXACT = 5e-3  # standard error up to which it is known [s]
+FEWEST = 3  # joints whose bodies tell of it
+RIDGE = 1e-6  # of a joint's own columns at unit length, which are many
+SLOW, SETTLE = 0.05, 0.3  # share of the top speed below which, and time [s] around which, friction may lag
+TELLS = 1e-3  # share of the bodies' change that is not the other columns', at least [-]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmSlip:
+    """A delay.
+
+    Attributes:
+        delay: of the torque behind the motion [s]; negative where the log holds torque before it acts.
+        error: its standard error [s].
+    """
+
+    delay: float
+    error: float
+
+    @property
+    def known(self) -> bool:
+        """Whether it is told from none."""
+        return abs(self.delay) > SURE * self.error and self.error < EXACT and abs(self.delay) < LONGEST
+
+
+def seek_slip(regressor: Regressor, terms: Sequence[Terms], beta: np.ndarray) -> ArmSlip | None:
+    """Return the delay that the bodies tell; None where fewer than three joints tell any.
+
+    Args:
+        regressor: of the stretches.
+        terms: of every joint.
+        beta: base parameters, (b,).
+    """
+    rows, stretches, step = build(regressor, terms), regressor.stretches, steps_of(regressor.stretches)
+    bodies = [derivative(regressor.bodies(s, beta), 1.0 / x.rate) for s, x in enumerate(stretches)]
+    change = np.concatenate([low_pass(b, JUDGED_BELOW, x.rate)[::step] for b, x in zip(bodies, stretches)])
+    slides = np.concatenate([_slides(x, terms)[::step] for x in stretches])
+    rows = replace(rows, weight=rows.weight * slides)
+    block = blocks_of(len(rows.torque), rows.rate)
+    total, left = 0.0, None
+    for _ in range(ROUNDS):
+        moved = [low_pass(x.shifted(total).torque, JUDGED_BELOW, x.rate)[::step] for x in stretches]
+        left = slip_of(replace(rows, torque=np.concatenate(moved)), change, block)
+        if left is None:
+            return None
+        total += left.delay
+        if abs(total) > LONGEST or abs(left.delay) < 0.1 * left.error:
+            break
+    return None if left is None else ArmSlip(delay=total, error=left.error)
+
+
+def _slides(s: ArmSignals, terms: Sequence[Terms]) -> np.ndarray:
+    """Return where each joint slides one way, and has for a while, (n, J)."""
+    slow = np.abs(s.velocity) < SLOW * np.array([t.top for t in terms])
+    around = round(SETTLE * s.rate)
+    return np.logical_not(binary_dilation(slow, structure=np.ones((2 * around + 1, 1))))
+
+
+def slip_of(rows: Rows, change: np.ndarray, block: np.ndarray) -> ArmSlip | None:
+    """Return the delay that is left in the torque of rows, to first order.
+
+    Args:
+        rows: of all joints.
+        change: derivative of the bodies' torque, as the rows are filtered [N.m/s or N/s], (N, J).
+        block: of each row, (N,).
+    """
+    each, power, scores = [], [], []
+    for j, friction in enumerate(rows.friction):
+        used = rows.weight[:, j] > 0
+        own = np.hstack([rows.bodies[used, j], friction[used, :-1]])
+        if np.count_nonzero(used) < 4 * own.shape[1]:
+            continue
+        own = own / np.maximum(np.linalg.norm(own, axis=0), 1e-300)
+        both = np.column_stack([change[used, j], rows.torque[used, j]])
+        fitted = np.linalg.solve(own.T @ own + RIDGE * np.eye(own.shape[1]), own.T @ both)
+        z, y = (both - own @ fitted).T
+        told = float(z @ z)
+        if not told > TELLS**2 * float(both[:, 0] @ both[:, 0]):
+            continue
+        delay = -float(z @ y) / told
+        weight = max(regression.robust_spread(y + delay * z), 1e-300) ** -2.0
+        each.append(delay)
+        power.append(weight * told)
+        sums = [np.bincount(block[used], weight * z * x, block[-1] + 1) for x in (y, z)]
+        scores.append(np.array(sums))
+    if len(each) < FEWEST:
+        return None
+    share, delays = np.array(power) / np.sum(power), np.array(each)
+    mean = float(share @ delays)
+    of_y, of_z = np.sum(scores, axis=0)
+    blocks = regression.clustered(np.array([[1.0 / np.sum(power)]]), (of_y + mean * of_z)[:, None])
+    joints = float(share @ (delays - mean) ** 2) / (len(each) - 1)
+    return ArmSlip(delay=mean, error=float(np.sqrt(max(blocks[0, 0], joints))))

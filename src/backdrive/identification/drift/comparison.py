@@ -1,0 +1,136 @@
+"""Two models of a robot, joint by joint: has friction changed?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from backdrive._upper import Shown
+from backdrive.errors import InvalidInput
+from backdrive.identification.drift.change import ALARM, REACH, Change, change_of, kind_of
+from backdrive.identification.names import renamed, same_names
+from backdrive.model import FrictionModel
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison(Shown):
+    """What differs between two models.
+
+    Attributes:
+        changes: one a joint that both have.
+        left_out: a sentence for every joint that only one has, and for what was assumed.
+        models: the two.
+    """
+
+    changes: tuple[Change, ...]
+    left_out: tuple[str, ...]
+    models: tuple[FrictionModel, FrictionModel]
+
+    @property
+    def changed(self) -> tuple[str, ...]:
+        """Return the joints whose friction changed by more than chance."""
+        return tuple(c.joint for c in self.changes if c.changed)
+
+    @property
+    def judged(self) -> bool:
+        """Return whether change or its absence can be told of any joint."""
+        return any(c.judged for c in self.changes)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, as `backdrive compare --json` prints them."""
+        rows = {
+            c.joint: {
+                "outcome": kind_of(c),
+                "verdict": c.verdict,
+                "top_speed": c.top_speed,
+                "distance": {"positive": c.distance[0], "negative": c.distance[1], "unit": c.unit},
+                "relative": {"positive": c.relative[0], "negative": c.relative[1]},
+                "mean_change": c.mean,
+                "mean_change_interval": [c.mean - REACH * c.mean_error, c.mean + REACH * c.mean_error],
+                "chi_square": c.chi_square,
+                "degrees_of_freedom": c.degrees,
+                "probability": c.probability,
+                "alarm": c.alarm,
+                "remarks": c.remarks,
+            }
+            for c in self.changes
+        }
+        return {"changed": list(self.changed), "joints": rows, "left_out": list(self.left_out)}
+
+
+def compare(
+    first: FrictionModel,
+    second: FrictionModel,
+    *,
+    joints: Sequence[str] | Mapping[str, str] | None = None,
+    rename: Mapping[str, str] | None = None,
+    top_speed: float | None = None,
+    alarm: float = ALARM,
+) -> Comparison:
+    """Compare two models joint by joint; joints are the same where their names are.
+
+    Args:
+        first: the earlier one.
+        second: the later one.
+        joints: names to compare, or name in the first -> name in the second; None: all that both have.
+        rename: name in the second -> name in the first.
+        top_speed: up to which to compare [rad/s or m/s]; None: as far as both hold.
+        alarm: probability of calling chance a change, a joint.
+
+    Raises:
+        InvalidInput: the models have no joint in common, or a number makes no sense.
+        UnknownName: a joint is in neither.
+    """
+    for model in (first, second):
+        if not isinstance(model, FrictionModel):
+            raise InvalidInput(
+                f"A {type(model).__name__} is no friction model.",
+                remedy="Give two, such as identify(log).model.",
+            )
+    if top_speed is not None and not 0.0 < top_speed < float("inf"):
+        raise InvalidInput(
+            f"top_speed = {top_speed:g} is no speed.", remedy="Give a positive, finite number [rad/s or m/s]."
+        )
+    if not 0.0 < alarm < 1.0:
+        raise InvalidInput(
+            f"alarm = {alarm:g} is no probability.", remedy="Give one between 0 and 1, such as 0.01."
+        )
+    second = _renamed(second, rename or {})
+    pairs, left_out = _pairs(first, second, joints)
+    changes = [change_of(first.joint(a), second.joint(b), top_speed=top_speed, alarm=alarm) for a, b in pairs]
+    return Comparison(changes=tuple(changes), left_out=tuple(left_out), models=(first, second))
+
+
+def _renamed(model: FrictionModel, names: Mapping[str, str]) -> FrictionModel:
+    """Return a model with its joints under the names that a person gives them."""
+    if not names:
+        return model
+    joints = renamed([friction.joint for friction in model.joints], [f"{a}={b}" for a, b in names.items()])
+    named = tuple(replace(friction, joint=joint) for friction, joint in zip(model.joints, joints))
+    return replace(model, joints=named, coupling=None, coupled=())
+
+
+def _pairs(
+    first: FrictionModel, second: FrictionModel, joints: Sequence[str] | Mapping[str, str] | None
+) -> tuple[list[tuple[str, str]], list[str]]:
+    """Return names of the joints to compare, and a sentence for every joint that only one model has."""
+    if joints:
+        words = dict(joints) if isinstance(joints, Mapping) else {name: name for name in joints}
+        return [(first.joint(a).joint.name, second.joint(b).joint.name) for a, b in words.items()], []
+    by_order = same_names(
+        [j.joint for j in first.joints], [j.joint for j in second.joints], "first", "second"
+    )
+    common = [name for name in first.names if name in second.names]
+    if not common:
+        raise InvalidInput(
+            f"The models have no joint in common: {', '.join(first.names)}, and {', '.join(second.names)}.",
+            remedy=f"Say which is which: --rename {second.names[0]}={first.names[0]}, once for each "
+            f"(in Python rename={{{second.names[0]!r}: {first.names[0]!r}}}).",
+        )
+    left_out = [
+        *by_order,
+        *(f"Joint '{n}' is only in the first model." for n in first.names if n not in common),
+    ]
+    left_out += [f"Joint '{n}' is only in the second model." for n in second.names if n not in common]
+    return [(name, name) for name in common], left_out

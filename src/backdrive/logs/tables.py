@@ -1,0 +1,181 @@
+"""Logs from what is in memory: arrays, and tables of pandas, polars or pyarrow."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+from backdrive.logs.joint import Joint, as_joints
+from backdrive.logs.log import CHANNELS, Log
+
+
+def log_of_arrays(
+    time: Any = None,
+    *,
+    rate: float | None = None,
+    joints: str | Joint | Sequence[str | Joint] | None = None,
+    unit: Any = "rad",
+    channels: Mapping[str, Any],
+) -> Log:
+    """Return a log of arrays.
+
+    Args:
+        time: sampling instants [s], (n,); None: by `rate`.
+        rate: samples a second [Hz].
+        joints: names; None: joint_1, joint_2, ...
+        unit: `rad` or `m`, for all joints or one each.
+        channels: by name, (n,) or (n, J), any number of them None.
+
+    Raises:
+        InvalidInput: an array is no array of numbers, shapes do not fit, or time and rate are both there or both absent.
+    """
+    given: dict[str, Any] = {
+        name: _array(name, value) for name, value in channels.items() if value is not None
+    }
+    if unknown := sorted(set(given) - set(CHANNELS)):
+        raise InvalidInput(f"A log has no channel '{unknown[0]}'.", remedy=f"It has {', '.join(CHANNELS)}.")
+    if not given:
+        raise InvalidInput("There are no channels.", remedy="Give position and torque, (n,) or (n, J).")
+    first = next(iter(given.values()))
+    n, J = first.shape[0], 1 if first.ndim == 1 else first.shape[1]
+    if (time is None) == (rate is None):
+        raise InvalidInput(
+            "Time is said by neither or both of `time` and `rate`.",
+            remedy="Give instants [s], or samples a second [Hz].",
+        )
+    if rate is not None:
+        if not isinstance(rate, (int, float, np.integer, np.floating)) or not 0.0 < rate < np.inf:
+            raise InvalidInput(f"rate = {rate!r} Hz.", remedy="Give samples a second, one positive number.")
+        time = np.arange(n) / rate
+    return Log(time=_array("time", time), joints=_joints(joints, unit, J), **given)
+
+
+def log_of_frame(frame: Any, **options: Any) -> Log:
+    """Return a log of a table in memory, its columns taken by their names as those of a file are.
+
+    Args:
+        frame: of pandas, polars or pyarrow, or a mapping from names to arrays. An index of pandas that has a name, or holds
+            instants, is a column too.
+        options: `map`, `names`, `units`, `gear`, `counts`, `motor_side`, `coupling`, `coupling_side`, as `read_log` takes them.
+
+    Raises:
+        MappingError: the columns do not say what they are; the message lists them.
+        InvalidInput: it is no table, or an option does not fit.
+    """
+    from backdrive.logs.readers.columns import Columns, plain
+    from backdrive.logs.readers.mapping import to_log
+
+    arrays, notes = {}, []
+    for name, value in _columns(frame).items():
+        array = _seconds(value)
+        array = plain(array) if array is not None else None
+        if array is None:
+            notes.append(f"Column '{name}' holds no numbers and was left out.")
+        else:
+            arrays[str(name)] = array
+    if not arrays:
+        raise InvalidInput(
+            "The table has no column of numbers.", remedy="Give one a channel, and one of time."
+        )
+    return to_log(Columns(arrays=arrays, notes=tuple(notes)), **options)
+
+
+def is_table(value: Any) -> bool:
+    """Return whether something is a table that `log_of_frame` takes."""
+    return hasattr(value, "columns") or hasattr(value, "column_names")
+
+
+def as_logs(logs: Any) -> list[Log]:
+    """Return one log, several, or data frames as logs.
+
+    Raises:
+        InvalidInput: there is something else.
+    """
+    several = list(logs) if isinstance(logs, (list, tuple)) else [logs]
+    several = [Log.from_frame(log) if is_table(log) else log for log in several]
+    for log in several:
+        if not isinstance(log, Log):
+            hint = " `read_log` makes one of a file." if isinstance(log, (str, os.PathLike)) else ""
+            raise InvalidInput(
+                f"A {type(log).__name__} is no log.{hint}",
+                remedy="Pass a `Log` (`read_log`, `Log.from_arrays`, `Log.from_frame`), or several.",
+            )
+    return several
+
+
+def _columns(frame: Any) -> dict[str, Any]:
+    """Return the columns of a table by name."""
+    if isinstance(frame, Mapping):
+        return {str(name): np.asarray(value) for name, value in frame.items()}
+    if hasattr(frame, "column_names") and hasattr(frame, "column"):  # pyarrow
+        return {name: frame.column(name).to_numpy() for name in frame.column_names}
+    if not is_table(frame):
+        raise InvalidInput(
+            f"A {type(frame).__name__} is no table.",
+            remedy="Give a data frame, or a mapping from names to arrays.",
+        )
+    columns = {str(name): np.asarray(frame[name]) for name in frame.columns}
+    if len(columns) != len(list(frame.columns)):
+        raise InvalidInput("Two columns have the same name.", remedy="Rename one of them.")
+    index = getattr(frame, "index", None)
+    if index is not None and getattr(index, "name", None) is None and np.asarray(index).dtype.kind in "mM":
+        columns.setdefault("time", np.asarray(index))
+    elif index is not None and getattr(index, "name", None) is not None:
+        columns.setdefault(str(index.name), np.asarray(index))
+    return columns
+
+
+def _seconds(value: np.ndarray) -> np.ndarray | None:
+    """Return a column as numbers, instants and durations in seconds from the first; None if it holds none."""
+    if value.dtype.kind in "mM":
+        from_first = (value - value[0]) if value.size else value.astype("m8[ns]")
+        return from_first / np.timedelta64(1, "s")
+    if value.dtype.kind == "O" and value.size and isinstance(value[0], (list, tuple, np.ndarray)):
+        try:
+            value = np.array([np.asarray(row, dtype=np.float64) for row in value])
+        except (TypeError, ValueError):
+            return None
+    if value.dtype.kind == "O":
+        try:
+            value = value.astype(np.float64)
+        except (TypeError, ValueError):
+            return None
+    return value if value.dtype.kind in "biuf" else None
+
+
+def _array(name: str, value: Any) -> np.ndarray:
+    """Return something as an array of one or two dimensions."""
+    try:
+        array = np.asarray(value)
+        array = array.astype(np.float64) if array.dtype.kind in "biufO" else array
+    except Exception as error:  # what other libraries raise may be of any class
+        raise InvalidInput(
+            f"`{name}` cannot be taken as an array: {str(error)[:200]}.",
+            remedy="Give numbers, (n,) or (n, J).",
+        ) from error
+    if array.dtype.kind != "f" or array.ndim not in (1, 2):
+        what = f"of shape {array.shape}" if array.dtype.kind == "f" else f"a {type(value).__name__}"
+        raise InvalidInput(f"`{name}` is {what}.", remedy="Give an array of numbers, (n,) or (n, J).")
+    return array
+
+
+def _joints(joints: Any, unit: Any, J: int) -> tuple[Joint, ...]:
+    """Return the joints of J columns."""
+    names = [f"joint_{j + 1}" for j in range(J)] if joints is None else joints
+    known = as_joints(names)
+    units = [unit] * len(known) if isinstance(unit, str) else list(unit)
+    if len(known) != J or len(units) != J:
+        raise InvalidInput(
+            f"There are {J} columns, {len(known)} joints and {len(units)} units.",
+            remedy="Name one joint a column.",
+        )
+    given = [names] if isinstance(names, (str, Joint)) else list(names)
+    return tuple(
+        joint if isinstance(name, Joint) else replace(joint, unit=u, named=joints is not None)
+        for joint, name, u in zip(known, given, units)
+    )

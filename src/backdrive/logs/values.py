@@ -1,0 +1,41 @@
+"""Arrays of numbers that a log may hold, and sampling intervals."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+
+SHORTEST = 1e-12  # median sampling interval [s]
+
+
+def frozen(value: Any, name: str) -> np.ndarray:
+    """Return the values as read-only float64; what already is, and cannot be written through another array, is not copied."""
+    if isinstance(value, np.ndarray) and value.dtype == np.float64 and not value.flags.writeable:
+        owner = value if value.base is None else value.base
+        if isinstance(owner, np.ndarray) and owner.base is None and not owner.flags.writeable:
+            return value
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInput(
+            f"Log.{name} holds something that is not a number.", remedy="Give plain numbers."
+        ) from error
+    array.setflags(write=False)
+    return array
+
+
+def checked_period(period: float) -> float:
+    """Return a sampling interval [s], unless nothing samples so fast.
+
+    Raises:
+        InvalidInput: it is above zero and below a picosecond.
+    """
+    if 0.0 < period < SHORTEST:
+        raise InvalidInput(
+            f"The median sampling interval is {period:g} s.",
+            remedy="Bring the time to seconds, for example --map t=0.001*COLUMN.",
+        )
+    return period

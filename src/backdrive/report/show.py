@@ -1,0 +1,310 @@
+"""What results show of themselves: text for a terminal, a picture, and HTML for a notebook.
+
+One `Face` a kind of result; text and HTML are made of it.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from backdrive.errors import InvalidInput
+from backdrive.external.result import STATES, ForceEstimate
+from backdrive.identification.drift.comparison import Comparison
+from backdrive.identification.quality import grade
+from backdrive.identification.result import Curve, Identification
+from backdrive.model import FrictionModel, JointFriction
+from backdrive.report import page
+from backdrive.report.pictures import canvas
+from backdrive.report.pictures.curve import curves
+from backdrive.report.pictures.force import draw_force
+from backdrive.report.pictures.model_curve import model_curve
+from backdrive.report.pictures.tuning import safe_region
+from backdrive.report.words import counted, esc, law_name, measured, percent, plain, prose, quantity
+from backdrive.tuning.tuning import Tuning
+
+WARNINGS = 3  # shown before the others are counted
+WORDS = ("moving", "reversing", "at rest")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Face:
+    """What there is to show of a result.
+
+    Attributes:
+        title: what it is.
+        lead: the answer in a sentence or two.
+        head: of the table.
+        rows: of the table.
+        warnings: what a reader should know, the most important first.
+        figure: returns the picture; None: there is none.
+    """
+
+    title: str
+    lead: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    warnings: Sequence[str] = ()
+    figure: Callable[[], Any] | None = None
+
+
+def face(result: Any) -> Face:
+    """Return what there is to show of a result.
+
+    Raises:
+        InvalidInput: it is no result.
+    """
+    for kind, make in FACES.items():
+        if isinstance(result, kind):
+            return make(result)
+    raise InvalidInput(f"A {type(result).__name__} is no result.", remedy="Show what `identify` returned.")
+
+
+def text(result: Any, width: int = 80) -> str:
+    """Return a result as plain text.
+
+    Args:
+        result: of `identify`, `compare`, `tune` or `estimate_force`, or a model.
+        width: of a line [characters].
+    """
+    from rich.console import Console
+    from rich.table import Table
+
+    shown = face(result)
+    rows = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
+    for name in shown.head:
+        rows.add_column(name, justify="left" if name in TEXT else "right", overflow="fold")
+    for row in shown.rows:
+        rows.add_row(*(_plain(cell) for cell in row))
+    stream = io.StringIO()
+    console = Console(file=stream, width=width, color_system=None, markup=False, highlight=False, emoji=False)
+    console.print(shown.title)
+    console.print(shown.lead)
+    if shown.rows:
+        console.print()
+        console.print(rows)
+    for sentence in shown.warnings:
+        console.print(f"! {_plain(prose(sentence))}")
+    return "\n".join(line.rstrip() for line in stream.getvalue().splitlines()) + "\n"
+
+
+def picture(result: Any) -> Any:
+    """Return the picture of a result as a matplotlib figure.
+
+    Raises:
+        InvalidInput: there is no picture of it.
+        MissingExtra: matplotlib is not installed.
+    """
+    canvas.require_matplotlib()
+    shown = face(result)
+    if shown.figure is None:
+        raise InvalidInput(
+            f"There is no picture of {shown.title}.", remedy="Tune with draw=True for the safe region."
+        )
+    with canvas.house_style():
+        figure = shown.figure()
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    FigureCanvasAgg(figure)  # so that a notebook shows it
+    return figure
+
+
+def html(result: Any) -> str:
+    """Return a result as HTML for a notebook: readable in light and dark, with its picture inside where matplotlib is there."""
+    from backdrive.errors import MissingExtra
+
+    shown = face(result)
+    cell = 'style="text-align:{};padding:.15rem .7rem .15rem 0"'
+    head = "".join(
+        f"<th {cell.format('left' if name in TEXT else 'right')}>{esc(name)}</th>" for name in shown.head
+    )
+    rows = "".join(
+        "<tr>"
+        + "".join(
+            f"<td {cell.format('left' if name in TEXT else 'right')}>{esc(c)}</td>"
+            for name, c in zip(shown.head, row)
+        )
+        + "</tr>"
+        for row in shown.rows
+    )
+    warnings = "".join(f"<li>{esc(prose(w))}</li>" for w in shown.warnings)
+    image = ""
+    if shown.figure is not None:
+        try:
+            with canvas.house_style():
+                data = base64.b64encode(canvas.content(shown.figure(), "svg")).decode()
+            image = (
+                f'<img alt="{esc(plain(shown.title))}" style="max-width:100%;background:#fff" '
+                f'src="data:image/svg+xml;base64,{data}">'
+            )
+        except MissingExtra as error:
+            image = f"<p>{esc(str(error))}</p>"
+    return (
+        f'<div class="backdrive"><p><strong>{esc(shown.title)}</strong></p><p>{esc(shown.lead)}</p>'
+        f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
+        f"{f'<ul>{warnings}</ul>' if warnings else ''}{image}</div>"
+    )
+
+
+def _plain(cell: str) -> str:
+    return plain(cell)
+
+
+def _friction(friction: JointFriction, curve: Curve, which: int) -> str:
+    """Return friction at the slowest or fastest speed with its error, both directions where they differ."""
+    speeds = page.at_speeds(friction, curve)
+    if not speeds:
+        return "-"
+    speed, pairs = speeds[min(which, len(speeds) - 1)]
+    unit = canvas.pretty_unit(friction.joint.torque_unit)
+    values = " / ".join(dict.fromkeys(measured(abs(f), s) for f, s in pairs))
+    return f"{values} {unit} at {speed:.3g} {friction.joint.unit}/s"
+
+
+def _rows_of(model: FrictionModel, of: Sequence[Curve]) -> list[list[str]]:
+    return [
+        [
+            f.joint.name,
+            grade(f).word,
+            _friction(f, curve, 0),
+            _friction(f, curve, 1),
+            percent(quality.residual if (quality := f.held_out or f.fitted) else None),
+        ]
+        for f, curve in zip(model.joints, of)
+    ]
+
+
+HEAD = ("joint", "verdict", "low speed", "top speed", "residual")
+TEXT = ("joint", "verdict", "why", "unit", "parameter", "symbol", "method")  # columns of words
+
+
+def _some(sentences: Sequence[str]) -> list[str]:
+    """Return the first sentences, and how many more there are."""
+    unique = list(dict.fromkeys(sentences))
+    more = len(unique) - WARNINGS
+    return [*unique[:WARNINGS], *([f"{counted(more, 'more remark')} in the report."] if more > 0 else [])]
+
+
+def _laws(model: FrictionModel) -> str:
+    """Return the laws of a model's joints in a sentence."""
+    names = list(dict.fromkeys(law_name(f.law.name) for f in model.joints))
+    return f"Law: {'; '.join(names)}."
+
+
+def _of_model(model: FrictionModel) -> Face:
+    return Face(
+        title=f"Friction of {counted(len(model.joints), 'joint')}",
+        lead=_laws(model),
+        head=HEAD,
+        rows=_rows_of(model, [model_curve(f) for f in model.joints]),
+        warnings=_some([w for f in model.joints for w in (*f.warnings, *f.remarks())]),
+        figure=lambda: curves(model),
+    )
+
+
+def _of_identification(result: Identification) -> Face:
+    return Face(
+        title=f"Friction of {counted(len(result.model.joints), 'joint')}, by {result.method}",
+        lead=f"{page.overall(result)} {_laws(result.model)}",
+        head=HEAD,
+        rows=_rows_of(result.model, [e.curve for e in result.evidence]),
+        warnings=_some([*result.warnings, *(w for f in result.model.joints for w in f.warnings)]),
+        figure=lambda: curves(result.model, evidence=result.evidence),
+    )
+
+
+def _of_comparison(comparison: Comparison) -> Face:
+    changed = comparison.changed
+    lead = f"Changed: {', '.join(changed)}." if changed else "No joint changed beyond chance."
+    first, second = comparison.models
+    joints = {c.joint for c in comparison.changes}
+    both = replace(
+        first,
+        joints=tuple(f for f in first.joints if f.joint.name in joints),
+        arm=None,
+        coupling=None,
+        coupled=(),
+    )
+    truth = {f.joint.name: model_curve(f) for f in second.joints if f.joint.name in joints}
+    return Face(
+        title=f"Two models, {counted(len(comparison.changes), 'joint')}",
+        lead=lead if comparison.judged else "Neither change nor its absence can be told.",
+        head=("joint", "up to", "distance +q", "distance -q", "verdict"),
+        rows=[
+            [c.joint, f"{c.top_speed:.3g}", *(quantity(d, c.unit) for d in c.distance), c.verdict]
+            for c in comparison.changes
+        ],
+        warnings=_some([*(r for c in comparison.changes for r in c.remarks), *comparison.left_out]),
+        figure=(lambda: curves(both, truth=truth, names=("first", "second")))
+        if set(both.names) == joints
+        else None,
+    )
+
+
+def _of_tuning(tuning: Tuning) -> Face:
+    force = "N.m" if tuning.unit == "rad" else "N"
+    lead = "Nobody said a top speed: the loop will ask for it."
+    if tuning.trip_speed is not None and tuning.limit is not None:
+        lead = (
+            f"At most {tuning.limit:.3g} {force}, and nothing any more once the joint is faster than "
+            f"{tuning.trip_speed:.3g} {tuning.unit}/s."
+        )
+    return Face(
+        title=f"{tuning.joint}, for {tuning.goal}",
+        lead=lead,
+        head=("parameter", "symbol", "value", "unit", "why"),
+        rows=[[name, n.symbol, f"{n.value:.4g}", n.unit, n.reason] for name, n in tuning.numbers.items()],
+        warnings=_some(tuning.notes),
+        figure=(lambda: safe_region(tuning)) if tuning.region else None,
+    )
+
+
+def _of_force(estimate: ForceEstimate) -> Face:
+    rows = []
+    for one in estimate.joints:
+        half = 0.5 * (one.upper - one.lower)
+        unit = one.joint.torque_unit
+        bands = [
+            quantity(float(np.nanmedian(half[one.state == k])), unit)
+            if np.isfinite(half[one.state == k]).any()
+            else "-"
+            for k in range(len(STATES))
+        ]
+        peak = float(np.nanmax(np.abs(one.force))) if np.isfinite(one.force).any() else float("nan")
+        rows.append([one.joint.name, one.method, quantity(peak, unit), *bands])
+    contacts = "" if estimate.contacts is None else f" {counted(len(estimate.contacts), 'contact')}."
+    return Face(
+        title=f"External force on {counted(len(estimate.joints), 'joint')}",
+        lead=f"{estimate.joints[0].time.size} samples.{contacts}",
+        head=("joint", "method", "largest", *(f"half band, {word}" for word in WORDS)),
+        rows=rows,
+        warnings=_some(estimate.remarks),
+        figure=lambda: _force_figure(estimate),
+    )
+
+
+def _force_figure(estimate: ForceEstimate) -> Any:
+    n, height = len(estimate.joints), canvas.HEIGHT
+    width = 2.0 * canvas.WIDTH
+    figure = canvas.new_figure(canvas.LIGHT, width, n * height)
+    for i, one in enumerate(estimate.joints):
+        box = (50.0, (n - 1 - i) * height + 40.0, width - 66.0, height - 70.0)
+        axes = canvas.axes_of(figure, canvas.LIGHT, box)
+        draw_force(
+            axes, canvas.LIGHT, one, [c for c in estimate.contacts or () if one.joint.name in c.joints]
+        )
+    return figure
+
+
+FACES: dict[type, Callable[[Any], Face]] = {
+    Identification: _of_identification,
+    FrictionModel: _of_model,
+    Comparison: _of_comparison,
+    Tuning: _of_tuning,
+    ForceEstimate: _of_force,
+}

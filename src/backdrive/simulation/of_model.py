@@ -1,0 +1,94 @@
+"""A simulated joint as a model describes it, and its log: `simulate(model, plan)`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from backdrive.engine.servo import Servo
+from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.logs.log import Log
+from backdrive.model import FrictionModel, JointFriction
+from backdrive.simulation import open_loop
+from backdrive.simulation.joint import SimulatedJoint
+
+BANDWIDTH = 100.0  # of the servo that follows a motion [rad/s]
+
+
+def joint_of(friction: JointFriction, *, inertia: float | None = None, **more: Any) -> SimulatedJoint:
+    """Return a simulated joint with what a model knows of it.
+
+    Args:
+        friction: of the joint, with the inertia, gravity and encoder that were identified beside it.
+        inertia: of the joint [kg.m^2 or kg]; None: the model's.
+        more: fields of `SimulatedJoint` that a person knows better: `torque_noise`, `encoder_count`, `stiffness`, ...
+
+    Raises:
+        NotIdentifiable: nobody knows the inertia.
+        InvalidInput: a number makes no sense.
+    """
+    known = {name: estimate.value for name, estimate in friction.dynamics.items()}
+    motor = friction.actuator.motor_inertia if friction.actuator else None
+    inertia = known.get("inertia", motor) if inertia is None else inertia
+    if inertia is None:
+        raise NotIdentifiable(
+            f"Joint '{friction.joint.name}': the model does not know the inertia (a sweep removes it by symmetry).",
+            remedy="Give inertia=... [kg.m^2 or kg], or identify by `motion`.",
+        )
+    counts = friction.joint.encoder_counts
+    limit = friction.actuator.torque_limit if friction.actuator else None
+    fields: dict[str, Any] = {
+        "name": friction.joint.name,
+        "unit": friction.joint.unit,
+        "law": friction.law,
+        "motor_inertia": inertia,
+        "servo": Servo.tuned(inertia, BANDWIDTH),
+        "gravity_sin": known.get("gravity_sin", 0.0),
+        "gravity_cos": known.get("gravity_cos", 0.0),
+        "encoder_count": 1.0 / counts if counts else 0.0,
+    }
+    if limit is not None:
+        fields["torque_limit"] = limit
+    return SimulatedJoint(**{**fields, **more})
+
+
+def simulate(
+    model: FrictionModel | SimulatedJoint,
+    plan: Any,
+    *,
+    joint: str | int | None = None,
+    inertia: float | None = None,
+    seed: int = 0,
+    rate: float = 1000.0,
+    **more: Any,
+) -> Log:
+    """Drive a joint along a plan and record it, as a real one would be.
+
+    Args:
+        model: of friction, or a simulated joint.
+        plan: the motion or torque, an object of `backdrive.plans`.
+        joint: name or number; None: the only one.
+        inertia: of the joint [kg.m^2 or kg]; None: the model's.
+        seed: of the actuator's noise.
+        rate: of controller and log [Hz].
+        more: fields of `SimulatedJoint` that a person knows better: `torque_noise`, `encoder_count`, `stiffness`, ...
+
+    Returns:
+        A log of one joint: time, encoder position, torque and, for a motion, the reference.
+
+    Raises:
+        NotIdentifiable: nobody knows the inertia.
+        InvalidInput: several joints and none is named, or plan and joint do not fit.
+    """
+    if isinstance(model, SimulatedJoint):
+        return open_loop.simulate(model, plan, seed=seed, rate=rate)
+    if not isinstance(model, FrictionModel):
+        raise InvalidInput(
+            f"A {type(model).__name__} cannot be simulated.",
+            remedy="Give a friction model, or a SimulatedJoint.",
+        )
+    if joint is None and len(model.joints) != 1:
+        raise InvalidInput(
+            f"The model has {len(model.joints)} joints.", remedy=f"Name one: joint={model.names[0]!r}."
+        )
+    plant = joint_of(model.joint(0 if joint is None else joint), inertia=inertia, **more)
+    return open_loop.simulate(plant, plan, seed=seed, rate=rate)

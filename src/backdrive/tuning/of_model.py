@@ -1,0 +1,54 @@
+"""`tune` for a joint of a model: what the model knows, and what a person adds, in one call."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from backdrive.errors import InvalidInput
+from backdrive.model import FrictionModel
+from backdrive.tuning.facts import facts_of
+from backdrive.tuning.propose import tune as tune_facts
+from backdrive.tuning.tuning import Tuning
+
+#: What a person may say of the search; the rest is of the joint (`facts_of`).
+OF_SEARCH = ("wish", "stroke", "joints", "seed", "draw", "dither", "trip_speed", "limit", "effort", "say")
+
+
+def tune_joint(
+    model: FrictionModel,
+    joint: str | int | None = None,
+    goal: str = "backdrive",
+    *,
+    top_speed: float | None = None,
+    **more: Any,
+) -> Tuning:
+    """Choose a compensator's parameters for a joint, and check them over joints that the model may stand for.
+
+    Args:
+        model: of friction.
+        joint: name or number; None: the only one.
+        goal: `backdrive`, `track`, `estimate` or `admit`.
+        top_speed: above which the loop takes the joint for a runaway [rad/s or m/s]; None: the model's.
+        more: of the joint `stiffness`, `inertia`, `counts`, `noise`, `delay`, `interval`, ... as `tuning.facts_of` takes them; of
+            the search `wish`, `limit`, `joints`, `seed`, ... as `tuning.tune` takes them.
+
+    Raises:
+        InvalidInput: several joints and none is named, or an option is unknown or makes no sense.
+        NotIdentifiable: nobody knows stiffness, inertia or encoder; or no parameters are safe.
+    """
+    if not isinstance(model, FrictionModel):
+        raise InvalidInput(
+            f"A {type(model).__name__} is no friction model.", remedy="Give one, such as identify(log).model."
+        )
+    if joint is None and len(model.joints) != 1:
+        raise InvalidInput(
+            f"The model has {len(model.joints)} joints.", remedy=f"Name one: {', '.join(model.names)}."
+        )
+    search = {name: more.pop(name) for name in OF_SEARCH if name in more}
+    if top_speed is not None:
+        search["trip_speed"] = top_speed
+    try:
+        facts = facts_of(model.joint(0 if joint is None else joint), **more)
+    except TypeError as error:
+        raise InvalidInput(f"tune: {error}.", remedy="See `help(backdrive.tuning.facts_of)`.") from error
+    return tune_facts(facts, goal, **search)
