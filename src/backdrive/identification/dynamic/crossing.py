@@ -92,6 +92,11 @@ def possible(values: Mapping[str, float], line: float) -> dict[str, tuple[float,
     return bounds
 
 
+def settled(bounds: Mapping[str, object]) -> bool:
+    """Say whether a person bounds break-away or Coulomb friction: then the law stays as it was fitted, and is graded."""
+    return any(name.removesuffix(BACKWARD) in ("breakaway", "coulomb") for name in bounds)
+
+
 def _pairs(values: Mapping[str, float]) -> list[tuple[str, str]]:
     """Return the names of break-away and Coulomb friction, of each direction that has numbers of its own."""
     names = [("breakaway" + way, "coulomb" + way) for way in ("", BACKWARD)]

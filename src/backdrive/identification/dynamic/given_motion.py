@@ -12,7 +12,7 @@ from backdrive._catalog import lookup
 from backdrive.errors import BackdriveError, NotIdentifiable
 from backdrive.identification.delay import delayed, earlier
 from backdrive.identification.dynamic import choice, directions, starts
-from backdrive.identification.dynamic.crossing import lags_behind, possible, sliding, slips_too_early
+from backdrive.identification.dynamic.crossing import lags_behind, possible, settled, sliding, slips_too_early
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.joint_fit import Task
 from backdrive.identification.dynamic.law_fit import fit_law
@@ -127,11 +127,11 @@ class TorqueTask(Task):
         if not shape.element.SET_VALUED or shape.rate.SMOOTH:
             return one
         best = self._of_sliding(shape, records, one, asked, warm_start)
-        if not slips_too_early(best.values):
+        if not slips_too_early(best.values) or settled(self.options.bounds):
             return best
         slid = sliding(records, best.values.get("delay", 0.0))
         line = starts.rest_of(slid, asked["terms"], asked["known"])[0]["coulomb"]
-        asked["bounds"] = possible(best.values, line) | dict(self.options.bounds)
+        asked["bounds"] = dict(self.options.bounds) | possible(best.values, line)
         return fit_law(shape, slid, tick=self.options.ticker(self.info.name), **asked)
 
     def _of_sliding(
