@@ -144,3 +144,12 @@ def test_a_state_of_another_shape_is_named():
     f = arrays.law(identified())
     with pytest.raises(InvalidInput, match="tuple of"):
         f.step(np.zeros((3, 1)), np.zeros(3), 1e-3)
+
+
+def test_a_shorter_way_at_one_number_does_not_hide_a_parameter_from_gradients():
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    law = Law(rate=RATES["degressive"](coulomb=4.0, growth=1.5, exponent=0.5))
+    f = arrays.law(law, xp=jax.numpy)
+    by_row = jax.grad(lambda row: f.step(f.init(()), 2e-4, DT, row=row)[0])(law.row())
+    assert by_row[3] == pytest.approx(1.5 * 0.2**0.5 * np.log(0.2), rel=1e-9)  # k v^n ln v

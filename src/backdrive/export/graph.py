@@ -115,9 +115,23 @@ class Graph:
                 return function(np.float64(a), b).item() if function is operator.truediv else function(a, b)
         if function.__name__ not in NAMED:
             raise Untranslatable(f"{function.__name__} of what is not known")
+        if function is operator.eq and self._shortcut(a, b):
+            return False
         if function is operator.truediv:
             b = self.select(path, b, 1.0) if isinstance(b, Node) else b
         return self.node(function.__name__, a, b)
+
+    def _shortcut(self, a: Any, b: Any) -> bool:
+        """Return whether a parameter is compared with a number other than 0: a shorter way to what the other branch gives as well.
+
+        Taken, it would hide from gradients that the parameter counts (a square root for the power of 0.5).
+        """
+        return (
+            isinstance(a, Node)
+            and self.operations[a.index][0] == "parameter"
+            and not isinstance(b, Node)
+            and b != 0.0
+        )
 
     def function(self, name: str, arguments: Sequence[Any], path: Any) -> Any:
         """Return a function of numbers."""
