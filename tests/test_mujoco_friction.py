@@ -30,7 +30,7 @@ from backdrive.laws import (
 )
 from backdrive.model import FrictionModel, Validity
 from backdrive.simulation import MujocoFriction
-from backdrive.simulation.mujoco_friction import at_rest, carried, longest_step
+from backdrive.simulation.mujoco_friction import at_rest, longest_step, with_spring
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -117,9 +117,9 @@ def test_stiffness_at_rest_by_element():
     h = longest_step(law, ROTOR)
     assert 2.5e3 * h**2 + 0.2 * h == pytest.approx(ROTOR, rel=1e-6)
     assert longest_step(Law(rate=CURVE), ROTOR) == 0.0
-    spring = carried(Law(rate=CURVE), ROTOR, 1e-3)
+    spring = with_spring(Law(rate=CURVE), ROTOR, 1e-3)
     assert longest_step(spring, ROTOR) >= 1e-3
-    assert carried(law, ROTOR, 1e-3) is law
+    assert with_spring(law, ROTOR, 1e-3) is law
     assert longest_step(Law(rate=COULOMB, element=DeadZone(threshold=0.1)), ROTOR) == math.inf
     assert longest_step(Law(rate=CURVE, element=Decaying(stiffness=1e4, decay_rate=5.0)), ROTOR) < 5e-3
 
@@ -287,7 +287,7 @@ def test_lugre_as_a_dcmotor_gives_its_torque(tmp_path):
     except ValueError:
         pytest.skip("this MuJoCo has no passive dcmotor")
     data = mujoco.MjData(simulated)
-    q, torque, mine = 0.0, [], []
+    torque: list[float] = []
     way = 2e-3 * np.sin(2.0 * np.pi * 5.0 * 1e-5 * np.arange(40000))
     for k, q in enumerate(way):
         data.qpos[0], data.qvel[0] = q, (way[min(k + 1, len(way) - 1)] - q) / 1e-5

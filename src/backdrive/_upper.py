@@ -16,7 +16,7 @@ def upper(module: str, name: str) -> Any:
     return getattr(importlib.import_module(f"backdrive.{module}"), name)
 
 
-class Shown:
+class Display:
     """What shows itself: text by `summary`, a picture by `plot`, a page by `report`, and HTML in a notebook."""
 
     def summary(self, width: int = 80) -> str:

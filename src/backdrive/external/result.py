@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from backdrive._files import write_whole
-from backdrive._upper import Shown
+from backdrive._upper import Display
 from backdrive.errors import InvalidInput, UnknownName, require
 from backdrive.logs.log import Joint
 
@@ -120,7 +120,7 @@ class Contact:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ForceEstimate(Shown):
+class ForceEstimate(Display):
     """The external torque on the joints of a log.
 
     Attributes:

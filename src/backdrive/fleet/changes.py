@@ -110,7 +110,7 @@ def correlation(day: np.ndarray, values: np.ndarray, design: np.ndarray) -> np.n
     return result
 
 
-def carried(correlations: np.ndarray) -> float:
+def persistence(correlations: np.ndarray) -> float:
     """Return what is carried from day to day where noise of single days lies on top, c_2 / c_1 of the medians of (2, c) [-]."""
     one, two = np.median(correlations, axis=1)
     return float(np.clip(two / one, 0.0, MOST)) if one > 0.05 else 0.0
@@ -142,7 +142,7 @@ def true_correlation(
         for k in range(1, day.size):
             e[k] = carry[k - 1] * e[k - 1] + np.sqrt(1.0 - carry[k - 1] ** 2) * e[k]
         drawn = correlation(day, cut_outliers(e), design)
-        estimates[i], share[i] = np.median(drawn[0]), carried(drawn)
+        estimates[i], share[i] = np.median(drawn[0]), persistence(drawn)
         scatter[i] = 1.4826 * np.median(np.abs(drawn[0] - estimates[i]))
     estimates, share = np.maximum.accumulate(estimates), np.maximum.accumulate(share)
     scatter /= np.maximum(np.gradient(estimates, true), 0.1)
@@ -151,7 +151,7 @@ def true_correlation(
     rho = shrink(np.interp(found[0], estimates, true), chance)
     if sizes.size < FEW:
         return rho
-    more = np.interp(carried(found), share, true) - np.interp(middle, estimates, true)
+    more = np.interp(persistence(found), share, true) - np.interp(middle, estimates, true)
     return np.clip(rho + max(float(more), 0.0), 0.0, MOST)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from backdrive._upper import Shown, upper
+from backdrive._upper import Display, upper
 from backdrive.errors import InvalidInput
 from backdrive.identification.residual import Residual
 from backdrive.model import Bands, FrictionModel
@@ -90,7 +90,7 @@ class JointEvidence:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Identification(Shown):
+class Identification(Display):
     """The outcome of `identify`.
 
     Attributes:

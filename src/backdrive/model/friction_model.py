@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from backdrive._catalog import lookup
-from backdrive._upper import Shown, upper
+from backdrive._upper import Display, upper
 from backdrive.errors import ExtrapolationWarning, InvalidInput, NegativeFrictionWarning
 from backdrive.logs.joint import Source, check_coupling
 from backdrive.model.covariance import AGAIN, check_covariance
@@ -48,7 +48,7 @@ class ArmModel:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FrictionModel(Shown):
+class FrictionModel(Display):
     """The friction of every joint of a robot, ready to be used.
 
     Attributes:

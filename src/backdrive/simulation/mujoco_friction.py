@@ -8,7 +8,7 @@ Friction that is held for a step is a spring and a damper to the joint while it 
 
 K and D: what the law resists the first motion with [N.m/rad, N.m.s/rad]. A step h that is longer is divided. A law without
 presliding, which no explicit step can hold at rest, gets a damped spring in front of its slider that is as stiff as the step
-carries: K h^2 = I/16, D h = I/2 (`carried`).
+carries: K h^2 = I/16, D h = I/2 (`with_spring`).
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def longest_step(law: Law, inertia: float) -> float:
     return (math.sqrt(D * D + 4.0 * K * inertia) - D) / (2.0 * K)
 
 
-def carried(law: Law, inertia: float, step: float) -> Law:
+def with_spring(law: Law, inertia: float, step: float) -> Law:
     """Return a law that rests under a torque that is held: itself, or one without presliding behind a damped spring.
 
     Args:
@@ -134,7 +134,7 @@ def dofs(model: FrictionModel, simulated: Any, joints: Sequence[str] | None = No
             )
         weight = float(np.ravel(simulated.dof_invweight0)[v])
         inertia = 1.0 / weight if weight > 0.0 else math.inf
-        law = carried(law, inertia, step)
+        law = with_spring(law, inertia, step)
         steps = max(math.ceil(step / longest_step(law, inertia) - 1e-9), 1)
         if steps > MOST_STEPS:
             K, D = at_rest(law)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive._upper import Shown, upper
+from backdrive._upper import Display, upper
 from backdrive.control import Admittance, JointLoop, torque_limit
 from backdrive.control.compensators import Compensator, Dither, alg_fc, alg_fc2, nothing
 from backdrive.control.estimators.external import ExternalForce
@@ -58,7 +58,7 @@ class Number:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tuning(Shown):
+class Tuning(Display):
     """The parameters of one joint.
 
     Attributes:

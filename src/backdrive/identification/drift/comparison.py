@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from backdrive._upper import Shown
+from backdrive._upper import Display
 from backdrive.errors import InvalidInput
 from backdrive.identification.drift.change import ALARM, REACH, Change, change_of, kind_of
 from backdrive.identification.names import renamed, same_names
@@ -14,7 +14,7 @@ from backdrive.model import FrictionModel
 
 
 @dataclass(frozen=True, kw_only=True)
-class Comparison(Shown):
+class Comparison(Display):
     """What differs between two models.
 
     Attributes:
