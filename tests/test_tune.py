@@ -18,8 +18,9 @@ from backdrive.laws import Coulomb, CoulombViscous, HaywardArmstrong, Law, Polyl
 from backdrive.logs.log import Joint
 from backdrive.model import Estimate, FrictionModel, JointFriction, Validity
 from backdrive.tuning import facts_of, load_tunings, safety, save_tunings, tune
+from backdrive.tuning import refine as refine_module
 from backdrive.tuning.facts import curve_of, scaled_rate
-from backdrive.tuning.goals import goal_of
+from backdrive.tuning.goals import Goal, goal_of
 from backdrive.tuning.margins import least_breaking, with_value
 from backdrive.tuning.members import corners, nominal, sample
 from backdrive.tuning.propose import _rows, fixed_rule
@@ -207,6 +208,30 @@ def test_numbers_are_taken_back_until_they_pass_the_whole_test_or_are_refused():
         calm(restless, begun, [])
 
 
+def test_beside_the_way_back_lies_a_better_point_that_passes_too(monkeypatch):
+    """A border in R and alpha: less R costs the hand more than a faster decay does."""
+    facts = facts_of(FRICTION, motor_share=0.1)
+    goal = goal_of("backdrive", facts, usual_stroke(facts))
+    cost = lambda z: 1.0 - z["share"] + 0.01 * np.log(z["decay"])  # noqa: E731
+    monkeypatch.setattr(Goal, "scores", lambda self, many: np.array([cost(z) for z in many]))
+    monkeypatch.setattr(safety, "trials", lambda goal, members: [("joint", 1.0), ("another", 1.0)])
+    monkeypatch.setattr(refine_module, "trials", safety.trials)
+
+    def unrest(goal, z, tried, longest=0.0):
+        border = {"joint": 0.8, "another": 0.84}  # the second is met where the first has been left behind
+        return [t for t in tried if z["share"] > border[t[0]] * (z["decay"] / 20.0) ** 0.05]
+
+    monkeypatch.setattr(safety, "restless", unrest)
+    monkeypatch.setattr(refine_module, "restless", unrest)
+    begun = {"share": 0.85, "stiffness": 0.7, "decay": 20.0}
+    back, better = calm(goal, begun, []), refine_module.refine(goal, begun, [], 0)
+    assert not unrest(goal, better, [("joint", 1.0), ("another", 1.0)])
+    assert cost(better) < cost(back) - 0.005
+    assert better["decay"] > back["decay"] == 20.0
+    passing = {"share": 0.7, "stiffness": 0.7, "decay": 20.0}
+    assert refine_module.refine(goal, passing, [], 0) == passing
+
+
 @pytest.mark.parametrize(
     ("border", "kept"), [(0.84, 0.85 * 0.5**0.25), (0.6, 0.85 * 0.5**0.75), (0.43, 0.425), (0.9, 0.85)]
 )
@@ -226,7 +251,7 @@ def test_the_fixed_rule_is_proposed_where_it_is_safe_and_better():
     facts = facts_of(FRICTION, motor_share=0.1, counts=1e7)
     goal, members = goal_of("track", facts, usual_stroke(facts)), sample(facts, 8, 0)
     poor = {"share": 0.35, "stiffness": 0.2, "decay": 100.0}
-    rows = _rows(facts, "track", goal, poor, members)
+    rows = _rows(facts, "track", goal, poor, members, 0)
     assert rows["fixed rule"]["safe"] and not rows["thesis"]["safe"]
     assert rows["chosen"]["numbers"] == fixed_rule(facts)
     assert "rule to begin with" in origin(fixed_rule(facts), None, "share", "")

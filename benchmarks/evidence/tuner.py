@@ -6,7 +6,7 @@ tick, a transmission damped by 3 % or more; alpha = 20, which was fixed after a 
 stay below r_c/(1 - R) + 1 count, r_c = F/K_c of the joint as it is and R the compensating torque by its friction. Then each
 condition is broken by itself.
 
-Second part, the same joints: the proposal of `backdrive tune --wish light` (search, then R off the border) against the best point
+Second part, the same joints: the proposal of `backdrive tune --wish light` (search, then off the border) against the best point
 of a grid of 160 that passes the same safety test (K_c by 20 %, F by 10 %, and what goes with them in `scenes.corners`), by the
 hand's mean peak force over the stated stroke: 0.15 rad in 0.5 s every 0.75 s, a hand of 15 F/stroke with a damping ratio of 0.7.
 
@@ -40,8 +40,9 @@ from backdrive.tuning import rules, scenes
 from backdrive.tuning.facts import Facts
 from backdrive.tuning.goals import compensator, goal_of
 from backdrive.tuning.members import Member
-from backdrive.tuning.propose import calm, fixed_rule, full_rule, thesis_numbers
+from backdrive.tuning.propose import fixed_rule, full_rule, thesis_numbers
 from backdrive.tuning.reasons import SYMBOLS, edges, presliding_radius
+from backdrive.tuning.refine import refine
 from backdrive.tuning.search import best_safe, search
 from backdrive.tuning.wishes import OWN, WISHES
 
@@ -262,7 +263,7 @@ def choice(judge: Judge, joints: int) -> None:
                 safe["proposal"].append(False)
             continue
         try:
-            kept = calm(goal, found.numbers, members_.sample(facts, 64, seed))
+            kept = refine(goal, found.numbers, members_.sample(facts, 64, seed), seed)
         except NotIdentifiable:  # refused: neither safe nor near the grid's best
             none += 1
             print(f"  joint {seed}: the search's numbers cannot be made safe")
@@ -309,7 +310,7 @@ def proposal(
     if found.numbers is None:
         return None
     try:
-        kept = calm(goal, found.numbers, members_.sample(facts, 64, seed))
+        kept = refine(goal, found.numbers, members_.sample(facts, 64, seed), seed)
     except NotIdentifiable:
         return None
     return kept, {k: float(v[0]) for k, v in goal.felt([kept]).items()}, edges(goal, kept)

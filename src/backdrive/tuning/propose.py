@@ -22,7 +22,7 @@ from backdrive.tuning.goals import AT_REST, GOALS, Goal, Numbers, compensator, f
 from backdrive.tuning.margins import left_over, margins, region
 from backdrive.tuning.members import Member
 from backdrive.tuning.reasons import dither_bound, dither_frequency, edges, numbers_of
-from backdrive.tuning.safety import calm
+from backdrive.tuning.refine import refine
 from backdrive.tuning.scenes import Stroke
 from backdrive.tuning.search import search
 from backdrive.tuning.tuning import Tuning
@@ -113,7 +113,7 @@ def tune(
     judge = goal_of(goal, facts, stroke, searched, wish)
     members = members if loops else members[: max(8, joints // 4)]
     say("Checking over joints that the model may stand for")
-    rows = _rows(facts, goal, judge, searched, members)
+    rows = _rows(facts, goal, judge, searched, members, seed)
     z = rows["chosen"]["numbers"]
     notes += edges(judge, z)
     if "none" in rows and rows["chosen"]["score"] > HARDLY * rows["none"]["score"]:
@@ -210,11 +210,12 @@ def _remarks(facts: Facts, stroke: Stroke) -> list[str]:
 
 
 def _rows(
-    facts: Facts, name: str, goal: Goal, searched: dict[str, float], members: Sequence[Member]
+    facts: Facts, name: str, goal: Goal, searched: dict[str, float], members: Sequence[Member], seed: int
 ) -> dict[str, dict[str, Any]]:
     """Return the proposal and what it is compared with, each with its score and the verdict of the same safety test.
 
-    The proposal is what the search found, taken back until it is safe, or the fixed rule where that is safe and scores better.
+    The proposal is what the search found, refined until it is safe, or the fixed rule where that is safe and scores
+    better.
     """
     others: dict[str, dict[str, float]] = {}
     if name in ("backdrive", "track"):
@@ -230,7 +231,7 @@ def _rows(
     rule = rows.get("fixed rule", {"safe": False})
     chosen: dict[str, Any] = {"score": np.inf}
     try:
-        z = calm(goal, searched, members)
+        z = refine(goal, searched, members, seed)
         chosen = {
             "score": float(goal.scores([z])[0]),
             "safe": True,
