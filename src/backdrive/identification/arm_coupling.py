@@ -32,8 +32,8 @@ FALSE = 0.01  # probability that an arm without couplings gets a remark
 BLOCKS = 10  # of the log
 RIDGE = 1e-6  # of a joint's own columns at unit length, which are many
 LEAST = 0.03  # d that is worth a remark [-]
-LARGEST, STEP = 1.6, 0.2  # d that is looked for [-]
-WIDE = 0.02  # step of derivatives by it [-]
+LARGEST, STEPS = 1.6, (0.2, 0.02)  # d that is looked for, and steps: the loss has many small valleys [-]
+WIDE = 0.05  # step of derivatives by it, beyond the small valleys [-]
 PAIRS, SUSPECT = 2, 2.0  # that are looked at closely, and from how many standard errors on
 FLOOR = 0.01  # error of d where friction follows no curve, as on simulated arms [-]
 WILD = 3.0  # standard deviations beyond which a residual counts no more in the test
@@ -191,9 +191,11 @@ class Search:
 
     def best(self) -> float:
         """Return the d that makes the loss least."""
-        tried = np.arange(-LARGEST, LARGEST + 0.5 * STEP, STEP)
-        middle = float(tried[np.argmin([self.loss(d) for d in tried])])
-        ends = (middle - STEP, middle + STEP)
+        middle, reach = 0.0, LARGEST
+        for step in STEPS:
+            tried = np.arange(middle - reach, middle + reach + 0.5 * step, step)
+            middle, reach = float(tried[np.argmin([self.loss(d) for d in tried])]), step
+        ends = (middle - reach, middle + reach)
         return float(minimize_scalar(self.loss, bounds=ends, method="bounded", options={"xatol": 1e-3}).x)  # type: ignore[arg-type]
 
     def unseen(self, d: float) -> float:
