@@ -6,6 +6,7 @@ compared with a straight line per direction by leave-one-run-out, so that the re
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -33,12 +34,28 @@ def _knots(speed: np.ndarray, sections: int) -> np.ndarray:
     return np.unique(np.quantile(speed, np.linspace(0.0, 1.0, sections + 1)))
 
 
+def _most_knots(runs: int, directional: bool) -> float:
+    """Return how many knots a direction may have: some freedom is left for the errors."""
+    return (0.3 if directional else 0.6) * runs
+
+
+def _more_runs(runs: int, directional: bool, knots: int) -> str:
+    """Return what to record so that a curve of some knots can be fitted in each direction."""
+    enough = next(n for n in itertools.count(LEAST_RUNS) if _most_knots(n, directional) >= knots)
+    words = f"Record at least {enough} runs at different speeds" + (
+        ", in both directions" if directional else ""
+    )
+    if directional and _most_knots(runs, False) >= knots:
+        words += "; or take friction as equal in both directions (`--symmetric`)"
+    return f"{words}."
+
+
 def _try_sections(v: np.ndarray, y: np.ndarray, both: bool, directional: bool) -> dict:
     """Return sections per direction -> form, regressor and each run's error when it is left out."""
     tried = {}
     for sections in SECTIONS:
         knots = _knots(np.abs(v), sections)
-        if knots.size != sections + 1 or sections + 1 > (0.3 if directional else 0.6) * v.size:
+        if knots.size != sections + 1 or sections + 1 > _most_knots(v.size, directional):
             continue
         form = curves.forms(knots, {"": knots}, both)[-1 if directional else 0]
         X = curves.basis(v, knots) @ form.spread
@@ -100,7 +117,9 @@ def identify_constant_velocity(
     }
     if not tried:
         raise NotIdentifiable(
-            f"Joint '{joint}': the {v.size} runs do not determine a curve.", remedy="Record more speeds."
+            f"Joint '{joint}': {v.size} runs at constant velocity do not determine a curve"
+            f"{' for each direction' if directional else ''}.",
+            remedy=_more_runs(v.size, directional, 3 if law is not None and not lines else 2),
         )
     sections, remark = _choose(tried, y, pulls)
     form, X, left_out = tried[sections]
