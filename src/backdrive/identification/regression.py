@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg.lapack import dposv
 
 NORMAL = 1.959964  # half width of a 95 % interval [standard error]
 HUBER = 1.345  # 95 % efficiency on normal residuals [standard deviation]
@@ -53,6 +54,10 @@ def solve(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
     """
     scale = np.sqrt(np.maximum(np.einsum("...ii->...i", gram), 1e-300))
     scaled = gram / (scale[..., :, None] * scale[..., None, :]) + RIDGE * np.eye(gram.shape[-1])
+    if gram.ndim == 2:  # the common case, without what numpy does around it
+        _, solution, failure = dposv(scaled, moment / scale)
+        if failure == 0:
+            return solution / scale
     return np.linalg.solve(scaled, (moment / scale)[..., None])[..., 0] / scale
 
 

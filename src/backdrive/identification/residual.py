@@ -171,20 +171,27 @@ class Residual:
             return None
         step = max(0.5 * np.pi / span, finest * self.time.size / MOST)
         waves = np.arange(2.0 * np.pi / span, finest, step)
-        left = self._apart(self.left)
-        power = []
-        for wave in waves.tolist():
-            Z = self._apart(self._wave(wave, factor))
-            moment = Z.T @ left
-            power.append(float(moment @ np.linalg.pinv(Z.T @ Z, rcond=1e-6) @ moment))
-        if not power:
+        if not waves.size:
             return None
+        power = self._powers(waves, step, factor)
         best = float(waves[int(np.argmax(power))])
         result = self.explained(*self._wave(best, factor).T)
         if result is None:
             return None
         chance = min(result.chance * waves.size, 1.0)
         return replace(result, chance=chance, wave=best)
+
+    def _powers(self, waves: np.ndarray, step: float, factor: np.ndarray | float) -> np.ndarray:
+        """Return by how much each of equally spaced waves lowers the squared residual beside what any model may hold, (W,)."""
+        circling = np.empty((waves.size, self.time.size), dtype=complex)
+        circling[0], turn = np.exp(1j * waves[0] * self.position), np.exp(1j * step * self.position)
+        for k in range(1, waves.size):
+            np.multiply(circling[k - 1], turn, out=circling[k])
+        circling *= factor
+        pair = np.stack([circling.imag, circling.real], axis=1)  # sine and cosine, (W, 2, n)
+        moment, held = pair @ self._apart(self.left), pair @ self._basis
+        gram = pair @ pair.transpose(0, 2, 1) - held @ held.transpose(0, 2, 1)
+        return np.einsum("wi,wij,wj->w", moment, np.linalg.pinv(gram, rcond=1e-6, hermitian=True), moment)
 
     def _wave(self, wave: float, factor: np.ndarray | float) -> np.ndarray:
         phase = wave * self.position
