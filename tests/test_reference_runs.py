@@ -138,7 +138,9 @@ def test_what_is_said_of_a_bent_curve():
                 identify_constant_velocity(runs(uneven_line, [0.5, 1.0, -0.5][:n]), "a")
     jerky = identify_constant_velocity(runs(uneven_line, uneven=(2, 14)), "a")[0]
     assert f"2 runs at up to {abs(SPEEDS[14]):.3g} rad/s did not keep their speed" in jerky.warnings[0]
-    with pytest.raises(NotIdentifiable, match="4 runs .* do not determine a curve for each.* at least 10 runs"):
+    with pytest.raises(
+        NotIdentifiable, match="4 runs .* do not determine a curve for each.* at least 10 runs"
+    ):
         identify_constant_velocity(runs(uneven_line, [0.5, 1.0, -0.5, -1.0]), "a", law="polyline")
     three = [0.3, 0.5, 1.0, -0.3, -0.5, -1.0]
     with pytest.raises(NotIdentifiable, match="at least 7 runs .* in both directions; or .*--symmetric"):
