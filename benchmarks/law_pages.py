@@ -14,7 +14,7 @@ from pathlib import Path
 from backdrive.laws import ELEMENTS, RATES
 from backdrive.laws.base import Rate, Rows
 from backdrive.laws.examples import ELEMENT_EXAMPLES, RATE_EXAMPLES, example
-from backdrive.laws.pages import Kind, entries, facts, find, paragraphs, partners, shared, summary
+from backdrive.laws.pages import Kind, entries, facts, find, is_shared, paragraphs, partners, summary
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 TEXT, FIGURES = DOCS / "theory" / "laws", DOCS / "figures" / "laws"
@@ -73,7 +73,7 @@ def page(name: str) -> str:
     """Return the page of a law."""
     kind = find(name)
     is_rate = issubclass(kind, Rate)
-    blocks = [f"# {name}"] + ([summary(kind)] if shared(kind) else [])
+    blocks = [f"# {name}"] + ([summary(kind)] if is_shared(kind) else [])
     blocks += [f"```text\n{text}\n```" if displayed else text for text, displayed in paragraphs(kind)]
     over = "" if is_rate else f", over [{BENEATH}]({BENEATH}.md)"
     blocks += [

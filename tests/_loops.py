@@ -2,7 +2,7 @@
 
 import warnings
 
-from backdrive.control import JointLoop, Loop, Unguarded, torque_limit
+from backdrive.control import BareLoop, JointLoop, Loop, torque_limit
 from backdrive.errors import LimitWarning
 
 
@@ -15,7 +15,7 @@ class Bench(Loop):
 
 def bench(dt, **parts):
     """Return a loop of one joint without guards."""
-    return Bench(Unguarded(**parts), interval=dt)
+    return Bench(BareLoop(**parts), interval=dt)
 
 
 def guarded(compensator, *, top_speed, encoder_count=1e-6, **changes):

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from _loops import Bench
-from backdrive.control import Unguarded
+from backdrive.control import BareLoop
 from backdrive.control.compensators import alg_fc, disturbance_observer, lugre_observer
 from backdrive.control.compensators.extras import DisturbanceObserver
 from backdrive.control.estimators import Adaptation
@@ -31,7 +31,7 @@ ADAPTS = Adaptation(slowest=0.02, time=0.3)
 
 def joint(adaptation=ADAPTS, method="direct", **changes):
     external = ExternalForce(inertia=M, method=method, friction=alg_fe(RATE, K), encoder_count=1e-6)
-    return Unguarded(
+    return BareLoop(
         compensator=alg_fc(RATE, K, share=0.9), external=external, adaptation=adaptation, **changes
     )
 
@@ -180,11 +180,11 @@ def test_words_for_numbers_and_margins_below_zero_are_refused():
 
 def test_what_it_cannot_go_with_is_refused():
     with pytest.raises(InvalidInput, match="estimated external force"):
-        Unguarded(compensator=alg_fc(RATE, K), adaptation=ADAPTS)
+        BareLoop(compensator=alg_fc(RATE, K), adaptation=ADAPTS)
     external = ExternalForce(inertia=M, friction=alg_fe(RATE, K))
     observer = disturbance_observer(Law(rate=RATE), DisturbanceObserver(inertia=M, limit=1.0))
     stribeck = StribeckGauss(coulomb=6.0, breakaway=7.0, stribeck_velocity=0.05, viscous=3.0)
     bristle = lugre_observer(stribeck, LuGre(stiffness=K, damping=20.0))
     for compensator in (observer, bristle):
         with pytest.raises(InvalidInput, match="adapts by itself"):
-            Unguarded(compensator=compensator, external=external, adaptation=ADAPTS)
+            BareLoop(compensator=compensator, external=external, adaptation=ADAPTS)

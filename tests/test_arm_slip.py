@@ -90,7 +90,7 @@ def test_the_error_is_that_of_repetition():
     )
     plain = 0.2 * np.sqrt(np.linalg.inv(X.T @ X)[8, 8])
     assert 0.5 * plain < got.error < 2.0 * plain
-    assert got.known and not arm_slip.ArmSlip(delay=0.004, error=0.002).known
-    assert not arm_slip.ArmSlip(delay=0.2, error=1e-4).known
+    assert got.is_significant and not arm_slip.ArmSlip(delay=0.004, error=0.002).is_significant
+    assert not arm_slip.ArmSlip(delay=0.2, error=1e-4).is_significant
     two = replace(rows, weight=rows.weight * [1.0, 1.0, 0.0, 0.0])
     assert arm_slip.slip_of(two, change, block) is None  # too few joints tell

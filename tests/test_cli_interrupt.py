@@ -95,7 +95,7 @@ def test_no_parsing_process_is_left_behind():
     done = run(
         "from backdrive.cli import _interrupt\nfrom backdrive.logs.readers import guard\n"
         "with _interrupt.watched():\n"
-        "    guard.shared().start()\n    print(guard.shared().pid, flush=True)\n    interrupt()\n    swallow()\n"
+        "    guard.default_guard().start()\n    print(guard.default_guard().pid, flush=True)\n    interrupt()\n    swallow()\n"
     )
     assert (done.returncode, done.stderr) == (130, SAID)
     assert ended(int(done.stdout))

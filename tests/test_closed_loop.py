@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from _loops import Bench
-from backdrive.control import Admittance, Unguarded
+from backdrive.control import Admittance, BareLoop
 from backdrive.control.compensators import Dither, alg_fc, alg_fc2
 from backdrive.control.estimators.external import ExternalForce
 from backdrive.control.estimators.friction import alg_fe, between_counts
@@ -15,7 +15,7 @@ from backdrive.laws import Coulomb, CoulombViscous, Law
 from backdrive.simulation import machine
 from backdrive.simulation.closed_loop import Scene, play
 from backdrive.simulation.hand import Hand, along, minimum_jerk, pushes, sine, still, strokes
-from backdrive.simulation.joint import SimulatedJoint
+from backdrive.simulation.joint import JointSimulation
 from backdrive.simulation.machines import joint_0
 from backdrive.status import Status
 
@@ -33,7 +33,7 @@ def scene(dt=T, seconds=SECONDS, seed=1, **changes):
         dt, stroke=0.06, duration=0.6, count=max(1, round((seconds - 0.1) / 0.75)), start=0.02, seed=seed
     )
     V_W = between_counts(0.01, plant.encoder_count, dt)
-    loop = Unguarded(
+    loop = BareLoop(
         compensator=alg_fc2(plant.law.rate, 1.2e6, V_W, dither=Dither(share=0.5), share=0.9),
         external=ExternalForce(inertia=10.0, friction=alg_fe(plant.law.rate, 1.2e6)),
         top_speed=2.0,
@@ -50,7 +50,7 @@ def compliant(**changes):
             coulomb_positive=4.0, coulomb_negative=3.0, viscous_positive=2.0, viscous_negative=1.5
         )
     )
-    joint = SimulatedJoint(
+    joint = JointSimulation(
         name="j",
         law=law,
         motor_inertia=0.3,
@@ -88,7 +88,7 @@ def test_a_joint_left_alone_loses_what_friction_takes(sign):
 
 
 def test_a_rigid_joint_coasts_as_far_as_its_energy_lasts():
-    plant = SimulatedJoint(name="j", law=Law(rate=Coulomb(coulomb=5.0)), motor_inertia=2.0)
+    plant = JointSimulation(name="j", law=Law(rate=Coulomb(coulomb=5.0)), motor_inertia=2.0)
     push = np.zeros(800)
     push[:200] = 15.0
     r = play(Scene(plant=plant, motion=pushes(push), substep=1e-4))
@@ -109,7 +109,7 @@ def test_halving_the_step_changes_little():
 
 @pytest.mark.parametrize("ticks", [0, 1, 2, 5])
 def test_a_delay_shifts_the_torque_by_whole_ticks(ticks):
-    plant = SimulatedJoint(name="j", law=Law(rate=Coulomb(coulomb=0.0)), motor_inertia=1.0)
+    plant = JointSimulation(name="j", law=Law(rate=Coulomb(coulomb=0.0)), motor_inertia=1.0)
     target = np.zeros((40, 2))
     target[10:, 0] = 1e-3
     servo = Servo(proportional=100.0, derivative=0.0)
@@ -130,7 +130,7 @@ def test_the_encoder_counts():
 
 
 def test_gravity_is_held_where_it_is_asked_for():
-    plant = SimulatedJoint(name="j", law=Law(rate=Coulomb(coulomb=1.0)), motor_inertia=1.0, gravity_cos=30.0)
+    plant = JointSimulation(name="j", law=Law(rate=Coulomb(coulomb=1.0)), motor_inertia=1.0, gravity_cos=30.0)
     for held in (True, False):
         r = play(Scene(plant=plant, motion=still(100), gravity_compensated=held, substep=1e-4))
         assert (np.abs(r.motor).max() < 1e-6) == held
@@ -144,7 +144,7 @@ def test_the_sampling_rate_does_not_change_what_happens():
     for rate in (250.0, 1000.0, 2000.0, 8000.0):
         dt = 1.0 / rate
         motion = sine(dt, amplitude=0.25, frequency=0.5, cycles=1)
-        loop = Unguarded(compensator=alg_fc(plant.law.rate, 5e4, share=0.9))
+        loop = BareLoop(compensator=alg_fc(plant.law.rate, 5e4, share=0.9))
         r = play(Scene(plant=plant, motion=motion, hand=hand, loop=loop, period=dt))
         results[rate] = np.sqrt(np.mean(r.force**2)), np.abs(r.force).max(), np.ptp(r.load)
     bare = play(Scene(plant=plant, motion=sine(T, amplitude=0.25, frequency=0.5, cycles=1), hand=hand))
@@ -163,7 +163,7 @@ def test_what_is_let_go_moves_on_by_no_more_than_the_bound(alpha, R):
     plant = plant.replace(law=Law(rate=rate))
     push = np.zeros(3000)
     push[100:130] = 9.0
-    loop = Unguarded(compensator=alg_fc(rate, 0.5 * plant.stiffness, alpha, share=R))
+    loop = BareLoop(compensator=alg_fc(rate, 0.5 * plant.stiffness, alpha, share=R))
     r = play(Scene(plant=plant, motion=pushes(push), loop=loop, delay=T, substep=COARSE))
     assert np.ptp(r.load) > 1e-3
     rest = slice(-500, None)
@@ -220,7 +220,7 @@ def test_admittance_follows_its_virtual_mass():
             plant=plant,
             motion=strokes(T, stroke=0.06, duration=0.7, count=2, start=0.02),
             hand=HAND,
-            loop=Unguarded(external=estimator),
+            loop=BareLoop(external=estimator),
             controller=admittance,
             substep=COARSE,
         )
@@ -302,7 +302,7 @@ def test_a_missed_tick_holds_the_command_and_the_next_runs_with_the_time_that_pa
 def test_too_much_compensation_stays_within_its_own_bound():
     s = scene()
     compensator = s.loop.compensator.replace(share=1.3, dither=None)
-    r = play(s.replace(loop=Unguarded(compensator=compensator, top_speed=0.6)))
+    r = play(s.replace(loop=BareLoop(compensator=compensator, top_speed=0.6)))
     assert np.abs(r.compensation).max() <= bound(r) * (1.0 + 1e-9)
     assert np.isfinite(r.motor).all()
 
@@ -321,7 +321,7 @@ def test_a_saturated_drive_is_told_apart_from_a_hand():
             motion=still(len(target)),
             target=target,
             controller=Servo(proportional=5e3, derivative=300.0),
-            loop=Unguarded(external=estimator),
+            loop=BareLoop(external=estimator),
             substep=COARSE,
         )
     )
@@ -354,11 +354,11 @@ def test_people_vary_and_seeds_repeat():
 
 def test_a_hand_lets_go_and_pushes():
     motion = along(np.linspace(0.0, 1.0, 100), np.full(100, 10.0))
-    gone = motion.released(0.05, T)
+    gone = motion.release(0.05, T)
     assert gone.grip[49:51].tolist() == [1.0, 0.0]
     assert np.array_equal(pushes(np.ones(5), 0.2).push, np.ones(5))
     assert still(3, 0.4).grip.tolist() == [0.0] * 3
-    r = play(scene(motion=motion.released(0.05, T), loop=None))
+    r = play(scene(motion=motion.release(0.05, T), loop=None))
     assert np.all(r.force[50:] == 0.0)
     wave = sine(T, amplitude=0.2, frequency=0.5, cycles=2)
     assert np.ptp(wave.position) == pytest.approx(0.4, rel=1e-5)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from _loops import bench
-from backdrive.control import Unguarded
+from backdrive.control import BareLoop
 from backdrive.control.compensators import (
     Compensator,
     Dither,
@@ -42,7 +42,7 @@ from backdrive.laws import (
 )
 from backdrive.simulation.closed_loop import Scene, play
 from backdrive.simulation.hand import still
-from backdrive.simulation.joint import SimulatedJoint
+from backdrive.simulation.joint import JointSimulation
 
 JIT = not nb.config.DISABLE_JIT
 T = 1e-3
@@ -452,7 +452,7 @@ def test_pulses_come_where_the_joint_is_stuck_off_its_reference(width):
 def test_a_pulse_moves_a_joint_by_what_mechanics_says():
     """(f - F) f w^2/(2 M F), a rigid mass under Coulomb friction; and so it creeps to its reference."""
     M, F, height, width = 2.0, 6.0, 10.0, 0.004
-    joint = SimulatedJoint(name="j", law=Law(rate=Coulomb(coulomb=F)), motor_inertia=M)
+    joint = JointSimulation(name="j", law=Law(rate=Coulomb(coulomb=F)), motor_inertia=M)
     target = np.zeros((400 if JIT else 60, 2))
     target[1:, 0] = 1e-4
     n = len(target)
@@ -465,7 +465,7 @@ def test_a_pulse_moves_a_joint_by_what_mechanics_says():
             motion=still(n),
             target=target,
             controller=Servo(proportional=0.0, derivative=0.0),  # which only says where to
-            loop=Unguarded(compensator=compensator),
+            loop=BareLoop(compensator=compensator),
             substep=1e-5 if JIT else 1e-4,
         )
     )
@@ -507,7 +507,7 @@ def test_bristle_and_scale_stay_within_their_bounds():
 
 def tracked(compensator, law, inertia=0.7, seconds=3.0):
     """Return the tracking error (rms, last two thirds) and the record of a joint under PD that follows a sine."""
-    joint = SimulatedJoint(
+    joint = JointSimulation(
         name="j",
         law=law,
         motor_inertia=inertia,
@@ -522,7 +522,7 @@ def tracked(compensator, law, inertia=0.7, seconds=3.0):
             motion=still(t.size),
             target=target,
             controller=joint.servo,
-            loop=Unguarded(compensator=compensator),
+            loop=BareLoop(compensator=compensator),
             substep=1e-4,
         )
     )

@@ -59,7 +59,7 @@ def test_the_test_raises_as_many_false_alarms_as_it_says_where_the_errors_are_tr
 
 def test_a_change_is_said_with_its_size():
     found = change_of(friction(), friction(0.88, 0.2))
-    assert found.changed
+    assert found.is_significant
     assert found.mean == pytest.approx(-0.12, abs=1e-6)
     assert found.distance[0] == pytest.approx(
         0.12 * np.sqrt(np.mean((9 + 3 * np.linspace(0, 2, 10001)) ** 2)), rel=1e-3
@@ -77,7 +77,7 @@ def test_equal_directions_count_once_and_opposite_changes_are_a_change_of_shape(
     tilted = replace(tilted, law=Law(rate=replace(tilted.law.rate, positive=tuple(0.95 * (9 + 3 * V)))))
     own = friction(noise=1e-9 * np.arange(20))  # a curve for each direction
     found = change_of(own, tilted)
-    assert found.changed
+    assert found.is_significant
     assert "changed shape by 5" in found.verdict
 
 
@@ -85,11 +85,11 @@ def test_where_one_model_has_one_curve_for_both_directions_their_mean_is_compare
     apart = np.r_[np.ones(10), -np.ones(10)]
     for pair in ((friction(), friction(noise=apart)), (friction(noise=apart), friction())):
         found = change_of(*pair)
-        assert not found.changed
+        assert not found.is_significant
         assert found.chi_square == pytest.approx(0.0, abs=1e-12)
         assert "mean of both directions" in found.remarks[0]
     less = change_of(friction(), friction(0.9, noise=apart))
-    assert less.changed
+    assert less.is_significant
     assert less.mean == pytest.approx(-0.1, abs=1e-6)
     assert less.shape == pytest.approx(0.1, abs=1e-6)
     assert not change_of(friction(), friction()).remarks
@@ -112,8 +112,8 @@ def test_a_covariance_takes_the_place_of_the_errors():
     assert counts[0] <= 9
     bent = friction(error=0.3, noise=0.2 * np.r_[np.linspace(-1, 1, 10), np.linspace(-1, 1, 10)])
     flat = friction(error=0.3, noise=np.zeros(20) + 1e-9 * np.r_[np.ones(10), np.zeros(10)])
-    assert not change_of(flat, bent).changed  # as if the knots were independent
-    assert change_of(flat, bent, covariances=(common, common)).changed
+    assert not change_of(flat, bent).is_significant  # as if the knots were independent
+    assert change_of(flat, bent, covariances=(common, common)).is_significant
     with pytest.raises(InvalidInput, match="covariance of the shape"):
         change_of(flat, bent, covariances=(np.eye(3), None))
 
@@ -126,10 +126,10 @@ def test_laws_of_any_kind_are_compared_by_their_curves():
         standard_errors={"coulomb": 0.05, "viscous": 0.05},
     )
     found = change_of(line, friction())
-    assert not found.changed
+    assert not found.is_significant
     assert found.degrees == 2
     assert found.top_speed == 1.5
-    assert change_of(line, friction(1.1)).changed
+    assert change_of(line, friction(1.1)).is_significant
     assert change_of(line, friction(), top_speed=1.2).top_speed == 1.2
     with pytest.raises(InvalidInput, match=r"hold up to 1.5 rad/s .* extrapolates"):
         change_of(line, friction(), top_speed=1.9)
@@ -137,7 +137,7 @@ def test_laws_of_any_kind_are_compared_by_their_curves():
 
 def test_what_cannot_be_judged_is_named():
     found = change_of(friction(error=None), friction())
-    assert not found.judged
+    assert not found.is_testable
     assert kind_of(found) == "not judged"
     assert "first model has no standard errors" in found.remarks[0]
     with pytest.raises(InvalidInput, match="in rad in one model"):
@@ -161,7 +161,7 @@ def test_what_is_not_finite_is_refused():
     ):
         with pytest.raises(InvalidInput, match="zero, or too large"):
             change_of(*pair)
-    assert not change_of(friction(), friction(error=1e200)).judged
+    assert not change_of(friction(), friction(error=1e200)).is_testable
 
 
 def test_curves_that_hold_under_different_loads_are_brought_to_one():
@@ -170,12 +170,12 @@ def test_curves_that_hold_under_different_loads_are_brought_to_one():
         growth = Growth(load_driving=mu, load_driven=mu, load_carried=carried)
         return replace(found, law=replace(found.law, growth=growth))
 
-    assert not change_of(under(20.0), under(5.0)).changed
+    assert not change_of(under(20.0), under(5.0)).is_significant
     assert "brought to the first one's load, 20 N.m" in change_of(under(20.0), under(5.0)).remarks[0]
     bare = replace(friction().law, growth=Growth(load_driving=0.05, load_driven=0.05))
-    assert not change_of(under(20.0), replace(friction(), law=bare)).changed
+    assert not change_of(under(20.0), replace(friction(), law=bare)).is_significant
     one = change_of(under(20.0), friction())
-    assert one.changed
+    assert one.is_significant
     assert "may be that" in one.remarks[0]
 
 
@@ -185,7 +185,9 @@ def test_curves_that_hold_under_different_loads_are_brought_to_one():
 def test_a_constant_level_and_a_wandering_one():
     rng = np.random.default_rng(3)
     t = np.arange(15.0)
-    alarms = [track(t, 10 + rng.standard_normal(15), np.ones(15), alarm=0.05).changed for _ in range(200)]
+    alarms = [
+        track(t, 10 + rng.standard_normal(15), np.ones(15), alarm=0.05).is_significant for _ in range(200)
+    ]
     assert np.mean(alarms) <= 0.1
     inside = []
     for _ in range(60):
@@ -194,7 +196,7 @@ def test_a_constant_level_and_a_wandering_one():
         inside.append(np.abs(found.level - true) < 1.96 * found.error)
     assert 0.85 < np.mean(inside) < 0.99
     drifting = track(t, 10 - 0.5 * t + 0.5 * rng.standard_normal(15), np.full(15, 0.5))
-    assert drifting.changed
+    assert drifting.is_significant
     assert drifting.slope[0] == pytest.approx(-0.5, abs=0.1)
     assert "has changed by -" in drifting.verdict
     assert "constant within chance" in track(t, np.full(15, 3.0), np.ones(15)).verdict
@@ -204,9 +206,9 @@ def test_the_smoother_is_least_squares():
     rng = np.random.default_rng(4)
     t = np.cumsum(0.5 + rng.uniform(size=6))
     y, s, q = rng.standard_normal(6), 0.5 + rng.uniform(size=6), 0.7
-    from backdrive.identification.drift.tracking import _smoothed
+    from backdrive.identification.drift.tracking import _smooth
 
-    _, level, variance = _smoothed(t, y, s, q)
+    _, level, variance = _smooth(t, y, s, q)
     D = np.diff(np.eye(6), axis=0) / np.sqrt(q * np.diff(t))[:, None]
     H = np.diag(1 / s**2) + D.T @ D
     assert level == pytest.approx(np.linalg.solve(H, y / s**2))

@@ -22,7 +22,7 @@ from backdrive.errors import (
 from backdrive.plans import (
     PLANS,
     ConstantVelocity,
-    Held,
+    Hold,
     InTurn,
     Multisine,
     SawtoothTorque,
@@ -398,7 +398,7 @@ def test_invalid_plans_are_refused_by_name_and_value(make, named):
 
 def test_in_turn_only_one_joint_moves_at_a_time():
     plans = (SWEEP, Sweep(0.3, 1.0, 3, joint="j2", center=-1.0), replace(MOTIONS["multisine"], joint="j3"))
-    plan = InTurn(plans, held=(Held(joint="j4", position=0.7),), pause=0.25, start=2.0)
+    plan = InTurn(plans, held=(Hold(joint="j4", position=0.7),), pause=0.25, start=2.0)
     assert plan.joints == ("j1", "j2", "j3", "j4")
     t = grid(plan, 30_001)
     q, v, a = plan.position(t), plan.velocity(t), plan.acceleration(t)
@@ -518,7 +518,7 @@ def test_every_passed_limit_and_every_joint_is_named():
         "j2": JointLimits(name="j2", velocity=0.5),
         "j3": JointLimits(name="j3", upper=0.2),
     }
-    plan = InTurn((SWEEP, Sweep(0.3, 1.0, 3, joint="j2")), held=(Held(joint="j3", position=0.3),))
+    plan = InTurn((SWEEP, Sweep(0.3, 1.0, 3, joint="j2")), held=(Hold(joint="j3", position=0.3),))
     text = refusal(plan, limits)
     for words in (
         "'j1': the position",
@@ -569,7 +569,7 @@ def test_limits_are_read_from_a_urdf(tmp_path):
     )
     assert (found["wheel"].lower, found["wheel"].upper, found["wheel"].velocity) == (-inf, inf, 10.0)
     assert (found["soft"].lower, found["soft"].upper) == (-2.0, 3.0)
-    assert found["unstated"].known == found["bare"].known == ()
+    assert found["unstated"].finite_limits == found["bare"].finite_limits == ()
     assert found["shoulder"].overridden(velocity=1.0, effort=None).velocity == 1.0
 
 
@@ -662,7 +662,7 @@ def test_a_plan_survives_its_file(plan):
 
 
 def test_plans_in_turn_survive_their_file(tmp_path):
-    held = (Held(joint="gripper", position=0.01, unit="m"),)
+    held = (Hold(joint="gripper", position=0.01, unit="m"),)
     plan = InTurn((SWEEP, replace(MOTIONS["multisine"], joint="j2")), held=held, pause=0.3, start=1.0)
     path = save_plan(plan, tmp_path / "plan.json")
     assert load_plan(path) == plan

@@ -54,7 +54,7 @@ def test_an_actuator_too_weak_gives_no_curve_and_no_distance():
 
 def test_moving_by_hand_meets_the_gates_in_two_cycles():
     joints = (joint_0(), joint_1(), joint_2(), wrist(4))
-    for moved, least in zip(_manual.moved(joints, seed=1, cycles=3), (60.0, 50.0, 60.0, 60.0)):
+    for moved, least in zip(_manual.move_by_hand(joints, seed=1, cycles=3), (60.0, 50.0, 60.0, 60.0)):
         assert moved.reduction >= least
         assert moved.forward >= 40.0
         assert abs(moved.speed_change) <= 2.0
@@ -81,7 +81,7 @@ def test_the_order_of_the_compensations_and_where_it_breaks():
     target = _tracking.saw_teeth({0.3: 1, 0.7: 2})
     good, bad = (
         {case: _tracking.error(r) for case, r in done.items()}
-        for done in _tracking.tracked(
+        for done in _tracking.track(
             [(joint, _tracking.pd(joint)), (joint, _tracking.pd(joint, ratio=0.05))], seed=0, target=target
         )
     )

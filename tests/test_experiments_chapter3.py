@@ -7,8 +7,8 @@ import pytest
 from scipy.stats import ttest_ind
 
 from backdrive.thesis import (
-    _guided,
-    _release_compensated,
+    _hand_guiding,
+    _release_compensation,
     _square,
     fig_3_3,
     fig_3_4,
@@ -36,7 +36,7 @@ def outcome(monkeypatch):
     """Return a function that runs an experiment with few, short motions."""
 
     def run(module, seed=0):
-        monkeypatch.setattr(_release_compensated, "AFTER", 1.2)
+        monkeypatch.setattr(_release_compensation, "AFTER", 1.2)
         for name, value in SHORT.get(module, {}).items():
             monkeypatch.setattr(module, name, value)
         return module.run(seed)
@@ -51,8 +51,10 @@ def drawn(name, outcome):
 
 
 def test_peaks_are_taken_window_by_window():
-    time = _guided.PERIOD * np.arange(round((_guided.BEGIN + 3 * _guided.CYCLE) / _guided.PERIOD))
-    cut = _guided.windows(time, 3)
+    time = _hand_guiding.PERIOD * np.arange(
+        round((_hand_guiding.BEGIN + 3 * _hand_guiding.CYCLE) / _hand_guiding.PERIOD)
+    )
+    cut = _hand_guiding.windows(time, 3)
     assert cut.shape == (3, 1500)
     np.testing.assert_allclose(cut[:, 0], [0.5, 2.0, 3.5])
 
@@ -60,21 +62,21 @@ def test_peaks_are_taken_window_by_window():
 def test_comparison_is_students_t_test():
     rng = np.random.default_rng(1)
     a, b = 10.0 + rng.standard_normal(30), 9.0 + 2.0 * rng.standard_normal(20)
-    found, expected = _guided.compare(a, b), ttest_ind(a, b)
+    found, expected = _hand_guiding.compare(a, b), ttest_ind(a, b)
     assert found.t == pytest.approx(expected.statistic)
     assert found.p == pytest.approx(expected.pvalue)
     assert found.low < found.difference < found.high
     assert found.effect == pytest.approx(found.t * np.sqrt(1 / 30 + 1 / 20))
-    assert _guided.compare(a, b) == found
+    assert _hand_guiding.compare(a, b) == found
 
 
 def test_marks_are_those_of_the_thesis():
-    assert [_guided.mark(p) for p in (5e-4, 5e-3, 0.03, 0.2)] == ["***", "**", "*", "ns"]
+    assert [_hand_guiding.mark(p) for p in (5e-4, 5e-3, 0.03, 0.2)] == ["***", "**", "*", "ns"]
 
 
 def test_the_five_cases_differ_as_the_thesis_says():
     cases = _square.guidances()["joint_0"].compensators()
-    assert tuple(cases) == _guided.CASES
+    assert tuple(cases) == _hand_guiding.CASES
     decay = {case: getattr(c.friction.law.element, "decay_rate", None) for case, c in cases.items()}
     assert (decay["C"], decay["CD"], decay["P"], decay["PD"]) == (0.0, 0.0, 20.0, 20.0)
     assert [case for case, c in cases.items() if c.dither is not None] == ["CD", "PD"]
@@ -88,8 +90,8 @@ def test_one_setup_for_every_figure():
         assert guidance.plant.stiffness == RATIO * guidance.stiffness
         assert guidance.plant.friction_side == "load"
         assert guidance.share == 1.0
-    assert _release_compensated.joint_0().plant == plants["joint_0"]
-    assert _release_compensated.setup_a().plant == plants["setup_a"]
+    assert _release_compensation.joint_0().plant == plants["joint_0"]
+    assert _release_compensation.setup_a().plant == plants["setup_a"]
     assert setups(2.0)["setup_a"].stiffness == 2.4e6
 
 
@@ -135,13 +137,13 @@ def test_same_seed_same_numbers(outcome):
 
 
 def test_switched_decay_rate_brings_joint_0_to_rest():
-    found = _release_compensated.judge(_release_compensated.joint_0(), 2, 0)
+    found = _release_compensation.judge(_release_compensation.joint_0(), 2, 0)
     assert found["rest"] == {"alpha_N": 0, "alpha_H": 2, "algFC2": 2}
     assert found["peak"]["algFC2"] < found["peak"]["alpha_H"]
 
 
 def test_threshold_lies_between_counts():
-    release = _release_compensated.setup_a()
+    release = _release_compensation.setup_a()
     threshold = release.compensators()["algFC2"].friction.threshold
-    assert threshold == pytest.approx(2.5 * release.plant.encoder_count / _release_compensated.PERIOD)
+    assert threshold == pytest.approx(2.5 * release.plant.encoder_count / _release_compensation.PERIOD)
     assert release.threshold > release.boundary

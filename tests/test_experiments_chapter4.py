@@ -6,7 +6,7 @@ import pytest
 
 from backdrive.simulation.hand import still
 from backdrive.thesis import (
-    _release_admitted,
+    _release_admittance,
     _sensorless,
     fig_4_3,
     fig_4_7,
@@ -94,18 +94,18 @@ def test_a_hand_that_holds_and_lets_go():
 
 
 def test_thresholds_lie_between_counts():
-    plant = _release_admitted.axis().plant
+    plant = _release_admittance.axis().plant
     friction = _sensorless.estimators(plant, plant.law.rate)
     assert set(friction) == set(CASES)
     counts = friction["CT"].law.row()[-1] * PERIOD / plant.encoder_count
     assert counts == pytest.approx(2.5)
-    setting = _release_admitted.joint_0()
+    setting = _release_admittance.joint_0()
     fast = setting.estimators()["algFE2"]
     assert fast.threshold * PERIOD / setting.plant.encoder_count == pytest.approx(1.5)
 
 
 def test_a_heavier_virtual_object_is_only_that():
-    setting = _release_admitted.joint_0()
+    setting = _release_admittance.joint_0()
     heavier = setting.with_mass(0.5)
     assert heavier.admittance == dataclasses.replace(setting.admittance, inertia=0.5)
     assert rms(np.array([3.0, 4.0])) == pytest.approx(np.sqrt(12.5))

@@ -21,7 +21,7 @@ from backdrive.control.compensators.dither import Dither
 from backdrive.control.estimators.external import ExternalForce
 from backdrive.control.estimators.friction import FrictionEstimator, alg_fe, alg_fe2, ha
 from backdrive.control.estimators.level import Adaptation
-from backdrive.control.joint_loop import JointLoop, Unguarded
+from backdrive.control.joint_loop import BareLoop, JointLoop
 from backdrive.control.loop import Loop
 from backdrive.errors import InvalidInput, WriteError
 from backdrive.export import export_laws, export_loop
@@ -207,7 +207,7 @@ def test_what_cannot_be_exported_is_refused(tmp_path):
     with pytest.raises(InvalidInput, match="no joint"):
         export_loop({}, PERIOD, tmp_path)
     with pytest.raises(InvalidInput, match="no limits"):
-        export_loop({"a": Unguarded()}, PERIOD, tmp_path)
+        export_loop({"a": BareLoop()}, PERIOD, tmp_path)
     with pytest.raises(InvalidInput, match="interval"):
         export_loop({"a": joint}, 10.0, tmp_path)
     with pytest.raises(InvalidInput, match="half"):

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from backdrive.control import Unguarded
+from backdrive.control import BareLoop
 from backdrive.control.estimators.external import METHODS, ExternalForce
 from backdrive.control.estimators.friction import alg_fe, alg_fe2, ha
 from backdrive.control.estimators.sliding_mode import MotionFilter
@@ -15,7 +15,7 @@ from backdrive.laws import Coulomb, CoulombViscous, Law
 from backdrive.simulation import machine
 from backdrive.simulation.closed_loop import Scene, play
 from backdrive.simulation.hand import pushes
-from backdrive.simulation.joint import SimulatedJoint
+from backdrive.simulation.joint import JointSimulation
 
 JIT = not nb.config.DISABLE_JIT
 T = 1e-3
@@ -212,7 +212,7 @@ def test_a_force_along_q_is_positive(method, sign):
             coulomb_positive=3.0, coulomb_negative=2.0, viscous_positive=2.0, viscous_negative=2.0
         )
     )
-    joint = SimulatedJoint(name="j", law=law, motor_inertia=2.0, encoder_count=1e-6)
+    joint = JointSimulation(name="j", law=law, motor_inertia=2.0, encoder_count=1e-6)
     n = 500 if JIT else 120
     estimator = ExternalForce(
         inertia=2.0, friction=alg_fe(law.rate, 1e5), method=method, encoder_count=1e-6, force_rate=200.0
@@ -221,7 +221,7 @@ def test_a_force_along_q_is_positive(method, sign):
         Scene(
             plant=joint,
             motion=pushes(np.full(n, sign * 8.0)),
-            loop=Unguarded(external=estimator),
+            loop=BareLoop(external=estimator),
             substep=1e-4 if JIT else 1e-3,
         )
     )
@@ -243,7 +243,7 @@ def test_a_stuck_joint_hides_up_to_its_friction():
             Scene(
                 plant=joint,
                 motion=pushes(push),
-                loop=Unguarded(external=ExternalForce(inertia=10.0, friction=friction)),
+                loop=BareLoop(external=ExternalForce(inertia=10.0, friction=friction)),
                 substep=2e-5 if JIT else 2e-4,
             )
         )

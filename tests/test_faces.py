@@ -107,8 +107,8 @@ def test_a_joint_is_named_by_a_string(log):
 
 def test_whole_models_are_compared(model):
     same = compare(model, model)
-    assert same.changed == ()
-    assert same.judged
+    assert same.joints_with_change == ()
+    assert same.is_testable
     friction = model.joints[0]
     rate = friction.law.rate
     stronger = replace(
@@ -116,11 +116,11 @@ def test_whole_models_are_compared(model):
     )
     later = replace(model, joints=(replace(friction, law=Law(rate=stronger)),))
     changed = compare(model, later)
-    assert changed.changed == ("joint_1",)
+    assert changed.joints_with_change == ("joint_1",)
     assert changed.changes[0].mean == pytest.approx(0.2, abs=0.01)
     other = replace(later, joints=(replace(later.joints[0], joint=replace(friction.joint, name="elbow")),))
-    assert compare(model, other, rename={"elbow": "joint_1"}).changed == ("joint_1",)
-    assert compare(model, other, joints={"joint_1": "elbow"}).changed == ("elbow",)
+    assert compare(model, other, rename={"elbow": "joint_1"}).joints_with_change == ("joint_1",)
+    assert compare(model, other, joints={"joint_1": "elbow"}).joints_with_change == ("elbow",)
     with pytest.raises(InvalidInput, match="no joint in common"):
         compare(model, other)
     with pytest.raises(InvalidInput, match="A dict is no friction model"):

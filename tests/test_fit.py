@@ -13,7 +13,7 @@ from backdrive.identification import identify
 from backdrive.identification.dynamic.choice import Candidate, choose, shortlist
 from backdrive.laws import CoulombViscous, Law, LuGre, StribeckGauss
 from backdrive.logs.log import Joint, Log
-from backdrive.simulation import Servo, SimulatedJoint
+from backdrive.simulation import JointSimulation, Servo
 from backdrive.simulation.open_loop import drive
 
 RATE = 500.0
@@ -29,11 +29,11 @@ def target(seconds=16.0):
 
 
 def record(law, seed=0, motion=None, noise=0.05):
-    joint = SimulatedJoint(
+    joint = JointSimulation(
         name="elbow",
         law=law,
         motor_inertia=0.3,
-        servo=Servo.tuned(0.3, 80.0),
+        servo=Servo.from_bandwidth(0.3, 80.0),
         encoder_count=2e-6,
         torque_noise=noise,
     )

@@ -10,7 +10,7 @@ from backdrive.cli import app
 from backdrive.engine import Axis, DriveModel, forward
 from backdrive.errors import InvalidInput, UnknownName
 from backdrive.identification import identify
-from backdrive.identification.dynamic.driven import model_of
+from backdrive.identification.dynamic.drive_stretch import model_of
 from backdrive.laws import CoulombViscous, Law, StribeckGauss
 from backdrive.logs.log import Drive, Joint, Log
 

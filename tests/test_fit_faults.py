@@ -116,7 +116,7 @@ def test_a_fine_encoder_leaves_the_low_pass_alone_and_a_hopeless_one_is_said():
 
 
 def test_break_away_is_bounded_by_the_friction_that_was_seen():
-    shape = LawShape.named("stribeck-gauss")
+    shape = LawShape.from_name("stribeck-gauss")
     upper = {u.name: u.upper for u in shape.unknowns(Scales(force=1.0, speed=1.0, length=1e-3, most=3.0))}
     assert upper["breakaway"] == 3.0
     asked = shape.unknowns(Scales(force=1.0, speed=1.0, length=1e-3, most=3.0), {"breakaway": (1.0, 9.0)})
@@ -124,9 +124,9 @@ def test_break_away_is_bounded_by_the_friction_that_was_seen():
 
 
 def test_a_refit_that_explains_the_log_worse_is_not_taken(monkeypatch):
-    from backdrive.identification.dynamic import given_motion
+    from backdrive.identification.dynamic import torque_task
 
-    whole, calls = given_motion.fit_law, []
+    whole, calls = torque_task.fit_law, []
 
     def spoiled(*args, **options):
         calls.append(("begin_at" in options, all(s.only_sliding for s in args[1])))
@@ -134,7 +134,7 @@ def test_a_refit_that_explains_the_log_worse_is_not_taken(monkeypatch):
             options = options | {"bounds": {"breakaway": (40.0, 41.0)}}
         return whole(*args, **options)
 
-    monkeypatch.setattr(given_motion, "fit_law", spoiled)
+    monkeypatch.setattr(torque_task, "fit_law", spoiled)
     (friction,) = identify(recorded(), law="stribeck-gauss").model.joints
     # a law of velocity is fitted to everything and to sliding alone, first without the windows that judge it, then with them
     assert calls == [(False, False), (False, True), (True, False), (True, True)]
@@ -263,7 +263,7 @@ def driven():
     given = 2.0 * np.sin(3.0 * t) + np.sin(11.0 * t)
     law = Law(rate=StribeckGauss(coulomb=1.0, breakaway=1.5, stribeck_velocity=0.05, viscous=0.4))
     drive = Drive(law="velocity", gains={"proportional": 20.0})
-    from backdrive.identification.dynamic.driven import model_of
+    from backdrive.identification.dynamic.drive_stretch import model_of
 
     axis = Axis(law=law, inertia=0.05, drive=model_of(drive))
     fine = forward(axis, np.interp(np.arange(0, 2400, 0.05), np.arange(2400), given), dt=5e-5)
@@ -302,7 +302,7 @@ def test_a_model_of_a_driven_joint_holds_its_drive_and_is_judged(driven, tmp_pat
 
 def test_moments_without_a_drive_are_said(driven):
     log, _ = driven
-    off = log.noted("The drive is off in 12 samples (torque_enable).")
+    off = log.with_note("The drive is off in 12 samples (torque_enable).")
     result = identify(off, law="m1", gravity=False, known={"offset": 0.0, "inertia": 0.05}, step=1e-3)
     assert any("on throughout" in w for w in result.warnings)
 

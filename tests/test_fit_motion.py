@@ -78,7 +78,7 @@ def test_a_servo_and_its_gears_are_found_from_positions_alone():
     }
     fit = fit_motion(
         pendulum(),
-        LawShape.named("gear-load", fixed={"driving": 0.2, "driven": 0.1, "stribeck_velocity": 0.4}),
+        LawShape.from_name("gear-load", fixed={"driving": 0.2, "driven": 0.1, "stribeck_velocity": 0.4}),
         axis=PENDULUM.replace(law=Law(rate=M1(coulomb=0.0)), inertia=1e-3),
         free={
             "load": (1e-3, 0.9, (0.1, 0.5)),
@@ -140,7 +140,7 @@ def test_an_axis_under_force_is_found_with_its_start_and_its_drift():
 def test_the_batch_is_what_the_engine_gives():
     logs = pendulum()
     problem = MotionProblem(
-        LawShape.named("gear-load"), logs, PENDULUM, {"drive.proportional_factor": (0.5, 2.0)}
+        LawShape.from_name("gear-load"), logs, PENDULUM, {"drive.proportional_factor": (0.5, 2.0)}
     )
     values = {**PENDULUM.law.rate.values(), "drive.proportional_factor": 1.0}
     same, twice = problem.predict([values, {**values, "drive.proportional_factor": 2.0}])[1]

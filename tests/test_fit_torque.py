@@ -87,7 +87,7 @@ def test_a_law_is_recovered_within_its_errors(name):
 def test_elements_side_by_side_are_recovered_and_sorted():
     k, w = (2e3, 1.2e4, 5e3), (0.2, 0.5, 0.3)
     law = Law(rate=example("stribeck-gauss").rate, element=MaxwellSlip(stiffness=k, share=w))
-    found = fitted(LawShape.named("maxwell-slip", count=3), recorded(law))
+    found = fitted(LawShape.from_name("maxwell-slip", count=3), recorded(law))
     assert isinstance(found.law.element, MaxwellSlip)
     assert found.law.element.stiffness == pytest.approx((1.2e4, 5e3, 2e3), rel=0.15)
     assert found.law.element.share == pytest.approx((0.5, 0.3, 0.2), abs=0.05)
@@ -99,7 +99,7 @@ def test_the_order_of_elements_does_not_change_the_torque():
     law = example("maxwell-slip")
     s = recorded(law)
     problem = TorqueProblem(
-        LawShape.named(law.name, count=3), [s], scales([s], ("inertia",), "rad", None), terms=("inertia",)
+        LawShape.from_name(law.name, count=3), [s], scales([s], ("inertia",), "rad", None), terms=("inertia",)
     )
     search = Search(problem.residuals, problem.lower, problem.upper, loss="linear")
     values = {
@@ -113,7 +113,7 @@ def test_the_order_of_elements_does_not_change_the_torque():
         problem.point(problem.values(starts(problem, scales([s], (), "rad", None), 1, 0)[0]) | values),
         iterations=0,
     )
-    sorted_ = problem.ordered(found)
+    sorted_ = problem.sort_elements(found)
     assert problem.values(sorted_.point)["stiffness[0]"] == pytest.approx(1.2e4)
     again = problem.residuals(sorted_.point[None])
     assert again[0] == pytest.approx(found.residual, abs=1e-9)
@@ -126,7 +126,7 @@ def test_a_curve_is_fitted_at_knots_that_are_given():
     law = Law(rate=Polyline(velocity=knots, positive=(5.0, 4.5, 5.5), negative=(4.5, 4.0, 5.5)))
     with pytest.raises(InvalidInput, match="knots"):
         fitted("polyline", recorded(law))
-    found = fitted(LawShape.named("polyline", count=3, fixed={"velocity": knots}), recorded(law))
+    found = fitted(LawShape.from_name("polyline", count=3, fixed={"velocity": knots}), recorded(law))
     assert isinstance(found.law.rate, Polyline)
     assert found.law.rate.positive == pytest.approx((5.0, 4.5, 5.5), rel=0.02)
     assert found.law.rate.negative == pytest.approx((4.5, 4.0, 5.5), rel=0.02)
@@ -221,7 +221,7 @@ def test_the_search_ends_where_scipy_does():
 
     s = recorded(example("stribeck-gauss"), v=velocity(presliding=False))
     sizes = scales([s], ("inertia",), "rad", 1 / COUNT)
-    problem = TorqueProblem(LawShape.named("stribeck-gauss"), [s], sizes, terms=("inertia",), delay=True)
+    problem = TorqueProblem(LawShape.from_name("stribeck-gauss"), [s], sizes, terms=("inertia",), delay=True)
     start = starts(problem, sizes, 1, 0)[0]
     ours = Search(problem.residuals, problem.lower, problem.upper, loss="linear").run(start)
     theirs = least_squares(
@@ -305,7 +305,7 @@ def test_shares_add_up_and_starts_lie_in_bounds():
     assert sum(shares([3.0, -2.0])) == pytest.approx(1.0)
     s = recorded(example("gms"))
     sizes = scales([s], ("inertia",), "rad", 1 / COUNT)
-    problem = TorqueProblem(LawShape.named("gms"), [s], sizes, terms=("inertia",), delay=True)
+    problem = TorqueProblem(LawShape.from_name("gms"), [s], sizes, terms=("inertia",), delay=True)
     points = starts(problem, sizes, 20, 1)
     assert np.all(points >= problem.lower) and np.all(points <= problem.upper)
     best = screen(Search(problem.residuals, problem.lower, problem.upper), points, 3)

@@ -14,12 +14,12 @@ from backdrive.fleet import cluster as clusters
 from backdrive.fleet import schema
 from backdrive.fleet.run import cut
 from backdrive.fleet.run import run as run_fleet
-from backdrive.fleet.simulated import Event, SimulatedFleet
+from backdrive.fleet.simulation import Event, FleetSimulation
 from backdrive.fleet.sources import list_logs
 from backdrive.fleet.status import status
 from backdrive.fleet.store import Store
 
-FLEET = SimulatedFleet(
+FLEET = FleetSimulation(
     robots=3, days=4, first=date(2026, 1, 30), events=[Event(kind="break", robot=2, day=2)], correlation=0.5
 )
 
@@ -85,7 +85,7 @@ def test_a_fleet_is_done_and_its_failures_are_kept_apart(results):
     store = Store.open(results)
     table, failures = store.table(), store.table(failures=True)
     assert (table.num_rows, failures.num_rows) == (10, 2)
-    assert set(failures.column("failure").to_pylist()) == {"TruncatedFile"}
+    assert set(failures.column("failure").to_pylist()) == {"IncompleteFile"}
     assert {p.parent.name for p in store.parts()} == {"month=2026-01", "month=2026-02"}
     row = table.to_pylist()[0]
     truth = FLEET.truth(0, 0)[0]
@@ -306,14 +306,14 @@ def test_days_that_are_none_are_told(results, tmp_path):
     import pyarrow as pa
 
     from backdrive.fleet.history import histories
-    from backdrive.fleet.store import encoded
+    from backdrive.fleet.store import encode
 
     place = tmp_path / "r"
     shutil.copytree(results, place)
     part = Store.open(place).parts()[0]
     table = Store.open(place).read_part(part)
     days = pa.array([date(1970, 1, 1)] * table.num_rows, pa.date32())
-    part.write_bytes(encoded(table.set_column(table.column_names.index("day"), "day", days)))
+    part.write_bytes(encode(table.set_column(table.column_names.index("day"), "day", days)))
     summary = status(place)
     assert any("a clock that was not set" in s for s in summary["sentences"])
     assert all(one.day.min() > 10_000 for one in histories(Store.open(place).table()))
@@ -408,6 +408,6 @@ def test_an_s3_bucket(logs, tmp_path, here, monkeypatch):
 def test_the_generator_repeats_itself():
     one, other = FLEET.log(1, 2, seconds=2.0, rate=100.0), FLEET.log(1, 2, seconds=2.0, rate=100.0)
     assert all(np.array_equal(one[name], other[name]) for name in one)
-    wear = SimulatedFleet(days=60, events=[Event(kind="wear", robot=0, day=20, size=0.2, length=20)])
+    wear = FleetSimulation(days=60, events=[Event(kind="wear", robot=0, day=20, size=0.2, length=20)])
     assert wear.growth(0, 0)[[0, 20, 30, 40, 59]] == pytest.approx([1.0, 1.0, 1.1, 1.2, 1.2])
     assert wear.name(0, 5) == "robot000"

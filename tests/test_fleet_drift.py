@@ -12,7 +12,7 @@ from backdrive.fleet.history import History, date_of, number_of
 from backdrive.fleet.page import write_page
 from backdrive.fleet.population import outliers
 from backdrive.fleet.population_file import Member, Population
-from backdrive.fleet.simulated import Event, SimulatedFleet
+from backdrive.fleet.simulation import Event, FleetSimulation
 
 DAYS = 150
 EVENTS = (
@@ -22,7 +22,7 @@ EVENTS = (
 )
 
 
-def joints_of(fleet: SimulatedFleet, **changes) -> list[History]:
+def joints_of(fleet: FleetSimulation, **changes) -> list[History]:
     day = number_of(fleet.first) + np.arange(float(fleet.days))
     return [
         History(
@@ -36,7 +36,7 @@ def joints_of(fleet: SimulatedFleet, **changes) -> list[History]:
 
 @pytest.fixture(scope="module")
 def fleet():
-    return SimulatedFleet(robots=40, days=DAYS, events=EVENTS, seed=3)
+    return FleetSimulation(robots=40, days=DAYS, events=EVENTS, seed=3)
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def test_siblings_stand_for_a_thermometer(fleet):
 
 
 def test_without_change_p_values_are_about_uniform():
-    quiet = SimulatedFleet(robots=300, days=120, seed=11)
+    quiet = FleetSimulation(robots=300, days=120, seed=11)
     p = np.array([one.p for one in drifts(joints_of(quiet))])
     assert np.mean(p <= 0.1) < 0.17
     assert np.mean(p <= 0.5) == pytest.approx(0.5, abs=0.1)
@@ -84,7 +84,7 @@ def test_without_change_p_values_are_about_uniform():
 
 
 def test_short_histories_are_not_judged():
-    short = SimulatedFleet(robots=3, days=changes.LEAST - 1)
+    short = FleetSimulation(robots=3, days=changes.LEAST - 1)
     result = drifts(joints_of(short))
     assert not any(np.isfinite(one.p) or one.named for one in result)
     assert "too short" in result[0].sentence
@@ -118,7 +118,7 @@ def test_single_wild_days_are_brought_near():
 
 
 def test_a_robot_unlike_its_siblings_is_named(fleet):
-    joints = joints_of(SimulatedFleet(robots=20, days=30, seed=5))
+    joints = joints_of(FleetSimulation(robots=20, days=30, seed=5))
     assert outliers(joints) == []
     strange = joints[4]
     joints[4] = History(**{**strange.__dict__, "constant": 1.5 * strange.constant})

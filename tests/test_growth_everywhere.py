@@ -178,8 +178,8 @@ def test_what_is_tuned_takes_its_share_of_the_growth():
     friction = joint_friction(Law(rate=RATE, element=HaywardArmstrong(stiffness=1e5), growth=growth))
     assert facts_of(friction, inertia=0.7).growth == growth
     polyline = Polyline(velocity=(0.1, 1.0), positive=(1.0, 2.0), negative=(1.0, 2.0))
-    assert growth.scaled(0.5) == Growth(load_driving=0.05, load_driven=0.01)
-    assert Law(rate=polyline, growth=growth.scaled(0.5)).torque(0.1, load=20.0) == pytest.approx(2.0)
+    assert growth.scale(0.5) == Growth(load_driving=0.05, load_driven=0.01)
+    assert Law(rate=polyline, growth=growth.scale(0.5)).torque(0.1, load=20.0) == pytest.approx(2.0)
 
 
 def test_the_plant_itself_moves_by_the_growth(plant):

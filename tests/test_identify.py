@@ -9,7 +9,7 @@ from _synthetic import any_motion, constant_runs
 from backdrive import Joint, Log, identify
 from backdrive.errors import InvalidInput, NotIdentifiable, UnhealthyLog, UnknownName
 from backdrive.identification import validate
-from backdrive.identification.options import planned
+from backdrive.identification.options import attach_plan
 from backdrive.logs.log import Source
 from backdrive.logs.readers import read_log
 from backdrive.plans import InTurn, Sweep
@@ -143,11 +143,11 @@ def test_a_file_is_fitted_once_and_its_parts_each(tmp_path):
 def test_one_plan_for_all_logs_or_one_each():
     log = any_motion(dry, seconds=2.0)
     plans = [Sweep(0.3, 1.0, 4, center=c) for c in (0.0, 1.0)]
-    assert [one.plan.center for one in planned([log, log], plans)] == [0.0, 1.0]
-    assert [one.plan.center for one in planned([log, log], plans[1])] == [1.0, 1.0]
-    assert planned([log], None) == [log]
+    assert [one.plan.center for one in attach_plan([log, log], plans)] == [0.0, 1.0]
+    assert [one.plan.center for one in attach_plan([log, log], plans[1])] == [1.0, 1.0]
+    assert attach_plan([log], None) == [log]
     with pytest.raises(InvalidInput, match="2 plans for 3 logs"):
-        planned([log] * 3, plans)
+        attach_plan([log] * 3, plans)
 
 
 @pytest.mark.parametrize(

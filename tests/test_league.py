@@ -10,8 +10,8 @@ from backdrive.thesis import _league_joints as joints_
 from backdrive.thesis import league
 from backdrive.thesis._league_claims import claims_of
 from backdrive.thesis._league_methods import METHODS
-from backdrive.thesis._league_tiers import holm, paired, reversals, tiers
-from backdrive.thesis.league_estimators import judged, models, recorded
+from backdrive.thesis._league_tiers import holm, reversals, t_test, tiers
+from backdrive.thesis.league_estimators import models, record_logs, score_estimator
 
 
 @pytest.fixture(scope="module")
@@ -37,10 +37,10 @@ def test_every_method_makes_a_compensator_for_every_joint():
 
 def test_a_compensated_joint_needs_less_force_and_scores_repeat(setup_a):
     by_name = {method.name: method for method in METHODS}
-    bare = league.judged(setup_a, by_name["NC"], [{}], joints_.NOMINAL, 0)[0]
+    bare = league.score(setup_a, by_name["NC"], [{}], joints_.NOMINAL, 0)[0]
     z = {"share": 0.8, "stiffness": 0.4, "decay": 20.0}
-    p = league.judged(setup_a, by_name["P"], [z], joints_.NOMINAL, 0)[0]
-    assert league.judged(setup_a, by_name["P"], [z], joints_.NOMINAL, 0)[0] == p
+    p = league.score(setup_a, by_name["P"], [z], joints_.NOMINAL, 0)[0]
+    assert league.score(setup_a, by_name["P"], [z], joints_.NOMINAL, 0)[0] == p
     assert p["stiff_rms"] < 0.85 * bare["stiff_rms"]
     assert costs_.cost(setup_a, bare, bare) == pytest.approx(1.0, abs=0.01)
     assert costs_.cost(setup_a, p, bare) < 0.95
@@ -49,11 +49,11 @@ def test_a_compensated_joint_needs_less_force_and_scores_repeat(setup_a):
 
 
 def test_a_friction_model_lowers_the_error_of_the_estimate(setup_a):
-    logs = recorded(setup_a, 0)
+    logs = record_logs(setup_a, 0)
     errors = {}
     for name in ("none", "algFE"):
         estimator = ExternalForce(inertia=setup_a.truth.inertia, friction=models(setup_a)[name])
-        errors[name] = judged(setup_a, estimator, *logs)
+        errors[name] = score_estimator(setup_a, estimator, *logs)
     assert errors["algFE"]["rms"] < 0.6 * errors["none"]["rms"]
     assert errors["algFE"]["false"] < errors["none"]["false"]
 
@@ -143,6 +143,6 @@ def test_tiers_hold_ties_and_reversals_are_seen():
         "c": seeds + 5.0 + 0.1 * rng.standard_normal(10),
     }
     assert tiers(one) == [sorted(("a", "b"), key=lambda n: one[n].mean()), ["c"]]
-    assert paired(one["a"], one["c"]) == pytest.approx(ttest_rel(one["a"], one["c"]).pvalue)
+    assert t_test(one["a"], one["c"]) == pytest.approx(ttest_rel(one["a"], one["c"]).pvalue)
     assert reversals(one, one) == []
     assert ("a", "c") in reversals(one, one | {"c": seeds - 5.0 + 0.1 * rng.standard_normal(10)})

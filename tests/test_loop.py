@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from _loops import Bench, guarded
-from backdrive.control import Admittance, JointLoop, Loop, Unguarded, torque_limit
+from backdrive.control import Admittance, BareLoop, JointLoop, Loop, torque_limit
 from backdrive.control.admittance import tick as admit
 from backdrive.control.compensators import (
     Dither,
@@ -199,7 +199,7 @@ def test_a_nan_beside_the_readings_is_survived(where):
 @pytest.mark.parametrize("name", sorted(ELEMENT_EXAMPLES))
 def test_every_law_survives_readings_beyond_all_measure(name):
     law = Law(rate=RATE_EXAMPLES["stribeck-gauss"], element=ELEMENT_EXAMPLES[name])
-    joint = Unguarded(compensator=by_law(law), external=ExternalForce(inertia=1.0, method="extended"))
+    joint = BareLoop(compensator=by_law(law), external=ExternalForce(inertia=1.0, method="extended"))
     loop = Bench(joint, interval=T)
     for q in (0.0, 1e308, -1e308, 1e308, np.inf, 0.0, 1e-3, 0.0):
         loop.update(np.array([q]), np.zeros(1))
@@ -320,7 +320,7 @@ def test_estimates_stay_calm_over_missing_and_uneven_ticks(method):
     """A free mass under a constant force, read at uneven times, with holes: no estimate runs away."""
     rng = np.random.default_rng(1)
     external = ExternalForce(inertia=2.0, method=method, bandwidth=60.0, encoder_count=1e-6)
-    loop, t, out = Bench(Unguarded(external=external), interval=T), 0.0, []
+    loop, t, out = Bench(BareLoop(external=external), interval=T), 0.0, []
     for k in range(1500 if JIT else 100):
         dt = T * rng.choice([1.0, 1.0, 1.0, 0.6, 2.0, 5.0])
         t += dt

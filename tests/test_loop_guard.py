@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from _loops import guarded
-from backdrive.control import JointLoop, Loop, Unguarded, envelope, torque_limit
+from backdrive.control import BareLoop, JointLoop, Loop, envelope, torque_limit
 from backdrive.control.compensators import (
     Compensator,
     Dither,
@@ -144,7 +144,7 @@ def test_a_loop_of_nothing_or_without_guards_is_refused():
     with pytest.raises(InvalidInput, match="no joint"):
         Loop([], interval=T)
     with pytest.raises(InvalidInput, match="no limits"):
-        Loop([JointLoop(**GOOD), Unguarded(compensator=FC)], interval=T)
+        Loop([JointLoop(**GOOD), BareLoop(compensator=FC)], interval=T)
 
 
 def test_a_slow_period_needs_a_finer_encoder_or_less():

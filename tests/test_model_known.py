@@ -117,7 +117,7 @@ def test_limits_are_those_of_the_description(tmp_path):
 
 def test_an_open_drive_has_a_gain_and_a_limit():
     from backdrive.engine import Axis, DriveModel
-    from backdrive.identification.dynamic.given_drive import actuator_of
+    from backdrive.identification.dynamic.motion_task import actuator_of
     from backdrive.laws import Coulomb, Law
 
     law = Law(rate=Coulomb(coulomb=1.0))

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import toeplitz
 
 from backdrive.identification import noise
-from backdrive.identification.noise import Noise, noise_of, tapered
+from backdrive.identification.noise import Noise, noise_of, taper
 from backdrive.identification.signals import prepare
 from backdrive.identification.sweep import sweep_knots
 from backdrive.identification.sweep_delay import sweep_delay
@@ -39,7 +39,7 @@ def test_what_a_fit_takes_from_the_products_is_that_of_the_projected_matrix(degr
     P = np.eye(40) - Q @ Q.T
     missing = matrix(40) - P @ matrix(40) @ P
     expected = [np.trace(missing, lag) for lag in range(12)]
-    assert noise._lost(Q, noise._products(Q, Q, 12), RHO) == pytest.approx(expected, abs=1e-12)
+    assert noise._fit_loss(Q, noise._products(Q, Q, 12), RHO) == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("weights", [np.ones(1), np.array([1.0, 0.6, 0.2]), np.array([1.0, -0.5])])
@@ -60,8 +60,8 @@ def test_the_error_of_a_mean_is_that_of_a_moving_average_process(weights):
 def test_weights_are_one_as_far_as_a_correlation_is_seen_and_fall_from_there():
     seen = np.array([1.0, 0.5, 0.3, 0.0, 0.4] + [0.001] * 30)
     wanted = np.array([1.0, 0.5, 0.3, 0.0, 0.4, 0.001 * 0.75, 0.001 * 0.5, 0.001 * 0.25])
-    assert tapered(seen, 10_000) == pytest.approx(wanted)
-    assert tapered(np.array([1.0] + [0.001] * 30), 10_000) == pytest.approx([1.0])
+    assert taper(seen, 10_000) == pytest.approx(wanted)
+    assert taper(np.array([1.0] + [0.001] * 30), 10_000) == pytest.approx([1.0])
 
 
 def test_noise_without_a_size_and_runs_of_a_few_samples_do_no_harm():

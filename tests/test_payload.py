@@ -17,7 +17,12 @@ from backdrive.external import estimate_payload
 from backdrive.identification.arm import identify_arm
 from backdrive.identification.arm_physical import possible, standard_parameters
 from backdrive.identification.arm_solve import spread_of
-from backdrive.identification.pseudo_inertia import about_center, moved, of_pseudo_inertia, pseudo_inertia
+from backdrive.identification.pseudo_inertia import (
+    about_center,
+    frame_change,
+    of_pseudo_inertia,
+    pseudo_inertia,
+)
 from backdrive.model import FrictionModel
 from backdrive.robot import parse_robot
 
@@ -254,7 +259,7 @@ def test_a_pseudo_inertia_is_that_of_points():
     G[:3, :3], G[:3, 3] = np.linalg.qr(random.standard_normal((3, 3)))[0], random.standard_normal(3)
     if np.linalg.det(G[:3, :3]) < 0:
         G[:3, 0] *= -1
-    assert moved(G) @ here == pytest.approx(parameters(points @ G[:3, :3].T + G[:3, 3]))
+    assert frame_change(G) @ here == pytest.approx(parameters(points @ G[:3, :3].T + G[:3, 3]))
     middle = masses @ points / masses.sum()
     central = parameters(points - middle)
     assert about_center(here)[0, 1] == pytest.approx(central[5]) and about_center(here)[

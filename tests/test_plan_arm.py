@@ -1,4 +1,4 @@
-"""Tests for plans/arm*.py, identification/arm_expected.py and `backdrive plan arm`: a motion for a whole arm."""
+"""Tests for plans/arm*.py, identification/arm_forecast.py and `backdrive plan arm`: a motion for a whole arm."""
 
 import json
 from dataclasses import replace
@@ -9,7 +9,7 @@ import pytest
 from _commands import called
 from backdrive.errors import InvalidInput, ReadError, UnknownName
 from backdrive.identification.arm import identify_arm
-from backdrive.identification.arm_expected import expected_errors, signals_of
+from backdrive.identification.arm_forecast import forecast_errors, signals_of
 from backdrive.logs.log import Joint, Log
 from backdrive.plans import ArmPlan, load_plan, plan_from_dict, plan_of, plan_to_dict
 from backdrive.plans import arm_search as search
@@ -218,7 +218,7 @@ def test_expected_errors_are_those_that_a_fit_of_white_noise_states(urdf):
         periods=4,
         noise=(0.2, 0.15, 0.1),
     )
-    expected = expected_errors([signals_of(plan, robot)], robot, np.array(plan.noise), np.ones(3))
+    expected = forecast_errors([signals_of(plan, robot)], robot, np.array(plan.noise), np.ones(3))
     t = np.arange(0.0, plan.duration, 0.005)
     q, dq, ddq = plan.position(t), plan.velocity(t), plan.acceleration(t)
     tau = robot.inverse_dynamics(q, dq, ddq) + 1.5 * np.sign(dq) + 0.5 * dq + 0.02 * ddq

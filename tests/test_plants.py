@@ -5,7 +5,7 @@ from backdrive.engine import axis as plant
 from backdrive.errors import InvalidInput, UnknownName
 from backdrive.laws import CoulombViscous, Law
 from backdrive.plans import Sweep, TorqueRamp
-from backdrive.simulation import MACHINES, Servo, SimulatedJoint, machine
+from backdrive.simulation import MACHINES, JointSimulation, Servo, machine
 from backdrive.simulation.closed_loop import Scene, prepare
 from backdrive.simulation.hand import still
 from backdrive.simulation.kernel import COLUMNS, run
@@ -32,7 +32,7 @@ def constant(torque, n):
 
 
 def test_a_frictionless_pendulum_keeps_its_energy():
-    joint = SimulatedJoint(name="j", law=FREE, motor_inertia=0.4, load_inertia=1.2, gravity_cos=30.0)
+    joint = JointSimulation(name="j", law=FREE, motor_inertia=0.4, load_inertia=1.2, gravity_cos=30.0)
     states = advance(joint, [1.0, 0.0, 1.0, 0.0, 0.0], 0.0, 5e-4, 8000)
     energy = 0.5 * 1.6 * states[:, 1] ** 2 + 30.0 * np.sin(states[:, 0])
     assert np.ptp(states[:, 0]) > 4.0
@@ -41,7 +41,7 @@ def test_a_frictionless_pendulum_keeps_its_energy():
 
 def test_two_masses_swing_at_their_own_frequency_and_keep_their_energy():
     M, L, K = 0.3, 1.3, 1e4
-    joint = SimulatedJoint(name="j", law=FREE, motor_inertia=M, load_inertia=L, stiffness=K)
+    joint = JointSimulation(name="j", law=FREE, motor_inertia=M, load_inertia=L, stiffness=K)
     h = 1e-5
     p, w, q, v, _ = advance(joint, [L / (M + L) * 1e-3, 0, -M / (M + L) * 1e-3, 0, 0], 0.0, h, 20000).T
     expected = np.sqrt(K * (1 / M + 1 / L))
@@ -52,7 +52,7 @@ def test_two_masses_swing_at_their_own_frequency_and_keep_their_energy():
 
 
 def test_damping_of_the_transmission_dissipates_only():
-    joint = SimulatedJoint(
+    joint = JointSimulation(
         name="j", law=FREE, motor_inertia=0.3, load_inertia=1.3, stiffness=1e4, damping=5.0
     )
     p, w, q, v, _ = advance(joint, [1e-3, 0, -1e-3, 0, 0], 0.0, 1e-4, 20000).T
@@ -62,7 +62,7 @@ def test_damping_of_the_transmission_dissipates_only():
 
 
 def test_a_held_mass_rests_exactly():
-    joint = SimulatedJoint(name="j", law=DRY, motor_inertia=0.3, load_inertia=1.3, gravity_cos=5.0)
+    joint = JointSimulation(name="j", law=DRY, motor_inertia=0.3, load_inertia=1.3, gravity_cos=5.0)
     start = joint.at_rest(0.2)
     states = advance(joint, start, 0.0, 5e-4, 2000)
     assert np.all(states[:, :4] == start[:4])
@@ -74,14 +74,14 @@ def test_a_held_mass_rests_exactly():
 
 @pytest.mark.parametrize(("u", "breaks"), [(8.999, False), (9.001, True), (-5.999, False), (-6.001, True)])
 def test_it_breaks_away_at_the_coulomb_torque_of_the_direction(u, breaks):
-    joint = SimulatedJoint(name="j", law=DRY, motor_inertia=1.6)
+    joint = JointSimulation(name="j", law=DRY, motor_inertia=1.6)
     out, _ = drive(joint, constant(u, 200), closed=False)
     assert (out[-1, 2] != 0.0) == breaks
     assert out[-1, 2] * u >= 0.0
 
 
 def test_a_sliding_mass_stops_where_it_must_and_does_not_chatter():
-    joint = SimulatedJoint(name="j", law=DRY, motor_inertia=1.5)
+    joint = JointSimulation(name="j", law=DRY, motor_inertia=1.5)
     states = advance(joint, [0.0, 2.0, 0.0, 2.0, 0.0], 0.0, 1e-4, 6000)
     stops = 2.0 / (9.0 / 1.5)
     after = states[int(stops / 1e-4) + 2 :]
@@ -96,7 +96,7 @@ def test_terminal_velocity_under_viscous_friction():
             coulomb_positive=3.0, coulomb_negative=2.0, viscous_positive=4.0, viscous_negative=5.0
         )
     )
-    joint = SimulatedJoint(name="j", law=law, motor_inertia=0.5)
+    joint = JointSimulation(name="j", law=law, motor_inertia=0.5)
     for u, expected in ((7.0, 1.0), (-7.0, -1.0)):
         out, _ = drive(joint, constant(u, 5000), closed=False)
         assert out[-1, 2] == pytest.approx(expected, rel=1e-9)
@@ -105,7 +105,7 @@ def test_terminal_velocity_under_viscous_friction():
 @pytest.mark.parametrize("stiffness", [np.inf, 1e5])
 def test_friction_grows_with_the_transmitted_load(stiffness):
     """The bound is F + mu g, where the transmission carries gravity g."""
-    joint = SimulatedJoint(
+    joint = JointSimulation(
         name="j",
         law=DRY,
         motor_inertia=0.3,
@@ -121,7 +121,7 @@ def test_friction_grows_with_the_transmitted_load(stiffness):
 
 
 def test_friction_on_the_load_lets_the_encoder_see_the_transmission_yield():
-    joint = SimulatedJoint(
+    joint = JointSimulation(
         name="j",
         law=DRY,
         motor_inertia=0.06,
@@ -139,7 +139,7 @@ def test_friction_on_the_load_lets_the_encoder_see_the_transmission_yield():
 
 @pytest.mark.parametrize("delay", [0.0, 0.3e-3, 1e-3, 2.5e-3])
 def test_the_torque_comes_late_by_the_delay(delay):
-    joint = SimulatedJoint(name="j", law=FREE, motor_inertia=2.0, delay=delay)
+    joint = JointSimulation(name="j", law=FREE, motor_inertia=2.0, delay=delay)
     target = constant(0.0, 40)
     target[10:] = 6.0, 0.0
     out, _ = drive(joint, target, closed=False)
@@ -280,7 +280,7 @@ def test_the_bent_curve_bends():
     ],
 )
 def test_bad_values_are_named(change):
-    with pytest.raises(InvalidInput, match="SimulatedJoint 'joint_1'"):
+    with pytest.raises(InvalidInput, match="JointSimulation 'joint_1'"):
         joint_1().replace(**change)
 
 

@@ -57,7 +57,7 @@ def test_setup_a_hides_its_presliding_below_one_count():
 def test_no_motion_up_to_6_newton_at_5_micrometres_is_the_thesis_stiffness():
     torque = np.concatenate([np.zeros(200), np.linspace(0.0, 6.0, 3000)])
     found = presliding([ramp_log(torque, np.zeros(torque.size), count=5e-6)], 0)
-    assert not found.resolved
+    assert not found.is_resolved
     assert found.bound == pytest.approx(1.2e6, rel=2e-3)
 
 

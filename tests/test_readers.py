@@ -14,11 +14,11 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "evidence"))
 from _log_files import NAMES, WRITERS, motion, write_bag, write_mcap
 
 from backdrive.errors import (
+    IncompleteFile,
     InvalidInput,
     MappingError,
     MissingExtra,
     ReadError,
-    TruncatedFile,
     UnhealthyLog,
     UnknownFormat,
     UnknownName,
@@ -569,7 +569,7 @@ def test_a_cut_mcap_gives_every_complete_chunk(tmp_path, variant):
         assert np.array_equal(log.position, motion(400)["position"][:expected])
         assert any(f"the {expected} joint states in the complete chunks" in note for note in log.notes)
     path.write_bytes(whole[:300])
-    with pytest.raises(TruncatedFile, match="before its first complete joint state"):
+    with pytest.raises(IncompleteFile, match="before its first complete joint state"):
         read_log(path)
 
 
@@ -592,7 +592,7 @@ def test_a_cut_bag_of_ros_one_gives_its_complete_chunks(tmp_path, monkeypatch):
     log = read_log(path)
     assert len(log) == 40
     path.write_bytes(whole[: len(whole) // 3])
-    with pytest.raises(TruncatedFile, match="before its first complete joint state"):
+    with pytest.raises(IncompleteFile, match="before its first complete joint state"):
         read_log(path)
 
 

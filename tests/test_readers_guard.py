@@ -22,16 +22,16 @@ from backdrive.errors import (
     BackdriveError,
     FileTooLarge,
     ForbiddenContent,
+    IncompleteFile,
     MappingError,
-    ReaderCrashed,
+    ReaderCrash,
     ReadError,
     ReaderTimeout,
-    TruncatedFile,
 )
 from backdrive.logs.readers import guard as guard_module
 from backdrive.logs.readers import peek, read_columns, read_log
 from backdrive.logs.readers.columns import Columns, ReadOptions, frames, plain, unframe
-from backdrive.logs.readers.guard import Guard, shared
+from backdrive.logs.readers.guard import Guard, default_guard
 from backdrive.logs.readers.limits import MIB, Limits
 
 SMALL = Limits(max_bytes=MIB)
@@ -88,7 +88,7 @@ def test_a_child_that_dies_at_work_is_a_typed_error_and_is_replaced(log_file, sl
         pid = guard.pid
         killer = threading.Timer(0.1, os.kill, (pid, signal.SIGSEGV))
         killer.start()
-        with pytest.raises(ReaderCrashed, match="SIGSEGV"):
+        with pytest.raises(ReaderCrash, match="SIGSEGV"):
             guard.read(slow_file, "json_", ReadOptions(), size=slow_file.stat().st_size)
         killer.join()
         assert guard.read(log_file, "npz", ReadOptions(), size=1000).arrays
@@ -138,12 +138,12 @@ def test_a_child_that_hangs_ends_though_its_parent_was_killed(tmp_path):
     os.mkfifo(tmp_path / "never.json")
     text = (
         "import sys\n"
-        "from backdrive.logs.readers.guard import shared\n"
+        "from backdrive.logs.readers.guard import default_guard\n"
         "from backdrive.logs.readers.columns import ReadOptions\n"
         "from backdrive.logs.readers.limits import Limits\n"
-        "shared().start()\n"
-        "print(shared().pid, flush=True)\n"
-        "shared().read(sys.argv[1], 'json_', ReadOptions(limits=Limits(max_seconds=0.7)), size=0)\n"
+        "default_guard().start()\n"
+        "print(default_guard().pid, flush=True)\n"
+        "default_guard().read(sys.argv[1], 'json_', ReadOptions(limits=Limits(max_seconds=0.7)), size=0)\n"
     )
     with script(text, str(tmp_path / "never.json")) as process:
         pid = int(process.stdout.readline())
@@ -201,7 +201,7 @@ import signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # though it may be ignored here
 from backdrive.logs.readers import guard, read_log
 read_log(sys.argv[1])
-print(guard.shared().pid, flush=True)
+print(guard.default_guard().pid, flush=True)
 """
 
 
@@ -233,7 +233,7 @@ def test_a_fork_gets_a_child_of_its_own(log_file):
         "import os\n"
         "pid = os.fork()\n"
         "read_log(sys.argv[1])\n"
-        "print(guard.shared().pid, flush=True)\n"
+        "print(guard.default_guard().pid, flush=True)\n"
         "if pid: sys.exit(os.waitpid(pid, 0)[1])\n"
     )
     process = script(text, str(log_file))
@@ -334,7 +334,7 @@ GOOD = {"arrays": [["a", "<f8", [1]]], "units": {}, "joints": [], "channels": {}
     ],
 )
 def test_a_hostile_answer_is_not_believed(change):
-    with pytest.raises(ReaderCrashed, match="not a log"):
+    with pytest.raises(ReaderCrash, match="not a log"):
         unframe({**GOOD, **change}, lambda view: None, Limits())
 
 
@@ -539,11 +539,11 @@ def test_truncated_means_truncated(tmp_path):
         path.write_bytes(path.read_bytes()[: 600 if name == "mat" else int(0.4 * path.stat().st_size)])
         try:
             log = read_log(path)
-        except TruncatedFile:
+        except IncompleteFile:
             continue
         assert name == "mcap"  # gives what it can
         assert any("cut or damaged" in note for note in log.notes)
 
 
 def test_the_shared_guard_is_one():
-    assert shared() is shared()
+    assert default_guard() is default_guard()

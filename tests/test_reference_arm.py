@@ -346,7 +346,7 @@ def test_a_bounded_minimum_is_the_best_of_all_sets_of_active_bounds():
             np.where([True, False, True, False], 0.0, -np.inf),
             np.where(np.arange(4) == 3, 0.4 * abs(free[3]), np.inf),
         )
-        got = arm_solve._bounded(gram, moment, low, high)
+        got = arm_solve._minimise_within(gram, moment, low, high)
         best, cost = None, np.inf
         for code in range(3**4):
             held = [(code // 3**i) % 3 for i in range(4)]
@@ -473,18 +473,22 @@ def test_correlated_residuals_count_for_less():
     lags = 20  # two seconds at 10 Hz
     c = [float(error[: 400 - k] @ error[k:]) for k in range(lags + 1)]
     expected = 1.0 + 2.0 * sum((1.0 - k / (lags + 1.0)) * c[k] / c[0] for k in range(1, lags + 1))
-    assert arm_solve.correlated(error, 10.0) == pytest.approx(expected, rel=1e-9)
-    assert arm_solve.correlated(np.tile([1.0, -1.0], 50), 10.0) == 1.0
-    assert arm_solve.correlated(np.zeros(50), 10.0) == 1.0
+    assert arm_solve.correlation_length(error, 10.0) == pytest.approx(expected, rel=1e-9)
+    assert arm_solve.correlation_length(np.tile([1.0, -1.0], 50), 10.0) == 1.0
+    assert arm_solve.correlation_length(np.zeros(50), 10.0) == 1.0
     to_and_fro = np.tile([1.0, -0.1], 50)  # neighbours disagree, and what is two apart agrees
     c = [float(to_and_fro[: 100 - k] @ to_and_fro[k:]) for k in range(21)]
     expected = 1.0 + 2.0 * sum((1.0 - k / 21.0) * c[k] / c[0] for k in range(1, 21))
-    assert arm_solve.correlated(to_and_fro, 10.0) == pytest.approx(expected) and expected > 2.0 and c[1] < 0.0
+    assert (
+        arm_solve.correlation_length(to_and_fro, 10.0) == pytest.approx(expected)
+        and expected > 2.0
+        and c[1] < 0.0
+    )
     few = np.array([1.0, 2.0, 1.0, 0.5])
     short = 1.0 + 2.0 * sum((1.0 - k / 4.0) * (few[: 4 - k] @ few[k:]) / (few @ few) for k in range(1, 4))
-    assert arm_solve.correlated(few, 10.0) == pytest.approx(short) and short > 1.5
+    assert arm_solve.correlation_length(few, 10.0) == pytest.approx(short) and short > 1.5
     slow = np.array([1.0, 1.0, 1.0, 0.5, 0.2])
-    assert arm_solve.correlated(slow, 0.1) == pytest.approx(
+    assert arm_solve.correlation_length(slow, 0.1) == pytest.approx(
         1.0 + 2.0 * 0.5 * (slow[:-1] @ slow[1:]) / (slow @ slow)
     )
     assert arm_solve._noise(np.array([1.0, -2.0, 3.0, 50.0]), np.array([1.0, 1, 1, 0]), 7.0) == pytest.approx(

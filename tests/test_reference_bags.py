@@ -12,9 +12,9 @@ from _joint_states import STATE, state
 from backdrive.errors import (
     FileTooLarge,
     ForbiddenContent,
+    IncompleteFile,
     MappingError,
     ReadError,
-    TruncatedFile,
     UnknownFormat,
 )
 from backdrive.logs.readers import bag, db3
@@ -362,7 +362,7 @@ def test_where_and_why_a_ros_1_bag_ends_early(tmp_path):
     )
     got = bag.read(ros(path, first, entry(b"xx", op=b"\4") + struct.pack("<I", 0), index=False), OPTIONS)
     assert got.arrays["time"].size == 2 and "an incomplete record" in got.notes[0]
-    with pytest.raises(TruncatedFile, match=rf"byte {at - len(first)} of \d+, before its first"):
+    with pytest.raises(IncompleteFile, match=rf"byte {at - len(first)} of \d+, before its first"):
         bag.read(ros(path, first[:-1], index=False), OPTIONS)
 
 
@@ -434,7 +434,7 @@ def test_databases_that_are_refused(tmp_path):
         with pytest.raises(ReadError, match="not a ROS 2 bag"):
             db3.read(str(path), OPTIONS)
     path.write_bytes(b"SQLite format 3\0" + b"\xff" * 2000)
-    with pytest.raises(TruncatedFile, match="The database is damaged"):
+    with pytest.raises(IncompleteFile, match="The database is damaged"):
         db3.read(str(path), OPTIONS)
     good = base_of(tmp_path / "b.db3", [JOINTS], rows(3))
     got = db3.read(good, ReadOptions(parts=(str(path), good)))

@@ -194,9 +194,9 @@ def test_columns_are_told_the_longest_first_and_sixty_at_most():
     columns = Columns(
         arrays={"k": np.ones(1), "q": np.ones((2, 9)), "x" * 90: np.ones(5)}, units={"q": "deg"}
     )
-    assert _channels.described(columns) == f"q 2x9 [deg], {'x' * 80} 5, k 1"
+    assert _channels.describe(columns) == f"q 2x9 [deg], {'x' * 80} 5, k 1"
     for count, more in ((60, ""), (61, " and 1 more"), (75, " and 15 more")):
-        text = _channels.described(Columns(arrays={f"c{i}": np.ones(3) for i in range(count)}))
+        text = _channels.describe(Columns(arrays={f"c{i}": np.ones(3) for i in range(count)}))
         assert text == ", ".join(f"c{i} 3" for i in range(60)) + more
 
 

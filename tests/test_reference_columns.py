@@ -7,7 +7,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from backdrive.errors import ForbiddenContent, MappingError, ReadError, TruncatedFile, UnknownFormat
+from backdrive.errors import ForbiddenContent, IncompleteFile, MappingError, ReadError, UnknownFormat
 from backdrive.logs.readers import (
     _channels,
     _formats,
@@ -62,7 +62,7 @@ def test_json_lists_nested_and_odd(tmp_path):
 
 def test_json_that_is_cut_is_told_from_json_that_is_none(tmp_path):
     for text in ('{"t": [0, 1', '{"t": [0, 1], ', '[{"t": 1}, {"t"', "{"):
-        with pytest.raises(TruncatedFile):
+        with pytest.raises(IncompleteFile):
             read_json(tmp_path, text)
     for text in (
         '{"t": [0, oops, 2], "q": [1, 2, 3]}',
@@ -77,7 +77,7 @@ def test_json_that_is_cut_is_told_from_json_that_is_none(tmp_path):
     ):
         with pytest.raises(ReadError) as refused:
             read_json(tmp_path, text)
-        assert not isinstance(refused.value, TruncatedFile), text
+        assert not isinstance(refused.value, IncompleteFile), text
 
 
 def test_a_log_of_bam_by_its_definitions(tmp_path):
@@ -182,7 +182,7 @@ def test_archives_of_numpy(tmp_path):
     np.savez(path, a=np.array([{}], dtype=object))
     with pytest.raises(ForbiddenContent, match="pickled"):
         npz.read(str(path), OPTIONS)
-    for shape, raw, error in (((4,), 3, TruncatedFile), ((4,), 5, None), ((100,), 4, ReadError)):
+    for shape, raw, error in (((4,), 3, IncompleteFile), ((4,), 5, None), ((100,), 4, ReadError)):
         stream = npz.np.lib.format
         with zipfile.ZipFile(path, "w") as archive, archive.open("a.npy", "w") as member:
             stream.write_array_header_1_0(member, {"descr": "<f8", "fortran_order": False, "shape": shape})
@@ -224,7 +224,7 @@ def test_variables_of_matlab(tmp_path):
                 with pytest.raises(ReadError):
                     mat.read(str(path), ReadOptions(limits=limits))
         path.write_bytes(whole[:-30])
-        with pytest.raises(TruncatedFile, match="declares"):
+        with pytest.raises(IncompleteFile, match="declares"):
             mat.read(str(path), OPTIONS)
     path.write_bytes(b"MATLAB 4" + b"\0" * 600)
     with pytest.raises(ReadError, match="version 5"):
@@ -328,11 +328,11 @@ def test_clocks_that_count_from_1970_become_seconds(start, step, seconds):
 
 
 def test_arrays_are_turned_so_that_time_comes_first():
-    assert _channels.oriented(np.zeros(5), 5).shape == (5, 1) and _channels.oriented(np.zeros(4), 5) is None
-    assert _channels.oriented(np.zeros((5, 2)), 5).shape == (5, 2) and _channels.oriented(
+    assert _channels.orient(np.zeros(5), 5).shape == (5, 1) and _channels.orient(np.zeros(4), 5) is None
+    assert _channels.orient(np.zeros((5, 2)), 5).shape == (5, 2) and _channels.orient(
         np.zeros((2, 5)), 5
     ).shape == (5, 2)
-    assert _channels.oriented(np.zeros((2, 3)), 5) is None
+    assert _channels.orient(np.zeros((2, 3)), 5) is None
     for shape, n, joints in (
         ((5,), 5, 1),
         ((4,), 5, 0),

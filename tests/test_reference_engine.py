@@ -210,7 +210,7 @@ def test_the_servo_tick_by_tick():
         got = servo_tick(g, 1, s, DT, r, (r - before) / DT, q, 6.0)
         assert got == pytest.approx(drive.torque(r, q, 0.0, DT), rel=1e-9, abs=1e-12)
         before = r
-    tuned = Servo.tuned(2.0, 30.0, filter_time=1e-3)
+    tuned = Servo.from_bandwidth(2.0, 30.0, filter_time=1e-3)
     assert tuned.gains() == {
         "proportional": 1800.0,
         "derivative": 120.0,

@@ -31,7 +31,7 @@ from backdrive.identification.evidence import curve, evidence
 from backdrive.identification.quality import grade, judge
 from backdrive.identification.ramp import hysteresis_loop as loop
 from backdrive.identification.signals import Signals, prepare
-from backdrive.identification.sweep_knots import clamped
+from backdrive.identification.sweep_knots import polyline_through
 from backdrive.identification.sweep_verdict import _bend, error_of_curve
 from backdrive.identification.sweep_windows import Windows, _grows, turning_points
 from backdrive.identification.terms import unit_of
@@ -634,12 +634,12 @@ def test_speeds_that_grow_by_equal_steps():
     ]
     assert x[turning_points(x, 0.6)].tolist() == [0.0, 1.0, -1.0]
     assert x[turning_points(x, 0.4)] == pytest.approx([0.0, 1.0, 0.45, 0.9, -1.0])
-    assert clamped(np.array([1.0, 2.0]), np.array([3.0, 4.0]), np.array([1.0, 4.0])).velocity == (
+    assert polyline_through(np.array([1.0, 2.0]), np.array([3.0, 4.0]), np.array([1.0, 4.0])).velocity == (
         0.0,
         1.0,
         2.0,
     )
-    cut = clamped(np.array([1.0, 2.0]), np.array([3.0, 4.0]), np.array([1.0, 4.0]))
+    cut = polyline_through(np.array([1.0, 2.0]), np.array([3.0, 4.0]), np.array([1.0, 4.0]))
     assert cut.positive == (2.0, 3.0, 4.0) and cut.negative == (0.0, 1.0, 4.0)
     assert Windows(time=np.zeros((1, 2)), peak=np.ones(1), from_plan=True).warnings == ()
 

@@ -12,9 +12,9 @@ import pytest
 from backdrive.errors import (
     FileTooLarge,
     ForbiddenContent,
+    IncompleteFile,
     MissingExtra,
     ReadError,
-    TruncatedFile,
 )
 from backdrive.logs.log import Drive
 from backdrive.logs.readers import (
@@ -100,7 +100,7 @@ def test_samples_that_lack_something(tmp_path):
 def test_json_that_is_cut_ends_inside_a_value(tmp_path, raw, cut):
     with pytest.raises(ReadError, match="ends inside a value" if cut else "is not JSON") as error:
         of_json(tmp_path, raw)
-    assert isinstance(error.value, TruncatedFile) is cut
+    assert isinstance(error.value, IncompleteFile) is cut
 
 
 def bam(**changes):
@@ -208,7 +208,7 @@ def test_arrays_of_an_archive_are_their_headers_and_bytes(tmp_path):
         "Array 'q' is not one- or two-dimensional numbers and was left out.",
     )
     with pytest.raises(
-        TruncatedFile, match="Array 'q' ends after 40 of 96 bytes"
+        IncompleteFile, match="Array 'q' ends after 40 of 96 bytes"
     ):  # told by the header to hold more
         npz.read(archive(path, q=header_of((12,)) + raw[:40]), OPTIONS)
     for shape in ((-1,), (2, -3)):
@@ -217,14 +217,14 @@ def test_arrays_of_an_archive_are_their_headers_and_bytes(tmp_path):
     with pytest.raises(FileTooLarge, match="claims shape"):
         npz.read(archive(path, q=header_of((30,)) + raw), OPTIONS)
     fits = len(header_of((20,)) + raw) // 8  # the header counts among the bytes that are there
-    with pytest.raises(TruncatedFile):
+    with pytest.raises(IncompleteFile):
         npz.read(archive(path, q=header_of((fits,)) + raw), OPTIONS)
     with zipfile.ZipFile(path, "w") as zipped:
         zipped.writestr("readme.txt", "x")
     with pytest.raises(ReadError, match="no .npy array"):
         npz.read(str(path), OPTIONS)
     path.write_bytes(b"PK\3\4" + b"x" * 50)
-    with pytest.raises(TruncatedFile, match="no directory"):
+    with pytest.raises(IncompleteFile, match="no directory"):
         npz.read(str(path), OPTIONS)
 
 
@@ -245,7 +245,7 @@ def test_archives_are_limited_by_what_they_declare(tmp_path):
     raw = bytearray(archive(path, zipfile.ZIP_STORED, a=one) and path.read_bytes())
     raw[raw.index(b"NUMPY") + 100] ^= 1
     path.write_bytes(raw)
-    with pytest.raises(TruncatedFile, match="Array 'a' is damaged"):
+    with pytest.raises(IncompleteFile, match="Array 'a' is damaged"):
         npz.read(str(path), OPTIONS)
     raw = bytearray(archive(path, zipfile.ZIP_STORED, a=one) and path.read_bytes())
     raw[raw.index(b"PK\1\2") + 8] |= 1  # flag bit 0 of the directory: encrypted
@@ -304,18 +304,18 @@ def test_variables_of_matlab_byte_by_byte(tmp_path):
         whole = mat_file(path, one, two) and path.read_bytes()
         path.write_bytes(whole[:-missing])
         at = 128 + len(one)
-        with pytest.raises(TruncatedFile) as error:
+        with pytest.raises(IncompleteFile) as error:
             mat.read(str(path), OPTIONS)
         assert error.value.message == (
             f"A variable at byte {at} declares {len(two) - 8} bytes, but the file ends after {len(two) - 8 - missing}."
         )
     path.write_bytes((mat_file(path, one, two) and path.read_bytes())[: 128 + len(one) + 5])
-    with pytest.raises(TruncatedFile, match="cut or damaged"):  # less than a tag is left
+    with pytest.raises(IncompleteFile, match="cut or damaged"):  # less than a tag is left
         mat.read(str(path), OPTIONS)
     with pytest.raises(ReadError, match="A compressed variable is damaged"):
         mat.read(mat_file(path, element(15, b"nonsense" * 4)), OPTIONS)
     path.write_bytes(b"MATLAB 5.0 MAT-file".ljust(124) + b"\1\0MI" + struct.pack(">II", 14, 500))
-    with pytest.raises(TruncatedFile, match="byte 128 declares 500 bytes, but the file ends after 0"):
+    with pytest.raises(IncompleteFile, match="byte 128 declares 500 bytes, but the file ends after 0"):
         mat.read(str(path), OPTIONS)
 
 
@@ -447,7 +447,7 @@ def test_hdf5_that_is_cut_or_damaged(tmp_path):
         file["q"] = np.arange(5000.0)
     whole = path.read_bytes()
     path.write_bytes(whole[:-100])
-    with pytest.raises(TruncatedFile, match="The file is cut"):
+    with pytest.raises(IncompleteFile, match="The file is cut"):
         hdf5.read(str(path), OPTIONS)
     path.write_bytes(b"\x89HDF\r\n\x1a\n" + b"\xff" * 300)
     with pytest.raises(ReadError, match="damaged"):
@@ -529,13 +529,13 @@ def test_tables_of_parquet_are_limited_by_their_footer(tmp_path):
     with pytest.raises(FileTooLarge, match="bomb"):
         parquet.read(str(path), limited(ratio_floor=1, max_ratio=0.9 * rows / size))
     path.write_bytes(path.read_bytes()[:-20])
-    with pytest.raises(TruncatedFile, match="The footer cannot be read"):
+    with pytest.raises(IncompleteFile, match="The footer cannot be read"):
         parquet.read(str(path), OPTIONS)
     pq.write_table(pa.table({"a": np.arange(1000.0)}), path, use_dictionary=False)
     raw = bytearray(path.read_bytes())
     raw[30:600] = b"\xff" * 570
     path.write_bytes(raw)
-    with pytest.raises(TruncatedFile, match="A page is damaged"):
+    with pytest.raises(IncompleteFile, match="A page is damaged"):
         parquet.read(str(path), OPTIONS)
 
 

@@ -18,7 +18,7 @@ from backdrive.errors import (
     FileTooLarge,
     ForbiddenContent,
     MissingExtra,
-    ReaderCrashed,
+    ReaderCrash,
     ReadError,
     ReaderTimeout,
     UnknownFormat,
@@ -130,7 +130,7 @@ def test_what_the_parsing_process_says_is_checked():
         [["a", "<c8", [1]]],
         [["a", "<f8", [2], 1]],
     ):
-        with pytest.raises(ReaderCrashed, match="not a log"):
+        with pytest.raises(ReaderCrash, match="not a log"):
             unframed(arrays=odd)
 
 
@@ -207,9 +207,9 @@ def test_folders_hold_logs_of_one_kind_bags_or_nothing(tmp_path):
         (tmp_path / "bags" / name).mkdir(parents=True)
         (tmp_path / "bags" / name / "metadata.yaml").write_text("x")
         (tmp_path / "bags" / name / "x.mcap").write_bytes(b"\x89MCAP0\r\n")
-    from backdrive.logs.readers import _expanded
+    from backdrive.logs.readers import _expand
 
-    assert [p.name for p in _expanded(tmp_path / "bags", None)] == ["r2", "r10"]
+    assert [p.name for p in _expand(tmp_path / "bags", None)] == ["r2", "r10"]
     with pytest.raises(ReadError, match="No log was named"):
         read_logs([])
 
@@ -302,14 +302,14 @@ def test_answers_of_a_child_are_believed_as_far_as_they_can_be(monkeypatch):
     got, one = answered(monkeypatch, READY + f"answer({GOOD!r}, b'\\0' * 8)\n" + stay)
     assert got.arrays["a"].tolist() == [0.0] and one.restarts == 1
     for text, kind, words in (
-        ("answer(b'', length=(1 << 26) + 1)", ReaderCrashed, "answered nonsense"),
-        ("answer(b'nonsense')", ReaderCrashed, "answered nonsense"),
-        ("answer([1])", ReaderCrashed, "answered nonsense"),
-        ("answer(b'[' * 100000)", ReaderCrashed, "answered nonsense"),
-        (READY + "answer({'arrays': 5})", ReaderCrashed, "not a log"),
-        (READY + f"answer({GOOD!r}, b'1234'); sys.exit(3)", ReaderCrashed, "died (exit code 3)"),
-        ("sys.exit(5)", ReaderCrashed, "died (exit code 5)"),
-        ("os.kill(os.getpid(), 11)", ReaderCrashed, "died (SIGSEGV)"),
+        ("answer(b'', length=(1 << 26) + 1)", ReaderCrash, "answered nonsense"),
+        ("answer(b'nonsense')", ReaderCrash, "answered nonsense"),
+        ("answer([1])", ReaderCrash, "answered nonsense"),
+        ("answer(b'[' * 100000)", ReaderCrash, "answered nonsense"),
+        (READY + "answer({'arrays': 5})", ReaderCrash, "not a log"),
+        (READY + f"answer({GOOD!r}, b'1234'); sys.exit(3)", ReaderCrash, "died (exit code 3)"),
+        ("sys.exit(5)", ReaderCrash, "died (exit code 5)"),
+        ("os.kill(os.getpid(), 11)", ReaderCrash, "died (SIGSEGV)"),
     ):
         with pytest.raises(kind) as error:
             answered(monkeypatch, text)
@@ -432,7 +432,7 @@ def test_a_guard_that_is_forgotten_leaves_its_child_alone(monkeypatch):
     assert one.pid not in (None, other.pid) and one.restarts == 3
     one.close()
     monkeypatch.setattr(sys, "executable", "/nonexistent")
-    with pytest.raises(ReaderCrashed, match="cannot be started"):
+    with pytest.raises(ReaderCrash, match="cannot be started"):
         one.start()
 
 

@@ -9,11 +9,11 @@ import pytest
 from _synthetic import any_motion
 from backdrive import Joint, Log, check
 from backdrive.errors import UnhealthyLog
-from backdrive.logs.health import gate, passed, time_slip, torque_sign
+from backdrive.logs.health import gate, screen, time_slip, torque_sign
 from backdrive.logs.health._exam import Exam
 from backdrive.logs.health._jumps import jumps
-from backdrive.logs.health._motion import _gain, _widths, folded, motion, running
-from backdrive.logs.health._runs import frozen_runs
+from backdrive.logs.health._motion import _gain, _widths, motion, normal_equations, running
+from backdrive.logs.health._runs import standstill_runs
 from backdrive.logs.health._survey import survey
 from backdrive.logs.health._velocity_fit import velocity_fit
 from backdrive.logs.resolution import resolution, white_noise
@@ -185,7 +185,7 @@ def test_the_friction_of_a_log_and_its_error_are_a_regression_without_one_fold_a
     assert mean == pytest.approx(power(np.ones(y.size, bool)), rel=1e-6)
     assert error == pytest.approx(np.sqrt(11.0 / 12.0 * np.sum((left - left.mean()) ** 2)), rel=1e-5)
     assert scatter == pytest.approx(y.std(), rel=1e-9)
-    gram, cross, power_ = folded(X, y[:, None], fold)
+    gram, cross, power_ = normal_equations(X, y[:, None], fold)
     assert gram[3] == pytest.approx(X[fold == 3].T @ X[fold == 3])
     assert cross[5][:, 0] == pytest.approx(X[fold == 5].T @ y[fold == 5])
     assert power_[7] == pytest.approx(y[fold == 7] @ y[fold == 7])
@@ -471,7 +471,7 @@ def test_a_torque_with_noise_never_holds_a_value_for_20_samples(length, found):
     q, _, tau = noisy()
     tau[1000 : 1000 + length] = tau[1000]
     log = log_of(4000, position=q, torque=tau)
-    assert [tuple(r) for r in frozen_runs(Exam(log), "torque", 0)] == found
+    assert [tuple(r) for r in standstill_runs(Exam(log), "torque", 0)] == found
     stuck = [f for f in check(log) if f.name == "stuck"]
     assert [f.where.tolist() for f in stuck] == [list(range(a + 1, b)) for a, b in found]
     if found:
@@ -487,7 +487,7 @@ def test_a_position_that_stood_while_the_velocity_went_on():
         if not said:
             x[start : start + length] = q[start : start + length].mean()
             x = np.round(x, 4)
-        got = frozen_runs(Exam(log_of(4000, position=x, velocity=v)), "position", 0)
+        got = standstill_runs(Exam(log_of(4000, position=x, velocity=v)), "position", 0)
         assert bool(got) is said
         if said:
             assert got == [(start, start + length)]
@@ -613,9 +613,11 @@ def test_torque_stands_still_only_where_the_joint_moves():
         still, slow = q.copy(), v.copy()
         still[1000 : 1000 + rest] = still[1000]
         slow[1000 : 1000 + rest] = 0.0
-        at = frozen_runs(Exam(log_of(4000, position=still, torque=tau)), "torque", 0)
+        at = standstill_runs(Exam(log_of(4000, position=still, torque=tau)), "torque", 0)
         assert bool(at) is by_position
-        assert bool(frozen_runs(Exam(log_of(4000, velocity=slow, torque=tau)), "torque", 0)) is by_velocity
+        assert (
+            bool(standstill_runs(Exam(log_of(4000, velocity=slow, torque=tau)), "torque", 0)) is by_velocity
+        )
 
 
 def test_a_velocity_that_stood_while_the_position_left_the_straight_line():
@@ -626,19 +628,19 @@ def test_a_velocity_that_stood_while_the_position_left_the_straight_line():
     ):  # at 9 rad/s^2 the line is left by 5 % of the top speed after 0.03 s
         held = v.copy()
         held[500 : 500 + length] = held[500]
-        assert frozen_runs(Exam(log_of(4000, position=q, velocity=held)), "velocity", 0) == found
+        assert standstill_runs(Exam(log_of(4000, position=q, velocity=held)), "velocity", 0) == found
     level = np.interp(
         1e-3 * np.arange(4000), [0.0, 1.0, 2.0, 4.0], [0.0, 1.0, 1.0, 0.0]
     )  # one speed for a second
     path = np.cumsum(level) * 1e-3
-    assert frozen_runs(Exam(log_of(4000, position=path, velocity=level)), "velocity", 0) == []
+    assert standstill_runs(Exam(log_of(4000, position=path, velocity=level)), "velocity", 0) == []
 
 
 def test_saturation_is_not_frozen_and_a_dead_channel_neither():
     q, _, tau = noisy()
     tau = np.clip(tau, -3.9, 3.9)
-    assert frozen_runs(Exam(log_of(4000, position=q, torque=tau)), "torque", 0) == []
-    assert frozen_runs(Exam(log_of(4000, position=q, torque=np.full(4000, 2.0))), "torque", 0) == []
+    assert standstill_runs(Exam(log_of(4000, position=q, torque=tau)), "torque", 0) == []
+    assert standstill_runs(Exam(log_of(4000, position=q, torque=np.full(4000, 2.0))), "torque", 0) == []
 
 
 def test_a_second_encoder_that_stands_and_a_dead_velocity():
@@ -720,9 +722,9 @@ def test_the_gate_says_what_it_lets_pass():
     with pytest.raises(UnhealthyLog) as stopped:
         gate(log)
     assert "--repair, or --accept nan" in stopped.value.remedy
-    kept, left = passed(log, accept=["nan"])
+    kept, left = screen(log, accept=["nan"])
     assert len(kept) == 4000 and any(note.startswith("Accepted [nan]") for note in kept.notes) and left == []
-    mended, left = passed(log, repair=True)
+    mended, left = screen(log, repair=True)
     assert len(mended) == 3998 and [f.name for f in left] == []
     assert gate(log_of(4000, position=q), repair=True).notes == ()
     as_dict = check(log)[0].to_dict()
@@ -819,7 +821,9 @@ def test_a_rounded_signal_that_stands_and_then_jumps_was_frozen():
     for length, found in ((30, []), (300, [(1500, 1800)])):
         x = tau.copy()
         x[1500 : 1500 + length] = x[1500]
-        got = [r for r in frozen_runs(Exam(log_of(4000, position=np.sin(3.0 * t), torque=x)), "torque", 0)]
+        got = [
+            r for r in standstill_runs(Exam(log_of(4000, position=np.sin(3.0 * t), torque=x)), "torque", 0)
+        ]
         assert [(a, b) for a, b in got if a <= 1500 < b and b >= 1790] == (
             [(got[0][0], got[0][1])] if found else []
         )

@@ -5,7 +5,7 @@ import pytest
 
 from _health import log_of
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._runs import frozen_runs
+from backdrive.logs.health._runs import standstill_runs
 from backdrive.logs.health._velocity_fit import velocity_fit
 from backdrive.logs.resolution import white_noise
 
@@ -126,7 +126,7 @@ def rounded(x, step):
 
 def compare(log, channel, seed):
     wanted = Rules(log).runs(channel)
-    assert frozen_runs(Exam(log), channel, 0) == wanted, seed
+    assert standstill_runs(Exam(log), channel, 0) == wanted, seed
     return len(wanted)
 
 
@@ -360,16 +360,16 @@ def test_a_held_velocity_is_frozen_where_the_position_leaves_its_line(kind):
 def test_a_channel_that_never_changes_and_one_with_holes_are_another_matter():
     t = 1e-3 * np.arange(1000)
     x = np.full(1000, 2.0)
-    assert frozen_runs(Exam(log_of(1000, position=np.sin(t), torque=x)), "torque", 0) == []
+    assert standstill_runs(Exam(log_of(1000, position=np.sin(t), torque=x)), "torque", 0) == []
     x[7] = np.nan
-    assert frozen_runs(Exam(log_of(1000, position=np.sin(t), torque=x)), "torque", 0) == []
+    assert standstill_runs(Exam(log_of(1000, position=np.sin(t), torque=x)), "torque", 0) == []
 
 
 def test_a_torque_that_is_held_where_the_joint_never_moves_is_none_of_its_faults():
     x = np.random.default_rng(1).standard_normal(1000)
     x[500:600] = x[500]
-    assert frozen_runs(Exam(log_of(1000, position=np.full(1000, 0.5), torque=x)), "torque", 0) == []
-    assert frozen_runs(Exam(log_of(1000, position=1e-3 * np.arange(1000), torque=x)), "torque", 0) == [
+    assert standstill_runs(Exam(log_of(1000, position=np.full(1000, 0.5), torque=x)), "torque", 0) == []
+    assert standstill_runs(Exam(log_of(1000, position=1e-3 * np.arange(1000), torque=x)), "torque", 0) == [
         (500, 600)
     ]
 
@@ -381,9 +381,10 @@ def test_of_many_runs_the_two_hundred_longest_are_looked_at():
     for k in range(201):
         x[50 * k + 10 : 50 * k + 30 + (k != 100)] = 5.0
     x[-1] = 9.0  # so that 5 is no limit
-    runs = frozen_runs(Exam(log_of(n, position=np.sin(1e-2 * np.arange(n)), torque=x)), "torque", 0)
+    runs = standstill_runs(Exam(log_of(n, position=np.sin(1e-2 * np.arange(n)), torque=x)), "torque", 0)
     assert runs == [(50 * k + 10, 50 * k + 31) for k in range(201) if k != 100]
     x[50 * 7 + 12] = 4.0
     assert (
-        len(frozen_runs(Exam(log_of(n, position=np.sin(1e-2 * np.arange(n)), torque=x)), "torque", 0)) == 200
+        len(standstill_runs(Exam(log_of(n, position=np.sin(1e-2 * np.arange(n)), torque=x)), "torque", 0))
+        == 200
     )

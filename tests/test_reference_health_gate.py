@@ -11,12 +11,12 @@ from backdrive.logs.health import (
     gate,
     no_friction,
     no_motion,
-    passed,
     plan_mismatch,
+    screen,
     torque_sign,
 )
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Finding, counted, keep_rows, with_columns
+from backdrive.logs.health._finding import Finding, count_of, keep_rows, with_columns
 
 N = 1000
 
@@ -61,7 +61,7 @@ def test_a_finding_lists_a_thousand_rows_and_counts_all():
 
 
 def test_rows_are_kept_by_mask_or_index_and_columns_replaced():
-    log = log_of(5, position=np.arange(10.0).reshape(5, 2), torque=-np.arange(10.0).reshape(5, 2)).noted(
+    log = log_of(5, position=np.arange(10.0).reshape(5, 2), torque=-np.arange(10.0).reshape(5, 2)).with_note(
         "before"
     )
     mask = keep_rows(log, np.array([True, False, True, True, False]), "kept")
@@ -78,7 +78,7 @@ def test_rows_are_kept_by_mask_or_index_and_columns_replaced():
     assert other.position.tolist() == [[0, 7], [2, 7], [4, 7], [6, 7], [8, 7]]
     assert other.torque.tolist() == [[1, -1], [1, -3], [1, -5], [1, -7], [1, -9]]
     assert other.notes == ("before", "a", "b") and log.position[0, 1] == 1.0
-    assert [counted(k, "run") for k in (0, 1, 2)] == ["0 runs", "1 run", "2 runs"]
+    assert [count_of(k, "run") for k in (0, 1, 2)] == ["0 runs", "1 run", "2 runs"]
 
 
 # --------------------------------------------------------------------------------------------- the gate
@@ -86,7 +86,7 @@ def test_rows_are_kept_by_mask_or_index_and_columns_replaced():
 
 def test_the_gate_stops_what_could_be_mended_unless_it_is_asked_to_mend():
     log = moving(torque=with_nan(rough(), [500]))
-    for stop in (gate, passed):
+    for stop in (gate, screen):
         with pytest.raises(UnhealthyLog) as stopped:
             stop(log)
         said = stopped.value.message
@@ -98,7 +98,7 @@ def test_the_gate_stops_what_could_be_mended_unless_it_is_asked_to_mend():
         assert stopped.value.remedy == "Use --repair, or --accept nan to go on regardless."
         (told,) = stopped.value.data["findings"]
         assert (told["name"], told["where"]) == ("nan", [500])
-    assert len(gate(log, repair=True)) == len(passed(log, repair=True)[0]) == 999
+    assert len(gate(log, repair=True)) == len(screen(log, repair=True)[0]) == 999
 
 
 @pytest.mark.parametrize(("joints", "words"), [(4, ""), (5, " And 1 more."), (7, " And 3 more.")])
@@ -138,25 +138,25 @@ def test_what_warns_is_handed_on_unless_it_was_accepted_or_mended():
     tau[400] += 5.0  # worth a word, not twice the range of the others
     time = 1e-3 * np.arange(N)
     time[600:] += 0.1
-    log = log_of(N, time=time, position=np.sin(3.0 * time), torque=tau).noted("read")
+    log = log_of(N, time=time, position=np.sin(3.0 * time), torque=tau).with_note("read")
     assert {f.name: (f.severity, f.repairable) for f in check(log)} == {
         "gaps": ("warn", False),
         "outlier": ("warn", True),
     }
-    kept, left = passed(log)
+    kept, left = screen(log)
     assert kept is log and [f.name for f in left] == ["gaps", "outlier"]
-    kept, left = passed(log, accept=["gaps"])
+    kept, left = screen(log, accept=["gaps"])
     assert kept is log and [f.name for f in left] == ["outlier"]
-    kept, left = passed(log, repair=True)
+    kept, left = screen(log, repair=True)
     assert [f.name for f in left] == ["gaps"] and abs(kept.torque[400, 0]) < 5.0
     assert kept.notes == ("read", "torque of j0: 1 outlier replaced by the mean of the neighbours.")
-    kept, left = passed(log, accept=["outlier"], repair=True)
+    kept, left = screen(log, accept=["outlier"], repair=True)
     assert [f.name for f in left] == ["gaps"] and kept.torque[400, 0] == tau[400] and kept.notes == ("read",)
 
 
 def test_what_spoils_and_is_accepted_is_noted():
-    log = moving(torque=with_nan(rough(), [3, 4])).noted("read")
-    kept, left = passed(log, accept=["nan"], repair=True)
+    log = moving(torque=with_nan(rough(), [3, 4])).with_note("read")
+    kept, left = screen(log, accept=["nan"], repair=True)
     (found,) = named(log, "nan")
     assert kept.notes == ("read", f"Accepted [nan]: {found.sentence}") and left == [] and len(kept) == N
 

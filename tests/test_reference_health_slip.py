@@ -7,7 +7,7 @@ from _health import about, log_of
 from backdrive import Joint, Log
 from backdrive.logs.health import time_slip, torque_sign
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._motion import folded, motion, running, solvable
+from backdrive.logs.health._motion import motion, normal_equations, running, solvable
 from backdrive.logs.health.time_slip import Slip
 from backdrive.logs.resolution import white_noise
 
@@ -148,7 +148,9 @@ def test_normal_equations_are_solvable_with_a_billionth_more():
     assert more - gram == pytest.approx(np.diag([4e-9, 9e-9, 0.0]), rel=1e-5, abs=1e-20)
     assert np.linalg.solve(more, [6.0, 19.0, 0.0]) == pytest.approx([1.0, 2.0, 0.0], rel=1e-7)
     x = np.arange(6.0).reshape(3, 2)
-    assert folded(x, x, np.array([2, 2, 5]))[0] == pytest.approx(np.stack([x[:2].T @ x[:2], x[2:].T @ x[2:]]))
+    assert normal_equations(x, x, np.array([2, 2, 5]))[0] == pytest.approx(
+        np.stack([x[:2].T @ x[:2], x[2:].T @ x[2:]])
+    )
     assert running(x + 7.0, 1) == pytest.approx(x + 7.0)
 
 

@@ -6,14 +6,14 @@ from scipy import stats
 
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification import curves, regression, sweep_delay
-from backdrive.identification.function_a import _curvature, _within, corrected
+from backdrive.identification.function_a import _curvature, _within, correct_pairs
 from backdrive.identification.load_fit import growth, payload_growth
 from backdrive.identification.regression import long_run
 from backdrive.identification.signals import default_cutoff, prepare
 from backdrive.identification.sweep import find_windows, sweep_knots
 from backdrive.identification.sweep_equations import ALL, GRAVITY, equations
 from backdrive.identification.sweep_fit import fit
-from backdrive.identification.sweep_knots import SweepKnots, ordered
+from backdrive.identification.sweep_knots import SweepKnots, sort_knots
 from backdrive.identification.sweep_payload import identify_payload
 from backdrive.identification.sweep_windows import Windows, windows
 from backdrive.identification.timing import torque_timing
@@ -125,7 +125,7 @@ def test_growth_with_the_load_is_taken_from_four_standard_errors_on():
         length = np.min(np.diff(cycles.time, axis=1))
         slow, fast = cycles.peak.min(), cycles.peak.max()
         knots = np.concatenate([[0.3 * slow], np.linspace(slow, fast, 2 * cycles.peak.size - 1)])
-        delay, _, grows = sweep_delay._solved(s, [sweep_delay._part(s[0], cycles, 6.5 / length)], knots, True)
+        delay, _, grows = sweep_delay._solve(s, [sweep_delay._part(s[0], cycles, 6.5 / length)], knots, True)
         ratio, by_rounds = by_hand(log)
         assert delay == pytest.approx(by_rounds, rel=1e-4)
         seen[ratio] = grows
@@ -196,7 +196,7 @@ def test_pairs_of_a_straight_line_under_gravity_are_exact():
     plan = Sweep(A, V, 6, center=0.7)
     log = made(0.5e-3, plan=plan, rate=1000.0, gravity=(6.0, 14.0))
     s = prepare(log, 0)
-    knots = corrected(s, windows(log, 0, plan, s), rotary=True)
+    knots = correct_pairs(s, windows(log, 0, plan, s), rotary=True)
     g = 6.0 * np.sin(knots.center) + 14.0 * np.cos(knots.center)
     assert knots.center == pytest.approx(0.7, abs=1e-3)
     assert knots.F_pos == pytest.approx(9.0 + 3.0 * knots.V_pos + g * knots.level, abs=4e-3)
@@ -322,7 +322,7 @@ def test_growth_needs_four_standard_errors_and_a_hundredth_of_the_friction():
         for _ in range(60):
             error = np.sqrt(low * high)
             eqs = equations(loaded_knots((-1.9, -0.4, 0.8, 1.6), mu=0.05, error=error))
-            theta, covariance = eqs.loaded(GRAV).solve("own", (*GRAVITY, "load_dependence"))
+            theta, covariance = eqs.with_load_growth(GRAV).solve("own", (*GRAVITY, "load_dependence"))
             low, high = (error, high) if theta[-1] > target * np.sqrt(covariance[-1, -1]) else (low, error)
         assert (growth(eqs, "own", GRAVITY, eqs.solve("own", GRAVITY)[0]) is not None) is said
     for scale, said in ((0.92, False), (1.08, True)):
@@ -400,7 +400,7 @@ def test_pairs_in_order_by_hand():
     )  # fmt: skip
     cycles = Windows(time=np.array([[0.0, 2.0], [2.0, 5.0], [5.0, 9.0], [9.0, 10.0], [10.0, 11.0]]), peak=np.arange(1.0, 6.0),
                      from_plan=True)  # fmt: skip
-    got = ordered(knots, "a", cycles, 0.8)
+    got = sort_knots(knots, "a", cycles, 0.8)
     assert got.V_pos == pytest.approx([0.5, (10.0 + 30.0 * 1.002) / 40.0, 2.0])
     assert got.F_pos == pytest.approx([2.0, 5.5, 9.0]) and got.F_neg == pytest.approx([2.0, 5.0, 9.0])
     merged = np.hypot(10.0 * 0.1, 30.0 * 0.3) / 40.0  # of a mean weighted by counts

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from _loops import Bench, guarded
-from backdrive.control import Admittance, JointLoop, Loop, Unguarded, torque_limit
+from backdrive.control import Admittance, BareLoop, JointLoop, Loop, torque_limit
 from backdrive.control.compensators import (
     Dither,
     alg_fc,
@@ -477,9 +477,9 @@ def test_friction_at_rest_and_at_the_top_speed():
     peak = Makkar(stribeck=2.0, rise=1e9, fall=1e3, coulomb=0.0, steepness=1.0)  # at the slowest motion
     slowest, fastest = (2.0 * (1.0 - tanh(1e3 * v)) for v in (3e-4, 3.0))
     assert friction_of(Law(rate=peak), 3.0) == pytest.approx((slowest, fastest), abs=1e-12)
-    assert Unguarded(compensator=contact(1.0), top_speed=inf).friction == pytest.approx((5.0, 5.0))
+    assert BareLoop(compensator=contact(1.0), top_speed=inf).friction == pytest.approx((5.0, 5.0))
     viscous = by_law(Law(rate=RATE))
-    assert Unguarded(compensator=viscous, top_speed=inf).friction == pytest.approx((7.0, 5.0 + 2e3))
+    assert BareLoop(compensator=viscous, top_speed=inf).friction == pytest.approx((7.0, 5.0 + 2e3))
     assert loop_of(viscous, top_speed=3.0).joints[0].friction == pytest.approx((7.0, 11.0))
 
 
@@ -510,7 +510,7 @@ def test_rates_by_the_limit_and_by_friction():
     assert loop_of(contact(1.0), limit=6.0, rate=300.0).joints[0].normal_rate == 300.0
     assert (one.hold, one.fade, one.patience, one.ramp) == (0.5, 50.0, 0.1, 0.4)
     assert loop_of().joints[0].ramp == 0.5
-    free = Unguarded()
+    free = BareLoop()
     assert (free.normal_rate, free.slow_rate, free.latch_rate) == (inf, inf, inf)
     assert (free.limit, free.top_speed, free.hold, free.patience) == (inf, inf, inf, inf)
     assert (free.encoder_count, free.ramp, free.fade, free.external, free.adaptation) == (
@@ -520,23 +520,23 @@ def test_rates_by_the_limit_and_by_friction():
         None,
         None,
     )
-    some = Unguarded(limit=3.0, ramp=0.5, rate=20.0)
+    some = BareLoop(limit=3.0, ramp=0.5, rate=20.0)
     assert (some.normal_rate, some.slow_rate, some.latch_rate) == (20.0, 6.0, pytest.approx(20.0))
 
 
 def test_what_may_be_left_off_has_to_be_positive_where_it_is_given():
     for name in ("limit", "top_speed", "fade", "patience", "hold"):
-        assert getattr(Unguarded(**{name: 0.25}), name) == 0.25
+        assert getattr(BareLoop(**{name: 0.25}), name) == 0.25
         for wrong in (0.0, -0.25, nan):
             with pytest.raises(InvalidInput):
-                Unguarded(**{name: wrong})
+                BareLoop(**{name: wrong})
     for name in ("ramp", "encoder_count"):
-        assert getattr(Unguarded(**{name: 0.25}), name) == 0.25
+        assert getattr(BareLoop(**{name: 0.25}), name) == 0.25
         for wrong in (-0.25, nan):
             with pytest.raises(InvalidInput):
-                Unguarded(**{name: wrong})
+                BareLoop(**{name: wrong})
     with pytest.raises(InvalidInput, match="ExternalForce"):
-        Unguarded(adaptation=Adaptation(slowest=0.2))
+        BareLoop(adaptation=Adaptation(slowest=0.2))
 
 
 # ------------------------------------------------------------------------------------------------ the loop itself
@@ -634,8 +634,8 @@ def test_what_is_written_is_read_and_what_is_given_is_not_written():
     with pytest.raises(InvalidInput):
         Loop([], interval=T)
     with pytest.raises(InvalidInput, match="Joint 1"):
-        Loop([two()[0], Unguarded()], interval=T)
-    assert Bench(Unguarded(), interval=T).joints == (Unguarded(),)
+        Loop([two()[0], BareLoop()], interval=T)
+    assert Bench(BareLoop(), interval=T).joints == (BareLoop(),)
 
 
 def test_the_worst_of_the_joints_is_told_by_severity():

@@ -9,13 +9,13 @@ import pytest
 from _joint_states import STATE, state
 from backdrive.errors import (
     FileTooLarge,
+    IncompleteFile,
     MappingError,
     ReadError,
-    TruncatedFile,
     UnknownFormat,
 )
 from backdrive.logs.readers import mcap
-from backdrive.logs.readers._chunks import Damaged, expand
+from backdrive.logs.readers._chunks import ChunkDamage, expand
 from backdrive.logs.readers.columns import ReadOptions
 from backdrive.logs.readers.limits import Limits
 
@@ -195,7 +195,7 @@ def test_where_and_why_an_mcap_ends_early(tmp_path):
     for rest in ([chunk(states(1))], []):
         got = mcap.read(file(path, first, latin, *rest), OPTIONS)
         assert got.arrays["time"].size == 2 and "can't decode byte 0xff" in got.notes[0]
-    with pytest.raises(TruncatedFile, match=f"byte 8 of {8 + 9}, before its first"):
+    with pytest.raises(IncompleteFile, match=f"byte 8 of {8 + 9}, before its first"):
         mcap.read(file(path, record(0, b""), end=0), OPTIONS)
     path.write_bytes(mcap.MAGIC[:-1] + b"x")
     with pytest.raises(UnknownFormat):
@@ -211,7 +211,7 @@ def test_the_parts_of_a_bag_that_was_split(tmp_path):
     cut = file(tmp_path / "c.mcap", end=0)
     assert mcap.read(cut, ReadOptions(parts=(two,))).arrays["time"].size == 3
     last = file(tmp_path / "d.mcap", JS, end=0)
-    with pytest.raises(TruncatedFile, match=f"byte {8 + len(JS)} of {8 + len(JS)}, before"):
+    with pytest.raises(IncompleteFile, match=f"byte {8 + len(JS)} of {8 + len(JS)}, before"):
         mcap.read(cut, ReadOptions(parts=(last,)))
     own = file(
         tmp_path / "e.mcap", schema(1, "x") + channel(1, 1, "/js") + states(2)
@@ -233,7 +233,7 @@ def test_compressed_chunks_hold_what_they_declare(how):
     assert expand(packed, how, len(raw) + 9, Limits()) == raw
     with pytest.raises(FileTooLarge, match="holds more|unpacks to 5000"):
         expand(packed, how, len(raw) - 1, Limits())
-    with pytest.raises(Damaged, match="a damaged chunk: "):
+    with pytest.raises(ChunkDamage, match="a damaged chunk: "):
         expand(b"nonsense" * 9, how, 10, Limits())
     small = Limits(ratio_floor=1, max_ratio=2.0)
     assert expand(pack(b"x"), how, 2 * len(pack(b"x")), small) == b"x"

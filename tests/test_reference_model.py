@@ -72,7 +72,7 @@ def test_a_validity_range_ends_a_billionth_of_its_ends_outside(low, high):
     assert joint.outside(inside).tolist() == [False] * 5
     assert joint.outside(beyond).tolist() == [True] * 4
     assert joint.outside(beyond.reshape(2, 2)).shape == (2, 2)
-    assert joint.extrapolated(inside) == ""
+    assert joint.extrapolation(inside) == ""
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ def test_a_validity_range_ends_a_billionth_of_its_ends_outside(low, high):
 def test_how_far_velocities_leave_the_range_is_said(velocity, furthest, share):
     for unit in ("rad", "m"):
         share_of = "" if share is None else f", with {share} % of the velocities"
-        assert friction(PLAIN, -2.0, 2.0, unit=unit).extrapolated(np.array(velocity)) == (
+        assert friction(PLAIN, -2.0, 2.0, unit=unit).extrapolation(np.array(velocity)) == (
             f"Joint 'a': {furthest} {unit}/s is outside the validity range, -2 to 2 {unit}/s{share_of}; "
             "there the model extrapolates."
         )

@@ -78,8 +78,8 @@ def fitted_line(logs):
     low = SLOW * min(every.max(), -every.min())
 
     def averaged(late):
-        bins = bin_means([delay.delayed(s, late) for s in stretches], knots, seconds=seconds)
-        return bins.faster(low).whitened(slip.correlation)
+        bins = bin_means([delay.delay_signals(s, late) for s in stretches], knots, seconds=seconds)
+        return bins.faster(low).whiten(slip.correlation)
 
     bins = averaged(slip.delay)
     choice = design.choose(bins.equations(), [option])

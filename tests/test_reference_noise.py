@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from backdrive.identification.noise import Noise, noise_of, tapered
+from backdrive.identification.noise import Noise, noise_of, taper
 
 
 def lagged(a, h):
@@ -125,14 +125,14 @@ def test_a_correlation_counts_from_twice_its_chance_level_on(times, seen):
     level = np.sqrt(np.log10(count) / count)
     correlation = np.r_[1.0, np.zeros(40)]
     correlation[3] = -times * level
-    got = tapered(correlation, count)
+    got = taper(correlation, count)
     assert got == pytest.approx(np.r_[correlation[:4], 0.0, 0.0] if seen else [1.0])
     for gap, found in ((10, True), (11, False)):  # ten lags of silence end it
         far = np.r_[1.0, 0.5, np.zeros(60)]
         far[1 + gap] = 0.5
-        assert (tapered(far, count).size > 2) is found
+        assert (taper(far, count).size > 2) is found
     for many in (2, 10):  # so few samples are counted as ten
         few = np.array([1.0, 2.0 * np.sqrt(1.0 / many) * 1.01, 0.0])
-        assert tapered(few, many).size == 2
+        assert taper(few, many).size == 2
     end = np.r_[1.0, np.full(9, 0.9)]
-    assert tapered(end, 1000) == pytest.approx(end)  # seen to the end: nothing falls
+    assert taper(end, 1000) == pytest.approx(end)  # seen to the end: nothing falls

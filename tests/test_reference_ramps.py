@@ -44,7 +44,7 @@ def test_a_spring_without_slip_is_seen_in_every_branch():
     got = presliding([logged(u, u / STIFF)], 0)
     assert [b.direction for b in got.branches] == [1, -1, 1, -1] and got.break_away == (None, None)
     assert [np.ptp(b.torque) for b in got.branches] == pytest.approx([8.0, 16.0, 16.0, 16.0], rel=0.03)
-    assert got.stiffness is not None and got.tangent is not None and got.resolved
+    assert got.stiffness is not None and got.tangent is not None and got.is_resolved
     assert got.stiffness[0] == pytest.approx(STIFF, rel=1e-3) and got.tangent[0] == pytest.approx(
         STIFF, rel=0.02
     )
@@ -54,7 +54,7 @@ def test_a_spring_without_slip_is_seen_in_every_branch():
     assert got.width == pytest.approx(0.0, abs=2e-7) and got.area == pytest.approx(0.0, abs=2e-6)
     # with coarse counts it slips from ten of them in a period of the low pass of 20 Hz on
     coarse = presliding([logged(u, u / STIFF, count=4e-5)], 0)
-    assert coarse.slip_speed == pytest.approx(10.0 * 4e-5 * 20.0) and not coarse.resolved
+    assert coarse.slip_speed == pytest.approx(10.0 * 4e-5 * 20.0) and not coarse.is_resolved
     slow = ramp(0.0, 8.0, -8.0, 8.0, slope=0.8, rate=100.0, before=30)
     slow = presliding([logged(slow, slow / STIFF, count=4e-5, rate=100.0)], 0)
     assert slow.slip_speed == pytest.approx(10.0 * 4e-5 * 10.0)  # a tenth of the rate
@@ -86,7 +86,7 @@ def test_steps_of_rounding_are_no_counts():
 def test_five_counts_are_a_displacement(counts, resolved):
     u = ramp(0.0, 8.0, -8.0, 8.0)
     got = presliding([logged(u, u / STIFF, count=16.0 / STIFF / counts)], 0)
-    assert got.resolved is resolved is (got.stiffness is not None) is (got.tangent is not None)
+    assert got.is_resolved is resolved is (got.stiffness is not None) is (got.tangent is not None)
     # torque over displacement and one count
     assert got.bound == pytest.approx(16.0 / (16.0 / STIFF + got.count), rel=0.02)
 

@@ -15,7 +15,7 @@ from backdrive.errors import FileTooLarge, InvalidInput, ModelFileError, ReadErr
 from backdrive.laws import CoulombViscous, Decaying, Law, MaxwellSlip, StribeckGauss
 from backdrive.logs.log import Joint, Source
 from backdrive.logs.readers import _dialect, bag, columns, csv_, mcap, units
-from backdrive.logs.readers._chunks import Damaged, expand
+from backdrive.logs.readers._chunks import ChunkDamage, expand
 from backdrive.logs.readers.columns import Columns, ReadOptions, frames, header, plain, unframe
 from backdrive.logs.readers.limits import GIB, MIB, Limits
 from backdrive.model import ArmModel, Estimate, FrictionModel, JointFriction, Quality, Validity
@@ -270,9 +270,9 @@ def test_chunks_unpack_to_what_they_declare():
     assert expand(packed, "bz2", len(raw), limits) == raw
     with pytest.raises(FileTooLarge, match="holds more"):
         expand(packed, "bz2", len(raw) - 1, limits)
-    with pytest.raises(Damaged, match="damaged chunk"):
+    with pytest.raises(ChunkDamage, match="damaged chunk"):
         expand(b"nonsense", "bz2", 10, limits)
-    with pytest.raises(Damaged, match="'zip'"):
+    with pytest.raises(ChunkDamage, match="'zip'"):
         expand(raw, "zip", 10, limits)
 
 
@@ -301,10 +301,10 @@ def test_limits_are_what_they_say():
     for declared, size, fits in ((10**6, 10**6, True), (10**6 + 1, 10**7, False), (1000, 1, True), (1001, 1, False),
                                  (5000, 500, True), (5001, 500, False), (5000, 0, False)):  # fmt: skip
         if fits:
-            small.check_declared(declared, size, "It")
+            small.check_size(declared, size, "It")
         else:
             with pytest.raises(FileTooLarge):
-                small.check_declared(declared, size, "It")
+                small.check_size(declared, size, "It")
     small.check_count(3, "columns")
     with pytest.raises(FileTooLarge):
         small.check_count(4, "columns")

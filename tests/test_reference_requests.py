@@ -14,11 +14,11 @@ from backdrive.identification.options import (
     APPLIES,
     Options,
     apart,
+    attach_plan,
+    external_torque_notes,
     in_order,
     move_together,
-    planned,
     slow_clock,
-    unused_torque,
 )
 from backdrive.identification.repairs import healthy
 from backdrive.identification.result import Curve, JointEvidence, Samples
@@ -70,12 +70,12 @@ def test_a_part_of_a_file_is_fitted_once_and_judges_nothing_that_is_fitted():
 
 def test_plans_are_one_for_all_or_one_each():
     logs, plan = [log_of("a"), log_of("a", source="x").replace(plan=Sweep(0.5, 1.0, 3))], Sweep(0.5, 2.0, 4)
-    assert planned(logs, None) == logs
-    assert [log.plan for log in planned(logs, plan)] == [plan, plan]
+    assert attach_plan(logs, None) == logs
+    assert [log.plan for log in attach_plan(logs, plan)] == [plan, plan]
     for kind in (list, tuple):
-        assert [log.plan for log in planned(logs, kind([plan, None]))] == [plan, None]
+        assert [log.plan for log in attach_plan(logs, kind([plan, None]))] == [plan, None]
     with pytest.raises(InvalidInput, match="3 plans for 2 logs"):
-        planned(logs, [plan] * 3)
+        attach_plan(logs, [plan] * 3)
 
 
 FOR = {
@@ -128,8 +128,8 @@ def test_options_that_do_not_go_together_are_refused():
 
 
 def test_a_model_remembers_what_was_asked_and_not_the_defaults():
-    assert Options().remembered("motion", None, []) == {"method": "motion"}
-    assert Options().remembered("dynamic", None, []) == {"method": "dynamic", "seed": 0, "loss": "huber"}
+    assert Options().record("motion", None, []) == {"method": "motion"}
+    assert Options().record("dynamic", None, []) == {"method": "dynamic", "seed": 0, "loss": "huber"}
     asked = Options(
         law=("m1", "m2"),
         bounds={"inertia": (1, 2)},
@@ -139,13 +139,13 @@ def test_a_model_remembers_what_was_asked_and_not_the_defaults():
     )
     plan = Sweep(0.5, 2.0, 4)
     held = log_of("a", source="x")
-    memory = asked.remembered("sweep", [plan, plan], [held], reading={}, more=3)
+    memory = asked.record("sweep", [plan, plan], [held], reading={}, more=3)
     assert memory == {
         "method": "sweep", "law": ["m1", "m2"], "bounds": {"inertia": [1.0, 2.0]}, "known": {"offset": 0.0},
         "payloads": [[1.0, 2.0]], "gravity": False, "plan": [plan_to_dict(plan)] * 2, "more": 3,
         "held_out": [{"path": held.sources[0].path, "sha256": held.sources[0].sha256}],
     }  # fmt: skip
-    assert asked.remembered("sweep", plan, [])["plan"] == plan_to_dict(plan)
+    assert asked.record("sweep", plan, [])["plan"] == plan_to_dict(plan)
 
 
 def test_a_clock_below_fifty_hertz_is_said():
@@ -158,8 +158,10 @@ def test_a_clock_below_fifty_hertz_is_said():
 
 def test_a_torque_that_a_method_does_not_look_at_is_said():
     known = log_of("a", model_torque=np.ones((200, 1)))
-    assert unused_torque([known], "motion") == [] and unused_torque([log_of("a")], "sweep") == []
-    (said,) = unused_torque([log_of("a"), known], "sweep")
+    assert (
+        external_torque_notes([known], "motion") == [] and external_torque_notes([log_of("a")], "sweep") == []
+    )
+    (said,) = external_torque_notes([log_of("a"), known], "sweep")
     assert said.startswith("The method 'sweep' does not use the torque known from elsewhere")
 
 

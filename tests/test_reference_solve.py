@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from backdrive.engine import Axis, DriveModel, Motions, Servo, forward, rollout
-from backdrive.engine.axis import advance, gravity, held
+from backdrive.engine.axis import advance, gravity, implicit_velocity
 from backdrive.engine.cores import available, spread
 from backdrive.engine.drives import along
 from backdrive.engine.drives import torque as drive_torque
@@ -144,7 +144,11 @@ def test_a_held_mass_is_found_in_few_trials(monkeypatch, name):
 @PLAIN
 def test_the_root_of_a_step_is_found_in_few_trials(monkeypatch):
     counted = []
-    for module, name in ((elastoplastic, "plastic"), (leuven, "pulled"), (smoothed_maxwell_slip, "gate")):
+    for module, name in (
+        (elastoplastic, "plastic"),
+        (leuven, "pull_bristle"),
+        (smoothed_maxwell_slip, "gate"),
+    ):
         real = getattr(module, name)
         monkeypatch.setattr(module, name, lambda *a, real=real: counted.append(1) or real(*a))
     generator = np.random.default_rng(2)
@@ -492,13 +496,15 @@ def test_an_element_on_an_axis_is_advanced_by_what_the_axis_moved():
     ):
         law, h = Law(rate=SIDES, element=element), 1e-3
         x, y = law.state(), law.state()
-        v = held(law.rate.KIND, element.KIND, law.row(), x, 0.3, h, 1e-3, 0.0, NONE, 20.0)
+        v = implicit_velocity(law.rate.KIND, element.KIND, law.row(), x, 0.3, h, 1e-3, 0.0, NONE, 20.0)
         assert v == solved(law, law.state(), 0.3, h, 1e-3)
         stepped(law, y, v * h, h)
         n = max(element.states(), 1)
         assert x[:n] == pytest.approx(y[:n])
         for wide, v_free in ((1e2, 0.1), (1e2, -0.1), (1e2, 0.3), (1e2, -0.3)):
-            v = held(law.rate.KIND, element.KIND, law.row(), law.state(), v_free, h, 1e-3, wide, NONE, 20.0)
+            v = implicit_velocity(
+                law.rate.KIND, element.KIND, law.row(), law.state(), v_free, h, 1e-3, wide, NONE, 20.0
+            )
             less = copysign(max(abs(v_free) - 0.1, 0.0), v_free)
             assert v == pytest.approx(solved(law, law.state(), less, h, 1e-3), abs=1e-15)
 

@@ -5,7 +5,7 @@ import pytest
 
 from backdrive.identification.sweep_equations import GRAVITY, equations
 from backdrive.identification.sweep_fit import REMEDY, fit
-from backdrive.identification.sweep_knots import SweepKnots, clamped, to_polyline
+from backdrive.identification.sweep_knots import SweepKnots, polyline_through, to_polyline
 from backdrive.identification.sweep_verdict import verdict
 from backdrive.laws import Law, Polyline
 from backdrive.logs.log import Joint
@@ -319,7 +319,7 @@ def test_growth_with_the_load_stands_beside_the_terms():
         assert got.law.negative == pytest.approx(up(SPEEDS) - c + mu * carried, rel=1e-4)
         assert "load_dependence" not in got.terms and got.notes[0].startswith("Friction grows by 0.1000 +- ")
         assert f"under {carried:.3g} N.m" in got.notes[0] and not any(SAME in n for n in got.notes)
-        eqs = equations(knots).loaded(WEIGHT)
+        eqs = equations(knots).with_load_growth(WEIGHT)
         curves, kept = (
             ("equal", (*GRAVITY, "offset", "load_dependence"))
             if symmetric
@@ -380,7 +380,7 @@ def test_sections_through_pairs_are_equal_or_by_direction():
     apart = to_polyline(knots, symmetric=False, constant=0.5)
     assert apart.positive == pytest.approx((5.0, 10.0)) and apart.negative == pytest.approx((3.25, 5.75))
     assert to_polyline(knots, symmetric=False).positive == pytest.approx((5.5, 10.5))
-    at_rest = clamped(np.array([0.0, 1.0]), np.array([-1.0, 2.0]), np.array([1.0, 2.0]))
+    at_rest = polyline_through(np.array([0.0, 1.0]), np.array([-1.0, 2.0]), np.array([1.0, 2.0]))
     assert at_rest.velocity == (0.0, 1.0) and at_rest.positive == (-1.0, 2.0)
 
 

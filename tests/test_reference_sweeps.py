@@ -8,12 +8,12 @@ import pytest
 
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification import dynamics, sweep_delay
-from backdrive.identification.function_a import corrected, function_a, literal
+from backdrive.identification.function_a import correct_pairs, function_a, literal
 from backdrive.identification.quality import assess
 from backdrive.identification.signals import prepare
 from backdrive.identification.sweep import find_windows, fit_sweeps, identify_sweep, sweep_knots
 from backdrive.identification.sweep_fit import fit
-from backdrive.identification.sweep_knots import SweepKnots, ordered
+from backdrive.identification.sweep_knots import SweepKnots, sort_knots
 from backdrive.identification.sweep_verdict import error_of_curve, verdict
 from backdrive.identification.sweep_windows import Windows, turning_points, windows
 from backdrive.logs.log import Joint, Log
@@ -140,9 +140,9 @@ def test_a_window_needs_five_samples_in_a_direction(n, kept):
     (s,) = prepare(log, 0)
     slow = np.flatnonzero((s.time >= cycle[0]) & (-s.velocity >= 0.8 * plan.speeds[1]))
     short.time[1, 1] = s.time[slow[n - 1]] + 0.5 / RATE  # the cycle ends where so many are fast along -q
-    got = corrected([s], short, rotary=True)
+    got = correct_pairs([s], short, rotary=True)
     assert got.count_neg[1] == n and np.isfinite(got.F_neg[1]) is np.bool_(kept) and np.isfinite(got.F_pos[1])
-    found = ordered(got, "a", short, 0.8)
+    found = sort_knots(got, "a", short, 0.8)
     assert found.V.size == (5 if kept else 4)
     assert kept or (
         "of cycles 2 (0.8) (peak speed) too few samples reach 0.8 of the peak speed in both directions"
@@ -161,13 +161,13 @@ def test_pairs_are_merged_within_a_hundredth_of_the_top_speed():
         cycles = Windows(
             time=np.array([[0.0, 1.0], [1.0, 2.0], [2.0, 2.0]]), peak=x, from_plan=True, warnings=("before",)
         )
-        got = ordered(knots, "a", cycles, 0.8)
+        got = sort_knots(knots, "a", cycles, 0.8)
         assert got.V.size == n and got.warnings[0] == "before" and len(got.warnings) == (2 if n == 2 else 1)
         assert (np.isfinite(got.swing).all() and got.swing[-1] < 1e-9) or n == 2
     nothing = replace(knots, F_pos=np.array([np.nan, 1.0, np.nan]))
     with pytest.raises(NotIdentifiable, match="1 of 3 cycles reach their speed"):
-        ordered(nothing, "a", cycles, 0.8)
-    two = ordered(replace(knots, F_pos=np.array([2.0, np.nan, 4.0])), "a", cycles, 0.8)
+        sort_knots(nothing, "a", cycles, 0.8)
+    two = sort_knots(replace(knots, F_pos=np.array([2.0, np.nan, 4.0])), "a", cycles, 0.8)
     assert two.V.tolist() == [0.5, 2.0]
 
 

@@ -25,13 +25,13 @@ def test_left_out_losses_are_those_of_refitting():
         rest = b != BLOCK
         theta = np.linalg.lstsq(X[rest], Y[rest], rcond=None)[0]
         expected = np.sum((Y[~rest] - X[~rest] @ theta) ** 2)
-        assert regression.left_out_losses(BLOCKS)[b] == pytest.approx(expected, rel=1e-6)
+        assert regression.leave_one_out_losses(BLOCKS)[b] == pytest.approx(expected, rel=1e-6)
 
 
 def test_mapping_the_equations_is_mapping_the_regressor():
     spread = RNG.standard_normal((3, 2))
     direct = regression.accumulate(X @ spread, Y, np.ones(240), BLOCK, 8)
-    np.testing.assert_allclose(BLOCKS.mapped(spread).gram, direct.gram, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(BLOCKS.map_columns(spread).gram, direct.gram, rtol=1e-9, atol=1e-9)
 
 
 def test_standard_errors_cover_the_truth_under_correlated_noise():

@@ -57,16 +57,16 @@ def test_neither_threads_nor_the_way_in_change_a_byte(folder):
 
 
 def counts() -> list[int]:
-    return [library.count() for library in _blas._loaded()]
+    return [library.count() for library in _blas._find_libraries()]
 
 
 def test_threads_are_given_back_and_blocks_may_overlap():
     import scipy.linalg  # noqa: F401
 
-    if not _blas._loaded():
+    if not _blas._find_libraries():
         pytest.skip("a BLAS that cannot be told")
     before, environment = counts(), {name: os.environ.get(name) for name in _blas.VARIABLES}
-    for library in _blas._loaded():
+    for library in _blas._find_libraries():
         library.limit(3)
     try:
         with _blas.one_thread():
@@ -81,5 +81,5 @@ def test_threads_are_given_back_and_blocks_may_overlap():
         assert set(counts()) == {3}
         assert {name: os.environ.get(name) for name in _blas.VARIABLES} == environment
     finally:
-        for library, count in zip(_blas._loaded(), before):
+        for library, count in zip(_blas._find_libraries(), before):
             library.limit(count)

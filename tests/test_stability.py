@@ -6,7 +6,7 @@ import numba as nb
 import numpy as np
 import pytest
 
-from backdrive.control import Unguarded
+from backdrive.control import BareLoop
 from backdrive.control.compensators import Dither
 from backdrive.laws import Coulomb, Decaying, HaywardArmstrong, Law, kernels
 from backdrive.simulation.closed_loop import play
@@ -141,7 +141,7 @@ def sampled(delay, *, damping=0.01, decay=100.0, ratio=0.6, period=T):
     M, L, K_t, K_b = 0.3, 0.4, 1.3e5, 4e5
     D_t, D_b = 2 * damping * np.sqrt(K_t * M), 2 * damping * np.sqrt(K_b * L)
     gain = ratio / (1 / K_t + 1 / K_b)
-    return rules.sampled_radius(M, L, (K_t, D_t), (K_b, D_b), gain, decay, delay, period)
+    return rules.spectral_radius(M, L, (K_t, D_t), (K_b, D_b), gain, decay, delay, period)
 
 
 def test_a_tick_of_delay_stabilises_what_is_unstable_without():
@@ -152,7 +152,7 @@ def test_a_tick_of_delay_stabilises_what_is_unstable_without():
 def test_sampled_eigenvalues_approach_those_of_the_characteristic_polynomial():
     M, D, K_c, gain, alpha, h = 0.06, 8.0, 1e5, 6e4, 50.0, 2e-6
     rightmost = np.roots(rules.presliding(M, D, K_c, gain, alpha)).real.max()
-    radius = rules.sampled_radius(M, 1.0, (K_c, D), (1e12, 1e6), gain, alpha, 0.0, h)
+    radius = rules.spectral_radius(M, 1.0, (K_c, D), (1e12, 1e6), gain, alpha, 0.0, h)
     assert np.log(radius) / h == pytest.approx(rightmost, rel=0.02)
 
 
@@ -164,8 +164,8 @@ def test_the_simulated_joint_hums_where_the_sampled_presliding_is_unstable():
         member = replace(member, inertia=M + L, motor_share=M / (M + L))
         springs = [(k, 2 * 0.01 * np.sqrt(k * m)) for k, m in ((member.transmission, M), (member.bristle, L))]
         gain = 0.7 * 0.7 * facts.stiffness
-        radius = rules.sampled_radius(M, L, springs[0], springs[1], gain, decay, 0.0, T)
-        loop = Unguarded(compensator=compensator(facts, {"share": 0.7, "stiffness": 0.7, "decay": decay}))
+        radius = rules.spectral_radius(M, L, springs[0], springs[1], gain, decay, 0.0, T)
+        loop = BareLoop(compensator=compensator(facts, {"share": 0.7, "stiffness": 0.7, "decay": decay}))
         swing = scenes.amplitude(play(scenes.knock(facts, member, loop, scenes.FINE)))
         assert (radius > 1.0) == hums
         assert (swing > 1e-6) == hums
@@ -193,7 +193,7 @@ def joint(*, damping=0.05, delay=T, count=1e-6, friction=1.0):
 
 def knocked(z, dither=None, length=2.5, **changes):
     facts, member = joint(**changes)
-    loop = Unguarded(compensator=compensator(facts, z, dither))
+    loop = BareLoop(compensator=compensator(facts, z, dither))
     return facts, member, play(scenes.knock(facts, member, loop, scenes.FINE, length))
 
 
@@ -224,7 +224,7 @@ def test_dither_sways_the_motor_by_its_stuck_response(dither):
     sway = rules.dither_sway(dither * F, 15.0, M, damping, member.stiffness, 0.35e5, 20.0, 1.5e-3)
     assert scenes.amplitude(record) == pytest.approx(sway, rel=0.1, abs=facts.count)
     assert scenes.amplitude(record) <= rules.limit_cycle(F, member.stiffness, 0.7 + dither) + facts.count
-    assert dither < rules.stuck_dither(0.7, 0.5e5, 8e4)
+    assert dither < rules.sticking_dither(0.7, 0.5e5, 8e4)
 
 
 def test_a_joint_stops_no_later_than_the_push_says():

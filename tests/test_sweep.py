@@ -7,7 +7,7 @@ from backdrive.identification.regression import long_run
 from backdrive.identification.signals import prepare
 from backdrive.identification.sweep import find_windows, identify_sweep, sweep_knots, to_polyline
 from backdrive.identification.sweep_equations import equations
-from backdrive.identification.sweep_knots import SweepKnots, clamped, ordered
+from backdrive.identification.sweep_knots import SweepKnots, polyline_through, sort_knots
 from backdrive.identification.sweep_windows import Windows, turning_points, windows
 from backdrive.laws import CoulombViscous, Law, Polyline
 from backdrive.logs.log import Joint, Log
@@ -151,7 +151,7 @@ def test_a_sweep_that_hardly_reaches_any_speed_is_refused():
     knots = pairs([np.nan, 1.0, np.nan], [np.nan, 3.0, np.nan])
     cycles = Windows(time=np.zeros((3, 2)), peak=np.arange(3.0), from_plan=True)
     with pytest.raises(NotIdentifiable, match="1 of 3 cycles reach their speed"):
-        ordered(knots, "a", cycles, 0.8)
+        sort_knots(knots, "a", cycles, 0.8)
 
 
 def pairs(V_pos, F_pos, count=10, **changes):
@@ -169,7 +169,7 @@ def pairs(V_pos, F_pos, count=10, **changes):
 def test_pairs_are_sorted_and_neighbours_merged():
     knots = pairs([1.0, 0.5, 1.001, 2.0], [4.0, 2.0, 6.0, 9.0], count_pos=np.array([10, 10, 30, 10]))
     cycles = Windows(time=np.zeros((4, 2)), peak=np.arange(4.0), from_plan=True)
-    result = ordered(knots, "a", cycles, 0.8)
+    result = sort_knots(knots, "a", cycles, 0.8)
     assert np.all(np.diff(result.V) > 0)
     assert result.F_pos == pytest.approx([2.0, (10 * 4 + 30 * 6) / 40, 9.0])
     assert result.F_neg == pytest.approx([2.0, 5.0, 9.0])
@@ -178,12 +178,12 @@ def test_pairs_are_sorted_and_neighbours_merged():
 
 
 def test_the_intercept_is_not_negative():
-    law = clamped(np.array([1.0, 2.0]), np.array([1.0, 3.0]), np.array([2.0, 3.0]))
+    law = polyline_through(np.array([1.0, 2.0]), np.array([1.0, 3.0]), np.array([2.0, 3.0]))
     assert law.velocity == (0.0, 1.0, 2.0)
     assert law.positive == (0.0, 1.0, 3.0)
     assert law.negative == pytest.approx((1.0, 2.0, 3.0))
     assert Law(rate=law).torque(0.5) == pytest.approx(0.5)
-    kept = clamped(np.array([1.0, 2.0]), np.array([2.0, 3.0]), np.array([2.0, 3.0]))
+    kept = polyline_through(np.array([1.0, 2.0]), np.array([2.0, 3.0]), np.array([2.0, 3.0]))
     assert kept.velocity == (1.0, 2.0)
 
 

@@ -19,7 +19,7 @@ from backdrive.logs.log import Joint
 from backdrive.model import Estimate, FrictionModel, JointFriction, Validity
 from backdrive.tuning import facts_of, load_tunings, safety, save_tunings, tune
 from backdrive.tuning import refine as refine_module
-from backdrive.tuning.facts import curve_of, scaled_rate
+from backdrive.tuning.facts import curve_of, scale_rate
 from backdrive.tuning.goals import Goal, goal_of
 from backdrive.tuning.margins import least_breaking, with_value
 from backdrive.tuning.members import corners, nominal, sample
@@ -295,7 +295,7 @@ def test_what_a_hand_feels_falls_and_rises_as_it_must():
         {"share": R, "stiffness": 0.5, "decay": a}
         for R, a in ((0.8, 2.0), (0.8, 100.0), (0.4, 100.0), (0.0, 20.0))
     ]
-    felt = goal.felt(many)
+    felt = goal.part_scores(many)
     assert felt["standing"][0] > 5.0 * felt["standing"][1]
     assert felt["force"][1] < felt["force"][2] < 1.0
     assert felt["coast"][1] > felt["coast"][2]
@@ -341,7 +341,7 @@ def test_a_tuning_runs_is_kept_and_respects_its_bounds(goal, tmp_path):
             kept.admittance()
     else:
         assert tuning["admittance_inertia"] >= tuning.numbers["admittance_inertia"].limit
-        assert kept.external().friction.law.rate == scaled_rate(RATE, 0.9, 1.0)
+        assert kept.external().friction.law.rate == scale_rate(RATE, 0.9, 1.0)
 
 
 @needs_jit

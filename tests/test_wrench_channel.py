@@ -11,7 +11,7 @@ from _arm_force import PUSH, ROBOT, SLIDING, TEXT, log_of
 from _commands import called
 from backdrive.errors import InvalidInput, MappingError, UnknownName
 from backdrive.external import estimate_force
-from backdrive.external.wrench_axes import Convention, brought
+from backdrive.external.wrench_axes import Convention, wrench_at
 from backdrive.logs.log import Joint, Log
 from backdrive.logs.readers.columns import Columns
 from backdrive.logs.readers.mapping import to_log
@@ -65,7 +65,7 @@ def test_wrong_axes_sign_or_place_are_said_with_what_fits(sensed):
 def test_a_wrench_of_another_origin_is_brought_over_by_its_lever():
     q = np.random.default_rng(1).uniform(-1.0, 1.0, (5, 6))
     raw = np.random.default_rng(2).normal(size=(5, 6))
-    got = brought(raw, ROBOT, q, Convention(frame="l3", axes="frame", sign=-1.0), "tip")
+    got = wrench_at(raw, ROBOT, q, Convention(frame="l3", axes="frame", sign=-1.0), "tip")
     for row, at, out in zip(raw, q, got):
         there, here = (ROBOT.placement(at[None], name)[0] for name in ("l3", "tip"))
         force = -there[:3, :3] @ row[:3]

@@ -104,7 +104,7 @@ def wrong_models(nominal: FrictionModel) -> dict[str, FrictionModel]:
             positive=tuple(1.2 * x for x in rate.positive),
             negative=tuple(1.2 * x for x in rate.negative),
         )
-        growth = None if one.law.growth is None else one.law.growth.scaled(1.2)
+        growth = None if one.law.growth is None else one.law.growth.scale(1.2)
         more.append(replace(bare, law=Law(rate=curve, growth=growth)))
         motor = one.dynamics["inertia"]
         dynamics = dict(one.dynamics) | {"inertia": replace(motor, value=1.05 * motor.value)}

@@ -14,7 +14,7 @@ from _common import Judge
 from _loop_joint import Joints, T
 from _loop_scenes import ticks
 
-from backdrive.control import JointLoop, Loop, Unguarded
+from backdrive.control import BareLoop, JointLoop, Loop
 from backdrive.errors import InvalidInput
 
 
@@ -101,7 +101,7 @@ def refused(judge: Judge) -> list[tuple[str, str]]:
             "outside the envelope", lambda: (expect(lambda: joint(interval=4e-5)), joint(interval=0.021))),
         "K count above F": ("a relay", lambda: joint(compensator=own, encoder_count=3e-3, top_speed=5.0)),
         "rate below limit/0.15 s": ("stops too late", lambda: joint(rate=0.99 * 10.0 / 0.15)),
-        "a joint without guards in a `Loop`": ("for simulation alone", lambda: Loop(Unguarded(), interval=T)),
+        "a joint without guards in a `Loop`": ("for simulation alone", lambda: Loop(BareLoop(), interval=T)),
         "reset(NaN)": ("it would latch for ever", lambda: joint().reset(np.array([np.nan]))),
     }  # fmt: skip
 

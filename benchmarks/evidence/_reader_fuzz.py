@@ -217,7 +217,7 @@ def fuzz(reader_name: str, n: int = 10_000, seed: int = 1) -> dict:
 def fuzz_here(reader_name: str, n: int, seed: int) -> dict:
     """Do what `fuzz` promises in this process."""
     from backdrive.logs.readers import read_log
-    from backdrive.logs.readers.guard import shared
+    from backdrive.logs.readers.guard import default_guard
     from backdrive.logs.readers.limits import MIB, Limits
 
     suffix, write, variants = WRITERS[reader_name]
@@ -231,7 +231,7 @@ def fuzz_here(reader_name: str, n: int, seed: int) -> dict:
             write(path, motion(), variant)
             whole.append(path.read_bytes())
             assert len(read_log(path, limits=limits)) > 0, f"the undamaged {path.name} must be readable"
-        shared().restarts = 0
+        default_guard().restarts = 0
         path = Path(folder) / f"damaged{suffix}"
         started = time.perf_counter()
         for i in range(n):
@@ -254,8 +254,8 @@ def fuzz_here(reader_name: str, n: int, seed: int) -> dict:
                 hangs += 1
                 examples.append(f"file {i}: {took:.2f} s")
         seconds = time.perf_counter() - started
-        restarts = shared().restarts
-        shared().close()
+        restarts = default_guard().restarts
+        default_guard().close()
     return {"reader": reader_name, "n": n, "counts": dict(sorted(counts.items())), "untyped": untyped, "hangs": hangs,
             "parent_deaths": 0, "restarts": restarts, "slowest": slowest, "seconds": seconds, "examples": examples[:5]}  # fmt: skip
 

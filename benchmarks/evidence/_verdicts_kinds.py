@@ -69,7 +69,7 @@ def half(made: Record, before: float, after: float) -> np.ndarray:
     return np.where(np.arange(made.time.size) < made.time.size // 2, before, after)
 
 
-def low_passed(made: Record, size: float, rng: np.random.Generator) -> np.ndarray:
+def low_pass_torque(made: Record, size: float, rng: np.random.Generator) -> np.ndarray:
     """Return the torque through a causal filter of first order with a time constant [s]."""
     from scipy.signal import lfilter
 
@@ -240,7 +240,7 @@ KINDS = (
         smaller=1.1,
     ),
     Kind("torque held", 0.1, "of the log", torques(dead)),
-    Kind("torque low-passed", 0.025, "s, causal, first order", torques(low_passed)),
+    Kind("torque low-passed", 0.025, "s, causal, first order", torques(low_pass_torque)),
     Kind("torque in steps", 0.8, "Coulomb", torques(stepped)),
     Kind("wild samples", 0.01, "of 20 Coulomb", torques(spiked)),
     Kind(

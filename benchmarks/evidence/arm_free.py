@@ -22,7 +22,7 @@ from ur3 import NAMES, description, read, row
 
 from backdrive import identify
 from backdrive.identification.arm import predict_arm
-from backdrive.identification.arm_expected import terms_along
+from backdrive.identification.arm_forecast import terms_along
 from backdrive.identification.arm_signals import ArmSignals, prepare_arm
 from backdrive.identification.arm_solve import Solution, solve_arm
 from backdrive.identification.arm_terms import Regressor, Terms, build, fill_load

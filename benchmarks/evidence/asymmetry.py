@@ -35,7 +35,7 @@ from backdrive.laws import GearLoad, Law, Polyline
 from backdrive.logs.log import Log
 from backdrive.plans import Sweep
 from backdrive.plans.centres import noise_gain
-from backdrive.simulation import SimulatedJoint
+from backdrive.simulation import JointSimulation
 from backdrive.simulation.machines import BEND, REACHED, joint_1
 from backdrive.simulation.open_loop import simulate
 
@@ -55,14 +55,14 @@ def curve(coulomb: float, v: np.ndarray) -> tuple[float, ...]:
     return tuple(coulomb + growth + STRIBECK * np.exp(-((v / FADES) ** 2)))
 
 
-def joint() -> SimulatedJoint:
+def joint() -> JointSimulation:
     """Return the joint."""
     v = np.unique(np.concatenate([np.linspace(0.0, 0.3, 16), np.linspace(0.3, 2.4, 22)]))
     law = Law(rate=Polyline(velocity=tuple(v), positive=curve(COULOMB[0], v), negative=curve(COULOMB[1], v)))
     return joint_1().replace(law=law, torque_noise=0.2)
 
 
-def logs(plant: SimulatedJoint, centers=CENTERS, seed: int = 0) -> list[Log]:
+def logs(plant: JointSimulation, centers=CENTERS, seed: int = 0) -> list[Log]:
     """Return one sweep a center."""
     return [
         simulate(plant, Sweep(STROKE, V, N, center=np.deg2rad(c)), seed=10 * seed + i)
@@ -70,7 +70,7 @@ def logs(plant: SimulatedJoint, centers=CENTERS, seed: int = 0) -> list[Log]:
     ]
 
 
-def truth(plant: SimulatedJoint, velocity) -> np.ndarray:
+def truth(plant: JointSimulation, velocity) -> np.ndarray:
     """Return the constants of the true law's section through V_1 and V_2, along +q and -q [N.m], (2,)."""
     V_1, V_2 = velocity[0], velocity[1]
     found = []
@@ -80,7 +80,7 @@ def truth(plant: SimulatedJoint, velocity) -> np.ndarray:
     return np.array(found)
 
 
-def off(found: SweepFit, plant: SimulatedJoint) -> np.ndarray:
+def off(found: SweepFit, plant: JointSimulation) -> np.ndarray:
     """Return how far the constants are off [N.m], (2,)."""
     return np.array([value for value, _ in found.constants()]) - truth(plant, found.law.velocity)
 

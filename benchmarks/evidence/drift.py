@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 from _common import Judge, parser
 
-from backdrive.control import Loop, Unguarded
+from backdrive.control import BareLoop, Loop
 from backdrive.control.compensators import alg_fc
 from backdrive.control.estimators import Adaptation
 from backdrive.control.estimators.external import ExternalForce
@@ -67,7 +67,7 @@ def compared(judge: Judge, pairs: int, centers: int) -> list[JointFriction]:
     print(f"\ntwo identifications of one joint, unchanged: called changed in ... of {pairs} pairs")
     for alarm in (0.01, 0.05):
         found = [change_of(a, b, alarm=alarm) for a, b in zip(same[::2], same[1::2])]
-        count = sum(c.changed for c in found)
+        count = sum(c.is_significant for c in found)
         plain = sum(chance(REPEAT**2 * c.chi_square, c.degrees) < alarm for c in found)
         judge.that(
             f"alarm {100 * alarm:g} %: {count} of {pairs} (at most {math.ceil(pairs * alarm)}); with errors as they are {plain}",
@@ -84,18 +84,19 @@ def compared(judge: Judge, pairs: int, centers: int) -> list[JointFriction]:
         inside = np.mean([abs(c.mean - (factor - 1.0)) <= 1.96 * c.mean_error for c in found])
         print(
             f"  {100 * (factor - 1):+6.1f} %    {mean:+8.2f} +- {error:.2f} % (inside {100 * inside:.0f} %)   "
-            f"{sum(c.changed for c in found)} of 20"
+            f"{sum(c.is_significant for c in found)} of 20"
         )
         if factor <= 0.99:
             judge.that(
-                f"a change of {100 * (factor - 1):+.0f} % is seen in all", all(c.changed for c in found)
+                f"a change of {100 * (factor - 1):+.0f} % is seen in all",
+                all(c.is_significant for c in found),
             )
     print(f"  in words: {found[0].verdict}")
     several = [about_three_centers(seed) for seed in range(2 * centers)]
     p = [[], []]
     for (a, A), (b, B) in zip(several[::2], several[1::2]):
-        p[0].append(change_of(a, b, alarm=0.05).changed)
-        p[1].append(change_of(a, b, alarm=0.05, covariances=(A, B)).changed)
+        p[0].append(change_of(a, b, alarm=0.05).is_significant)
+        p[1].append(change_of(a, b, alarm=0.05, covariances=(A, B)).is_significant)
     print("  three centers, by direction, alarm 5 %: called changed in")
     judge.that(
         f"  {sum(p[1])} of {centers} with the knots' covariance (at most {math.ceil(0.1 * centers)})",
@@ -135,19 +136,19 @@ def tracked(judge: Judge, same: list[JointFriction]) -> None:
     alarms = 0
     rows = min(13, len(same) // 12)
     for i in range(0, 12 * rows, 12):
-        alarms += track(days, *levels(same[i : i + 12])).changed
+        alarms += track(days, *levels(same[i : i + 12])).is_significant
     judge.that(f"unchanged joint: called changed in {alarms} of {rows} rows (at most 1)", alarms <= 1)
     factors = 1.0 - 0.02 * np.maximum(days - 3.0, 0.0) / 8.0
     worn = track(days, *levels([identified(f, 900 + i) for i, f in enumerate(factors)]))
     true = np.array([float(scaled(f).torque(1.0)) for f in factors])
     print(f"  2 % lost from day 3 on: {worn.verdict}; true change {true[-1] - true[0]:+.3f} N.m")
-    judge.that("2 % of wear is seen", worn.changed)
+    judge.that("2 % of wear is seen", worn.is_significant)
     rng, hits, alarms = np.random.default_rng(5), [], 0
     for _ in range(400):
         walk = np.cumsum(0.5 * rng.standard_normal(20))
         found = track(np.arange(20.0), walk + rng.standard_normal(20), np.ones(20))
         hits.append(np.abs(found.level - walk) <= 1.96 * found.error)
-        alarms += track(np.arange(20.0), rng.standard_normal(20), np.ones(20), alarm=0.05).changed
+        alarms += track(np.arange(20.0), rng.standard_normal(20), np.ones(20), alarm=0.05).is_significant
     print(
         f"  400 random walks: level inside its 95 % interval in {100 * np.mean(hits):.0f} %; 400 constant levels: "
         f"called changed in {100 * alarms / 400:.1f} % at an alarm of 5 %"
@@ -301,7 +302,7 @@ def loop(law: Law, R: float, upper: float, push: float):
     adaptation = Adaptation(
         slowest=0.01, time=0.5, floor=3.0, dead_zone=0.3, lower=0.3, upper=upper, start=min(1.0, upper)
     )
-    joint = Unguarded(
+    joint = BareLoop(
         compensator=alg_fc(law.rate, 5e4, share=R),
         external=ExternalForce(inertia=plant.inertia, friction=alg_fe(law.rate, 5e4)),
         adaptation=adaptation,

@@ -128,7 +128,7 @@ def fit(name: str, log: MotionLog, *, drift: bool) -> tuple[MotionFit, float]:
     if "coulomb_positive" in ranges:  # two directions of their own hold the offset
         del free["offset"]
     axis = Axis(law=Law(rate=M1(coulomb=0.0)), inertia=95.0, drive=DriveModel())
-    shape, spent = LawShape.named(name, count=1, fixed=fixed), time.process_time()
+    shape, spent = LawShape.from_name(name, count=1, fixed=fixed), time.process_time()
     found = fit_motion([log], shape, axis=axis, free=free, unit="m", begin=1, begin_at=begin, iterations=25)
     ENDS[name, log.name, drift] = dict(found.values)
     return found, time.process_time() - spent

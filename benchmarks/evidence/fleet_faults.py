@@ -232,7 +232,7 @@ def poison(judge: Judge, place: Path, logs: Path, reference: Path) -> None:
     outcome = run(mixed, place / "poisoned", "--workers", 2, PYTHONPATH=path)
     failures = Store.open(place / "poisoned").table(failures=True).to_pylist()
     kinds = [row["failure"] for row in failures]
-    judge.that(f"a log that kills its reader: {kinds}, exit {outcome.returncode}", kinds == ["ReaderCrashed"])
+    judge.that(f"a log that kills its reader: {kinds}, exit {outcome.returncode}", kinds == ["ReaderCrash"])
     count = Store.open(place / "poisoned").table().num_rows
     judge.that(f"{count} other logs are done", count == Store.open(reference).table().num_rows)
 

@@ -14,7 +14,7 @@ import time
 import numpy as np
 from _common import Judge, parser
 
-from backdrive.control import Unguarded
+from backdrive.control import BareLoop
 from backdrive.control.joint_loop import BRISK, LATCH_TIME
 from backdrive.simulation.closed_loop import play
 from backdrive.thesis import league
@@ -22,7 +22,7 @@ from backdrive.thesis._league_claims import guiding
 from backdrive.thesis._league_costs import Table, cost, costs_of
 from backdrive.thesis._league_joints import EPISODES, NOMINAL, SETTINGS, contenders, scenes, scores
 from backdrive.thesis._league_methods import METHODS
-from backdrive.thesis._league_tiers import reversals, separated
+from backdrive.thesis._league_tiers import reversals, significant_pairs
 
 APART = 10_000  # between the first seeds of the sets
 LIMIT = 600.0  # s, of both sets on two idle cores
@@ -72,7 +72,7 @@ def compare(judge: Judge, tables: list[Table], joints: list[str]) -> None:
         "light touch": [costs_of(t, NOMINAL.name, score="touch") for t in tables],
     } | {f"{joint}, as believed": [guiding(t, NOMINAL.name, joint) for t in tables] for joint in joints}
     for name, (one, two) in cases.items():
-        first, second = separated(one), separated(two)
+        first, second = significant_pairs(one), significant_pairs(two)
         turned = reversals(one, two)
         judge.that(
             f"{name}: {len(first)} and {len(second)} of {len(one) * (len(one) - 1) // 2} pairs separated, {len(first & second)} by "
@@ -85,12 +85,12 @@ def limited(judge: Judge, joints: int) -> None:
     """Judge what the torque loop's rate limit, F a millisecond, changes: cost, tracking error and peak force of every method."""
     worst, where = 0.0, "none"
     for who in contenders()[:joints]:
-        bare = league.judged(who, METHODS[0], [{}], NOMINAL, 0)[0]
+        bare = league.score(who, METHODS[0], [{}], NOMINAL, 0)[0]
         rate = max(3.0 * who.coulomb / LATCH_TIME, BRISK * who.coulomb)
         for method in METHODS:
             z, found = method.draw(1, 0)[0], []
             for each in (None, rate):
-                loop = Unguarded(compensator=method.make(who, z), limit=3.0 * who.coulomb, rate=each)
+                loop = BareLoop(compensator=method.make(who, z), limit=3.0 * who.coulomb, rate=each)
                 s = scores(who, dict(zip(EPISODES, play(scenes(who, loop, NOMINAL, 0)))))
                 found.append((cost(who, s, bare), s["tracking"], s["stiff_peak"]))
             change = float(np.max(np.abs(np.array(found[1]) / found[0] - 1.0)))

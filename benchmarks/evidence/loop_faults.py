@@ -91,7 +91,7 @@ def scene(name: str) -> Scene:
         encoder_count=plant.encoder_count,
         fade=FADE,
     )
-    motion = strokes(T, stroke=stroke, duration=0.7, count=6).released(LEAVE, T)
+    motion = strokes(T, stroke=stroke, duration=0.7, count=6).release(LEAVE, T)
     rest = round(1.5 / T)
     motion = motion.replace(
         position=np.pad(motion.position, (0, rest), mode="edge"),

@@ -21,10 +21,10 @@ from _common import Judge, parser
 
 from backdrive.laws import Law
 from backdrive.thesis import (
-    _guided,
+    _hand_guiding,
     _manual,
-    _release_admitted,
-    _release_compensated,
+    _release_admittance,
+    _release_compensation,
     _square,
     _sweeps,
     _tracking,
@@ -37,7 +37,7 @@ from backdrive.thesis import (
     fig_4_9,
 )
 from backdrive.thesis.ledger import disagreements, evaluate
-from backdrive.tuning.facts import scaled_rate
+from backdrive.tuning.facts import scale_rate
 
 IDENTIFICATION, FORCE = 0.05, 0.20  # the largest bias that may go unnoticed [-]
 STEPS = 3  # of the bisection
@@ -68,20 +68,20 @@ def sensor(*modules: ModuleType) -> Patch:
 
 def square(bias: float) -> Any:
     """Scale the force sensor of the arm's hand."""
-    own = _square.led
+    own = _square.lead_around
 
     def led(*given: Any, **more: Any) -> Any:
         guided = own(*given, **more)
         return replace(guided, sensed=(1.0 + bias) * guided.sensed)
 
-    return mock.patch.object(_square, "led", led)
+    return mock.patch.object(_square, "lead_around", led)
 
 
 def both_hands(bias: float) -> Any:
     """Scale the force sensor of the square and of single strokes."""
     stack = ExitStack()
     stack.enter_context(square(bias))
-    stack.enter_context(sensor(_guided)(bias))
+    stack.enter_context(sensor(_hand_guiding)(bias))
     return stack
 
 
@@ -104,7 +104,7 @@ def identification(bias: float) -> Any:
     def sweep_of(*given: Any, **more: Any) -> Any:
         found = own(*given, **more)
         joint = found.model.joints[0]
-        law = Law(rate=scaled_rate(joint.law.rate, 1.0 + bias, 2.0), element=joint.law.element)
+        law = Law(rate=scale_rate(joint.law.rate, 1.0 + bias, 2.0), element=joint.law.element)
         return replace(found, model=replace(found.model, joints=(replace(joint, law=law),)))
 
     return mock.patch.object(fig_3_4, "sweep_of", sweep_of)
@@ -157,17 +157,17 @@ CASES: dict[str, tuple[str, Patch, float]] = {
     "fig-3.3": ("displacement", displacement(fig_3_3), IDENTIFICATION),
     "fig-3.4": ("identified friction", identification, IDENTIFICATION),
     "fig-3.6": ("displacement", displacement(fig_3_6), IDENTIFICATION),
-    "fig-3.7": ("hand's force", sensor(_guided), FORCE),
-    "fig-3.8": ("hand's force", sensor(_guided), FORCE),
+    "fig-3.7": ("hand's force", sensor(_hand_guiding), FORCE),
+    "fig-3.8": ("hand's force", sensor(_hand_guiding), FORCE),
     "fig-3.9": ("hand's force", square, FORCE),
     "fig-3.10": ("hand's force", both_hands, FORCE),
-    "fig-3.11": ("hand's force", sensor(_release_compensated), FORCE),
+    "fig-3.11": ("hand's force", sensor(_release_compensation), FORCE),
     "fig-4.3": ("identified friction", identification, IDENTIFICATION),
     "fig-4.7": ("hand's force", sensor(fig_4_7), FORCE),
     "fig-4.8": ("hand's force", sensor(fig_4_8), FORCE),
     "fig-4.9": ("hand's force", sensor(fig_4_9), FORCE),
     "fig-4.10": ("hand's force", sensor(fig_4_8), FORCE),
-    "fig-4.11": ("hand's force", sensor(_release_admitted), FORCE),
+    "fig-4.11": ("hand's force", sensor(_release_admittance), FORCE),
 }
 #: Figures whose runs are shortened, for every look takes them anew: constant -> value.
 SHORTENED: dict[str, dict[str, Any]] = {

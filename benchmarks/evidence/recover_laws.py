@@ -63,8 +63,8 @@ def shape_of(it: Case) -> LawShape:
     law = it.law
     if law.name == "polyline":
         knots = law.rate.values()["velocity"]
-        return LawShape.named("polyline", count=len(knots), fixed={"velocity": knots})
-    return LawShape.named(law.name, count=len(law.element.values().get("share", ())) or 4)
+        return LawShape.from_name("polyline", count=len(knots), fixed={"velocity": knots})
+    return LawShape.from_name(law.name, count=len(law.element.values().get("share", ())) or 4)
 
 
 def bound(it: Case) -> tuple[list, dict[str, float], np.ndarray]:

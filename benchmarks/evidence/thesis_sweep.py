@@ -16,7 +16,7 @@ from backdrive.identification.sweep import SweepKnots, sweep_knots, to_polyline
 from backdrive.laws import Law
 from backdrive.logs.log import Log
 from backdrive.plans import Sweep, inertia_bias
-from backdrive.simulation import SimulatedJoint
+from backdrive.simulation import JointSimulation
 from backdrive.simulation.machines import joint_0, joint_1, joint_2
 from backdrive.simulation.open_loop import simulate
 
@@ -156,7 +156,7 @@ def strokes(judge: Judge) -> dict[str, dict[float, tuple[Log, Law | None, Law | 
     return result
 
 
-def in_posture(posture: str, load_dependence: float = 0.0) -> tuple[SimulatedJoint, Sweep]:
+def in_posture(posture: str, load_dependence: float = 0.0) -> tuple[JointSimulation, Sweep]:
     """Return Joint 1 in a posture and its sweep."""
     inertia, weight, angle = POSTURES[posture]
     joint = joint_1().replace(load_inertia=inertia - 0.3, gravity_cos=weight, load_dependence=load_dependence)

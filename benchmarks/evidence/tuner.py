@@ -29,7 +29,7 @@ from dataclasses import replace
 import numpy as np
 from _common import Judge
 
-from backdrive.control import Unguarded
+from backdrive.control import BareLoop
 from backdrive.control.compensators import Dither
 from backdrive.control.joint_loop import BRISK, LATCH_TIME, friction_of, torque_limit
 from backdrive.errors import NotIdentifiable
@@ -125,7 +125,7 @@ def restless(
         sine = Dither(share=R_d, mode="reset") if R_d > 0.0 else None
         ratio = z["share"] / truth.friction
         length = 0.1 + min(1.2 * rules.stopping_time(ratio, scenes.PUSHED), 3.0) + 1.0
-        loop = Unguarded(compensator=compensator(facts, z, sine), rate=rate_of(facts, z) if rated else None)
+        loop = BareLoop(compensator=compensator(facts, z, sine), rate=rate_of(facts, z) if rated else None)
         played.append(scenes.knock(facts, truth, loop, longest, length))
         bounds.append(scenes.bound_of(facts, truth, z["share"] + R_d))
     found = np.array([scenes.amplitude(r) for r in play(played)])
@@ -202,7 +202,7 @@ def limited(judge: Judge, cases: list[Case]) -> None:
         stroke = scenes.usual_stroke(facts)
         strokes += [stroke] * 2
         for rate in (None, rate_of(facts, z)):
-            loop = Unguarded(compensator=compensator(facts, z), rate=rate)
+            loop = BareLoop(compensator=compensator(facts, z), rate=rate)
             scenes_of.append(scenes.guidance(facts, truth, loop, stroke))
     force = np.array([scenes.peak_force(r, s) for r, s in zip(play(scenes_of), strokes)]).reshape(-1, 2)
     ratio = force[:, 1] / force[:, 0]
@@ -313,7 +313,7 @@ def proposal(
         kept = refine(goal, found.numbers, members_.sample(facts, 64, seed), seed)
     except NotIdentifiable:
         return None
-    return kept, {k: float(v[0]) for k, v in goal.felt([kept]).items()}, edges(goal, kept)
+    return kept, {k: float(v[0]) for k, v in goal.part_scores([kept]).items()}, edges(goal, kept)
 
 
 def at_an_end(facts: Facts, z: dict[str, float]) -> set[str]:

@@ -143,7 +143,7 @@ def axis(geared: bool) -> Axis:
 def fit(case: Case, chosen: list[MotionLog], **options) -> tuple[MotionFit, float, float]:
     """Return the fit, its seconds and its CPU seconds."""
     t, c = time.perf_counter(), time.process_time()
-    shape = LawShape.named(case.law)
+    shape = LawShape.from_name(case.law)
     found = fit_motion(
         chosen, shape, axis=axis(case.geared), free=case.free, loss="absolute", **(case.options | options)
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from backdrive import _renamed
+from backdrive import _old_names
 
 __version__ = "0.1.0"
 
@@ -80,12 +80,12 @@ if TYPE_CHECKING:
     from backdrive.tuning.of_model import tune_joint as tune
 
 
-_renamed.install()
+_old_names.install()
 
 
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
-        _renamed.refuse(name)
+        _old_names.refuse(name)
         raise AttributeError(f"module 'backdrive' has no attribute '{name}'")
     home, _, member = _HOMES[name].partition(":")
     value = getattr(importlib.import_module(home), member or name)

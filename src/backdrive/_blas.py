@@ -63,7 +63,7 @@ def one_thread() -> Iterator[None]:
     global _under_way  # noqa: PLW0603  (the setting is the process' own)
     with _lock:
         if not _under_way:
-            _before.update({library.path: library.count() for library in _loaded()})
+            _before.update({library.path: library.count() for library in _find_libraries()})
             _limit({}, 1)
             _environment.update({name: os.environ.get(name) for name in VARIABLES})
             os.environ.update(dict.fromkeys(VARIABLES, "1"))
@@ -89,7 +89,7 @@ def on_one_thread(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def _limit(threads: dict[str, int], otherwise: int) -> None:
-    for library in _loaded():
+    for library in _find_libraries():
         library.limit(threads.get(library.path, otherwise))
 
 
@@ -106,7 +106,7 @@ def _restore() -> None:
     _environment.clear()
 
 
-def _loaded() -> list[_Library]:
+def _find_libraries() -> list[_Library]:
     """Return the libraries of linear algebra; sought again only where modules were imported since, for each comes with one."""
     modules = len(sys.modules)
     if modules not in _known:

@@ -65,17 +65,17 @@ def write_together(contents: Mapping[str | Path, str | bytes] | Mapping[Path, st
     with contextlib.ExitStack() as stack:
         parts = []
         for name, content in contents.items():
-            with _said(name):
+            with _translate_errors(name):
                 part = _Part(_target(Path(name)))
                 stack.callback(part.close)
                 part.open()
                 part.fill(content.encode() if isinstance(content, str) else content)
                 parts.append(part)
         for name, part in zip(contents, parts):
-            with _said(name):
+            with _translate_errors(name):
                 os.replace(part.path, part.target)
         for folder, name in {part.target.parent: name for name, part in zip(contents, parts)}.items():
-            with _said(name):
+            with _translate_errors(name):
                 _sync_folder(folder)
     return [Path(name) for name in contents]
 
@@ -90,7 +90,7 @@ def check_writable(path: str | Path, *, make: bool = False) -> None:
     Raises:
         WriteError: as `write_whole`.
     """
-    with _said(path), contextlib.ExitStack() as stack:
+    with _translate_errors(path), contextlib.ExitStack() as stack:
         target = Path(path)
         while make and not os.path.lexists(target.parent):
             target = target.parent
@@ -105,7 +105,7 @@ def set_aside(path: Path, folder: Path) -> Path:
     Raises:
         WriteError: it cannot be moved.
     """
-    with _said(path):
+    with _translate_errors(path):
         os.replace(path, folder / path.name)
     return folder / path.name
 
@@ -196,7 +196,7 @@ def _reason(error: OSError | ValueError) -> str:
 
 
 @contextlib.contextmanager
-def _said(path: str | Path):
+def _translate_errors(path: str | Path):
     """Turn what the system says into an error that names the file and a remedy."""
     try:
         yield

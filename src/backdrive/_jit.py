@@ -98,7 +98,7 @@ def jit(function: F) -> F:
     Kernels allocate nothing, so numba's reference counting is off: its atomic operations cost several times what a
     law does. With NUMBA_DISABLE_JIT=1 the plain function is returned, so that the same tests run on both.
     """
-    return _compiled(function)
+    return _compile(function)
 
 
 def leaf(function: F) -> F:
@@ -106,7 +106,7 @@ def leaf(function: F) -> F:
 
     Not for what calls a ladder of laws more than once, which would grow beyond what a compiler can chew.
     """
-    return _compiled(function, forceinline=True)
+    return _compile(function, forceinline=True)
 
 
 def ladder(function: F) -> F:
@@ -115,7 +115,7 @@ def ladder(function: F) -> F:
     Where the caller knows the integers that it branches on, the other branches are gone, and what they call is never
     compiled.
     """
-    return _compiled(function, inline="always")
+    return _compile(function, inline="always")
 
 
 #: What `choice` has made, with the kernels that it chooses among and the one of all other numbers.
@@ -157,7 +157,7 @@ def _four(kernels: list[tuple[int, Callable]], otherwise: Callable, below: Calla
     return ladder(four)
 
 
-def specialised(function: F, *kinds: int) -> F:
+def specialise(function: F, *kinds: int) -> F:
     """Compile a closure over the integers `kinds`, a loop of its own for each of their values.
 
     The compiler may take it that no array it writes to overlaps another argument: so parameters stay in registers, where a
@@ -165,7 +165,7 @@ def specialised(function: F, *kinds: int) -> F:
     two processes that fill the cache at once.
     """
     function.__qualname__ = "_".join([function.__name__, *(str(kind) for kind in kinds)])
-    compiled: Any = _compiled(function)
+    compiled: Any = _compile(function)
     try:
         compiler, usual = compiled._compiler, compiled._compiler._customize_flags
 
@@ -181,7 +181,7 @@ def specialised(function: F, *kinds: int) -> F:
     return compiled
 
 
-def _compiled(function: F, **wanted: Any) -> F:
+def _compile(function: F, **wanted: Any) -> F:
     if not COMPILED:
         return function
     from numba.core.options import DefaultOptions
@@ -189,13 +189,13 @@ def _compiled(function: F, **wanted: Any) -> F:
     options: Any = {"_nrt": False} | wanted
     options = {name: value for name, value in options.items() if hasattr(DefaultOptions, name)}
     compiled: Any = nb.njit(error_model="numpy", nogil=True, **options)(function)
-    stamped = _stamped_cache(function)
+    stamped = _stamp_cache(function)
     if stamped is not None:
         compiled._cache = stamped
     return compiled
 
 
-def _stamped_cache(function: Callable):
+def _stamp_cache(function: Callable):
     try:
         from backdrive._jit_cache import cache_of
 

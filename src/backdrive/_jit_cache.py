@@ -25,7 +25,7 @@ SEAL = hashlib.sha256().digest_size  # bytes at the end of a file
 _said: list[str] = []
 
 
-class Damaged(Exception):
+class CacheDamage(Exception):
     """A file of the cache is not what was written."""
 
 
@@ -46,7 +46,7 @@ class _Files(caching.IndexDataCacheFile):
     _data_path: Callable[[str], str]
 
     def load(self, key):
-        name = self._checked_index().get(key)
+        name = self._check_index().get(key)
         if name is None:
             return None
         try:
@@ -56,10 +56,10 @@ class _Files(caching.IndexDataCacheFile):
         return self._load_data(name)  # type: ignore[attr-defined]
 
     def save(self, key, data):
-        self._checked_index()
+        self._check_index()
         super().save(key, data)
 
-    def _checked_index(self) -> dict:
+    def _check_index(self) -> dict:
         with suppress(FileNotFoundError):
             _check_seal(self._index_path)
         return self._load_index()
@@ -108,7 +108,7 @@ def _check_seal(path: str) -> None:
     with open(path, "rb") as stream:
         content = stream.read()
     if len(content) <= SEAL or hashlib.sha256(memoryview(content)[:-SEAL]).digest() != content[-SEAL:]:
-        raise Damaged(f"{path} is damaged")
+        raise CacheDamage(f"{path} is damaged")
 
 
 class _Stamp:
@@ -128,7 +128,7 @@ class _Stamp:
                 raise OSError(f"{path} belongs to another user")
             super().ensure_cache_path()  # type: ignore[misc]
         except OSError as error:
-            _unusable.setdefault(path, _said_by(error))
+            _unusable.setdefault(path, _reason_of(error))
             raise
 
 
@@ -177,7 +177,7 @@ def _classes(stamp: str) -> type:
         def save_overload(self, sig, data):
             try:
                 super().save_overload(sig, data)
-            except (OSError, Damaged) as error:
+            except (OSError, CacheDamage) as error:
                 self._start_anew(error, lambda: super(Cache, self).save_overload(sig, data))
             except (
                 Exception
@@ -201,15 +201,15 @@ def _classes(stamp: str) -> type:
 
 def _reason(error: Exception, path: str) -> str:
     return f"in {path} " + (
-        "is damaged" if isinstance(error, Damaged) else f"cannot be used ({_said_by(error)})"
+        "is damaged" if isinstance(error, CacheDamage) else f"cannot be used ({_reason_of(error)})"
     )
 
 
-def _said_by(error: Exception) -> str:
+def _reason_of(error: Exception) -> str:
     return (isinstance(error, OSError) and error.strerror) or str(error) or type(error).__name__
 
 
-def _replaced(path: str, by: Any) -> bool:
+def _holds_cache(path: str, by: Any) -> bool:
     """Return whether an unusable folder holds a cache of ours, for which another folder is now filled the first time."""
     if os.path.exists(by._cache_file._index_path):
         return False
@@ -232,7 +232,7 @@ def cache_of(function: Callable, stamp: str) -> Any:
     asked = os.environ.get("NUMBA_CACHE_DIR")
     for path, why in _unusable.items():
         # a tree that others own is nothing to speak of, but one that held a cache is, once: when another is filled for it
-        if found is None or (asked and os.path.dirname(path) == asked) or _replaced(path, found):
+        if found is None or (asked and os.path.dirname(path) == asked) or _holds_cache(path, found):
             note(
                 f"in {path} cannot be used ({why})",
                 f"using {found.cache_path}" if found else "compiling in memory",

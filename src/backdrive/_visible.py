@@ -19,10 +19,10 @@ def visible(text: object, keep: str = "") -> str:
         text: anything; its `str`.
         keep: characters that are left alone, such as the line feeds of a text of one's own.
     """
-    return _HIDDEN.sub(lambda match: match[0] if match[0] in keep else _quoted(match[0]), str(text))
+    return _HIDDEN.sub(lambda match: match[0] if match[0] in keep else _quote(match[0]), str(text))
 
 
-def _quoted(character: str) -> str:
+def _quote(character: str) -> str:
     short = {"\n": r"\n", "\r": r"\r", "\t": r"\t"}.get(character)
     code = ord(character)
     return short or (

@@ -135,7 +135,7 @@ def product(a, b):
 
 
 @leaf
-def divided(x, low):
+def reduce_exponent(x, low):
     """Return k, the mantissa of a power and t with exp(x + low) = 2^floor(k/N) mantissa (1 + t); SMALLEST <= x <= LARGEST."""
     wide = x * BY_LOG_2 + MAGIC
     count = wide - MAGIC
@@ -151,7 +151,7 @@ def divided(x, low):
 @leaf
 def exponential(x, low):
     """Return a scale S and t with exp(x + low) = S (1 + t), and the factor that S still lacks; SMALLEST <= x <= LARGEST."""
-    k, mantissa, t = divided(x, low)
+    k, mantissa, t = reduce_exponent(x, low)
     exponent = k >> 7
     rest = 1.0
     if exponent > 1023:
@@ -162,7 +162,7 @@ def exponential(x, low):
 @leaf
 def decay(x):
     """Return e^x for x <= 0, of which less has to be looked at; 0 below -708."""
-    k, mantissa, t = divided(x if x >= SMALLEST else 0.0, 0.0)
+    k, mantissa, t = reduce_exponent(x if x >= SMALLEST else 0.0, 0.0)
     S = from_bits(mantissa + (((k >> 7) + 1023) << 52))
     value = S + S * t
     if x >= SMALLEST:
@@ -276,7 +276,7 @@ def tanh(x):
 
 
 @leaf
-def turned(x):
+def quarter_turns(x):
     """Return the number of quarter turns nearest to an angle, and the rest of it as a sum of two doubles."""
     count = (x * BY_HALF_PI + MAGIC) - MAGIC
     r = x - count * PI_1  # exact, as is each product
@@ -311,7 +311,7 @@ def sin(x):
     """Return the sine of an angle; NaN beyond MOST."""
     if not abs(x) <= MOST:
         return nan
-    k, r, low = turned(x)
+    k, r, low = quarter_turns(x)
     value = wave(k, r, low)
     return value if value != 0.0 else x  # -0 stays
 
@@ -321,5 +321,5 @@ def cos(x):
     """Return the cosine of an angle; NaN beyond MOST."""
     if not abs(x) <= MOST:
         return nan
-    k, r, low = turned(x)
+    k, r, low = quarter_turns(x)
     return wave(k + 1, r, low)

@@ -60,7 +60,7 @@ class MappingError(InvalidInput):
     """A `--map` expression or a channel name does not fit the file."""
 
 
-class Renamed(BackdriveError, ImportError):
+class OldName(BackdriveError, ImportError):
     """A module or name has another name now; the message says which."""
 
     exit_code = 2
@@ -105,7 +105,7 @@ class UnknownFormat(ReadError):
     """No reader knows this kind of file."""
 
 
-class TruncatedFile(ReadError):
+class IncompleteFile(ReadError):
     """The file ends before its content does."""
 
 
@@ -117,7 +117,7 @@ class ForbiddenContent(ReadError):
     """The file asks for something no log needs: links to other files, executable content."""
 
 
-class ReaderCrashed(ReadError):
+class ReaderCrash(ReadError):
     """The process that parsed the file died."""
 
 

@@ -142,7 +142,7 @@ def array(where: str, value: Any, *shapes: tuple[int, ...], bound: Bound = FINIT
     return given
 
 
-class Bounded:
+class WithBounds:
     """Base of frozen dataclasses whose numbers have bounds and whose words are some of a few.
 
     Attributes:

@@ -86,9 +86,9 @@ for _name in GROUPS:
 
 def _renamed(old: str, new: str) -> Callable[[], None]:
     def command() -> None:
-        from backdrive.errors import Renamed
+        from backdrive.errors import OldName
 
-        raise Renamed(f"'backdrive {old}' has another name now.", remedy=f"Use 'backdrive {new}'.")
+        raise OldName(f"'backdrive {old}' has another name now.", remedy=f"Use 'backdrive {new}'.")
 
     return command
 

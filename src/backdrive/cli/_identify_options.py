@@ -8,7 +8,7 @@ from backdrive._catalog import lookup
 from backdrive.cli._joint_options import named_numbers
 from backdrive.engine import DriveModel
 from backdrive.errors import InvalidInput
-from backdrive.identification.dynamic.driven import model_of, sought_of
+from backdrive.identification.dynamic.drive_stretch import drive_unknowns, model_of
 from backdrive.identification.timing import Timing
 from backdrive.logs.log import Drive
 
@@ -62,4 +62,4 @@ def drive(words: str | None, ranges: dict[str, tuple[float, float]]) -> DriveMod
     if words is None:
         return None
     law, _, gains = words.partition(",")
-    return model_of(Drive(law=law.strip(), gains=named_numbers([gains], "--drive")), sought_of(ranges))  # type: ignore[arg-type]
+    return model_of(Drive(law=law.strip(), gains=named_numbers([gains], "--drive")), drive_unknowns(ranges))  # type: ignore[arg-type]

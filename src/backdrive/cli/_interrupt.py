@@ -75,7 +75,7 @@ def leave(*, said: bool = False) -> NoReturn:
     """Say so, unless it was said, and end the process at once, its children included, without waiting for threads."""
     guard = sys.modules.get("backdrive.logs.readers.guard")
     if guard is not None:
-        guard.shared().kill()
+        guard.default_guard().kill()
     with suppress(OSError, ValueError):
         sys.stdout.flush()
     with suppress(OSError, ValueError):

@@ -12,13 +12,13 @@ from backdrive.cli._joint_options import named_numbers
 from backdrive.cli._plan_arm_words import FRICTION, NOISE, ArmOutcome, notes_of
 from backdrive.cli._plan_request import Request, check_options
 from backdrive.errors import InvalidInput, MissingExtra
-from backdrive.identification.arm_expected import expected_errors, signals_of
+from backdrive.identification.arm_forecast import forecast_errors, signals_of
 from backdrive.plans.arm_bounds import ArmBounds
 from backdrive.plans.arm_collision import Clearance
 from backdrive.plans.arm_information import Information
 from backdrive.plans.arm_search import Search
 from backdrive.plans.arm_shapes import capsules, floor_at, read_shapes
-from backdrive.plans.base import spoken
+from backdrive.plans.base import phrase
 from backdrive.plans.limits import JointLimits, read_limits
 from backdrive.robot import Robot, load_robot
 
@@ -82,7 +82,7 @@ def plan_arm(request: Request, progress: Any) -> ArmOutcome:
     plan = search.run()
     progress("Computing the standard errors to be expected")
     signals = signals_of(plan, robot)
-    errors = expected_errors([signals], robot, noise, friction)
+    errors = forecast_errors([signals], robot, noise, friction)
     torque = robot.inverse_dynamics(signals.position, signals.velocity, signals.acceleration)
     shares = bounds.shares(signals.position, signals.velocity, signals.acceleration, torque)
     path = plan.series(np.linspace(0.0, plan.period, 1000, endpoint=False), 0)
@@ -163,8 +163,8 @@ def _limits(request: Request, robot: Robot, known: dict[str, JointLimits]) -> li
         own = known.get(limit.name)
         if own is not None and (limit.lower < own.lower or limit.upper > own.upper) and not request.limit:
             raise InvalidInput(
-                f"--box: joint '{limit.name}' would leave its range from {spoken(own.lower, own.unit)} to "
-                f"{spoken(own.upper, own.unit)}.",
+                f"--box: joint '{limit.name}' would leave its range from {phrase(own.lower, own.unit)} to "
+                f"{phrase(own.upper, own.unit)}.",
                 remedy="Give a box within it.",
             )
     missing = []
@@ -175,7 +175,7 @@ def _limits(request: Request, robot: Robot, known: dict[str, JointLimits]) -> li
         ("acceleration", "--acceleration-limit"),
         ("effort", "--torque-limit"),
     ):
-        names = [limit.name for limit in result if what not in limit.known]
+        names = [limit.name for limit in result if what not in limit.finite_limits]
         if names:
             word = "torque" if what == "effort" else what
             missing.append(f"{word} of {', '.join(names)} ({option})")

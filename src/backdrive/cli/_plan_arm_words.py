@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from backdrive.cli._plan_request import Request
-from backdrive.identification.arm_expected import StandardError
+from backdrive.identification.arm_forecast import StandardError
 from backdrive.plans.arm import ArmPlan
 from backdrive.plans.base import torque_unit
 from backdrive.plans.limits import JointLimits

@@ -8,7 +8,7 @@ from typing import Any
 from backdrive.cli._plan_request import Request
 from backdrive.cli._planning import single_plans
 from backdrive.plans import inertia_bias, smallest_stroke, stroke_for_bias
-from backdrive.plans.base import spoken, torque_unit
+from backdrive.plans.base import phrase, torque_unit
 from backdrive.plans.limits import JointLimits
 
 _BIAS, _SLIP = 0.1, 1e-3  # what `--bias` [N.m or N] and `--time-slip` [s] are unless given
@@ -57,11 +57,11 @@ def notes_of(plan: Any, limits: dict[str, JointLimits], request: Request) -> lis
     notes = []
     if request.inertia is None and any(math.isfinite(limits[p.joint].effort) for p in single):
         notes.append("The torque was not checked: give --inertia for that.")
-    blind = [p.joint for p in single if not {"lower", "upper"} & set(limits[p.joint].known)]
+    blind = [p.joint for p in single if not {"lower", "upper"} & set(limits[p.joint].finite_limits)]
     fast = [p.joint for p in single if not math.isfinite(limits[p.joint].velocity)]
     half = [p.joint for p in single if p.joint not in blind]
-    below = [joint for joint in half if "lower" not in limits[joint].known]
-    above = [joint for joint in half if "upper" not in limits[joint].known]
+    below = [joint for joint in half if "lower" not in limits[joint].finite_limits]
+    above = [joint for joint in half if "upper" not in limits[joint].finite_limits]
     for what, options, joints in (
         ("range", "--lower and --upper", blind),
         ("lower end of the range", "--lower", below),
@@ -112,7 +112,7 @@ def _rows(f: dict[str, Any]) -> list[tuple[str, str]]:
         degrees = f" ({math.degrees(low):.4g} to {math.degrees(high):.4g} deg)" if unit == "rad" else ""
         rows += [
             ("range", f"{low:.4g} to {high:.4g} {unit}" + degrees),
-            ("top speed", spoken(f["peak_velocity"], f"{unit}/s")),
+            ("top speed", phrase(f["peak_velocity"], f"{unit}/s")),
             ("peak acceleration", f"{f['peak_acceleration']:.4g} {unit}/s^2"),
         ]
     for key, label in (("largest_torque", "largest torque"), ("peak_torque", "peak torque")):
@@ -120,9 +120,9 @@ def _rows(f: dict[str, Any]) -> list[tuple[str, str]]:
             of = f" of {f['torque_limit']:.4g}" if math.isfinite(f["torque_limit"]) else ""
             rows.append((label, f"{f[key]:.4g}{of} {newton}"))
     if "free_travel" in f:
-        rows.append(("travel in a period without friction", spoken(f["free_travel"], unit)))
+        rows.append(("travel in a period without friction", phrase(f["free_travel"], unit)))
     if "smallest_stroke" in f:
-        rows.append(("smallest stroke for the torque", spoken(f["smallest_stroke"], unit, 1)))
+        rows.append(("smallest stroke for the torque", phrase(f["smallest_stroke"], unit, 1)))
     return rows + _bias_rows(f)
 
 
@@ -133,7 +133,7 @@ def _bias_rows(f: dict[str, Any]) -> list[tuple[str, str]]:
     unit, newton, slip = f["unit"], torque_unit(f["unit"]), f"{1e3 * f['time_slip']:g} ms slip"
     return [
         (f"bias by inertia, {slip}", f"{f['bias_at_this_stroke']:.3g} {newton} at the top speed"),
-        (f"stroke for less than {f['bias']:g} {newton}", spoken(f["stroke_for_bias"], unit, 1)),
+        (f"stroke for less than {f['bias']:g} {newton}", phrase(f["stroke_for_bias"], unit, 1)),
     ]
 
 

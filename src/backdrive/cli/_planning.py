@@ -11,8 +11,8 @@ from backdrive.cli._joint_options import named_numbers
 from backdrive.cli._logs import numbers
 from backdrive.cli._plan_request import Request, check_options
 from backdrive.errors import InvalidInput
-from backdrive.plans import Held, InTurn, check_limits
-from backdrive.plans.base import KINDS, spoken
+from backdrive.plans import Hold, InTurn, check_limits
+from backdrive.plans.base import KINDS, phrase
 from backdrive.plans.limits import JointLimits, read_limits
 
 _DEGREES = ("stroke", "top_speed", "center")  # may be given in degrees
@@ -42,7 +42,7 @@ def build(request: Request, *, check: bool = True) -> tuple[Any, dict[str, Joint
         )
     plans = [_plan(request, limits[name], holds.get(name)) for name in names]
     others = [name for name in holds if name not in names]
-    held = tuple(Held(joint=name, position=holds[name], unit=limits[name].unit) for name in others)
+    held = tuple(Hold(joint=name, position=holds[name], unit=limits[name].unit) for name in others)
     plan = plans[0] if len(plans) == 1 and not held else InTurn(tuple(plans), held=held)
     for one in plans:
         _refuse_wrong_unit(one, limits[one.joint])
@@ -131,7 +131,7 @@ def _joints(request: Request) -> tuple[dict[str, JointLimits], list[str]]:
             effort=request.torque_limit,
         )
         if request.margin is not None:
-            known[name] = known[name].narrowed(request.margin)
+            known[name] = known[name].narrow(request.margin)
     for name in holds_of(request):
         lookup(name, known, "known joint")
     return known, wanted
@@ -153,7 +153,7 @@ def _plan(request: Request, limits: JointLimits, hold: float | None) -> Any:
                 f"--center and --hold both place joint '{limits.name}'.", remedy="Give one of them."
             )
         middle = hold if center is None else center
-        common |= options.given("lead_in") | ({} if middle is None else {"center": middle})
+        common |= options.subset("lead_in") | ({} if middle is None else {"center": middle})
     return cls.build(options, **common)
 
 
@@ -167,15 +167,15 @@ class _Options:
     def need(self, name: str) -> Any:
         if name in _DEGREES:
             return _one_of(self.request, name, self.limits)
-        if name in self.given(name):
-            return self.given(name)[name]
+        if name in self.subset(name):
+            return self.subset(name)[name]
 
         option = "--" + name.replace("_", "-") + (" LOW,HIGH" if name == "band" else "")
         raise InvalidInput(
             f"A plan of the kind {self.request.kind} needs {option}.", remedy="See backdrive plan --help."
         )
 
-    def given(self, *names: str) -> dict[str, Any]:
+    def subset(self, *names: str) -> dict[str, Any]:
         values = {name: getattr(self.request, name) for name in names}
         return {
             name: numbers(value, f"--{name}") if name in _SEVERAL else value
@@ -222,12 +222,12 @@ def _refuse_wrong_unit(plan: Any, limits: JointLimits) -> None:
     if plan.stroke > MOST_STROKE[unit] and not math.isfinite(limits.upper - limits.lower):
         other = f"--stroke-deg {plan.stroke:g}" if unit == "rad" else "it in metres"
         raise InvalidInput(
-            f"A stroke of {spoken(plan.stroke, unit)} is more than a joint usually has.",
+            f"A stroke of {phrase(plan.stroke, unit)} is more than a joint usually has.",
             remedy=f"If the unit was mistaken, give {other}; if it is meant, give the range with --lower and --upper.",
         )
     if plan.peak_velocity > MOST_SPEED[unit] and not math.isfinite(limits.velocity):
         other = f"--top-speed-deg {plan.peak_velocity:g}" if unit == "rad" else "it in metres per second"
         raise InvalidInput(
-            f"A speed of {spoken(plan.peak_velocity, unit + '/s')} is more than a joint usually has.",
+            f"A speed of {phrase(plan.peak_velocity, unit + '/s')} is more than a joint usually has.",
             remedy=f"If the unit was mistaken, give {other}; if it is meant, say so with --velocity-limit.",
         )

@@ -72,7 +72,7 @@ def command(
             raise
         raise InvalidInput(f"{first} and {second}: {error.message}", remedy=error.remedy) from error
     unjudged = None
-    if not comparison.judged:
+    if not comparison.is_testable:
         remarks = (r for c in comparison.changes for r in c.remarks if "standard errors" in r)
         unjudged = InvalidInput("Neither change nor its absence can be told.", remedy=next(remarks, ""))
     if as_json:
@@ -83,15 +83,15 @@ def command(
         if as_json:
             raise typer.Exit(unjudged.exit_code)
         raise unjudged
-    if comparison.changed:
+    if comparison.joints_with_change:
         raise typer.Exit(1)
 
 
 def _names(model: FrictionModel, pairs: list[str]) -> dict[str, str]:
     """Return old name -> new name of pairs OLD=NEW, after they were checked."""
-    from backdrive.identification.names import renamed
+    from backdrive.identification.names import rename_joints
 
-    renamed([friction.joint for friction in model.joints], pairs)
+    rename_joints([friction.joint for friction in model.joints], pairs)
     return {old.strip(): new.strip() for old, _, new in (pair.partition("=") for pair in pairs)}
 
 
@@ -116,7 +116,7 @@ def _print_json(comparison: Comparison, unjudged: InvalidInput | None) -> None:
 
 
 def _chance(change: Change) -> str:
-    if not change.judged:
+    if not change.is_testable:
         return "-"
     return f"p = {change.probability:.2g}" if change.probability > 1e-12 else "p < 1e-12"
 
@@ -135,6 +135,6 @@ def _print_table(changes: list[Change], left_out: list[str]) -> None:
     console = new_console()
     console.print(rows)
     for c in changes:
-        console.print(f"{c.joint}: {c.verdict}", style="bold" if c.changed else None, soft_wrap=True)
+        console.print(f"{c.joint}: {c.verdict}", style="bold" if c.is_significant else None, soft_wrap=True)
         print_lines(console, (f"  {remark}" for remark in c.remarks), style="yellow", soft_wrap=True)
     print_lines(console, left_out, style="yellow", soft_wrap=True)

@@ -60,9 +60,9 @@ def command(
         truth, found = plant.law.torque(speeds), friction.law.torque(speeds)
         say("A hand moves the joint")
         from backdrive.report.guided import guided_section
-        from backdrive.simulation.hand_demo import guided
+        from backdrive.simulation.hand_demo import simulate_hand
 
-        hand = guided(joint, friction.law, plant.inertia, seed)
+        hand = simulate_hand(joint, friction.law, plant.inertia, seed)
         say("Drawing the report")
         page = render(
             result,

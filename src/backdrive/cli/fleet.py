@@ -165,7 +165,7 @@ def simulate(
     Example: backdrive fleet simulate -o logs/
     """
     from backdrive.errors import InvalidInput
-    from backdrive.fleet.simulated import example
+    from backdrive.fleet.simulation import example
 
     if not (seconds * rate >= 100.0 and rate <= 1e5):
         raise InvalidInput(f"{seconds:g} s at {rate:g} Hz.", remedy="Give a log of at least 100 samples.")

@@ -37,7 +37,7 @@ def command(
 
     Example: backdrive inspect log.csv
     """
-    from backdrive.identification.repairs import mended
+    from backdrive.identification.repairs import apply_repairs
     from backdrive.logs.health import CHECKS, check
 
     accepted = {lookup(n, {c.name: c.name for c in CHECKS}, "health check") for n in accept or []}
@@ -53,7 +53,7 @@ def command(
         say("Checking")
         undone: list[list[str]] = [[] for _ in read]
         if repair:
-            read, undone = (list(each) for each in zip(*(mended(log, list(accepted)) for log in read)))
+            read, undone = (list(each) for each in zip(*(apply_repairs(log, list(accepted)) for log in read)))
         findings = [check(log) for log in read]
         repairs = [
             previews(log, list(accepted)) if not repair and any(f.repairable for f in found) else left
@@ -86,9 +86,9 @@ def command(
 
 def previews(log: Log, accepted: list[str]) -> list[str]:
     """Return what --repair would do to a log, and what it would undo again, in sentences."""
-    from backdrive.identification.repairs import mended
+    from backdrive.identification.repairs import apply_repairs
 
-    after, undone = mended(log, accepted)
+    after, undone = apply_repairs(log, accepted)
     return [*(note for note in after.notes if note not in log.notes), *undone]
 
 

@@ -125,7 +125,7 @@ def command(
     """
     from backdrive import load_model
     from backdrive.tuning import facts_of, save_tunings, tune
-    from backdrive.tuning.bounds import check_given
+    from backdrive.tuning.bounds import check_numbers
     from backdrive.tuning.scenes import usual_stroke
     from backdrive.tuning.wishes import check_wish
 
@@ -139,7 +139,7 @@ def command(
         "temperature": warm,
     }
     check_wish(wish)
-    check_given("tune", **shared, stroke=stroke, duration=duration, joints=joints, seed=seed)
+    check_numbers("tune", **shared, stroke=stroke, duration=duration, joints=joints, seed=seed)
     _logs.check_targets([output, picture], _logs.files_of(model))
     loaded = load_model(model)
     names = list(dict.fromkeys(loaded.joint(name).joint.name for name in joint or loaded.names))

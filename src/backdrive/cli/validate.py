@@ -42,7 +42,7 @@ def command(
     """
     from backdrive import load_model
     from backdrive.identification import validate, validate_motion
-    from backdrive.identification.names import renamed
+    from backdrive.identification.names import rename_joints
     from backdrive.identification.repairs import healthy
 
     loaded = load_model(model)
@@ -50,7 +50,7 @@ def command(
     with progress(quiet=as_json) as say:
         say("Reading")
         read = reading.read(logs)
-        read = [log.replace(joints=renamed(log.joints, rename or [])) for log in read]
+        read = [log.replace(joints=rename_joints(log.joints, rename or [])) for log in read]
         say("Checking the logs")
         suspect: list[str] = []
         read = [healthy(log, accept or [], repair, suspect) for log in read]

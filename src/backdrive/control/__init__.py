@@ -3,7 +3,7 @@
 from backdrive.control.admittance import Admittance as Admittance
 from backdrive.control.arm_joint import ArmJoint as ArmJoint
 from backdrive.control.arm_loop import ArmLoop as ArmLoop
+from backdrive.control.joint_loop import BareLoop as BareLoop
 from backdrive.control.joint_loop import JointLoop as JointLoop
-from backdrive.control.joint_loop import Unguarded as Unguarded
 from backdrive.control.joint_loop import torque_limit as torque_limit
 from backdrive.control.loop import Loop as Loop

@@ -18,7 +18,7 @@ import numpy as np
 
 from backdrive._jit import jit
 from backdrive.errors import InvalidInput
-from backdrive.parameters import NOT_NEGATIVE, POSITIVE, Bounded
+from backdrive.parameters import NOT_NEGATIVE, POSITIVE, WithBounds
 
 ROW = 5
 STATES = 3  # q_d, v_d, position before
@@ -38,7 +38,7 @@ def tick(c, i, s, j, tau_e, q, T):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Admittance(Bounded):
+class Admittance(WithBounds):
     """A virtual mass and the position controller that follows it.
 
     Attributes:

@@ -9,7 +9,7 @@ from typing import ClassVar
 from backdrive.control.admittance import Admittance
 from backdrive.control.joint_loop import JointLoop
 from backdrive.errors import InvalidInput
-from backdrive.parameters import FINITE, NOT_NEGATIVE, Bound, Bounded
+from backdrive.parameters import FINITE, NOT_NEGATIVE, Bound, WithBounds
 from backdrive.plans.limits import JointLimits
 
 MARGIN = {"rad": 0.15, "m": 0.05}  # depth of a wall where nobody gives one
@@ -21,7 +21,7 @@ EFFORT = Bound(1e-6, 1e5, "N.m or N")
 
 
 @dataclass(frozen=True, kw_only=True)
-class ArmJoint(Bounded):
+class ArmJoint(WithBounds):
     """What runs on one joint, within which limits.
 
     Where motors are coupled, `loop`, `effort` of the limits, `inertia` and `gravity` are those of the motor of the same number, the

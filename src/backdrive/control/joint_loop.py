@@ -39,10 +39,10 @@ from backdrive.control.table import (
     TOP,
     UPPER,
 )  # fmt: skip
-from backdrive.engine.series import stacked
+from backdrive.engine.series import stack_rows
 from backdrive.errors import InvalidInput, LimitWarning
 from backdrive.laws import REFERENCE, Law
-from backdrive.parameters import ABOVE_ZERO, BIG, NOT_NEGATIVE, Bound, Bounded, check
+from backdrive.parameters import ABOVE_ZERO, BIG, NOT_NEGATIVE, Bound, WithBounds, check
 
 LATCH_TIME = 0.15  # from the limit to zero when latched [s]
 BRISK, LEAST_BRISK = 1000.0, 50.0  # normal rate by F, and the least that may be asked for [1/s]
@@ -85,7 +85,7 @@ def torque_limit(compensator: Compensator, top_speed: float) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class JointLoop(Bounded):
+class JointLoop(WithBounds):
     """What runs on one joint, within which limits.
 
     Attributes:
@@ -221,7 +221,7 @@ class JointLoop(Bounded):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Unguarded(JointLoop):
+class BareLoop(JointLoop):
     """Compensator and estimator alone, for simulation: what they do where nothing holds them. A `Loop` refuses it.
 
     Attributes:
@@ -246,7 +246,7 @@ class Unguarded(JointLoop):
 
     def __post_init__(self):
         self._check_adaptation()
-        Bounded.__post_init__(self)
+        WithBounds.__post_init__(self)
 
     @property
     def normal_rate(self) -> float:
@@ -285,7 +285,7 @@ def rows(joints: Sequence[JointLoop], positions: np.ndarray, dt: float) -> tuple
     of_parts: list[Any] = []
     for parts in ([j.compensator for j in joints], estimators):
         laws = [part.friction.law for part in parts]
-        P, X = stacked([law.row() for law in laws]), stacked([law.state() for law in laws])
+        P, X = stack_rows([law.row() for law in laws]), stack_rows([law.state() for law in laws])
         C = np.array([part.row(dt) for part in parts])
         S = np.array([part.start(float(q)) for part, q in zip(parts, positions)])
         of_parts += [C, P, X, S]

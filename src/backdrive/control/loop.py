@@ -23,7 +23,7 @@ import numpy as np
 
 from backdrive.control import guard
 from backdrive.control.envelope import PERIOD
-from backdrive.control.joint_loop import JointLoop, Unguarded, rows
+from backdrive.control.joint_loop import BareLoop, JointLoop, rows
 from backdrive.control.loop_kernel import tick
 from backdrive.control.table import (
     APPLIED,
@@ -133,9 +133,9 @@ class Loop:
     def _admit(self) -> None:
         """Refuse joints without limits."""
         for i, each in enumerate(self.joints):
-            if isinstance(each, Unguarded):
+            if isinstance(each, BareLoop):
                 raise InvalidInput(
-                    f"Joint {i} has no limits.", remedy="`Unguarded` is for simulation; give a `JointLoop`."
+                    f"Joint {i} has no limits.", remedy="`BareLoop` is for simulation; give a `JointLoop`."
                 )
 
     torque = Row(TORQUE, writeable=False)

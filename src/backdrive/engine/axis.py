@@ -32,7 +32,7 @@ def gravity(j, q):
 
 
 @jit
-def held(rate, element, p, x, v_free, h, dt_over_m, widening, load, temp):
+def implicit_velocity(rate, element, p, x, v_free, h, dt_over_m, widening, load, temp):
     """Velocity of a mass at the end of a step h under friction whose bounds are wider by `widening` >= 0."""
     shrinkage = dt_over_m * widening
     if abs(v_free) <= shrinkage:
@@ -62,7 +62,9 @@ def advance(j, s, rate, element, p, x, u, h, temp):
         middle = s[0] + half * w
         g = gravity(j, middle)
         dt_over_m = h / (M + L)
-        s[1] = held(rate, element, p, x, w + dt_over_m * (u - g), h, dt_over_m, widening, load, temp)
+        s[1] = implicit_velocity(
+            rate, element, p, x, w + dt_over_m * (u - g), h, dt_over_m, widening, load, temp
+        )
         s[0] = middle + half * s[1]
         s[2], s[3] = s[0], s[1]
         s[4] = g + L * (s[1] - w) / h
@@ -73,9 +75,9 @@ def advance(j, s, rate, element, p, x, u, h, temp):
     s[1] = w + h / M * (u - c)
     s[3] = v + h / L * (c - gravity(j, middle_q))
     if on_load > 0.0:
-        s[3] = held(rate, element, p, x, s[3], h, h / L, widening, load, temp)
+        s[3] = implicit_velocity(rate, element, p, x, s[3], h, h / L, widening, load, temp)
     else:
-        s[1] = held(rate, element, p, x, s[1], h, h / M, widening, load, temp)
+        s[1] = implicit_velocity(rate, element, p, x, s[1], h, h / M, widening, load, temp)
     s[0] = middle_p + half * s[1]
     s[2] = middle_q + half * s[3]
     s[4] = c

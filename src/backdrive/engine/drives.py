@@ -21,7 +21,7 @@ import numpy as np
 
 from backdrive._jit import jit
 from backdrive.engine import servo
-from backdrive.parameters import ABOVE_ZERO, Bound, Bounded
+from backdrive.parameters import ABOVE_ZERO, Bound, WithBounds
 
 STATES = servo.STATES + 1  # and the input of the step before
 CONTROLLERS = ("open", "position", "velocity")
@@ -82,7 +82,7 @@ def along(d, s, r, supply, q, v, dt, out):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DriveModel(Bounded):
+class DriveModel(WithBounds):
     """A drive in the loop.
 
     Attributes:

@@ -16,7 +16,7 @@ from backdrive.engine.drives import DriveModel
 from backdrive.engine.series import Lanes
 from backdrive.errors import InvalidInput
 from backdrive.laws import REFERENCE, Law
-from backdrive.parameters import ABOVE_ZERO, FINITE, NOT_NEGATIVE, Bounded, array
+from backdrive.parameters import ABOVE_ZERO, FINITE, NOT_NEGATIVE, WithBounds, array
 
 
 @jit
@@ -68,7 +68,7 @@ def lanes(first, last, J, D, rates, elements, P, X, S, C, log, r, supply, enable
 
 
 @dataclass(frozen=True, kw_only=True)
-class Axis(Bounded):
+class Axis(WithBounds):
     """One joint with its drive, for forward dynamics.
 
     Attributes:

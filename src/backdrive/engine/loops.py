@@ -16,7 +16,7 @@ from functools import cache
 
 import numpy as np
 
-from backdrive._jit import jit, specialised
+from backdrive._jit import jit, specialise
 from backdrive.laws import kernels
 
 BLOCK = 64  # ticks
@@ -107,11 +107,11 @@ def one_by_one(rate: int, element: int, plain: bool, knots: int, sections: int, 
                     else:
                         tau[k] += viscous[k]
 
-    return specialised(lanes, rate, element, int(plain), knots, sections, int(tame))
+    return specialise(lanes, rate, element, int(plain), knots, sections, int(tame))
 
 
 @cache
-def interleaved(rate: int, element: int, place: int, tame: bool, shared: bool) -> Callable:
+def lane_loop(rate: int, element: int, place: int, tame: bool, shared: bool) -> Callable:
     """Return the loop of one law over lanes side by side, of an element whose state is one number.
 
     Args:
@@ -174,4 +174,4 @@ def interleaved(rate: int, element: int, place: int, tame: bool, shared: bool) -
             for j in range(count):
                 X[which[first + j], 0] = Z[j]
 
-    return specialised(side_by_side, rate, element, place, int(tame), int(shared))
+    return specialise(side_by_side, rate, element, place, int(tame), int(shared))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Kinds = tuple[int, int, bool, int, int]
 
 
-def stacked(rows: Sequence[np.ndarray]) -> np.ndarray:
+def stack_rows(rows: Sequence[np.ndarray]) -> np.ndarray:
     """Return rows of different lengths as one table, zero behind the end of shorter ones."""
     table = np.zeros((len(rows), max(row.size for row in rows)))
     for i, row in enumerate(rows):
@@ -42,7 +42,7 @@ class Lanes:
     def __init__(self, laws: Sequence[Law]):
         self.rates = np.array([law.rate.KIND for law in laws], dtype=np.int64)
         self.elements = np.array([law.element.KIND for law in laws], dtype=np.int64)
-        self.rows = stacked([law.row() for law in laws])
+        self.rows = stack_rows([law.row() for law in laws])
         self.states = 2 * max(max(law.element.states(), 1) for law in laws)
         self.usual_loads = np.array([law.usual_load for law in laws])
         plain = self.rows[:, 0] == np.floor(self.rows[:, 0])
@@ -123,7 +123,7 @@ class Lanes:
         if len(lanes) < loops.FEWEST or wide:
             return loops.one_by_one(*kinds, tame)
         shared = bool((motion[lanes] == motion[lanes[0]]).all())
-        return loops.interleaved(rate, element, 1 + int(self.rows[lanes[0], 0]), tame, shared)
+        return loops.lane_loop(rate, element, 1 + int(self.rows[lanes[0], 0]), tame, shared)
 
 
 def increments(q: np.ndarray | None, dq: np.ndarray | None, dt: float) -> np.ndarray:

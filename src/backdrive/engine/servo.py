@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from backdrive._jit import jit
-from backdrive.parameters import NOT_NEGATIVE, Bounded
+from backdrive.parameters import NOT_NEGATIVE, WithBounds
 
 STATES = 3  # integral of the error, position of the tick before, filtered velocity
 
@@ -40,7 +40,7 @@ def tick(g, o, s, T, r, dr, p, limit):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Servo(Bounded):
+class Servo(WithBounds):
     """A PID position controller.
 
     Attributes:
@@ -58,7 +58,7 @@ class Servo(Bounded):
     filter_time: float = 0.0
 
     @classmethod
-    def tuned(cls, inertia: float, bandwidth: float, *, filter_time: float = 0.0) -> Servo:
+    def from_bandwidth(cls, inertia: float, bandwidth: float, *, filter_time: float = 0.0) -> Servo:
         """Return gains for a mass: a double pole at the bandwidth and a slow integral.
 
         Args:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from backdrive._files import write_together
 from backdrive.control.envelope import PERIOD
-from backdrive.control.joint_loop import JointLoop, Unguarded
+from backdrive.control.joint_loop import BareLoop, JointLoop
 from backdrive.errors import InvalidInput, WriteError
 from backdrive.export import cpp, examples
 from backdrive.export.loop_header import framed, loop_header
@@ -82,7 +82,7 @@ def export_loop(
         raise InvalidInput("A loop of no joint.", remedy="Give at least one `JointLoop`.")
     check("export_loop", {"interval": PERIOD}, {"interval": interval})
     for joint, loop in joints.items():
-        if isinstance(loop, Unguarded):
+        if isinstance(loop, BareLoop):
             raise InvalidInput(f"Joint '{joint}' has no limits.", remedy="Give a `JointLoop`.")
     prefix = identifier(name)
     names = identifiers(list(joints))

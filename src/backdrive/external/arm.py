@@ -19,14 +19,22 @@ from backdrive.control.estimators.arm import ArmForce
 from backdrive.control.estimators.of_model import ABRUPT, WIDTH, at_rest, with_break_away
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.external.arm_log import ArmLog, arm_log, at_motors, tied_motors
+from backdrive.external.arm_log import ArmLog, arm_log, at_motors, coupling_notes
 from backdrive.external.bands import band, growth_of, states_along
 from backdrive.external.choose import FASTEST, Noise, choose
-from backdrive.external.estimate import AUTO, LEAST, SETTLED, delay_of, known_along, noise_of, speed_along
+from backdrive.external.estimate import (
+    AUTO,
+    LEAST,
+    SETTLED,
+    delay_of,
+    noise_of,
+    reference_torque,
+    speed_along,
+)
 from backdrive.external.result import STATES, JointForce
 from backdrive.external.temperature import along_stretches
 from backdrive.external.wrench import WrenchEstimate, wrench_of
-from backdrive.external.wrench_axes import Convention, brought, doubt
+from backdrive.external.wrench_axes import Convention, doubt, wrench_at
 from backdrive.identification.delay import earlier
 from backdrive.laws import REFERENCE
 from backdrive.logs.log import Log
@@ -104,9 +112,9 @@ class ArmEstimate:
                 f"At {rate:.0f} Hz a '{method}' observer of {bandwidth:.3g} 1/s does not settle on this arm.",
                 remedy="Give a smaller --bandwidth, or --method momentum.",
             )
-        carried = self._carried_at_rest(arm, time, force, state)
+        carried = self._load_at_rest(arm, time, force, state)
         results, told = [], at_motors(self.estimator, log)
-        remarks += tied_motors(self.estimator)
+        remarks += coupling_notes(self.estimator)
         for j, friction in enumerate(self.frictions):
             if friction.verdict is not None and friction.verdict.grade in ("poor", "unknown"):
                 remarks.append(
@@ -128,16 +136,16 @@ class ArmEstimate:
                     method=method,
                     bandwidth=float(bandwidth),
                     lag=estimator.lag(1.0 / rate),
-                    known=known_along(told, friction.joint.name, time),
+                    known=reference_torque(told, friction.joint.name, time),
                     speed=speed_along([s[j] for s in arm.stretches], time),
                 )
             )
-            beyond = friction.extrapolated(np.concatenate([s[j].velocity for s in arm.stretches]))
+            beyond = friction.extrapolation(np.concatenate([s[j].velocity for s in arm.stretches]))
             remarks += [beyond] if beyond else []
         self._check_robot(arm, results)
         return results, remarks
 
-    def _carried_at_rest(
+    def _load_at_rest(
         self, arm: ArmLog, time: np.ndarray, force: np.ndarray, state: np.ndarray
     ) -> np.ndarray:
         """Return what each joint carries where it rests [N.m or N], 0 elsewhere, (n, J): friction at rest grows with it."""
@@ -174,12 +182,12 @@ class ArmEstimate:
         good, robot = np.isfinite(log.time), self.estimator.bodies.robot
         q = np.column_stack([np.interp(clock, time, column) for column in position.T]) @ self._C.T
         raw = np.column_stack([np.interp(clock, log.time[good], column[good]) for column in log.wrench.T])
-        known = brought(raw, robot, q, stated, frame)
+        known = wrench_at(raw, robot, q, stated, frame)
         estimate = wrench_of(self.estimator, time, position, joints, known)
         said = doubt(estimate, raw, robot, q, stated)
         return estimate, [*estimate.remarks(), *([] if said is None else [said])]
 
-    def widened(self, joints: Sequence[JointForce]) -> list[JointForce]:
+    def widen(self, joints: Sequence[JointForce]) -> list[JointForce]:
         """Return the torques with bands that also hold what is not known of the friction's growth with the load."""
         results = []
         for one, friction in zip(joints, self.frictions):

@@ -84,7 +84,7 @@ def at_motors(estimator: ArmForce, log: Log) -> Log:
     return one.replace(coupling=None, **others, **moved)
 
 
-def tied_motors(estimator: ArmForce) -> list[str]:
+def coupling_notes(estimator: ArmForce) -> list[str]:
     """Return what is to be said where motors drive several joints."""
     if estimator.coupling is None:
         return []

@@ -200,7 +200,7 @@ def _state_band(free: Sequence[JointForce], state: int) -> StateBand | None:
         interval=(float(ends[0]), float(ends[1])),
         samples=pooled.size,
         events=events,
-        held_out=_held_out(pooled),
+        held_out=_cross_check(pooled),
     )
 
 
@@ -221,7 +221,7 @@ def _events(free: Sequence[JointForce], state: int, half: float) -> float:
     return float(np.clip(SHARE * (1.0 - SHARE) * samples**2 / max(variance, 1e-12), 1.0, samples))
 
 
-def _held_out(pooled: np.ndarray) -> tuple[float, float]:
+def _cross_check(pooled: np.ndarray) -> tuple[float, float]:
     """Return the lowest and the highest share of a fifth that the quantile of the others holds, fifths in order of time."""
     parts = np.array_split(pooled, FOLDS)
     if min(part.size for part in parts) < LEAST:

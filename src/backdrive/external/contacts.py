@@ -123,7 +123,7 @@ def with_contacts(estimate: ForceEstimate, false_alarms: float) -> ForceEstimate
             remedy="Give longer free motion of the same joints (--free).",
         )
     every = tuple(t for of_joint in thresholds.values() for t in of_joint)
-    lines = (*estimate.remarks, *remarks, *_unsupported(every, false_alarms))
+    lines = (*estimate.remarks, *remarks, *_support_warnings(every, false_alarms))
     return mark_contacts(replace(estimate, remarks=lines, false_alarms=false_alarms), every)
 
 
@@ -181,7 +181,7 @@ def _merge(spans: list[tuple[float, float, str, float]]) -> tuple[Contact, ...]:
     return tuple(events)
 
 
-def _unsupported(thresholds: Sequence[Threshold], false_alarms: float) -> list[str]:
+def _support_warnings(thresholds: Sequence[Threshold], false_alarms: float) -> list[str]:
     """Return what the free motion cannot support, a sentence for all joints and one for states that it does not show."""
     lines = []
     stretched = [t for t in thresholds if 1.0 < t.extrapolation < np.inf and t.bands > 1.0]

@@ -178,7 +178,7 @@ def _arm(
         remarks += [line for one, own in zip(results, made) for line in (*own.remarks(), *own.faster(one))]
         results = [own.apply(one, np.max(ratios, axis=0)) for one, own in zip(results, made)]
     remarks += _of_free_motion(model, log, free)
-    results = whole.widened(results)
+    results = whole.widen(results)
     wrench = None
     if frame is not None:
         wrench, told = whole.wrench(log, results, wrench_axes)
@@ -257,10 +257,10 @@ def _joint(
         method=method,
         bandwidth=float(bandwidth),
         lag=made.lag(1.0 / rate),
-        known=known_along(log, name, time),
+        known=reference_torque(log, name, time),
         speed=speed_along(stretches, time),
     )
-    beyond = friction.extrapolated(np.concatenate([s.velocity for s in stretches]))
+    beyond = friction.extrapolation(np.concatenate([s.velocity for s in stretches]))
     return result, remarks + ([beyond] if beyond else [])
 
 
@@ -333,7 +333,7 @@ def speed_along(stretches: Sequence[Signals], time: np.ndarray) -> np.ndarray:
     return np.interp(time, clock, np.concatenate([np.abs(s.velocity) for s in stretches]))
 
 
-def known_along(log: Log, name: str, time: np.ndarray) -> np.ndarray | None:
+def reference_torque(log: Log, name: str, time: np.ndarray) -> np.ndarray | None:
     """Return the external torque that the log holds, on a clock."""
     one = log.select(name)
     if one.external_torque is None:

@@ -16,10 +16,10 @@ import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.external.gains import Gains, absolute_gains, gain_ratios
-from backdrive.external.payload_fit import Known, PayloadFit, PayloadProblem
+from backdrive.external.payload_fit import PayloadFit, PayloadProblem, PriorKnowledge
 from backdrive.identification.arm_predict import arm_of, coupling_of_model, slip_in
 from backdrive.identification.arm_signals import ArmSignals, prepare_arm
-from backdrive.identification.pseudo_inertia import about_center, moved
+from backdrive.identification.pseudo_inertia import about_center, frame_change
 from backdrive.identification.regression import NORMAL
 from backdrive.logs.log import Log
 from backdrive.model import FrictionModel
@@ -105,14 +105,14 @@ def estimate_payload(
         UnknownName: no such frame.
         NotIdentifiable: too little motion, or no payload that the torques tell from none.
     """
-    known = _known(known_mass, at, gain_error)
+    known = _prior_knowledge(known_mass, at, gain_error)
     arm, body = arm_of(model, robot)
     frame, placement, link = _frame(body, frame)
-    adds = body.base.relation[:, 10 * link : 10 * link + 10] @ moved(placement)
+    adds = body.base.relation[:, 10 * link : 10 * link + 10] @ frame_change(placement)
     coupling = coupling_of_model(model, body)
 
     def signals(one: Log) -> list[ArmSignals]:
-        return [s.shifted(slip_in(model)) for s in prepare_arm(one, body, coupling=coupling)]
+        return [s.shift(slip_in(model)) for s in prepare_arm(one, body, coupling=coupling)]
 
     problem = PayloadProblem(
         robot=body,
@@ -141,7 +141,7 @@ def estimate_payload(
             remedy="Give a log in which the arm carries more, or moves its wrist and elbow up and down further.",
         )
     if known_mass is None:
-        gains = gain_ratios(body.joints, problem.fit(Known(gain_error=OPEN, seek=True)))
+        gains = gain_ratios(body.joints, problem.fit(PriorKnowledge(gain_error=OPEN, seek=True)))
     else:
         gains = absolute_gains(body.joints, fit)
     of_data = float(np.sqrt(fit.of_data[0, 0]))
@@ -170,7 +170,9 @@ def estimate_payload(
     )
 
 
-def _known(mass: float | None, at: Sequence[float] | None, gain_error: float | None) -> Known:
+def _prior_knowledge(
+    mass: float | None, at: Sequence[float] | None, gain_error: float | None
+) -> PriorKnowledge:
     """Return what is known, checked."""
     if mass is not None and not 0.0 < mass < np.inf:
         raise InvalidInput(f"A known mass of {mass:g} kg.", remedy="Give a positive number [kg].")
@@ -180,8 +182,8 @@ def _known(mass: float | None, at: Sequence[float] | None, gain_error: float | N
     if place is not None and (place.shape != (3,) or not np.all(np.isfinite(place))):
         raise InvalidInput(f"A center at {at}.", remedy="Give x, y, z in the frame [m], such as 0,0,0.05.")
     if mass is not None:
-        return Known(gain_error=OPEN, seek=True, mass=mass, center=place)
-    return Known(gain_error=GAIN_ERROR if gain_error is None else gain_error, center=place)
+        return PriorKnowledge(gain_error=OPEN, seek=True, mass=mass, center=place)
+    return PriorKnowledge(gain_error=GAIN_ERROR if gain_error is None else gain_error, center=place)
 
 
 def _frame(robot: Robot, name: str | None) -> tuple[str, np.ndarray, int]:

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backdrive.external.payload_terms import OWN, corrections, expected_own
+from backdrive.external.payload_terms import OWN, corrections, own_prior
 from backdrive.identification import regression
 from backdrive.identification.arm_signals import ArmSignals
-from backdrive.identification.arm_solve import MEMORY, correlated, spread_of
+from backdrive.identification.arm_solve import MEMORY, correlation_length, spread_of
 from backdrive.identification.arm_terms import Regressor, Rows, build, fill_load
 from backdrive.identification.pseudo_inertia import about_center
 from backdrive.model import ArmModel, JointFriction
@@ -40,7 +40,7 @@ SURE = 1e-4  # of the bodies, likewise [-]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Known:
+class PriorKnowledge:
     """What is known before the logs are looked at.
 
     Attributes:
@@ -103,7 +103,7 @@ class PayloadProblem:
         self.stated = np.array(stated) if stated is not None and len(stated) == whole else None
         self.rows = sum(int(np.count_nonzero(rows.weight)) for rows in self._rows[:1])
 
-    def fit(self, known: Known) -> PayloadFit:
+    def fit(self, known: PriorKnowledge) -> PayloadFit:
         """Return payload and gains."""
         return self._result(known, *self._solve(known))
 
@@ -112,7 +112,7 @@ class PayloadProblem:
         b = self.beta.size
         return np.r_[:b, b + PER_LINK + J + OWN * np.arange(J)]
 
-    def _solve(self, known: Known) -> tuple:
+    def _solve(self, known: PriorKnowledge) -> tuple:
         """Return coefficients, normal equations, covariance of their gradient, and residuals."""
         J, b = len(self.terms), self.beta.size
         phi, gain = slice(b, b + PER_LINK), slice(b + PER_LINK, b + PER_LINK + J)
@@ -126,7 +126,7 @@ class PayloadProblem:
         weights, errors = [], []
         for _ in range(ROUNDS):
             self._refill(x, phi)
-            mean[phi], spread = _expected(x[phi], known)
+            mean[phi], spread = _payload_prior(x[phi], known)
             precision = inverse.copy()
             precision[phi, phi] = np.diag(spread**-2.0)
             predicted = [self._predict(rows, x, loaded) for rows, loaded in self._parts()]
@@ -154,7 +154,12 @@ class PayloadProblem:
         return x, gram, precision + MISFIT * self._scores(x, weights, errors, noise), errors
 
     def _result(
-        self, known: Known, x: np.ndarray, gram: np.ndarray, meat: np.ndarray, errors: Sequence[np.ndarray]
+        self,
+        known: PriorKnowledge,
+        x: np.ndarray,
+        gram: np.ndarray,
+        meat: np.ndarray,
+        errors: Sequence[np.ndarray],
     ) -> PayloadFit:
         J, b = len(self.terms), self.beta.size
         phi, gain = np.arange(b, b + PER_LINK), np.arange(b + PER_LINK, b + PER_LINK + J)
@@ -163,13 +168,11 @@ class PayloadProblem:
         covariance = _sandwich(gram, meat, np.arange(x.size)) if known.seek else exact.copy()
         if not known.seek:  # what an error of the gains does to all others
             follow = np.zeros((x.size, J))
-            follow[fixed] = (
-                -regression.inverted(gram[np.ix_(fixed, fixed)], 1e-15) @ gram[np.ix_(fixed, gain)]
-            )
+            follow[fixed] = -regression.invert(gram[np.ix_(fixed, fixed)], 1e-15) @ gram[np.ix_(fixed, gain)]
             follow[gain] = np.eye(J)
             covariance += known.gain_error**2 * follow @ follow.T
         both = np.r_[phi, gain]
-        _, spread = _expected(x[phi], known)
+        _, spread = _payload_prior(x[phi], known)
         return PayloadFit(
             payload=x[phi],
             gains=x[gain],
@@ -178,13 +181,13 @@ class PayloadProblem:
             told=1.0 - np.diag(exact)[phi][4:] / spread[4:] ** 2,
             lever=self._lever(x[phi]),
             residual=np.array([_share(errors[0], self._rows[0], j) for j in range(J)]),
-            expected=np.array([_stated(friction) for friction in self.frictions]),
+            expected=np.array([_relative_error(friction) for friction in self.frictions]),
         )
 
     def _parts(self) -> list[tuple[Rows, bool]]:
         return list(zip(self._rows, (True, False)))
 
-    def _start(self, known: Known) -> tuple[np.ndarray, np.ndarray]:
+    def _start(self, known: PriorKnowledge) -> tuple[np.ndarray, np.ndarray]:
         """Return what is expected of all coefficients, and its precision; the payload's comes with every round."""
         J, b = len(self.terms), self.beta.size
         x = np.zeros(b + PER_LINK + J + OWN * J)
@@ -203,7 +206,7 @@ class PayloadProblem:
         inverse[gains, gains] = max(known.gain_error, 1e-6) ** -2.0
         for j, friction in enumerate(self.frictions):
             own = np.arange(OWN) + b + PER_LINK + J + OWN * j
-            x[own], spread = expected_own(friction)
+            x[own], spread = own_prior(friction)
             if not self.both:  # the model states how sure the offset is
                 spread[0] = FREE if self.stated is not None else DRIFT * spread[0]
             inverse[own, own] += spread**-2.0
@@ -271,7 +274,7 @@ class PayloadProblem:
                 part = X * (w[:, j] * e[:, j])[:, None]
                 scores += part
                 error = e[:, j] * np.sqrt(w[:, j])
-                least += correlated(error, rows.rate) * (X * w[:, j, None]).T @ X
+                least += correlation_length(error, rows.rate) * (X * w[:, j, None]).T @ X
             width = max(int(MEMORY * rows.rate), len(e) // BLOCKS, 1) + 1
             total += regression.long_run(scores.T, width)
         return 0.5 * (total + least)
@@ -280,12 +283,12 @@ class PayloadProblem:
 def _sandwich(gram: np.ndarray, meat: np.ndarray, kept: np.ndarray) -> np.ndarray:
     """Return the covariance of the kept coefficients, the others fixed, zero for these, (p, p)."""
     pick, covariance = np.ix_(kept, kept), np.zeros_like(gram)
-    inverse = regression.inverted(gram[pick], 1e-15)
+    inverse = regression.invert(gram[pick], 1e-15)
     covariance[pick] = inverse @ meat[pick] @ inverse
     return covariance
 
 
-def _expected(payload: np.ndarray, known: Known) -> tuple[np.ndarray, np.ndarray]:
+def _payload_prior(payload: np.ndarray, known: PriorKnowledge) -> tuple[np.ndarray, np.ndarray]:
     """Return what a payload is expected to be, and how far from that, (10,) each: a body of some size about its center."""
     mean, spread = np.zeros(PER_LINK), np.full(PER_LINK, FREE)
     mass = known.mass if known.mass is not None else max(payload[0], 0.0)
@@ -307,6 +310,6 @@ def _share(error: np.ndarray, rows: Rows, j: int) -> float:
     return float(np.sqrt(np.sum(error[used, j] ** 2) / power)) if power > 0 else 0.0
 
 
-def _stated(friction: JointFriction) -> float:
+def _relative_error(friction: JointFriction) -> float:
     quality = friction.held_out or friction.fitted
     return np.nan if quality is None else 0.01 * quality.residual

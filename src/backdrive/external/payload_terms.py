@@ -45,7 +45,7 @@ def corrections(friction: JointFriction) -> Corrections:
     return Corrections(knots=np.array([0.0, top]), top=top, transition=transition, law=friction.law)
 
 
-def expected_own(friction: JointFriction) -> tuple[np.ndarray, np.ndarray]:
+def own_prior(friction: JointFriction) -> tuple[np.ndarray, np.ndarray]:
     """Return what is expected of a joint's own coefficients, and how far from that, (6,) each."""
     top = max(abs(v) for v in friction.validity.velocity)
     mean = float(np.mean(np.abs(friction.law.torque(np.linspace(-top, top, 21))))) or 1.0

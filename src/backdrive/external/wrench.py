@@ -107,11 +107,11 @@ def wrench_of(
     deviations = np.where(np.isfinite(deviations) & (deviations > 0.0), deviations, fallback)
     forces = np.column_stack([one.force for one in joints])
     row = estimator.row(1e-3)
-    rows = _solved(row, jacobians, forces, deviations)
+    rows = _solve_samples(row, jacobians, forces, deviations)
     known = measured
     if known is None and all(one.known is not None for one in joints):
         told = np.column_stack([one.known for one in joints])  # type: ignore[arg-type]
-        known = _solved(row, jacobians, told, deviations)[:, :FULL]
+        known = _solve_samples(row, jacobians, told, deviations)[:, :FULL]
     return WrenchEstimate(
         frame=frame,
         time=clock,
@@ -123,7 +123,9 @@ def wrench_of(
     )
 
 
-def _solved(row: np.ndarray, jacobians: np.ndarray, forces: np.ndarray, deviations: np.ndarray) -> np.ndarray:
+def _solve_samples(
+    row: np.ndarray, jacobians: np.ndarray, forces: np.ndarray, deviations: np.ndarray
+) -> np.ndarray:
     """Return wrench, covariance and share of the damping of every sample, (n, 43)."""
     n, J = forces.shape
     io = np.zeros(arm_kernel.OUT * J + 2 * FULL + FULL**2 + 1)

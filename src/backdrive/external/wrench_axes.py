@@ -46,7 +46,7 @@ class Convention:
         return f"at '{self.frame}' along {along}{', its sign turned round' if self.sign < 0.0 else ''}"
 
 
-def brought(
+def wrench_at(
     measured: np.ndarray, robot: Robot, q: np.ndarray, convention: Convention, frame: str
 ) -> np.ndarray:
     """Return a measured wrench at the origin of a frame, along the axes of the base [N, N.m], (n, 6).
@@ -90,11 +90,11 @@ def doubt(
     def size(x: np.ndarray) -> float:
         return float(np.einsum("ni,nij,nj->", x, weight, x))
 
-    def left(convention: Convention) -> float:
-        known = brought(raw, robot, at, convention, estimate.frame)
+    def relative_error(convention: Convention) -> float:
+        known = wrench_at(raw, robot, at, convention, estimate.frame)
         return size(wrench - known) / max(size(known), 1e-300)
 
-    own = left(stated)
+    own = relative_error(stated)
     if own < SHARE:
         return None
     others = [
@@ -103,7 +103,7 @@ def doubt(
         for axes in AXES
         for sign in (1.0, -1.0)
     ]
-    shares = [left(one) for one in others]
+    shares = [relative_error(one) for one in others]
     best = int(np.argmin(shares))
     start = f"The log's wrench, taken {stated}, leaves {100 * np.sqrt(own):.0f} % of itself unexplained"
     if shares[best] > CLEARER * own:

@@ -227,7 +227,7 @@ def statistic(correlation_squared: np.ndarray, freedom: int) -> np.ndarray:
     return -np.log(np.maximum(betainc(0.5 * freedom, 0.5, x), 1e-290))
 
 
-def flipped(residual: np.ndarray, base: np.ndarray, draws: np.random.Generator, count: int) -> np.ndarray:
+def flip_signs(residual: np.ndarray, base: np.ndarray, draws: np.random.Generator, count: int) -> np.ndarray:
     """Return residuals with the signs of blocks flipped, the same of all parts, free of the base again, (n, P, count)."""
     n = residual.shape[0]
     block = max(1, min(BLOCK, n // 12))

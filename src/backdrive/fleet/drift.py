@@ -121,7 +121,9 @@ def drifts(
             season=designs[number][1],
             warmth=_warmth(whitened[number], designs[number][1]),
         )
-        result[i] = _dated(known, whitened[number], int(parts[number]), since) if q[number] <= rate else known
+        result[i] = (
+            _date_change(known, whitened[number], int(parts[number]), since) if q[number] <= rate else known
+        )
     return result
 
 
@@ -186,7 +188,7 @@ def _probabilities(every: Sequence[changes.Series], seed: int) -> tuple[np.ndarr
         found = changes.largest(W, residual)
         parts[i] = int(np.argmax(found))
         observed[i] = changes.statistic(found.max(), one.freedom)
-        flipped = changes.flipped(residual, one.base, draws, count)
+        flipped = changes.flip_signs(residual, one.base, draws, count)
         n, P, _ = flipped.shape
         null[i] = changes.statistic(
             changes.largest(W, flipped.reshape(n, -1)).reshape(P, count).max(axis=0), one.freedom
@@ -203,7 +205,7 @@ def _warmth(one: changes.Series, season: str) -> float:
     return float(np.linalg.lstsq(X, one.y[:, 0], rcond=None)[0][1])
 
 
-def _dated(known: Drift, one: changes.Series, part: int, since: date | None) -> Drift:
+def _date_change(known: Drift, one: changes.Series, part: int, since: date | None) -> Drift:
     """Return a change with its shape and begin; not named where it was over before `since`."""
     change = changes.date_change(one, part)
     low, high = change.interval

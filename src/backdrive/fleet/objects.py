@@ -56,14 +56,14 @@ def list_objects(address: str) -> Iterator[tuple[str, int, str, float, str]]:
     root = (
         path[: min(path.find(sign) for sign in "*?[" if sign in path)].rpartition("/")[0] if pattern else path
     )
-    with _explained(address):
+    with _explain_errors(address):
         infos = system.glob(path, detail=True) if pattern else system.find(path, detail=True)
     for name, info in infos.items():
         if info.get("type") == "file" and PurePosixPath(name).suffix.lower() in SUFFIXES:
             inside = (
                 name.removeprefix(root.strip("/")).strip("/") if name != root else PurePosixPath(name).name
             )
-            yield _described(protocol, name, info, inside or PurePosixPath(name).name)
+            yield _metadata(protocol, name, info, inside or PurePosixPath(name).name)
 
 
 def describe(address: str) -> tuple[str, int, str, float, str]:
@@ -73,12 +73,12 @@ def describe(address: str) -> tuple[str, int, str, float, str]:
         ReadError: it is not there.
     """
     system, path = filesystem(address)
-    with _explained(address):
+    with _explain_errors(address):
         info = system.info(path)
-    return _described(address.partition("://")[0], info["name"], info, PurePosixPath(path).name)
+    return _metadata(address.partition("://")[0], info["name"], info, PurePosixPath(path).name)
 
 
-def _described(protocol: str, name: str, info: Any, inside: str) -> tuple[str, int, str, float, str]:
+def _metadata(protocol: str, name: str, info: Any, inside: str) -> tuple[str, int, str, float, str]:
     when = info.get("LastModified") or info.get("created") or info.get("mtime") or 0.0
     changed = when.timestamp() if isinstance(when, datetime) else float(when)
     size = int(info.get("size") or 0)
@@ -87,7 +87,7 @@ def _described(protocol: str, name: str, info: Any, inside: str) -> tuple[str, i
 
 
 @contextlib.contextmanager
-def fetched(address: str, most: int) -> Iterator[Path]:
+def fetch(address: str, most: int) -> Iterator[Path]:
     """Yield a local copy of an object, gone afterwards.
 
     Args:
@@ -102,7 +102,7 @@ def fetched(address: str, most: int) -> Iterator[Path]:
     folder = tempfile.mkdtemp(prefix="backdrive-")
     try:
         copy = Path(folder) / PurePosixPath(path).name
-        with _explained(address), system.open(path, "rb") as source, open(copy, "wb") as target:
+        with _explain_errors(address), system.open(path, "rb") as source, open(copy, "wb") as target:
             size = 0
             while block := source.read(BLOCK):
                 size += len(block)
@@ -115,7 +115,7 @@ def fetched(address: str, most: int) -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def _explained(address: str) -> Iterator[None]:
+def _explain_errors(address: str) -> Iterator[None]:
     """Turn what a store's client raises, which may be of any class, into one error that names the address."""
     try:
         yield

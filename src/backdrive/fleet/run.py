@@ -12,7 +12,7 @@ from typing import Any
 
 from backdrive.errors import BackdriveError, InvalidInput, WriteError, require
 from backdrive.fleet import cluster as clusters
-from backdrive.fleet.renamed import recognise_renamed
+from backdrive.fleet.renames import recognise_renames
 from backdrive.fleet.sources import LogEntry, list_logs, require_fleet
 from backdrive.fleet.store import Store, write_rows
 from backdrive.fleet.work import Batch, do_batch, failure, tag_of
@@ -129,7 +129,7 @@ def run(
     with ExitStack() as stack:
         stack.enter_context(store.lock(shard))
         store.save()
-        sentences = store.set_torn_aside() if count == 1 else []
+        sentences = store.set_aside_fragments() if count == 1 else []
         pending = _pending(store, entries, retry)
         batches = list(cut(pending, store.tag, batch))
         tally = Tally(len(pending))
@@ -143,7 +143,7 @@ def run(
                 client = stack.enter_context(clusters.local_client(min(number, len(batches))))
             _work(client, batches, options, store, tally, say)
         if count == 1:
-            store, more = recognise_renamed(store, entries)
+            store, more = recognise_renames(store, entries)
             sentences += more
     return Outcome(
         logs=len(entries),

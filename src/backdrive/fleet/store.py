@@ -134,7 +134,7 @@ class Store:
         except (OSError, pa.ArrowException, ValueError) as error:
             if isinstance(error, ModelFileError):
                 raise
-            raise Torn(
+            raise IncompleteResults(
                 f"{part} is no whole Parquet file ({str(error)[:200]}).",
                 remedy="The next run sets it aside and does its logs again.",
             ) from error
@@ -156,13 +156,13 @@ class Store:
 
         return once(self.raw(), self.tag, self.names, failures=failures)
 
-    def set_torn_aside(self) -> list[str]:
+    def set_aside_fragments(self) -> list[str]:
         """Move files that are no whole Parquet to `torn/`, and return a sentence for each."""
         sentences = []
         for part in self.parts():
             try:
                 self.read_part(part, ["digest"])
-            except Torn:
+            except IncompleteResults:
                 folder = make_folder(self.folder / "torn", "-o")
                 set_aside(part, folder)
                 sentences.append(f"{part.name} was torn: set aside in {folder}, its logs are done again.")
@@ -185,7 +185,7 @@ class Store:
             count += int(gone.sum())
             kept = table.filter(~gone)
             if kept.num_rows:
-                write_whole(part, encoded(kept))
+                write_whole(part, encode(kept))
             else:
                 part.unlink()
         return count
@@ -241,11 +241,11 @@ class Store:
             os.close(whole)
 
 
-class Torn(ModelFileError):
+class IncompleteResults(ModelFileError):
     """A file of results ends before its content does."""
 
 
-def encoded(table: pa.Table) -> bytes:
+def encode(table: pa.Table) -> bytes:
     """Return a table as the bytes of a Parquet file, the same for the same rows."""
     pa = require("pyarrow", "A fleet's results need", "fleet")
     pq = require("pyarrow.parquet", "A fleet's results need", "fleet")
@@ -269,5 +269,5 @@ def write_rows(folder: Path, month: str, name: str, rows: Sequence[Mapping[str, 
     pa = require("pyarrow", "A fleet's results need", "fleet")
     place = make_folder(folder / "logs" / f"month={month}", "-o")
     return write_whole(
-        place / f"{name}.parquet", encoded(pa.Table.from_pylist(list(rows), schema=schema.schema()))
+        place / f"{name}.parquet", encode(pa.Table.from_pylist(list(rows), schema=schema.schema()))
     )

@@ -83,8 +83,8 @@ def do_log(entry: LogEntry, options: Mapping[str, Any]) -> list[dict[str, Any]]:
         with local_copy(entry) as path, warnings.catch_warnings():
             warnings.simplefilter("ignore")
             digest = _digest(path)
-            result = _identified(path, options)
-            check_unchanged(entry)
+            result = _identify_log(path, options)
+            check_for_changes(entry)
         return [
             _about(entry, digest) | row_of(result, number, entry)
             for number in range(len(result.model.joints))
@@ -119,14 +119,14 @@ def local_copy(entry: LogEntry) -> Iterator[str]:
     if "://" not in entry.path:
         yield entry.path
         return
-    from backdrive.fleet.objects import fetched
+    from backdrive.fleet.objects import fetch
     from backdrive.logs.readers.limits import Limits
 
-    with fetched(entry.path, Limits().max_file_bytes) as copy:
+    with fetch(entry.path, Limits().max_file_bytes) as copy:
         yield str(copy)
 
 
-def check_unchanged(entry: LogEntry) -> None:
+def check_for_changes(entry: LogEntry) -> None:
     """Refuse a local file that has changed since it was listed: somebody is still writing it.
 
     Raises:
@@ -150,7 +150,7 @@ def _digest(path: str) -> str:
         raise ReadError(f"Cannot read {path}: {error.strerror}.", remedy="Allow reading it.") from error
 
 
-def _identified(path: str, options: Mapping[str, Any]) -> Identification:
+def _identify_log(path: str, options: Mapping[str, Any]) -> Identification:
     """Return what a log gives; its reader is a process of its own, which a failure ends."""
     from backdrive.identification import identify
     from backdrive.logs.readers import guard, read_log
@@ -158,7 +158,7 @@ def _identified(path: str, options: Mapping[str, Any]) -> Identification:
     try:
         log = read_log(path, **options.get("reading", {}))
     except BackdriveError:
-        guard.shared().close()  # what a damaged file did to its reader must not reach the next one
+        guard.default_guard().close()  # what a damaged file did to its reader must not reach the next one
         raise
     return identify(log, **options.get("identification", {}))
 

@@ -69,7 +69,7 @@ def with_plan(log: Log, plan: Any, start: Start) -> Log:
             remedy="Give seconds after the first sample, or auto.",
         )
     begin = float(log.time[0]) + lag
-    return log.replace(plan=replace(plan, start=begin)).noted(
+    return log.replace(plan=replace(plan, start=begin)).with_note(
         f"The plan begins {lag:.4g} s after the first sample, {told}."
     )
 
@@ -148,13 +148,13 @@ def tempo(log: Log, joint: str, plan: Any) -> Tempo | None:
     wanted = np.asarray(replace(plan, start=0.0).position(instants))
     actual = np.cumsum(_velocity(own, 0, step)) * step
     for share in STROKES:
-        ran = _compared(_reversals(wanted, step, share), _reversals(actual, step, share))
+        ran = _compare(_reversals(wanted, step, share), _reversals(actual, step, share))
         if ran is not None:
             return ran
     return None
 
 
-def _compared(wanted: np.ndarray, actual: np.ndarray) -> Tempo | None:
+def _compare(wanted: np.ndarray, actual: np.ndarray) -> Tempo | None:
     """Return how two series of reversals compare; None where they are not alike.
 
     Args:

@@ -14,9 +14,9 @@ import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification import curves
-from backdrive.identification.arm_checks import impossible, refuse_inverted, remarks
+from backdrive.identification.arm_checks import impossible, refuse_inversion, remarks
 from backdrive.identification.arm_coupling import guess_coupling
-from backdrive.identification.arm_expected import achieved_errors, terms_along
+from backdrive.identification.arm_forecast import compare_errors, terms_along
 from backdrive.identification.arm_physical import standard_parameters
 from backdrive.identification.arm_predict import assess_joint, predict_arm, torque_parts, validate_arm
 from backdrive.identification.arm_signals import (
@@ -99,7 +99,7 @@ def identify_arm(
             f"{np.count_nonzero(rows.weight)} rows of moving joints are too few for {unknown} coefficients.",
             remedy="Record a longer motion of all joints.",
         )
-    refuse_inverted(rows, robot, terms)
+    refuse_inversion(rows, robot, terms)
 
     def refill(beta: np.ndarray) -> None:
         fill_load(rows, regressor, terms, beta)
@@ -107,8 +107,8 @@ def identify_arm(
     loaded = np.full(len(terms), load_friction)
     solution = solve_arm(rows, robot, terms, refill, loaded)
     slip = seek_slip(regressor, terms, solution.beta)
-    if slip is not None and slip.known:
-        seen, unseen = ([s.shifted(slip.delay) for s in some] for some in (seen, unseen))
+    if slip is not None and slip.is_significant:
+        seen, unseen = ([s.shift(slip.delay) for s in some] for some in (seen, unseen))
         regressor = Regressor(robot, seen)
         rows = build(regressor, terms)
         solution = solve_arm(rows, robot, terms, refill, loaded)
@@ -145,7 +145,7 @@ def identify_arm(
         )
         for j, friction in enumerate(frictions)
     ]
-    precision = achieved_errors(logs, seen, robot, terms, solution)
+    precision = compare_errors(logs, seen, robot, terms, solution)
     support = [
         replace(
             _evidence(everything, j, frictions[j], terms[j], solution),
@@ -197,7 +197,7 @@ def _friction(
         "inertia": (own[2 * k + 1], error[2 * k + 1]),
         "transition": (terms.transition, np.nan),
     }
-    if slip is not None and slip.known:
+    if slip is not None and slip.is_significant:
         found["time_slip"] = slip.delay, slip.error
     return JointFriction(
         joint=replace(joint, torque_side="joint"),

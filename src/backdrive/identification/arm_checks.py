@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from backdrive.errors import NotIdentifiable
-from backdrive.identification.arm_solve import Solution, correlated
+from backdrive.identification.arm_solve import Solution, correlation_length
 from backdrive.identification.arm_terms import Rows, Terms
 from backdrive.identification.evidence import sentences
 from backdrive.robot import PER_LINK, Robot
@@ -23,7 +23,7 @@ ONE_WAY = 0.1  # a direction with less than this share of the moving time is har
 LARGE_OFFSET = 0.3  # of the mean friction; beyond it, the offset is worth a remark [-]
 
 
-def refuse_inverted(rows: Rows, robot: Robot, terms: Sequence[Terms]) -> None:
+def refuse_inversion(rows: Rows, robot: Robot, terms: Sequence[Terms]) -> None:
     """Raise where friction would feed a joint: the torque points the other way.
 
     Each joint is fitted alone, with its bodies free in sign, so that a joint with inverted torque cannot spoil the verdict on
@@ -51,7 +51,7 @@ def refuse_inverted(rows: Rows, robot: Robot, terms: Sequence[Terms]) -> None:
         size[size == 0] = 1.0
         theta, _, rank, _ = np.linalg.lstsq(columns / size, torque, rcond=1e-6)
         error = torque - columns @ (theta / size)
-        freedom = error.size / correlated(error, rows.rate) - rank
+        freedom = error.size / correlation_length(error, rows.rate) - rank
         friction = (columns / size)[:, :2] @ theta[:2]
         along = np.zeros(theta.size)  # friction @ coulomb = along @ theta
         along[:2] = coulomb @ (columns / size)[:, :2]

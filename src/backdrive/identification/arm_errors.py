@@ -69,7 +69,7 @@ def errors_of_fit(
     bound = np.flatnonzero(~free)
     inner = np.ix_(free, free)
     total = gram + held
-    inverse = regression.inverted(total[inner], 1e-15)
+    inverse = regression.invert(total[inner], 1e-15)
     without = total - blocks.gram[used]
     left = slope - blocks.moment[used]
     right = np.concatenate([without[:, free][:, :, bound], left[:, free, None]], axis=2)

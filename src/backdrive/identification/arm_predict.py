@@ -67,7 +67,7 @@ def validate_arm(
     frictions = [model.joint(name) for name in robot.joints]
     coupling = coupling_of_model(model, robot)
     late = slip_in(model)
-    prepared = [s.shifted(late) for log in logs for s in prepare_arm(log, robot, coupling=coupling)]
+    prepared = [s.shift(late) for log in logs for s in prepare_arm(log, robot, coupling=coupling)]
     stretches = hold_out_all(prepared)
     everything = [(s, *torque_parts(s, robot, arm, frictions)) for s in stretches]
     qualities = {}
@@ -76,7 +76,7 @@ def validate_arm(
         assert quality is not None
         qualities[name] = quality
     for j, friction in enumerate(frictions):
-        said = friction.extrapolated(np.concatenate([s.velocity[:, j] for s in stretches]))
+        said = friction.extrapolation(np.concatenate([s.velocity[:, j] for s in stretches]))
         if said and remarks is not None:
             remarks.append(said)
     return qualities

@@ -55,7 +55,7 @@ class ArmSignals:
     held_out: np.ndarray
     coupling: np.ndarray | None = None
 
-    def shifted(self, delay: float) -> ArmSignals:
+    def shift(self, delay: float) -> ArmSignals:
         """Return signals whose torque is that of some time later [s], where a log holds it so late."""
         if delay == 0.0:
             return self

@@ -47,7 +47,7 @@ class ArmSlip:
     error: float
 
     @property
-    def known(self) -> bool:
+    def is_significant(self) -> bool:
         """Whether it is told from none."""
         return abs(self.delay) > SURE * self.error and self.error < EXACT and abs(self.delay) < LONGEST
 
@@ -68,7 +68,7 @@ def seek_slip(regressor: Regressor, terms: Sequence[Terms], beta: np.ndarray) ->
     block = blocks_of(len(rows.torque), rows.rate)
     total, left = 0.0, None
     for _ in range(ROUNDS):
-        moved = [low_pass(x.shifted(total).torque, JUDGED_BELOW, x.rate)[::step] for x in stretches]
+        moved = [low_pass(x.shift(total).torque, JUDGED_BELOW, x.rate)[::step] for x in stretches]
         left = slip_of(replace(rows, torque=np.concatenate(moved)), change, block)
         if left is None:
             return None
@@ -117,6 +117,6 @@ def slip_of(rows: Rows, change: np.ndarray, block: np.ndarray) -> ArmSlip | None
     share, delays = np.array(power) / np.sum(power), np.array(each)
     mean = float(share @ delays)
     of_y, of_z = np.sum(scores, axis=0)
-    blocks = regression.clustered(np.array([[1.0 / np.sum(power)]]), (of_y + mean * of_z)[:, None])
+    blocks = regression.cluster_covariance(np.array([[1.0 / np.sum(power)]]), (of_y + mean * of_z)[:, None])
     joints = float(share @ (delays - mean) ** 2) / (len(each) - 1)
     return ArmSlip(delay=mean, error=float(np.sqrt(max(blocks[0, 0], joints))))

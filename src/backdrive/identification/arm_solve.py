@@ -133,7 +133,7 @@ def solve_arm(
     for _ in range(ROUNDS):
         gram, moment = _normal(rows, first, rows.weight * huber / noise**2, start)
         held = precision + _alike(gram, first, terms)
-        x = start + _bounded(gram + held, moment, low - start, high - start)
+        x = start + _minimise_within(gram + held, moment, low - start, high - start)
         before = fitted
         fitted = _predict(rows, first, x)
         error = rows.torque - fitted
@@ -171,7 +171,7 @@ def sandwich(gram: np.ndarray, scores: np.ndarray, held: np.ndarray, free: np.nd
         free: coefficients that are at no bound, (p,).
     """
     pick, covariance = np.ix_(free, free), np.zeros_like(gram)
-    inverse = regression.inverted((gram + held)[pick], 1e-15)
+    inverse = regression.invert((gram + held)[pick], 1e-15)
     covariance[pick] = inverse @ (scores + held)[pick] @ inverse
     return covariance
 
@@ -309,7 +309,7 @@ def _bounds(b: int, terms: Sequence[Terms], loaded: np.ndarray) -> tuple[np.ndar
     return np.concatenate(low), np.concatenate(high)
 
 
-def _bounded(gram: np.ndarray, moment: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def _minimise_within(gram: np.ndarray, moment: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Return the minimiser of x'Gx/2 - m'x between the bounds."""
     from scipy.linalg import cholesky, solve_triangular
     from scipy.optimize import lsq_linear
@@ -324,7 +324,7 @@ def _bounded(gram: np.ndarray, moment: np.ndarray, low: np.ndarray, high: np.nda
     return np.clip(found.x / size, low, high)
 
 
-def correlated(error: np.ndarray, rate: float) -> float:
+def correlation_length(error: np.ndarray, rate: float) -> float:
     """Return how many correlated residuals count as one independent (Bartlett window), at least 1."""
     width = min(max(int(MEMORY * rate), 1), error.size - 1) + 1
     power = float(error @ error)

@@ -171,7 +171,7 @@ def build(regressor: Regressor, terms: Sequence[Terms]) -> Rows:
     for s, x in enumerate(regressor.stretches):
         pick = slice(None, None, step)
         for wide, core, columns in regressor.chunks(s):
-            take = _thinned(wide, core, step)
+            take = _row_samples(wide, core, step)
             shape = columns.shape
             filtered = low_pass(columns.reshape(shape[0], -1), JUDGED_BELOW, x.rate)
             bodies.append(filtered[take].reshape(-1, *shape[1:]))
@@ -200,12 +200,12 @@ def fill_load(rows: Rows, regressor: Regressor, terms: Sequence[Terms], beta: np
         for wide, core, columns in regressor.chunks(s):
             load = np.abs(columns @ beta)
             sign = np.tanh(x.velocity[wide] / np.array([t.transition for t in terms]))
-            filtered = low_pass(load * sign, JUDGED_BELOW, x.rate)[_thinned(wide, core, step)]
+            filtered = low_pass(load * sign, JUDGED_BELOW, x.rate)[_row_samples(wide, core, step)]
             for j in range(len(terms)):
                 rows.friction[j][first : first + filtered.shape[0], -1] = filtered[:, j]
             first += filtered.shape[0]
 
 
-def _thinned(wide: slice, core: slice, step: int) -> np.ndarray:
+def _row_samples(wide: slice, core: slice, step: int) -> np.ndarray:
     """Return which samples of a chunk with margins become rows: every `step`-th of the stretch."""
     return np.flatnonzero((np.arange(wide.start, wide.stop) % step == 0)[core]) + core.start

@@ -115,11 +115,11 @@ def overcome(
     scale = np.linalg.norm(motion, axis=0)
     time = np.arange(first - at, last - at) / rate
 
-    def left(start: float) -> float:
+    def misfit(start: float) -> float:
         impulse = (time - start) ** 3
         return nnls(motion / scale, impulse)[1] / float(np.linalg.norm(impulse))
 
-    found: Any = minimize_scalar(left, bounds=(-EARLY, time[0] - 1.0 / rate), method="bounded")
+    found: Any = minimize_scalar(misfit, bounds=(-EARLY, time[0] - 1.0 / rate), method="bounded")
     sample = at + found.x * rate
     friction = float(ramp.at(np.array([sample]))[0])
     return friction, float(np.hypot(ramp.error(sample), MISFIT * found.fun * friction))

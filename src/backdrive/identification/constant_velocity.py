@@ -76,7 +76,7 @@ def compare_sections(runs: Sequence[Run]) -> dict[int, float]:
 def _leave_one_out(X: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return each point's error by the fit to all the others, (n,)."""
     blocks = regression.accumulate(X, y, np.ones(y.size), np.arange(y.size), y.size)
-    return y - np.einsum("ij,ij->i", X, regression.left_out_solutions(blocks))
+    return y - np.einsum("ij,ij->i", X, regression.leave_one_out_solutions(blocks))
 
 
 def identify_constant_velocity(
@@ -126,7 +126,7 @@ def identify_constant_velocity(
     theta = regression.solve(X.T @ X, X.T @ y)
     covariance = regression.classical(X, y - X @ theta)
     if gravity:  # its error is common to all runs
-        common = regression.inverted(X.T @ X) @ X.T @ pulls
+        common = regression.invert(X.T @ X) @ X.T @ pulls
         covariance = covariance + common @ gravity[1] @ common.T
     r = form.spread.shape[1]
     curve_values, apart, rest = theta[:r], np.eye(r, theta.size), np.eye(theta.size)[r:]
@@ -170,7 +170,7 @@ def identify_constant_velocity(
     return friction, JointEvidence(
         joint=about.name,
         samples=samples,
-        curve=curve(friction, curves.widened_below(found, slowest, of_curve)),
+        curve=curve(friction, curves.widen_below(found, slowest, of_curve)),
         verdict=f"{verdict(friction)} {remark}",
     )
 

@@ -229,7 +229,7 @@ PEAK = (
 )
 
 
-def widened_below(
+def widen_below(
     law: Law, slowest: float, standard_error: Callable[[np.ndarray], np.ndarray]
 ) -> Callable[[np.ndarray], np.ndarray]:
     """Return the same error of a curve, but wider below the slowest sliding, where there may be a Stribeck peak.

@@ -41,7 +41,7 @@ def earlier(x: np.ndarray, samples: float, linear: bool = False) -> np.ndarray:
     return moved
 
 
-def delayed(signals: Signals, delay: float) -> Signals:
+def delay_signals(signals: Signals, delay: float) -> Signals:
     """Return signals whose motion and load are those of some time before [s]; torque and what is known from elsewhere stay."""
     if not delay:
         return signals

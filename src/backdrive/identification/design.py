@@ -146,7 +146,7 @@ def choose(blocks: regression.Blocks, options: list[Candidate]) -> Choice:
     fits: list[tuple[float, Candidate, regression.Blocks, np.ndarray]] = []
     by_block: dict[int, np.ndarray] = {}
     for option in options:
-        mapped = blocks.mapped(option.spread)
+        mapped = blocks.map_columns(option.spread)
         weight = np.diag(mapped.gram.sum(axis=0))
         k = len(option.terms)
         if np.any(weight <= 0.0) or weight[k:].min() < MEAGRE * total:
@@ -156,7 +156,7 @@ def choose(blocks: regression.Blocks, options: list[Candidate]) -> Choice:
             errors = np.sqrt(np.maximum(np.diag(regression.sandwich(mapped, theta))[k:], 0.0))
             if errors.max() > VAGUE * np.abs(theta[k:]).max():
                 continue
-        by_block[id(option)] = regression.left_out_losses(mapped)
+        by_block[id(option)] = regression.leave_one_out_losses(mapped)
         loss = max(by_block[id(option)].sum(), ROUNDING * blocks.power.sum())
         fits.append((float(loss) / total, option, mapped, theta))
     if not fits:
@@ -176,16 +176,18 @@ def choose(blocks: regression.Blocks, options: list[Candidate]) -> Choice:
         candidate=chosen,
         coefficients=theta,
         covariance=regression.sandwich(mapped, theta),
-        left_out=regression.left_out_solutions(mapped),
+        left_out=regression.leave_one_out_solutions(mapped),
         condition=regression.condition(mapped.gram.sum(axis=0)),
         loss={f"{'+'.join(option.terms)} | {option.form.name}": loss for loss, option, *_ in fits},
     )
 
 
-def refitted(choice: Choice, blocks: regression.Blocks) -> Choice:
+def refit(choice: Choice, blocks: regression.Blocks) -> Choice:
     """Return a choice with its coefficients by other normal equations of all columns."""
-    mapped = blocks.mapped(choice.candidate.spread)
-    return replace(choice, coefficients=mapped.solution(), left_out=regression.left_out_solutions(mapped))
+    mapped = blocks.map_columns(choice.candidate.spread)
+    return replace(
+        choice, coefficients=mapped.solution(), left_out=regression.leave_one_out_solutions(mapped)
+    )
 
 
 def _tie(worse: np.ndarray) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 
 from backdrive.engine import rollout
 from backdrive.errors import InvalidInput
-from backdrive.identification.delay import delayed
+from backdrive.identification.delay import delay_signals
 from backdrive.identification.signals import Signals
 from backdrive.identification.terms import GRAVITY, column
 from backdrive.laws import Rigid
@@ -51,7 +51,7 @@ def _pull(friction: JointFriction, signals: Signals) -> np.ndarray | float:
     return sum((friction.dynamics[term].value * column(signals, term) for term in terms), 0.0)
 
 
-def carried_load(friction: JointFriction, signals: Signals) -> np.ndarray | None:
+def load_torque(friction: JointFriction, signals: Signals) -> np.ndarray | None:
     """Return the load that the joint carries [N.m or N], (n,): gravity and what accelerates it; None where nothing tells it.
 
     Where the model knows neither gravity nor inertia it is the negative of the log's external torque.
@@ -92,7 +92,7 @@ def predict(friction: JointFriction, signals: Signals) -> np.ndarray:
     """
     then = _then(friction, signals)
     rest, law, dt = _rest(friction, then), friction.law, 1.0 / then.rate
-    load, temperature = pairs(carried_load(friction, then), then.velocity.shape), None
+    load, temperature = pairs(load_torque(friction, then), then.velocity.shape), None
     if "load" in law.rate.NEEDS:
         if then.load is None:
             raise _cannot(friction, "friction that depends on the load", "load", "load")
@@ -122,6 +122,6 @@ def increments(position: np.ndarray | None, velocity: np.ndarray, dt: float) -> 
 
 def _then(friction: JointFriction, signals: Signals) -> Signals:
     """Return the motion and the load that the torque of each sample belongs to; what is known from elsewhere stays."""
-    return delayed(
+    return delay_signals(
         signals, sum(friction.dynamics[t].value for t in ("delay", "time_slip") if t in friction.dynamics)
     )

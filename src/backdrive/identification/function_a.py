@@ -98,7 +98,7 @@ def literal(log: Log, cycles: Windows, c: float = SHARE) -> SweepKnots:
     )
 
 
-def corrected(
+def correct_pairs(
     stretches: Sequence[Signals], cycles: Windows, *, rotary: bool, c: float = SHARE, delay: float = 0.0
 ) -> SweepKnots:
     """Return the pairs with velocity and torque on the same instant, and inertia and gravity regressed out.
@@ -149,7 +149,7 @@ def corrected(
         mean = both[:, g].mean(axis=1)
         F = x[2, g].mean() - theta @ mean
         rows.append((x[1, g].mean(), F, errors[id(g)], g.size, mean, x[1, g].var()))
-    inverse = regression.inverted(gram)
+    inverse = regression.invert(gram)
     covariance = inverse @ spread @ inverse
     V, F, count, variance = (np.array([row[i] for row in rows]).reshape(-1, 2) for i in (0, 1, 3, 5))
     V, F = V * (1, -1), F * (1, -1)

@@ -98,7 +98,7 @@ def growth(eqs: Equations, curves: str, terms: Sequence[str], theta: np.ndarray)
         size = eqs.load(eqs.X[: eqs.levels, 2 * K : 2 * K + 2] @ gravity)
         if not np.ptp(size) > LEAST * friction:
             return None
-        loaded = eqs.loaded(gravity)
+        loaded = eqs.with_load_growth(gravity)
         # scaled, for the condition number
         scaled = replace(loaded, X=np.column_stack([loaded.X[:, :-1], loaded.X[:, -1] / float(size.max())]))
         if not scaled.condition(curves, (*terms, LOAD)) <= WORST_CONDITION:

@@ -19,14 +19,14 @@ import numpy as np
 
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, design, noise, regression
-from backdrive.identification.delay import delayed
+from backdrive.identification.delay import delay_signals
 from backdrive.identification.dynamics import predict, rest_of_dynamics
 from backdrive.identification.evidence import evidence, parts_of, sentences
 from backdrive.identification.motion_bins import BIN_TIME, FILLED, HALF, Bins, bin_means, bin_size, bin_time
 from backdrive.identification.quality import assess, judge
 from backdrive.identification.remark import ONE_WAY_ONLY
 from backdrive.identification.result import JointEvidence
-from backdrive.identification.settling import settled
+from backdrive.identification.settling import drop_build_up
 from backdrive.identification.signals import SLOW, Signals, default_cutoff, prepare
 from backdrive.identification.slip import Slip, fit, seek_slip, with_slip
 from backdrive.identification.smoothing import noise as noise_of_encoder
@@ -100,11 +100,11 @@ def identify_motion(
     allowed = {name: knots[list(keep)] for name, keep in curves.of_law(law, shapes).items()}
     slow = float(SLOW * (min(-speeds.min(), speeds.max()) if both else top))
 
-    def averaged(delay: float) -> Bins:
-        late = [delayed(s, delay) for s in stretches]
+    def average(delay: float) -> Bins:
+        late = [delay_signals(s, delay) for s in stretches]
         return bin_means(late, knots, seconds=seconds, reversals=few, filled=HALF if few else FILLED)
 
-    def chosen(slip: Slip, bins: Bins) -> tuple[design.Choice, Bins, float]:
+    def choose(slip: Slip, bins: Bins) -> tuple[design.Choice, Bins, float]:
         false = noise_of_encoder(step, corner, rate, max(1, round(seconds * rate)), slip.correlation)
         return _choose(bins, options, slip.correlation, (slowest, 0.0 if few else slow), false)
 
@@ -115,20 +115,20 @@ def identify_motion(
     slip, simpler = Slip(delay=0.0, error=np.inf, period=1.0 / rate), None
     if not few:
         slip = seek_slip(stretches, knots, full, seconds)
-        simpler = chosen(slip, averaged(slip.delay))[0].candidate
+        simpler = choose(slip, average(slip.delay))[0].candidate
         slip = seek_slip(
             stretches, knots, simpler.with_term("jerk"), seconds, slip.delay, near=math.isfinite(slip.error)
         )
-    if not slip.fitted:
+    if not slip.is_fitted:
         # whitened residuals ask for a model that is right at all frequencies: no more than that for what is not known anyway
         slip = replace(slip, delay=0.0, correlation=0.0)
-    bins = averaged(slip.delay)
+    bins = average(slip.delay)
     if simpler is not None:
-        late = [delayed(s, slip.delay) for s in stretches]
-        bins = settled(bins, late, simpler.spread, slip.correlation, seconds)
-    choice, bins, slowest = chosen(slip, bins)
-    if slip.fitted:
-        later = replace(averaged(slip.delay + slip.error), used=bins.used).whitened(slip.correlation)
+        late = [delay_signals(s, slip.delay) for s in stretches]
+        bins = drop_build_up(bins, late, simpler.spread, slip.correlation, seconds)
+    choice, bins, slowest = choose(slip, bins)
+    if slip.is_fitted:
+        later = replace(average(slip.delay + slip.error), used=bins.used).whiten(slip.correlation)
         now, then = (fit(each, choice.candidate.spread) for each in (bins, later))
         choice = with_slip(choice, (then - now) / slip.error, slip)
     choice = design.offset_apart(choice)
@@ -148,7 +148,9 @@ def identify_motion(
         (open_, f"No standard errors are stated: {'; '.join(open_)}."),
     )
     others = [s for log in held_out for s in prepare(log, joint, cutoff=smooth.cutoff)]
-    unseen = _left_out(stretches, choice, about, velocity, slip.delay, seconds) if not held_out else None
+    unseen = (
+        _leave_block_out(stretches, choice, about, velocity, slip.delay, seconds) if not held_out else None
+    )
     load = np.concatenate([rest_of_dynamics(friction, s) for s in stretches])
     friction = replace(
         friction,
@@ -168,7 +170,7 @@ def identify_motion(
     support = evidence(
         friction,
         parts_of(friction, stretches, True) + parts_of(friction, others, False),
-        curves.widened_below(friction.law, slowest, of_curve),
+        curves.widen_below(friction.law, slowest, of_curve),
     )
     return friction, replace(support, verdict=f"{support.verdict} {smooth.note}".rstrip())
 
@@ -189,15 +191,15 @@ def _choose(
         speeds: from which the bins tell, and below which a line is not asked to follow a crossing of zero [rad/s or m/s].
         false: mean square of the acceleration that the encoder makes [rad^2/s^4 or m^2/s^4].
     """
-    bins, (slowest, slow) = raw.whitened(correlation), speeds
+    bins, (slowest, slow) = raw.whiten(correlation), speeds
     choice = design.choose(bins.equations(), options)
     if choice.candidate.form.knots[0] == 0.0 and slowest < slow:
         lines = [option for option in options if option.form.knots[0] == 0.0]
-        faster = raw.faster(slow).whitened(correlation)
+        faster = raw.faster(slow).whiten(correlation)
         with suppress(NotIdentifiable):  # where hardly anything is faster, the slow motion is kept
             choice = design.choose(faster.equations(), lines)
             bins, slowest = faster, slow
-    choice = design.refitted(choice, bins.equations(false))
+    choice = design.refit(choice, bins.equations(false))
     X = bins.X @ choice.candidate.spread
     covariance = noise.covariance_of_fit(X, bins.y - X @ choice.coefficients, bins.used)
     return replace(choice, covariance=covariance), bins, slowest
@@ -314,7 +316,7 @@ def with_warnings(friction: JointFriction, choice: design.Choice, both_direction
     return replace(friction, warnings=warnings)
 
 
-def _left_out(stretches, choice, joint, velocity, delay, seconds):
+def _leave_block_out(stretches, choice, joint, velocity, delay, seconds):
     """Predict every block by the fit that did not see it."""
     bare = replace(choice, covariance=np.zeros_like(choice.covariance))  # a prediction needs no errors
     models = [as_friction(bare, theta, joint, velocity, delay) for theta in choice.left_out]

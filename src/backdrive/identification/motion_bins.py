@@ -43,7 +43,7 @@ class Bins:
         """Return the same with only those used that are at least so fast [rad/s or m/s]."""
         return replace(self, used=self.used & (self.speed >= speed))
 
-    def whitened(self, correlation: float) -> Bins:
+    def whiten(self, correlation: float) -> Bins:
         """Return the same, each bin less what its predecessor tells of its noise, an AR(1), and noise of the same size.
 
         Args:

@@ -37,7 +37,7 @@ def same_names(first: Iterable[Joint], second: Iterable[Joint], *sides: str) -> 
     )
 
 
-def renamed(joints: Sequence[Joint], pairs: Sequence[str]) -> tuple[Joint, ...]:
+def rename_joints(joints: Sequence[Joint], pairs: Sequence[str]) -> tuple[Joint, ...]:
     """Return joints under the names that a person gives them.
 
     Args:

@@ -74,12 +74,12 @@ def noise_of(residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], 
     for _ in range(ROUNDS):
         taken, count = np.zeros(lags), np.full(lags, 1e-300)
         for i, (Q, QQ) in enumerate(zip(bases, pairs)):
-            lost = _lost(Q, QQ, correlation)
+            lost = _fit_loss(Q, QQ, correlation)
             kept[i] = max(1.0 - lost[0] / len(Q), LEAST)
             taken += lost / kept[i]
             count += np.maximum(len(Q) - np.arange(lags), 0) / kept[i]
         whole = (raw + taken) / count
-        correlation = tapered(whole / whole[0], sum(r.size for r in left))
+        correlation = taper(whole / whole[0], sum(r.size for r in left))
     size = np.sqrt(power / kept)
     shrunk = np.where(size > 0.0, _shrunk(size, left, correlation), 0.0)
     return Noise(correlation=correlation, size=np.maximum(size, shrunk))
@@ -120,22 +120,22 @@ def covariance_of_fit(X: np.ndarray, residual: np.ndarray, used: np.ndarray) -> 
     products = _products(score[:, None], score[:, None], lags)[0, 0] / pairs
     if not products[0] > 0.0:
         return np.zeros((p, p))
-    correlation = tapered(products / products[0], size)
+    correlation = taper(products / products[0], size)
     independent = size / max(correlation[0] + 2.0 * float(correlation[1:].sum()), 1.0)
     kept = X * mask[:, None]
     scale = np.linalg.norm(kept, axis=0)
     scale[scale == 0.0] = 1.0
     kept = kept / scale
     inside = float(np.mean(np.abs(residual[used]) <= width))
-    bread = regression.inverted(kept.T @ kept) / max(inside, LEAST)
+    bread = regression.invert(kept.T @ kept) / max(inside, LEAST)
     full, white = kept.T @ _toeplitz(kept, correlation), kept.T @ kept
     middle = LEAST * white if np.any(np.diag(full) < LEAST * np.diag(white)) else 0.5 * (full + full.T)
     lost = size / max(size - p, 1)
     covariance = products[0] * lost * bread @ middle @ bread / np.outer(scale, scale)
-    return regression.widened(covariance, independent - p)
+    return regression.widen_covariance(covariance, independent - p)
 
 
-def tapered(correlation: np.ndarray, count: int) -> np.ndarray:
+def taper(correlation: np.ndarray, count: int) -> np.ndarray:
     """Return a correlation by lag, whole up to the last lag at which it is seen, and falling to zero over as many more.
 
     Args:
@@ -159,7 +159,7 @@ def _basis(velocity: np.ndarray, degree: int) -> np.ndarray:
     return np.linalg.qr(np.vander(v / max(float(np.abs(v).max()), 1e-300), degree + 1))[0]
 
 
-def _lost(Q: np.ndarray, QQ: np.ndarray, correlation: np.ndarray) -> np.ndarray:
+def _fit_loss(Q: np.ndarray, QQ: np.ndarray, correlation: np.ndarray) -> np.ndarray:
     """Return by how much a fit of columns Q lowers the sum of products e_k e_(k+h) of unit noise by lag, (lags,).
 
     With the shift J_h that is tr J_h (G - P G P) = 2 tr Q' J_h G Q - tr (Q' J_h Q) (Q' G Q), J_h and its transpose averaged.

@@ -71,7 +71,7 @@ class Options:
         """Return what a search calls: a sentence every fifth step."""
         return lambda stage, i, cost: self.say(f"{joint}: fitting {stage}, step {i}") if i % 5 == 0 else None
 
-    def given(self) -> dict[str, Any]:
+    def overrides(self) -> dict[str, Any]:
         """Return what differs from the default, by name."""
         empty: tuple[Any, ...] = (None, [], (), {})
         usual = Options()
@@ -87,7 +87,7 @@ class Options:
         Raises:
             InvalidInput: there is one, or two contradict each other.
         """
-        given = self.given()
+        given = self.overrides()
         for name in given:
             if method not in APPLIES.get(name, (method,)):
                 raise InvalidInput(
@@ -116,7 +116,7 @@ class Options:
                     f"{name} = {value} {unit}.", remedy="Give a positive number, or leave it out."
                 )
 
-    def remembered(self, method: str, plan: Any, held_out: Sequence[Log], **others: Any) -> dict[str, Any]:
+    def record(self, method: str, plan: Any, held_out: Sequence[Log], **others: Any) -> dict[str, Any]:
         """Return what was asked, as plain values for a model's options; what is the default is left out.
 
         Args:
@@ -125,7 +125,7 @@ class Options:
             held_out: logs that were judged on.
             others: beside it; what is None or empty is left out.
         """
-        options = {k: v for k, v in self.given().items() if k != "progress"} | {"method": method}
+        options = {k: v for k, v in self.overrides().items() if k != "progress"} | {"method": method}
         for name in ("accept", "joints", "payloads", "law"):
             if isinstance(options.get(name), (list, tuple)):
                 options[name] = [list(x) if isinstance(x, tuple) else x for x in options[name]]
@@ -242,7 +242,7 @@ def apart(logs: Sequence[Log], held_out: Sequence[Log]) -> None:
                 )
 
 
-def planned(logs: Sequence[Log], plan: Any, start: Start | None = None) -> list[Log]:
+def attach_plan(logs: Sequence[Log], plan: Any, start: Start | None = None) -> list[Log]:
     """Return the logs with the plan that they were recorded with: one for all, one a log, or None for their own.
 
     `start` says where in each log its plan begins; see `alignment.with_plan`.
@@ -276,7 +276,7 @@ def slow_clock(logs: Sequence[Log]) -> list[str]:
     ]
 
 
-def unused_torque(logs: Sequence[Log], method: str) -> list[str]:
+def external_torque_notes(logs: Sequence[Log], method: str) -> list[str]:
     """Say where a torque known from elsewhere is in the logs and the method does not look at it."""
     if method == "motion" or all(log.model_torque is None for log in logs):
         return []

@@ -18,12 +18,12 @@ from backdrive.identification.options import (
     Interval,
     Options,
     apart,
+    attach_plan,
     coupling_of,
+    external_torque_notes,
     in_order,
     move_together,
-    planned,
     slow_clock,
-    unused_torque,
 )
 from backdrive.identification.plausibility import with_verdict
 from backdrive.identification.repairs import healthy
@@ -169,7 +169,7 @@ def identify(
     logs = [in_order(log, logs[0]) for log in logs]
     held_out = [in_order(log, logs[0]) for log in held_out]
     apart(logs, held_out)
-    logs = planned(logs, plan, start)
+    logs = attach_plan(logs, plan, start)
     if _searches(logs, options):
         from backdrive.identification import dynamic
 
@@ -182,7 +182,7 @@ def identify(
     names, idle = moving_joints(logs, joints)
     method, reason = _method(logs, names, options)
     options.applicable(method)
-    warnings += unused_torque(logs, method)
+    warnings += external_torque_notes(logs, method)
     warnings += slow_clock(logs) if method in ("sweep", "motion", "arm", "dynamic") else []
     if method != "arm":
         warnings += [f"Joint '{name}' hardly moves and was left out." for name in idle]
@@ -216,13 +216,13 @@ def identify(
         joints=tuple(friction),
         arm=arm,
         sources=tuple(s for log in logs for s in log.sources),
-        options=options.remembered(method, plan, held_out, reading=dict(reading or {}), **settings),
+        options=options.record(method, plan, held_out, reading=dict(reading or {}), **settings),
         version=__version__,
         **coupling_of(logs, [j.joint.name for j in friction]),
     )
     if held_out and method not in ("motion", "arm", "dynamic"):
         options.say("Judging on the held-out logs")
-        model, evidence = _judged_on(model, evidence, held_out)
+        model, evidence = _validate_on(model, evidence, held_out)
     model, evidence = _with_verdicts(model, evidence, logs)
     limits = _limits(options.urdf)
     model = replace(
@@ -319,13 +319,13 @@ def _one(
     return getattr(import_module(f"backdrive.identification.{module}"), function)(logs, name, **given)
 
 
-def _judged_on(
+def _validate_on(
     model: FrictionModel, evidence: Sequence[JointEvidence], held_out: Sequence[Log]
 ) -> tuple[FrictionModel, list[JointEvidence]]:
     """Return model and evidence with the quality on held-out logs, for methods that do not judge themselves."""
     qualities = validate(model, held_out)
     joints = tuple(replace(j, held_out=qualities.get(j.joint.name, j.held_out)) for j in model.joints)
-    return replace(model, joints=joints), _described(evidence, model.joints, joints)
+    return replace(model, joints=joints), _describe_fit(evidence, model.joints, joints)
 
 
 def _with_verdicts(
@@ -333,10 +333,10 @@ def _with_verdicts(
 ) -> tuple[FrictionModel, list[JointEvidence]]:
     """Return model and evidence with what the rules of plausibility have to say."""
     joints = tuple(with_verdict(j, e, logs) for j, e in zip(model.joints, evidence))
-    return replace(model, joints=joints), _described(evidence, model.joints, joints)
+    return replace(model, joints=joints), _describe_fit(evidence, model.joints, joints)
 
 
-def _described(
+def _describe_fit(
     evidence: Sequence[JointEvidence], before: Sequence[JointFriction], after: Sequence[JointFriction]
 ) -> list[JointEvidence]:
     """Return the evidence with the sentence on the fit as it is now."""

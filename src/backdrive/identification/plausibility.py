@@ -29,7 +29,7 @@ RULES: tuple[Rule, ...] = (
     numbers.inertia,
     numbers.balance,
     numbers.certainty,
-    numbers.known_torque,
+    numbers.external_share,
     numbers.one_way,
     numbers.directions,
     numbers.delay_range,

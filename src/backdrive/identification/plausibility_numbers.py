@@ -165,7 +165,7 @@ def delay_range(case: Case) -> Remark | None:
     )
 
 
-def known_torque(case: Case) -> Remark | None:
+def external_share(case: Case) -> Remark | None:
     """A share of known torque other than one."""
     value, error = case.value("model_torque")
     sure = math.isfinite(error)

@@ -10,7 +10,7 @@ import numpy as np
 from backdrive.identification.design import LARGEST_SLIP
 from backdrive.identification.plausibility_logs import other_joints
 from backdrive.identification.remark import Case, Remark
-from backdrive.identification.residual import MEAN, Explained, Residual
+from backdrive.identification.residual import MEAN, Explanation, Residual
 from backdrive.identification.terms import GRAVITY, columns
 
 CHANCE = 1e-5  # noise explains a residual so well once in so many times [-]
@@ -101,34 +101,34 @@ def structure(case: Case) -> Remark | None:
     load = np.abs(res.torque - res.friction)
     share, wave = "{share:.0%} of the friction", "every {wave:.2g} " + case.friction.joint.unit
     follows_load = f"Friction follows the load, by {share}: a law of load says how (--law m3)."
-    tests: list[tuple[Explained | None, str]] = []
+    tests: list[tuple[Explanation | None, str]] = []
     for time in _times(res):
         late = np.sign(time)
         tests += [
             (
-                res.explained(time, late),
+                res.explain(time, late),
                 f"The torque drifts over the log, by {share}: warming, a bias, or a cable.",
             ),
             (
-                res.explained(way * time, way * late),
+                res.explain(way * time, way * late),
                 f"Friction changes over the log, by {share}: warming, or changed midway.",
             ),
             (
-                res.explained(res.predicted * late),
+                res.explain(res.predicted * late),
                 f"The torque changed midway, by {share}: its gain, or its sign.",
             ),
         ]
     tests += [
-        (res.explained(way * load), follows_load),
-        (res.explained(way * _static_load(case, res)), follows_load),
+        (res.explain(way * load), follows_load),
+        (res.explain(way * _static_load(case, res)), follows_load),
         (res.wave(), f"Torque follows the position {wave}, by {share}: cogging, or a gear's ripple."),
         (res.wave(way), f"Friction follows the position {wave}, by {share}."),
     ]
     if (
-        float(np.sqrt(np.mean(res.left**2))) > STRUCTURE * size
+        float(np.sqrt(np.mean(res.torque_error**2))) > STRUCTURE * size
     ):  # the motion of other joints is costly to look up
         for motion, cause in other_joints(case):
-            pull = res.explained(*motion.T)
+            pull = res.explain(*motion.T)
             if pull is not None:  # what this joint's own motion could hold of it is no pull
                 tests.append(
                     (replace(pull, size=pull.beyond), f"Torque follows {cause}, by {share}: its pull.")
@@ -171,7 +171,7 @@ def slow_torque(case: Case) -> Remark | None:
     n = res.time.size // width
     if n < 10:
         return None
-    slow = float(np.sqrt(np.mean(res.left[: n * width].reshape(n, width).mean(axis=1) ** 2)))
+    slow = float(np.sqrt(np.mean(res.torque_error[: n * width].reshape(n, width).mean(axis=1) ** 2)))
     if slow <= LEFT * res.size:
         return None
     return Remark(

@@ -41,7 +41,7 @@ def identify_ramp(logs: Sequence[Log], joint: str) -> tuple[JointFriction, Joint
     found = presliding(logs, joint)
     (up, up_error, up_seen), (down, down_error, down_seen) = _break_away(found, 1), _break_away(found, -1)
     seen = {"coulomb_positive": up_seen, "coulomb_negative": down_seen}
-    untried = _untried(found)
+    untried = _missing_direction(found)
     if untried:  # only what was tried tells
         up, down = max(up, down), max(up, down)
     law = CoulombViscous(coulomb_positive=max(up, 0.0), coulomb_negative=max(down, 0.0))
@@ -81,7 +81,7 @@ def _break_away(found: Presliding, direction: int) -> tuple[float, float, bool]:
     return direction * (slipped[0] - found.rest), slipped[1], True
 
 
-def _untried(found: Presliding) -> str:
+def _missing_direction(found: Presliding) -> str:
     """Return the number of the direction in which the torque was not ramped; empty where it was in both."""
     up, down = (abs(torque - found.rest) for torque in found.largest)
     if down < TRIED * up and found.break_away[1] is None:
@@ -122,7 +122,7 @@ def _warnings(
             "direction.",
         ),
         (
-            not found.resolved,
+            not found.is_resolved,
             f"{name}: before break-away it moves by {found.displacement / found.count:.0f} counts of {found.count:.3g} "
             f"{joint.unit}, which is below the encoder's resolution: only a lower bound of the stiffness is known.",
         ),

@@ -41,7 +41,7 @@ def of_pseudo_inertia(matrix: np.ndarray) -> np.ndarray:
     return np.array([matrix[3, 3], *matrix[:3, 3], *inertia[rows, columns]])
 
 
-def moved(placement: np.ndarray) -> np.ndarray:
+def frame_change(placement: np.ndarray) -> np.ndarray:
     """Return the matrix that brings a body's parameters from one frame to another, (10, 10).
 
     Args:

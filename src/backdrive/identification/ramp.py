@@ -18,7 +18,7 @@ from backdrive.identification.ramp_branches import (
     RESOLVED,
     Branch,
     branches_of,
-    low_passed,
+    low_pass_torque,
 )
 from backdrive.identification.sweep_windows import turning_points
 from backdrive.logs import filters
@@ -67,7 +67,7 @@ class Presliding:
     slip_speed: float
 
     @property
-    def resolved(self) -> bool:
+    def is_resolved(self) -> bool:
         """Whether the encoder resolves the displacement before break-away."""
         return self.stiffness is not None
 
@@ -135,7 +135,7 @@ def is_ramp(log: Log, joint: str | int) -> bool:
     torque, position = single.driving_torque[:, 0], single.need("position")[:, 0]
     if len(single) < FEWEST or not np.isfinite([torque, position]).all() or not np.ptp(torque) > 0.0:
         return False
-    smooth, rate, _ = low_passed(single)
+    smooth, rate, _ = low_pass_torque(single)
     turns = turning_points(smooth, BRANCH * float(np.ptp(smooth)))
     if turns.size < 2 or np.diff(turns).sum() < RAMPED * len(single):
         return False
@@ -209,7 +209,7 @@ def hysteresis_loop(logs: Sequence[Log], slips: Sequence[float]) -> tuple[float,
     """
     width, area = float("nan"), float("nan")
     for log, limit in zip(logs, slips):
-        u, rate, cutoff = low_passed(log)
+        u, rate, cutoff = low_pass_torque(log)
         x = filters.low_pass(log.position[:, 0], cutoff, rate)  # type: ignore[index]
         speed = np.abs(filters.derivative(x, log.period))
         turns = turning_points(u, BRANCH * float(np.ptp(u)))

@@ -65,7 +65,7 @@ class Branch:
 def branches_of(log: Log, count: float) -> tuple[list[Branch], float, float]:
     """Return the branches of one log, the speed from which on it slips, and the torque before the first ramp."""
     torque, position = log.driving_torque[:, 0], log.need("position")[:, 0]
-    smooth, rate, cutoff = low_passed(log)
+    smooth, rate, cutoff = low_pass_torque(log)
     turns = turning_points(smooth, BRANCH * float(np.ptp(smooth)))
     if turns.size < 2:
         return [], 0.0, float(torque[0])
@@ -79,7 +79,7 @@ def branches_of(log: Log, count: float) -> tuple[list[Branch], float, float]:
     settle = round(rate / cutoff)  # as long as the low pass lets a slip shine into its neighbourhood
     result = []
 
-    def slipped(begin: int, at: int, turn: int, stuck: slice) -> tuple[float, float]:
+    def slip_of(begin: int, at: int, turn: int, stuck: slice) -> tuple[float, float]:
         least = max(SETTLED * float(np.ptp(position[stuck])), COUNTED * count)
         ramp = line(torque, smooth, (begin, turn), rate)
         return overcome(torque, ramp, position, (begin, at, turn), least, rate) or onset(
@@ -98,7 +98,7 @@ def branches_of(log: Log, count: float) -> tuple[list[Branch], float, float]:
                     torque=smooth[inside],
                     position=position[inside],
                     direction=1 if smooth[b] > smooth[a] else -1,
-                    break_away=slipped(a, stop, b, inside) if before else None,
+                    break_away=slip_of(a, stop, b, inside) if before else None,
                 )
             )
     return result, slips, _before(torque, smooth, turns, rate)
@@ -110,7 +110,7 @@ def _before(torque: np.ndarray, smooth: np.ndarray, turns: np.ndarray, rate: flo
     return float(torque[: turns[0] + 1].mean() if first is None else first.at(turns[:1])[0])
 
 
-def low_passed(log: Log) -> tuple[np.ndarray, float, float]:
+def low_pass_torque(log: Log) -> tuple[np.ndarray, float, float]:
     """Return the low-passed torque of a log's only joint [N.m or N], (n,), its sampling rate and the corner [Hz]."""
     rate = 1.0 / log.period
     cutoff = min(CUTOFF, 0.1 * rate)

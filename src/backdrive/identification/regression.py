@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.lapack import dposv
+from scipy.linalg.lapack import dposv  # type: ignore[attr-defined]
 
 NORMAL = 1.959964  # half width of a 95 % interval [standard error]
 HUBER = 1.345  # 95 % efficiency on normal residuals [standard deviation]
@@ -35,7 +35,7 @@ class Blocks:
         """Return the coefficients by all blocks together, (p,)."""
         return solve(self.gram.sum(axis=0), self.moment.sum(axis=0))
 
-    def mapped(self, spread: np.ndarray) -> Blocks:
+    def map_columns(self, spread: np.ndarray) -> Blocks:
         """Return the equations of the regressor X @ spread."""
         return Blocks(
             gram=spread.T @ self.gram @ spread, moment=self.moment @ spread, power=self.power, rows=self.rows
@@ -122,9 +122,9 @@ def robust_weights(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int = 8)
     return weights.copy()
 
 
-def left_out_losses(blocks: Blocks) -> np.ndarray:
+def leave_one_out_losses(blocks: Blocks) -> np.ndarray:
     """Return the weighted squared error of every block by the fit to all the others, (B,)."""
-    theta = left_out_solutions(blocks)
+    theta = leave_one_out_solutions(blocks)
     return (
         blocks.power
         - 2 * np.einsum("bi,bi->b", theta, blocks.moment)
@@ -132,7 +132,7 @@ def left_out_losses(blocks: Blocks) -> np.ndarray:
     )
 
 
-def left_out_solutions(blocks: Blocks) -> np.ndarray:
+def leave_one_out_solutions(blocks: Blocks) -> np.ndarray:
     """Return the solution without each block, (B, p)."""
     return solve(blocks.gram.sum(axis=0) - blocks.gram, blocks.moment.sum(axis=0) - blocks.moment)
 
@@ -140,10 +140,10 @@ def left_out_solutions(blocks: Blocks) -> np.ndarray:
 def sandwich(blocks: Blocks, theta: np.ndarray) -> np.ndarray:
     """Return the covariance of `theta` from the spread of the blocks' scores, (p, p)."""
     scores = (blocks.moment - blocks.gram @ theta)[blocks.rows > 0]
-    return clustered(inverted(blocks.gram.sum(axis=0)), scores)
+    return cluster_covariance(invert(blocks.gram.sum(axis=0)), scores)
 
 
-def clustered(inverse: np.ndarray, scores: np.ndarray) -> np.ndarray:
+def cluster_covariance(inverse: np.ndarray, scores: np.ndarray) -> np.ndarray:
     """Return the covariance of a fit from its scores, summed over blocks that are taken as independent, (p, p).
 
     It is widened as Student's distribution is with that few blocks, so that two standard errors hold 95 %.
@@ -161,7 +161,7 @@ def few(blocks: int) -> float:
     return 1.0 + 1.22 / (blocks - 1)
 
 
-def widened(covariance: np.ndarray, freedom: float) -> np.ndarray:
+def widen_covariance(covariance: np.ndarray, freedom: float) -> np.ndarray:
     """Return a covariance widened so that 1.96 standard errors hold what Student's quantile would, (p, p).
 
     Args:
@@ -181,10 +181,10 @@ def classical(X: np.ndarray, residual: np.ndarray) -> np.ndarray:
         residual: of the fit, (n,).
     """
     freedom = max(len(X) - X.shape[1], 1)
-    return widened(float(residual @ residual) / freedom * inverted(X.T @ X), freedom)
+    return widen_covariance(float(residual @ residual) / freedom * invert(X.T @ X), freedom)
 
 
-def inverted(gram: np.ndarray, least: float = 1e-10) -> np.ndarray:
+def invert(gram: np.ndarray, least: float = 1e-10) -> np.ndarray:
     """Return the inverse of normal equations scaled to unit columns, 0 for what they leave open, (p, p).
 
     Args:

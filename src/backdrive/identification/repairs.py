@@ -35,7 +35,7 @@ def healthy(log: Log, accept: Sequence[str], repair: bool, warnings: list[str]) 
     where = f"{log.sources[0].path}: " if log.sources else ""
     undone = useless(log, accept) if repair else {}
     try:
-        mended, suspect = health.passed(log, accept=[*accept, *undone], repair=repair)
+        mended, suspect = health.screen(log, accept=[*accept, *undone], repair=repair)
     except UnhealthyLog as error:
         if not where:
             raise
@@ -47,7 +47,7 @@ def healthy(log: Log, accept: Sequence[str], repair: bool, warnings: list[str]) 
     return _without_acceptance(mended, undone)
 
 
-def mended(log: Log, accept: Sequence[str] = ()) -> tuple[Log, list[str]]:
+def apply_repairs(log: Log, accept: Sequence[str] = ()) -> tuple[Log, list[str]]:
     """Return a log with the repairs that help, whether it would then pass or not, and why others were undone."""
     undone = useless(log, accept)
     return health.mend(log, [*accept, *undone]), list(undone.values())

@@ -33,7 +33,7 @@ Part = tuple[Signals, np.ndarray, np.ndarray, bool]  # as `evidence` takes it
 
 
 @dataclass(frozen=True, kw_only=True)
-class Explained:
+class Explanation:
     """What some columns explain of a residual.
 
     Attributes:
@@ -88,7 +88,7 @@ class Residual:
     step: float
 
     @property
-    def left(self) -> np.ndarray:
+    def torque_error(self) -> np.ndarray:
         """Measured less predicted torque [N.m or N], (n,)."""
         return self.torque - self.predicted
 
@@ -127,7 +127,7 @@ class Residual:
         """First mean of each block, (B,)."""
         return np.arange(0, self.time.size, max(round(BLOCK / self.period), 1))
 
-    def explained(self, *columns: np.ndarray) -> Explained | None:
+    def explain(self, *columns: np.ndarray) -> Explanation | None:
         """Return what columns explain beside what any model may hold; None where the log is too short to tell.
 
         Args:
@@ -140,7 +140,7 @@ class Residual:
         size, Z = np.linalg.norm(whole, axis=0), self._apart(whole)
         if not np.all(np.linalg.norm(Z, axis=0) > APART * size):
             return None  # the motion does not tell them from the rest
-        left = self._apart(self.left)
+        left = self._apart(self.torque_error)
         coefficients, _, rank, _ = np.linalg.lstsq(Z, left, rcond=1e-6)
         if rank < k:
             return None
@@ -150,14 +150,14 @@ class Residual:
         moment = Z.T @ fit
         wald = float(moment @ middle @ moment)
         chance = float(fdtrc(k, B - k, wald * (B - k) / (k * (B - 1))))
-        return Explained(
+        return Explanation(
             size=float(np.sqrt(np.mean((whole @ coefficients) ** 2))),
             chance=chance,
             coefficients=tuple(coefficients.tolist()),
             beyond=float(np.sqrt(np.mean(fit**2))),
         )
 
-    def wave(self, factor: np.ndarray | float = 1.0) -> Explained | None:
+    def wave(self, factor: np.ndarray | float = 1.0) -> Explanation | None:
         """Return what the best wave over position explains; None where no position tells.
 
         Args:
@@ -175,7 +175,7 @@ class Residual:
             return None
         power = self._powers(waves, step, factor)
         best = float(waves[int(np.argmax(power))])
-        result = self.explained(*self._wave(best, factor).T)
+        result = self.explain(*self._wave(best, factor).T)
         if result is None:
             return None
         chance = min(result.chance * waves.size, 1.0)
@@ -188,8 +188,8 @@ class Residual:
         for k in range(1, waves.size):
             np.multiply(circling[k - 1], turn, out=circling[k])
         circling *= factor
-        pair = np.stack([circling.imag, circling.real], axis=1)  # sine and cosine, (W, 2, n)
-        moment, held = pair @ self._apart(self.left), pair @ self._basis
+        pair = np.stack([np.imag(circling), np.real(circling)], axis=1)  # sine and cosine, (W, 2, n)
+        moment, held = pair @ self._apart(self.torque_error), pair @ self._basis
         gram = pair @ pair.transpose(0, 2, 1) - held @ held.transpose(0, 2, 1)
         return np.einsum("wi,wij,wj->w", moment, np.linalg.pinv(gram, rcond=1e-6, hermitian=True), moment)
 

@@ -15,7 +15,7 @@ from backdrive.identification.residual import Residual
 from backdrive.model import Bands, FrictionModel
 
 if TYPE_CHECKING:
-    from backdrive.identification.arm_expected import StandardError
+    from backdrive.identification.arm_forecast import StandardError
     from backdrive.identification.dynamic.choice import Choice
 
 

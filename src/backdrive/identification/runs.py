@@ -149,7 +149,7 @@ def _level(velocity: np.ndarray, period: float) -> slice | None:
     """
     if velocity.size < 20:
         return None
-    smooth = _smoothed(velocity, period)
+    smooth = _smooth(velocity, period)
     level = float(np.median(smooth))
     way = smooth * np.sign(level)
     reached = np.flatnonzero(way > UP_TO_SPEED * abs(level))
@@ -165,7 +165,7 @@ def _level(velocity: np.ndarray, period: float) -> slice | None:
     return slice(begin, end) if _keeps_level(velocity[begin:end], smooth[begin:end]) else None
 
 
-def _smoothed(velocity: np.ndarray, period: float) -> np.ndarray:
+def _smooth(velocity: np.ndarray, period: float) -> np.ndarray:
     """Return means over a moment about each sample, shorter at the ends, (n,)."""
     half = min(round(0.5 * SMOOTH / period), velocity.size // 2)
     total = np.concatenate([[0.0], np.cumsum(velocity)])
@@ -216,7 +216,7 @@ def gravity_of(runs: Sequence[Run]) -> tuple[np.ndarray, np.ndarray] | None:
         return None
     theta = np.linalg.solve(gram, moment)
     scores = np.stack([s[:2, 2] - s[:2, :2] @ theta for s in scatter])
-    covariance = regression.clustered(regression.inverted(gram), scores)
+    covariance = regression.cluster_covariance(regression.invert(gram), scores)
     seen = theta @ moment >= SEEN * power
     return (theta, covariance) if seen or theta @ np.linalg.pinv(covariance) @ theta > SURE**2 else None
 

@@ -28,7 +28,7 @@ SURE = 2.5  # standard errors by which torque there is smaller [-]
 FEWEST = 8  # means that tell [-]
 
 
-def settled(
+def drop_build_up(
     raw: Bins, stretches: Sequence[Signals], spread: np.ndarray, correlation: float, seconds: float
 ) -> Bins:
     """Return bins of which those are not used in which friction still builds up.
@@ -54,7 +54,7 @@ def settled(
 
 def _lags(raw: Bins, column: np.ndarray, spread: np.ndarray, correlation: float) -> bool:
     """Say whether the torque is surely smaller by a column than a candidate says."""
-    more = replace(raw, X=np.column_stack([raw.X @ spread, column])).whitened(correlation)
+    more = replace(raw, X=np.column_stack([raw.X @ spread, column])).whiten(correlation)
     theta = fit(more, np.eye(more.X.shape[1]))
     covariance = noise.covariance_of_fit(more.X, more.y - more.X @ theta, more.used)
     return bool(theta[-1] < -SURE * np.sqrt(covariance[-1, -1]))

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backdrive.identification import design, noise, regression
-from backdrive.identification.delay import delayed
+from backdrive.identification.delay import delay_signals
 from backdrive.identification.motion_bins import Bins, bin_means
 from backdrive.identification.signals import Signals
 from backdrive.logs.filters import low_pass
@@ -55,7 +55,7 @@ class Slip:
         return KNOWN * self.period
 
     @property
-    def fitted(self) -> bool:
+    def is_fitted(self) -> bool:
         """Whether it takes part in a fit."""
         return self.error <= self.least
 
@@ -85,11 +85,11 @@ def seek_slip(
     delay, share, correlation = start, 1.0, 0.0
     tried: list[tuple[float, float]] = []
     while len(tried) < ROUNDS:
-        bins = bin_means([delayed(s, delay) for s in slow], knots, seconds=seconds)
+        bins = bin_means([delay_signals(s, delay) for s in slow], knots, seconds=seconds)
         if not tried:  # only tells how the noise is correlated
             theta = fit(bins, full.spread)
             correlation = neighbours(bins.y - bins.X @ full.spread @ theta, bins.used)
-        bins = bins.whitened(correlation)
+        bins = bins.whiten(correlation)
         theta = fit(bins, full.spread)
         if not theta[inertia] > 0.0:
             return replace(open_, correlation=correlation)
@@ -102,7 +102,7 @@ def seek_slip(
     felt = theta[inertia] > FELT * float(np.sqrt(covariance[inertia, inertia]))
     if not (felt and share > SHOWN):
         return replace(open_, correlation=correlation)
-    blocks = regression.sandwich(bins.equations().mapped(full.spread), theta)
+    blocks = regression.sandwich(bins.equations().map_columns(full.spread), theta)
     variance = 0.5 * float(covariance[jerk, jerk] + blocks[jerk, jerk])
     error = float(np.sqrt(variance) / theta[inertia] / share)
     return Slip(delay=delay, error=error, period=period, correlation=correlation)

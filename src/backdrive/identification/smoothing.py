@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from backdrive.identification.signals import between_gaps, default_cutoff
-from backdrive.logs.filters import fft_length, spectrum_of, squared_gain
+from backdrive.logs.filters import fft_length, power_gain, spectrum_of
 from backdrive.logs.log import Log
 from backdrive.logs.resolution import encoder_step
 
@@ -105,7 +105,7 @@ def noise(step: float, cutoff: float, rate: float, width: int = 1, correlation: 
         cutoff: of the low pass [Hz].
         rate: of sampling [Hz].
         width: of means that are taken of it [sample].
-        correlation: each mean is less so much of its predecessor, and scaled as `Bins.whitened` does [-].
+        correlation: each mean is less so much of its predecessor, and scaled as `Bins.whiten` does [-].
     """
     f = (np.arange(GRID) + 0.5) / (2 * GRID)
     twice = (rate * np.sin(2.0 * np.pi * f)) ** 4
@@ -114,7 +114,7 @@ def noise(step: float, cutoff: float, rate: float, width: int = 1, correlation: 
         1.0 - correlation**2
     )
     return float(
-        step**2 / 12.0 * np.mean(squared_gain(f, min(cutoff / rate, 0.49)) ** 2 * twice * mean * white)
+        step**2 / 12.0 * np.mean(power_gain(f, min(cutoff / rate, 0.49)) ** 2 * twice * mean * white)
     )
 
 
@@ -136,5 +136,5 @@ def _accelerations(position: np.ndarray, cutoffs: Sequence[float], rate: float) 
     length = fft_length(n + 2 * pad)
     f = np.arange(length // 2 + 1) / length
     spectrum = spectrum_of(position, pad, length) * -((rate * np.sin(2.0 * np.pi * f)) ** 2)
-    gains = (squared_gain(f, cutoff / rate) for cutoff in cutoffs)
+    gains = (power_gain(f, cutoff / rate) for cutoff in cutoffs)
     return np.array([np.mean(np.fft.irfft(spectrum * gain, length)[pad : pad + n] ** 2) for gain in gains])

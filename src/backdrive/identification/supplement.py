@@ -63,12 +63,12 @@ def _channel(
     noise = float(np.sqrt(size @ np.square([white_noise(x) for x in torques]) / max(size.sum(), 1)))
     return TorqueChannel(
         delay=None if delay is None else delay.value,
-        delay_error=None if delay is None else _known(delay.standard_error),
-        noise=_known(noise) or None,  # a channel in coarse steps shows none
-        long_run=_known(evidence.long_run),
+        delay_error=None if delay is None else _number(delay.standard_error),
+        noise=_number(noise) or None,  # a channel in coarse steps shows none
+        long_run=_number(evidence.long_run),
     )
 
 
-def _known(value: float | None) -> float | None:
+def _number(value: float | None) -> float | None:
     """Return a number that a model may hold, None for others."""
     return value if value is not None and abs(value) <= BIG else None

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.identification.curves import knot_names, widened_below
+from backdrive.identification.curves import knot_names, widen_below
 from backdrive.identification.evidence import evidence, parts_of
-from backdrive.identification.function_a import SHARE, corrected, function_a
+from backdrive.identification.function_a import SHARE, correct_pairs, function_a
 from backdrive.identification.function_a import literal as literal_pairs
 from backdrive.identification.quality import assess
 from backdrive.identification.result import JointEvidence
@@ -23,7 +23,7 @@ from backdrive.identification.signals import Signals, prepare
 from backdrive.identification.sweep_delay import drive_delays
 from backdrive.identification.sweep_equations import ALL
 from backdrive.identification.sweep_fit import SweepFit, fit
-from backdrive.identification.sweep_knots import SweepKnots, ordered, to_polyline
+from backdrive.identification.sweep_knots import SweepKnots, sort_knots, to_polyline
 from backdrive.identification.sweep_verdict import error_of_curve, verdict
 from backdrive.identification.sweep_windows import find_windows, windows
 from backdrive.identification.terms import estimates
@@ -85,8 +85,8 @@ def pairs(
         knots = literal_pairs(log.select(joint).on_joint_side(), cycles, c)
     else:
         rotary = log.joints[log.column(joint)].unit == "rad"
-        knots = corrected(stretches, cycles, rotary=rotary, c=c, delay=delay)
-    return ordered(knots, joint, cycles, c)
+        knots = correct_pairs(stretches, cycles, rotary=rotary, c=c, delay=delay)
+    return sort_knots(knots, joint, cycles, c)
 
 
 def identify_sweep(
@@ -125,24 +125,24 @@ def identify_sweep(
     if literal:
         used = [pairs(log, joint, s, literal=True, delay=d) for log, s, d in zip(logs, stretches, delays)]
 
-    def fitted_to(part: slice) -> tuple[JointFriction, SweepFit]:
+    def fit_to(part: slice) -> tuple[JointFriction, SweepFit]:
         off = [] if literal else late[part]
         found = fit(used[part], unit=about.unit, name=about.name, symmetric=symmetric, late=off)
         slip = -0.5 / stretches[part][0][0].rate - delays[part][0], errors[part][0]
         friction = _friction(about, found, each[part], stretches[part], slip, literal)
         return replace(friction, warnings=(*friction.warnings, *remarks)), found
 
-    friction, found = fitted_to(slice(None))
+    friction, found = fit_to(slice(None))
     friction = replace(friction, fitted=assess(friction, [s for log in stretches for s in log]))
     parts = [parts_of(friction, log, True) for log in stretches]
     if len(logs) > 1:
-        before, others = fitted_to(slice(0, -1))
+        before, others = fit_to(slice(0, -1))
         if others.tells(each[-1].center):
             friction = replace(friction, held_out=assess(before, stretches[-1]))
             parts[-1] = parts_of(before, stretches[-1], False)
     of_curve = error_of_curve(friction)
     if not literal:
-        of_curve = widened_below(friction.law, friction.validity.lowest_speed or 0.0, of_curve)
+        of_curve = widen_below(friction.law, friction.validity.lowest_speed or 0.0, of_curve)
     support = evidence(friction, [part for log in parts for part in log], of_curve)
     return friction, replace(support, verdict=verdict(friction, found))
 

@@ -54,13 +54,13 @@ def sweep_delay(stretches: Sequence[Signals], cycles: Windows) -> tuple[float, f
     knots = np.concatenate([[SHARE * slow], np.linspace(slow, fast, 2 * cycles.peak.size - 1)])
     length = float(np.min(cycles.time[:, 1] - cycles.time[:, 0]))
     parts = [_part(s, cycles, CORNER / length) for s in stretches]
-    *loaded, grows = _solved(stretches, parts, knots, True)
+    *loaded, grows = _solve(stretches, parts, knots, True)
     if grows:
         return loaded[0], loaded[1]
-    return _solved(stretches, parts, knots, False)[:2]
+    return _solve(stretches, parts, knots, False)[:2]
 
 
-def _solved(
+def _solve(
     stretches: Sequence[Signals], parts: Sequence[Any], knots: np.ndarray, loaded: bool
 ) -> tuple[float, float, bool]:
     """Return delay and standard error [s], and whether friction grows with the load."""
@@ -76,7 +76,7 @@ def _solved(
                 for (X, Z), (_, real, wanted, _) in zip(plain, parts)
             ]
         moments = [(Z.T @ X, Z.T @ f) for (X, Z), f in zip(regressors, y)]
-        inverse = regression.inverted(np.sum([m[0] for m in moments], axis=0))
+        inverse = regression.invert(np.sum([m[0] for m in moments], axis=0))
         theta = inverse @ np.sum([m[1] for m in moments], axis=0)
         if not theta[0] > 0:
             return float("nan"), float("nan"), False

@@ -26,7 +26,7 @@ class Equations:
 
     Attributes:
         V: knots [rad/s or m/s], (K,).
-        X: coefficients, (r, 2 K + 4); those of the load are 0 until gravity is known (`loaded`).
+        X: coefficients, (r, 2 K + 4); those of the load are 0 until gravity is known (`with_load_growth`).
         y: mean torques, then slopes of gravity where known, (r,).
         weight: inverse standard errors, (r,).
         swing: by how much the inertia's torque swings within each mean torque's samples [N.m or N], (levels,).
@@ -62,7 +62,7 @@ class Equations:
             full[2 * K + ALL.index(term), shape.shape[1] + column] = 1.0
         return full
 
-    def loaded(self, gravity: np.ndarray) -> Equations:
+    def with_load_growth(self, gravity: np.ndarray) -> Equations:
         """Return the same with friction that grows with the size of the load, 1 N.m for every N.m carried.
 
         Args:

@@ -22,7 +22,7 @@ from backdrive.identification.sweep_equations import (
     Equations,
     equations,
 )
-from backdrive.identification.sweep_knots import SweepKnots, clamped
+from backdrive.identification.sweep_knots import SweepKnots, polyline_through
 from backdrive.identification.terms import GRAVITY
 from backdrive.laws import Polyline
 
@@ -132,7 +132,7 @@ def fit(
     if terms == GRAVITY and known and np.isfinite(knots[0].error_pos).all():
         load = growth(eqs, curves, kept, theta)
         if load is not None:
-            eqs, kept = eqs.loaded(load.gravity), (*kept, LOAD)
+            eqs, kept = eqs.with_load_growth(load.gravity), (*kept, LOAD)
             theta, covariance = eqs.solve(curves, kept)
             notes.append(load.sentence())
     asked = symmetric is not None
@@ -167,7 +167,7 @@ def fit(
     at_load[: 2 * K, -1] = carried  # the law is that of the joint under the gravity that it carried
     theta, covariance = at_load @ theta, at_load @ covariance @ at_load.T
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    law = clamped(eqs.V, theta[:K], theta[K : 2 * K])
+    law = polyline_through(eqs.V, theta[:K], theta[K : 2 * K])
     if len(law.velocity) > K:
         said.append(
             f"Joint '{name}': the first section of the curve reaches below zero at rest, where it was cut off."

@@ -75,7 +75,7 @@ class SweepKnots:
         return float(np.mean(0.5 * (self.F_pos - self.F_neg)))
 
 
-def ordered(knots: SweepKnots, joint: str | int, cycles: Windows, c: float) -> SweepKnots:
+def sort_knots(knots: SweepKnots, joint: str | int, cycles: Windows, c: float) -> SweepKnots:
     """Leave empty windows out, sort the pairs by speed and merge neighbours, so that V_n strictly increases.
 
     Args:
@@ -147,10 +147,10 @@ def to_polyline(knots: SweepKnots, symmetric: bool = True, constant: float = 0.0
     else:
         up = hats(V, knots.V_pos) @ (knots.F_pos - constant)
         down = hats(V, knots.V_neg) @ (knots.F_neg + constant)
-    return clamped(V, up, down)
+    return polyline_through(V, up, down)
 
 
-def clamped(V: np.ndarray, up: np.ndarray, down: np.ndarray) -> Polyline:
+def polyline_through(V: np.ndarray, up: np.ndarray, down: np.ndarray) -> Polyline:
     """Return line sections through pairs, with intercepts F_0 >= 0 at rest.
 
     Args:

@@ -16,7 +16,7 @@ from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
 from backdrive.identification.sweep import pairs
 from backdrive.identification.sweep_delay import drive_delays
-from backdrive.identification.sweep_knots import clamped
+from backdrive.identification.sweep_knots import polyline_through
 from backdrive.identification.sweep_verdict import error_of_curve
 from backdrive.identification.terms import GRAVITY, column, estimates
 from backdrive.identification.timing import Timing
@@ -79,7 +79,7 @@ def identify_payload(
         "gravity_cos": (float(found.gravity[1]), float(found.gravity_error[1])),
     }
     speeds = np.concatenate([s.velocity for log in stretches for s in log])
-    law = clamped(found.velocity, found.positive, found.negative)
+    law = polyline_through(found.velocity, found.positive, found.negative)
     shapes = np.kron(np.eye(2), hats(np.array(law.velocity), found.velocity))
     spread = np.zeros((len(shapes) + 4, len(found.covariance)))
     spread[:-4, :-4], spread[-4:, -4:] = shapes, np.eye(4)

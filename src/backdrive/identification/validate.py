@@ -41,7 +41,7 @@ def validate(
     Raises:
         InvalidInput: model and logs share no joint, or the model is of an arm and its description is missing.
     """
-    shared = _shared(model, logs)
+    shared = _common_joints(model, logs)
     if model.arm is not None:
         if urdf is None:
             raise InvalidInput(
@@ -75,7 +75,7 @@ def validate(
                 f"Joint '{name}': nothing to judge on.", remedy="Give a log in which it moves."
             )
         result[name] = judge(pairs)
-        beyond = friction.extrapolated(np.concatenate([v for _, moved in each for v in moved]))
+        beyond = friction.extrapolation(np.concatenate([v for _, moved in each for v in moved]))
         if beyond:
             said.append(beyond)
     if not result:
@@ -110,13 +110,13 @@ def validate_motion(model: FrictionModel, logs: Sequence[Log]) -> dict[str, Qual
     Raises:
         InvalidInput: the model holds no drive, or shares no joint with the logs.
     """
-    from backdrive.identification.dynamic.driven import driven, whole
+    from backdrive.identification.dynamic.drive_stretch import drive_stretches, whole
 
     result = {}
-    for name in _shared(model, logs):
+    for name in _common_joints(model, logs):
         axis, step = _axis(model, name)
         options = Options(drive=axis.drive, cutoff=_positive(model.options.get("cutoff")))
-        parts = [part for log in logs for part in driven(log, name, axis.drive, options)]
+        parts = [part for log in logs for part in drive_stretches(log, name, axis.drive, options)]
         errors = []
         for log in whole(parts, axis.drive.controller != "open"):
             moved = forward(
@@ -137,7 +137,7 @@ def validate_motion(model: FrictionModel, logs: Sequence[Log]) -> dict[str, Qual
     return result
 
 
-def _shared(model: FrictionModel, logs: Sequence[Log]) -> list[str]:
+def _common_joints(model: FrictionModel, logs: Sequence[Log]) -> list[str]:
     """Return the names of the joints that a model and all logs have."""
     shared = [name for name in model.names if all(name in log.names for log in logs)]
     if not shared:

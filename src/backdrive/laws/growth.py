@@ -31,7 +31,7 @@ def beyond(carried, load):
 
 
 @leaf
-def widened(bound, by, weakening):
+def widen(bound, by, weakening):
     """A bound >= 0 grown by `by`, which may be negative, but not to less than the torque that weakens with speed."""
     least = min(bound, weakening)
     after = bound + by
@@ -39,15 +39,15 @@ def widened(bound, by, weakening):
 
 
 @leaf
-def grown(p, i, v, load, lo, hi, viscous):
+def grow_bounds(p, i, v, load, lo, hi, viscous):
     """Bounds of a rate law under a load; p[i:]: mu_d, mu_b, l_0."""
     by = beyond(p[i + 2], load)
     if by == 0.0:
         return lo, hi
     forwards = p[i] if load[1] < 0.0 else p[i + 1]
     backwards = p[i] if load[1] > 0.0 else p[i + 1]
-    hi = widened(hi, forwards * by, max(-viscous, 0.0) if v > 0.0 else 0.0)
-    lo = -widened(-lo, backwards * by, max(viscous, 0.0) if v < 0.0 else 0.0)
+    hi = widen(hi, forwards * by, max(-viscous, 0.0) if v > 0.0 else 0.0)
+    lo = -widen(-lo, backwards * by, max(viscous, 0.0) if v < 0.0 else 0.0)
     return lo, hi
 
 
@@ -78,7 +78,7 @@ class Growth(Rows):
         """Mean of lifting and being driven back [-]."""
         return 0.5 * (self.load_driving + self.load_driven)
 
-    def scaled(self, factor: float) -> Growth:
+    def scale(self, factor: float) -> Growth:
         """Return the growth of a share of the friction."""
         up, down = factor * self.load_driving, factor * self.load_driven
         return replace(self, load_driving=up, load_driven=down)

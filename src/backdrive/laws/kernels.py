@@ -16,7 +16,7 @@ from functools import cache
 
 import numpy as np
 
-from backdrive._jit import choice, jit, ladder, leaf, specialised
+from backdrive._jit import choice, jit, ladder, leaf, specialise
 from backdrive.laws import ELEMENTS, RATES, REFERENCE, growth
 from backdrive.laws.base import Element, kernels_of
 from backdrive.laws.elements import none
@@ -92,7 +92,7 @@ def limits_of(rate, plain, p, v, load, temp):
                 if v < 0.0:
                     viscous = viscous_backward
             if more >= growth.MARK:
-                lo, hi = growth.grown(p, m + 1 - growth.ROW, v, load, lo, hi, viscous)
+                lo, hi = growth.grow_bounds(p, m + 1 - growth.ROW, v, load, lo, hi, viscous)
     return lo, hi, viscous
 
 
@@ -171,7 +171,7 @@ def solve(rate, element, p, x, v_free, dt, dt_over_m, load, temp):
             return 0.0
         at_rest -= dt_over_m * (hi if v_free > 0.0 else lo)
     else:
-        at_rest -= dt_over_m * _tried(rate, element, p, x, 0.0, dt, load, temp)
+        at_rest -= dt_over_m * _try_step(rate, element, p, x, 0.0, dt, load, temp)
         if at_rest == 0.0:
             return 0.0
     if not np.isfinite(at_rest):
@@ -212,7 +212,7 @@ def solve(rate, element, p, x, v_free, dt, dt_over_m, load, temp):
 
 
 @jit
-def _tried(rate, element, p, x, v, dt, load, temp):
+def _try_step(rate, element, p, x, v, dt, load, temp):
     """Friction torque of a step at velocity v that is not taken: what it leads to is written behind the state."""
     dp = v * dt
     v = slow(dp / dt)
@@ -227,7 +227,7 @@ def _excess(rate, element, p, x, speed, toward, v_free, dt, dt_over_m, load, tem
         lo, hi, viscous = limits(rate, p, v, load, temp)
         friction = (hi if toward > 0.0 else lo) + viscous
     else:
-        friction = _tried(rate, element, p, x, v, dt, load, temp)
+        friction = _try_step(rate, element, p, x, v, dt, load, temp)
     return toward * (v + dt_over_m * friction - v_free)
 
 
@@ -239,7 +239,7 @@ def steady_of(rate: int) -> Callable:
         lo, hi, viscous = limits_of(rate, True, p, v, (0.0, 0.0), REFERENCE)
         return none.step(p, 0, 0.0, lo, hi, v, 1.0)[1] + viscous
 
-    return specialised(at, rate)
+    return specialise(at, rate)
 
 
 @jit

@@ -62,7 +62,7 @@ def summary(kind: Kind) -> str:
     return (inspect.getdoc(kind) or "").split("\n\n")[0].replace("\n", " ")
 
 
-def shared(kind: Kind) -> bool:
+def is_shared(kind: Kind) -> bool:
     """Whether several laws share the file, and so the equation, of this one."""
     return sum(c.__module__ == kind.__module__ for c in (*RATES.values(), *ELEMENTS.values())) > 1
 

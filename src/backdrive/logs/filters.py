@@ -47,12 +47,12 @@ def low_pass(x: np.ndarray, cutoff: float, rate: float, order: int = 4) -> np.nd
         raise InvalidInput(f"{x.shape[0]} samples are too few to filter.", remedy="Give a longer log.")
     pad = min(round(3 * rate / cutoff), x.shape[0] - 1)
     n = fft_length(x.shape[0] + 2 * pad)
-    gain = squared_gain(np.arange(n // 2 + 1) / n, cutoff / rate, order)
-    columns = [_filtered(column, gain, pad, n) for column in x.reshape(x.shape[0], -1).T]
+    gain = power_gain(np.arange(n // 2 + 1) / n, cutoff / rate, order)
+    columns = [_filter_column(column, gain, pad, n) for column in x.reshape(x.shape[0], -1).T]
     return np.stack(columns, axis=1).reshape(x.shape)
 
 
-def squared_gain(frequency: np.ndarray, cutoff: float, order: int = 4) -> np.ndarray:
+def power_gain(frequency: np.ndarray, cutoff: float, order: int = 4) -> np.ndarray:
     """Return what `low_pass` leaves of an amplitude [-].
 
     Args:
@@ -66,7 +66,7 @@ def squared_gain(frequency: np.ndarray, cutoff: float, order: int = 4) -> np.nda
     return 1.0 / (1.0 + power)
 
 
-def _filtered(x: np.ndarray, gain: np.ndarray, pad: int, n: int) -> np.ndarray:
+def _filter_column(x: np.ndarray, gain: np.ndarray, pad: int, n: int) -> np.ndarray:
     """Filter one column in the frequency domain."""
     return np.fft.irfft(spectrum_of(x, pad, n) * gain, n)[pad : pad + x.size] + 0.5 * (x[0] + x[-1])
 

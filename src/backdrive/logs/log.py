@@ -16,7 +16,7 @@ import numpy as np
 
 from backdrive.errors import InvalidInput
 from backdrive.logs.joint import Drive, Joint, Source, as_joints, check_coupling
-from backdrive.logs.values import checked_period, frozen
+from backdrive.logs.values import check_period, read_only
 
 #: Beyond, a number is no measurement in any unit, and products of a few of them overflow; an infinity is a hole in a log.
 LARGEST = 1e60
@@ -83,7 +83,7 @@ class Log:
     coupling: tuple[tuple[float, ...], ...] | None = None
 
     def __post_init__(self):
-        time = frozen(self.time, "time")
+        time = read_only(self.time, "time")
         if time.ndim != 1:
             raise InvalidInput(f"Log.time has shape {time.shape}.", remedy="Give one instant a sample, (n,).")
         object.__setattr__(self, "time", time)
@@ -99,7 +99,7 @@ class Log:
             value = getattr(self, name)
             if value is None:
                 continue
-            value = frozen(value, name)
+            value = read_only(value, name)
             if value.ndim == 1:
                 value = value[:, None]
             if value.shape != (time.size, width):
@@ -195,7 +195,7 @@ class Log:
         Raises:
             InvalidInput: it is above zero and below a picosecond.
         """
-        return checked_period(float(np.median(np.diff(self.time)))) if len(self) > 1 else float("nan")
+        return check_period(float(np.median(np.diff(self.time)))) if len(self) > 1 else float("nan")
 
     @property
     def duration(self) -> float:
@@ -252,7 +252,7 @@ class Log:
         """Return a copy with some fields changed."""
         return replace(self, **changes)
 
-    def noted(self, sentence: str) -> Log:
+    def with_note(self, sentence: str) -> Log:
         """Return a copy that remembers `sentence` among its notes."""
         return replace(self, notes=(*self.notes, sentence))
 
@@ -308,7 +308,7 @@ class Log:
             if c in self.channels
         }
         torque = {} if self.torque is None else {"torque": np.linalg.solve(matrix.T, self.torque.T).T}
-        return replace(self, coupling=rows, **moves, **torque).noted(
+        return replace(self, coupling=rows, **moves, **torque).with_note(
             f"Brought from coupled motors to the joints: {', '.join([*moves, *torque])}."
         )
 
@@ -318,7 +318,7 @@ class Log:
             return self
         ratio = np.array([j.gear_ratio if j.torque_side == "motor" else 1.0 for j in self.joints])
         joints = tuple(replace(j, torque_side="joint") for j in self.joints)
-        return replace(self, joints=joints, torque=self.torque * ratio).noted(
+        return replace(self, joints=joints, torque=self.torque * ratio).with_note(
             "Motor-side torque was multiplied by the gear ratio."
         )
 

@@ -11,7 +11,7 @@ from backdrive.errors import InvalidInput
 SHORTEST = 1e-12  # median sampling interval [s]
 
 
-def frozen(value: Any, name: str) -> np.ndarray:
+def read_only(value: Any, name: str) -> np.ndarray:
     """Return the values as read-only float64; what already is, and cannot be written through another array, is not copied."""
     if isinstance(value, np.ndarray) and value.dtype == np.float64 and not value.flags.writeable:
         owner = value if value.base is None else value.base
@@ -27,7 +27,7 @@ def frozen(value: Any, name: str) -> np.ndarray:
     return array
 
 
-def checked_period(period: float) -> float:
+def check_period(period: float) -> float:
     """Return a sampling interval [s], unless nothing samples so fast.
 
     Raises:

@@ -33,7 +33,7 @@ AGAIN = "Correct it there, or identify again."
 
 
 @contextmanager
-def placed(where: str) -> Iterator[None]:
+def error_place(where: str) -> Iterator[None]:
     """Give errors that say nothing of the file the place in it."""
     try:
         yield

@@ -15,7 +15,14 @@ from backdrive.errors import BackdriveError, ModelFileError
 from backdrive.laws import Growth, Law, element, rate_law
 from backdrive.laws.base import Rows
 from backdrive.logs.log import Joint, Source
-from backdrive.model.bounds import check_document, check_errors, check_keys, check_law, check_rows, placed
+from backdrive.model.bounds import (
+    check_document,
+    check_errors,
+    check_keys,
+    check_law,
+    check_rows,
+    error_place,
+)
 from backdrive.model.document import (
     ALIKE,
     FORMAT,
@@ -141,7 +148,7 @@ def _rows(cls: type[R], values: dict[str, Value], where: str, unit: str) -> R:
                 f"{where}.{name}: the unit is '{value.unit}'.", remedy=f"It must be '{expected}'."
             )
         check_errors(value.value, value.standard_error, f"{where}.{name}")
-    with placed(where):
+    with error_place(where):
         return cls(**{k: tuple(v.value) if isinstance(v.value, list) else v.value for k, v in values.items()})
 
 
@@ -177,7 +184,7 @@ def _quality(q: QualityEntry | None) -> m.Quality | None:
 
 
 def _joint(j: JointEntry, where: str) -> m.JointFriction:
-    with placed(f"{where}.law"):
+    with error_place(f"{where}.law"):
         kinds = rate_law(j.law.rate), element(j.law.element)
     rate = _rows(kinds[0], j.parameters, f"{where}.parameters", j.unit)
     carrier = _rows(kinds[1], j.element_parameters, f"{where}.element_parameters", j.unit)
@@ -186,7 +193,7 @@ def _joint(j: JointEntry, where: str) -> m.JointFriction:
     if j.growth is not msgspec.UNSET:
         growth = _rows(Growth, j.growth, f"{where}.growth", j.unit)
         numbers = numbers | j.growth
-    with placed(where):
+    with error_place(where):
         errors = _errors(numbers)
         if growth is None and beside_the_law(rate, dynamics):
             growth, dynamics, more = growth_of(dynamics)
@@ -247,14 +254,14 @@ def decode(data: bytes, name: str = "model file") -> m.FrictionModel:
         check_document(plain)
         check_keys(data, plain)
         joints = tuple(_joint(j, f"$.joints[{i}]") for i, j in enumerate(document.joints))
-        with placed("$.arm"):
+        with error_place("$.arm"):
             arm = document.arm and m.ArmModel(
                 urdf_sha256=document.arm.urdf_sha256,
                 parameters=tuple(document.arm.parameters),
                 condition=_nan(document.arm.condition),
                 covariance=document.arm.covariance or None,
             )
-        with placed("$.joints"):
+        with error_place("$.joints"):
             return m.FrictionModel(
                 joints=joints,
                 arm=arm,

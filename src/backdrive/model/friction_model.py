@@ -145,7 +145,7 @@ class FrictionModel(Display):
                 raise InvalidInput(f"A {name} is NaN or infinite.", remedy=f"Give finite {plural}.")
         friction = self.joint(joint)
         torque = friction.law.torque(velocity, load, temperature)
-        if said := friction.extrapolated(velocity):
+        if said := friction.extrapolation(velocity):
             warnings.warn(said, ExtrapolationWarning, stacklevel=2)
         if np.any(wrong := torque * velocity < 0.0):
             said = f"friction is negative at {velocity[wrong][0]:.4g} {friction.joint.unit}/s; there the model drives the motion"

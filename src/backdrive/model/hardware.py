@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from backdrive.parameters import FINITE, NOT_NEGATIVE, POSITIVE, Bounded, Bounds
+from backdrive.parameters import FINITE, NOT_NEGATIVE, POSITIVE, Bounds, WithBounds
 
 
 @dataclass(frozen=True, kw_only=True)
-class TorqueChannel(Bounded):
+class TorqueChannel(WithBounds):
     """How the torque was measured.
 
     Attributes:
@@ -34,7 +34,7 @@ class TorqueChannel(Bounded):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Actuator(Bounded):
+class Actuator(WithBounds):
     """What drives the joint, all on the joint side.
 
     Attributes:

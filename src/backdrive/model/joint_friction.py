@@ -15,7 +15,7 @@ from backdrive.logs.log import Joint
 from backdrive.model.covariance import Covariance
 from backdrive.model.hardware import Actuator, TorqueChannel
 from backdrive.model.quality import Bands, Quality, Verdict
-from backdrive.parameters import NOT_NEGATIVE, Bounded, Bounds
+from backdrive.parameters import NOT_NEGATIVE, Bounds, WithBounds
 
 EDGE = 1e-9  # share of its end by which a validity range is wider when a velocity is looked at: rounding [-]
 
@@ -36,7 +36,7 @@ class Estimate:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Validity(Bounded):
+class Validity(WithBounds):
     """The range that the data covered; outside it the model extrapolates.
 
     Attributes:
@@ -159,7 +159,7 @@ class JointFriction:
         low, high = self.validity.velocity
         return (velocity < low - EDGE * abs(low)) | (velocity > high + EDGE * abs(high))
 
-    def extrapolated(self, velocity: np.ndarray) -> str:
+    def extrapolation(self, velocity: np.ndarray) -> str:
         """Return in a sentence how far velocities [rad/s or m/s] leave the validity range; empty where they do not."""
         outside = self.outside(velocity)
         if not np.any(outside):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from backdrive.errors import InvalidInput
-from backdrive.parameters import NOT_NEGATIVE, Bounded, Bounds, whole
+from backdrive.parameters import NOT_NEGATIVE, Bounds, WithBounds, whole
 
 LONGEST = 5000  # verdict [characters]
 
@@ -46,7 +46,7 @@ class Verdict:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Band(Bounded):
+class Band(WithBounds):
     """A band about the predicted torque that held 95 % of the measured one.
 
     Attributes:

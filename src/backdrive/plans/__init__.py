@@ -7,7 +7,7 @@ from backdrive.plans.base import KINDS
 from backdrive.plans.base import Plan as Plan
 from backdrive.plans.checks import check_limits as check_limits
 from backdrive.plans.constant_velocity import ConstantVelocity as ConstantVelocity
-from backdrive.plans.in_turn import Held as Held
+from backdrive.plans.in_turn import Hold as Hold
 from backdrive.plans.in_turn import InTurn as InTurn
 from backdrive.plans.in_turn import plan_of as plan_of
 from backdrive.plans.multisine import Multisine as Multisine

@@ -199,20 +199,20 @@ class JointOfArm:
     kind: ClassVar[str] = "arm"
     commands: ClassVar[str] = "position"
 
-    def _moved(self, t: Any, order: int) -> np.ndarray:
+    def _at(self, t: Any, order: int) -> np.ndarray:
         return self.plan._motion(instants(t) - self.start + self.plan.start, order)[..., self.column]
 
     def position(self, t: Any) -> np.ndarray:
         """Return the position [rad or m] at instants t [s], the shape of t."""
-        return self._moved(t, 0)
+        return self._at(t, 0)
 
     def velocity(self, t: Any) -> np.ndarray:
         """Return the velocity [rad/s or m/s] at instants t [s], the shape of t."""
-        return self._moved(t, 1)
+        return self._at(t, 1)
 
     def acceleration(self, t: Any) -> np.ndarray:
         """Return the acceleration [rad/s^2 or m/s^2] at instants t [s], the shape of t."""
-        return self._moved(t, 2)
+        return self._at(t, 2)
 
     def windows(self) -> np.ndarray:
         """Return begin and end of the full pace and of the slow part on the log's clock [s], (2, 2)."""

@@ -140,7 +140,7 @@ class ArmBounds:
             slope[0] -= np.einsum("nk,nkj->nj", 2.0 * short / SHORT, by_joint)
         return total, slope
 
-    def passed(self, plan: ArmPlan) -> list[str]:
+    def violations(self, plan: ArmPlan) -> list[str]:
         """Return a sentence for every limit that a plan passes, or else for links that come too near; every millisecond.
 
         Args:

@@ -147,7 +147,7 @@ class Clearance:
         return out
 
     @cached_property
-    def _moved(self) -> np.ndarray:
+    def _joint_masks(self) -> np.ndarray:
         """Which joints move each shape, as 0 or 1, (shapes, J)."""
         moved = np.zeros((len(self.shapes), len(self.robot.joints)))
         for s, shape in enumerate(self.shapes):
@@ -161,5 +161,5 @@ class Clearance:
         for shape, point, sign in ((i, result.getNearestPoint1(), -1.0), (j, result.getNearestPoint2(), 1.0)):
             x, y, z = np.asarray(point).ravel()
             turned = (y * n[2] - z * n[1], z * n[0] - x * n[2], x * n[1] - y * n[0])  # p x n
-            change += sign * self._moved[shape] * (np.array([*n, *turned]) @ jacobian)
+            change += sign * self._joint_masks[shape] * (np.array([*n, *turned]) @ jacobian)
         return change

@@ -73,7 +73,7 @@ class Information:
         return self.robot.base.columns.size + len(OWN) * len(self.robot.joints) + sum(self.loads)
 
     @cached_property
-    def _shown_by_gravity(self) -> np.ndarray:
+    def _gravity_parameters(self) -> np.ndarray:
         """Base parameters that matter at rest, (b,)."""
         q = np.random.default_rng(0).uniform(-np.pi, np.pi, (20, len(self.robot.joints)))
         still = self.robot.regressor(q, 0.0 * q, 0.0 * q)[:, :, self.robot.base.columns]
@@ -83,7 +83,7 @@ class Information:
     def targets(self) -> np.ndarray:
         """Coefficients that are asked for, (P,)."""
         J, b = len(self.robot.joints), self.robot.base.columns.size
-        of_gravity = self._shown_by_gravity
+        of_gravity = self._gravity_parameters
         bodies = np.where(of_gravity, "gravity" in self.purpose, "inertia" in self.purpose)
         own = np.tile(["friction" in self.purpose] * 2 + ["inertia" in self.purpose, False], J)
         loads = np.ones(self.size - b - own.size, dtype=bool)
@@ -139,7 +139,7 @@ class Information:
         regressor = self.robot.regressor(*states).reshape(3 * J + 1, n, J, -1)
         columns = self._columns(regressor[0], q, dq, ddq)
         value, slope = self._criterion(self._gram(columns, weight))
-        whole = 2.0 * weight * self._contracted(columns, slope) / self.noise[None, :, None] ** 2
+        whole = 2.0 * weight * self._contract(columns, slope) / self.noise[None, :, None] ** 2
         by_regressor, by_own, by_wrench = self._parts(whole)
         flat = regressor.reshape(3 * J + 1, n, -1)
         told = np.einsum("knc,nc->kn", flat, by_regressor.reshape(n, -1))
@@ -220,7 +220,7 @@ class Information:
             slope[pick] -= np.linalg.inv(unit[pick]) * np.outer(scale[rest], scale[rest])
         return -value / count, -slope / count
 
-    def _contracted(self, columns: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    def _contract(self, columns: np.ndarray, slope: np.ndarray) -> np.ndarray:
         """Return Z times the slope, over all logs, (n, J, P)."""
         common = self.size - sum(self.loads)
         whole = np.zeros_like(columns)

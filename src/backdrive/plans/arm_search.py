@@ -213,7 +213,7 @@ class Search:
     def _shrunk(self, plan: ArmPlan) -> ArmPlan:
         """Return the plan, as much smaller about its center as the limits ask for."""
         for _ in range(300):
-            if not (passed := self.bounds.passed(plan)):
+            if not (passed := self.bounds.violations(plan)):
                 return plan
             sine, cosine = (
                 tuple(tuple(SHRINK * a for a in row) for row in rows) for rows in (plan.sine, plan.cosine)

@@ -23,7 +23,7 @@ class Options(Protocol):
         """Return an option; an error where it is not given."""
         ...
 
-    def given(self, *names: str) -> dict[str, Any]:
+    def subset(self, *names: str) -> dict[str, Any]:
         """Return those of some options that are given, by name."""
         ...
 
@@ -68,7 +68,7 @@ class Plan:
         """
         known = {f.name: f.default for f in fields(cls) if f.init and f.name in cls.options}
         must = {name: options.need(name) for name, default in known.items() if default is MISSING}
-        return cls(**must, **options.given(*(known.keys() - must.keys())), **common)
+        return cls(**must, **options.subset(*(known.keys() - must.keys())), **common)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,7 +198,7 @@ def instants(t: Any) -> np.ndarray:
     return array
 
 
-def spoken(value: float, unit: str, toward: float = 0.0) -> str:
+def phrase(value: float, unit: str, toward: float = 0.0) -> str:
     """Return a quantity in words: rotary ones in degrees as well.
 
     Args:
@@ -206,10 +206,10 @@ def spoken(value: float, unit: str, toward: float = 0.0) -> str:
         unit: `rad`, `rad/s`, `rad/s^2`, or any other.
         toward: +1 rounds up and -1 down, so that a limit taken from the text is kept; 0 rounds to the nearest.
     """
-    text = f"{rounded(value, toward):.4g} {unit}"
+    text = f"{round_digits(value, toward):.4g} {unit}"
     if not unit.startswith("rad"):
         return text
-    return f"{text} ({rounded(value / DEGREE, toward):.4g} {unit.replace('rad', 'deg')})"
+    return f"{text} ({round_digits(value / DEGREE, toward):.4g} {unit.replace('rad', 'deg')})"
 
 
 def between(edges: np.ndarray) -> np.ndarray:
@@ -217,7 +217,7 @@ def between(edges: np.ndarray) -> np.ndarray:
     return np.column_stack([edges[:-1], edges[1:]])
 
 
-def rounded(value: float, toward: float) -> float:
+def round_digits(value: float, toward: float) -> float:
     """Return a number to four digits, up for `toward` > 0, down for `toward` < 0."""
     if value == 0 or not math.isfinite(value) or toward == 0:
         return value

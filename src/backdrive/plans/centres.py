@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.plans.base import spoken
+from backdrive.plans.base import phrase
 from backdrive.plans.limits import JointLimits
 from backdrive.plans.sweep import Sweep
 
@@ -77,7 +77,9 @@ def noise_gain(centers: Sequence[float] | np.ndarray) -> float:
     Returns:
         Infinite where the centers do not tell the constant from gravity.
     """
-    X = np.column_stack([np.ones(len(centers)), _shown(np.column_stack([np.sin(centers), np.cos(centers)]))])
+    X = np.column_stack(
+        [np.ones(len(centers)), _observable_columns(np.column_stack([np.sin(centers), np.cos(centers)]))]
+    )
     one = np.eye(X.shape[1])[0]
     weights = np.linalg.lstsq(X.T, one, rcond=1e-9)[0]
     if np.abs(X.T @ weights - one).max() > 1e-6:
@@ -102,12 +104,12 @@ def condition(centers: Sequence[float] | np.ndarray, cycles: int, stroke: float)
             for way in (up, down)
         ]
     )
-    X = np.column_stack([X[:, :-2], _shown(X[:, -2:])])
+    X = np.column_stack([X[:, :-2], _observable_columns(X[:, -2:])])
     singular = np.linalg.svd(X, compute_uv=False)
     return float(singular[0] / singular[-1]) if singular[-1] > 1e-12 * singular[0] else math.inf
 
 
-def _shown(gravity: np.ndarray) -> np.ndarray:
+def _observable_columns(gravity: np.ndarray) -> np.ndarray:
     """Return the columns of gravity, without the direction that the centers hardly show, if there is one."""
     left, size, _ = np.linalg.svd(gravity, full_matrices=False)
     return gravity if size.size > 1 and size[1] >= UNSEEN * size[0] else left[:, :1] * size[0]
@@ -207,7 +209,7 @@ def choose_centers(
     low, high = limits.lower + 0.5 * sweep.stroke, limits.upper - 0.5 * sweep.stroke
     if not low <= high:
         raise InvalidInput(
-            f"A stroke of {spoken(sweep.stroke, 'rad')} does not fit into the range of joint '{limits.name}'.",
+            f"A stroke of {phrase(sweep.stroke, 'rad')} does not fit into the range of joint '{limits.name}'.",
             remedy="Give a smaller --stroke-deg.",
         )
     low, high = low + _INWARD, high - _INWARD

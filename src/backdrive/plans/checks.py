@@ -7,7 +7,7 @@ from typing import Any
 
 from backdrive._catalog import lookup
 from backdrive.errors import InvalidInput
-from backdrive.plans.base import spoken, torque_unit
+from backdrive.plans.base import phrase, torque_unit
 from backdrive.plans.constant_velocity import STEADY, ConstantVelocity
 from backdrive.plans.in_turn import InTurn
 from backdrive.plans.limits import JointLimits
@@ -57,8 +57,8 @@ def check_limits(
         bound = _of(limits, one.joint)
         if not bound.lower - _ROUNDING <= one.position <= bound.upper + _ROUNDING:
             found.append(
-                f"Joint '{one.joint}': it is to be held at {spoken(one.position, one.unit)}, outside its range from "
-                f"{spoken(bound.lower, one.unit)} to {spoken(bound.upper, one.unit)}."
+                f"Joint '{one.joint}': it is to be held at {phrase(one.position, one.unit)}, outside its range from "
+                f"{phrase(bound.lower, one.unit)} to {phrase(bound.upper, one.unit)}."
             )
     if found:
         raise InvalidInput(" ".join(found), violations=found)
@@ -84,29 +84,29 @@ def _motion(
     low, high = plan.position_range
     below, above = limits.lower - low, high - limits.upper
     if max(below, above) > _ROUNDING * max(1.0, abs(low), abs(high)):
-        side = f"{spoken(low, unit)}, below the lower limit of {spoken(limits.lower, unit)}"
+        side = f"{phrase(low, unit)}, below the lower limit of {phrase(limits.lower, unit)}"
         if above > below:
-            side = f"{spoken(high, unit)}, above the upper limit of {spoken(limits.upper, unit)}"
+            side = f"{phrase(high, unit)}, above the upper limit of {phrase(limits.upper, unit)}"
         room = limits.upper - limits.lower
         if plan.stroke <= room:
             center = min(max(plan.center, limits.lower + 0.5 * plan.stroke), limits.upper - 0.5 * plan.stroke)
             toward = 1.0 if below > above else -1.0
-            hint = f"The nearest center that would do is {spoken(center, unit, toward)}."
+            hint = f"The nearest center that would do is {phrase(center, unit, toward)}."
         else:
-            hint = f"The largest stroke that would do is {spoken(room, unit, -1)}."
+            hint = f"The largest stroke that would do is {phrase(room, unit, -1)}."
         yield f"the position reaches {side}. {hint}"
     if plan.peak_velocity > limits.velocity * (1 + _ROUNDING):
-        way = f"a top speed of at most {spoken(limits.velocity, unit + '/s', -1)}"
+        way = f"a top speed of at most {phrase(limits.velocity, unit + '/s', -1)}"
         if isinstance(plan, Multisine):
-            way = f"a stroke of at most {spoken(plan.stroke * limits.velocity / plan.peak_velocity, unit, -1)}, or a lower band"
+            way = f"a stroke of at most {phrase(plan.stroke * limits.velocity / plan.peak_velocity, unit, -1)}, or a lower band"
         yield (
-            f"the velocity reaches {spoken(plan.peak_velocity, unit + '/s')}, above the limit of "
-            f"{spoken(limits.velocity, unit + '/s')}. Give {way}."
+            f"the velocity reaches {phrase(plan.peak_velocity, unit + '/s')}, above the limit of "
+            f"{phrase(limits.velocity, unit + '/s')}. Give {way}."
         )
     if plan.peak_acceleration > limits.acceleration * (1 + _ROUNDING):
         yield (
-            f"the acceleration reaches {spoken(plan.peak_acceleration, unit + '/s^2')}, above the limit of "
-            f"{spoken(limits.acceleration, unit + '/s^2')}. {_stroke_for(plan, limits.acceleration)}"
+            f"the acceleration reaches {phrase(plan.peak_acceleration, unit + '/s^2')}, above the limit of "
+            f"{phrase(limits.acceleration, unit + '/s^2')}. {_stroke_for(plan, limits.acceleration)}"
         )
     if inertia is None:
         return
@@ -124,12 +124,12 @@ def _stroke_for(plan: Any, acceleration: float) -> str:
     """Say which stroke keeps the acceleration at a limit [rad/s^2 or m/s^2]."""
     if isinstance(plan, Multisine):
         largest = plan.stroke * acceleration / plan.peak_acceleration
-        return f"The largest stroke that would do is {spoken(largest, plan.unit, -1)}; so would a lower band."
+        return f"The largest stroke that would do is {phrase(largest, plan.unit, -1)}; so would a lower band."
     if isinstance(plan, ConstantVelocity):
         smallest = 1.5 * plan.peak_velocity**2 / acceleration / (1.0 - STEADY)
         return (
-            f"Give a ramp acceleration of at most {spoken(acceleration, plan.unit + '/s^2', -1)}; "
-            f"the smallest stroke that leaves room for it is {spoken(smallest, plan.unit, 1)}."
+            f"Give a ramp acceleration of at most {phrase(acceleration, plan.unit + '/s^2', -1)}; "
+            f"the smallest stroke that leaves room for it is {phrase(smallest, plan.unit, 1)}."
         )
     smallest = 2.0 * plan.peak_velocity**2 / acceleration
-    return f"The smallest stroke that would do is {spoken(smallest, plan.unit, 1)}."
+    return f"The smallest stroke that would do is {phrase(smallest, plan.unit, 1)}."

@@ -12,7 +12,7 @@ import numpy as np
 from backdrive.errors import InvalidInput
 from backdrive.parameters import POSITIVE
 from backdrive.plans._pieces import Pieces
-from backdrive.plans.base import MotionPlan, Options, rounded, settle, spoken
+from backdrive.plans.base import MotionPlan, Options, phrase, round_digits, settle
 
 #: Least share of the stroke that a run must have at constant speed.
 STEADY = 0.2
@@ -50,18 +50,18 @@ class ConstantVelocity(MotionPlan):
     @classmethod
     def build(cls, options: Options, **common: Any) -> ConstantVelocity:
         """Return the runs of options of the command line: speeds, or a top speed and how many."""
-        stroke, speeds = options.need("stroke"), options.given("speeds").get("speeds")
+        stroke, speeds = options.need("stroke"), options.subset("speeds").get("speeds")
         if speeds is None:
-            count = options.given("cycles").get("cycles", 10)
+            count = options.subset("cycles").get("cycles", 10)
             if count < 1:
                 raise InvalidInput(f"--cycles is {count}.", remedy="Give a whole number from 1 on.")
             top = options.need("top_speed")
             speeds = [top * n / count for n in range(1, count + 1)]
-        elif options.given("cycles", "top_speed", "top_speed_deg"):
+        elif options.subset("cycles", "top_speed", "top_speed_deg"):
             raise InvalidInput(
                 "--speeds stands beside --top-speed or --cycles.", remedy="Give one or the other."
             )
-        return cls(stroke, tuple(speeds), **options.given("ramp_acceleration", "pause"), **common)
+        return cls(stroke, tuple(speeds), **options.subset("ramp_acceleration", "pause"), **common)
 
     def __post_init__(self):
         settle(self, positive=("stroke",), not_negative=("pause",), finite=("center", "start"))
@@ -82,9 +82,9 @@ class ConstantVelocity(MotionPlan):
         least = 1.5 * fastest**2 / self.peak_acceleration / (1.0 - STEADY)
         if self.stroke < least * (1.0 - 1e-12):
             raise InvalidInput(
-                f"At {spoken(fastest, self.unit + '/s')} the stroke of {spoken(self.stroke, self.unit)} leaves too little "
+                f"At {phrase(fastest, self.unit + '/s')} the stroke of {phrase(self.stroke, self.unit)} leaves too little "
                 "at constant speed.",
-                remedy=f"Give a stroke of at least {spoken(least, self.unit, 1)}, a higher ramp acceleration, or a lower speed.",
+                remedy=f"Give a stroke of at least {phrase(least, self.unit, 1)}, a higher ramp acceleration, or a lower speed.",
             )
         way = (
             0.5 * self.stroke
@@ -96,7 +96,7 @@ class ConstantVelocity(MotionPlan):
         if self._lead < gentle * (1.0 - 1e-12):
             raise InvalidInput(
                 f"ConstantVelocity.lead_in is {self._lead:g} s, too short to reach the end of the stroke gently.",
-                remedy=f"Give at least {rounded(gentle, 1):.4g} s, or nothing.",
+                remedy=f"Give at least {round_digits(gentle, 1):.4g} s, or nothing.",
             )
 
     @cached_property

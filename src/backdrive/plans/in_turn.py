@@ -16,7 +16,7 @@ from backdrive.plans.base import check_name, instants, settle
 
 
 @dataclass(frozen=True, kw_only=True)
-class Held:
+class Hold:
     """A joint that stays where it is throughout.
 
     Attributes:
@@ -49,7 +49,7 @@ class InTurn:
 
     plans: tuple[Any, ...]
     _: KW_ONLY
-    held: tuple[Held, ...] = ()
+    held: tuple[Hold, ...] = ()
     pause: float = 0.5
     start: float = 0.0
 

@@ -58,7 +58,7 @@ class JointLimits:
         """Return the limits with those given put in the place of the old ones; None keeps the old one."""
         return replace(self, **{name: value for name, value in given.items() if value is not None})
 
-    def narrowed(self, margin: float) -> JointLimits:
+    def narrow(self, margin: float) -> JointLimits:
         """Return the limits with a range that keeps a distance from either end.
 
         Args:
@@ -69,7 +69,7 @@ class JointLimits:
         """
         if not (math.isfinite(margin) and margin >= 0.0):
             raise InvalidInput(f"A margin of {margin:g} {self.unit}.", remedy="Give a distance from zero on.")
-        if not {"lower", "upper"} & set(self.known):
+        if not {"lower", "upper"} & set(self.finite_limits):
             raise InvalidInput(
                 f"A margin of {margin:g} {self.unit}, and no end of the range of joint '{self.name}' is known.",
                 remedy="Give --urdf, or --lower and --upper.",
@@ -83,7 +83,7 @@ class JointLimits:
         return replace(self, lower=self.lower + margin, upper=self.upper - margin)
 
     @property
-    def known(self) -> tuple[str, ...]:
+    def finite_limits(self) -> tuple[str, ...]:
         """Names of the limits that are finite."""
         return tuple(f.name for f in fields(self)[2:] if math.isfinite(getattr(self, f.name)))
 

@@ -64,7 +64,7 @@ class Multisine(MotionPlan):
                 remedy="For example --band 0.1,2 [Hz].",
             )
         more = {
-            "periods" if name == "cycles" else name: x for name, x in options.given("cycles", "seed").items()
+            "periods" if name == "cycles" else name: x for name, x in options.subset("cycles", "seed").items()
         }
         return cls(stroke, band[0], band[1], options.need("period"), **more, **common)
 

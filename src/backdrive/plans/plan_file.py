@@ -15,7 +15,7 @@ from backdrive.errors import BackdriveError, InvalidInput, ReadError, UnknownFor
 from backdrive.parameters import NOT_NEGATIVE, POSITIVE
 from backdrive.plans.arm import ArmPlan
 from backdrive.plans.base import KINDS
-from backdrive.plans.in_turn import Held, InTurn
+from backdrive.plans.in_turn import Hold, InTurn
 
 SCHEMA = 1
 FORMAT = "backdrive-plan"
@@ -66,10 +66,10 @@ def plan_from_dict(data: Mapping[str, Any]) -> Any:
                 f"{where} is {str(number)[:40]}, which no plan holds.",
                 remedy="Make it again with `backdrive plan`.",
             )
-    return _built({k: v for k, v in data.items() if k not in ("format", "schema")}, nested=False)
+    return _build({k: v for k, v in data.items() if k not in ("format", "schema")}, nested=False)
 
 
-def _built(data: Any, *, nested: bool) -> Any:
+def _build(data: Any, *, nested: bool) -> Any:
     import msgspec
 
     if not isinstance(data, Mapping) or not isinstance(data.get("kind"), str):
@@ -89,8 +89,8 @@ def _built(data: Any, *, nested: bool) -> Any:
             plans, held = given.get("plans"), given.get("held", [])
             if not isinstance(plans, list) or not isinstance(held, list) or len(plans) + len(held) > 1000:
                 raise InvalidInput("'plans' and 'held' are not lists.", remedy="Make the plan again.")
-            given["plans"] = tuple(_built(p, nested=True) for p in plans)
-            given["held"] = tuple(msgspec.convert(h, Held) for h in held)
+            given["plans"] = tuple(_build(p, nested=True) for p in plans)
+            given["held"] = tuple(msgspec.convert(h, Hold) for h in held)
             times = msgspec.convert({k: given[k] for k in ("start", "pause") if k in given}, dict[str, float])
             return InTurn(**{**given, **times})
         return msgspec.convert(given, cls)

@@ -11,7 +11,7 @@ import numpy as np
 
 from backdrive.errors import InvalidInput
 from backdrive.plans._pieces import Pieces
-from backdrive.plans.base import MotionPlan, Options, between, rounded, settle, settle_count
+from backdrive.plans.base import MotionPlan, Options, between, round_digits, settle, settle_count
 
 #: Share of a cycle's top speed above which the motion is the sine of (2.4) itself. At 0.5 the glides between the cycles
 #: stay below the peak acceleration of the last cycle, and windows from 0.8 on have room for a lagging joint.
@@ -64,8 +64,8 @@ class Sweep(MotionPlan):
     def build(cls, options: Options, **common: Any) -> Sweep:
         """Return the sweep of options of the command line, of ten cycles where nothing else is asked."""
         stroke, top = options.need("stroke"), options.need("top_speed")
-        smooth, slow = not options.given("literal"), options.given("slow")
-        return cls(stroke, top, options.given("cycles").get("cycles", 10), smooth=smooth, **slow, **common)
+        smooth, slow = not options.subset("literal"), options.subset("slow")
+        return cls(stroke, top, options.subset("cycles").get("cycles", 10), smooth=smooth, **slow, **common)
 
     def __post_init__(self):
         settle(self, positive=("stroke", "top_speed"), finite=("center", "start"))
@@ -79,7 +79,7 @@ class Sweep(MotionPlan):
         if self.smooth and self._lead < least:
             raise InvalidInput(
                 f"Sweep.lead_in is {self.lead_in:g} s, too short to reach the first turning point gently.",
-                remedy=f"Give at least {rounded(least, 1):.4g} s, or nothing.",
+                remedy=f"Give at least {round_digits(least, 1):.4g} s, or nothing.",
             )
 
     @property

@@ -69,7 +69,9 @@ def csv_text(table: Table) -> str:
     csv.writer(stream, lineterminator="\n").writerow(["time", *header])
     columns = np.stack(list(table.channels.values()), axis=2).reshape(table.time.size, -1)  # joint by joint
     row = ",".join(["%.12g"] * (1 + columns.shape[1])) + "\n"
-    stream.writelines(row % tuple(line) for line in np.column_stack([table.time, _rounded(columns)]).tolist())
+    stream.writelines(
+        row % tuple(line) for line in np.column_stack([table.time, _round_clean(columns)]).tolist()
+    )
     return stream.getvalue()
 
 
@@ -102,7 +104,7 @@ def trajectory_yaml(table: Table) -> str:
         *("- '" + name.replace("'", "''") + "'" for name in table.joints),
         "points:",
     ]
-    columns = [(fields[name], _rounded(value).tolist()) for name, value in table.channels.items()]
+    columns = [(fields[name], _round_clean(value).tolist()) for name, value in table.channels.items()]
     for i, t in enumerate(table.time.tolist()):
         sec, nanosec = divmod(round(t * 1e9), 1_000_000_000)
         mark = "- "
@@ -113,7 +115,7 @@ def trajectory_yaml(table: Table) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _rounded(value: np.ndarray) -> np.ndarray:
+def _round_clean(value: np.ndarray) -> np.ndarray:
     """Return values to 1e-12, without rounding noise around zero and without negative zeros."""
     return np.round(value, 12) + 0.0
 

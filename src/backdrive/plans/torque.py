@@ -163,7 +163,7 @@ class TorqueRamp(TorquePlan):
     def build(cls, options: Options, **common: Any) -> TorqueRamp:
         """Return the ramp of options of the command line."""
         peak, rate = options.need("amplitude"), options.need("torque_rate")
-        return cls(peak, rate, **options.given("cycles", "offset", "lead_in"), **common)
+        return cls(peak, rate, **options.subset("cycles", "offset", "lead_in"), **common)
 
     def __post_init__(self):
         settle(self, positive=("peak", "rate"), not_negative=("lead_in",), finite=("offset", "start"))

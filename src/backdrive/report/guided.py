@@ -9,7 +9,7 @@ import numpy as np
 from backdrive.report.figures import drawing, figure, key
 from backdrive.report.pictures import canvas
 from backdrive.report.words import esc, number
-from backdrive.simulation.hand_demo import SHOWN, GuidedDemo
+from backdrive.simulation.hand_demo import SHOWN, HandDemo
 
 EVERY = 4  # ticks of which one is drawn
 SIZE = 2 * canvas.WIDTH, canvas.HEIGHT  # [pt]
@@ -17,7 +17,7 @@ SIZE = 2 * canvas.WIDTH, canvas.HEIGHT  # [pt]
 Line = tuple[str, str, np.ndarray, float]  # kind of key, words, ordinates (n,), width [pt]
 
 
-def guided_section(demo: GuidedDemo) -> str:
+def guided_section(demo: HandDemo) -> str:
     """Return the section: two pictures and what they say in numbers.
 
     Raises:
@@ -48,7 +48,7 @@ def guided_section(demo: GuidedDemo) -> str:
     )
 
 
-def _picture(demo: GuidedDemo, prefix: str, label: str, lines: list[Line]) -> str:
+def _picture(demo: HandDemo, prefix: str, label: str, lines: list[Line]) -> str:
     theme, time = canvas.CSS, demo.bare.time
     colors = {"bare": theme.held_out, "compensated": theme.fitted, "curve": theme.ink}
     drawn = np.flatnonzero(time <= SHOWN)[::EVERY]

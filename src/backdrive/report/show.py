@@ -219,7 +219,7 @@ def _of_identification(result: Identification) -> Face:
 
 
 def _of_comparison(comparison: Comparison) -> Face:
-    changed = comparison.changed
+    changed = comparison.joints_with_change
     lead = f"Changed: {', '.join(changed)}." if changed else "No joint changed beyond chance."
     first, second = comparison.models
     joints = {c.joint for c in comparison.changes}
@@ -233,7 +233,7 @@ def _of_comparison(comparison: Comparison) -> Face:
     truth = {f.joint.name: model_curve(f) for f in second.joints if f.joint.name in joints}
     return Face(
         title=f"Two models, {counted(len(comparison.changes), 'joint')}",
-        lead=lead if comparison.judged else "Neither change nor its absence can be told.",
+        lead=lead if comparison.is_testable else "Neither change nor its absence can be told.",
         head=("joint", "up to", "distance +q", "distance -q", "verdict"),
         rows=[
             [c.joint, f"{c.top_speed:.3g}", *(quantity(d, c.unit) for d in c.distance), c.verdict]

@@ -216,24 +216,24 @@ class Robot:
             Regressor, (n, J, 10 J): 560 bytes a joint and sample for seven joints, so mind the chunk.
         """
         shape = (len(self.joints), PER_LINK * len(self.joints))
-        return self._named("computeJointTorqueRegressor", shape, q, dq, ddq)
+        return self._evaluate("computeJointTorqueRegressor", shape, q, dq, ddq)
 
     def inverse_dynamics(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
         """Return the torque of the description's own inertias without friction [N.m or N], (n, J)."""
-        return self._named("rnea", (len(self.joints),), q, dq, ddq)
+        return self._evaluate("rnea", (len(self.joints),), q, dq, ddq)
 
     def inertia(self, q: np.ndarray) -> np.ndarray:
         """Return M(q) [kg.m^2, kg.m or kg], (n, J, J)."""
-        upper = np.triu(self._named("crba", (len(self.joints),) * 2, q))
+        upper = np.triu(self._evaluate("crba", (len(self.joints),) * 2, q))
         return upper + np.swapaxes(np.triu(upper, 1), 1, 2)
 
     def bias(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         """Return h(q, dq), Coriolis and centrifugal torque without gravity [N.m or N], (n, J)."""
-        return self._named("nonLinearEffects", (len(self.joints),), q, dq) - self.gravity(q)
+        return self._evaluate("nonLinearEffects", (len(self.joints),), q, dq) - self.gravity(q)
 
     def gravity(self, q: np.ndarray) -> np.ndarray:
         """Return g(q) [N.m or N], (n, J)."""
-        return self._named("computeGeneralizedGravity", (len(self.joints),), q)
+        return self._evaluate("computeGeneralizedGravity", (len(self.joints),), q)
 
     def placement(self, q: np.ndarray, frame: str) -> np.ndarray:
         """Return where a frame is in the base, as homogeneous matrices [m], (n, 4, 4).
@@ -247,11 +247,11 @@ class Robot:
         """
         pin, at = require_pinocchio(), self.frame(frame)
 
-        def placed(model: Any, data: Any, row: np.ndarray) -> np.ndarray:
+        def place(model: Any, data: Any, row: np.ndarray) -> np.ndarray:
             pin.framesForwardKinematics(model, data, row)
             return data.oMf[at].homogeneous
 
-        return self._each(placed, (4, 4), q)
+        return self._each(place, (4, 4), q)
 
     def jacobian(self, q: np.ndarray, frame: str) -> np.ndarray:
         """Return the Jacobian of a frame: velocity of its origin, then angular velocity, along the axes of the base.
@@ -276,7 +276,7 @@ class Robot:
             q,
         )
 
-    def _named(self, name: str, shape: tuple[int, ...], q: np.ndarray, *rates: np.ndarray) -> np.ndarray:
+    def _evaluate(self, name: str, shape: tuple[int, ...], q: np.ndarray, *rates: np.ndarray) -> np.ndarray:
         return self._each(getattr(require_pinocchio(), name), shape, q, *rates)
 
     def _each(

@@ -38,7 +38,7 @@ class Compiler:
 def collision_shapes(root: Any, where: str) -> list[Geom]:
     """Return the geoms that may touch another, planes and height fields left out; see `build`."""
     builder = Builder(root, where, shapes=True)
-    builder.built()
+    builder.result()
     return builder.geoms
 
 
@@ -74,7 +74,7 @@ def build(root: Any, where: str) -> tuple[Any, dict[str, Range], list[str]]:
         count = sum(1 for _ in root.iter(tag))
         if count > most:
             raise FileTooLarge(f"{where} has {count} <{tag}>.", remedy=f"At most {most} are read.")
-    return Builder(root, where).built()
+    return Builder(root, where).result()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +109,7 @@ class Builder:
         self.shapes = shapes
         self.names: dict[str, set[str]] = {"body": set(), "joint": set(), "site": set()}
 
-    def built(self) -> tuple[Any, dict[str, Range], list[str]]:
+    def result(self) -> tuple[Any, dict[str, Range], list[str]]:
         """Return what `build` returns."""
         for option in self.root.findall("option"):
             if option.get("gravity") is not None:
@@ -209,7 +209,7 @@ class Builder:
             return
         written, angles = node.find("inertial"), self.compiler.angles
         if written is not None and self.compiler.from_shapes != "true":
-            mass, center, about_center = mjcf_inertia.stated(written.attrib, angles, where)
+            mass, center, about_center = mjcf_inertia.inertia_of(written.attrib, angles, where)
         else:
             parts = []
             if self.compiler.from_shapes != "false":

@@ -21,7 +21,7 @@ SIZES = {"sphere": 1, "box": 3, "ellipsoid": 3, "cylinder": 2, "capsule": 2}
 ENDS = ("capsule", "cylinder", "box", "ellipsoid")  # shapes that may be stated by their two ends
 
 
-def stated(attributes: Mapping[str, str], angles: Angles, where: str) -> Inertia:
+def inertia_of(attributes: Mapping[str, str], angles: Angles, where: str) -> Inertia:
     """Return the inertia of an `<inertial>`.
 
     Raises:

@@ -20,11 +20,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from backdrive._jit import jit
-from backdrive.engine.axis import held
-from backdrive.engine.series import stacked
+from backdrive.engine.axis import implicit_velocity
+from backdrive.engine.series import stack_rows
 from backdrive.engine.servo import Servo
 from backdrive.errors import InvalidInput, require
-from backdrive.simulation.joint import SimulatedJoint
+from backdrive.simulation.joint import JointSimulation
 from backdrive.simulation.machines import COUNTS, bent_curve, joint_0, joint_1, joint_2
 
 SUBSTEP = 2e-5  # longest integration step [s]
@@ -68,7 +68,7 @@ def advance(table, kinds, P, X, p, w, q, v, Minv, bias, u, h, steps):
             spread_impulse(Minv, v, i, h * X[i, X.shape[1] - 1])
         for j in range(J):
             before = v[j]
-            after = held(
+            after = implicit_velocity(
                 kinds[0, j], kinds[1, j], P[j], X[j], before, h, h * Minv[j, j], 0.0, (u[j], 0.0), 20.0
             )
             spread_impulse(Minv, v, j, (after - before) / Minv[j, j])
@@ -77,7 +77,7 @@ def advance(table, kinds, P, X, p, w, q, v, Minv, bias, u, h, steps):
             q[i] += 0.5 * h * v[i]
 
 
-def hp3j() -> tuple[SimulatedJoint, ...]:
+def hp3j() -> tuple[JointSimulation, ...]:
     """Return the joints of the thesis' arm: 0 to 2 as in `plants.thesis`, 3 to 5 assumed in proportion to their torque."""
     joints = [
         make(compliant=True).replace(gravity_cos=0.0, torque_noise=0.0)
@@ -89,7 +89,7 @@ def hp3j() -> tuple[SimulatedJoint, ...]:
     ):
         motor = rotor * RATIOS[i] ** 2 + 0.008
         joints.append(
-            SimulatedJoint(
+            JointSimulation(
                 name=f"joint_{i}",
                 law=bent_curve(coulomb, growth),
                 motor_inertia=motor,
@@ -163,7 +163,7 @@ class Arm:
 
     def __init__(
         self,
-        joints: Sequence[SimulatedJoint] | None = None,
+        joints: Sequence[JointSimulation] | None = None,
         *,
         posture: Sequence[float] = (0.0, 0.5, -1.0, 0.0, 0.5, 0.0),
         model: str | None = None,
@@ -204,7 +204,7 @@ class Arm:
             ]
         )
         self._kinds = np.array([[law.rate.KIND for law in laws], [law.element.KIND for law in laws]])
-        self._P = stacked([law.row() for law in laws])
+        self._P = stack_rows([law.row() for law in laws])
         self._X = np.zeros((J, max(law.state().size for law in laws) + 1))
         self.load, self.load_velocity = np.array(posture, dtype=np.float64), np.zeros(J)
         weight = self.rigid(np.zeros(J))[1]
@@ -272,14 +272,14 @@ class Arm:
         return self.data.site_xpos[0].copy(), jacobian
 
 
-def local_servos(joints: Sequence[SimulatedJoint], bandwidth: float = 60.0) -> list[Servo]:
+def local_servos(joints: Sequence[JointSimulation], bandwidth: float = 60.0) -> list[Servo]:
     """Return position controllers that hold joints, as the thesis holds those that are not looked at.
 
     Args:
         joints: to hold.
         bandwidth: [rad/s].
     """
-    return [Servo.tuned(j.inertia, bandwidth, filter_time=2e-3) for j in joints]
+    return [Servo.from_bandwidth(j.inertia, bandwidth, filter_time=2e-3) for j in joints]
 
 
 __all__ = ["Arm", "ArmRecord", "hp3j", "local_servos", "mjcf"]

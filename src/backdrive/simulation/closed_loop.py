@@ -13,23 +13,23 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from backdrive.control import JointLoop, Unguarded, admittance, joint_loop
+from backdrive.control import BareLoop, JointLoop, admittance, joint_loop
 from backdrive.control.admittance import Admittance
 from backdrive.engine import servo as servo_
 from backdrive.engine.cores import spread
 from backdrive.engine.servo import Servo
 from backdrive.errors import InvalidInput
 from backdrive.logs.log import Drive, Log
-from backdrive.parameters import POSITIVE, Bound, Bounded, check
+from backdrive.parameters import POSITIVE, Bound, WithBounds, check
 from backdrive.simulation.hand import Hand, HandMotion
-from backdrive.simulation.joint import SimulatedJoint
+from backdrive.simulation.joint import JointSimulation
 from backdrive.simulation.kernel import COLUMNS, encoder, run
 
 SUBSTEP = 2e-5  # longest integration step [s]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Scene(Bounded):
+class Scene(WithBounds):
     """A joint, what runs on it, and a hand.
 
     Attributes:
@@ -54,7 +54,7 @@ class Scene(Bounded):
 
     BOUNDS: ClassVar = {"period": POSITIVE, "delay": Bound(0.0, 1.0, "s", open_high=True)}
 
-    plant: SimulatedJoint
+    plant: JointSimulation
     motion: HandMotion
     hand: Hand | None = None
     loop: JointLoop | None = None
@@ -204,7 +204,7 @@ def prepare(scene: Scene) -> tuple[tuple, np.ndarray]:
         kind, k_row, k_state = 2, controller.row(), controller.start(reading)
     elif controller == "torque":
         kind = 3
-    rows = joint_loop.rows([scene.loop or Unguarded()], np.array([reading]), T)
+    rows = joint_loop.rows([scene.loop or BareLoop()], np.array([reading]), T)
     parts = [array[0] for array in rows[:-1]]
     noise = np.zeros((n, 4))
     noise[:, 0] = plant.torque_noise * rng.standard_normal(n)

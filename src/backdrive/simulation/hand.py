@@ -15,11 +15,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.parameters import NOT_NEGATIVE, Bounded
+from backdrive.parameters import NOT_NEGATIVE, WithBounds
 
 
 @dataclass(frozen=True, kw_only=True)
-class Hand(Bounded):
+class Hand(WithBounds):
     """Impedance of a hand on the joint.
 
     Attributes:
@@ -57,7 +57,7 @@ class HandMotion:
         """Return a copy with some fields changed."""
         return replace(self, **changes)
 
-    def released(self, after: float, dt: float) -> HandMotion:
+    def release(self, after: float, dt: float) -> HandMotion:
         """Return the motion of a hand that lets go at a time [s]."""
         grip = self.grip.copy()
         grip[round(after / dt) :] = 0.0

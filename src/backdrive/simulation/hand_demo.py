@@ -27,7 +27,7 @@ TOP_SPEED = {"rad": 3.0, "m": 0.6}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class GuidedDemo:
+class HandDemo:
     """A joint moved by a hand.
 
     Attributes:
@@ -47,7 +47,7 @@ class GuidedDemo:
     error: float
 
 
-def guided(name: str, law: Law, inertia: float, seed: int = 0) -> GuidedDemo:
+def simulate_hand(name: str, law: Law, inertia: float, seed: int = 0) -> HandDemo:
     """Let a hand move a machine of the thesis with what was identified of it.
 
     Args:
@@ -88,7 +88,7 @@ def guided(name: str, law: Law, inertia: float, seed: int = 0) -> GuidedDemo:
     bare, compensated = play(scenes)
     rms = [float(np.sqrt(np.mean(r.force**2))) for r in (bare, compensated)]
     wrong = float(np.sqrt(np.mean((bare.estimate - bare.sensed) ** 2)))
-    return GuidedDemo(
+    return HandDemo(
         bare=bare,
         compensated=compensated,
         unit="N" if linear else "N.m",

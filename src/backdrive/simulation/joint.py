@@ -14,7 +14,7 @@ from backdrive.engine.servo import Servo
 from backdrive.errors import InvalidInput
 from backdrive.laws import Law
 from backdrive.logs.log import Joint
-from backdrive.parameters import ABOVE_ZERO, NOT_NEGATIVE, Bounded
+from backdrive.parameters import ABOVE_ZERO, NOT_NEGATIVE, WithBounds
 
 #: What joint and axis name alike.
 MECHANICS = (
@@ -23,7 +23,7 @@ MECHANICS = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimulatedJoint(Bounded):
+class JointSimulation(WithBounds):
     """A joint to try things on, with everything that is true about it known.
 
     Attributes:
@@ -76,7 +76,7 @@ class SimulatedJoint(Bounded):
             _ = self.axis
         except InvalidInput as error:
             raise InvalidInput(
-                f"SimulatedJoint '{self.name}': {error.message}", remedy=error.remedy
+                f"JointSimulation '{self.name}': {error.message}", remedy=error.remedy
             ) from error
 
     @property

@@ -27,7 +27,7 @@ import numpy as np
 from backdrive._catalog import lookup
 from backdrive.engine.servo import Servo
 from backdrive.laws import CoulombViscous, Law, Polyline
-from backdrive.simulation.joint import SimulatedJoint
+from backdrive.simulation.joint import JointSimulation
 
 COUNTS = 65536  # of the HP3J's encoders, a motor turn [1]
 BEND = 1.0  # speed at which the friction curve bends [rad/s]
@@ -49,9 +49,9 @@ def bent_curve(coulomb: float, growth: float, stribeck: float = 0.0) -> Law:
     return Law(rate=Polyline(velocity=KNOTS, positive=torque, negative=torque))
 
 
-def setup_a() -> SimulatedJoint:
+def setup_a() -> JointSimulation:
     """Return the ball-screw axis of chapter 3: friction on the load's side, an encoder too coarse for presliding."""
-    return SimulatedJoint(
+    return JointSimulation(
         name="setup_a",
         unit="m",
         law=Law(
@@ -59,7 +59,7 @@ def setup_a() -> SimulatedJoint:
                 coulomb_positive=12.0, coulomb_negative=8.0, viscous_positive=20.0, viscous_negative=20.0
             )
         ),
-        servo=Servo.tuned(10.0, 60.0, filter_time=3e-3),
+        servo=Servo.from_bandwidth(10.0, 60.0, filter_time=3e-3),
         motor_inertia=1.5,
         load_inertia=8.5,
         stiffness=2.4e6,
@@ -71,10 +71,10 @@ def setup_a() -> SimulatedJoint:
 
 
 def _arm_joint(name: str, ratio: float, law: Law, motor: float, load: float, limit: float, b: float):
-    return SimulatedJoint(
+    return JointSimulation(
         name=name,
         law=law,
-        servo=Servo.tuned(motor + load, 120.0),
+        servo=Servo.from_bandwidth(motor + load, 120.0),
         motor_inertia=motor,
         load_inertia=load,
         gravity_cos=b,
@@ -83,27 +83,27 @@ def _arm_joint(name: str, ratio: float, law: Law, motor: float, load: float, lim
     )
 
 
-def joint_0(*, compliant: bool = False) -> SimulatedJoint:
+def joint_0(*, compliant: bool = False) -> JointSimulation:
     """Return Joint 0 of the arm (vertical axis), rigid or with its transmission's stiffness."""
     joint = _arm_joint("joint_0", 100, bent_curve(6.85, 5.0), 0.06, 0.65, 95.1, 0.0)
     return joint.replace(stiffness=1e5, damping=8.0) if compliant else joint
 
 
-def joint_1(*, compliant: bool = False) -> SimulatedJoint:
+def joint_1(*, compliant: bool = False) -> JointSimulation:
     """Return Joint 1 of the arm (shoulder), the one with most inertia and gravity."""
     joint = _arm_joint("joint_1", 224, bent_curve(9.56, 7.0), 0.3, 1.3, 213.1, 30.0)
     joint = joint.replace(torque_noise=0.1)
     return joint.replace(stiffness=1e5, damping=17.0) if compliant else joint
 
 
-def joint_2(*, compliant: bool = False) -> SimulatedJoint:
+def joint_2(*, compliant: bool = False) -> JointSimulation:
     """Return Joint 2 of the arm (elbow)."""
     joint = _arm_joint("joint_2", 120, bent_curve(3.15, 2.5), 0.09, 0.45, 114.1, 12.0)
     return joint.replace(stiffness=8e4, damping=8.5) if compliant else joint
 
 
 #: Name -> what makes the machine.
-MACHINES: dict[str, Callable[..., SimulatedJoint]] = {
+MACHINES: dict[str, Callable[..., JointSimulation]] = {
     "setup_a": setup_a,
     "joint_0": joint_0,
     "joint_1": joint_1,
@@ -111,6 +111,6 @@ MACHINES: dict[str, Callable[..., SimulatedJoint]] = {
 }
 
 
-def machine(name: str) -> SimulatedJoint:
+def machine(name: str) -> JointSimulation:
     """Return a machine of the thesis by name; an unknown name is answered with the known ones."""
     return lookup(name, MACHINES, "machine of the thesis")()

@@ -9,18 +9,18 @@ from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.logs.log import Log
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.simulation import open_loop
-from backdrive.simulation.joint import SimulatedJoint
+from backdrive.simulation.joint import JointSimulation
 
 BANDWIDTH = 100.0  # of the servo that follows a motion [rad/s]
 
 
-def joint_of(friction: JointFriction, *, inertia: float | None = None, **more: Any) -> SimulatedJoint:
+def joint_of(friction: JointFriction, *, inertia: float | None = None, **more: Any) -> JointSimulation:
     """Return a simulated joint with what a model knows of it.
 
     Args:
         friction: of the joint, with the inertia, gravity and encoder that were identified beside it.
         inertia: of the joint [kg.m^2 or kg]; None: the model's.
-        more: fields of `SimulatedJoint` that a person knows better: `torque_noise`, `encoder_count`, `stiffness`, ...
+        more: fields of `JointSimulation` that a person knows better: `torque_noise`, `encoder_count`, `stiffness`, ...
 
     Raises:
         NotIdentifiable: nobody knows the inertia.
@@ -41,18 +41,18 @@ def joint_of(friction: JointFriction, *, inertia: float | None = None, **more: A
         "unit": friction.joint.unit,
         "law": friction.law,
         "motor_inertia": inertia,
-        "servo": Servo.tuned(inertia, BANDWIDTH),
+        "servo": Servo.from_bandwidth(inertia, BANDWIDTH),
         "gravity_sin": known.get("gravity_sin", 0.0),
         "gravity_cos": known.get("gravity_cos", 0.0),
         "encoder_count": 1.0 / counts if counts else 0.0,
     }
     if limit is not None:
         fields["torque_limit"] = limit
-    return SimulatedJoint(**{**fields, **more})
+    return JointSimulation(**{**fields, **more})
 
 
 def simulate(
-    model: FrictionModel | SimulatedJoint,
+    model: FrictionModel | JointSimulation,
     plan: Any,
     *,
     joint: str | int | None = None,
@@ -70,7 +70,7 @@ def simulate(
         inertia: of the joint [kg.m^2 or kg]; None: the model's.
         seed: of the actuator's noise.
         rate: of controller and log [Hz].
-        more: fields of `SimulatedJoint` that a person knows better: `torque_noise`, `encoder_count`, `stiffness`, ...
+        more: fields of `JointSimulation` that a person knows better: `torque_noise`, `encoder_count`, `stiffness`, ...
 
     Returns:
         A log of one joint: time, encoder position, torque and, for a motion, the reference.
@@ -79,12 +79,12 @@ def simulate(
         NotIdentifiable: nobody knows the inertia.
         InvalidInput: several joints and none is named, or plan and joint do not fit.
     """
-    if isinstance(model, SimulatedJoint):
+    if isinstance(model, JointSimulation):
         return open_loop.simulate(model, plan, seed=seed, rate=rate)
     if not isinstance(model, FrictionModel):
         raise InvalidInput(
             f"A {type(model).__name__} cannot be simulated.",
-            remedy="Give a friction model, or a SimulatedJoint.",
+            remedy="Give a friction model, or a JointSimulation.",
         )
     if joint is None and len(model.joints) != 1:
         raise InvalidInput(

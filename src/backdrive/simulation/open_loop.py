@@ -14,7 +14,7 @@ from backdrive.errors import InvalidInput
 from backdrive.logs.log import Drive, Log
 from backdrive.simulation.closed_loop import Scene, prepare
 from backdrive.simulation.hand import still
-from backdrive.simulation.joint import SimulatedJoint
+from backdrive.simulation.joint import JointSimulation
 from backdrive.simulation.kernel import COLUMNS, run
 
 SUBSTEP = 5e-4  # longest integration step [s]
@@ -24,7 +24,7 @@ PHASE = 0.25  # and longest step as a phase of the transmission's own oscillatio
 
 
 def simulate(
-    plant: SimulatedJoint,
+    plant: JointSimulation,
     plan: Any,
     *,
     seed: int = 0,
@@ -52,7 +52,7 @@ def simulate(
     if closed and plant.servo is None:
         raise InvalidInput(
             f"Simulated joint '{plant.name}' has no servo to follow a motion with.",
-            remedy="Give it one, for example servo=Servo.tuned(inertia, 100.0).",
+            remedy="Give it one, for example servo=Servo.from_bandwidth(inertia, 100.0).",
         )
     T = 1.0 / rate
     first = min(0.0, plan.start)
@@ -77,7 +77,7 @@ def simulate(
     )
 
 
-def longest_step(plant: SimulatedJoint) -> float:
+def longest_step(plant: JointSimulation) -> float:
     """Return an integration step [s] whose halving moves an identified knot by less than 2e-4 N.m."""
     longest = DELAYED if plant.delay > 0 else SUBSTEP
     if plant.rigid:
@@ -86,7 +86,7 @@ def longest_step(plant: SimulatedJoint) -> float:
 
 
 def drive(
-    plant: SimulatedJoint,
+    plant: JointSimulation,
     target: np.ndarray,
     *,
     closed: bool,

@@ -10,7 +10,7 @@ import numpy as np
 from backdrive.thesis._league_costs import Table, costs_of
 from backdrive.thesis._league_joints import NOMINAL, contenders
 from backdrive.thesis._league_methods import METHODS
-from backdrive.thesis._league_tiers import in_words, separated, tiers
+from backdrive.thesis._league_tiers import in_words, significant_pairs, tiers
 from backdrive.thesis.outcome import Claim
 from backdrive.thesis.scatter import interval
 
@@ -71,7 +71,7 @@ def claims_of(table: Table, estimators: Sequence[dict[str, Any]]) -> tuple[Claim
 
 def _against(costs: dict[str, np.ndarray], name: str) -> Claim:
     """Return what the seeds say of a method against the contacts without decay."""
-    apart = separated(costs)
+    apart = significant_pairs(costs)
     words = {True: "less than", False: "not separated from"}
     return Claim(
         what=f"{name} against the contact without decay, as believed",

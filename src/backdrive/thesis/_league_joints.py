@@ -14,7 +14,7 @@ from backdrive.laws import CoulombViscous, HaywardArmstrong, Law, Polyline
 from backdrive.laws.base import Rate
 from backdrive.simulation.closed_loop import Record, Scene
 from backdrive.simulation.hand import Hand, HandMotion, along, pushes, strokes
-from backdrive.simulation.joint import SimulatedJoint
+from backdrive.simulation.joint import JointSimulation
 from backdrive.thesis.setups import setups
 
 DT = 1e-3
@@ -76,7 +76,7 @@ class Contender:
     """
 
     name: str
-    truth: SimulatedJoint
+    truth: JointSimulation
     rate: Rate
     coulomb: float
     stiffness: float
@@ -90,7 +90,7 @@ class Contender:
         """Step of the encoder [rad or m]."""
         return self.truth.encoder_count
 
-    def plant(self, setting: Setting) -> SimulatedJoint:
+    def plant(self, setting: Setting) -> JointSimulation:
         """Return the joint as it is in a setting."""
         rate = self.truth.law.rate
         factor = setting.friction
@@ -183,7 +183,7 @@ def scenes(
                 "target": target,
             }
         else:
-            own = {"motion": guided(who, name, seed), "hand": hand_of(who, name)}
+            own = {"motion": hand_strokes(who, name, seed), "hand": hand_of(who, name)}
         made.append(Scene(**own, **common))  # type: ignore[arg-type]
     return made
 
@@ -194,7 +194,7 @@ def hand_of(who: Contender, name: str) -> Hand:
     return Hand(stiffness=factor * who.hand.stiffness, damping=np.sqrt(factor) * who.hand.damping)
 
 
-def guided(who: Contender, name: str, seed: int) -> HandMotion:
+def hand_strokes(who: Contender, name: str, seed: int) -> HandMotion:
     """Return strokes to a metronome, or with a dwell after each."""
     interval, count = (0.7 + DWELL, 3) if name == "dwell" else (0.75, STROKES)
     return strokes(
@@ -216,13 +216,13 @@ def release(who: Contender) -> HandMotion:
     pad = n - len(one.position)
     motion = along(
         np.pad(one.position, (0, max(pad, 0)), "edge")[:n], np.pad(one.velocity, (0, max(pad, 0)))[:n]
-    ).released(LETS_GO, DT)
+    ).release(LETS_GO, DT)
     t = DT * np.arange(n)
     push = np.where(t > PUSHES, -2.2 * who.coulomb * (t - PUSHES) / 1.2, 0.0)
     return motion.replace(push=push)
 
 
-def low_gains(plant: SimulatedJoint) -> Servo:
+def low_gains(plant: JointSimulation) -> Servo:
     """Return a soft position controller with a damping ratio of 0.7."""
     bandwidth = 14.0
     return Servo(
@@ -258,7 +258,7 @@ def scores(who: Contender, records: Mapping[str, Record]) -> dict[str, float]:
         found["touch"] = light_touch(who, records["release"])
         found |= shaking(who, records["release"], records["knock"])
     if "dwell" in records:
-        found["dwell"] = held_force(records["dwell"])
+        found["dwell"] = dwell_force(records["dwell"])
     for name in ("stiff", "soft"):
         if name in records:
             force = np.abs(records[name].force[1250 : 500 + 750 * STROKES]).reshape(STROKES - 1, 750)
@@ -274,7 +274,7 @@ def light_touch(who: Contender, freed: Record) -> float:
     return float(np.abs(freed.force[push + moved[0]])) if moved.size else 2.2 * who.coulomb
 
 
-def held_force(dwelt: Record) -> float:
+def dwell_force(dwelt: Record) -> float:
     """Return the root mean square of the hand's force in the second half of its dwells [N.m or N]."""
     interval, half = round((0.7 + DWELL) / DT), round(0.5 * DWELL / DT)
     ends = [500 + interval * (i + 1) for i in range(2)]

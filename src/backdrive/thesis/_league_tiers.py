@@ -29,7 +29,7 @@ def holm(p: np.ndarray, level: float = LEVEL) -> np.ndarray:
     return result
 
 
-def paired(a: np.ndarray, b: np.ndarray) -> float:
+def t_test(a: np.ndarray, b: np.ndarray) -> float:
     """Return the two-sided probability of a mean difference without one, by Student's t over the same seeds, (n,) each."""
     from scipy.special import stdtr
 
@@ -40,7 +40,7 @@ def paired(a: np.ndarray, b: np.ndarray) -> float:
     return float(2.0 * stdtr(d.size - 1, -abs(float(d.mean())) / spread))
 
 
-def separated(costs: Mapping[str, np.ndarray], level: float = LEVEL) -> set[tuple[str, str]]:
+def significant_pairs(costs: Mapping[str, np.ndarray], level: float = LEVEL) -> set[tuple[str, str]]:
     """Return the pairs of which the first is surely less than the second.
 
     Args:
@@ -48,7 +48,7 @@ def separated(costs: Mapping[str, np.ndarray], level: float = LEVEL) -> set[tupl
         level: as in `holm`.
     """
     pairs = list(combinations(costs, 2))
-    p = np.array([paired(costs[a], costs[b]) for a, b in pairs])
+    p = np.array([t_test(costs[a], costs[b]) for a, b in pairs])
     return {
         (a, b) if np.mean(costs[a]) < np.mean(costs[b]) else (b, a)
         for (a, b), counts in zip(pairs, holm(p, level))
@@ -62,10 +62,10 @@ def tiers(costs: Mapping[str, np.ndarray], level: float = LEVEL) -> list[list[st
     Members of a tier are tied with its first; two of them may be separated from each other.
 
     Args:
-        costs: as in `separated`.
+        costs: as in `significant_pairs`.
         level: as in `holm`.
     """
-    apart = separated(costs, level)
+    apart = significant_pairs(costs, level)
     left = sorted(costs, key=lambda name: float(np.mean(costs[name])))
     found = []
     while left:
@@ -85,5 +85,5 @@ def in_words(costs: Mapping[str, np.ndarray], level: float = LEVEL) -> str:
 
 def reversals(one: Mapping[str, np.ndarray], other: Mapping[str, np.ndarray]) -> list[tuple[str, str]]:
     """Return the pairs that are separated in one set of seeds and separated the other way round in another."""
-    second = separated(other)
-    return sorted((a, b) for a, b in separated(one) if (b, a) in second)
+    second = significant_pairs(other)
+    return sorted((a, b) for a, b in significant_pairs(one) if (b, a) in second)

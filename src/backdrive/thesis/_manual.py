@@ -13,14 +13,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from backdrive.control import Unguarded
+from backdrive.control import BareLoop
 from backdrive.control.compensators.catalog import mahvash_okamura, nothing
 from backdrive.identification.metrics import mean_magnitude
 from backdrive.laws import Law
-from backdrive.simulation import SimulatedJoint
+from backdrive.simulation import JointSimulation
 from backdrive.simulation.closed_loop import Record, Scene, play
 from backdrive.simulation.hand import Hand, HandMotion, along
-from backdrive.thesis._sweeps import identified
+from backdrive.thesis._sweeps import identify_curve
 from backdrive.thesis.setups import RATIO, arm
 
 CONTACT, SHARE = 1e4, 0.9  # K [N.m/rad] and R of 2.5
@@ -37,7 +37,7 @@ FELT = (
 SENSOR_NOISE = 0.05  # of the force sensor, at the joint [N.m]
 
 
-def joints(ratio: float = RATIO) -> tuple[SimulatedJoint, ...]:
+def joints(ratio: float = RATIO) -> tuple[JointSimulation, ...]:
     """Return the joints that Figs. 2.11 and 2.12 move by hand: 0, 1, 2 and 4.
 
     Args:
@@ -49,7 +49,7 @@ def joints(ratio: float = RATIO) -> tuple[SimulatedJoint, ...]:
 @lru_cache(maxsize=8)
 def curves(seed: int, ratio: float = RATIO) -> dict[str, Law]:
     """Return the friction that a sweep identified on each joint; K_c = ratio K."""
-    return {joint.name: identified(joint, seed=seed) for joint in arm(ratio)}
+    return {joint.name: identify_curve(joint, seed=seed) for joint in arm(ratio)}
 
 
 def motion(amplitude: float = AMPLITUDE, cycles: int = CYCLES) -> HandMotion:
@@ -64,7 +64,7 @@ def motion(amplitude: float = AMPLITUDE, cycles: int = CYCLES) -> HandMotion:
     return along(-amplitude * np.cos(w * t), amplitude * w * np.sin(w * t))
 
 
-def grip(stiffness: float, joint: SimulatedJoint) -> Hand:
+def grip(stiffness: float, joint: JointSimulation) -> Hand:
     """Return a hand, damped like a person's arm where it is soft and by a ratio of 0.7 where it is firm.
 
     Args:
@@ -76,7 +76,7 @@ def grip(stiffness: float, joint: SimulatedJoint) -> Hand:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Moved:
+class HandRecord:
     """A joint that was moved by hand, without and with compensation.
 
     Attributes:
@@ -85,19 +85,19 @@ class Moved:
         after: with it.
     """
 
-    joint: SimulatedJoint
+    joint: JointSimulation
     before: Record
     after: Record
 
     @property
     def speeds(self) -> tuple[float, float]:
         """V_s of (2.23), before and after [rad/s]."""
-        return tuple(mean_magnitude(judged(r, r.load_velocity)) for r in (self.before, self.after))  # type: ignore[return-value]
+        return tuple(mean_magnitude(from_second_cycle(r, r.load_velocity)) for r in (self.before, self.after))  # type: ignore[return-value]
 
     @property
     def torques(self) -> tuple[float, float]:
         """F_s of (2.23), before and after [N.m]."""
-        return tuple(mean_magnitude(judged(r, r.sensed)) for r in (self.before, self.after))  # type: ignore[return-value]
+        return tuple(mean_magnitude(from_second_cycle(r, r.sensed)) for r in (self.before, self.after))  # type: ignore[return-value]
 
     @property
     def reduction(self) -> float:
@@ -120,38 +120,41 @@ class Moved:
     @property
     def inertia_torque(self) -> float:
         """Root mean square of what inertia alone asks of the hand, with compensation [N.m]."""
-        return mean_magnitude(judged(self.after, self._inertia(self.after)))
+        return mean_magnitude(from_second_cycle(self.after, self._inertia(self.after)))
 
     @property
     def reduction_beside_inertia(self) -> float:
         """The reduction of what is not inertia [%]."""
-        rest = [mean_magnitude(judged(r, r.sensed - self._inertia(r))) for r in (self.before, self.after)]
+        rest = [
+            mean_magnitude(from_second_cycle(r, r.sensed - self._inertia(r)))
+            for r in (self.before, self.after)
+        ]
         return 100.0 * (1.0 - rest[1] / rest[0])
 
     def _inertia(self, record: Record) -> np.ndarray:
         return self.joint.inertia * np.gradient(record.load_velocity, PERIOD)
 
 
-def judged(record: Record, column: np.ndarray) -> np.ndarray:
+def from_second_cycle(record: Record, column: np.ndarray) -> np.ndarray:
     """Return a column from the second cycle on."""
     return column[record.time >= 1.0 / FREQUENCY - 0.5 * PERIOD]
 
 
 def phase(x: np.ndarray, record: Record) -> float:
     """Return the phase of a column's part at 0.5 Hz [rad]."""
-    turn = np.exp(-2j * np.pi * FREQUENCY * judged(record, record.time))
-    return float(np.angle(np.sum(judged(record, x) * turn)))
+    turn = np.exp(-2j * np.pi * FREQUENCY * from_second_cycle(record, record.time))
+    return float(np.angle(np.sum(from_second_cycle(record, x) * turn)))
 
 
-def moved(
-    chosen: Sequence[SimulatedJoint],
+def move_by_hand(
+    chosen: Sequence[JointSimulation],
     *,
     seed: int,
     stiffness: float = FIRM,
     amplitudes: Sequence[tuple[float, float]] | None = None,
     cycles: int = CYCLES,
     ratio: float = RATIO,
-) -> list[Moved]:
+) -> list[HandRecord]:
     """Move joints by hand, without and with compensation.
 
     Args:
@@ -174,47 +177,47 @@ def moved(
                     plant=joint,
                     motion=motion(amplitude, cycles),
                     hand=grip(stiffness, joint),
-                    loop=Unguarded(compensator=compensator),
+                    loop=BareLoop(compensator=compensator),
                     seed=1000 * seed + i,
                 )
             )
     records = play(scenes)
-    return [Moved(joint=j, before=a, after=b) for j, a, b in zip(chosen, records[::2], records[1::2])]
+    return [HandRecord(joint=j, before=a, after=b) for j, a, b in zip(chosen, records[::2], records[1::2])]
 
 
 @lru_cache(maxsize=1)
-def by_hand(seed: int, ratio: float = RATIO) -> tuple[list[Moved], list[Moved], list[Moved]]:
+def by_hand(seed: int, ratio: float = RATIO) -> tuple[list[HandRecord], list[HandRecord], list[HandRecord]]:
     """Return Joints 0, 1, 2 and 4 moved by the firm hand, the soft one at the same speed and the soft one of the same reach.
 
     Args:
-        seed: as in `moved`.
+        seed: as in `move_by_hand`.
         ratio: K_c by K [-].
     """
     chosen = joints(ratio)
     return (
-        moved(chosen, seed=seed, ratio=ratio),
+        move_by_hand(chosen, seed=seed, ratio=ratio),
         equally_fast(chosen, seed=seed, ratio=ratio),
-        moved(chosen, seed=seed, stiffness=SOFT, ratio=ratio),
+        move_by_hand(chosen, seed=seed, stiffness=SOFT, ratio=ratio),
     )
 
 
 def equally_fast(
-    chosen: Sequence[SimulatedJoint], *, seed: int, stiffness: float = SOFT, ratio: float = RATIO
-) -> list[Moved]:
+    chosen: Sequence[JointSimulation], *, seed: int, stiffness: float = SOFT, ratio: float = RATIO
+) -> list[HandRecord]:
     """Move joints by a soft hand that reaches as far as it takes to keep the velocity of the prescribed motion.
 
     A person sees the motion and not the force, and so intends more where more resists.
 
     Args:
         chosen: joints.
-        seed: as in `moved`.
+        seed: as in `move_by_hand`.
         stiffness: of the hand [N.m/rad].
-        ratio: as in `moved`.
+        ratio: as in `move_by_hand`.
     """
     goal = AMPLITUDE * 2.0 * np.pi * FREQUENCY / np.sqrt(2.0)
     reach = np.full((len(chosen), 2), AMPLITUDE)
     for _ in range(6):
-        done = moved(
+        done = move_by_hand(
             chosen,
             seed=seed,
             stiffness=stiffness,
@@ -224,4 +227,6 @@ def equally_fast(
         )
         speeds = np.array([m.speeds for m in done])
         reach += 0.9 * (goal - speeds) / (2.0 * np.pi * FREQUENCY / np.sqrt(2.0))
-    return moved(chosen, seed=seed, stiffness=stiffness, amplitudes=[tuple(r) for r in reach], ratio=ratio)
+    return move_by_hand(
+        chosen, seed=seed, stiffness=stiffness, amplitudes=[tuple(r) for r in reach], ratio=ratio
+    )

@@ -11,14 +11,14 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from backdrive.control import Unguarded
+from backdrive.control import BareLoop
 from backdrive.control.estimators.external import ExternalForce
 from backdrive.control.estimators.friction import FrictionEstimator, alg_fe, between_counts, ct, ha
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.laws.base import Rate
 from backdrive.simulation.closed_loop import Admittance, Record, Scene
 from backdrive.simulation.hand import Hand, HandMotion, strokes
-from backdrive.simulation.joint import SimulatedJoint
+from backdrive.simulation.joint import JointSimulation
 
 CASES = ("CT", "HA", "P")
 ORDER = ("P", "CT", "HA")  # from the best to the worst, as the thesis has it
@@ -40,7 +40,7 @@ MOST = 100  # longest delay that is tried [samples]
 
 
 def estimators(
-    plant: SimulatedJoint, rate: Rate, stiffness: float = STIFFNESS
+    plant: JointSimulation, rate: Rate, stiffness: float = STIFFNESS
 ) -> dict[str, FrictionEstimator]:
     """Return the friction estimators CT, HA and P of a joint.
 
@@ -83,8 +83,8 @@ def then(motion: HandMotion, *, hold: float, free: float) -> HandMotion:
     )
 
 
-def admitted(
-    plant: SimulatedJoint,
+def admittance_scene(
+    plant: JointSimulation,
     motion: HandMotion,
     friction: FrictionEstimator,
     seed: int,
@@ -113,7 +113,7 @@ def admitted(
         plant=plant,
         motion=motion,
         hand=hand,
-        loop=Unguarded(external=external),
+        loop=BareLoop(external=external),
         controller=admittance,
         period=PERIOD,
         delay=delay,

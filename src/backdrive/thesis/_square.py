@@ -15,13 +15,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from backdrive.control import Unguarded
+from backdrive.control import BareLoop
 from backdrive.control.compensators import Compensator
 from backdrive.simulation.arm import Arm, ArmRecord, local_servos
 from backdrive.simulation.arm_loop import guide, polygon
 from backdrive.simulation.hand import Hand
-from backdrive.thesis._guided import CASES, PERIOD, Guidance
-from backdrive.thesis.fig_3_4 import identified
+from backdrive.thesis._hand_guiding import CASES, PERIOD, Guidance
+from backdrive.thesis.fig_3_4 import identify_rate
 from backdrive.thesis.outcome import Claim
 from backdrive.thesis.setups import JOINTS, K_B, RATIO, WRIST, setups, wrist
 
@@ -42,7 +42,7 @@ SETTING = (
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Guided:
+class SquareRun:
     """The arm led around the square under one compensator.
 
     Attributes:
@@ -68,7 +68,7 @@ def guidances(ratio: float = RATIO) -> dict[str, Guidance]:
     return {
         name: Guidance(
             plant=plants[name],
-            rate=identified(plants[name]),
+            rate=identify_rate(plants[name]),
             stiffness=K_B,
             hand=Hand(stiffness=120.0, damping=6.0, noise=0.02),
             stroke=0.2,
@@ -105,14 +105,14 @@ def path(seed: int, rounds: int, pace: float = 1.0) -> tuple[np.ndarray, np.ndar
     )
 
 
-def led(
+def lead_around(
     plants: Mapping[str, Guidance],
     compensators: Mapping[str, Compensator],
     seed: int,
     *,
     rounds: int,
     pace: float = 1.0,
-) -> Guided:
+) -> SquareRun:
     """Lead the arm around the square.
 
     Args:
@@ -129,7 +129,7 @@ def led(
         arm,
         *path(seed, rounds, pace=pace),
         hand=HAND,
-        loops={i: Unguarded(compensator=compensators[name]) for i, name in enumerate(ARM)},
+        loops={i: BareLoop(compensator=compensators[name]) for i, name in enumerate(ARM)},
         servos={j: servos[j] for j in held},
         period=PERIOD,
         delay=1,
@@ -137,7 +137,7 @@ def led(
     noise = HAND.noise * np.random.default_rng(seed + 1).standard_normal((len(record.time), 2))
     assert record.grip is not None
     at = record.grip[:, :2] - record.grip[0, :2]
-    return Guided(
+    return SquareRun(
         record=record,
         sensed=record.force[:, :2] + noise,
         grip=at,
@@ -146,7 +146,7 @@ def led(
 
 
 @lru_cache(maxsize=4)
-def by_case(seed: int, ratio: float, rounds: int, pace: float = 1.0) -> dict[str, Guided]:
+def by_case(seed: int, ratio: float, rounds: int, pace: float = 1.0) -> dict[str, SquareRun]:
     """Return the five cases, for both figures.
 
     Args:
@@ -158,12 +158,12 @@ def by_case(seed: int, ratio: float, rounds: int, pace: float = 1.0) -> dict[str
     plants = guidances(ratio)
     cases = {name: plant.compensators() for name, plant in plants.items()}
     return {
-        case: led(plants, {name: cases[name][case] for name in ARM}, seed, rounds=rounds, pace=pace)
+        case: lead_around(plants, {name: cases[name][case] for name in ARM}, seed, rounds=rounds, pace=pace)
         for case in CASES
     }
 
 
-def work_check(cases: Mapping[str, Guided]) -> Claim:
+def work_check(cases: Mapping[str, SquareRun]) -> Claim:
     """Return the claim that without compensation the hand's work is that of friction, by the simulator's truth.
 
     The force along x and y is that of the sensor, along z that of the hand.
@@ -195,7 +195,7 @@ def windows(signal: np.ndarray, rounds: int, pace: float = 1.0) -> np.ndarray:
     return signal[first : first + rounds * size].reshape(rounds, size)
 
 
-def peaks(cases: Mapping[str, Guided], axis: int, rounds: int, pace: float = 1.0) -> dict[str, np.ndarray]:
+def peaks(cases: Mapping[str, SquareRun], axis: int, rounds: int, pace: float = 1.0) -> dict[str, np.ndarray]:
     """Return the largest force of each square along an axis and against it by case [N], (rounds, 2).
 
     Args:

@@ -18,7 +18,7 @@ from backdrive.identification.sweep import SweepKnots, sweep_knots, to_polyline
 from backdrive.laws import Law
 from backdrive.logs.log import Log
 from backdrive.plans import Sweep
-from backdrive.simulation import SimulatedJoint
+from backdrive.simulation import JointSimulation
 from backdrive.simulation.open_loop import simulate
 from backdrive.thesis.outcome import Claim
 from backdrive.thesis.setups import RATIO, arm
@@ -49,7 +49,7 @@ SETTING = (
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Swept:
+class SweepRun:
     """One sweep of one joint and what was identified from it.
 
     Attributes:
@@ -60,7 +60,7 @@ class Swept:
         curves: the curve by method; a method without all cycles is left out.
     """
 
-    joint: SimulatedJoint
+    joint: JointSimulation
     stroke: float
     log: Log
     knots: dict[str, SweepKnots]
@@ -94,7 +94,7 @@ def plan(stroke: float, center: float = 0.0, cycles: int = CYCLES) -> Sweep:
     return Sweep(np.deg2rad(stroke), TOP_SPEED, cycles, center=np.deg2rad(center), smooth=False)
 
 
-def sweep(joint: SimulatedJoint, stroke: float, *, seed: int, center: float = 0.0) -> Swept:
+def sweep(joint: JointSimulation, stroke: float, *, seed: int, center: float = 0.0) -> SweepRun:
     """Sweep a joint and identify its friction, both ways.
 
     Args:
@@ -111,17 +111,17 @@ def sweep(joint: SimulatedJoint, stroke: float, *, seed: int, center: float = 0.
         except NotIdentifiable:
             continue
     curves = {m: Law(rate=to_polyline(k)) for m, k in knots.items() if k.V.size == CYCLES}
-    return Swept(joint=joint, stroke=stroke, log=log, knots=knots, curves=curves)
+    return SweepRun(joint=joint, stroke=stroke, log=log, knots=knots, curves=curves)
 
 
-def identified(joint: SimulatedJoint, *, seed: int) -> Law:
+def identify_curve(joint: JointSimulation, *, seed: int) -> Law:
     """Return the curve that a user would compensate with: aligned, from a stroke of 20 degrees."""
     return sweep(joint, 20.0, seed=seed).curves["aligned"]
 
 
 def by_stroke(
-    seed: int, joints: Iterable[SimulatedJoint] | None = None, strokes: Iterable[float] = STROKES
-) -> dict[str, dict[float, Swept]]:
+    seed: int, joints: Iterable[JointSimulation] | None = None, strokes: Iterable[float] = STROKES
+) -> dict[str, dict[float, SweepRun]]:
     """Return sweeps by joint and stroke [deg]; Joints 0 to 5 by default."""
     chosen = arm() if joints is None else joints
     return {
@@ -130,7 +130,7 @@ def by_stroke(
     }
 
 
-def distances(runs: dict[float, Swept], method: str) -> dict[float, float]:
+def distances(runs: dict[float, SweepRun], method: str) -> dict[float, float]:
     """Return E(A, 50 deg) of (2.16) by stroke [N.m]; NaN where a curve was not obtained."""
     last = runs[REFERENCE_STROKE].curves.get(method)
     found = {}
@@ -145,7 +145,7 @@ def distances(runs: dict[float, Swept], method: str) -> dict[float, float]:
 
 def in_posture(
     posture: str, load_dependence: float = 0.0, ratio: float = RATIO
-) -> tuple[SimulatedJoint, float]:
+) -> tuple[JointSimulation, float]:
     """Return Joint 1 in a posture, and the center of its stroke [deg]."""
     inertia, weight, angle = POSTURES[posture]
     joint = arm(ratio)[1]
@@ -157,7 +157,7 @@ def in_posture(
     )
 
 
-def by_posture(seed: int, load_dependence: float = 0.0, ratio: float = RATIO) -> dict[str, Swept]:
+def by_posture(seed: int, load_dependence: float = 0.0, ratio: float = RATIO) -> dict[str, SweepRun]:
     """Return sweeps of Joint 1 over 20 degrees in the five postures."""
     found = {}
     for i, name in enumerate(POSTURES):
@@ -166,7 +166,7 @@ def by_posture(seed: int, load_dependence: float = 0.0, ratio: float = RATIO) ->
     return found
 
 
-def posture_errors(runs: dict[str, Swept], method: str) -> dict[str, float]:
+def posture_errors(runs: dict[str, SweepRun], method: str) -> dict[str, float]:
     """Return E_p(P, (i)) of (2.17) by posture [%]."""
     first = runs["(i)"].curves[method]
     return {
@@ -175,7 +175,7 @@ def posture_errors(runs: dict[str, Swept], method: str) -> dict[str, float]:
     }
 
 
-def truth_check(runs: Iterable[Swept]) -> Claim:
+def truth_check(runs: Iterable[SweepRun]) -> Claim:
     """Return the claim that aligned curves from 10 deg on are those that were put in, up to 1.8 rad/s.
 
     Args:
@@ -197,6 +197,6 @@ def truth_check(runs: Iterable[Swept]) -> Claim:
     )
 
 
-def listed(values: Iterable[float], form: str = ".3g") -> str:
+def number_list(values: Iterable[float], form: str = ".3g") -> str:
     """Return numbers as a list in words: `1.2, 0.3, 0.1`."""
     return ", ".join(format(v, form) for v in values)

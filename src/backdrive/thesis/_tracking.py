@@ -11,14 +11,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from backdrive.control import Unguarded
+from backdrive.control import BareLoop
 from backdrive.control.compensators import Compensator
 from backdrive.control.compensators.catalog import mahvash_okamura, nothing
 from backdrive.engine.servo import Servo
 from backdrive.errors import InvalidInput
 from backdrive.identification.metrics import tracking_error
 from backdrive.laws import CoulombViscous, Law, Polyline
-from backdrive.simulation import SimulatedJoint
+from backdrive.simulation import JointSimulation
 from backdrive.simulation.closed_loop import Record, Scene, play
 from backdrive.simulation.hand import still
 from backdrive.thesis._manual import CONTACT, PERIOD, SHARE, curves, joints
@@ -76,7 +76,7 @@ def compensators(curve: Law) -> dict[str, Compensator]:
     }
 
 
-def pd(joint: SimulatedJoint, gain: float = GAIN, ratio: float = DAMPING) -> Servo:
+def pd(joint: JointSimulation, gain: float = GAIN, ratio: float = DAMPING) -> Servo:
     """Return a PD for a joint.
 
     Args:
@@ -87,8 +87,8 @@ def pd(joint: SimulatedJoint, gain: float = GAIN, ratio: float = DAMPING) -> Ser
     return Servo(proportional=gain, derivative=2.0 * ratio * np.sqrt(gain * joint.inertia))
 
 
-def tracked(
-    settings: Sequence[tuple[SimulatedJoint, Servo]],
+def track(
+    settings: Sequence[tuple[JointSimulation, Servo]],
     *,
     seed: int,
     target: np.ndarray,
@@ -115,7 +115,7 @@ def tracked(
                     motion=still(len(target)),
                     controller=servo,
                     target=target,
-                    loop=Unguarded(compensator=given[case]),
+                    loop=BareLoop(compensator=given[case]),
                     seed=1000 * seed + i,
                 )
             )
@@ -133,7 +133,7 @@ def error(record: Record) -> float:
 def by_joint(seed: int, ratio: float = RATIO) -> dict[str, dict[str, Record]]:
     """Return the four cases of each joint at the gains that are judged."""
     chosen = arm(ratio)
-    done = tracked([(j, pd(j)) for j in chosen], seed=seed, target=saw_teeth(), ratio=ratio)
+    done = track([(j, pd(j)) for j in chosen], seed=seed, target=saw_teeth(), ratio=ratio)
     return {joint.name: cases for joint, cases in zip(chosen, done)}
 
 
@@ -158,7 +158,5 @@ def by_damping(seed: int, ratio: float = RATIO) -> dict[str, dict[float, dict[st
     """Return E_s [rad] by joint, damping ratio and case."""
     chosen = joints(ratio)
     settings = [(j, pd(j, ratio=r)) for j in chosen for r in DAMPINGS]
-    done = iter(
-        tracked(settings, seed=seed, target=saw_teeth({0.3: 1, 0.7: 3}), cases=CASES[1:], ratio=ratio)
-    )
+    done = iter(track(settings, seed=seed, target=saw_teeth({0.3: 1, 0.7: 3}), cases=CASES[1:], ratio=ratio))
     return {j.name: {r: {case: error(x) for case, x in next(done).items()} for r in DAMPINGS} for j in chosen}

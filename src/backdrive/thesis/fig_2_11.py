@@ -14,7 +14,7 @@ from backdrive.thesis._manual import (
     CONTACT,
     FREQUENCY,
     SHARE,
-    Moved,
+    HandRecord,
     by_hand,
 )
 from backdrive.thesis.outcome import Claim, Outcome
@@ -85,16 +85,16 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
     )
 
 
-def _name(m: Moved) -> str:
+def _name(m: HandRecord) -> str:
     return m.joint.name.replace("_", " ").capitalize()
 
 
-def _peak(m: Moved) -> float:
+def _peak(m: HandRecord) -> float:
     """Return the largest torque of the hand with compensation by the Coulomb friction [1]."""
     return float(np.abs(m.after.force[m.after.time > 1.0]).max() / m.joint.law.torque(1e-6))
 
 
-def _columns(m: Moved) -> dict[str, np.ndarray]:
+def _columns(m: HandRecord) -> dict[str, np.ndarray]:
     part = (m.after.time >= SHOWN[0]) & (m.after.time < SHOWN[1])
     columns = {"time": m.after.time[part]}
     for when, record in (("before", m.before), ("after", m.after)):

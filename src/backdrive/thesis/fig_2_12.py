@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from backdrive.report.pictures.canvas import LIGHT, house_style
-from backdrive.simulation import SimulatedJoint
+from backdrive.simulation import JointSimulation
 from backdrive.thesis import _sweep_plots as own
 from backdrive.thesis._balance import balance
-from backdrive.thesis._manual import SOFT, Moved, by_hand, joints, moved
+from backdrive.thesis._manual import SOFT, HandRecord, by_hand, joints, move_by_hand
 from backdrive.thesis.fig_2_11 import SETTING
 from backdrive.thesis.outcome import Claim, Outcome
 from backdrive.thesis.setups import RATIO
@@ -51,7 +51,9 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
         )
     )
     for amplitude in AMPLITUDES:
-        other = moved(chosen, seed=seed, amplitudes=[(amplitude, amplitude)] * len(chosen), ratio=ratio)
+        other = move_by_hand(
+            chosen, seed=seed, amplitudes=[(amplitude, amplitude)] * len(chosen), ratio=ratio
+        )
         claims.append(
             Claim(
                 what=f"The same for ±{amplitude:g} rad",
@@ -96,11 +98,11 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
     )
 
 
-def _name(joint: SimulatedJoint) -> str:
+def _name(joint: JointSimulation) -> str:
     return joint.name.replace("_", " ").capitalize()
 
 
-def _reductions(many: list[Moved]) -> str:
+def _reductions(many: list[HandRecord]) -> str:
     return "; ".join(f"{_name(m.joint)} {m.reduction:.1f} %" for m in many)
 
 

@@ -17,7 +17,7 @@ from backdrive.thesis._tracking import (
     lag_check,
     pd,
     saw_teeth,
-    tracked,
+    track,
     viscosity,
 )
 from backdrive.thesis.fig_2_13 import COLORS
@@ -76,7 +76,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
     held = float(joint.law.torque(0.5)) / WEAK
     weak = {
         case: error(r)
-        for case, r in tracked([(joint, pd(joint, WEAK))], seed=seed, target=saw_teeth(), ratio=ratio)[
+        for case, r in track([(joint, pd(joint, WEAK))], seed=seed, target=saw_teeth(), ratio=ratio)[
             0
         ].items()
     }

@@ -15,10 +15,10 @@ from backdrive.thesis._sweeps import (
     SETTING,
     STROKES,
     TOP_SPEED,
-    Swept,
+    SweepRun,
     by_stroke,
     distances,
-    listed,
+    number_list,
 )
 from backdrive.thesis.outcome import Claim, Outcome
 from backdrive.thesis.setups import RATIO, arm
@@ -43,7 +43,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
         Claim(
             what="A smaller stroke broadens the measured curves",
             thesis="smaller A, broader",
-            ours=f"width {listed(width.values())} N.m for A = {listed(width, 'g')} deg",
+            ours=f"width {number_list(width.values())} N.m for A = {number_list(width, 'g')} deg",
             gate="falls with A",
             holds=bool(np.all(np.diff(list(width.values())) < 0)),
             statement="2.6-broader",
@@ -52,14 +52,15 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
         Claim(
             what="A smaller stroke perturbs the curve that (2.7) as printed gives",
             thesis="perturbed",
-            ours=f"E(A, 50 deg) {listed(literal.values())} N.m for A = {listed(literal, 'g')} deg",
+            ours=f"E(A, 50 deg) {number_list(literal.values())} N.m for A = {number_list(literal, 'g')} deg",
             gate="falls with A",
             holds=bool(np.all(np.diff(list(literal.values())) < 0)),
             statement="2.6-perturbed",
         ),
         Claim(
             what="The perturbation is inertia, seen through one tick of misalignment",
-            ours=f"error at top speed {listed(top.values(), '+.2f')} N.m; formula {listed(expected.values(), '+.2f')} N.m",
+            ours=f"error at top speed {number_list(top.values(), '+.2f')} N.m; "
+            f"formula {number_list(expected.values(), '+.2f')} N.m",
             gate="within 0.1 N.m for A >= 20 deg",
             holds=bool(all(abs(top[A] - expected[A]) < 0.1 for A in STROKES if A >= 20.0)),
             why="A velocity from a backward difference belongs half a tick before its sample, the commanded torque half a tick "
@@ -67,7 +68,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
         ),
         Claim(
             what="With velocity and torque on the same instant the curve no longer depends on the stroke, from 10 deg on",
-            ours=f"E(A, 50 deg) {listed(aligned.values())} N.m",
+            ours=f"E(A, 50 deg) {number_list(aligned.values())} N.m",
             gate="at most 0.05 N.m from 10 deg on",
             holds=bool(max(E for A, E in aligned.items() if A >= 10.0) <= 0.05),
             why="At 5 deg the load swings further than the motor, whose speed is measured: 1/(1 - (w/w_c)^2) = "
@@ -91,7 +92,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
     )
 
 
-def _width(run: Swept) -> float:
+def _width(run: SweepRun) -> float:
     """Return how far the last cycle's torque under positive acceleration lies above that under negative [N.m]."""
     v = np.gradient(run.position, run.log.period)
     a = np.gradient(v, run.log.period)

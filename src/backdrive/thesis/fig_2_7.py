@@ -10,7 +10,7 @@ from backdrive.identification.metrics import relative_curve_distance
 from backdrive.laws import Law
 from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.thesis import _sweep_plots as own
-from backdrive.thesis._sweeps import METHODS, SETTING, STROKES, TOP_SPEED, by_stroke, listed, plan, sweep
+from backdrive.thesis._sweeps import METHODS, SETTING, STROKES, TOP_SPEED, by_stroke, number_list, plan, sweep
 from backdrive.thesis.outcome import Claim, Outcome
 from backdrive.thesis.setups import RATIO, arm
 
@@ -36,7 +36,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
             Claim(
                 what=f"The curves of A = 20, 30 and 50 deg lie on each other ({method})",
                 thesis="A > 10 deg almost overlap",
-                ours=f"at most {listed(spread.values())} % apart on Joints 0 to 5",
+                ours=f"at most {number_list(spread.values())} % apart on Joints 0 to 5",
                 gate=f"at most {gate:g} %",
                 holds=max(spread.values()) <= gate,
                 statement="2.7-overlap" if method == "literal" else "",
@@ -58,8 +58,8 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
     claims.append(
         Claim(
             what="The curves are those that were put in",
-            ours=f"from 0.2 rad/s on at most {listed(truth.values(), '.2g')} N.m off, aligned, from 10 deg on; "
-            f"{listed(short.values(), '.2g')} N.m at 5 deg",
+            ours=f"from 0.2 rad/s on at most {number_list(truth.values(), '.2g')} N.m off, aligned, from 10 deg on; "
+            f"{number_list(short.values(), '.2g')} N.m at 5 deg",
             gate="at most 0.2 N.m",
             holds=max(truth.values()) <= 0.2,
             why="What is left is the line sections, which cut the corners of a bent curve, and at 5 deg the transmission: the load "

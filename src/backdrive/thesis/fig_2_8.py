@@ -6,7 +6,7 @@ from typing import Any
 
 from backdrive.report.pictures.canvas import house_style
 from backdrive.thesis import _sweep_plots as own
-from backdrive.thesis._sweeps import METHODS, SETTING, STROKES, by_stroke, distances, listed, truth_check
+from backdrive.thesis._sweeps import METHODS, SETTING, STROKES, by_stroke, distances, number_list, truth_check
 from backdrive.thesis.outcome import Claim, Outcome
 from backdrive.thesis.setups import RATIO, arm
 
@@ -21,7 +21,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
         Claim(
             what=f"{joint}: the differences are large at A = 5 and 10 deg.",
             thesis="the differences are large when A = 5 or 10 deg",
-            ours=f"{listed(found[A] for A in short)} N.m for A = {listed(short, 'g')} deg",
+            ours=f"{number_list(found[A] for A in short)} N.m for A = {number_list(short, 'g')} deg",
             gate="E at 5 and at 10 deg more than twice that at 20 deg",
             holds=min(found[5.0], found[10.0]) > 2.0 * found[20.0],
             statement="2.8-large",

@@ -15,7 +15,7 @@ from backdrive.thesis._sweeps import (
     SETTING,
     by_posture,
     in_posture,
-    listed,
+    number_list,
     posture_errors,
     truth_check,
 )
@@ -33,7 +33,7 @@ def run(seed: int = 0) -> Outcome:
     claims = (
         Claim(
             what="Inertia and gravity in the postures, which the thesis orders: inertia from (i) to (v), gravity from (v) to (ii)",
-            ours=f"{listed(inertia.values())} kg.m^2; {listed(carried.values())} N.m",
+            ours=f"{number_list(inertia.values())} kg.m^2; {number_list(carried.values())} N.m",
             holds=None,
             why="So chosen: the thesis gives the order and no numbers.",
         ),
@@ -51,7 +51,7 @@ def run(seed: int = 0) -> Outcome:
         ),
         Claim(
             what="The same with friction that grows with the transmitted torque",
-            ours=f"{listed(spread, '.2f')} % for {listed(LOADS, 'g')} N.m a N.m",
+            ours=f"{number_list(spread, '.2f')} % for {number_list(LOADS, 'g')} N.m a N.m",
             holds=None,
             why="Friction of gears grows with the load they carry. Warmth and position, which are not looked at, could drive the "
             "postures apart as well.",

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from backdrive.report.pictures.canvas import house_style
-from backdrive.thesis import _guided, _square
-from backdrive.thesis import _guided_plots as own
+from backdrive.thesis import _hand_guiding, _square
+from backdrive.thesis import _hand_guiding_plots as own
 from backdrive.thesis._balance import balance
 from backdrive.thesis._square import ARM, AXES, SETTING
 from backdrive.thesis.fig_3_8 import claims
@@ -31,23 +31,25 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
     panels, numbers = {}, {}
     for i, axis in enumerate(AXES):
         found = _square.peaks(cases, i, ROUNDS)
-        panels[axis] = {"unit": "N", "axis": axis, **_guided.bars(found, seed)}
+        panels[axis] = {"unit": "N", "axis": axis, **_hand_guiding.bars(found, seed)}
         judged += claims(found, "N", "3.10", seed, axis)
         numbers |= {
             f"{axis}{side}.{case}": float(v)
-            for case, pair in zip(_guided.CASES, _guided.means(found))
-            for side, v in zip(_guided.SIDES, pair)
+            for case, pair in zip(_hand_guiding.CASES, _hand_guiding.means(found))
+            for side, v in zip(_hand_guiding.SIDES, pair)
         }
     judged.append(_paces(seed, ratio))
-    single = _guided.guide([(g, STROKES, seed) for g in _square.guidances(ratio).values()])
+    single = _hand_guiding.guide([(g, STROKES, seed) for g in _square.guidances(ratio).values()])
     for name, records in zip(ARM, single):
-        found = _guided.peaks(records, STROKES)
-        panels[name] = {"unit": "N.m", **_guided.bars(found, seed)}
-        numbers |= {f"{name}.PD{s}": float(v) for s, v in zip(_guided.SIDES, _guided.means(found)[-1])}
+        found = _hand_guiding.peaks(records, STROKES)
+        panels[name] = {"unit": "N.m", **_hand_guiding.bars(found, seed)}
+        numbers |= {
+            f"{name}.PD{s}": float(v) for s, v in zip(_hand_guiding.SIDES, _hand_guiding.means(found)[-1])
+        }
         judged.append(
             Claim(
                 what=f"{own.title(name)} alone, by single strokes of 0.2 rad: mean peaks",
-                ours=_guided.in_words(_guided.means(found), "N.m"),
+                ours=_hand_guiding.in_words(_hand_guiding.means(found), "N.m"),
                 holds=None,
             )
         )
@@ -68,7 +70,7 @@ def _paces(seed: int, ratio: float) -> Claim:
         cases = _square.by_case(seed, ratio, FEW, pace)
         for i, axis in enumerate(AXES):
             found = _square.peaks(cases, i, FEW, pace)
-            words.append(f"{name}, {axis}: {_guided.in_words(_guided.means(found), 'N')}")
+            words.append(f"{name}, {axis}: {_hand_guiding.in_words(_hand_guiding.means(found), 'N')}")
     return Claim(
         what="The same at other paces: the thesis prints a metronome of 0.667 Hz, and not what is moved at a beat",
         ours="; ".join(words),

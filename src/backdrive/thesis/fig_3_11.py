@@ -6,9 +6,9 @@ from typing import Any
 
 from backdrive.report.pictures.canvas import house_style
 from backdrive.simulation.closed_loop import Record
-from backdrive.thesis import _guided_plots as own
+from backdrive.thesis import _hand_guiding_plots as own
 from backdrive.thesis._balance import balance
-from backdrive.thesis._release_compensated import BEGIN, CASES, SEEDS, Release, joint_0, judge, setup_a
+from backdrive.thesis._release_compensation import BEGIN, CASES, SEEDS, Release, joint_0, judge, setup_a
 from backdrive.thesis.outcome import Claim, Outcome
 from backdrive.thesis.scatter import clearly_less, less
 from backdrive.thesis.setups import RATIO

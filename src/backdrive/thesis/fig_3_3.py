@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from backdrive.report.pictures.canvas import LIGHT, house_style, pretty_unit
-from backdrive.simulation.joint import SimulatedJoint
+from backdrive.simulation.joint import JointSimulation
 from backdrive.simulation.open_loop import drive
-from backdrive.thesis import _guided_plots as own
+from backdrive.thesis import _hand_guiding_plots as own
 from backdrive.thesis.fig_3_4 import intercepts
 from backdrive.thesis.outcome import Claim, Outcome
 from backdrive.thesis.setups import RATIO, setups
@@ -22,7 +22,7 @@ COMPENSATOR = 1.2e6  # K of the thesis on Setup A [N/m]
 PHASES = np.linspace(-0.5, 0.5, 201)[:-1] + 0.0025  # where within a count the joint rests [counts]
 
 
-def ramp(plant: SimulatedJoint) -> dict[str, Any]:
+def ramp(plant: JointSimulation) -> dict[str, Any]:
     """Raise the actuator's force to a little beyond break-away, and return what happened.
 
     Args:
@@ -46,14 +46,14 @@ def ramp(plant: SimulatedJoint) -> dict[str, Any]:
     }
 
 
-def counted(motor: np.ndarray, count: float, phase: float = 0.0) -> np.ndarray:
+def encoder_counts(motor: np.ndarray, count: float, phase: float = 0.0) -> np.ndarray:
     """Return displacement in counts that an encoder shows of a joint that rested at a phase within a count [counts]."""
     return np.floor(motor / count + phase + 0.5)
 
 
 def first_force(found: dict[str, Any], phase: float = 0.0) -> float:
     """Return the force at which the encoder first moves [N.m or N]; that of the ramp's end if it does not."""
-    moved = np.flatnonzero(counted(found["motor"], found["count"], phase) > 0)
+    moved = np.flatnonzero(encoder_counts(found["motor"], found["count"], phase) > 0)
     return float(found["force"][moved[0]] if moved.size else found["force"][-1])
 
 
@@ -69,7 +69,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
     a, b = ramp(joints["setup_a"]), ramp(joints["joint_0"])
     stiff = ramp(joints["setup_a"].replace(stiffness=2.0 * COMPENSATOR))
     for found in (a, b, stiff):
-        found["counts"] = counted(found["motor"], found["count"])
+        found["counts"] = encoder_counts(found["motor"], found["count"])
         found["first"] = first_force(found)
         found["silent"] = float(np.mean([first_force(found, phase) >= SILENT for phase in PHASES]))
     broke = b["force"] < 0.98 * b["friction"]

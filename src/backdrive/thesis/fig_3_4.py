@@ -11,9 +11,9 @@ from backdrive.laws import Law
 from backdrive.laws.base import Rate
 from backdrive.plans import Sweep
 from backdrive.report.pictures.canvas import LIGHT, house_style
-from backdrive.simulation.joint import SimulatedJoint
+from backdrive.simulation.joint import JointSimulation
 from backdrive.simulation.open_loop import simulate
-from backdrive.thesis import _guided_plots as own
+from backdrive.thesis import _hand_guiding_plots as own
 from backdrive.thesis.outcome import Claim, Outcome
 from backdrive.thesis.setups import BANDWIDTH, setups
 
@@ -23,7 +23,7 @@ CYCLES = 10
 SHOWN = 4000  # samples in the figure
 
 
-def sweep_of(plant: SimulatedJoint, seed: int = 0) -> Identification:
+def sweep_of(plant: JointSimulation, seed: int = 0) -> Identification:
     """Return what the sweep of chapter 2 finds on a simulated joint, each direction on its own (3.1).
 
     Args:
@@ -34,7 +34,7 @@ def sweep_of(plant: SimulatedJoint, seed: int = 0) -> Identification:
     return identify(simulate(plant, sweep, seed=seed), method="sweep", symmetric=False)
 
 
-def identified(plant: SimulatedJoint, seed: int = 0) -> Rate:
+def identify_rate(plant: JointSimulation, seed: int = 0) -> Rate:
     """Return the rate law that the sweep finds, for a compensator."""
     return sweep_of(plant, seed).model.joints[0].law.rate
 
@@ -73,7 +73,7 @@ def run(seed: int = 0) -> Outcome:
     )
 
 
-def _panel(plant: SimulatedJoint, seed: int) -> dict[str, Any]:
+def _panel(plant: JointSimulation, seed: int) -> dict[str, Any]:
     found = sweep_of(plant, seed)
     evidence, law = found.evidence[0], found.model.joints[0].law
     thin = slice(None, None, max(1, evidence.samples.velocity.size // SHOWN))

@@ -9,10 +9,10 @@ import numpy as np
 from backdrive.control.compensators import Dither, dither
 from backdrive.laws import CoulombViscous, Law
 from backdrive.report.pictures.canvas import LIGHT, house_style
-from backdrive.simulation.joint import SimulatedJoint
+from backdrive.simulation.joint import JointSimulation
 from backdrive.simulation.open_loop import drive
-from backdrive.thesis import _guided_plots as own
-from backdrive.thesis.fig_3_3 import COMPENSATOR, PHASES, counted
+from backdrive.thesis import _hand_guiding_plots as own
+from backdrive.thesis.fig_3_3 import COMPENSATOR, PHASES, encoder_counts
 from backdrive.thesis.fig_3_4 import intercepts
 from backdrive.thesis.outcome import Claim, Outcome
 from backdrive.thesis.setups import RATIO, setups
@@ -26,14 +26,14 @@ SUBSTEP = 2e-5  # of the integration [s]
 WANTED = 2.0  # counts in each direction
 
 
-def wave(plant: SimulatedJoint, time: np.ndarray) -> np.ndarray:
+def wave(plant: JointSimulation, time: np.ndarray) -> np.ndarray:
     """Return the dither of a joint that stays stuck [N], (n,): Iwatani 2017, (3.26)."""
     F_p, F_n = intercepts(plant.law.rate)
     row, state = Dither(share=SHARE).row(), np.zeros(dither.STATES)
     return np.array([dither.tick(row, 0, state, 0, True, -F_n, F_p, 0.0, PERIOD, t, False) for t in time])
 
 
-def dithered(plant: SimulatedJoint) -> dict[str, Any]:
+def dither_alone(plant: JointSimulation) -> dict[str, Any]:
     """Let dither alone act on a stuck joint, and show what the encoder sees from many resting places within a count.
 
     Args:
@@ -47,7 +47,7 @@ def dithered(plant: SimulatedJoint) -> dict[str, Any]:
     force = wave(plant, time)
     target = np.stack([force, np.zeros_like(force)], axis=1)
     out, _ = drive(plant.replace(encoder_count=0.0), target, closed=False, period=PERIOD, substep=SUBSTEP)
-    shown = np.array([counted(out[:, 0], plant.encoder_count, phase) for phase in PHASES])
+    shown = np.array([encoder_counts(out[:, 0], plant.encoder_count, phase) for phase in PHASES])
     after = shown[:, round(SETTLED / PERIOD) :]
     return {
         "time": time,
@@ -61,13 +61,13 @@ def dithered(plant: SimulatedJoint) -> dict[str, Any]:
     }
 
 
-def _swing(plant: SimulatedJoint, motor: np.ndarray, force: np.ndarray) -> float:
+def _swing(plant: JointSimulation, motor: np.ndarray, force: np.ndarray) -> float:
     """Return the amplitude of the motor by that of an undamped mass on K_c under the same sine [-]."""
     below = 1.0 - (2.0 * np.pi * FREQUENCY) ** 2 * plant.motor_inertia / plant.stiffness
     return float(np.ptp(motor) / np.ptp(force) * plant.stiffness * below)
 
 
-def variants(ratio: float = RATIO) -> dict[str, SimulatedJoint]:
+def variants(ratio: float = RATIO) -> dict[str, JointSimulation]:
     """Return Setup A with K_c twice as stiff, as it is, and with equal friction of 12 N."""
     soft = setups(ratio)["setup_a"]
     plant = soft.replace(stiffness=2.0 * COMPENSATOR)
@@ -89,7 +89,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
         ratio: K_c by K [-].
     """
     del seed
-    found = {name: dithered(plant) for name, plant in variants(ratio).items()}
+    found = {name: dither_alone(plant) for name, plant in variants(ratio).items()}
     for one in found.values():
         both = np.all(one["reach"] >= WANTED, axis=1)
         one["share"] = float(np.mean(both))

@@ -9,10 +9,10 @@ import numpy as np
 
 from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.simulation.closed_loop import Record
-from backdrive.thesis import _guided
-from backdrive.thesis import _guided_plots as own
+from backdrive.thesis import _hand_guiding
+from backdrive.thesis import _hand_guiding_plots as own
 from backdrive.thesis._balance import balance
-from backdrive.thesis._guided import CASES, PERIOD
+from backdrive.thesis._hand_guiding import CASES, PERIOD
 from backdrive.thesis.fig_3_8 import CYCLES, SETTING, guidance
 from backdrive.thesis.outcome import Claim, Outcome
 from backdrive.thesis.setups import RATIO
@@ -29,8 +29,8 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
         seed: of the hand.
         ratio: K_c by K [-].
     """
-    records = _guided.guide([(guidance(ratio), CYCLES, seed)])[0]
-    found = _guided.peaks(records, CYCLES)
+    records = _hand_guiding.guide([(guidance(ratio), CYCLES, seed)])[0]
+    found = _hand_guiding.peaks(records, CYCLES)
     lowest = np.argmin(np.stack([found[case] for case in CASES]), axis=0) == CASES.index("PD")
     speed = top_speeds(records)
     turned = {case: reversals(records[case]) for case in CASES}
@@ -49,11 +49,11 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
 
 def time_series(records: Mapping[str, Record]) -> dict[str, Any]:
     """Return what the figure draws: the whole run thinned, and some windows in full."""
-    edges = _guided.BEGIN + _guided.CYCLE * np.arange(ZOOM[0], ZOOM[1] + 1)
+    edges = _hand_guiding.BEGIN + _hand_guiding.CYCLE * np.arange(ZOOM[0], ZOOM[1] + 1)
     first, last = round(edges[0] / PERIOD), round(edges[-1] / PERIOD)
     return {
-        "whole": _guided.series(records, THINNED),
-        "zoom": _guided.series(records, 1, first, last),
+        "whole": _hand_guiding.series(records, THINNED),
+        "zoom": _hand_guiding.series(records, 1, first, last),
         "edges": edges,
     }
 
@@ -62,7 +62,7 @@ def top_speeds(records: Mapping[str, Record]) -> dict[str, float]:
     """Return the mean of the largest speed of each window and direction, by case [rad/s or m/s]."""
     result = {}
     for case, record in records.items():
-        v = _guided.windows(record.load_velocity, CYCLES)
+        v = _hand_guiding.windows(record.load_velocity, CYCLES)
         result[case] = float(0.5 * (v.max(axis=1).mean() - v.min(axis=1).mean()))
     return result
 
@@ -76,9 +76,9 @@ def reversals(record: Record) -> tuple[float, float, float]:
     Args:
         record: of a case.
     """
-    force = _guided.windows(record.sensed, CYCLES)
-    effort = _guided.windows(record.compensation, CYCLES)
-    speed = _guided.windows(record.load_velocity, CYCLES)
+    force = _hand_guiding.windows(record.sensed, CYCLES)
+    effort = _hand_guiding.windows(record.compensation, CYCLES)
+    speed = _hand_guiding.windows(record.load_velocity, CYCLES)
     late, along = [], []
     for way in (1.0, -1.0):
         for k in range(CYCLES):

@@ -7,11 +7,11 @@ from typing import Any
 
 from backdrive.report.pictures.canvas import house_style
 from backdrive.simulation.hand import Hand
-from backdrive.thesis import _guided
-from backdrive.thesis import _guided_plots as own
+from backdrive.thesis import _hand_guiding
+from backdrive.thesis import _hand_guiding_plots as own
 from backdrive.thesis._balance import balance
-from backdrive.thesis._guided import CASES, Comparison, Guidance, Peaks
-from backdrive.thesis.fig_3_4 import identified
+from backdrive.thesis._hand_guiding import CASES, Comparison, Guidance, Peaks
+from backdrive.thesis.fig_3_4 import identify_rate
 from backdrive.thesis.outcome import Claim, Outcome
 from backdrive.thesis.setups import K_A, RATIO, setups
 
@@ -27,7 +27,7 @@ def guidance(ratio: float = RATIO) -> Guidance:
     plant = setups(ratio)["setup_a"]
     return Guidance(
         plant=plant,
-        rate=identified(plant),
+        rate=identify_rate(plant),
         stiffness=K_A,
         hand=Hand(stiffness=800.0, damping=40.0, noise=0.05),
         stroke=0.06,
@@ -50,18 +50,18 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
         seed: of the hand.
         ratio: K_c by K [-].
     """
-    (records,) = _guided.guide([(guidance(ratio), CYCLES, seed)])
-    found = _guided.peaks(records, CYCLES)
+    (records,) = _hand_guiding.guide([(guidance(ratio), CYCLES, seed)])
+    found = _hand_guiding.peaks(records, CYCLES)
     return Outcome(
         name="fig-3.8",
         title="Mean and standard deviation of the force peaks, Setup A",
         setting=SETTING + f" {CYCLES} cycles.",
         claims=(*claims(found, "N", "3.8", seed), by_direction(found, seed), balance(records.values())),
-        data={"panels": {"setup_a": {"unit": "N", **_guided.bars(found, seed)}}, "peaks": found},
+        data={"panels": {"setup_a": {"unit": "N", **_hand_guiding.bars(found, seed)}}, "peaks": found},
         numbers={
             f"mean.{case}{side}": float(value)
-            for case, pair in zip(CASES, _guided.means(found))
-            for side, value in zip(_guided.SIDES, pair)
+            for case, pair in zip(CASES, _hand_guiding.means(found))
+            for side, value in zip(_hand_guiding.SIDES, pair)
         },
     )
 
@@ -77,14 +77,14 @@ def claims(found: Peaks, unit: str, figure: str, seed: int, joint: str = "") -> 
         joint: named in the sentences, if several are judged.
     """
     of = f"{joint}: " if joint else ""
-    tests = {case: _guided.against(found, case, seed=seed) for case in CASES if case != "PD"}
-    dithered = {case: _guided.against(found, case, case + "D", seed) for case in ("C", "P")}
+    tests = {case: _hand_guiding.against(found, case, seed=seed) for case in CASES if case != "PD"}
+    dithered = {case: _hand_guiding.against(found, case, case + "D", seed) for case in ("C", "P")}
     gate = "PD below each of the others along +q and -q, 95 % interval of the difference above zero"
     return (
         Claim(
             what=f"{of}The mean peak is smallest with PD.",
             thesis="the average value is smallest in the case of PD",
-            ours=f"{_guided.in_words(_guided.means(found), unit)}; above PD by {_pairs(tests, unit)}",
+            ours=f"{_hand_guiding.in_words(_hand_guiding.means(found), unit)}; above PD by {_pairs(tests, unit)}",
             gate=gate,
             holds=all(c.low > 0.0 for pair in tests.values() for c in pair),
             why_not="CD dithers after every stop as PD does, once equality in (3.27e) counts as stuck, and does what PD does.",
@@ -105,7 +105,7 @@ def claims(found: Peaks, unit: str, figure: str, seed: int, joint: str = "") -> 
                 f"{case} p = " + ", ".join(f"{c.p:.2g}" for c in pair) for case, pair in tests.items()
             ),
             gate="p < 0.1 % against every case, in both directions" if figure == "3.8" else "",
-            holds=max(c.p for pair in tests.values() for c in pair) < _guided.SIGNIFICANT
+            holds=max(c.p for pair in tests.values() for c in pair) < _hand_guiding.SIGNIFICANT
             if figure == "3.8"
             else None,
             why="Simulated hands vary by 5 %, people by more, so that p is smaller here than in the thesis.",
@@ -116,7 +116,7 @@ def claims(found: Peaks, unit: str, figure: str, seed: int, joint: str = "") -> 
 
 def by_direction(found: Peaks, seed: int) -> Claim:
     """Judge whether the mean peaks differ in the two directions, in every case."""
-    apart = {case: _guided.compare(pair[:, 0], pair[:, 1], seed) for case, pair in found.items()}
+    apart = {case: _hand_guiding.compare(pair[:, 0], pair[:, 1], seed) for case, pair in found.items()}
     return Claim(
         what="The mean peaks along +q and -q differ.",
         thesis="averages and standard deviations are different in each direction",

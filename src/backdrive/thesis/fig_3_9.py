@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from backdrive.report.pictures.canvas import house_style
-from backdrive.thesis import _guided_plots as own
+from backdrive.thesis import _hand_guiding_plots as own
 from backdrive.thesis import _square
-from backdrive.thesis._guided import CASES, PERIOD
+from backdrive.thesis._hand_guiding import CASES, PERIOD
 from backdrive.thesis._square import AXES, BEGIN, INTERVAL, SETTING
 from backdrive.thesis.fig_3_10 import ROUNDS
 from backdrive.thesis.outcome import Claim, Outcome

@@ -12,7 +12,7 @@ from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.simulation.closed_loop import Record
 from backdrive.thesis import _sensorless_plots as own
 from backdrive.thesis._balance import balance
-from backdrive.thesis._release_admitted import CASES, SEEDS, axis, joint_0, measure, runs
+from backdrive.thesis._release_admittance import CASES, SEEDS, axis, joint_0, measure, runs
 from backdrive.thesis._sensorless import ADMITTANCE, CASCADE
 from backdrive.thesis.outcome import Claim, Outcome
 from backdrive.thesis.scatter import clearly_less, less
@@ -62,12 +62,12 @@ def run(seed: int = 0, seeds: int = SEEDS, ratio: float = RATIO) -> Outcome:
                 for name in ("setup_a", "joint_0")
             ),
         ),
-        data={name: _shown(records[name]) for name in ("setup_a", "joint_0")},
+        data={name: _figure_data(records[name]) for name in ("setup_a", "joint_0")},
         numbers=numbers,
     )
 
 
-def _shown(records: Mapping[str, Sequence[Record]]) -> dict[str, Any]:
+def _figure_data(records: Mapping[str, Sequence[Record]]) -> dict[str, Any]:
     some = next(iter(records.values()))[0]
     grip = some.scene.motion.grip > 0.0
     return {

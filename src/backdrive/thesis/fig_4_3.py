@@ -34,8 +34,8 @@ def run(seed: int = 0, cycles: int = CYCLES) -> Outcome:
     before = fig_3_4.run(seed)
     panels = {name: before.data["panels"][name] for name in ("setup_a", "joint_0")}
     plants = setups()
-    rates = {name: fig_3_4.identified(plants[name], seed) for name in panels}
-    error = {name: _used(name, rates[name], seed, cycles) for name in panels}
+    rates = {name: fig_3_4.identify_rate(plants[name], seed) for name in panels}
+    error = {name: _errors(name, rates[name], seed, cycles) for name in panels}
     F_p, F_n = panels["setup_a"]["intercepts"]
     F = 0.5 * sum(panels["joint_0"]["intercepts"])
     numbers = {"setup_a.F_p": F_p, "setup_a.F_n": F_n, "joint_0.F": F}
@@ -73,7 +73,7 @@ def run(seed: int = 0, cycles: int = CYCLES) -> Outcome:
     )
 
 
-def _used(name: str, rate: Rate, seed: int, cycles: int) -> dict[str, float]:
+def _errors(name: str, rate: Rate, seed: int, cycles: int) -> dict[str, float]:
     """Return the RMS error of the estimated friction while the joint slides, and that of the friction [N or N.m]."""
     plant = setups()[name]
     motion, hand, stiffness = metronome(cycles, seed), HAND_A, STIFFNESS

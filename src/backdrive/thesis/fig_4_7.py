@@ -27,7 +27,7 @@ from backdrive.thesis._sensorless import (
     metronome,
     rms,
 )
-from backdrive.thesis.fig_3_4 import identified
+from backdrive.thesis.fig_3_4 import identify_rate
 from backdrive.thesis.outcome import Claim, Outcome
 from backdrive.thesis.scatter import less
 from backdrive.thesis.setups import RATIO, setups
@@ -50,7 +50,7 @@ def run(seed: int = 0, seeds: int = SEEDS, cycles: int = CYCLES, ratio: float = 
         ratio: K_c by K [-].
     """
     plant = setups(ratio)["setup_a"]
-    friction = estimators(plant, identified(plant, seed))
+    friction = estimators(plant, identify_rate(plant, seed))
     motions = [metronome(cycles, seed + i, hold=HOLD, free=FREE) for i in range(seeds)]
     records = play([Scene(plant=plant, motion=m, hand=HAND_A, seed=seed + i) for i, m in enumerate(motions)])
     found = {
@@ -79,7 +79,7 @@ def run(seed: int = 0, seeds: int = SEEDS, cycles: int = CYCLES, ratio: float = 
             f"hand {force:.1f} N; sensor with 0.2 N of noise."
         ),
         claims=(*_claims(found, means), balance(records)),
-        data=_shown(records[0], friction),
+        data=_figure_data(records[0], friction),
         numbers=numbers,
     )
 
@@ -105,7 +105,7 @@ def _measure(record: Record, estimate: np.ndarray) -> tuple[float, ...]:
     )
 
 
-def _shown(record: Record, friction: dict[str, FrictionEstimator]) -> dict[str, Any]:
+def _figure_data(record: Record, friction: dict[str, FrictionEstimator]) -> dict[str, Any]:
     grip = record.scene.motion.grip > 0.0
     released = float(record.time[grip][-1])
     at = record.time > released - HOLD - 0.5 - SHOWN

@@ -15,7 +15,7 @@ from backdrive.report.pictures.canvas import LIGHT, house_style
 from backdrive.simulation.closed_loop import Record, play
 from backdrive.thesis import _sensorless_plots as own
 from backdrive.thesis._balance import balance
-from backdrive.thesis._guided import peaks
+from backdrive.thesis._hand_guiding import peaks
 from backdrive.thesis._sensorless import (
     ADMITTANCE,
     CASCADE,
@@ -25,7 +25,7 @@ from backdrive.thesis._sensorless import (
     PRINTED,
     REST,
     STROKE,
-    admitted,
+    admittance_scene,
     estimators,
     in_words,
     metronome,
@@ -33,7 +33,7 @@ from backdrive.thesis._sensorless import (
     rms,
     virtual_force,
 )
-from backdrive.thesis.fig_3_4 import identified
+from backdrive.thesis.fig_3_4 import identify_rate
 from backdrive.thesis.outcome import Claim, Outcome
 from backdrive.thesis.scatter import less
 from backdrive.thesis.setups import RATIO, setups
@@ -75,11 +75,11 @@ def admit(
         ratio: K_c by K [-].
     """
     plant = setups(ratio)["setup_a"]
-    friction = estimators(plant, identified(plant, seed)) | {"none": NOTHING}
+    friction = estimators(plant, identify_rate(plant, seed)) | {"none": NOTHING}
     admittance, filter_, delay = CONDITIONS[condition]
     motions = [metronome(cycles, seed + i) for i in range(seeds)]
     scenes = [
-        admitted(
+        admittance_scene(
             plant,
             motion,
             friction[case],
@@ -105,11 +105,11 @@ def run(seed: int = 0, seeds: int = SEEDS, cycles: int = CYCLES, ratio: float = 
         ratio: K_c by K [-].
     """
     records = admit(CHOSEN, seed, seeds, cycles, ratio=ratio)
-    found = {CHOSEN: _measured(records, CHOSEN, cycles)}
+    found = {CHOSEN: _metrics(records, CHOSEN, cycles)}
     for name in CONDITIONS:
         if name != CHOSEN:
             n, long = (seeds, cycles) if name in MANY else (min(seeds, FEW), min(cycles, SHORT))
-            found[name] = _measured(admit(name, seed, n, long, ratio=ratio), name, long)
+            found[name] = _metrics(admit(name, seed, n, long, ratio=ratio), name, long)
     numbers = {
         f"{name}.{case}.{what}": float(np.mean(value))
         for name, by in found.items()
@@ -129,12 +129,12 @@ def run(seed: int = 0, seeds: int = SEEDS, cycles: int = CYCLES, ratio: float = 
             "Beside it m = 2 kg and two filters in a row, and one sample of delay more."
         ),
         claims=(*_claims(found), balance((r for runs in records.values() for r in runs), weightless=False)),
-        data=_shown(records),
+        data=_figure_data(records),
         numbers=numbers,
     )
 
 
-def _measured(records: Records, condition: str, cycles: int) -> dict[str, dict[str, np.ndarray]]:
+def _metrics(records: Records, condition: str, cycles: int) -> dict[str, dict[str, np.ndarray]]:
     """Return what is measured of each case, every number a seed."""
     admittance = CONDITIONS[condition][0]
     measured = {}
@@ -154,7 +154,7 @@ def _measured(records: Records, condition: str, cycles: int) -> dict[str, dict[s
     return measured
 
 
-def _shown(records: Records) -> dict[str, Any]:
+def _figure_data(records: Records) -> dict[str, Any]:
     some = next(iter(records.values()))[0]
     at = slice(0, round(SHOWN / PERIOD))
     return {

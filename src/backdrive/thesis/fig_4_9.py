@@ -18,12 +18,12 @@ from backdrive.thesis._sensorless import (
     PERIOD,
     PRINTED,
     REST,
-    admitted,
+    admittance_scene,
     estimators,
     in_words,
     metronome,
 )
-from backdrive.thesis.fig_3_4 import identified
+from backdrive.thesis.fig_3_4 import identify_rate
 from backdrive.thesis.outcome import Claim, Outcome
 from backdrive.thesis.setups import RATIO, setups
 
@@ -47,10 +47,10 @@ def run(seed: int = 0, seeds: int = SEEDS, cycles: int = CYCLES, ratio: float = 
         ratio: K_c by K [-].
     """
     plant = setups(ratio)["setup_a"]
-    friction = estimators(plant, identified(plant, seed))
+    friction = estimators(plant, identify_rate(plant, seed))
     motions = [metronome(cycles, seed + i, hold=HOLD, free=FREE, interval=PAUSE) for i in range(seeds)]
     scenes = [
-        admitted(plant, motion, friction[case], seed + i, admittance=admittance, filter=filter_)
+        admittance_scene(plant, motion, friction[case], seed + i, admittance=admittance, filter=filter_)
         for admittance, filter_ in SETTINGS.values()
         for case in CASES
         for i, motion in enumerate(motions)

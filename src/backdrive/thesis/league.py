@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.control import JointLoop, Unguarded
+from backdrive.control import BareLoop, JointLoop
 from backdrive.simulation.closed_loop import play
 from backdrive.thesis import _league_joints as joints_
 from backdrive.thesis._league_claims import claims_of
@@ -34,13 +34,13 @@ LESS = SETTINGS[2]
 CALM = ("release", "knock")  # scenes that show what does not rest
 
 
-def tuned(who: Contender, method: Method, budget: int, bare: Scores, seed: int) -> dict[str, float]:
+def best_settings(who: Contender, method: Method, budget: int, bare: Scores, seed: int) -> dict[str, float]:
     """Return the best of the settings that a method may try."""
     drawn = method.draw(budget, seed)
     if not method.guides:
-        tried = judged(who, method, drawn, NOMINAL, seed, ("tracking",))
+        tried = score(who, method, drawn, NOMINAL, seed, ("tracking",))
         return drawn[int(np.argmin([t["tracking"] for t in tried]))]
-    tried = judged(who, method, drawn, NOMINAL, seed, EPISODES[:-1])
+    tried = score(who, method, drawn, NOMINAL, seed, EPISODES[:-1])
     scenes = [s for z in drawn for s in joints_.scenes(who, _loop(who, method, z), LESS, seed, CALM)]
     records = play(scenes)
     calm = [restless(who, joints_.shaking(who, *records[i : i + 2])) for i in range(0, len(records), 2)]
@@ -48,10 +48,10 @@ def tuned(who: Contender, method: Method, budget: int, bare: Scores, seed: int) 
 
 
 def _loop(who: Contender, method: Method, z: Mapping[str, float]) -> JointLoop:
-    return Unguarded(compensator=method.make(who, z), limit=3.0 * who.coulomb)
+    return BareLoop(compensator=method.make(who, z), limit=3.0 * who.coulomb)
 
 
-def judged(
+def score(
     who: Contender,
     method: Method,
     numbers: Sequence[Mapping[str, float]],
@@ -71,10 +71,10 @@ def one_seed(seed: int, budget: int = BUDGET, joints: int = 4) -> dict[str, dict
     """Return the scores of every method on every joint in every setting, tuned anew."""
     result: dict[str, dict[str, Any]] = {}
     for who in joints_.contenders()[:joints]:
-        bare = judged(who, METHODS[0], [{}], NOMINAL, seed)[0]
+        bare = score(who, METHODS[0], [{}], NOMINAL, seed)[0]
         row: dict[str, Any] = {}
         for method in METHODS:
-            numbers = tuned(who, method, budget, bare, seed)
+            numbers = best_settings(who, method, budget, bare, seed)
             scenes = [
                 s for x in SETTINGS for s in joints_.scenes(who, _loop(who, method, numbers), x, seed + 1)
             ]

@@ -56,7 +56,7 @@ def models(who: Contender) -> dict[str, FrictionEstimator]:
     }
 
 
-def recorded(who: Contender, seed: int) -> tuple[Record, Record]:
+def record_logs(who: Contender, seed: int) -> tuple[Record, Record]:
     """Return the log of a hand that moves the bare joint and lets go, and that of a servo without a hand."""
     plant = who.plant(NOMINAL)
     common = {
@@ -73,9 +73,9 @@ def recorded(who: Contender, seed: int) -> tuple[Record, Record]:
     goal = who.stroke * np.sin(2 * np.pi * 0.4 * t) * np.minimum(t, 1.0)
     target = np.stack([goal, np.gradient(goal, DT)], axis=1)
     servo = low_gains(plant)
-    stiff = type(servo).tuned(plant.inertia, 60.0, filter_time=3e-3)
+    stiff = type(servo).from_bandwidth(plant.inertia, 60.0, filter_time=3e-3)
     scenes = [
-        Scene(motion=motion.released(DT * (n - 700), DT), hand=hand, **common),  # type: ignore[arg-type]
+        Scene(motion=motion.release(DT * (n - 700), DT), hand=hand, **common),  # type: ignore[arg-type]
         Scene(motion=pushes(np.zeros(len(t))), controller=stiff, target=target, **common),  # type: ignore[arg-type]
     ]
     first, second = play(scenes)
@@ -99,7 +99,9 @@ def tries(method: str, who: Contender) -> list[dict[str, Any]]:
     return [{"bandwidth": 10.0 ** (1.0 + 1.7 * x)} for x in levels]
 
 
-def judged(who: Contender, estimator: ExternalForce, moved: Record, free: Record) -> dict[str, float]:
+def score_estimator(
+    who: Contender, estimator: ExternalForce, moved: Record, free: Record
+) -> dict[str, float]:
     """Return RMS error and error at rest by the RMS force, delay [s], and the share of time with a false contact."""
     n = len(moved.time)
     weight = who.truth.weight(moved.reading)
@@ -127,7 +129,7 @@ def estimator_table(seed: int = 0, count: int = 4) -> dict[str, Any]:
         count: of joints, Setup A first.
     """
     joints = contenders()[:count]
-    logs = [(recorded(who, seed), recorded(who, seed + 1)) for who in joints]
+    logs = [(record_logs(who, seed), record_logs(who, seed + 1)) for who in joints]
     rows = []
     for name in models(joints[0]):
         for method in METHODS:
@@ -138,8 +140,8 @@ def estimator_table(seed: int = 0, count: int = 4) -> dict[str, Any]:
                     ExternalForce(inertia=who.truth.inertia, friction=friction, method=method, **given)
                     for given in tries(method, who)
                 ]
-                costs = [judged(who, e, *shown)["rms"] for e in made]
-                found.append(judged(who, made[int(np.argmin(costs))], *unseen))
+                costs = [score_estimator(who, e, *shown)["rms"] for e in made]
+                found.append(score_estimator(who, made[int(np.argmin(costs))], *unseen))
             rows.append(
                 {"friction": name, "method": method}
                 | {score: float(np.mean([f[score] for f in found])) for score in found[0]}

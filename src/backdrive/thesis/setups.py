@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 
 from backdrive.engine.servo import Servo
-from backdrive.simulation.joint import SimulatedJoint
+from backdrive.simulation.joint import JointSimulation
 from backdrive.simulation.machines import COUNTS, bent_curve, joint_0, joint_1, joint_2, setup_a
 
 RATIO = 1.0  # K_c by K
@@ -35,7 +35,7 @@ ROTOR = 1.66e-6  # of a 30 W motor [kg.m^2]
 JOINTS = ("setup_a", "joint_0", "joint_1", "joint_2")
 
 
-def setups(ratio: float = RATIO) -> dict[str, SimulatedJoint]:
+def setups(ratio: float = RATIO) -> dict[str, JointSimulation]:
     """Return Setup A and Joints 0 to 2 of Setup B as Fig. 3.2 draws them: compliant, with friction on the load's side.
 
     Args:
@@ -44,7 +44,7 @@ def setups(ratio: float = RATIO) -> dict[str, SimulatedJoint]:
     return dict(zip(JOINTS, [setup_a().replace(stiffness=ratio * K_A), *arm(ratio)[:3]]))
 
 
-def arm(ratio: float = RATIO) -> tuple[SimulatedJoint, ...]:
+def arm(ratio: float = RATIO) -> tuple[JointSimulation, ...]:
     """Return Joints 0 to 5 of Setup B.
 
     Args:
@@ -55,12 +55,12 @@ def arm(ratio: float = RATIO) -> tuple[SimulatedJoint, ...]:
         for make in (joint_0, joint_1, joint_2)
     ]
     return tuple(
-        j.replace(servo=Servo.tuned(j.inertia, BANDWIDTH))
+        j.replace(servo=Servo.from_bandwidth(j.inertia, BANDWIDTH))
         for j in (*first, *(wrist(number) for number in WRIST))
     )
 
 
-def wrist(number: int) -> SimulatedJoint:
+def wrist(number: int) -> JointSimulation:
     """Return Joint 3, 4 or 5 of the arm; all of it is assumed but ratio and largest torque.
 
     Friction in proportion to the torque as on Joint 0; rotor times the ratio squared and half as much for the wave generator;
@@ -71,7 +71,7 @@ def wrist(number: int) -> SimulatedJoint:
     """
     ratio, limit, stiffness = WRIST[number]
     motor, load, scale = 1.5 * ROTOR * ratio**2, 0.05, limit / 95.1
-    return SimulatedJoint(
+    return JointSimulation(
         name=f"joint_{number}",
         law=bent_curve(6.85 * scale, 5.0 * scale),
         motor_inertia=motor,

@@ -35,7 +35,7 @@ BOUNDS = {
 }
 
 
-def check_given(where: str, **values: float | Sequence[float] | None) -> None:
+def check_numbers(where: str, **values: float | Sequence[float] | None) -> None:
     """Refuse numbers out of their bounds; see `parameters.check`.
 
     Args:

@@ -17,7 +17,7 @@ from backdrive.laws import REFERENCE, Growth, Law, Polyline
 from backdrive.laws.base import Rate
 from backdrive.model import Actuator, JointFriction
 from backdrive.tuning import rules
-from backdrive.tuning.bounds import BOUNDS, between, check_given
+from backdrive.tuning.bounds import BOUNDS, between, check_numbers
 
 Interval = tuple[float, float]  # lower and upper end
 
@@ -89,7 +89,7 @@ class Facts:
     notes: tuple[str, ...] = field(default=())
 
     def __post_init__(self):
-        check_given(
+        check_numbers(
             f"Joint '{self.name}'",
             **{name: getattr(self, name) for name in CHECKED},
             **{name: getattr(self, f"{name}_interval") for name in ("stiffness", "inertia")},
@@ -138,7 +138,7 @@ def curve_of(law: Law, top: float, *, factor: float = 1.0, temperature: float = 
     return Polyline(velocity=tuple(speeds.tolist()), positive=branches[0], negative=branches[1])
 
 
-def scaled_rate(rate: Rate, share: float, top: float) -> Rate:
+def scale_rate(rate: Rate, share: float, top: float) -> Rate:
     """Return a rate law scaled, itself for a share of 1.
 
     Args:
@@ -183,7 +183,7 @@ def facts_of(
         InvalidInput: a number makes no sense.
     """
     joint, law, actuator = friction.joint, friction.law, friction.actuator or Actuator()
-    check_given(
+    check_numbers(
         f"Joint '{joint.name}'",
         stiffness=stiffness,
         inertia=inertia,

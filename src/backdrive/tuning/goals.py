@@ -13,7 +13,7 @@ from functools import cache
 
 import numpy as np
 
-from backdrive.control import Admittance, JointLoop, Unguarded
+from backdrive.control import Admittance, BareLoop, JointLoop
 from backdrive.control.compensators import Compensator, Dither, alg_fc, nothing
 from backdrive.control.estimators.external import ExternalForce
 from backdrive.control.estimators.friction import alg_fe
@@ -23,7 +23,7 @@ from backdrive.simulation.closed_loop import Record, Scene
 from backdrive.tuning import members as members_
 from backdrive.tuning import rules, scenes
 from backdrive.tuning.evaluation import evaluate
-from backdrive.tuning.facts import SOFTEST, Facts, scaled_rate
+from backdrive.tuning.facts import SOFTEST, Facts, scale_rate
 from backdrive.tuning.members import Member
 from backdrive.tuning.scenes import SUBSTEP, Stroke
 from backdrive.tuning.tuning import LEADING
@@ -61,7 +61,7 @@ def estimator(facts: Facts, z: Numbers, share: float = 1.0) -> ExternalForce:
     return ExternalForce(
         inertia=facts.inertia,
         friction=alg_fe(
-            scaled_rate(facts.rate, share, facts.top_speed), z["stiffness"] * facts.stiffness, z["decay"]
+            scale_rate(facts.rate, share, facts.top_speed), z["stiffness"] * facts.stiffness, z["decay"]
         ),
         filter=MotionFilter(gain=z["gain"], second_gain=z["second_gain"]),
     )
@@ -134,7 +134,7 @@ class Goal:
         found = np.array(evaluate(made, part.value)).reshape(len(many), -1) / part.unit()
         return np.where(np.isfinite(found), found, np.inf).mean(axis=1)
 
-    def felt(self, many: Sequence[Numbers]) -> dict[str, np.ndarray]:
+    def part_scores(self, many: Sequence[Numbers]) -> dict[str, np.ndarray]:
         """Return all parts of the score of each set of numbers by name, without their weights, (n,) each."""
         return {part.name: self.values(part, many) for part in self.parts}
 
@@ -179,19 +179,19 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
     if name in ("backdrive", "track"):
 
         def loop(z: Numbers) -> JointLoop:
-            return Unguarded(compensator=compensator(facts, z))
+            return BareLoop(compensator=compensator(facts, z))
 
         most = rules.largest_share(1.0 - facts.friction[0])
         share = (min(0.3, 0.5 * most), most)
         guides = name == "backdrive"
 
-        def tracked(z: Numbers, member: Member) -> Scene:
+        def tracking_scene(z: Numbers, member: Member) -> Scene:
             return scenes.tracking(facts, member, loop(z), stroke)
 
         parts = (
             _feelings(facts, stroke, middle, WISHES[wish])
             if guides
-            else [Part(name="error", scene=tracked, value=tracking_error)]
+            else [Part(name="error", scene=tracking_scene, value=tracking_error)]
         )
         return Goal(
             name=name,
@@ -214,7 +214,7 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
         gains = {k: (0.2 * g, 8.0 * g) for k, g in first.items()}
 
         def watch(z: Numbers) -> JointLoop:
-            return Unguarded(compensator=nothing(), external=estimator(facts, z))
+            return BareLoop(compensator=nothing(), external=estimator(facts, z))
 
         quiet = slice(-round(1.0 / facts.interval), -round(0.6 / facts.interval))
         return Goal(
@@ -241,13 +241,13 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
     controller = admittance(facts, {"mass": 1.0, "viscosity": 1.0})
     lightest = 2.0 * facts.interval * controller.derivative / facts.inertia
 
-    def led(z: Numbers) -> dict:
+    def square_run(z: Numbers) -> dict:
         return {"controller": admittance(facts, z)}
 
     share = rules.largest_share(1.0 - facts.friction[0])
 
     def estimating(z: Numbers) -> JointLoop:
-        return Unguarded(compensator=nothing(), external=estimator(facts, {**base, **z}, share))
+        return BareLoop(compensator=nothing(), external=estimator(facts, {**base, **z}, share))
 
     gains = {
         k: (g, 100.0 * g) for k, g in filter_gains(stroke).items()
@@ -260,12 +260,14 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
         parts=[
             Part(
                 name="force",
-                scene=lambda z, member: scenes.guidance(facts, member, estimating(z), stroke, **led(z)),
+                scene=lambda z, member: scenes.guidance(
+                    facts, member, estimating(z), stroke, **square_run(z)
+                ),
                 value=lambda r: scenes.peak_force(r, stroke),
             )
         ],
         score_on=corners[::2],
-        trial=lambda z, member, longest: scenes.knock(facts, member, estimating(z), longest, **led(z)),
+        trial=lambda z, member, longest: scenes.knock(facts, member, estimating(z), longest, **square_run(z)),
         unrest=lambda r: scenes.amplitude(r) / (RESTLESS * stroke.length),
         test_on=corners,
         words="mean peak force of the hand",
@@ -278,23 +280,23 @@ def _feelings(facts: Facts, stroke: Stroke, middle: Member, weights: Numbers) ->
     """Return what a person feels of a compensated joint, and how much each weighs."""
 
     def loop(z: Numbers) -> JointLoop:
-        return Unguarded(compensator=compensator(facts, z))
+        return BareLoop(compensator=compensator(facts, z))
 
-    def guided(z: Numbers, member: Member) -> Scene:
+    def guiding_scene(z: Numbers, member: Member) -> Scene:
         return scenes.guidance(facts, member, loop(z), stroke)
 
-    def freed(z: Numbers, member: Member) -> Scene:
+    def release_scene(z: Numbers, member: Member) -> Scene:
         return scenes.release(facts, member, loop(z), stroke, SUBSTEP)
 
-    def knocked(z: Numbers, member: Member) -> Scene:
+    def knock_scene(z: Numbers, member: Member) -> Scene:
         return scenes.knock(facts, member, loop(z))
 
     bare = {"share": 0.0, "stiffness": facts.stiffest / facts.stiffness, "decay": 20.0}
     played = {
-        "force": (guided, lambda r: scenes.peak_force(r, stroke)),
-        "standing": (freed, lambda r: standing(r, stroke, facts.coulomb)),
-        "touch": (freed, lambda r: scenes.breakaway(r, stroke, facts.coulomb)),
-        "coast": (knocked, coasting),
+        "force": (guiding_scene, lambda r: scenes.peak_force(r, stroke)),
+        "standing": (release_scene, lambda r: standing(r, stroke, facts.coulomb)),
+        "touch": (release_scene, lambda r: scenes.breakaway(r, stroke, facts.coulomb)),
+        "coast": (knock_scene, coasting),
     }
 
     def of_bare(name: str) -> Callable[[], float]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.control import Unguarded
+from backdrive.control import BareLoop
 from backdrive.control.compensators import Compensator, Dither, nothing
 from backdrive.tuning import members as members_
 from backdrive.tuning import rules, scenes
@@ -66,7 +66,7 @@ def margins(facts: Facts, z: Numbers, members: Sequence[Member], goal: Goal) -> 
         members: joints, some hundred.
         goal: whose safety test says what breaks.
     """
-    loop = Unguarded(compensator=compensator(facts, z))
+    loop = BareLoop(compensator=compensator(facts, z))
     knocked = evaluate(
         (scenes.knock(facts, m, loop, scenes.FINE) for m in members),
         lambda r: (scenes.amplitude(r), scenes.energy(r)),
@@ -97,7 +97,7 @@ def margins(facts: Facts, z: Numbers, members: Sequence[Member], goal: Goal) -> 
     }
 
 
-def left_over(
+def residual_break_away(
     facts: Facts, z: Numbers, members: Sequence[Member], stroke: Stroke, dither: Dither | None
 ) -> dict[str, float]:
     """Return the break-away that compensation and dither leave, and that of the bare joint [N.m or N].
@@ -110,12 +110,12 @@ def left_over(
         dither: at rest.
     """
 
-    def freed(what: Compensator, some: Sequence[Member]) -> np.ndarray:
-        made = (scenes.release(facts, m, Unguarded(compensator=what), stroke, scenes.SUBSTEP) for m in some)
+    def release_torque(what: Compensator, some: Sequence[Member]) -> np.ndarray:
+        made = (scenes.release(facts, m, BareLoop(compensator=what), stroke, scenes.SUBSTEP) for m in some)
         return np.array(evaluate(made, lambda r: scenes.breakaway(r, stroke, facts.coulomb)))
 
-    left = freed(compensator(facts, z, dither), members[:FEW])
-    bare = freed(nothing(), [members_.nominal(facts)])
+    left = release_torque(compensator(facts, z, dither), members[:FEW])
+    bare = release_torque(nothing(), [members_.nominal(facts)])
     return {
         "breakaway": float(left.mean()),
         "breakaway_worst": float(left.max()),

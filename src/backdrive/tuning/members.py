@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backdrive.laws import Law, ViscoElastoplastic
-from backdrive.simulation.joint import SimulatedJoint
+from backdrive.simulation.joint import JointSimulation
 from backdrive.tuning.facts import Facts, curve_of
 
 
@@ -38,7 +38,7 @@ class Member:
     temperature: float
     seed: int = 0
 
-    def plant(self, facts: Facts) -> SimulatedJoint:
+    def plant(self, facts: Facts) -> JointSimulation:
         """Return it as a simulated joint."""
         motor = self.motor_share * self.inertia
         load = self.inertia - motor
@@ -47,7 +47,7 @@ class Member:
         )
         rest = self.bristle
         element = ViscoElastoplastic(stiffness=rest, damping=2.0 * self.damping * float(np.sqrt(rest * load)))
-        return SimulatedJoint(
+        return JointSimulation(
             name=facts.name,
             unit=facts.unit,  # type: ignore[arg-type]
             law=Law(rate=rate, element=element),

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 
 from backdrive._blas import on_one_thread
-from backdrive.control import JointLoop, Unguarded, torque_limit
+from backdrive.control import BareLoop, JointLoop, torque_limit
 from backdrive.control.compensators import Dither
 from backdrive.errors import InvalidInput, LimitWarning, NotIdentifiable
 from backdrive.tuning import members as members_
 from backdrive.tuning import rules, safety, scenes
-from backdrive.tuning.bounds import check_given
+from backdrive.tuning.bounds import check_numbers
 from backdrive.tuning.evaluation import evaluate
 from backdrive.tuning.facts import Facts
 from backdrive.tuning.goals import AT_REST, GOALS, Goal, Numbers, compensator, filter_gains, goal_of
-from backdrive.tuning.margins import left_over, margins, region
+from backdrive.tuning.margins import margins, region, residual_break_away
 from backdrive.tuning.members import Member
 from backdrive.tuning.reasons import dither_bound, dither_frequency, edges, numbers_of
 from backdrive.tuning.refine import refine
@@ -99,7 +99,7 @@ def tune(
     if goal not in GOALS:
         raise InvalidInput(f"There is no goal '{goal}'.", remedy=f"Goals are {', '.join(GOALS)}.")
     trip_speed = facts.trip_speed if trip_speed is None else trip_speed
-    check_given(f"Joint '{facts.name}'", joints=joints, seed=seed, trip_speed=trip_speed, limit=limit)
+    check_numbers(f"Joint '{facts.name}'", joints=joints, seed=seed, trip_speed=trip_speed, limit=limit)
     if trip_speed is not None:
         JointLoop(limit=0.0, top_speed=trip_speed, encoder_count=facts.count)
     stroke = stroke or scenes.usual_stroke(facts)
@@ -125,7 +125,9 @@ def tune(
     if loops:
         sine, sway = _dither(facts, z, members, notes, say) if dither else (None, {})
         say("Measuring the margins")
-        found = margins(facts, z, members, judge) | sway | left_over(facts, z, members, stroke, sine)
+        found = (
+            margins(facts, z, members, judge) | sway | residual_break_away(facts, z, members, stroke, sine)
+        )
     else:
         found = {"joints": len(members), "left_over": float(judge.worst([z], members, scenes.FINE)[0])}
     picture: dict[str, Any] = {}
@@ -225,7 +227,12 @@ def _rows(
             "thesis": thesis_numbers(facts),
         }
     rows = {
-        row: {"score": float(score), "safe": safety.safe(goal, z, members), "numbers": z, **_felt(goal, z)}
+        row: {
+            "score": float(score),
+            "safe": safety.safe(goal, z, members),
+            "numbers": z,
+            **_hand_feel(goal, z),
+        }
         for (row, z), score in zip(others.items(), goal.scores(list(others.values())) if others else ())
     }
     rule = rows.get("fixed rule", {"safe": False})
@@ -237,7 +244,7 @@ def _rows(
             "safe": True,
             "numbers": z,
             "searched": True,
-            **_felt(goal, z),
+            **_hand_feel(goal, z),
         }
     except NotIdentifiable:
         if not rule["safe"]:
@@ -247,9 +254,9 @@ def _rows(
     return {"chosen": chosen, **rows}
 
 
-def _felt(goal: Goal, z: Numbers) -> dict[str, Any]:
+def _hand_feel(goal: Goal, z: Numbers) -> dict[str, Any]:
     """Return what a hand feels with some numbers; nothing for a goal that no hand moves."""
-    return {"felt": {k: float(v[0]) for k, v in goal.felt([z]).items()}} if len(goal.parts) > 1 else {}
+    return {"felt": {k: float(v[0]) for k, v in goal.part_scores([z]).items()}} if len(goal.parts) > 1 else {}
 
 
 def _search_numbers(
@@ -280,7 +287,7 @@ def _search_numbers(
 
 def _switching(facts: Facts, tuning: Tuning, members: Sequence[Member]) -> float:
     """Return the share of joints that rest after a knock with algFC2, which the safety test does not play [-]."""
-    loop = Unguarded(compensator=tuning.compensator(dither=False, switching=True))
+    loop = BareLoop(compensator=tuning.compensator(dither=False, switching=True))
     knocked = evaluate((scenes.knock(facts, m, loop, scenes.FINE) for m in members), scenes.amplitude)
     return float(np.mean(np.array(knocked) <= AT_REST * facts.count))
 
@@ -290,11 +297,11 @@ def _dither(
 ) -> tuple[Dither | None, dict[str, float]]:
     """Return the largest dither that moves no drawn joint beyond its bound, and by how much motor and load sway with it at rest."""
     say("Trying dither")
-    bound = rules.stuck_dither(z["share"], z["stiffness"] * facts.stiffness, facts.stiffness_interval[0])
+    bound = rules.sticking_dither(z["share"], z["stiffness"] * facts.stiffness, facts.stiffness_interval[0])
     share = min(DITHER_SHARE, SLACK * bound * facts.friction[0])
     for _ in range(3 if share > 0.0 else 0):
         sine = Dither(share=share, frequency=dither_frequency(facts, z), mode="reset")
-        loop = Unguarded(compensator=compensator(facts, z, sine))
+        loop = BareLoop(compensator=compensator(facts, z, sine))
         made = (scenes.knock(facts, m, loop, scenes.FINE) for m in members)
         sways = np.array(evaluate(made, lambda r: (scenes.amplitude(r), scenes.amplitude(r, of="load")))).T
         allowed = np.array([dither_bound(facts, m, z, sine) for m in members])

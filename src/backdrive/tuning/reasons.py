@@ -52,7 +52,7 @@ def dither_bound(facts: Facts, member: Member, z: Numbers, sine: Dither) -> floa
 
 
 def presliding_radius(facts: Facts, member: Member, z: Numbers) -> float:
-    """Return the spectral radius of a joint's presliding with a compensator: `rules.sampled_radius`.
+    """Return the spectral radius of a joint's presliding with a compensator: `rules.spectral_radius`.
 
     Args:
         facts: of the joint.
@@ -66,7 +66,7 @@ def presliding_radius(facts: Facts, member: Member, z: Numbers) -> float:
         for K, mass in ((member.transmission, M), (member.bristle, L))
     ]
     gain = z["share"] * z["stiffness"] * facts.stiffness
-    return rules.sampled_radius(M, L, springs[0], springs[1], gain, z["decay"], member.delay, facts.interval)
+    return rules.spectral_radius(M, L, springs[0], springs[1], gain, z["decay"], member.delay, facts.interval)
 
 
 def origin(z: Numbers, searched: Numbers | None, name: str, aim: str) -> str:
@@ -163,7 +163,7 @@ def numbers_of(
     }
     largest_R = rules.largest_share(1.0 - facts.friction[0])
     cycle = rules.limit_cycle(F * facts.friction[0], K_low, R / facts.friction[0])
-    stuck = rules.stuck_dither(R, K, K_low)
+    stuck = rules.sticking_dither(R, K, K_low)
     creep = rules.creep_speed(F, K, alpha, R)
     quantum = rules.quantum(K, facts.count, alpha, T)
     dithering = 0.0 if sine is None else sine.share

@@ -91,7 +91,7 @@ def quantum(stiffness: float, count: float, decay: float, period: float) -> floa
     return stiffness * count / (1.0 + period * decay)
 
 
-def stuck_dither(share: float, stiffness: float, transmission: float) -> float:
+def sticking_dither(share: float, stiffness: float, transmission: float) -> float:
     """Return the R_d up to which dither leaves the load stuck: 1 - R K/K_c [-].
 
     Below the resonance the motor yields by R_d F/(K_c - R K), which the transmission passes on as K_c times that; the load
@@ -145,7 +145,7 @@ def stopping_time(ratio: float, pushed: float, force: float = 2.0) -> float:
     return pushed * (force - 1.0 + ratio) / (1.0 - ratio) if ratio < 1.0 else np.inf
 
 
-def sampled_radius(
+def spectral_radius(
     motor: float,
     load: float,
     transmission: tuple[float, float],

@@ -52,10 +52,10 @@ def trials(goal: Goal, members: Sequence[Member]) -> list[Trial]:
 def restless(goal: Goal, z: Numbers, tried: Sequence[Trial], longest: float = FINE) -> list[Trial]:
     """Return the trials in which a joint does not come to rest; `longest`: integration step [s]."""
 
-    def pushed(factor: float) -> dict[str, float]:
+    def push(factor: float) -> dict[str, float]:
         return {k: factor * x if k in ("share", "stiffness") else x for k, x in z.items()}
 
-    made = (goal.trial(pushed(factor), member, longest) for member, factor in tried)
+    made = (goal.trial(push(factor), member, longest) for member, factor in tried)
     return [trial for trial, unrest in zip(tried, evaluate(made, goal.unrest)) if not unrest <= 1.0]
 
 

@@ -19,7 +19,7 @@ from backdrive.errors import InvalidInput
 from backdrive.simulation.closed_loop import Record, Scene
 from backdrive.simulation.hand import Hand, HandMotion, pushes, strokes
 from backdrive.tuning import rules
-from backdrive.tuning.bounds import check_given
+from backdrive.tuning.bounds import check_numbers
 from backdrive.tuning.facts import Facts
 from backdrive.tuning.members import Member
 
@@ -82,7 +82,7 @@ def usual_stroke(facts: Facts, length: float | None = None, duration: float = US
             model has seen and than 10 times the stated stroke.
     """
     where = f"Joint '{facts.name}'"
-    check_given(where, stroke=length, duration=duration)
+    check_numbers(where, stroke=length, duration=duration)
     usual = 0.15 if facts.unit == "rad" else 0.06
     length = usual if length is None else length
     if duration < 20.0 * facts.interval:
@@ -198,12 +198,12 @@ def release(facts: Facts, member: Member, loop: JointLoop, stroke: Stroke, longe
 
 
 def release_time(stroke: Stroke) -> float:
-    """Return when the hand lets go in `released` [s]."""
+    """Return when the hand lets go in `release` [s]."""
     return 0.1 + stroke.duration + 0.3
 
 
 def pull_time(stroke: Stroke) -> float:
-    """Return when the force begins to grow in `released` [s]."""
+    """Return when the force begins to grow in `release` [s]."""
     return release_time(stroke) + 1.0
 
 
@@ -246,7 +246,7 @@ def peak_force(record: Record, stroke: Stroke) -> float:
 
 
 def breakaway(record: Record, stroke: Stroke, coulomb: float) -> float:
-    """Return the force that moved the joint again in `released` [N.m or N]; what was pushed at most where none did."""
+    """Return the force that moved the joint again in `release` [N.m or N]; what was pushed at most where none did."""
     k = round(pull_time(stroke) / record.scene.period) + 1
     moved = np.flatnonzero(np.abs(record.load[k:] - record.load[k]) > 5e-3 * stroke.length)
     return float(abs(record.force[k + moved[0]])) if moved.size else 2.5 * coulomb

@@ -18,7 +18,7 @@ from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput
 from backdrive.laws import Growth, Law
 from backdrive.laws.base import Rate
-from backdrive.tuning.facts import scaled_rate
+from backdrive.tuning.facts import scale_rate
 
 LEADING = 20.0  # torque of the position controller under an admittance, by F [-]
 CONTACT = ("stiffness", "decay_rate")
@@ -140,8 +140,8 @@ class Tuning(Display):
     def external(self) -> ExternalForce:
         """Return the estimator of the external force; for `admit` it takes `share` of the friction."""
         share = self["share"] if self.goal == "admit" else 1.0
-        growth = None if self.growth is None else self.growth.scaled(share)
-        law = Law(rate=scaled_rate(self.rate, share, self.top_speed), growth=growth)
+        growth = None if self.growth is None else self.growth.scale(share)
+        law = Law(rate=scale_rate(self.rate, share, self.top_speed), growth=growth)
         return ExternalForce(
             inertia=self.inertia,
             friction=alg_fe(law, self["stiffness"], self["decay_rate"]),

@@ -27,7 +27,7 @@ from backdrive.control.compensators.extras import Extra
 from backdrive.control.estimators import friction as friction_
 from backdrive.control.estimators.friction import NOTHING, FrictionEstimator
 from backdrive.errors import InvalidInput
-from backdrive.parameters import NOT_NEGATIVE, Bounded
+from backdrive.parameters import NOT_NEGATIVE, WithBounds
 
 FRICTION, DITHER, EXTRA = 2, 2 + friction_.ROW, 2 + friction_.ROW + dither_.ROW
 ROW = EXTRA + extras.ROW
@@ -110,7 +110,7 @@ def restart(c, i, s, j, q):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Compensator(Bounded):
+class Compensator(WithBounds):
     """A friction compensator of one joint.
 
     Attributes:

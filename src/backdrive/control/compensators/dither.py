@@ -20,7 +20,7 @@ import numpy as np
 
 from backdrive._jit import jit
 from backdrive.elementary import sin
-from backdrive.parameters import POSITIVE, Bound, Bounded
+from backdrive.parameters import POSITIVE, Bound, WithBounds
 
 MODES = ("fixed", "reset", "adaptive")
 ROW = 7  # mode, R_d, Omega, count, counts, window, rate
@@ -62,7 +62,7 @@ def adapt(c, i, s, j, q, dt):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Dither(Bounded):
+class Dither(WithBounds):
     """A sine while the joint is stuck.
 
     Attributes:

@@ -30,7 +30,7 @@ from backdrive.control.estimators.friction import NOTHING, FrictionEstimator
 from backdrive.errors import InvalidInput
 from backdrive.laws import Law, LuGre
 from backdrive.laws.elements import lugre
-from backdrive.parameters import BIG, FINITE, NOT_NEGATIVE, POSITIVE, Bound, Bounded
+from backdrive.parameters import BIG, FINITE, NOT_NEGATIVE, POSITIVE, Bound, WithBounds
 
 ROW = (
     2 + external.ROW
@@ -84,7 +84,7 @@ def bristle(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Extra(Bounded, ABC):
+class Extra(WithBounds, ABC):
     """Base of what goes beyond a friction model. Each stands with its kernel, and is imported in `compensator`.
 
     Attributes:

@@ -24,7 +24,7 @@ from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput
 from backdrive.logs.joint import check_coupling
 from backdrive.model import FrictionModel, JointFriction
-from backdrive.parameters import POSITIVE, Bounded
+from backdrive.parameters import POSITIVE, WithBounds
 from backdrive.robot import Robot, load_robot
 
 POSTURES = 200  # random ones, by which a posture is judged
@@ -33,7 +33,7 @@ SLOW = 5.0  # by the speed within which friction changes sign: below it a joint 
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ArmForce(Bounded):
+class ArmForce(WithBounds):
     """An estimator of the external torque on all joints of an arm; arrays in the order of `joints`.
 
     Attributes:

@@ -106,7 +106,7 @@ def after(c, s, io, P, X, M, bias, coriolis, jacobian, room, dt, temps):
     elif method == DISTURBANCE:
         _disturbance(c, s, io, M, J, share, dt)
     else:
-        _observed(c, s, io, M, room, J, L, dt)
+        _observe(c, s, io, M, room, J, L, dt)
     for j in range(J):
         i, k, v = GLOBAL + ROW * j, STATES * j, io[VELOCITY * J + j]
         s[k + R] = io[FORCE * J + j]
@@ -202,7 +202,7 @@ def _disturbance(c, s, io, M, J, share, dt):
 
 
 @jit
-def _observed(c, s, io, M, room, J, L, dt):
+def _observe(c, s, io, M, room, J, L, dt):
     g_1, g_2, g_3 = c[GAINS], c[GAINS + 1], c[GAINS + 2]
     if abs(dt - c[PERIOD]) > 0.1 * c[PERIOD]:  # gains are in ticks, those of a tick of another length from L
         g_1, g_2, g_3 = threefold(L, dt)

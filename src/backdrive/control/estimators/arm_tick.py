@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from backdrive.control.estimators import arm_kernel as k
-from backdrive.engine.series import stacked
+from backdrive.engine.series import stack_rows
 from backdrive.errors import InvalidInput
 from backdrive.laws import REFERENCE
 from backdrive.robot import require_pinocchio
@@ -72,8 +72,8 @@ class ArmForceTick:
         self._s = np.zeros(k.STATES * J)
         self._io = np.zeros(k.OUT * J + 2 * FULL + FULL**2 + 1)
         laws = [f.law for f in settings.friction]
-        self._P = stacked([law.row() for law in laws])
-        self._X0 = stacked([law.state() for law in laws])
+        self._P = stack_rows([law.row() for law in laws])
+        self._X0 = stack_rows([law.state() for law in laws])
         self._X = self._X0.copy()
         self._room, self._temperature = np.zeros((J, J)), np.full(J, REFERENCE)
         rows = [self._io[i * J : (i + 1) * J] for i in range(k.OUT)]

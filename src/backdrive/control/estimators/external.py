@@ -37,7 +37,7 @@ from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.elementary import cos, sin
 from backdrive.errors import InvalidInput
 from backdrive.laws import REFERENCE
-from backdrive.parameters import FINITE, POSITIVE, Bounded
+from backdrive.parameters import FINITE, POSITIVE, WithBounds
 
 if TYPE_CHECKING:
     from backdrive.control.estimators.arm import ArmForce
@@ -75,7 +75,7 @@ def disturbance(c, i, s, j, q, dp, T, n):
 
 
 @leaf
-def observed(c, i, s, j, q, dp, T, n):
+def observe(c, i, s, j, q, dp, T, n):
     """An observer: predict with what acted, correct with what was measured."""
     M, L = c[i + 1], c[i + 4]
     g_1, g_2, g_3 = c[i + 5], c[i + 6], c[i + 7]
@@ -93,8 +93,8 @@ def observed(c, i, s, j, q, dp, T, n):
 DIRECT = Method("direct", direct)
 MOMENTUM = Method("momentum", momentum, speed=6, of_mass=True)
 DISTURBANCE = Method("disturbance", disturbance, speed=6)
-EXTENDED = Method("extended", observed, gains=by_poles, places=True, speed=7)
-KALMAN = Method("kalman", observed, gains=stationary, places=True, speed=7)
+EXTENDED = Method("extended", observe, gains=by_poles, places=True, speed=7)
+KALMAN = Method("kalman", observe, gains=stationary, places=True, speed=7)
 #: Every method by name. A method is one file and one import of its `Method` above.
 KNOWN: dict[str, Method] = {m.name: m for m in globals().values() if isinstance(m, Method)}
 METHODS = tuple(KNOWN)
@@ -134,7 +134,7 @@ def restart(c, i, s, j, q):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExternalForce(Bounded):
+class ExternalForce(WithBounds):
     """An estimator of the external force on one joint.
 
     Attributes:

@@ -22,7 +22,7 @@ from backdrive._jit import jit
 from backdrive.errors import InvalidInput
 from backdrive.laws import Coulomb, DeadZone, Decaying, HaywardArmstrong, Law, kernels, with_element
 from backdrive.laws.base import Rate
-from backdrive.parameters import NOT_NEGATIVE, POSITIVE, Bounded
+from backdrive.parameters import NOT_NEGATIVE, POSITIVE, WithBounds
 
 ROW = 8  # rate, element, place of alpha in the row or 0, alpha_N, alpha_H, r_W, V_W, literal
 
@@ -52,7 +52,7 @@ def tick(c, i, p, x, s, j, dp, dt, load, temp):
 
 
 @dataclass(frozen=True, kw_only=True)
-class FrictionEstimator(Bounded):
+class FrictionEstimator(WithBounds):
     """A law that is run along the encoder.
 
     Attributes:

@@ -35,7 +35,7 @@ import numpy as np
 from backdrive._jit import leaf
 from backdrive.errors import InvalidInput
 from backdrive.laws import Law
-from backdrive.parameters import NOT_NEGATIVE, POSITIVE, Bounded
+from backdrive.parameters import NOT_NEGATIVE, POSITIVE, WithBounds
 
 
 @leaf
@@ -61,7 +61,7 @@ def adapt(theta, f, tau, dt, time, floor, dead_zone, lower, upper):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Adaptation(Bounded):
+class Adaptation(WithBounds):
     """How the level of a joint's friction is learned in the loop, from the external force that is estimated in free motion.
 
     Attributes:

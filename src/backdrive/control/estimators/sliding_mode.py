@@ -25,7 +25,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from backdrive._jit import jit, leaf
-from backdrive.parameters import BIG, POSITIVE, Bound, Bounded
+from backdrive.parameters import BIG, POSITIVE, Bound, WithBounds
 
 WAYS = ("position", "velocity", "cascade")
 ROW = 5  # way, G_1, H_1, G_2, H_2
@@ -68,7 +68,7 @@ def motion(c, i, u, j, q, dp, T):
 
 
 @dataclass(frozen=True, kw_only=True)
-class MotionFilter(Bounded):
+class MotionFilter(WithBounds):
     """From an encoder to velocity and acceleration.
 
     Attributes:

@@ -28,7 +28,7 @@ from backdrive.identification.dynamics import growth_with_load
 from backdrive.identification.metrics import curve_distance, relative_curve_distance
 from backdrive.laws import Law, Polyline
 from backdrive.model import JointFriction
-from backdrive.plans.base import spoken
+from backdrive.plans.base import phrase
 
 ALARM = 0.01  # probability of calling chance a change [-]
 REPEAT = 1.1  # scatter of an identification repeated, by the standard error that one log gives [-]
@@ -74,25 +74,25 @@ class Change:
     remarks: tuple[str, ...] = ()
 
     @property
-    def judged(self) -> bool:
+    def is_testable(self) -> bool:
         """Whether both models have the errors that a test needs."""
         return bool(np.isfinite(self.probability))
 
     @property
-    def changed(self) -> bool:
+    def is_significant(self) -> bool:
         """Whether the difference is more than chance."""
-        return self.judged and self.probability < self.alarm
+        return self.is_testable and self.probability < self.alarm
 
     @property
     def verdict(self) -> str:
         """The answer in words."""
         size = 100.0 * self.shape
-        if not self.judged:
+        if not self.is_testable:
             return f"differs by up to {size:.2g} %; without standard errors nobody can tell whether that is chance"
         reach = 100.0 * REACH * self.mean_error
         digits = int(np.clip(-np.floor(np.log10(max(reach, 1e-6))), 0, 6))
         amount = f"{100.0 * self.mean:+.{digits}f} +- {reach:.{digits}f} %"
-        if not self.changed:
+        if not self.is_significant:
             return f"not changed beyond chance ({amount})"
         if abs(self.mean) > REACH * self.mean_error:
             return f"changed by {amount}, more than chance"
@@ -142,8 +142,8 @@ def change_of(
         )
     if top > min(ends) * (1.0 + 1e-9):
         raise InvalidInput(
-            f"Joint '{a.name}': both models hold up to {spoken(min(ends), a.unit + '/s', -1)}, not up to "
-            f"{spoken(top, a.unit + '/s')}; beyond, one of them extrapolates.",
+            f"Joint '{a.name}': both models hold up to {phrase(min(ends), a.unit + '/s', -1)}, not up to "
+            f"{phrase(top, a.unit + '/s')}; beyond, one of them extrapolates.",
             remedy="Compare up to a lower speed, or leave it out.",
         )
     second, remarks = _under_the_same_load(first, second)
@@ -303,7 +303,7 @@ def _slopes(law: Law, errors: _Errors, velocity: np.ndarray) -> np.ndarray:
         for way in (1.0, -1.0):  # a number at its bound can move one way only
             step = way * 1e-3 * np.sqrt(variance)
             try:
-                moved = Law(rate=_moved(law.rate, group, step), element=law.element)
+                moved = Law(rate=_step_numbers(law.rate, group, step), element=law.element)
             except InvalidInput:
                 continue
             columns.append((moved.torque(velocity) - law.torque(velocity)) / step)
@@ -313,7 +313,7 @@ def _slopes(law: Law, errors: _Errors, velocity: np.ndarray) -> np.ndarray:
     return np.stack(columns, axis=1)
 
 
-def _moved(rate, group: list[tuple[str, int | None]], step: float):
+def _step_numbers(rate, group: list[tuple[str, int | None]], step: float):
     changes = {}
     for name, i in group:
         value = getattr(rate, name)
@@ -339,6 +339,6 @@ def _mahalanobis(d: np.ndarray, C: np.ndarray) -> tuple[float, int]:
 
 def kind_of(change: Change) -> Literal["changed", "not changed", "not judged"]:
     """Return the outcome as a word for programs."""
-    if not change.judged:
+    if not change.is_testable:
         return "not judged"
-    return "changed" if change.changed else "not changed"
+    return "changed" if change.is_significant else "not changed"

@@ -9,7 +9,7 @@ from typing import Any
 from backdrive._upper import Display
 from backdrive.errors import InvalidInput
 from backdrive.identification.drift.change import ALARM, REACH, Change, change_of, kind_of
-from backdrive.identification.names import renamed, same_names
+from backdrive.identification.names import rename_joints, same_names
 from backdrive.model import FrictionModel
 
 
@@ -28,14 +28,14 @@ class Comparison(Display):
     models: tuple[FrictionModel, FrictionModel]
 
     @property
-    def changed(self) -> tuple[str, ...]:
+    def joints_with_change(self) -> tuple[str, ...]:
         """Return the joints whose friction changed by more than chance."""
-        return tuple(c.joint for c in self.changes if c.changed)
+        return tuple(c.joint for c in self.changes if c.is_significant)
 
     @property
-    def judged(self) -> bool:
+    def is_testable(self) -> bool:
         """Return whether change or its absence can be told of any joint."""
-        return any(c.judged for c in self.changes)
+        return any(c.is_testable for c in self.changes)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, as `backdrive compare --json` prints them."""
@@ -56,7 +56,7 @@ class Comparison(Display):
             }
             for c in self.changes
         }
-        return {"changed": list(self.changed), "joints": rows, "left_out": list(self.left_out)}
+        return {"changed": list(self.joints_with_change), "joints": rows, "left_out": list(self.left_out)}
 
 
 def compare(
@@ -96,17 +96,19 @@ def compare(
         raise InvalidInput(
             f"alarm = {alarm:g} is no probability.", remedy="Give one between 0 and 1, such as 0.01."
         )
-    second = _renamed(second, rename or {})
+    second = _rename_joints(second, rename or {})
     pairs, left_out = _pairs(first, second, joints)
     changes = [change_of(first.joint(a), second.joint(b), top_speed=top_speed, alarm=alarm) for a, b in pairs]
     return Comparison(changes=tuple(changes), left_out=tuple(left_out), models=(first, second))
 
 
-def _renamed(model: FrictionModel, names: Mapping[str, str]) -> FrictionModel:
+def _rename_joints(model: FrictionModel, names: Mapping[str, str]) -> FrictionModel:
     """Return a model with its joints under the names that a person gives them."""
     if not names:
         return model
-    joints = renamed([friction.joint for friction in model.joints], [f"{a}={b}" for a, b in names.items()])
+    joints = rename_joints(
+        [friction.joint for friction in model.joints], [f"{a}={b}" for a, b in names.items()]
+    )
     named = tuple(replace(friction, joint=joint) for friction, joint in zip(model.joints, joints))
     return replace(model, joints=named, coupling=None, coupled=())
 

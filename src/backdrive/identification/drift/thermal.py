@@ -140,7 +140,7 @@ def identify_thermal(
             f"The log has {len(stretches) - 1} gaps, in which nobody knows how the joint cooled.",
             remedy="Record the warm-up without gaps, or with a temperature.",
         )
-    parts = [_binned(s) for s in stretches]
+    parts = [_bin(s) for s in stretches]
     v, a, q, tau, temperature = (np.concatenate([p[i] for p in parts]) for i in range(5))
     top = float(np.percentile(np.abs(v), 99.5))
     V = np.array(knots, dtype=float) if knots is not None else top * np.array([0.05, 0.2, 0.4, 0.7, 1.0])
@@ -154,9 +154,9 @@ def identify_thermal(
     if not virtual:
         reference = float(temperature[0])
         theta = temperature - reference
-        return _solved(shape, rest, theta, tau, weight, V, (float("nan"), float("nan")), reference)
+        return _solve(shape, rest, theta, tau, weight, V, (float("nan"), float("nan")), reference)
     interval = _width(stretches[0]) / stretches[0].rate
-    plain = _fitted(np.hstack([shape, rest]), tau, weight)
+    plain = _least_squares(np.hstack([shape, rest]), tau, weight)
     power = (shape @ plain[: V.size]) * v
     length = interval * v.size
     best = float("nan")
@@ -164,7 +164,7 @@ def identify_thermal(
     def cost(logarithm: float) -> float:
         theta = virtual_temperature(power, interval, float(np.exp(logarithm)))
         X = np.hstack([shape, theta[:, None] * shape, rest])
-        return float(weight @ (tau - X @ _fitted(X, tau, weight)) ** 2)
+        return float(weight @ (tau - X @ _least_squares(X, tau, weight)) ** 2)
 
     for _ in range(ROUNDS):
         grid = np.log(np.geomspace(length / 100.0, 3.0 * length, GRID))
@@ -174,11 +174,11 @@ def identify_thermal(
         )
         best = float(np.exp(found.x))
         theta = virtual_temperature(power, interval, best)
-        curve = _fitted(np.hstack([shape, theta[:, None] * shape, rest]), tau, weight)
+        curve = _least_squares(np.hstack([shape, theta[:, None] * shape, rest]), tau, weight)
         power = (shape @ curve[: V.size] + theta * (shape @ curve[V.size : 2 * V.size])) * v
     theta = virtual_temperature(power, interval, best)
     error = _time_error(shape, rest, power, interval, best, tau, weight)
-    return _solved(shape, rest, theta, tau, weight, V, (best, error), float("nan"))
+    return _solve(shape, rest, theta, tau, weight, V, (best, error), float("nan"))
 
 
 def _width(s: Signals) -> int:
@@ -186,7 +186,7 @@ def _width(s: Signals) -> int:
     return max(1, round(BIN * s.rate))
 
 
-def _binned(s: Signals) -> list[np.ndarray]:
+def _bin(s: Signals) -> list[np.ndarray]:
     width = _width(s)
     count = s.time.size // width
     position = np.zeros_like(s.time) if s.position is None else s.position
@@ -197,7 +197,7 @@ def _binned(s: Signals) -> list[np.ndarray]:
     return [*(b.mean(axis=1) for b in bins), least]
 
 
-def _fitted(X: np.ndarray, y: np.ndarray, w: np.ndarray) -> np.ndarray:
+def _least_squares(X: np.ndarray, y: np.ndarray, w: np.ndarray) -> np.ndarray:
     return regression.solve(X.T @ (w[:, None] * X), X.T @ (w * y))
 
 
@@ -212,13 +212,13 @@ def _time_error(shape, rest, power, interval, T, tau, weight) -> float:
     K, step = shape.shape[1], 1e-3 * T
     theta = virtual_temperature(power, interval, T)
     X = np.hstack([shape, theta[:, None] * shape, rest])
-    found = _fitted(X, tau, weight)
+    found = _least_squares(X, tau, weight)
     moved = virtual_temperature(power, interval, T + step) - virtual_temperature(power, interval, T - step)
     X = np.column_stack([X, (shape @ found[K : 2 * K]) * moved / (2.0 * step)])
     return float(np.sqrt(max(_sandwich(X, tau, weight)[1][-1, -1], 0.0)))
 
 
-def _solved(shape, rest, theta, tau, weight, V, time_constant, reference) -> Thermal:
+def _solve(shape, rest, theta, tau, weight, V, time_constant, reference) -> Thermal:
     K = V.size
     span = float(theta.min()), float(theta.max())
     if np.isfinite(reference) and not np.ptp(theta) > LEAST_RISE:
@@ -236,7 +236,7 @@ def _solved(shape, rest, theta, tau, weight, V, time_constant, reference) -> The
         )
     left = weight * (tau - X @ found)
     plain = np.hstack([shape, rest])
-    before = weight * (tau - plain @ _fitted(plain, tau, weight))
+    before = weight * (tau - plain @ _least_squares(plain, tau, weight))
     return Thermal(
         velocity=V,
         cold=found[:K],

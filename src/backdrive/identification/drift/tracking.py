@@ -52,7 +52,7 @@ class Track:
         return self.time.size - 1
 
     @property
-    def changed(self) -> bool:
+    def is_significant(self) -> bool:
         """Whether the level was not constant, by either test at half the alarm each."""
         return min(self.probability, self.slope[2]) < 0.5 * self.alarm
 
@@ -60,7 +60,7 @@ class Track:
     def verdict(self) -> str:
         """The answer in words."""
         now = f"{self.level[-1]:.3g} +- {REACH * self.error[-1]:.2g}"
-        if not self.changed:
+        if not self.is_significant:
             return f"constant within chance over {self.time.size} identifications, now {now}"
         return (
             f"has changed by {self.level[-1] - self.level[0]:+.3g} since the first identification, now {now}"
@@ -105,7 +105,7 @@ def track(
     slope = float((covariance @ (X.T @ (y / s)))[1])
     deviation = float(np.sqrt(covariance[1, 1]))
     unit = float(np.mean(s**2) / np.mean(np.diff(t)))
-    tried = [_smoothed(t, y, s, unit * g) for g in GRID]
+    tried = [_smooth(t, y, s, unit * g) for g in GRID]
     likelihood = np.array([one[0] for one in tried])
     share = np.exp(likelihood - likelihood.max())
     share /= share.sum()
@@ -124,7 +124,7 @@ def track(
     )
 
 
-def _smoothed(t: np.ndarray, y: np.ndarray, s: np.ndarray, q: float) -> tuple[float, np.ndarray, np.ndarray]:
+def _smooth(t: np.ndarray, y: np.ndarray, s: np.ndarray, q: float) -> tuple[float, np.ndarray, np.ndarray]:
     """Return the logarithm of the likelihood, the smoothed levels and their variances."""
     mean, variance, before = y.copy(), s**2, s**2
     before = before.copy()

@@ -14,19 +14,19 @@ from backdrive.identification.dynamic.choice import Candidate as Candidate
 from backdrive.identification.dynamic.choice import Choice as Choice
 from backdrive.identification.dynamic.choice import shortlist
 from backdrive.identification.dynamic.directions import symmetric_shape
-from backdrive.identification.dynamic.driven import model_of, sought_of
+from backdrive.identification.dynamic.drive_stretch import drive_unknowns, model_of
 from backdrive.identification.dynamic.fit import Fit as Fit
-from backdrive.identification.dynamic.given_drive import MotionTask
-from backdrive.identification.dynamic.given_motion import TorqueTask
 from backdrive.identification.dynamic.joint_fit import JointFit, fit_joint
 from backdrive.identification.dynamic.law_fit import LawFit as LawFit
 from backdrive.identification.dynamic.law_fit import fit_law as fit_law
 from backdrive.identification.dynamic.motion import MotionFit as MotionFit
 from backdrive.identification.dynamic.motion import fit_motion as fit_motion
 from backdrive.identification.dynamic.motion_log import MotionLog as MotionLog
+from backdrive.identification.dynamic.motion_task import MotionTask
 from backdrive.identification.dynamic.search import LOSSES
+from backdrive.identification.dynamic.torque_task import TorqueTask
 from backdrive.identification.dynamic.uncertainty import check_interval
-from backdrive.identification.dynamic.unknowns import LawShape, range_asked
+from backdrive.identification.dynamic.unknowns import LawShape, user_range
 from backdrive.identification.options import Options, moments_without_drive
 from backdrive.logs.log import Drive, Log
 
@@ -62,7 +62,7 @@ def check(options: Options) -> None:
                 f"'{name}' is known ({options.known[plain]:g}) and bounded at once.",
                 remedy="Leave one of the two out: what is bounded is sought.",
             )
-        low, high = range_asked(name, given[:2] if isinstance(given, (list, tuple)) else given)
+        low, high = user_range(name, given[:2] if isinstance(given, (list, tuple)) else given)
         if not low < high:
             raise InvalidInput(
                 f"The bounds {low:g} to {high:g} of '{name}' are no range.",
@@ -76,7 +76,7 @@ def check(options: Options) -> None:
             )
     if options.law not in (None, "auto"):
         for name in shortlist(options.law, presliding=True, load=True, warm=True):
-            shape = LawShape.named(name)
+            shape = LawShape.from_name(name)
             if options.symmetric:
                 symmetric_shape(shape)
 
@@ -97,7 +97,7 @@ def fit_joints(
         NotIdentifiable: no joint's friction can be fitted.
     """
     if isinstance(options.drive, Drive):
-        options = replace(options, drive=model_of(options.drive, sought_of(options.bounds)))
+        options = replace(options, drive=model_of(options.drive, drive_unknowns(options.bounds)))
     options = replace(options, law=options.law or "auto")
     task = TorqueTask
     if is_driven(logs, options):
@@ -121,7 +121,7 @@ def fit_joints(
             stopped = stopped or bool(fits and fits[-1].stopped)
             if stopped:
                 break
-        stopped = stopped or stopping.noted()
+        stopped = stopped or stopping.is_interrupt_pending()
     if stopped:
         done = [fit.choice.joint for fit in fits]
         left = [name for name in names if name not in done]

@@ -151,7 +151,7 @@ def squares(squared: np.ndarray, mask: np.ndarray, counts: np.ndarray) -> list[f
     return [float(run.mean()) for run in runs if run.size]
 
 
-def fitted_error(fit: Fit, stretches: Sequence[Stretch]) -> tuple[float, int]:
+def training_error(fit: Fit, stretches: Sequence[Stretch]) -> tuple[float, int]:
     """Return the mean squared error on what was fitted [N.m or N, squared], rests included, and the number of samples."""
     squared = [(miss**2)[s.judged] for s, miss in zip(stretches, fit.misses(stretches))]
     joined = np.concatenate(squared)
@@ -191,7 +191,8 @@ def choose(
         what: was measured, for the sentence.
     """
     alive = sorted(
-        (c for c in candidates if np.isfinite(c.held_out)), key=lambda c: (c.parameters, _left(c), c.name)
+        (c for c in candidates if np.isfinite(c.held_out)),
+        key=lambda c: (c.parameters, _comparable_error(c), c.name),
     )
     least = min((c.aic for c in candidates if np.isfinite(c.aic)), default=0.0)
     table = tuple(
@@ -199,7 +200,7 @@ def choose(
     )
     if any(c.shown for c in alive):
         alive = [c for c in alive if c.shown]
-    best = min(alive, key=_left)
+    best = min(alive, key=_comparable_error)
     simple = next(c for c in alive if not _worth(c, best))
     share = 100.0 / size if size > 0 else float("nan")
     reason = (
@@ -208,19 +209,19 @@ def choose(
     )
     richer = [c for c in alive if c.parameters > simple.parameters]
     if richer:
-        c = min(richer, key=_left)
+        c = min(richer, key=_comparable_error)
         gain = 100.0 * (1.0 - c.held_out / simple.held_out)
         reason += f" '{c.name}' with {c.parameters} would bring {c.held_out:.3g} {unit}" + (
             f", {gain:.1f} % less: not worth it." if gain > 0 else ", no less: it is not worth it."
         )
     poorer = [c for c in alive if c.parameters < simple.parameters]
     if poorer:
-        c = min(poorer, key=_left)
+        c = min(poorer, key=_comparable_error)
         reason += f" The simpler '{c.name}' leaves {c.held_out:.3g} {unit}."
     return Choice(joint=joint, candidates=table, chosen=simple.name, reason=reason, unit=unit)
 
 
-def _left(candidate: Candidate) -> float:
+def _comparable_error(candidate: Candidate) -> float:
     """Return the unseen error to six digits: what differs less is one law in two forms, and rounding is not to choose."""
     return float(f"{candidate.held_out:.6g}")
 

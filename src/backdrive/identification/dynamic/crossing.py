@@ -42,7 +42,7 @@ def sliding(stretches: Sequence[Stretch], late: float = 0.0) -> list[Stretch]:
     return slid if after > ENOUGH * before else list(stretches)
 
 
-def as_fitted(fit: Fit, stretches: Sequence[Stretch]) -> list[Stretch]:
+def sliding_only(fit: Fit, stretches: Sequence[Stretch]) -> list[Stretch]:
     """Return stretches of which only sliding counts where a law was fitted to that alone; otherwise as they are."""
     fitted: Sequence[Stretch] = getattr(fit.problem, "stretches", ())
     if not any(s.only_sliding for s in fitted):
@@ -92,7 +92,7 @@ def possible(values: Mapping[str, float], line: float) -> dict[str, tuple[float,
     return bounds
 
 
-def settled(bounds: Mapping[str, object]) -> bool:
+def is_bounded(bounds: Mapping[str, object]) -> bool:
     """Say whether a person bounds break-away or Coulomb friction: then the law stays as it was fitted, and is graded."""
     return any(name.removesuffix(BACKWARD) in ("breakaway", "coulomb") for name in bounds)
 

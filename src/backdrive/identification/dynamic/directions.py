@@ -18,7 +18,7 @@ ALIKE = ("_negative", "_positive")  # parameters of laws that have both directio
 
 def name_by_direction(law: str) -> str:
     """Return the name of a law whose directions have numbers of their own; itself where they have them already."""
-    shape = LawShape.named(law)
+    shape = LawShape.from_name(law)
     return replace(shape, rate=law_by_direction(shape.rate)).name if shape.rate.SYMMETRIC else shape.name
 
 

@@ -12,7 +12,7 @@ from backdrive._catalog import lookup
 from backdrive.engine import Axis
 from backdrive.identification.dynamic import words
 from backdrive.identification.dynamic.problem import Problem
-from backdrive.identification.dynamic.search import Found
+from backdrive.identification.dynamic.search import SearchResult
 from backdrive.identification.dynamic.uncertainty import WEAK, intervals, search_covariance
 from backdrive.identification.evidence import sentences
 from backdrive.identification.options import Interval
@@ -63,7 +63,7 @@ class Fit:
     interrupted: bool
     warnings: tuple[str, ...]
     problem: Problem = field(repr=False)
-    found: Found = field(repr=False)
+    found: SearchResult = field(repr=False)
     loss: str
 
     @property
@@ -97,9 +97,9 @@ class Fit:
             UnknownName: no such method.
             InvalidInput: a profile of absolute deviations.
         """
-        return self.intervals_until_stopped(method, seed=seed, tick=tick)[0]
+        return self.intervals_until_stop(method, seed=seed, tick=tick)[0]
 
-    def intervals_until_stopped(
+    def intervals_until_stop(
         self, method: Interval = "covariance", *, seed: int = 0, tick: Callable[[str], None] | None = None
     ) -> tuple[dict[str, tuple[float, float]], bool]:
         """Return the same, and whether no interruption left numbers with the interval of the covariance."""
@@ -143,9 +143,9 @@ class Fit:
         return [y - np.clip(y, *self.problem.bracket(self.values, record, x)) for record, x, (y, _) in series]
 
 
-def conclude(problem: Problem, found: Found, loss: str = "huber") -> Fit:
+def conclude(problem: Problem, found: SearchResult, loss: str = "huber") -> Fit:
     """Return what a search's end says: values, errors, what is at a bound and what was not seen."""
-    found = problem.ordered(found)
+    found = problem.sort_elements(found)
     values = problem.values(found.point)
     low = found.point <= problem.lower + NEAR
     at_bound = low | (found.point >= problem.upper - NEAR)

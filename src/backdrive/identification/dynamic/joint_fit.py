@@ -1,6 +1,6 @@
 """Every law of a shortlist fitted to one joint, judged on windows that none has seen, and the chosen one fitted to everything.
 
-What is fitted is a `Task`: torque given motion (`given_motion`), or motion given the drive's input (`given_drive`).
+What is fitted is a `Task`: torque given motion (`torque_task`), or motion given the drive's input (`motion_task`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from backdrive.identification.dynamic import choice as choice_
 from backdrive.identification.dynamic import directions
 from backdrive.identification.dynamic.choice import Candidate, Choice
 from backdrive.identification.dynamic.fit import Fit
-from backdrive.identification.dynamic.stopping import unless_stopped
+from backdrive.identification.dynamic.stopping import result_or_none
 from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.identification.options import Options
 from backdrive.identification.result import JointEvidence
@@ -160,7 +160,7 @@ def fit_joint(task: Task) -> JointFit:
     final, remarks, whole = best, list(task.remarks), task.whole
     if whole is not None and not stopped:
         options.say(f"{name}: fitting {best.name} to everything")
-        again = unless_stopped(lambda: task.fit(best.name, whole, best.values))
+        again = result_or_none(lambda: task.fit(best.name, whole, best.values))
         stopped = again is None or again.interrupted
         if again is not None and task.explains(again, best):
             final = again
@@ -169,7 +169,7 @@ def fit_joint(task: Task) -> JointFit:
                 "Fitted to everything, the law explains the log worse than without the windows that it was judged on: the "
                 "numbers are those of the fit that was judged."
             )
-    ends, done = final.intervals_until_stopped(
+    ends, done = final.intervals_until_stop(
         "covariance" if stopped else options.interval,
         seed=options.seed,
         tick=lambda number: options.say(f"{name}: profile of {number}"),
@@ -202,7 +202,7 @@ def _by_direction(task: Task, choice: Choice, candidates: Sequence[Candidate]) -
     task.options.say(f"{task.info.name}: fitting {law}")
     begun = clock.perf_counter()
     try:
-        return unless_stopped(lambda: _candidate(task, law, begun))
+        return result_or_none(lambda: _candidate(task, law, begun))
     except BackdriveError as error:
         return Candidate(name=law, seconds=clock.perf_counter() - begun, remark=error.message)
 
@@ -237,7 +237,7 @@ def check_bounds(bounds: Mapping[str, Any], laws: Sequence[str], others: Sequenc
     Raises:
         InvalidInput: neither a law nor the joint has such a number.
     """
-    shapes = [LawShape.named(law) for law in laws]
+    shapes = [LawShape.from_name(law) for law in laws]
     names = dict.fromkeys(n for s in shapes for n in (*s.rate.PARAMETERS, *s.element.PARAMETERS))
     for name in bounds:
         if name.partition("[")[0] not in {*names, *others}:
@@ -255,7 +255,7 @@ def interruption(listed: Sequence[str], candidates: Sequence[Candidate], done: b
         candidates: that were.
         done: the intervals asked for were reached.
     """
-    left = [LawShape.named(name).name for name in listed[len(candidates) :]]
+    left = [LawShape.from_name(name).name for name in listed[len(candidates) :]]
     said = "The fit was interrupted; this is the best that had been found."
     said += f" Not tried: {', '.join(left)}." if left else ""
     return said + ("" if done else " Intervals that were not reached are those of the covariance.")

@@ -62,7 +62,7 @@ def fit_law(
         NotIdentifiable: no motion, constant torque, or too few samples.
         InvalidInput: contradictory bounds.
     """
-    shape = LawShape.named(law) if isinstance(law, str) else law
+    shape = LawShape.from_name(law) if isinstance(law, str) else law
     if not stretches or sum(len(s.torque) for s in stretches) < 50:
         raise NotIdentifiable(
             f"{sum(len(s.torque) for s in stretches)} samples are too few to fit '{shape.name}' to.",
@@ -72,7 +72,7 @@ def fit_law(
     scales = starts_.scales(stretches, terms, unit, counts, known) if scales is None else scales
     about, dt = 0.0, max(s.dt for s in stretches)
     if delay:
-        plain = starts_.without_known(stretches, known or {})
+        plain = starts_.subtract_terms(stretches, known or {})
         about = begin_at["delay"] if begin_at else starts_.delay_of(plain, terms, LONGEST_DELAY)
         about = about if abs(about) > FAR * dt else 0.0
     inform = None if tick is None else lambda i, c: tick(shape.name, i, c)

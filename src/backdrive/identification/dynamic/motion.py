@@ -77,7 +77,7 @@ def fit_motion(
             raise InvalidInput(
                 "There is no axis.", remedy="In Python, give axis=Axis(...) with everything known of it."
             )
-        shape = LawShape.named(law) if isinstance(law, str) else law
+        shape = LawShape.from_name(law) if isinstance(law, str) else law
         problem = MotionProblem(shape, logs, axis, free, signal=signal, substeps=substeps, unit=unit)
     m = problem.size
     if m < max(FEWEST, 2 * len(problem.unknowns)):

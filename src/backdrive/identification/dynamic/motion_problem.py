@@ -84,7 +84,7 @@ class MotionProblem(Problem):
         super().__init__(shape, self.terms.unknowns, self.terms.start)
         self.setters = [self._setter(u) for u in self.unknowns[self.terms.of_law :]]
         self.logs = list(logs)
-        self._groups = self._grouped()
+        self._groups = self._group_logs()
 
     def on(self, logs: Sequence[MotionLog]) -> MotionProblem:
         """Return the same problem on other logs."""
@@ -113,7 +113,7 @@ class MotionProblem(Problem):
             return "drive", column(self.axis.drive, plain[6:], u.lower, u.upper), 0, ""
         return "axis", column(self.axis, plain, u.lower, u.upper), 0, ""
 
-    def _grouped(self):
+    def _group_logs(self):
         """Logs of one sampling time side by side, shorter ones held at their ends."""
         groups = []
         for dt in sorted({log.dt for log in self.logs}):

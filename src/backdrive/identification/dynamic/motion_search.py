@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from backdrive.identification.dynamic import stopping
-from backdrive.identification.dynamic.search import CHUNK, Found, Search, screen
+from backdrive.identification.dynamic.search import CHUNK, Search, SearchResult, screen
 
 WIDE, NARROW = 1.6e-2, 1.5e-3  # forward differences at first and at last, in search coordinates
 FINE = 1e-5  # of the last steps, where the cost is smooth
@@ -115,12 +115,12 @@ class MotionSearch(Search):
             for k, (w, s) in enumerate(zip(ways, steps))
         ]
 
-    def found(self, ways: list[Descent], interrupted: bool) -> Found:
+    def best(self, ways: list[Descent], interrupted: bool) -> SearchResult:
         """Return the best of the ends."""
         costs = [w.cost for w in ways]
         k = int(np.argmin(costs))
         best = Descent(ways[k].point, ways[k].residual, costs[k], wide=NARROW)
-        return Found(
+        return SearchResult(
             point=best.point,
             cost=best.cost,
             residual=best.residual,
@@ -146,7 +146,7 @@ def seek(
     refine: int = 0,
     seed: int = 0,
     tick: Callable[[str, int, float], None] | None = None,
-) -> Found:
+) -> SearchResult:
     """Screen starts, let a few descend a little, the best of them to the end, and return the best end.
 
     Args:
@@ -180,18 +180,18 @@ def seek(
         search.descend(ways, iterations, inform("descent"))
         if polish:
             best = min(ways, key=lambda w: w.cost)
-            ways.insert(0, evolved(search, best, boxes, polish, seed, inform("polish")))
+            ways.insert(0, evolve(search, best, boxes, polish, seed, inform("polish")))
             search.descend(ways[:1], max(1, iterations // 2), inform("last"))
         if refine:
             k = int(np.argmin([w.cost for w in ways]))
             ways[k].wide, ways[k].done = FINE, False
             search.descend([ways[k]], refine, inform("refined"))
-        return search.found(ways, False)
+        return search.best(ways, False)
     except KeyboardInterrupt:
-        return search.found(ways, True)
+        return search.best(ways, True)
 
 
-def evolved(search, best, boxes, generations, seed, tick, *, population=24, spread=0.05) -> Descent:
+def evolve(search, best, boxes, generations, seed, tick, *, population=24, spread=0.05) -> Descent:
     """Return what differential evolution finds around a point."""
     from scipy.optimize import differential_evolution
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from backdrive.engine import Axis
 from backdrive.errors import InvalidInput
-from backdrive.identification.dynamic.search import Found
+from backdrive.identification.dynamic.search import SearchResult
 from backdrive.identification.dynamic.unknowns import LawShape, Unknown
 
 
@@ -104,7 +104,7 @@ class Problem(ABC):
         """
         return np.zeros((0, self.size))
 
-    def ordered(self, found: Found) -> Found:
+    def sort_elements(self, found: SearchResult) -> SearchResult:
         """Return where a search ended with what may be exchanged in a fixed order."""
         return found
 

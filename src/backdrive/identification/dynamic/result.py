@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from backdrive.identification.curves import SHARES
-from backdrive.identification.dynamic.crossing import as_fitted
+from backdrive.identification.dynamic.crossing import sliding_only
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.torque import Stretch
 from backdrive.identification.dynamic.uncertainty import search_covariance
@@ -72,11 +72,11 @@ def finish(
             temperature=_span(warmth),
         ),
         fitted=judge(
-            (s.torque, tau, 1.0 / s.dt, s.judged) for s, tau in zip(as_fitted(final, stretches), predicted)
+            (s.torque, tau, 1.0 / s.dt, s.judged) for s, tau in zip(sliding_only(final, stretches), predicted)
         ),
         held_out=judge(
             (s.torque, tau, 1.0 / s.dt, s.judged & mask)
-            for s, tau, mask in zip(as_fitted(judged, judges), judged.predict(judges), masks)
+            for s, tau, mask in zip(sliding_only(judged, judges), judged.predict(judges), masks)
         ),
         method=f"fit of {final.name}: {how}",
         warnings=final.warnings,

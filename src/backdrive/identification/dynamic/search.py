@@ -32,7 +32,7 @@ LOSSES: dict[str, Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Found:
+class SearchResult:
     """Where a search ended.
 
     Attributes:
@@ -72,10 +72,10 @@ class Search:
         self.residuals, self.lower, self.upper = residuals, np.asarray(lower), np.asarray(upper)
         self.loss, self.sigma, self.step = loss, sigma, step
         self.evaluations = 0
-        self.best: Found | None = None
+        self.best: SearchResult | None = None
         self.stopped = False
         #: Start, or end where a search came to rest -> iterations, end.
-        self.ended: dict[bytes, tuple[int, Found]] = {}
+        self.ended: dict[bytes, tuple[int, SearchResult]] = {}
 
     def evaluate(self, points: np.ndarray) -> np.ndarray:
         """Return the residuals of a batch, (B, m)."""
@@ -108,10 +108,10 @@ class Search:
         steps = np.where(point + self.step > self.upper, -self.step, self.step)
         return np.ascontiguousarray(((self.evaluate(point + np.diag(steps)) - residual) / steps[:, None]).T)
 
-    def at(self, point: np.ndarray, residual: np.ndarray) -> Found:
+    def at(self, point: np.ndarray, residual: np.ndarray) -> SearchResult:
         """Return what a search would that came to rest at a point, (P,), with this residual, (m,)."""
         sigma = self.scale(residual)
-        return Found(
+        return SearchResult(
             point=point,
             cost=self.cost(residual, sigma),
             residual=residual,
@@ -128,7 +128,7 @@ class Search:
         iterations: int = 40,
         tolerance: float = 1e-8,
         tick: Callable[[int, float], None] | None = None,
-    ) -> Found:
+    ) -> SearchResult:
         """Descend from a start and return the end.
 
         Args:

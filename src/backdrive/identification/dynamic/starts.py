@@ -38,7 +38,7 @@ def rest_of(
         Values by name: `coulomb`, `viscous` and the terms; and the measured torque less the terms, a series a stretch.
     """
     rows, targets = [], []
-    stretches = without_known(stretches, known or {})
+    stretches = subtract_terms(stretches, known or {})
     for s in stretches:
         v = s.velocity
         moving = s.judged & (np.abs(v) > SLOW * np.abs(v).max())
@@ -58,7 +58,7 @@ def _least_squares(A: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.linalg.lstsq(A / norm, y, rcond=1e-8)[0] / norm
 
 
-def without_known(stretches: Sequence[Stretch], known: Mapping[str, float]) -> list[Stretch]:
+def subtract_terms(stretches: Sequence[Stretch], known: Mapping[str, float]) -> list[Stretch]:
     """Return stretches whose torque is without what known terms take of it."""
     return [
         replace(s, torque=s.torque - sum(value * column(s, term) for term, value in known.items()))
@@ -84,12 +84,12 @@ def delay_of(stretches: Sequence[Stretch], terms: Sequence[str], reach: float) -
     farthest = round(reach / dt)
     step = max(1, farthest // 12)
 
-    def left(late: int) -> float:
+    def misfit(late: int) -> float:
         A = earlier(motion, float(late))[:, use].T
         return float(np.sum((torque[use] - A @ _least_squares(A, torque[use])) ** 2))
 
-    best = min(range(-(farthest // step) * step, farthest + 1, step), key=left)
-    return dt * min(range(best - step + 1, best + step), key=left)
+    best = min(range(-(farthest // step) * step, farthest + 1, step), key=misfit)
+    return dt * min(range(best - step + 1, best + step), key=misfit)
 
 
 def scales(

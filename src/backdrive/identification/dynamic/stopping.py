@@ -44,7 +44,7 @@ def keeping() -> bool:
     return _state.depth > 0 and _state.keeps
 
 
-def noted() -> bool:
+def is_interrupt_pending() -> bool:
     """Return whether an interruption waits that came too late to cut anything short."""
     return _state.noted
 
@@ -86,7 +86,7 @@ def gently() -> Iterator[None]:
         _state.depth = 0
 
 
-def unless_stopped(call: Callable[[], T]) -> T | None:
+def result_or_none(call: Callable[[], T]) -> T | None:
     """Return what a call gives, or None where it was interrupted."""
     try:
         check()

@@ -15,7 +15,7 @@ from backdrive.engine import Lanes
 from backdrive.errors import NotIdentifiable
 from backdrive.identification.delay import earlier
 from backdrive.identification.dynamic.problem import Problem
-from backdrive.identification.dynamic.search import Found
+from backdrive.identification.dynamic.search import SearchResult
 from backdrive.identification.dynamic.unknowns import LawShape, Scales, Unknown
 from backdrive.identification.dynamics import increments
 from backdrive.identification.signals import Signals
@@ -209,7 +209,7 @@ class TorqueProblem(Problem):
             predicted.append(tau)
         return predicted
 
-    def ordered(self, found: Found) -> Found:
+    def sort_elements(self, found: SearchResult) -> SearchResult:
         """Return where a search ended with elements side by side sorted, the stiffest first.
 
         Which of them is called the first changes nothing in the torque.

@@ -11,7 +11,7 @@ import numpy as np
 from backdrive._catalog import lookup
 from backdrive.errors import InvalidInput
 from backdrive.identification import regression
-from backdrive.identification.dynamic.search import Found, Search
+from backdrive.identification.dynamic.search import Search, SearchResult
 from backdrive.identification.options import Interval
 
 BLOCKS = 60  # of time, whose scores are taken as independent
@@ -82,7 +82,7 @@ def search_covariance(
         cuts = np.unique(np.linspace(a, b, count + 1).astype(int))
         parts.append(np.add.reduceat(scores, cuts[:-1], axis=0))
     plain = variance * bread
-    sandwich = regression.clustered(bread, np.concatenate(parts))
+    sandwich = regression.cluster_covariance(bread, np.concatenate(parts))
     if inputs is not None and len(inputs):
         moves = (inputs * weight) @ J @ bread
         plain = plain + moves.T @ moves / len(inputs)
@@ -192,7 +192,7 @@ def bootstrap(
 
 def intervals(
     problem: Any,
-    found: Found,
+    found: SearchResult,
     errors: Mapping[str, float],
     method: Interval = "covariance",
     *,
@@ -240,7 +240,7 @@ def intervals(
             if tick is not None:
                 tick(u.name)
             try:
-                ends = np.array(_profiled(problem, found, i, free, float(root[i]), loss, step))
+                ends = np.array(_profile_interval(problem, found, i, free, float(root[i]), loss, step))
             except KeyboardInterrupt:
                 done = False
         ends = np.clip(ends, problem.lower[i], problem.upper[i])
@@ -263,8 +263,8 @@ def check_interval(method: str, loss: str) -> None:
         )
 
 
-def _profiled(
-    problem: Any, found: Found, i: int, free: np.ndarray, error: float, loss: str, step: float
+def _profile_interval(
+    problem: Any, found: SearchResult, i: int, free: np.ndarray, error: float, loss: str, step: float
 ) -> tuple[float, float]:
     """Return the profile interval of one search coordinate."""
     others = np.arange(len(found.point)) != i

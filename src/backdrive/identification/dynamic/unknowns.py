@@ -111,7 +111,7 @@ class Unknown:
         return value if self.log else self.scale
 
 
-def range_asked(name: str, given: Any) -> tuple[float, float]:
+def user_range(name: str, given: Any) -> tuple[float, float]:
     """Return a range that a person gave.
 
     Raises:
@@ -143,7 +143,7 @@ def unknown(
     if parameter.peak:
         upper = max(min(upper, scales.most), 2.0 * lower)
     if plain in bounds:
-        asked = range_asked(plain, bounds[plain])
+        asked = user_range(plain, bounds[plain])
         if not asked[0] < asked[1] or asked[1] < parameter.lower or asked[0] > parameter.upper:
             raise InvalidInput(
                 f"The bounds {asked[0]:g} to {asked[1]:g} of '{plain}' contradict its range "
@@ -176,7 +176,7 @@ class LawShape:
     ties: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
-    def named(cls, name: str, *, count: int = 4, fixed: Mapping[str, Any] | None = None) -> LawShape:
+    def from_name(cls, name: str, *, count: int = 4, fixed: Mapping[str, Any] | None = None) -> LawShape:
         """Return the shape of `rate`, or `rate+element`.
 
         Raises:

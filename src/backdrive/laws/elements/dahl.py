@@ -18,7 +18,7 @@ from backdrive.laws.base import Element, Parameter
 
 
 @leaf
-def relaxed(z, lo, hi, dp):
+def relax(z, lo, hi, dp):
     """Torque z (of unit stiffness) carried towards the bound of the direction of motion over a path dp, exactly."""
     bound = hi if dp > 0.0 else lo
     if dp == 0.0:
@@ -31,7 +31,7 @@ def relaxed(z, lo, hi, dp):
 @leaf
 def step(p, e, z, lo, hi, dp, dt):
     """State and torque after one tick; the state is the torque."""
-    after = relaxed(z, lo, hi, p[e] * dp)
+    after = relax(z, lo, hi, p[e] * dp)
     return after, after
 
 

@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 from backdrive._jit import leaf
 from backdrive.laws.base import Element, Parameter, Rate
 from backdrive.laws.elements.dahl import STIFFNESS
-from backdrive.laws.elements.hayward_armstrong import between, clipped
+from backdrive.laws.elements.hayward_armstrong import between, clip_torque
 
 
 @leaf
@@ -25,7 +25,7 @@ def step(p, e, z, lo, hi, dp, dt):
     K, alpha = p[e], p[e + 1]
     left, yielding = 1.0 / (1.0 + alpha * dt), 1.0 / K  # in a loop over ticks both divisions are done once
     trial = (z + K * dp) * left
-    after = clipped(trial, lo, hi)
+    after = clip_torque(trial, lo, hi)
     slid = alpha * dt * yielding * trial if after == trial else between(dp - (after - z) * yielding, dp)
     return after, after, slid
 

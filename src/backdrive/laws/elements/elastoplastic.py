@@ -32,7 +32,7 @@ def plastic(w):
 
 
 @jit
-def yielded(g, R, S, b):
+def yield_torque(g, R, S, b):
     """Bristle torque after it was pulled by R >= 0 along its motion: the root u of u = g + R (1 - a(u) u/S)."""
     if g + R <= b * S:
         return g + R
@@ -67,9 +67,9 @@ def step(p, e, z, lo, hi, dp, dt):
     """State and torque after one tick; the state is sigma_0 z."""
     sigma_0, sigma_1, v_d, b = p[e], p[e + 1], p[e + 2], p[e + 3]
     if dp > 0.0:
-        after = yielded(z, sigma_0 * dp, hi, b) if hi > 0.0 else 0.0
+        after = yield_torque(z, sigma_0 * dp, hi, b) if hi > 0.0 else 0.0
     elif dp < 0.0:
-        after = -yielded(-z, -sigma_0 * dp, -lo, b) if lo < 0.0 else 0.0
+        after = -yield_torque(-z, -sigma_0 * dp, -lo, b) if lo < 0.0 else 0.0
     else:
         after = z + dp
     if sigma_1 == 0.0:

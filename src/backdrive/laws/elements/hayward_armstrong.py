@@ -19,7 +19,7 @@ from backdrive.laws.elements.dahl import STIFFNESS
 
 
 @leaf
-def clipped(f, lo, hi):
+def clip_torque(f, lo, hi):
     """Return f within [lo, hi]; a NaN stays a NaN."""
     f = hi if f > hi else f
     return lo if f < lo else f
@@ -40,7 +40,7 @@ def step(p, e, z, lo, hi, dp, dt):
     """State, torque and slider's motion after one tick; the state is K (p - q)."""
     K = p[e]
     trial = z + K * dp
-    after = clipped(trial, lo, hi)
+    after = clip_torque(trial, lo, hi)
     slid = 0.0 if after == trial else between(dp - (after - z) / K, dp)
     return after, after, slid
 

@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 from backdrive._jit import jit, leaf
 from backdrive.elementary import pow
 from backdrive.laws.base import Parameter
-from backdrive.laws.elements.hayward_armstrong import clipped
+from backdrive.laws.elements.hayward_armstrong import clip_torque
 from backdrive.laws.elements.maxwell_slip import MANY, Parallel
 
 SECANTS, STEPS = 40, 100
@@ -26,23 +26,23 @@ NOTHING = 1e-150  # of a bound [N.m or N]
 
 
 @leaf
-def pulled(p, e, x, dz, lo, hi):
+def pull_bristle(p, e, x, dz, lo, hi):
     """Hysteresis torque after the bristle has moved by dz; `x` stays as it is."""
     n = int(p[e])
     total = 0.0
     for i in range(n):
         w = p[e + 1 + n + i]
-        total += clipped(x[i] + p[e + 1 + i] * dz, w * lo, w * hi)
+        total += clip_torque(x[i] + p[e + 1 + i] * dz, w * lo, w * hi)
     return total
 
 
 @jit
-def moved(p, e, x, way, path, lo, hi):
+def bristle_travel(p, e, x, way, path, lo, hi):
     """How far the bristle moves, along the motion, while the joint moves by path > 0: the root u of u = path (1 - ...)."""
     N = int(p[e])
     n = p[e + 1 + 2 * N]
     S = hi if way > 0.0 else -lo
-    below = _sharp(way * pulled(p, e, x, 0.0, lo, hi) / S, n) - 1.0
+    below = _sharp(way * pull_bristle(p, e, x, 0.0, lo, hi) / S, n) - 1.0
     if below >= 0.0:
         return 0.0
     low, high = 0.0, -below  # of u/path
@@ -52,14 +52,14 @@ def moved(p, e, x, way, path, lo, hi):
             farthest = max(farthest, (p[e + 1 + N + i] * S - way * x[i]) / p[e + 1 + i])
         high = min(high, 1.0 + farthest / path)
     below = max(below, -1.0)
-    above = high - 1.0 + _sharp(way * pulled(p, e, x, way * high * path, lo, hi) / S, n)
+    above = high - 1.0 + _sharp(way * pull_bristle(p, e, x, way * high * path, lo, hi) / S, n)
     u = 0.0
     side = 0
     for k in range(STEPS):  # regula falsi, a side that stays halved (Illinois), then bisection
         u = high - above * (high - low) / (above - below) if k < SECANTS else 0.5 * (low + high)
         if not low < u < high:
             break
-        value = u - 1.0 + _sharp(way * pulled(p, e, x, way * u * path, lo, hi) / S, n)
+        value = u - 1.0 + _sharp(way * pull_bristle(p, e, x, way * u * path, lo, hi) / S, n)
         if value > 0.0:
             high, above = u, value
             if side > 0:
@@ -93,12 +93,12 @@ def step(p, e, x, y, lo, hi, dp, dt):
             y[i] = 0.0
         return total
     if dp > 0.0:
-        dz = moved(p, e, x, 1.0, dp, lo, hi)
+        dz = bristle_travel(p, e, x, 1.0, dp, lo, hi)
     elif dp < 0.0:
-        dz = -moved(p, e, x, -1.0, -dp, lo, hi)
+        dz = -bristle_travel(p, e, x, -1.0, -dp, lo, hi)
     for i in range(n):
         w = p[e + 1 + n + i]
-        y[i] = clipped(x[i] + p[e + 1 + i] * dz, w * lo, w * hi)
+        y[i] = clip_torque(x[i] + p[e + 1 + i] * dz, w * lo, w * hi)
         total += y[i]
     return total + sigma_1 * (dz / dt)
 

@@ -17,7 +17,7 @@ import numpy as np
 from backdrive._jit import leaf
 from backdrive.errors import InvalidInput
 from backdrive.laws.base import Element, Parameter
-from backdrive.laws.elements.hayward_armstrong import clipped
+from backdrive.laws.elements.hayward_armstrong import clip_torque
 
 MOST = 32  # elements
 
@@ -31,7 +31,7 @@ def step(p, e, x, y, lo, hi, dp, dt):
         return np.nan
     for i in range(n):
         w = p[e + 1 + n + i]
-        y[i] = clipped(x[i] + p[e + 1 + i] * dp, w * lo, w * hi)
+        y[i] = clip_torque(x[i] + p[e + 1 + i] * dp, w * lo, w * hi)
     for i in range(n):  # apart, so that the loop above runs on several elements at once
         total += y[i]
     return total

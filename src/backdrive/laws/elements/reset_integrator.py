@@ -20,7 +20,7 @@ from backdrive.laws.elements.dahl import STIFFNESS
 
 
 @leaf
-def given(held, jump, damping, dp, dt):
+def break_away_share(held, jump, damping, dp, dt):
     """What is added to sliding in the tick of break-away: the jump and the damping, for the share of it that still held."""
     added = held / dp * jump + damping * (held / dt)
     return jump if abs(added) > abs(jump) else added
@@ -32,9 +32,13 @@ def step(p, e, z, lo, hi, dp, dt):
     stiffness, excess, damping = p[e], p[e + 1], p[e + 2]
     trial = z + stiffness * dp
     if trial >= hi and dp >= 0.0:
-        return hi, hi if z >= hi else hi + given((hi - z) / stiffness, excess * hi, damping, dp, dt)
+        return hi, hi if z >= hi else hi + break_away_share(
+            (hi - z) / stiffness, excess * hi, damping, dp, dt
+        )
     if trial <= lo and dp <= 0.0:
-        return lo, lo if z <= lo else lo + given((lo - z) / stiffness, excess * lo, damping, dp, dt)
+        return lo, lo if z <= lo else lo + break_away_share(
+            (lo - z) / stiffness, excess * lo, damping, dp, dt
+        )
     if trial > hi:  # the bound has fallen under a bristle that is let go
         trial = hi
     elif trial < lo:

@@ -35,7 +35,7 @@ def gate(r, sharp, margin, reversal):
 
 
 @jit
-def loaded(r, path, full, sharp, margin, reversal):
+def load_element(r, path, full, sharp, margin, reversal):
     """Where an element at r gets to over a path (in units of its stretch at break-away): u = r + path (1 - h(u) u)."""
     if r >= 1.0:
         low, high = 1.0, r
@@ -94,7 +94,7 @@ def step(p, e, x, y, lo, hi, dp, dt):
             elif abs(pull) > FAR * abs(bound):
                 y[i] = bound
             else:
-                y[i] = bound * loaded(x[i] / bound, pull / bound, full, sharp, margin, reversal)
+                y[i] = bound * load_element(x[i] / bound, pull / bound, full, sharp, margin, reversal)
     for i in range(n):
         total += y[i]
     return total

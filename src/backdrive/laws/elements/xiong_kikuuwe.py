@@ -23,7 +23,7 @@ import numpy as np
 from backdrive._jit import leaf
 from backdrive.laws.base import Element, Parameter
 from backdrive.laws.elements.dahl import STIFFNESS
-from backdrive.laws.elements.hayward_armstrong import clipped
+from backdrive.laws.elements.hayward_armstrong import clip_torque
 from backdrive.laws.elements.maxwell_slip import MANY, Parallel
 
 ROBOT = "a 7-joint robot simulated with one such element a joint: K = 5000 N.m/rad, B/K = 10 ms"
@@ -33,7 +33,7 @@ ROBOT = "a 7-joint robot simulated with one such element a joint: K = 5000 N.m/r
 def section(f, k, w, beta, lo, hi, dp, dt):
     """Spring torque and torque of one element after a tick."""
     pull = k * dp
-    total = clipped(f + pull + beta * (pull / dt), w * lo, w * hi)
+    total = clip_torque(f + pull + beta * (pull / dt), w * lo, w * hi)
     return (beta * f + dt * total) / (beta + dt), total
 
 

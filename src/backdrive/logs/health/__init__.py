@@ -62,11 +62,11 @@ def check(log: Log, *, plan: Any = None) -> list[Finding]:
 
 
 def gate(log: Log, accept: Iterable[str] = (), repair: bool = False, *, plan: Any = None) -> Log:
-    """Let a log pass that would not spoil a result, or stop it; see `passed`, whose first return value this is."""
-    return passed(log, accept, repair, plan=plan)[0]
+    """Let a log pass that would not spoil a result, or stop it; see `screen`, whose first return value this is."""
+    return screen(log, accept, repair, plan=plan)[0]
 
 
-def passed(
+def screen(
     log: Log, accept: Iterable[str] = (), repair: bool = False, *, plan: Any = None
 ) -> tuple[Log, list[Finding]]:
     """Let a log pass that would not spoil a result, with what is still suspect in it, or stop it.

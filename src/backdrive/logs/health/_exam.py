@@ -9,7 +9,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 import numpy as np
 
 from backdrive.logs.health._survey import Survey, survey
-from backdrive.logs.log import Log, checked_period
+from backdrive.logs.log import Log, check_period
 from backdrive.logs.resolution import resolution
 
 #: An interval this many times longer than usual is a gap.
@@ -59,7 +59,7 @@ class Exam:
         """Median interval [s]; NaN where there is none that is positive."""
         steps = self.steps[:: max(1, self.steps.size // _SAMPLES)]
         steps = steps[steps > 0]
-        return checked_period(float(np.median(steps))) if steps.size else float("nan")
+        return check_period(float(np.median(steps))) if steps.size else float("nan")
 
     @cached_property
     def gaps(self) -> np.ndarray:

@@ -95,7 +95,7 @@ class Check:
         """Return what is the matter."""
         return [replace(finding, name=self.name) for finding in self.search(exam)]
 
-    def mended_by(self, repair: Mend) -> Mend:
+    def mend_with(self, repair: Mend) -> Mend:
         """Have a function mend the check's findings."""
         self.repair = repair
         return repair
@@ -116,14 +116,14 @@ def columns_of(exam: Exam, findings: Sequence[Finding]) -> Iterator[tuple[Findin
 def keep_rows(log: Log, rows: np.ndarray, sentence: str) -> Repair:
     """Return the repair that keeps the rows of an index array or mask, in that order, with a note."""
     rows = np.flatnonzero(rows) if rows.dtype == bool else rows
-    return Repair(log.rows(rows).noted(sentence), rows)
+    return Repair(log.rows(rows).with_note(sentence), rows)
 
 
 def without_rows(log: Log, rows: np.ndarray, noun: str, reason: str) -> Repair:
     """Return the repair that drops the rows of a mask (n,), if there are any, with a note: `2 samples with NaN were dropped.`"""
     if not rows.any():
         return Repair(log)
-    return keep_rows(log, ~rows, f"{counted(int(rows.sum()), noun)} {reason}")
+    return keep_rows(log, ~rows, f"{count_of(int(rows.sum()), noun)} {reason}")
 
 
 def with_columns(log: Log, changes: dict[tuple[str, int], np.ndarray], sentences: Sequence[str]) -> Log:
@@ -134,6 +134,6 @@ def with_columns(log: Log, changes: dict[tuple[str, int], np.ndarray], sentences
     return log.replace(notes=(*log.notes, *sentences), **arrays)
 
 
-def counted(number: int, noun: str) -> str:
+def count_of(number: int, noun: str) -> str:
     """Return `1 sample`, `2 samples`."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Check, Finding, Repair, counted, without_rows
+from backdrive.logs.health._finding import Check, Finding, Repair, count_of, without_rows
 from backdrive.logs.log import Log
 
 #: Channels that nothing can replace; of the others an empty one is left out.
@@ -32,7 +32,7 @@ def check_holes(name: str, about: str, word: str, is_hole: Callable[[np.ndarray]
         if rows.size:
             yield Finding(
                 severity="spoils",
-                sentence=f"The clock is {word} at {counted(rows.size, 'sample')}, first at sample {rows[0]}.",
+                sentence=f"The clock is {word} at {count_of(rows.size, 'sample')}, first at sample {rows[0]}.",
                 remedy="Drop those samples (--repair does), or take the time from another column with --map t=COLUMN.",
                 value=rows.size,
                 where=rows,
@@ -74,7 +74,7 @@ def _drop_holes(exam: Exam, findings: Sequence[Finding]) -> Repair:
     if {"position", "velocity"} <= empty:
         empty -= {"position"}
     for channel in sorted(empty):
-        log = log.replace(**{channel: None}).noted(f"{channel} was left out: it is mostly {name}.")
+        log = log.replace(**{channel: None}).with_note(f"{channel} was left out: it is mostly {name}.")
     holes = np.zeros(n, bool)
     for finding in findings:
         if finding.channel not in empty:

@@ -222,7 +222,9 @@ def jackknife(estimates: np.ndarray) -> float:
     return float(np.sqrt((estimates.size - 1) / estimates.size * np.sum((estimates - estimates.mean()) ** 2)))
 
 
-def folded(x: np.ndarray, y: np.ndarray, fold: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def normal_equations(
+    x: np.ndarray, y: np.ndarray, fold: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the normal equations of y (m, k) on x (m, p) by fold: x'x (f, p, p), x'y (f, p, k), y'y (f, k)."""
     numbers = np.unique(fold)
     gram = np.stack([x[fold == f].T @ x[fold == f] for f in numbers])

@@ -24,7 +24,7 @@ _WRONG = 0.05
 
 
 @once
-def frozen_runs(exam: Exam, channel: str, j: int) -> list[tuple[int, int]]:
+def standstill_runs(exam: Exam, channel: str, j: int) -> list[tuple[int, int]]:
     """Return stretches [start, stop) in which a channel stands still although the joint moves.
 
     A quantised channel has equal neighbours by nature, so a run must be impossible: a position that stood while the velocity

@@ -76,7 +76,7 @@ def _wide(exam: Exam, j: int) -> float:
     return 0.0
 
 
-@find.mended_by
+@find.mend_with
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Turn the channel that is certainly in the larger unit into SI, with its reference and second encoder if position."""
     changes, notes = {}, []

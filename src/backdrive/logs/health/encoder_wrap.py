@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Finding, Repair, check, columns_of, counted, with_columns
+from backdrive.logs.health._finding import Finding, Repair, check, columns_of, count_of, with_columns
 from backdrive.logs.health._jumps import Jumps, jumps
 
 CHANNELS = ("position", "second_encoder")
@@ -31,7 +31,7 @@ def find(exam: Exam) -> Iterator[Finding]:
             channel=channel,
             severity="spoils",
             sentence=(
-                f"{channel} of {joint} wraps around {counted(rows.size, 'time')} by {period:.5g} "
+                f"{channel} of {joint} wraps around {count_of(rows.size, 'time')} by {period:.5g} "
                 f"{exam.log.joints[j].unit}{turn}, first at sample {rows[0]}."
             ),
             remedy="Unwrap the encoder (--repair does).",
@@ -41,7 +41,7 @@ def find(exam: Exam) -> Iterator[Finding]:
         )
 
 
-@find.mended_by
+@find.mend_with
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Add the period back at each wrap; a reference that wraps by the same period is unwrapped with it."""
     changes, notes = {}, []
@@ -51,7 +51,7 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
         offset[rows] = np.copysign(period, x[rows] - x[rows - 1])
         changes[channel, j] = x - np.cumsum(offset)
         notes.append(
-            f"{channel} of {finding.joint} was unwrapped {counted(rows.size, 'time')} by {period:.5g}."
+            f"{channel} of {finding.joint} was unwrapped {count_of(rows.size, 'time')} by {period:.5g}."
         )
         if channel == "position" and exam.usable("reference", j):
             reference = exam.column("reference", j)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Finding, check, counted
+from backdrive.logs.health._finding import Finding, check, count_of
 
 #: Below this nothing can be identified.
 FEWEST = 20
@@ -20,7 +20,7 @@ def find(exam: Exam) -> Iterator[Finding]:
     what = (
         "The log is empty."
         if n == 0
-        else f"The log has {counted(n, 'sample')}; at least {FEWEST} are needed."
+        else f"The log has {count_of(n, 'sample')}; at least {FEWEST} are needed."
     )
     yield Finding(
         severity="spoils",

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from backdrive.logs.health._exam import GAP, Exam
-from backdrive.logs.health._finding import Finding, check, counted
+from backdrive.logs.health._finding import Finding, check, count_of
 
 
 @check("gaps", f"intervals longer than {GAP} periods")
@@ -22,7 +22,7 @@ def find(exam: Exam) -> Iterator[Finding]:
     yield Finding(
         severity="warn",
         sentence=(
-            f"{counted(rows.size, 'gap')}, {counted(lost, 'sample')} missing; the longest is {steps[longest]:.3g} s "
+            f"{count_of(rows.size, 'gap')}, {count_of(lost, 'sample')} missing; the longest is {steps[longest]:.3g} s "
             f"before sample {rows[longest]}."
         ),
         remedy="Nothing need be done: the log is used in pieces and never joined across a gap. Better: record without loss.",

@@ -19,7 +19,7 @@ from backdrive.logs.health._finding import (
     Repair,
     check,
     columns_of,
-    counted,
+    count_of,
     with_columns,
     without_rows,
 )
@@ -55,7 +55,7 @@ def find(exam: Exam) -> Iterator[Finding]:
             channel=channel,
             severity="spoils",
             sentence=(
-                f"{channel} of {joint} was read with the wrong integer type: {counted(wrap.rows.size, 'sample')} "
+                f"{channel} of {joint} was read with the wrong integer type: {count_of(wrap.rows.size, 'sample')} "
                 f"off by {wrap.period:.6g} (2^{wrap.bits} steps){between}, first at sample {wrap.rows[0]}."
             ),
             remedy=f"Read the column as signed {wrap.bits}-bit numbers, or use --repair: it takes the period off again.",
@@ -65,7 +65,7 @@ def find(exam: Exam) -> Iterator[Finding]:
         )
 
 
-@find.mended_by
+@find.mend_with
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Take the period off; drop samples that were interpolated between the two levels."""
     changes, notes, lost = {}, [], np.zeros(len(exam.log), bool)
@@ -76,7 +76,7 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
         lost[wrap.lost] = True
         notes.append(
             f"{channel} of {finding.joint}: {wrap.period:.6g} was taken off again at "
-            f"{counted(wrap.rows.size, 'wrapped sample')}."
+            f"{count_of(wrap.rows.size, 'wrapped sample')}."
         )
     return without_rows(
         with_columns(exam.log, changes, notes), lost, "sample", "interpolated across a wrap were dropped."
@@ -94,7 +94,7 @@ def _wrap(exam: Exam, channel: str, j: int) -> _Wrap | None:
         period = step * 2.0**bits
         if span < 1.3 * period:
             period = _fine(exam.sample(channel, j), step, 0.25 * period) * 2.0**bits
-            wrap = _unwrapped(exam.column(channel, j), period, bits)
+            wrap = _unwrap(exam.column(channel, j), period, bits)
             if wrap is not None:
                 return wrap
     for bits in _BITS:  # raw numbers that were resampled, so that their resolution is gone
@@ -116,7 +116,7 @@ def _fine(x: np.ndarray, step: float, near: float) -> float:
     return float(width / np.round(width / fine))
 
 
-def _unwrapped(x: np.ndarray, period: float, bits: int) -> _Wrap | None:
+def _unwrap(x: np.ndarray, period: float, bits: int) -> _Wrap | None:
     change = np.diff(x)
     times = np.round(change / period)
     jumps = np.flatnonzero(times)

@@ -12,7 +12,7 @@ from backdrive.logs.health._finding import Finding, check
 def find(exam: Exam) -> list[Finding]:
     """Report joints without motion: a remark while another moves or torque is applied, spoiling otherwise."""
     still = [j for j, _ in exam if not _moves(exam, j)]
-    none = len(still) == len(exam.log.joints) and not any(_pushed(exam, j) for j in still)
+    none = len(still) == len(exam.log.joints) and not any(_has_ramp(exam, j) for j in still)
     return [
         Finding(
             joint=exam.log.names[j],
@@ -35,7 +35,7 @@ def _moves(exam: Exam, j: int) -> bool:
     return not any(exam.usable(channel, j) for channel in ("position", "velocity"))
 
 
-def _pushed(exam: Exam, j: int) -> bool:
+def _has_ramp(exam: Exam, j: int) -> bool:
     """Return whether torque goes up and down by more than its noise, as in a ramp below break-away."""
     if not exam.usable("torque", j):
         return False

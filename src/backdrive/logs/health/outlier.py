@@ -17,7 +17,7 @@ from backdrive.logs.health._finding import (
     Repair,
     check,
     columns_of,
-    counted,
+    count_of,
     with_columns,
     without_rows,
 )
@@ -46,7 +46,7 @@ def find(exam: Exam) -> Iterator[Finding]:
             channel=channel,
             severity="spoils" if wild else "warn",
             sentence=(
-                f"{channel} of {joint} has {counted(rows.size, 'single-sample outlier')}; the largest is "
+                f"{channel} of {joint} has {count_of(rows.size, 'single-sample outlier')}; the largest is "
                 f"{x[rows[worst]]:.5g} at sample {rows[worst]}, {away[worst]:.3g} off its neighbours."
             ),
             remedy="Replace them by the mean of their neighbours (--repair does).",
@@ -56,7 +56,7 @@ def find(exam: Exam) -> Iterator[Finding]:
         )
 
 
-@find.mended_by
+@find.mend_with
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Replace outliers by the mean of their neighbours; drop those at the ends of the log."""
     n = len(exam.log)
@@ -70,7 +70,7 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
         inside = int((~ends).sum())
         if inside:
             notes.append(
-                f"{channel} of {finding.joint}: {counted(inside, 'outlier')} replaced by the mean of the neighbours."
+                f"{channel} of {finding.joint}: {count_of(inside, 'outlier')} replaced by the mean of the neighbours."
             )
     return without_rows(
         with_columns(exam.log, changes, notes), drop, "outlier", "at the end of the log dropped."

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Finding, check, counted
+from backdrive.logs.health._finding import Finding, check, count_of
 from backdrive.logs.health._jumps import jumps
 from backdrive.logs.health.encoder_wrap import CHANNELS, wraps
 
@@ -30,7 +30,7 @@ def find(exam: Exam) -> Iterator[Finding]:
             channel=channel,
             severity="spoils",
             sentence=(
-                f"{channel} of {joint} jumps {counted(rows.size, 'time')}, by up to {size:.4g} {exam.log.joints[j].unit}, "
+                f"{channel} of {joint} jumps {count_of(rows.size, 'time')}, by up to {size:.4g} {exam.log.joints[j].unit}, "
                 f"first at sample {rows[0]}: no joint moves so fast."
             ),
             remedy="Cut the log there and use the pieces as separate logs.",

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Finding, Repair, check, counted, keep_rows
+from backdrive.logs.health._finding import Finding, Repair, check, count_of, keep_rows
 
 #: Above this share of repeated stamps the clock is too coarse; below, samples were sent twice.
 COARSE = 0.2
@@ -26,7 +26,7 @@ def find(exam: Exam) -> Iterator[Finding]:
         )
         remedy = "Take a finer clock (--map t=COLUMN), or use --repair: it spreads the samples evenly."
     else:
-        sentence = f"{counted(rows.size, 'sample')} repeat the stamp before, first at sample {rows[0]}."
+        sentence = f"{count_of(rows.size, 'sample')} repeat the stamp before, first at sample {rows[0]}."
         remedy = "Drop the repetitions (--repair keeps the first of each)."
     yield Finding(
         severity="spoils",
@@ -38,7 +38,7 @@ def find(exam: Exam) -> Iterator[Finding]:
     )
 
 
-@find.mended_by
+@find.mend_with
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Keep the first sample of each stamp, or spread the samples of a coarse clock."""
     rows = findings[0].where
@@ -48,14 +48,14 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     keep = np.ones(n, bool)
     keep[rows] = False
     if rows.size <= COARSE * n:
-        return keep_rows(log, keep, f"{counted(rows.size, 'sample')} that repeat a stamp were dropped.")
+        return keep_rows(log, keep, f"{count_of(rows.size, 'sample')} that repeat a stamp were dropped.")
     first = np.flatnonzero(keep)
     slope, start = np.polyfit(first, log.time[first] - log.time[0], 1)
     regular = log.time[0] + start + slope * np.arange(n)
     tick = float(np.median(np.diff(log.time[first])))
     if np.abs(regular[first] - log.time[first]).max() < 1.2 * tick:
         return Repair(
-            log.replace(time=regular).noted(
+            log.replace(time=regular).with_note(
                 f"{rows.size} repeated stamps were replaced by a regular clock of {slope:.6g} s."
             )
         )
@@ -65,7 +65,7 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     stamps = np.append(log.time[first], log.time[first[-1]] + (n - first[-1]) * interval)
     time = np.interp(np.arange(n), knots, stamps)
     return Repair(
-        log.replace(time=time).noted(
+        log.replace(time=time).with_note(
             f"{rows.size} repeated stamps were spread evenly between their neighbours."
         )
     )

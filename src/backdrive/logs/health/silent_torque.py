@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Finding, check, counted
-from backdrive.logs.health._runs import frozen_runs
+from backdrive.logs.health._finding import Finding, check, count_of
+from backdrive.logs.health._runs import standstill_runs
 
 
 @check("silent-torque", "a torque that is exactly zero while the joint moves")
@@ -25,7 +25,7 @@ def find(exam: Exam) -> Iterator[Finding]:
                 remedy="The driver did not send it: record effort or motor current, and map it with --map tau=COLUMN.",
                 value=0.0,
             )
-        runs = [(a, b) for a, b in frozen_runs(exam, channel, j) if exam.column(channel, j)[a] == 0]
+        runs = [(a, b) for a, b in standstill_runs(exam, channel, j) if exam.column(channel, j)[a] == 0]
         if not runs:
             continue
         rows = np.concatenate([np.arange(a, b) for a, b in runs])
@@ -34,7 +34,7 @@ def find(exam: Exam) -> Iterator[Finding]:
             channel=channel,
             severity="warn",
             sentence=(
-                f"{channel} of {joint} is exactly zero at {counted(rows.size, 'sample')} while the joint moves, "
+                f"{channel} of {joint} is exactly zero at {count_of(rows.size, 'sample')} while the joint moves, "
                 f"first at sample {rows[0]}: the drive was off, or the value was not sent."
             ),
             remedy="True if the drive was off; otherwise cut the log to where the torque is measured.",

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Finding, Repair, check, columns_of, counted, without_rows
-from backdrive.logs.health._runs import frozen_runs
+from backdrive.logs.health._finding import Finding, Repair, check, columns_of, count_of, without_rows
+from backdrive.logs.health._runs import standstill_runs
 from backdrive.logs.resolution import white_noise
 
 CHANNELS = ("position", "velocity", "torque", "drive_input", "second_encoder", "external_torque")
@@ -19,12 +19,12 @@ _SPOILS = 0.01
 @check("stuck", "a channel that stands still while the joint moves")
 def find(exam: Exam) -> list[Finding]:
     """Report stretches in which a channel is frozen, and channels that never change."""
-    columns = [_dead(exam, *column) or _frozen(exam, *column) for column in exam.columns(*CHANNELS)]
+    columns = [_dead(exam, *column) or _stuck_finding(exam, *column) for column in exam.columns(*CHANNELS)]
     return [finding for finding in columns if finding is not None]
 
 
-def _frozen(exam: Exam, channel: str, j: int, joint: str) -> Finding | None:
-    runs = frozen_runs(exam, channel, j)
+def _stuck_finding(exam: Exam, channel: str, j: int, joint: str) -> Finding | None:
+    runs = standstill_runs(exam, channel, j)
     if channel in ("torque", "drive_input"):  # standing at zero is `silent-torque`
         runs = [(a, b) for a, b in runs if exam.column(channel, j)[a] != 0]
     if not runs:
@@ -37,8 +37,8 @@ def _frozen(exam: Exam, channel: str, j: int, joint: str) -> Finding | None:
         channel=channel,
         severity="spoils" if rows.size > _SPOILS * n else "warn",
         sentence=(
-            f"{channel} of {joint} stands still while the joint moves: {counted(rows.size, 'sample')} in "
-            f"{counted(len(runs), 'place')}, the longest from sample {longest[0]} to {longest[1] - 1}."
+            f"{channel} of {joint} stands still while the joint moves: {count_of(rows.size, 'sample')} in "
+            f"{count_of(len(runs), 'place')}, the longest from sample {longest[0]} to {longest[1] - 1}."
         ),
         remedy="Drop those samples (--repair does), and look for lost messages of that sensor.",
         value=longest[1] - longest[0],
@@ -82,12 +82,12 @@ def _goes_on(exam: Exam, channel: str, j: int) -> bool:
     return bool(survey.high[j] - survey.low[j] > max(10 * exam.quantum(channel, j), 1e-3))
 
 
-@find.mended_by
+@find.mend_with
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Drop frozen samples; leave out a velocity that is dead."""
     log = exam.log
     for channel in sorted({str(f.channel) for f in findings if f.where is None}):
-        log = log.replace(**{channel: None}).noted(
+        log = log.replace(**{channel: None}).with_note(
             f"{channel} was left out: it never changes while the joint moves."
         )
     frozen = np.zeros(len(log), bool)

@@ -9,7 +9,7 @@ import numpy as np
 
 from backdrive.logs.health._exam import Exam, once
 from backdrive.logs.health._finding import Finding, Repair, check, columns_of, keep_rows, with_columns
-from backdrive.logs.health._motion import bent, folded, jackknife, lagging, motion, solvable
+from backdrive.logs.health._motion import bent, jackknife, lagging, motion, normal_equations, solvable
 from backdrive.logs.health.jitter import LIMIT
 from backdrive.logs.resolution import white_noise
 
@@ -152,7 +152,7 @@ def estimate(exam: Exam, j: int) -> Slip | None:
     if not white_noise(torque) < _NOISY * np.std(torque):
         return None  # the kicks of a controller on a coarse encoder hide any timing
     y = m.torque[m.fast]
-    gram, cross, power = folded(m.terms[m.fast], y, m.fold[m.fast])
+    gram, cross, power = normal_equations(m.terms[m.fast], y, m.fold[m.fast])
     if gram.shape[0] < 4:
         return None
     g, c, p = solvable(gram.sum(axis=0)), cross.sum(axis=0), power.sum(axis=0)
@@ -199,7 +199,7 @@ def _bottom(misfit: np.ndarray) -> float:
     return float(here - 0.125 * (before - after) ** 2 / max(before - 2 * here + after, 1e-300))
 
 
-@find.mended_by
+@find.mend_with
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Shift torque by whole samples; rows that get none, at the ends and at gaps, are dropped."""
     log = exam.log

@@ -8,7 +8,7 @@ import numpy as np
 
 from backdrive.logs.health._exam import Exam, once
 from backdrive.logs.health._finding import Finding, Repair, check, columns_of, with_columns
-from backdrive.logs.health._motion import folded, jackknife, motion, solvable
+from backdrive.logs.health._motion import jackknife, motion, normal_equations, solvable
 from backdrive.logs.health.time_slip import REACH
 
 #: The friction must be this many of its standard errors below zero, and this share of the torque's scatter.
@@ -79,7 +79,7 @@ def friction(exam: Exam, j: int) -> tuple[float, float, float] | None:
         return None
     x = m.terms[moving, : m.plain]
     y = m.torque[moving][:, REACH : REACH + 1]
-    gram, cross, _ = folded(x, y, m.fold[moving])
+    gram, cross, _ = normal_equations(x, y, m.fold[moving])
     if gram.shape[0] < 4:
         return None
     v = m.velocity[moving]
@@ -93,7 +93,7 @@ def friction(exam: Exam, j: int) -> tuple[float, float, float] | None:
     return mean, jackknife(left), float(np.std(y))
 
 
-@find.mended_by
+@find.mend_with
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Turn the sign of the torque, and of a model torque only if it goes with it."""
     changes, notes = {}, []

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from backdrive.logs.health._exam import GAP, Exam
-from backdrive.logs.health._finding import Finding, Repair, check, counted, keep_rows
+from backdrive.logs.health._finding import Finding, Repair, check, count_of, keep_rows
 
 #: A clock that goes back more often than this is in disorder; nobody joins so many runs.
 _MOST_RUNS = 200
@@ -25,14 +25,14 @@ def find(exam: Exam) -> Iterator[Finding]:
     if restarts.size:
         sentence = (
             f"The clock starts again at sample {', '.join(map(str, restarts[:5]))}, by up to {back:.3g} s: "
-            f"{counted(restarts.size + 1, 'run')} were joined, or the clock was set back."
+            f"{count_of(restarts.size + 1, 'run')} were joined, or the clock was set back."
         )
         remedy = (
             "Give each run its own file, or use --repair: it moves each run behind the one before, "
             "with a gap between if the motion does not go on."
         )
     else:
-        sentence = f"{counted(late.size, 'sample')} are out of order, by up to {back:.3g} s, first at sample {late[0]}."
+        sentence = f"{count_of(late.size, 'sample')} are out of order, by up to {back:.3g} s, first at sample {late[0]}."
         remedy = "Sort by time (--repair does)."
     yield Finding(
         severity="spoils",
@@ -44,7 +44,7 @@ def find(exam: Exam) -> Iterator[Finding]:
     )
 
 
-@find.mended_by
+@find.mend_with
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Move joined runs one behind the other; then sort what is merely out of order."""
     del findings
@@ -58,12 +58,12 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
             pause = 1.0 if _goes_on(exam, start) else 4 * GAP
             time[start:stop] = run - run.min() + time[:start].max() + pause * exam.period
         notes.append(
-            f"{counted(restarts.size, 'run')} with a restarted clock were moved behind the run before."
+            f"{count_of(restarts.size, 'run')} with a restarted clock were moved behind the run before."
         )
     order = np.argsort(time, kind="stable")
     moved = int(np.count_nonzero(order != np.arange(order.size)))
     if moved:
-        notes.append(f"{counted(moved, 'sample')} out of order were sorted by time.")
+        notes.append(f"{count_of(moved, 'sample')} out of order were sorted by time.")
     return keep_rows(log.replace(time=time), order, " ".join(notes))
 
 

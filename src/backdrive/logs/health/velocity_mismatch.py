@@ -81,10 +81,12 @@ def _clock(fit: VelocityFit) -> bool:
     return max(CLOCK, SURE * fit.error) < abs(fit.scale - 1.0) <= SCALE and fit.residual < NONSENSE
 
 
-@find.mended_by
+@find.mend_with
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Leave velocity out; of the two, position is nearer to what the encoder counted."""
     who = ", ".join(str(f.joint) for f in findings)
     return Repair(
-        exam.log.replace(velocity=None).noted(f"velocity was left out: it contradicts the position of {who}.")
+        exam.log.replace(velocity=None).with_note(
+            f"velocity was left out: it contradicts the position of {who}."
+        )
     )

@@ -73,7 +73,7 @@ def read_log(
     if guarded:
         from backdrive.logs.readers import guard
 
-        guard.shared().start()  # it loads its libraries while this process loads the same
+        guard.default_guard().start()  # it loads its libraries while this process loads the same
     from threading import Thread
 
     from backdrive.logs.joint import Source, digest
@@ -92,7 +92,7 @@ def read_log(
     hashing = Thread(target=hash_all, daemon=True)
     hashing.start()  # hashing lets go of the interpreter, so it runs beside the parsing process
     try:
-        columns = _parse(files, form, topic, limits, guarded, _listed(names))
+        columns = _parse(files, form, topic, limits, guarded, _name_tuple(names))
         parts = [(str(o[0]), _parse(o, kind, topic, limits, guarded)) for o, kind in beside]
     finally:
         hashing.join()
@@ -125,7 +125,7 @@ def read_logs(paths: str | os.PathLike | Sequence[str | os.PathLike], **options)
     given = [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
     if not given:
         raise ReadError("No log was named.", remedy="Name at least one file or folder.")
-    files = [file for path in given for file in _expanded(Path(path), options.get("format"))]
+    files = [file for path in given for file in _expand(Path(path), options.get("format"))]
     if options.get("join") and len(files) > 1:
         raise ReadError(
             f"{len(files)} logs, and a file to join: to which of them?",
@@ -181,7 +181,7 @@ def _parse(
         if guarded:
             from backdrive.logs.readers import guard
 
-            return guard.shared().read(resolved[0], form.module, options, size=size)
+            return guard.default_guard().read(resolved[0], form.module, options, size=size)
         from backdrive.logs.readers._worker import parse
 
         return parse(resolved[0], form.module, options)
@@ -209,7 +209,7 @@ def _size(files: list[Path], limits: Limits | None) -> int:
     return size
 
 
-def _listed(names: str | Sequence[str] | None) -> tuple[str, ...]:
+def _name_tuple(names: str | Sequence[str] | None) -> tuple[str, ...]:
     parts = names.split(",") if isinstance(names, str) else names or ()
     return tuple(str(name).strip() for name in parts)
 
@@ -219,7 +219,7 @@ def _files(path: Path, format: str | None) -> tuple[list[Path], Format]:
     if path.is_dir():
         files = _folder_files(path)
         if not files:
-            found = _expanded(path, format)
+            found = _expand(path, format)
             if len(found) > 1:
                 raise ReadError(
                     f"{path} holds {len(found)} logs.", remedy="Read them with read_logs, or name one."
@@ -263,7 +263,7 @@ def _bag_files(folder: Path) -> list[Path]:
     )
 
 
-def _expanded(path: Path, format: str | None) -> list[Path]:
+def _expand(path: Path, format: str | None) -> list[Path]:
     """Return the logs of a folder, in natural order; a file or a bag stands for itself."""
     if not path.is_dir() or _folder_files(path):
         return [path]

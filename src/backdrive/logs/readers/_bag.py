@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from typing import BinaryIO
 
-from backdrive.errors import FileTooLarge, MappingError, ReadError, TruncatedFile, UnknownFormat
+from backdrive.errors import FileTooLarge, IncompleteFile, MappingError, ReadError, UnknownFormat
 from backdrive.logs.readers._chunks import expand
 from backdrive.logs.readers._jointstate import TYPES, Gatherer
 from backdrive.logs.readers.columns import Columns, ReadOptions
@@ -118,9 +118,9 @@ def read_parts(
         scan: reads an open file of so many bytes; returns where and why it ended early, if it did.
 
     Raises:
-        TruncatedFile: there is no complete joint state before the file ends.
+        IncompleteFile: there is no complete joint state before the file ends.
     """
-    cut: TruncatedFile | None = None
+    cut: IncompleteFile | None = None
     for part in parts:
         size, topics.expanded = os.path.getsize(part), 0
         with open(part, "rb") as stream:
@@ -132,7 +132,7 @@ def read_parts(
             topics.notes.append(
                 f"{place} ({why}): the {topics.count} joint states in the complete chunks before it were read."
             )
-            cut = TruncatedFile(
+            cut = IncompleteFile(
                 f"{place}, before its first complete joint state.",
                 remedy="Copy it again, or record it again.",
             )

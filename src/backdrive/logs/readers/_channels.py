@@ -75,7 +75,7 @@ class Values:
             self.labels[channel] = tuple(labels)
         self.arrays[channel] = value
         self.settled.add(channel)
-        written = (" + ".join(_written(term) for term in terms) for terms in sums)
+        written = (" + ".join(_format_term(term) for term in terms) for terms in sums)
         self.said.append(f"{channel} = {', '.join(written)}")
 
     def _sum(self, channel: str, terms: Sum) -> np.ndarray:
@@ -103,7 +103,7 @@ class Values:
         """Add a channel by automatic names; columns that do not fit are noted and left out."""
         parts = []
         for name in names:
-            value = oriented(self.columns.arrays[name], self.n)
+            value = orient(self.columns.arrays[name], self.n)
             if value is None:
                 self.notes.append(f"'{name}' has another length than the time, so {channel} was left out.")
                 return
@@ -151,7 +151,7 @@ class Values:
         hint = f"Did you mean '{near[0]}'? " if near else ""
         raise MappingError(
             f"The file has no column '{name}'.",
-            remedy=f"{hint}Columns: {described(self.columns)}.",
+            remedy=f"{hint}Columns: {describe(self.columns)}.",
             name=name,
         )
 
@@ -205,11 +205,11 @@ class Values:
             return np.arange(self.n, dtype=float)[:, None]
         full = self._full(column.name)
         raw = self.columns.arrays[full]
-        value = raw.reshape(1, 1).astype(float) if raw.size == 1 and self.n != 1 else oriented(raw, self.n)
+        value = raw.reshape(1, 1).astype(float) if raw.size == 1 and self.n != 1 else orient(raw, self.n)
         if value is None:
             raise MappingError(
                 f"--map {_SHORT[channel]}: '{full}' has shape {raw.shape}, but the time has {self.n} samples.",
-                remedy=f"Columns: {described(self.columns)}.",
+                remedy=f"Columns: {describe(self.columns)}.",
             )
         if column.index is not None:
             if column.index.stop > value.shape[1]:
@@ -291,7 +291,7 @@ class Values:
         return value
 
 
-def oriented(value: np.ndarray, n: int) -> np.ndarray | None:
+def orient(value: np.ndarray, n: int) -> np.ndarray | None:
     """Return the array as (n, k), transposed if only its second axis has length n; None if neither has."""
     if value.ndim == 1:
         return value[:, None] if value.size == n else None
@@ -307,7 +307,7 @@ def extent(shape: tuple[int, ...], n: int) -> int:
     return shape[1] if shape[0] == n else shape[0] if shape[1] == n else 0
 
 
-def described(columns: Columns) -> str:
+def describe(columns: Columns) -> str:
     """Return the columns and their shapes in words, the longest first, at most sixty."""
     longest = sorted(columns.arrays.items(), key=lambda item: -max(item[1].shape))
     told = [
@@ -338,7 +338,7 @@ def _labels(terms: Sum) -> list[str]:
     return []
 
 
-def _written(term: Term) -> str:
+def _format_term(term: Term) -> str:
     factor = "" if term.factor == 1.0 and term.columns else f"{term.factor:.10g}*"
     factor += f"({','.join(f'{x:.10g}' for x in term.each)})*" if term.each else ""
     factor += "".join(f"1/{name}*" if divides else f"{name}*" for name, divides in term.factors)

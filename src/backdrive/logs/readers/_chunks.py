@@ -6,7 +6,7 @@ from backdrive.errors import FileTooLarge, MissingExtra, install
 from backdrive.logs.readers.limits import Limits
 
 
-class Damaged(Exception):
+class ChunkDamage(Exception):
     """A chunk cannot be what it was; what came before it still can be read."""
 
 
@@ -26,7 +26,7 @@ def expand(data: bytes, how: str, declared: int, limits: Limits) -> bytes:
     """
     if how in ("", "none"):
         return data
-    limits.check_declared(declared, len(data), "A chunk")
+    limits.check_size(declared, len(data), "A chunk")
     try:
         if how == "bz2":
             import bz2
@@ -46,17 +46,17 @@ def expand(data: bytes, how: str, declared: int, limits: Limits) -> bytes:
                 )
             content = zstandard.ZstdDecompressor().decompress(data, max_output_size=declared)
         else:
-            raise Damaged(f"a chunk is compressed with '{how[:40]}', which is not known")
+            raise ChunkDamage(f"a chunk is compressed with '{how[:40]}', which is not known")
     except ImportError as error:
         raise MissingExtra(
             f"The bag is compressed with {how}, and its decompressor is not installed.",
             remedy=install("ros"),
         ) from error
     except (OSError, ValueError, RuntimeError, EOFError) as error:
-        raise Damaged(f"a damaged chunk: {str(error)[:200]}") from error
+        raise ChunkDamage(f"a damaged chunk: {str(error)[:200]}") from error
     except Exception as error:  # zstandard's own error class exists only where it is installed
         if type(error).__module__.startswith("zstandard"):
-            raise Damaged(f"a damaged chunk: {str(error)[:200]}") from error
+            raise ChunkDamage(f"a damaged chunk: {str(error)[:200]}") from error
         raise
     if len(content) > declared:
         raise FileTooLarge(f"A chunk declares {declared} bytes and holds more.", remedy="Record it again.")

@@ -90,7 +90,7 @@ def sniff(raw: bytes, *, whole: bool) -> Dialect:
     # A lone numeric line in the preamble must not pass for the table: the next filled line has to be a row too.
     following = {a: b for a, b in zip(rows, rows[1:])}
     first = next(
-        (i for i in rows if _next_filled(lines, i) == following.get(i, -1)), rows[0] if rows else None
+        (i for i in rows if _next_non_empty(lines, i) == following.get(i, -1)), rows[0] if rows else None
     )
     if first is None:
         raise UnknownFormat("The text holds no table of numbers.", remedy="Name the right file.")
@@ -171,7 +171,7 @@ def _judge(lines: list[str], delimiter: str) -> tuple[float, str, int, bool, tup
     return score * lines_so_wide / max(len(lines), 1), delimiter, width, comma, tuple(numeric)
 
 
-def _next_filled(lines: list[str], at: int) -> int | None:
+def _next_non_empty(lines: list[str], at: int) -> int | None:
     return next((i for i in range(at + 1, len(lines)) if lines[i].strip()), None)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from backdrive.errors import MappingError
 from backdrive.logs.readers import _expression
-from backdrive.logs.readers._channels import INDEX, Values, columns_of, oriented
+from backdrive.logs.readers._channels import INDEX, Values, columns_of, orient
 from backdrive.logs.readers.columns import Columns
 from backdrive.logs.readers.mapping import automatic, length
 
@@ -83,7 +83,7 @@ def _join(first: Columns, other: Columns, path: str, asked: Mapping) -> Columns:
     arrays = {name: _rows(value, clock.size, keep) for name, value in first.arrays.items()}
     units, named = dict(first.units), {}
     for name, value in other.arrays.items():
-        lying = oriented(value, theirs.size)
+        lying = orient(value, theirs.size)
         if name in of_time or lying is None:
             continue
         label = name if name not in arrays else f"{Path(path).stem}/{name}"
@@ -134,7 +134,7 @@ def _clock(columns: Columns, asked: Mapping, path: str) -> tuple[np.ndarray, lis
 
 
 def _rows(value: np.ndarray, n: int, keep: np.ndarray) -> np.ndarray:
-    lying = oriented(value, n)
+    lying = orient(value, n)
     if lying is None:
         return value
     return lying[keep] if value.ndim > 1 else value[keep]

@@ -74,7 +74,7 @@ def in_order(
     }
 
 
-def repeated_names(columns: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
+def constant_names(columns: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
     """Return joint names that columns of words such as `name[0]`, `name[1]` repeat in every row; none where they are not so."""
     found: dict[int, str] = {}
     for column, words in columns.items():

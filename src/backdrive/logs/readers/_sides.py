@@ -48,6 +48,6 @@ def divide_by_gear(log: Log, channels: Sequence[str]) -> Log:
     if not moves:
         return log
     ratio = [joint.gear_ratio for joint in log.joints]
-    return log.replace(**{c: log.channels[c] / ratio for c in moves}).noted(
+    return log.replace(**{c: log.channels[c] / ratio for c in moves}).with_note(
         f"Divided by the gear ratio, as of the motor side: {', '.join(moves)}."
     )

@@ -10,7 +10,7 @@ from typing import BinaryIO
 
 from backdrive.errors import ForbiddenContent, UnknownFormat
 from backdrive.logs.readers._bag import Topics, read_parts
-from backdrive.logs.readers._chunks import Damaged
+from backdrive.logs.readers._chunks import ChunkDamage
 from backdrive.logs.readers._jointstate import Gatherer
 from backdrive.logs.readers.columns import Columns, ReadOptions
 
@@ -31,7 +31,7 @@ class _Bag:
         size = _U32.unpack(head[b"size"])[0]
         data = self.topics.expand(stored, head[b"compression"].decode("latin-1"), size)
         if len(data) != size:
-            raise Damaged(f"a chunk of {len(data)} bytes declares {size}")
+            raise ChunkDamage(f"a chunk of {len(data)} bytes declares {size}")
         batches: dict[bytes, tuple[list[memoryview], list[int]]] = {}
         view, at = memoryview(data), 0
         while at < size:
@@ -61,7 +61,7 @@ def read(path: str, options: ReadOptions) -> Columns:
     """Read the joint states of a bag.
 
     Raises:
-        TruncatedFile: it ends before the first complete joint state.
+        IncompleteFile: it ends before the first complete joint state.
         MappingError: several topics hold joint states and none was chosen.
         ReadError: it holds none, or a message is malformed.
         ForbiddenContent: it is encrypted.
@@ -97,7 +97,7 @@ def _scan(stream: BinaryIO, size: int, topics: Topics) -> tuple[int | None, str]
                 return None, ""  # connections after the last chunk begin the index
             elif kind not in (_INDEX, _CHUNK_INFO):
                 return at, "an unknown record"
-        except (Damaged, struct.error, KeyError) as error:
+        except (ChunkDamage, struct.error, KeyError) as error:
             return at, str(error)
         at = start + amount
         stream.seek(at)
@@ -108,12 +108,12 @@ def _record(data: bytes, at: int) -> tuple[dict[bytes, bytes], int, int]:
     """Return the header fields of a record in a chunk and where its data begin and end."""
     (length,) = _U32.unpack_from(data, at)
     if at + 8 + length > len(data):
-        raise Damaged("a record reaches beyond its chunk")
+        raise ChunkDamage("a record reaches beyond its chunk")
     fields = _fields(data[at + 4 : at + 4 + length])
     (amount,) = _U32.unpack_from(data, at + 4 + length)
     start = at + 8 + length
     if start + amount > len(data):
-        raise Damaged("a record reaches beyond its chunk")
+        raise ChunkDamage("a record reaches beyond its chunk")
     return fields, start, start + amount
 
 
@@ -124,7 +124,7 @@ def _fields(header: bytes) -> dict[bytes, bytes]:
     while at + 4 <= len(header):
         (length,) = _U32.unpack_from(header, at)
         if length == 0 or at + 4 + length > len(header):
-            raise Damaged("a header field reaches beyond its record")
+            raise ChunkDamage("a header field reaches beyond its record")
         name, _, value = header[at + 4 : at + 4 + length].partition(b"=")
         fields[name] = value
         at += 4 + length

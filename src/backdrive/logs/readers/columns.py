@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from backdrive._visible import visible
-from backdrive.errors import ReaderCrashed
+from backdrive.errors import ReaderCrash
 from backdrive.logs.log import CHANNELS, Drive
 from backdrive.logs.readers.limits import Limits
 
@@ -116,12 +116,12 @@ def unframe(content: Mapping, receive: Callable[[memoryview], None], limits: Lim
         limits: bounds on what is accepted.
 
     Raises:
-        ReaderCrashed: the header is not what `frames` writes.
+        ReaderCrash: the header is not what `frames` writes.
         FileTooLarge: more arrays or bytes than the limits allow.
     """
     try:
         described = [
-            (clean(n), np.dtype(_known(d)), tuple(int(x) for x in s)) for n, d, s in content["arrays"]
+            (clean(n), np.dtype(_plain_dtype(d)), tuple(int(x) for x in s)) for n, d, s in content["arrays"]
         ]
         if any(len(shape) not in (1, 2) or min(shape) < 0 for _, _, shape in described):
             raise ValueError("shape")
@@ -136,7 +136,7 @@ def unframe(content: Mapping, receive: Callable[[memoryview], None], limits: Lim
                 law=_LAWS[drive["law"]], gains={str(k): float(v) for k, v in drive["gains"].items()}
             )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise ReaderCrashed(
+        raise ReaderCrash(
             "The parsing process answered something that is not a log.",
             remedy="The file is damaged or hostile.",
         ) from error
@@ -147,7 +147,7 @@ def unframe(content: Mapping, receive: Callable[[memoryview], None], limits: Lim
         for length in shape:
             count *= length
         total += count * dtype.itemsize
-    limits.check_declared(total, total, "The file")
+    limits.check_size(total, total, "The file")
     arrays = {}
     for name, dtype, shape in described:
         value = np.empty(shape, dtype)
@@ -166,7 +166,7 @@ def clean(text: object, longest: int = 300) -> str:
     return visible(str(text)[:longest])
 
 
-def _known(dtype: str) -> str:
+def _plain_dtype(dtype: str) -> str:
     if dtype not in PLAIN:
         raise ValueError(dtype)
     return dtype

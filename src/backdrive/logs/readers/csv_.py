@@ -16,7 +16,7 @@ import numpy as np
 from backdrive.errors import ReadError, UnknownFormat
 from backdrive.logs.readers._blocks import numbers
 from backdrive.logs.readers._dialect import Dialect, cells, number, sniff
-from backdrive.logs.readers._labels import repeated_names
+from backdrive.logs.readers._labels import constant_names
 from backdrive.logs.readers.columns import Columns, ReadOptions
 
 _SAMPLE = 1 << 16
@@ -45,7 +45,7 @@ def read(path: str, options: ReadOptions) -> Columns:
         rows, words = _careful(path, dialect, notes)
         table = [np.ascontiguousarray(column) for column in rows.T]
     times = {i: time for i, cells in words.items() if (time := _clock(cells)) is not None}
-    joints = repeated_names({dialect.names[i]: cells for i, cells in words.items() if i not in times})
+    joints = constant_names({dialect.names[i]: cells for i, cells in words.items() if i not in times})
     arrays = {}
     for i, name in enumerate(dialect.names):
         if i in times:

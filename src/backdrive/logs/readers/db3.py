@@ -6,7 +6,7 @@ import sqlite3
 from contextlib import closing
 from pathlib import Path
 
-from backdrive.errors import ReadError, TruncatedFile
+from backdrive.errors import IncompleteFile, ReadError
 from backdrive.logs.readers._bag import Topics
 from backdrive.logs.readers.columns import Columns, ReadOptions
 
@@ -19,7 +19,7 @@ def read(path: str, options: ReadOptions) -> Columns:
     """Read the joint states of a bag.
 
     Raises:
-        TruncatedFile: the database is cut or damaged.
+        IncompleteFile: the database is cut or damaged.
         MappingError: several topics hold joint states and none was chosen.
         ReadError: it holds none, or is a database of another kind.
     """
@@ -30,7 +30,7 @@ def read(path: str, options: ReadOptions) -> Columns:
                 _gather(base, topics)
         except (sqlite3.Error, OverflowError) as error:
             if not topics.count:
-                raise TruncatedFile(
+                raise IncompleteFile(
                     f"The database is damaged ({error}).", remedy="Copy or record it again."
                 ) from error
             topics.notes.append(

@@ -38,7 +38,7 @@ _LARGEST_PIPE = 1 << 20
 class Guard:
     """A child process that parses files, restarted when it dies.
 
-    Use it as a context manager, or let `shared()` keep one for the whole program. Safe to use from several threads,
+    Use it as a context manager, or let `default_guard()` keep one for the whole program. Safe to use from several threads,
     one file at a time.
     """
 
@@ -62,14 +62,14 @@ class Guard:
         """Start the child ahead of the first file, so that it loads while the caller does something else.
 
         Raises:
-            ReaderCrashed: it cannot be started.
+            ReaderCrash: it cannot be started.
         """
         with self._lock:
             if self._process is not None and self._process.poll() is None:
                 return
             self.close()
             if not hasattr(select, "poll"):
-                raise errors.ReaderCrashed(
+                raise errors.ReaderCrash(
                     "This system cannot wait for a process with a time limit.",
                     remedy="If you trust the file, read it in Python with guarded=False.",
                 )
@@ -92,7 +92,7 @@ class Guard:
                     bufsize=0,
                 )
             except OSError as error:
-                raise errors.ReaderCrashed(
+                raise errors.ReaderCrash(
                     f"The parsing process cannot be started: {error}.",
                     remedy="If you trust the file, read it in Python with guarded=False.",
                 ) from error
@@ -139,7 +139,7 @@ class Guard:
                     remedy="If the file is yours and honest, read it in Python with limits=Limits(max_seconds=...).",
                 ) from None
             except (EOFError, BrokenPipeError) as error:
-                raise errors.ReaderCrashed(
+                raise errors.ReaderCrash(
                     f"The process that parsed the file died ({self._end()}).",
                     remedy="The file is damaged or hostile; save it again, or in another format.",
                 ) from error
@@ -227,7 +227,7 @@ class Guard:
         receive(memoryview(length))
         size = int.from_bytes(length, "little")
         if size > _LARGEST_HEADER:
-            raise errors.ReaderCrashed(
+            raise errors.ReaderCrash(
                 "The parsing process answered nonsense.", remedy="The file is damaged or hostile."
             )
         text = bytearray(size)
@@ -238,7 +238,7 @@ class Guard:
                 return answer
         except (ValueError, RecursionError):
             pass
-        raise errors.ReaderCrashed(
+        raise errors.ReaderCrash(
             "The parsing process answered nonsense.", remedy="The file is damaged or hostile."
         )
 
@@ -268,6 +268,6 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_SHARED.forget)
 
 
-def shared() -> Guard:
+def default_guard() -> Guard:
     """Return the guard that `read_log` keeps for the whole program."""
     return _SHARED

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from backdrive.errors import ForbiddenContent, ReadError, TruncatedFile, require
+from backdrive.errors import ForbiddenContent, IncompleteFile, ReadError, require
 from backdrive.logs.readers.columns import Columns, ReadOptions, plain
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def read(path: str, options: ReadOptions) -> Columns:
     Raises:
         ForbiddenContent: it links to other files or by name, or needs a filter plug-in.
         FileTooLarge: it declares more than the limits allow.
-        TruncatedFile: it ends before its content does.
+        IncompleteFile: it ends before its content does.
         MissingExtra: h5py is not installed.
     """
     prepare()
@@ -55,8 +55,8 @@ def read(path: str, options: ReadOptions) -> Columns:
         with h5py.File(path, "r", libver=("earliest", "latest"), locking=False) as file:
             _walk(file, "", found, left, {file.id.__hash__()}, 0)
             options.limits.check_count(len(found), "datasets")
-            declared = sum(_declared(data) for data in found.values())
-            options.limits.check_declared(declared, os.path.getsize(path), "The file")
+            declared = sum(_size_of(data) for data in found.values())
+            options.limits.check_size(declared, os.path.getsize(path), "The file")
             for name, data in found.items():
                 value = plain(data[()])
                 if value is None or not value.size:
@@ -71,7 +71,7 @@ def read(path: str, options: ReadOptions) -> Columns:
     except (OSError, KeyError, RuntimeError) as error:
         text = str(error)
         if "truncated" in text or "end of file" in text.lower() or "addr overflow" in text:
-            raise TruncatedFile(
+            raise IncompleteFile(
                 f"The file is cut ({text[:200]}).", remedy="Copy or save it again."
             ) from error
         raise ReadError(f"The file is damaged ({text[:200]}).", remedy="Copy or save it again.") from error
@@ -109,13 +109,13 @@ def _walk(group: h5py.Group, prefix: str, found: dict, left: list[str], seen: se
             seen.add(item.id.__hash__())
             _walk(item, f"{name}.", found, left, seen, depth + 1)
         elif isinstance(item, h5py.Dataset):
-            if _allowed(item, name):
+            if _is_numeric(item, name):
                 found[name] = item
             else:
                 left.append(name)
 
 
-def _allowed(data: h5py.Dataset, name: str) -> bool:
+def _is_numeric(data: h5py.Dataset, name: str) -> bool:
     """Tell whether a dataset is numbers; refuse storage outside the file and plug-ins."""
     if data.is_virtual or data.external:
         raise ForbiddenContent(
@@ -134,7 +134,7 @@ def _allowed(data: h5py.Dataset, name: str) -> bool:
     return data.dtype.kind in "biuf" and data.shape is not None and data.ndim <= 2
 
 
-def _declared(data: h5py.Dataset) -> int:
+def _size_of(data: h5py.Dataset) -> int:
     size = data.dtype.itemsize
     for length in data.shape:
         size *= int(length)

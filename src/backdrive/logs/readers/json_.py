@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from backdrive.errors import ReadError, TruncatedFile
+from backdrive.errors import IncompleteFile, ReadError
 from backdrive.logs.log import Drive
 from backdrive.logs.readers._labels import holds_names, in_order, read_names
 from backdrive.logs.readers.columns import Columns, ReadOptions
@@ -33,7 +33,7 @@ def read(path: str, options: ReadOptions) -> Columns:
     """Read a JSON log.
 
     Raises:
-        TruncatedFile: the text ends inside a value.
+        IncompleteFile: the text ends inside a value.
         ReadError: it is JSON, but no log.
     """
     with open(path, "rb") as stream:
@@ -42,7 +42,7 @@ def read(path: str, options: ReadOptions) -> Columns:
         content = json.loads(raw)
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         if isinstance(error, json.JSONDecodeError) and error.pos >= len(error.doc.rstrip()) - 1:
-            raise TruncatedFile(
+            raise IncompleteFile(
                 f"The text ends inside a value ({error}).", remedy="Copy or save it again."
             ) from error
         raise ReadError(

@@ -56,7 +56,7 @@ class Limits:
         """Return what parsing a file of `size` bytes may add to the process [B]."""
         return int(min(self.max_memory, 256 * MIB + 40 * size))
 
-    def check_declared(self, declared: int, size: int, what: str) -> None:
+    def check_size(self, declared: int, size: int, what: str) -> None:
         """Refuse a declared size before anything of that size is reserved.
 
         Args:

@@ -10,7 +10,7 @@ import numpy as np
 from backdrive.errors import InvalidInput, MappingError
 from backdrive.logs.log import CHANNELS, WRENCH, Joint, Log, Source, channel_unit
 from backdrive.logs.readers import _expression, _names
-from backdrive.logs.readers._channels import INDEX, Values, columns_of, described, extent
+from backdrive.logs.readers._channels import INDEX, Values, columns_of, describe, extent
 from backdrive.logs.readers._sides import divide_by_gear, motor_channels
 from backdrive.logs.readers.columns import Columns
 
@@ -73,7 +73,7 @@ def to_log(
         doubt = found.doubt or "no column is known to be a position or a velocity"
         raise MappingError(
             f"The file does not say what moves: {doubt}.",
-            remedy=f"Say it with --map, for example t=..., q=... or dq=..., tau=... . Columns: {described(columns)}.",
+            remedy=f"Say it with --map, for example t=..., q=... or dq=..., tau=... . Columns: {describe(columns)}.",
         )
     notes = [*found.notes, *values.notes, *_without_zeros(values.arrays, asked)]
     own = _align_patterns(values) or columns.joints or found.joints
@@ -99,7 +99,7 @@ def to_log(
     if "torque" not in values.arrays:
         notes.append(
             "No column was taken as torque: name one with --map tau=COLUMN, times a factor where it is a current or a duty. "
-            f"Columns: {described(columns)}."
+            f"Columns: {describe(columns)}."
         )
     whole = order == list(range(width))
     channels: dict[str, Any] = {
@@ -207,7 +207,7 @@ def length(columns: Columns, asked: Mapping, found: _names.Guess) -> int:
             return max(shape)
     raise MappingError(
         "No column is known to be the time.",
-        remedy=f"Say it with --map t=COLUMN, or t=0.001*index for a 1 kHz log. Columns: {described(columns)}.",
+        remedy=f"Say it with --map t=COLUMN, or t=0.001*index for a 1 kHz log. Columns: {describe(columns)}.",
     )
 
 

@@ -13,7 +13,7 @@ import zlib
 
 import numpy as np
 
-from backdrive.errors import ReadError, TruncatedFile
+from backdrive.errors import IncompleteFile, ReadError
 from backdrive.logs.readers.columns import Columns, ReadOptions, plain
 
 _COMPRESSED = 15
@@ -29,7 +29,7 @@ def read(path: str, options: ReadOptions) -> Columns:
     """Read every numeric variable; fields of structs are named `struct.field`.
 
     Raises:
-        TruncatedFile: a variable is cut.
+        IncompleteFile: a variable is cut.
         FileTooLarge: a compressed variable declares more than the limits allow.
         MissingExtra: the file is version 7.3 (HDF5) and h5py is not installed.
     """
@@ -55,7 +55,7 @@ def read(path: str, options: ReadOptions) -> Columns:
             )  # duplicate variable names and the like are of no concern to a log
             content = loadmat(path, simplify_cells=True)
     except (MatReadError, EOFError, OSError) as error:
-        raise TruncatedFile(
+        raise IncompleteFile(
             f"A variable is cut or damaged ({error}).", remedy="Save the file again."
         ) from error
     arrays: dict[str, np.ndarray] = {}
@@ -98,7 +98,7 @@ def _check_sizes(path: str, options: ReadOptions) -> None:
                 at += 8
                 continue
             if at + 8 + length > size:
-                raise TruncatedFile(
+                raise IncompleteFile(
                     f"A variable at byte {at} declares {length} bytes, but the file ends after {size - at - 8}.",
                     remedy="Copy or save the file again.",
                 )
@@ -113,5 +113,5 @@ def _check_sizes(path: str, options: ReadOptions) -> None:
                     declared += struct.unpack(order + "II", tag)[1]
             else:
                 declared += length
-            options.limits.check_declared(declared, size, "The file")
+            options.limits.check_size(declared, size, "The file")
             at += 8 + length

@@ -12,7 +12,7 @@ from typing import BinaryIO
 
 from backdrive.errors import UnknownFormat
 from backdrive.logs.readers._bag import Topics, read_parts
-from backdrive.logs.readers._chunks import Damaged
+from backdrive.logs.readers._chunks import ChunkDamage
 from backdrive.logs.readers._jointstate import TYPES, Gatherer
 from backdrive.logs.readers.columns import Columns, ReadOptions
 
@@ -40,7 +40,7 @@ class _Bag:
             kind, length = _RECORD.unpack_from(data, at)
             start, at = at + 9, at + 9 + length
             if at > end:
-                raise Damaged("a record reaches beyond its chunk")
+                raise ChunkDamage("a record reaches beyond its chunk")
             if kind == _MESSAGE and length >= 22:
                 channel, _, received, _ = _MESSAGE_HEAD.unpack_from(data, start)
                 if channel in self.wanted:
@@ -75,10 +75,10 @@ class _Bag:
         (length,) = struct.unpack_from("<Q", content, at)
         stored = content[at + 8 : at + 8 + length]
         if len(stored) != length:
-            raise Damaged("a chunk is shorter than it declares")
+            raise ChunkDamage("a chunk is shorter than it declares")
         data = self.topics.expand(stored, how, size)
         if checksum and zlib.crc32(data) != checksum:
-            raise Damaged("a wrong checksum")
+            raise ChunkDamage("a wrong checksum")
         self.records(data)
 
 
@@ -86,7 +86,7 @@ def read(path: str, options: ReadOptions) -> Columns:
     """Read the joint states of a bag.
 
     Raises:
-        TruncatedFile: it ends before the first complete joint state.
+        IncompleteFile: it ends before the first complete joint state.
         MappingError: several topics hold joint states and none was chosen.
         ReadError: it holds none, or a message is malformed.
         MissingExtra: chunks are compressed and the decompressor is not installed.
@@ -124,12 +124,12 @@ def _scan(stream: BinaryIO, size: int, topics: Topics) -> tuple[int | None, str]
                 loose.clear()
             if kind == _CHUNK:
                 bag.chunk(content)
-        except (Damaged, struct.error, UnicodeDecodeError) as error:
+        except (ChunkDamage, struct.error, UnicodeDecodeError) as error:
             return at, str(error)
         at += 9 + length
     try:
         bag.records(bytes(loose))
-    except (Damaged, struct.error, UnicodeDecodeError) as error:
+    except (ChunkDamage, struct.error, UnicodeDecodeError) as error:
         return at, str(error)
     return where, why
 

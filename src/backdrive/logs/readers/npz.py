@@ -6,7 +6,7 @@ import zipfile
 
 import numpy as np
 
-from backdrive.errors import FileTooLarge, ForbiddenContent, ReadError, TruncatedFile
+from backdrive.errors import FileTooLarge, ForbiddenContent, IncompleteFile, ReadError
 from backdrive.logs.readers.columns import Columns, ReadOptions, plain
 
 
@@ -14,7 +14,7 @@ def read(path: str, options: ReadOptions) -> Columns:
     """Read every array of the archive.
 
     Raises:
-        TruncatedFile: the archive's directory or an array is cut.
+        IncompleteFile: the archive's directory or an array is cut.
         FileTooLarge: the archive declares more than the limits allow.
         ForbiddenContent: an array holds pickled objects.
     """
@@ -22,7 +22,7 @@ def read(path: str, options: ReadOptions) -> Columns:
     try:
         archive = zipfile.ZipFile(path)
     except zipfile.BadZipFile as error:
-        raise TruncatedFile(
+        raise IncompleteFile(
             f"The archive has no directory ({error}).", remedy="Copy or save it again."
         ) from error
     with archive:
@@ -31,7 +31,7 @@ def read(path: str, options: ReadOptions) -> Columns:
             raise ReadError("The archive holds no .npy array.", remedy="Save it with numpy.savez.")
         limits.check_count(len(members), "arrays")
         size = sum(max(info.compress_size, 0) for info in members)
-        limits.check_declared(sum(info.file_size for info in members), size, "The archive")
+        limits.check_size(sum(info.file_size for info in members), size, "The archive")
         arrays, notes = {}, []
         for info in members:
             name = info.filename[: -len(".npy")]
@@ -41,7 +41,7 @@ def read(path: str, options: ReadOptions) -> Columns:
                 with archive.open(info) as stream:
                     value = plain(_array(stream, name, info.file_size))
             except (zipfile.BadZipFile, EOFError) as error:
-                raise TruncatedFile(
+                raise IncompleteFile(
                     f"Array '{name}' is damaged ({error}).", remedy="Save it again."
                 ) from error
             if value is None:
@@ -82,7 +82,7 @@ def _array(stream, name: str, declared: int) -> np.ndarray:
         while at < len(view):
             got = stream.readinto(view[at : at + (1 << 20)])
             if not got:
-                raise TruncatedFile(
+                raise IncompleteFile(
                     f"Array '{name}' ends after {at} of {len(view)} bytes.", remedy="Save it again."
                 )
             at += got

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from backdrive.errors import ReadError, TruncatedFile, require
+from backdrive.errors import IncompleteFile, ReadError, require
 from backdrive.logs.readers._labels import holds_names, in_order, read_names
 from backdrive.logs.readers.columns import Columns, ReadOptions
 
@@ -30,7 +30,7 @@ def read(path: str, options: ReadOptions) -> Columns:
     """Read every numeric column, row group by row group.
 
     Raises:
-        TruncatedFile: the footer is missing or a page is cut.
+        IncompleteFile: the footer is missing or a page is cut.
         FileTooLarge: the footer declares more than the limits allow.
         MissingExtra: pyarrow is not installed.
     """
@@ -42,20 +42,20 @@ def read(path: str, options: ReadOptions) -> Columns:
     try:
         file = parquet.ParquetFile(path, memory_map=False, pre_buffer=False)
     except (pa.ArrowInvalid, OSError) as error:
-        raise TruncatedFile(
+        raise IncompleteFile(
             f"The footer cannot be read ({_first_line(error)}).", remedy="Save the file again."
         ) from error
     with file:
         meta = file.metadata
         limits.check_count(meta.num_columns, "columns")
-        limits.check_declared(max(meta.num_rows, 0) * max(meta.num_columns, 1) * _WIDEST, size, "The table")
+        limits.check_size(max(meta.num_rows, 0) * max(meta.num_columns, 1) * _WIDEST, size, "The table")
         groups = [meta.row_group(i) for i in range(meta.num_row_groups)]
         declared = sum(g.column(i).total_uncompressed_size for g in groups for i in range(g.num_columns))
-        limits.check_declared(declared, size, "The table")
+        limits.check_size(declared, size, "The table")
         try:
             table = file.read(use_threads=False)
         except (pa.ArrowInvalid, pa.ArrowNotImplementedError, OSError) as error:
-            raise TruncatedFile(
+            raise IncompleteFile(
                 f"A page is damaged ({_first_line(error)}).", remedy="Save the file again."
             ) from error
     if table.num_rows == 0:

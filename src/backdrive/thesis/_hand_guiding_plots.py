@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from backdrive.report.pictures.canvas import LIGHT, pretty_unit
-from backdrive.thesis._guided import mark
+from backdrive.thesis._hand_guiding import mark
 from backdrive.thesis._sweep_plots import DASHED, SMALL, joint_title, key, name, panel, sheet
 
 __all__ = [

@@ -10,9 +10,15 @@ import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive.errors import BackdriveError, NotIdentifiable
-from backdrive.identification.delay import delayed, earlier
+from backdrive.identification.delay import delay_signals, earlier
 from backdrive.identification.dynamic import choice, directions, starts
-from backdrive.identification.dynamic.crossing import lags_behind, possible, settled, sliding, slips_too_early
+from backdrive.identification.dynamic.crossing import (
+    is_bounded,
+    lags_behind,
+    possible,
+    sliding,
+    slips_too_early,
+)
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.joint_fit import Task
 from backdrive.identification.dynamic.law_fit import fit_law
@@ -64,7 +70,7 @@ class TorqueTask(Task):
         known = {term: value for term, value in options.known.items() if term != "delay"}
         delay = options.delay and "delay" not in options.known
         stretches = [s for _, s in self.pairs]
-        pull = gravity_sought(stretches, info.unit, options.gravity)
+        pull = gravity_terms(stretches, info.unit, options.gravity)
         if (
             not pull
             and options.gravity is None
@@ -111,7 +117,7 @@ class TorqueTask(Task):
         Raises:
             NotIdentifiable: the law depends on a load or a temperature that does not vary.
         """
-        shape = LawShape.named(law)
+        shape = LawShape.from_name(law)
         for need, there in (("load", self.load), ("temperature", self.warm)):
             if need in shape.rate.NEEDS and not there:
                 raise NotIdentifiable(
@@ -127,7 +133,7 @@ class TorqueTask(Task):
         if not shape.element.SET_VALUED or shape.rate.SMOOTH:
             return one
         best = self._of_sliding(shape, records, one, asked, warm_start)
-        if not slips_too_early(best.values) or settled(self.options.bounds):
+        if not slips_too_early(best.values) or is_bounded(self.options.bounds):
             return best
         slid = sliding(records, best.values.get("delay", 0.0))
         line = starts.rest_of(slid, asked["terms"], asked["known"])[0]["coulomb"]
@@ -154,15 +160,17 @@ class TorqueTask(Task):
         two = fit_law(shape, slid, tick=self.options.ticker(self.info.name), **asked, **again)
         if line or lags_behind(records, slid, two.misses(records), late):
             return two
-        return two if choice.fitted_error(two, slid)[0] < BETTER * choice.fitted_error(one, slid)[0] else one
+        return (
+            two if choice.training_error(two, slid)[0] < BETTER * choice.training_error(one, slid)[0] else one
+        )
 
     def error(self, one: Fit) -> tuple[float, int]:
         """Return the mean squared error on what was fitted, rests included, and the number of its samples."""
-        return choice.fitted_error(one, self.shown)
+        return choice.training_error(one, self.shown)
 
     def judges_of(self, one: Fit) -> Sequence[Stretch]:
         """Return what a fit is judged on: sliding alone, where no law of the choice says what happens before."""
-        if any(LawShape.named(law).element is not Rigid for law in self.laws):
+        if any(LawShape.from_name(law).element is not Rigid for law in self.laws):
             return self.judges
         return sliding(self.judges, one.values.get("delay", 0.0))
 
@@ -179,7 +187,9 @@ class TorqueTask(Task):
     def explains(self, final: Fit, judged: Fit) -> bool:
         """Return whether a fit to everything explains everything about as well as the one that was judged."""
         stretches = [s for _, s in self.pairs]
-        return choice.fitted_error(final, stretches)[0] <= WORSE * choice.fitted_error(judged, stretches)[0]
+        return (
+            choice.training_error(final, stretches)[0] <= WORSE * choice.training_error(judged, stretches)[0]
+        )
 
     def finish(self, final: Fit, judged: Fit) -> tuple[JointFriction, JointEvidence]:
         """Return friction and evidence of the last fit and the one that was judged."""
@@ -194,7 +204,7 @@ class TorqueTask(Task):
         return {"cutoff": self.cutoff}
 
 
-def gravity_sought(stretches: Sequence[Stretch], unit: str, wanted: bool | None) -> tuple[str, ...]:
+def gravity_terms(stretches: Sequence[Stretch], unit: str, wanted: bool | None) -> tuple[str, ...]:
     """Return the terms of gravity that are sought: where asked for, or where all stretches together turn far enough to show it."""
     turns = unit == "rad" and all(s.position is not None for s in stretches)
     ends = [end(s.position) for s in stretches for end in (np.min, np.max) if s.position is not None]
@@ -228,7 +238,7 @@ def _stretches(log: Log, name: str, cutoff: float | None, late: float = 0.0) -> 
     """
     found = []
     for signals in prepare(log, name, cutoff=cutoff):
-        then = delayed(signals, late)
+        then = delay_signals(signals, late)
         one = stretch(
             then,
             load=then.load,

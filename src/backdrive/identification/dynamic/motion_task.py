@@ -16,9 +16,15 @@ import numpy as np
 from backdrive._catalog import lookup
 from backdrive.engine import Axis
 from backdrive.identification.dynamic import choice, directions, starts
-from backdrive.identification.dynamic.driven import drive_of, driven, held_out_masks, sought_of, split, whole
+from backdrive.identification.dynamic.drive_stretch import (
+    drive_of,
+    drive_stretches,
+    drive_unknowns,
+    held_out_masks,
+    split,
+    whole,
+)
 from backdrive.identification.dynamic.fit import Fit, conclude
-from backdrive.identification.dynamic.given_motion import gravity_sought
 from backdrive.identification.dynamic.joint_fit import Task
 from backdrive.identification.dynamic.law_fit import fit_law
 from backdrive.identification.dynamic.motion import fit_motion
@@ -28,6 +34,7 @@ from backdrive.identification.dynamic.motion_terms import NAMES, OF_AXIS
 from backdrive.identification.dynamic.result import finish
 from backdrive.identification.dynamic.search import Search
 from backdrive.identification.dynamic.torque import Stretch, TorqueProblem
+from backdrive.identification.dynamic.torque_task import gravity_terms
 from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.identification.options import Options, describe_drive
 from backdrive.identification.result import JointEvidence
@@ -64,9 +71,9 @@ class MotionTask(Task):
     def __init__(self, logs: Sequence[Log], held_out: Sequence[Log], name: str, options: Options):
         info = self.info = logs[0].joints[logs[0].column(name)]
         assert not isinstance(options.drive, Drive)
-        drive = self.drive = options.drive or drive_of(logs[0], sought_of(options.bounds))
-        self.fitted = [d for log in logs for d in driven(log, name, drive, options)]
-        self.unseen = [d for log in held_out for d in driven(log, name, drive, options)]
+        drive = self.drive = options.drive or drive_of(logs[0], drive_unknowns(options.bounds))
+        self.fitted = [d for log in logs for d in drive_stretches(log, name, drive, options)]
+        self.unseen = [d for log in held_out for d in drive_stretches(log, name, drive, options)]
         for number in options.known:
             lookup(number, dict.fromkeys(OF_AXIS, 0), "number of an axis")
         self.options, self.bounds = options, dict[str, Any](options.bounds)
@@ -77,7 +84,7 @@ class MotionTask(Task):
         }
         self.middle = drive.replace(**sought)
         self.stretches = [d.stretch(self.middle) for d in self.fitted]
-        gravity = gravity_sought(self.stretches, info.unit, options.gravity)
+        gravity = gravity_terms(self.stretches, info.unit, options.gravity)
         terms = ("inertia", "offset", *gravity)
         asked = dict.fromkeys((*terms, *(n for n in self.bounds if n in GRAVITY)))
         self.terms = [term for term in asked if term not in options.known]
@@ -113,7 +120,7 @@ class MotionTask(Task):
 
     def fit(self, law: str, records: Sequence[MotionLog], begin_at: Mapping[str, float] | None = None) -> Fit:
         """Return the fit of one law to motion logs, begun at a fit to the drive's torque or at values by name [SI]."""
-        shape = LawShape.named(law)
+        shape = LawShape.from_name(law)
         shape = directions.symmetric_shape(shape) if self.options.symmetric else shape
         terms = directions.terms_beside(shape, self.terms, self.options)
         shape = shape.beside(terms)
@@ -206,7 +213,7 @@ class MotionTask(Task):
             [(d.signals, s) for d, s in zip(self.fitted, stretches)],
             [(d.signals, s) for d, s in zip(self.unseen, tests)],
             masks,
-            self._given(final),
+            self._estimates(final),
             "motion given the drive's input",
         )
         return replace(friction, actuator=actuator_of(final.axis)), shown
@@ -239,7 +246,7 @@ class MotionTask(Task):
             warnings=one.warnings,
         )
 
-    def _given(self, final: Fit) -> dict[str, Estimate]:
+    def _estimates(self, final: Fit) -> dict[str, Estimate]:
         """Return the numbers of the drive and the axis, given ones before sought ones, so that the model can be run again."""
         numbers = {*numbers_of(final.problem.shape), *RIGID}
         given = {

@@ -34,7 +34,7 @@ GAINS = {f.name: f for f in fields(DriveModel) if f.name not in ("controller", "
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Driven:
+class DriveStretch:
     """One gap-free stretch of a joint under its drive.
 
     Attributes:
@@ -64,7 +64,7 @@ class Driven:
         return stretch(replace(self.signals, torque=tau), temperature=self.log.temperature)
 
 
-def driven(log: Log, name: str, template: DriveModel, options: Options) -> list[Driven]:
+def drive_stretches(log: Log, name: str, template: DriveModel, options: Options) -> list[DriveStretch]:
     """Return the stretches of one joint with the drive's input.
 
     Args:
@@ -81,7 +81,9 @@ def driven(log: Log, name: str, template: DriveModel, options: Options) -> list[
         position=own.need("position"),
         torque=own.need("drive_input"),
     )
-    drive = template if options.drive is not None else with_gains(log, template, sought_of(options.bounds))
+    drive = (
+        template if options.drive is not None else with_gains(log, template, drive_unknowns(options.bounds))
+    )
     found = []
     for signals in prepare(bare, 0, cutoff=options.cutoff):
         temperature = None
@@ -97,11 +99,11 @@ def driven(log: Log, name: str, template: DriveModel, options: Options) -> list[
             temperature=temperature,
             name=log.sources[0].path if log.sources else "log",
         )
-        found.append(Driven(signals=signals, log=one))
+        found.append(DriveStretch(signals=signals, log=one))
     return found
 
 
-def whole(parts: Sequence[Driven], held: bool) -> list[MotionLog]:
+def whole(parts: Sequence[DriveStretch], held: bool) -> list[MotionLog]:
     """Return everything as a fit runs it.
 
     Args:
@@ -114,7 +116,7 @@ def whole(parts: Sequence[Driven], held: bool) -> list[MotionLog]:
     return [w for p in parts for w in p.log.windows(_loose(parts))]
 
 
-def split(parts: Sequence[Driven], held: bool) -> tuple[list[MotionLog], list[MotionLog]]:
+def split(parts: Sequence[DriveStretch], held: bool) -> tuple[list[MotionLog], list[MotionLog]]:
     """Return what is fitted and what is judged on: two of three windows of time, and every third."""
     logs = whole(parts, held)
     if not held:
@@ -126,7 +128,7 @@ def split(parts: Sequence[Driven], held: bool) -> tuple[list[MotionLog], list[Mo
     )
 
 
-def held_out_masks(parts: Sequence[Driven], held: bool) -> list[np.ndarray]:
+def held_out_masks(parts: Sequence[DriveStretch], held: bool) -> list[np.ndarray]:
     """Return for every stretch the samples that `split` holds out, (n,) each."""
     if held:
         return windows([len(p.log.position) for p in parts])
@@ -141,11 +143,11 @@ def held_out_masks(parts: Sequence[Driven], held: bool) -> list[np.ndarray]:
     return masks
 
 
-def _loose(parts: Sequence[Driven]) -> float:
+def _loose(parts: Sequence[DriveStretch]) -> float:
     return min(LOOSE, sum(len(p.log.position) * p.log.dt for p in parts) / FEWEST)
 
 
-def sought_of(bounds: Mapping[str, object] | None) -> tuple[str, ...]:
+def drive_unknowns(bounds: Mapping[str, object] | None) -> tuple[str, ...]:
     """Return the numbers of the drive among what is bounded, and so sought."""
     return tuple(n[6:] for n in bounds or {} if n.startswith("drive."))
 

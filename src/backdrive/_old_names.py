@@ -16,7 +16,12 @@ MODULES = {
     "filters": "logs.filters",
     "fitting": "identification.dynamic",
     "health": "logs.health",
-    "identification.dynamic.drive_of_log": "identification.dynamic.driven",
+    "fleet.simulated": "fleet.simulation",
+    "identification.arm_expected": "identification.arm_forecast",
+    "identification.dynamic.drive_of_log": "identification.dynamic.drive_stretch",
+    "identification.dynamic.driven": "identification.dynamic.drive_stretch",
+    "identification.dynamic.given_drive": "identification.dynamic.motion_task",
+    "identification.dynamic.given_motion": "identification.dynamic.torque_task",
     "identification.dynamic.intervals": "identification.dynamic.uncertainty",
     "identification.dynamic.judging": "identification.validate",
     "identification.grade": "identification.quality",
@@ -53,9 +58,9 @@ def refuse(name: str) -> None:
         Renamed: it was renamed.
     """
     if name in NAMES:
-        from backdrive.errors import Renamed
+        from backdrive.errors import OldName
 
-        raise Renamed(f"backdrive.{name} has another name now.", remedy=f"Use backdrive.{NAMES[name]}.")
+        raise OldName(f"backdrive.{name} has another name now.", remedy=f"Use backdrive.{NAMES[name]}.")
 
 
 def new_name(module: str) -> str | None:
@@ -79,9 +84,9 @@ class _Finder:
     def find_spec(self, fullname, path=None, target=None):
         new = new_name(fullname) if fullname.startswith("backdrive.") else None
         if new is not None:
-            from backdrive.errors import Renamed
+            from backdrive.errors import OldName
 
-            raise Renamed(f"The module {fullname} has moved.", remedy=f"Import {new}.")
+            raise OldName(f"The module {fullname} has moved.", remedy=f"Import {new}.")
 
 
 def install() -> None:

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.control import Unguarded
+from backdrive.control import BareLoop
 from backdrive.control.compensators import Compensator, Dither, alg_fc, nothing
 from backdrive.laws.base import Rate
 from backdrive.simulation.closed_loop import Record, Scene, play
 from backdrive.simulation.hand import Hand, strokes
-from backdrive.simulation.joint import SimulatedJoint
+from backdrive.simulation.joint import JointSimulation
 
 CASES = ("NC", "C", "CD", "P", "PD")
 PERIOD = 1e-3  # of the loop [s]
@@ -48,7 +48,7 @@ class Guidance:
         delay: of the drive [s].
     """
 
-    plant: SimulatedJoint
+    plant: JointSimulation
     rate: Rate
     stiffness: float
     hand: Hand
@@ -97,7 +97,7 @@ class Guidance:
                 plant=self.plant,
                 motion=motion,
                 hand=self.hand,
-                loop=Unguarded(compensator=compensator),
+                loop=BareLoop(compensator=compensator),
                 period=PERIOD,
                 delay=self.delay,
                 seed=seed,

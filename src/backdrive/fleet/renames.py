@@ -8,7 +8,7 @@ from backdrive.fleet.sources import LogEntry
 from backdrive.fleet.store import Store
 
 
-def recognise_renamed(store: Store, entries: Sequence[LogEntry]) -> tuple[Store, list[str]]:
+def recognise_renames(store: Store, entries: Sequence[LogEntry]) -> tuple[Store, list[str]]:
     """Recognise robots that were renamed: all their logs are there under another name, and none under the former one."""
     known = store.raw(["digest", "path", "robot"])
     here = {entry.path for entry in entries}

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.control import Unguarded
+from backdrive.control import BareLoop
 from backdrive.control.compensators import Compensator, Dither, alg_fc, alg_fc2
 from backdrive.control.estimators.friction import between_counts
 from backdrive.simulation.closed_loop import Record, Scene, play
 from backdrive.simulation.hand import Hand, HandMotion, strokes
-from backdrive.simulation.joint import SimulatedJoint
-from backdrive.thesis.fig_3_4 import identified, intercepts
+from backdrive.simulation.joint import JointSimulation
+from backdrive.thesis.fig_3_4 import identify_rate, intercepts
 from backdrive.thesis.setups import K_A, K_B, RATIO, setups
 
 PERIOD = 1e-3  # s
@@ -42,7 +42,7 @@ class Release:
         hold: between the end of the stroke and the release [s].
     """
 
-    plant: SimulatedJoint
+    plant: JointSimulation
     stiffness: float
     threshold: float
     dither: float
@@ -55,7 +55,7 @@ class Release:
 
     def compensators(self) -> dict[str, Compensator]:
         """Return the three cases; the threshold lies between two counts."""
-        wave, rate = Dither(share=self.dither), identified(self.plant)
+        wave, rate = Dither(share=self.dither), identify_rate(self.plant)
         threshold = between_counts(self.threshold, self.plant.encoder_count, PERIOD)
         return {
             "alpha_N": alg_fc(rate, self.stiffness, SLOW, wave, share=self.share),
@@ -76,7 +76,7 @@ class Release:
             start=BEGIN,
             seed=seed,
         )
-        return one.released(BEGIN + self.duration + self.hold, PERIOD)
+        return one.release(BEGIN + self.duration + self.hold, PERIOD)
 
     def scenes(self, seed: int) -> list[Scene]:
         """Return a scene for each case."""
@@ -86,7 +86,7 @@ class Release:
                 plant=self.plant,
                 motion=motion,
                 hand=self.hand,
-                loop=Unguarded(compensator=compensator),
+                loop=BareLoop(compensator=compensator),
                 period=PERIOD,
                 delay=1e-3,
                 seed=seed,

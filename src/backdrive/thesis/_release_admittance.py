@@ -13,7 +13,7 @@ from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.laws.base import Rate
 from backdrive.simulation.closed_loop import Record, play
 from backdrive.simulation.hand import Hand, HandMotion, strokes
-from backdrive.simulation.joint import SimulatedJoint
+from backdrive.simulation.joint import JointSimulation
 from backdrive.thesis._sensorless import (
     DECAY,
     FAST,
@@ -22,11 +22,11 @@ from backdrive.thesis._sensorless import (
     PERIOD,
     PRINTED,
     STIFFNESS,
-    admitted,
+    admittance_scene,
     rms,
     then,
 )
-from backdrive.thesis.fig_3_4 import identified
+from backdrive.thesis.fig_3_4 import identify_rate
 from backdrive.thesis.setups import K_B, RATIO, setups
 
 CASES = ("alpha_N", "alpha_H", "algFE2")
@@ -50,7 +50,7 @@ class Setting:
         still: travel of the load in the last second below which it rests [m or rad].
     """
 
-    plant: SimulatedJoint
+    plant: JointSimulation
     rate: Rate
     stiffness: float
     threshold: float
@@ -79,7 +79,7 @@ def joint_0(seed: int = 0, ratio: float = RATIO) -> Setting:
     plant = setups(ratio)["joint_0"]
     return Setting(
         plant=plant,
-        rate=identified(plant, seed),
+        rate=identify_rate(plant, seed),
         stiffness=K_B,
         threshold=1e-3,
         hand=Hand(stiffness=130.0, damping=6.0, noise=0.05),
@@ -97,7 +97,7 @@ def axis(seed: int = 0, ratio: float = RATIO) -> Setting:
     plant = setups(ratio)["setup_a"]
     return Setting(
         plant=plant,
-        rate=identified(plant, seed),
+        rate=identify_rate(plant, seed),
         stiffness=STIFFNESS,
         threshold=0.01,
         hand=HAND_A,
@@ -118,7 +118,7 @@ def runs(setting: Setting, seed: int, seeds: int) -> dict[str, list[Record]]:
     """Return the three cases, one record a seed."""
     motions = [once(setting, seed + i) for i in range(seeds)]
     scenes = [
-        admitted(
+        admittance_scene(
             setting.plant,
             motion,
             friction,

@@ -81,7 +81,7 @@ def signals_of(plan: ArmPlan, robot: Robot) -> ArmSignals:
     )
 
 
-def expected_errors(
+def forecast_errors(
     signals: Sequence[ArmSignals],
     robot: Robot,
     noise: np.ndarray,
@@ -100,7 +100,7 @@ def expected_errors(
     own = terms or terms_along(signals, len(robot.joints))
     moved = [s if np.any(s.torque) else _with_torque(s, robot, friction) for s in signals]
     covariance, by_noise = expect(build(Regressor(robot, moved), own), robot, own, noise)
-    table, names = _reported(robot, own)
+    table, names = _combinations(robot, own)
     spread = np.einsum("kp,pq,kq->k", table, covariance, table)
     told = np.einsum("kp,pq,kq->k", table, by_noise, table)
     return [
@@ -125,7 +125,7 @@ def terms_along(signals: Sequence[ArmSignals], J: int) -> list[Terms]:
     return [terms_of(speed) for speed in speeds]
 
 
-def achieved_errors(
+def compare_errors(
     logs: Sequence[Log],
     signals: Sequence[ArmSignals],
     robot: Robot,
@@ -153,13 +153,13 @@ def achieved_errors(
         noise = np.array([plans[0].noise[plans[0].joints.index(name)] for name in robot.joints])
     k = [t.knots.size for t in terms]
     friction = np.array([float(np.mean(own[: 2 * n])) for own, n in zip(solution.own, k)])
-    expected = expected_errors(motion, robot, noise, friction, terms)
-    table, _ = _reported(robot, terms)
+    expected = forecast_errors(motion, robot, noise, friction, terms)
+    table, _ = _combinations(robot, terms)
     achieved = np.sqrt(np.maximum(np.einsum("kp,pq,kq->k", table, solution.everything, table), 0.0))
     return [replace(e, achieved=float(a)) for e, a in zip(expected, achieved)]
 
 
-def _reported(robot: Robot, terms: Sequence[Terms]) -> tuple[np.ndarray, list[dict[str, Any]]]:
+def _combinations(robot: Robot, terms: Sequence[Terms]) -> tuple[np.ndarray, list[dict[str, Any]]]:
     """Return the combinations of coefficients that are reported, (k, p), and what they are."""
     columns = robot.base.columns
     first = columns.size + np.concatenate([[0], np.cumsum([t.size for t in terms])]).astype(int)

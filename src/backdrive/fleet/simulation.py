@@ -53,7 +53,7 @@ class Event:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimulatedFleet:
+class FleetSimulation:
     """A fleet whose every number is known.
 
     Attributes:
@@ -109,13 +109,13 @@ class SimulatedFleet:
     def temperature(self) -> np.ndarray:
         """Temperature of every robot on every day [degC], (robots, days): the season, the weather, and where the robot stands."""
         turn = np.array([2.0 * np.pi * self.day(d).timetuple().tm_yday / 365.25 for d in range(self.days)])
-        weather = self.correlated(self.draws(1), (self.days,), 0.7) * WEATHER
+        weather = self.ar1_noise(self.draws(1), (self.days,), 0.7) * WEATHER
         places = self.draws(2).normal(0.0, 2.0, (self.robots, 1))
         own = self.draws(3).normal(0.0, 1.0, (self.robots, self.days))
         return MEAN - SWING * np.cos(turn) + weather + places + own
 
     @staticmethod
-    def correlated(draws: np.random.Generator, shape: tuple[int, ...], correlation: float) -> np.ndarray:
+    def ar1_noise(draws: np.random.Generator, shape: tuple[int, ...], correlation: float) -> np.ndarray:
         """Return AR(1) noise of unit variance along the last axis."""
         noise = draws.normal(size=shape)
         for i in range(1, shape[-1]):
@@ -138,7 +138,7 @@ class SimulatedFleet:
         """Return Coulomb [N.m] and viscous friction [N.m.s/rad] of every day, (days, 2)."""
         place = self.draws(4, robot, joint)
         base = np.array([3.0, 2.0]) * (1.0 + self.spread * place.normal())
-        noise = self.correlated(place, (self.days,), self.correlation) * self.repeatability
+        noise = self.ar1_noise(place, (self.days,), self.correlation) * self.repeatability
         rate = self.season / SWING
         warm = np.exp(-rate * (self.temperature[robot] - MEAN))
         return (self.growth(robot, joint) * warm * (1.0 + noise))[:, None] * base
@@ -170,7 +170,7 @@ class SimulatedFleet:
         flat = self.joints == 1
         return {"t": t, "q": q[:, 0] if flat else q, "tau": tau[:, 0] if flat else tau, "temp": temperature}
 
-    def broken(self, robot: int, day: int) -> bool:
+    def has_damage(self, robot: int, day: int) -> bool:
         """Return whether a robot's logs are damaged on a day."""
         return any(e.kind == "break" and e.robot == robot and day >= e.day for e in self.events)
 
@@ -197,12 +197,12 @@ class SimulatedFleet:
                 content = io.BytesIO()
                 np.savez(content, **self.log(robot, day, seconds=seconds, rate=rate))  # type: ignore[arg-type]
                 whole = content.getvalue()
-                if self.broken(robot, day):
+                if self.has_damage(robot, day):
                     whole = whole[: len(whole) // 2]
                 yield write_whole(place / f"{self.day(day).isoformat()}.npz", whole)
 
 
-def example(*, robots: int = 20, joints: int = 1, days: int = 120, seed: int = 0) -> SimulatedFleet:
+def example(*, robots: int = 20, joints: int = 1, days: int = 120, seed: int = 0) -> FleetSimulation:
     """Return a fleet in which everything happens once: wear, a new gear, a payload, a robot that breaks and one that is renamed."""
     third, half = days // 3, days // 2
     kinds: tuple[Event, ...] = (
@@ -212,6 +212,6 @@ def example(*, robots: int = 20, joints: int = 1, days: int = 120, seed: int = 0
         Event(kind="break", robot=4, day=2 * third),
         Event(kind="rename", robot=5, day=half),
     )
-    return SimulatedFleet(
+    return FleetSimulation(
         robots=robots, joints=joints, days=days, seed=seed, events=[e for e in kinds if e.robot < robots]
     )
