@@ -5,7 +5,7 @@ The friction of a joint on a day is
     tau_f = g(day) exp(-k (T - 25)) (1 + e(day)) (F_c sign(v) + F_v v)
 
 with g the wear (1 before its onset, then a ramp or a step), k from the season's amplitude, T the temperature of the day in degC,
-and e an AR(1) noise from day to day. A log is a sum of sines with the torque of the inverse dynamics. Nothing of this package
+and e an AR(1) noise from day to day. a log is a multisine with the torque of the inverse dynamics. Nothing of this package
 identifies or simulates here, so that the numbers are a truth to test against.
 """
 
