@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -154,7 +155,7 @@ class ForceEstimate(Display):
             f"No joint '{name}'.", remedy=f"One of {', '.join(j.joint.name for j in self.joints)}."
         )
 
-    def save(self, path) -> None:
+    def save(self, path: str | Path) -> None:
         """Write a table, whole or not at all.
 
         Args:

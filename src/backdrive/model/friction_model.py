@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -236,12 +237,12 @@ class FrictionModel(Display):
             result[j.joint.name] = {"velocity": velocity, "torque": j.law.torque(velocity)}
         return result
 
-    def save(self, path) -> None:
+    def save(self, path: str | Path) -> None:
         """Write the model file (JSON), whole or not at all."""
         upper("model.file", "save")(self, path)
 
 
-def load_model(path) -> FrictionModel:
+def load_model(path: str | Path) -> FrictionModel:
     """Read a model file, or published parameters by name.
 
     Args:
