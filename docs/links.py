@@ -1,4 +1,4 @@
-"""Links of the pages to files that lie outside `docs`: on the site they are named, not followed, since the site is built without them."""
+"""Links to files outside `docs`: on the site they are named, not followed, since it is built without them."""
 
 from __future__ import annotations
 
