@@ -117,7 +117,7 @@ Start = Annotated[
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """How logs are read: the options that every command shares which reads them; see `shared`."""
+    """How logs are read: the options that every command shares which reads them; see `with_reading`."""
 
     map: Map = None
     names: Names = None
@@ -193,7 +193,7 @@ class Reading:
 USUAL = Reading()
 
 
-def shared(command: Callable[..., None]) -> Callable[..., None]:
+def with_reading(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command the options of `Reading` in the place of its parameter `reading`."""
     own = inspect.signature(command, eval_str=True)
     hints = get_type_hints(Reading, include_extras=True)

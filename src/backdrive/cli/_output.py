@@ -29,7 +29,7 @@ def console(*, stderr: bool = False) -> Any:
 
     class Quoting(RenderHook):
         def process_renderables(self, renderables):
-            return [_Quoted(renderable) for renderable in renderables]
+            return [_Quote(renderable) for renderable in renderables]
 
     made = Console(stderr=stderr, highlight=False, markup=False, emoji=False)
     made.push_render_hook(Quoting())
@@ -59,7 +59,7 @@ def print_lines(console: Any, lines: Iterable[str], **how: Any) -> None:
         console.print(line, **how)
 
 
-class _Quoted:
+class _Quote:
     """Something that `rich` prints, with the text in it quoted; its own colours and cursor moves are no text."""
 
     def __init__(self, renderable: Any):

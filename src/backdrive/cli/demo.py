@@ -59,7 +59,7 @@ def command(
         speeds = sweep.top_speed * np.array(SHOWN)
         truth, found = plant.law.torque(speeds), friction.law.torque(speeds)
         say("A hand moves the joint")
-        from backdrive.report.guided import guided_section
+        from backdrive.report.hand import hand_section
         from backdrive.simulation.hand_demo import guided
 
         hand = guided(joint, friction.law, plant.inertia, seed)
@@ -69,7 +69,7 @@ def command(
             command=f"backdrive demo --joint {joint} --seed {seed}",
             title=f"Demo: simulated joint {log.names[0]}",
             compare={log.names[0]: _curve(plant.law, sweep.top_speed)},
-            more=[guided_section(hand)],
+            more=[hand_section(hand)],
         )
         make_folder(folder, "--folder")
         model, report = write_together(

@@ -27,7 +27,7 @@ class Group(TyperGroup):
         return super().parse_args(ctx, args)
 
 
-@_logs.shared
+@_logs.with_reading
 def run(
     source: Annotated[
         list[str],

@@ -44,7 +44,7 @@ def command(
             _print_catalogue()
         return
     _logs.check_targets([], [], drawn=[plot])
-    law, kinds = _named(name)
+    law, kinds = _parts_of(name)
     if plot is not None:
         from backdrive.report.pictures.signatures import save
 
@@ -63,7 +63,7 @@ def command(
         echo(f"Wrote {plot}.")
 
 
-def _named(name: str) -> tuple[Any, list[Any]]:
+def _parts_of(name: str) -> tuple[Any, list[Any]]:
     """Return the example of a law and the classes that were named, or say what is wrong with the name.
 
     Raises:

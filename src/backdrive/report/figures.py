@@ -10,7 +10,7 @@ import numpy as np
 from backdrive.identification.result import Curve, JointEvidence, Samples
 from backdrive.model import JointFriction
 from backdrive.report.pictures import canvas, curve, directions, model_curve, residuals, svg
-from backdrive.report.words import counted, esc, plain, quantity
+from backdrive.report.words import count_of, esc, plain, quantity
 
 _KEYS = {
     "fitted": '<circle cx="10" cy="5" r="3.4" fill="var(--fitted)"/>',
@@ -68,7 +68,7 @@ def friction_curve(friction: JointFriction, evidence: JointEvidence, truth: Curv
     name, unit = friction.joint.name, friction.joint.torque_unit
     knots = model_curve.knots_of(friction)
 
-    def draw(axes: Any) -> curve.Drawn:
+    def draw(axes: Any) -> curve.CurveDrawing:
         return curve.draw_curve(
             axes,
             canvas.CSS,
@@ -93,14 +93,14 @@ def friction_curve(friction: JointFriction, evidence: JointEvidence, truth: Curv
     else:
         caption += "<br>No band: the standard errors are not known."
     if drawn.beyond:
-        caption += f" {esc(counted(drawn.beyond, 'sample lies', 'samples lie'))} outside the picture."
+        caption += f" {esc(count_of(drawn.beyond, 'sample lies', 'samples lie'))} outside the picture."
     if truth is not None:
         rms, worst = distance(evidence.curve, truth)
         caption += f" Against the truth: RMS {quantity(rms, unit, 2)}, at most {quantity(worst, unit, 2)}."
     return figure(picture, caption)
 
 
-def enlarged(friction: JointFriction, evidence: JointEvidence, truth: Curve | None, prefix: str) -> str:
+def enlargement(friction: JointFriction, evidence: JointEvidence, truth: Curve | None, prefix: str) -> str:
     """Return both directions of the curve against speed, enlarged."""
 
     def draw(axes: Any) -> str:
@@ -163,7 +163,7 @@ def residual_row(friction: JointFriction, evidence: JointEvidence, prefix: str) 
     caption += "<br>Measured minus predicted torque. A good model leaves noise around zero; a bend is what it misses."
     if scale.beyond:
         caption += (
-            f" {esc(counted(scale.beyond, 'sample lies', 'samples lie'))} beyond the scale, "
+            f" {esc(count_of(scale.beyond, 'sample lies', 'samples lie'))} beyond the scale, "
             f"up to {quantity(scale.worst, joint.torque_unit)}."
         )
     if "position" in absent:

@@ -13,18 +13,18 @@ from backdrive.report.pictures.canvas import pretty_unit
 from backdrive.report.words import (
     NOTHING,
     Entry,
-    counted,
+    count_of,
     dynamics,
     entries,
     esc,
     law_name,
-    measured,
     number,
     percent,
     prose,
     quantity,
     symbol,
     term,
+    with_error,
 )
 
 
@@ -64,7 +64,7 @@ def joint_section(friction: JointFriction, evidence: JointEvidence, truth: Curve
     """
     prefix, good = f"j{index}", grade(friction).level == "good"
     left = figures.friction_curve(friction, evidence, truth, f"{prefix}-curve")
-    left += figures.enlarged(friction, evidence, truth, f"{prefix}-two")
+    left += figures.enlargement(friction, evidence, truth, f"{prefix}-two")
     right = _quality(friction) + _parameters(friction) + _dynamics(friction) + _validity(friction)
     if evidence.presliding is not None and len(evidence.presliding):
         right += figures.presliding(friction, evidence.presliding, f"{prefix}-pre")
@@ -91,13 +91,13 @@ def _quality(friction: JointFriction) -> str:
         row("Residual below 5 Hz", lambda q: percent(q.residual)),
         row("Residual, raw", lambda q: percent(q.residual_raw)),
         row("RMS, raw", rms),
-        row("Samples", lambda q: _grouped(q.samples)),
+        row("Samples", lambda q: _thousands(q.samples)),
     ]
     note = "" if held else '<p class="muted"><small>Nothing was held out: the fit judges itself.</small></p>'
     return f"<div>{table('How well it explains torque', ['', 'Fitted', 'Held out'], rows)}{note}</div>"
 
 
-def _grouped(count: float) -> str:
+def _thousands(count: float) -> str:
     return f"{count:,.0f}".replace(",", "\u202f")
 
 
@@ -136,7 +136,7 @@ def _knots(friction: JointFriction) -> str:
     rows = [[f'<span class="n">{value}</span>' for value in knot] for knot in knots]
     limits = "; ".join(f"{each.name}: {each.bounds}" for each in many)
     return (
-        f"<details><summary>{counted(len(knots), 'knot')} a direction, ± standard errors</summary>"
+        f"<details><summary>{count_of(len(knots), 'knot')} a direction, ± standard errors</summary>"
         f'{table("", head, rows)}<p class="muted"><small>Bounds: {esc(limits)}.</small></p></details>'
     )
 
@@ -150,7 +150,7 @@ def _dynamics(friction: JointFriction) -> str:
         rows.append(
             [
                 esc(term(name)),
-                f'<span class="n">{measured(estimate.value, estimate.standard_error)}</span> '
+                f'<span class="n">{with_error(estimate.value, estimate.standard_error)}</span> '
                 f'<span class="n muted">{esc(unit)}</span>',
             ]
         )
@@ -173,5 +173,5 @@ def _validity(friction: JointFriction) -> str:
     if joint.torque_side == "motor":
         rows.append(["Torque measured", f"on the motor side, gear ratio {number(joint.gear_ratio, 5)}"])
     if joint.encoder_counts:
-        rows.append(["Encoder", f"{_grouped(joint.encoder_counts)} counts per {joint.unit}"])
+        rows.append(["Encoder", f"{_thousands(joint.encoder_counts)} counts per {joint.unit}"])
     return table("Where it holds; beyond, it extrapolates", ["", "Seen in the data"], rows)

@@ -17,7 +17,7 @@ SIZE = 2 * canvas.WIDTH, canvas.HEIGHT  # [pt]
 Line = tuple[str, str, np.ndarray, float]  # kind of key, words, ordinates (n,), width [pt]
 
 
-def guided_section(demo: GuidedDemo) -> str:
+def hand_section(demo: GuidedDemo) -> str:
     """Return the section: two pictures and what they say in numbers.
 
     Raises:
