@@ -185,7 +185,7 @@ COMMANDS = {
     "run": run,
     "status": status,
     "trend": answers.trend,
-    "drifted": answers.drifted,
+    "drifted": answers.drift,
     "sql": answers.sql,
     "page": answers.page,
     "merge": answers.merge,

@@ -9,8 +9,8 @@ import numpy as np
 
 from backdrive.identification.result import Curve, JointEvidence, Samples
 from backdrive.model import JointFriction
-from backdrive.report.pictures import canvas, curve, directions, model_curve, residuals, svg
-from backdrive.report.words import count_of, esc, plain, quantity
+from backdrive.report.pictures import canvas, curve, directions, model_curve, residuals, svg, torque
+from backdrive.report.words import count_of, esc, number, plain, quantity
 
 _KEYS = {
     "fitted": '<circle cx="10" cy="5" r="3.4" fill="var(--fitted)"/>',
@@ -61,6 +61,24 @@ def figure(picture: str, caption: str) -> str:
 def _sample_keys(samples: Samples, fitted: str, held_out: str) -> str:
     keys = key("fitted", fitted) if np.any(samples.fitted) else ""
     return keys + (key("held-out", held_out) if not np.all(samples.fitted) else "")
+
+
+def torque_course(friction: JointFriction, evidence: JointEvidence, prefix: str) -> str:
+    """Return measured and predicted torque over time, or nothing where the samples are no course of time."""
+    samples, joint = evidence.samples, friction.joint
+    if not torque.has_course(samples):
+        return ""
+    sheet = canvas.new_figure(canvas.CSS, canvas.WIDTH, torque.HEIGHT)
+    sheet.patch.set_visible(False)
+    begin, end, whole = torque.draw_torque(sheet, canvas.CSS, samples, joint)
+    picture = svg.inline(sheet, prefix, plain(f"Measured and predicted torque over time, joint {joint.name}"))
+    caption = key("line", "measured") + key("curve", "predicted by the model")
+    if end - begin < whole:
+        which = "held-out stretch" if not np.all(samples.fitted) else "stretch"
+        caption += (
+            f"<br>Below: the {which} with the median residual, {number(end - begin)} of {number(whole)} s."
+        )
+    return figure(picture, caption)
 
 
 def friction_curve(friction: JointFriction, evidence: JointEvidence, truth: Curve | None, prefix: str) -> str:

@@ -116,7 +116,7 @@ def _branch(samples: Samples, sign: float) -> tuple[np.ndarray, np.ndarray]:
 def _label_ends(axes: Any, ends: list[tuple[float, str, str]], height: float) -> None:
     """Write the direction at the right end of each line, apart from one another."""
     values = [end[0] for end in ends]
-    apart = 0.075 * height
+    apart = 0.1 * height
     if len(values) == 2 and abs(values[0] - values[1]) < apart:
         middle, up = 0.5 * sum(values), 1.0 if values[0] >= values[1] else -1.0
         values = [middle + 0.5 * up * apart, middle - 0.5 * up * apart]
