@@ -184,11 +184,31 @@ def residual_row(friction: JointFriction, evidence: JointEvidence, prefix: str) 
             f" {esc(count_of(scale.beyond, 'sample lies', 'samples lie'))} beyond the scale, "
             f"up to {quantity(scale.worst, joint.torque_unit)}."
         )
+    caption += _period(friction, evidence)
     if "position" in absent:
         caption += " The log holds no position."
     if "time" in absent:
         caption += " Each sample stands for a whole log, so there is no course of time to show."
     return f'<h3>Residual</h3><div class="grid residuals">{"".join(pictures)}</div><p class="legend">{caption}</p>'
+
+
+CHANCE = 1e-3  # by which noise may explain a wave that is named [-]
+
+
+def _period(friction: JointFriction, evidence: JointEvidence) -> str:
+    """Return a sentence on the period of position that shows in the residual, or that none does."""
+    wave = None if evidence.residual is None else evidence.residual.wave()
+    if wave is None or not wave.wave:
+        return ""
+    if not wave.chance <= CHANCE:
+        return " No period of position stands out of the noise."
+    joint = friction.joint
+    period = 2.0 * np.pi / wave.wave
+    turns = f", {number(wave.wave)} a turn" if joint.unit == "rad" else ""
+    return (
+        f" Against position, a wave with a period of {quantity(period, joint.unit)}{turns} stands out: "
+        f"{quantity(wave.size, joint.torque_unit)} (RMS)."
+    )
 
 
 def presliding(friction: JointFriction, loop: np.ndarray, prefix: str) -> str:
