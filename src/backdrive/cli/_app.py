@@ -9,6 +9,7 @@ from typing import Any
 
 import typer
 
+from backdrive.cli._help import LINES, PlainCommand
 from backdrive.cli._output import echo
 
 #: Command name -> module that defines `command(...)`; a module is one file and one line here.
@@ -74,13 +75,22 @@ def _root(version: bool = typer.Option(False, "--version", help="Print the versi
 
 
 for _name in COMMANDS:
-    app.command(_name)(_carry(importlib.import_module(f"backdrive.cli.{_name}").command))
+    app.command(_name, cls=PlainCommand, short_help=LINES[_name])(
+        _carry(importlib.import_module(f"backdrive.cli.{_name}").command)
+    )
 
 for _name in GROUPS:
     _module = importlib.import_module(f"backdrive.cli.{_name}")
-    _group = typer.Typer(cls=_module.Group, help=_module.HELP, no_args_is_help=True, rich_markup_mode=None)
+    _group = typer.Typer(
+        cls=_module.Group,
+        help=_module.HELP,
+        short_help="Identify a fleet's logs; say whose friction changed.",
+        epilog=_module.EXAMPLE,
+        no_args_is_help=True,
+        rich_markup_mode=None,
+    )
     for _inner, _command in _module.COMMANDS.items():
-        _group.command(_inner)(_carry(_command))
+        _group.command(_inner, cls=PlainCommand, short_help=LINES[_inner])(_carry(_command))
     app.add_typer(_group, name=_name)
 
 

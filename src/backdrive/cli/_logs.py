@@ -52,7 +52,12 @@ Counts = Annotated[
     ),
 ]
 Format = Annotated[
-    str | None, typer.Option("--format", help="Reader to use, where the file's name does not tell.")
+    str | None,
+    typer.Option(
+        "--format",
+        help="Reader to use, where the file does not tell: csv (.csv .tsv .txt .dat .asc .log), npz, parquet (.parquet .pq), "
+        "mat, hdf5 (.h5 .hdf5), bag (ROS 1), db3 and mcap (ROS 2), json. A folder in LeRobot's layout tells itself.",
+    ),
 ]
 Topic = Annotated[str | None, typer.Option("--topic", help="Topic of the joint states in a bag.")]
 MotorSide = Annotated[

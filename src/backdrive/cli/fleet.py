@@ -14,6 +14,7 @@ from backdrive.cli._output import console as new_console
 from backdrive.cli._output import echo, print_json, table
 from backdrive.cli._progress import progress
 
+EXAMPLE = "Example: backdrive fleet run logs/ -o results/"
 HELP = "Identify the logs of a fleet, and tell whose friction is changing: backdrive fleet logs/ -o results/"
 
 
