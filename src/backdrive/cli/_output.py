@@ -8,6 +8,9 @@ from __future__ import annotations
 import io
 import json
 import os
+import shutil
+import sys
+import textwrap
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -19,8 +22,34 @@ from backdrive.errors import BackdriveError
 
 
 def echo(text: object = "", *, err: bool = False) -> None:
-    """Print lines of text, on standard error if asked."""
-    typer.echo(visible(text, keep="\n\t"), err=err)
+    """Print lines of text, on standard error if asked, broken between words where the terminal ends."""
+    stream = sys.stderr if err else sys.stdout
+    typer.echo(wrap(visible(text, keep="\n\t"), stream), err=err)
+
+
+def wrap(text: str, stream: Any) -> str:
+    """Return text with long lines broken between words; nothing is broken for a file or a pipe, unless $COLUMNS is set.
+
+    Args:
+        text: lines.
+        stream: that they go to.
+    """
+    if not (stream.isatty() or os.environ.get("COLUMNS", "").isdigit()):
+        return text
+    width = max(shutil.get_terminal_size().columns, 40)
+    lines: list[str] = []
+    for line in text.split("\n"):
+        indent = line[: len(line) - len(line.lstrip())]
+        broken = textwrap.wrap(
+            line,
+            width,
+            subsequent_indent=f"{indent}  ",
+            break_long_words=False,
+            break_on_hyphens=False,
+            replace_whitespace=False,
+        )
+        lines += broken if len(line) > width else [line]
+    return "\n".join(lines)
 
 
 def console(*, stderr: bool = False) -> Any:

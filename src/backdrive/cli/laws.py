@@ -187,7 +187,7 @@ def _print_law(law: Any, kinds: list[Any]) -> None:
         console.print(Text.assemble((kind.NAME, "bold"), f"  {pages.summary(kind)}"), soft_wrap=True)
         console.print()
         for line in pages.equation(kind).splitlines():
-            console.print(f"    {line}", soft_wrap=True)
+            echo(f"    {line}")
         console.print()
         for text, displayed in pages.paragraphs(kind)[1:]:
             if not displayed:
@@ -195,7 +195,7 @@ def _print_law(law: Any, kinds: list[Any]) -> None:
         for part in _parameters(kind):
             console.print(Padding(part, (0, 0, 1, 2), expand=False))
         for fact in pages.facts(kind):
-            console.print(f"  - {fact}", soft_wrap=True)
+            echo(f"  - {fact}")
         if len(kinds) == 1:
             good, reason = pages.partners(kind)
             word = "Carried by" if kind.NAME == law.rate.NAME else "Carries"

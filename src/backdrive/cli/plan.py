@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from backdrive._files import make_folder, write_together
+from backdrive._visible import visible
 from backdrive.cli import _logs
-from backdrive.cli._output import echo, print_json
+from backdrive.cli._output import echo, print_json, wrap
 from backdrive.errors import InvalidInput, MissingExtra
 
 _OUTPUT = ("output", "rate", "ros_rate", "draw", "as_json")  # options that say nothing of the motion
@@ -254,7 +256,7 @@ def command(
     if summary:
         echo(summary)
     for note in notes:
-        typer.secho(note, fg=typer.colors.YELLOW)
+        typer.secho(wrap(visible(note), sys.stdout), fg=typer.colors.YELLOW)
     echo(place)
 
 

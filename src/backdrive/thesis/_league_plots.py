@@ -53,8 +53,8 @@ def _tiers(axes: Axes, costs: dict[str, np.ndarray], words: str) -> None:
         for name in tier:
             mean = float(np.mean(costs[name]))
             low, high = interval(costs[name])
-            words = f"tier {i + 1}" if name == tier[0] else ""
-            axes.plot(mean, at, "o", markersize=6, color=f"C{i % 10}", label=words, zorder=3)
+            label = f"tier {i + 1}" if name == tier[0] else ""
+            axes.plot(mean, at, "o", markersize=6, color=f"C{i % 10}", label=label, zorder=3)
             axes.plot([low, high], [at, at], color="k", lw=1.2)
             at += 1
     axes.set_yticks(range(at), [name for tier in tiers(costs) for name in tier], fontsize=8)
@@ -65,7 +65,7 @@ def _tiers(axes: Axes, costs: dict[str, np.ndarray], words: str) -> None:
     axes.axvline(1.0, color="k", lw=0.8, ls=":")
     axes.set_xlabel("cost by the bare joint's [-], scale of ratios; lines: 95 % intervals")
     axes.set_title(f"tiers, {words}: members of a tier are ties with its first", fontsize=9)
-    axes.legend(fontsize=7, loc="lower right")
+    axes.legend(fontsize=7, loc="upper right")
 
 
 def _log_axis(axis: Axis, values: list[float]) -> None:
