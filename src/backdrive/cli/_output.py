@@ -34,7 +34,10 @@ def wrap(text: str, stream: Any) -> str:
         text: lines.
         stream: that they go to.
     """
-    if not (stream.isatty() or os.environ.get("COLUMNS", "").isdigit()):
+    told = (
+        stream is not sys.stderr and os.environ.get("COLUMNS", "").isdigit()
+    )  # an error stays one line for whoever reads it
+    if not (told or stream.isatty()):
         return text
     width = max(shutil.get_terminal_size().columns, 40)
     lines: list[str] = []
