@@ -94,7 +94,7 @@ def test_an_interruption_of_spread_work_cancels_what_has_not_begun():
 def test_no_parsing_process_is_left_behind():
     done = run(
         "from backdrive.cli import _interrupt\nfrom backdrive.logs.readers import guard\n"
-        "with _interrupt.watched():\n"
+        "with _interrupt.watch():\n"
         "    guard.default_guard().start()\n    print(guard.default_guard().pid, flush=True)\n    interrupt()\n    swallow()\n"
     )
     assert (done.returncode, done.stderr) == (130, SAID)
@@ -129,7 +129,7 @@ def ended(pid: int) -> bool:
 def test_what_a_fit_keeps_is_given_time_and_a_second_interruption_is_not():
     done = run(
         "from backdrive.cli import _interrupt\nfrom backdrive.identification.dynamic import stopping\n"
-        "with _interrupt.watched(), stopping.gently():\n"
+        "with _interrupt.watch(), stopping.gently():\n"
         "    stopping.keep()\n    interrupt()\n    time.sleep(1.2)\n"
         "    try:\n        stopping.check()\n    except KeyboardInterrupt:\n        print('kept', flush=True)\n"
         "    interrupt()\n    swallow()\n"

@@ -244,7 +244,7 @@ def test_pictures_are_drawn(run, tmp_path, kind):
 
 
 def test_samples_marked_in_the_picture_are_those_of_the_windows():
-    from backdrive.report.pictures.plan import _sampled
+    from backdrive.report.pictures.plan import _samples
 
     plan = Sweep(0.35, 2.0, 5, start=3.0)
     t = np.linspace(2.0, 3.5 + plan.duration, 5001)
@@ -252,7 +252,7 @@ def test_samples_marked_in_the_picture_are_those_of_the_windows():
     expected = np.zeros(t.size, dtype=bool)
     for n, (begin, end) in enumerate(plan.windows(), start=1):
         expected |= (t >= begin) & (t <= end) & (np.abs(v) >= 0.8 * n * 2.0 / 5)
-    np.testing.assert_array_equal(_sampled(plan, t, v), expected)
+    np.testing.assert_array_equal(_samples(plan, t, v), expected)
 
 
 def test_without_matplotlib_the_extra_is_named_and_files_can_still_be_had(run, tmp_path, monkeypatch):

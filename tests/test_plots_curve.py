@@ -80,7 +80,7 @@ def test_thinning_keeps_the_ends_and_the_worst():
     ],
 )
 def test_scaled(magnitude, unit, expected):
-    factor, scaled = sizes.scaled(magnitude, unit)
+    factor, scaled = sizes.readable(magnitude, unit)
     assert scaled == expected
     assert factor == {"m": 1e3, "µ": 1e6, "k": 1e-3}.get(expected.removesuffix(unit), 1.0)
 

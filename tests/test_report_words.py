@@ -8,7 +8,7 @@ import re
 import pytest
 
 from backdrive.report.sheet import CSS
-from backdrive.report.words import bounds, esc, measured, number, prose, quantity, sentence, symbol
+from backdrive.report.words import bounds, esc, number, prose, quantity, sentence, symbol, with_error
 
 
 def luminance(colour):
@@ -48,7 +48,7 @@ def test_contrast_suffices(scheme):
     ],
 )
 def test_measured(value, error, expected):
-    assert measured(value, error) == expected
+    assert with_error(value, error) == expected
 
 
 def test_words():

@@ -13,7 +13,7 @@ from backdrive.cli import _interrupt
 def main() -> None:
     """Run the command line; every failure becomes one message and an exit code (0, 1, 2, 3, 4, or 130 after Ctrl-C)."""
     os.environ.update(dict.fromkeys(VARIABLES, "1"))  # nothing is loaded yet
-    with _interrupt.watched():
+    with _interrupt.watch():
         try:
             code = _run()
             if code == _interrupt.CODE:  # what was done is kept and said
@@ -24,7 +24,7 @@ def main() -> None:
             _silence()
             code = 0
         except OSError as error:  # standard output is full or gone: nothing more can be said there
-            if _interrupt.interrupted():
+            if _interrupt.signal_came():
                 _interrupt.leave()
             _silence()
             print(f"backdrive: cannot write: {error.strerror or error}.", file=sys.stderr)
@@ -33,7 +33,7 @@ def main() -> None:
 
 
 def _run() -> int:
-    from backdrive.cli._app import Held, app
+    from backdrive.cli._app import Carrier, app
     from backdrive.cli._output import fail, is_usage, refuse
     from backdrive.errors import BackdriveError
 
@@ -41,7 +41,7 @@ def _run() -> int:
         code = app(standalone_mode=False)
         sys.stdout.flush()
         return code if isinstance(code, int) else 0
-    except Held as held:
+    except Carrier as held:
         if not isinstance(held.error, Exception) or isinstance(held.error, OSError):
             raise held.error from None
         error = held.error
@@ -49,7 +49,7 @@ def _run() -> int:
         raise
     except Exception as failure:
         error = failure
-    if not isinstance(error, BackdriveError) and _interrupt.interrupted():
+    if not isinstance(error, BackdriveError) and _interrupt.signal_came():
         raise KeyboardInterrupt from None
     if is_usage(error):
         return refuse(error)

@@ -9,6 +9,7 @@ from typing import Any
 
 import typer
 
+from backdrive.cli._help import LINES, PlainCommand
 from backdrive.cli._output import echo
 
 #: Command name -> module that defines `command(...)`; a module is one file and one line here.
@@ -45,7 +46,7 @@ app = typer.Typer(
 )
 
 
-class Held(Exception):
+class Carrier(Exception):
     """Carries what the parser of the command line would make a message and a code of its own of ("Aborted!" and 1)."""
 
     def __init__(self, error: BaseException):
@@ -53,13 +54,13 @@ class Held(Exception):
         self.error = error
 
 
-def _held(command: Callable[..., Any]) -> Callable[..., Any]:
+def _carry(command: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(command)
     def run(*arguments: Any, **options: Any) -> Any:
         try:
             return command(*arguments, **options)
         except (KeyboardInterrupt, EOFError, OSError) as error:
-            raise Held(error) from error
+            raise Carrier(error) from error
 
     return run
 
@@ -74,17 +75,26 @@ def _root(version: bool = typer.Option(False, "--version", help="Print the versi
 
 
 for _name in COMMANDS:
-    app.command(_name)(_held(importlib.import_module(f"backdrive.cli.{_name}").command))
+    app.command(_name, cls=PlainCommand, short_help=LINES[_name])(
+        _carry(importlib.import_module(f"backdrive.cli.{_name}").command)
+    )
 
 for _name in GROUPS:
     _module = importlib.import_module(f"backdrive.cli.{_name}")
-    _group = typer.Typer(cls=_module.Group, help=_module.HELP, no_args_is_help=True, rich_markup_mode=None)
+    _group = typer.Typer(
+        cls=_module.Group,
+        help=_module.HELP,
+        short_help="Identify a fleet's logs; say whose friction changed.",
+        epilog=_module.EXAMPLE,
+        no_args_is_help=True,
+        rich_markup_mode=None,
+    )
     for _inner, _command in _module.COMMANDS.items():
-        _group.command(_inner)(_held(_command))
+        _group.command(_inner, cls=PlainCommand, short_help=LINES[_inner])(_carry(_command))
     app.add_typer(_group, name=_name)
 
 
-def _renamed(old: str, new: str) -> Callable[[], None]:
+def _rename(old: str, new: str) -> Callable[[], None]:
     def command() -> None:
         from backdrive.errors import OldName
 
@@ -99,4 +109,4 @@ for _old, _new in RENAMED.items():
         hidden=True,
         add_help_option=False,
         context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
-    )(_renamed(_old, _new))
+    )(_rename(_old, _new))

@@ -65,7 +65,7 @@ def trend(
         console.print(f"{one.left_out} results were poor, or of a day that is none, and are left out.")
 
 
-def drifted(
+def drift(
     output: Results,
     since: Annotated[
         str | None,
@@ -81,7 +81,7 @@ def drifted(
     Example: backdrive fleet drifted --since 2026-03-01 -o results/
     """
     first = _date(since, "--since") if since else None
-    every, apart = _judged(output, rate, first)
+    every, apart = _judge(output, rate, first)
     named = sorted((one for one in every if one.named), key=lambda one: -abs(one.size))
     tested = sum(isfinite(one.p) for one in every)
     if as_json:
@@ -195,7 +195,7 @@ def page(
     _logs.check_targets([target], [])
     with progress() as say:
         say("Judging the joints")
-        every, apart = _judged(output, rate, None)
+        every, apart = _judge(output, rate, None)
         links = _reports(output, target, every, reports, say)
         write_page(
             target,
@@ -254,7 +254,7 @@ def _histories(output: Path) -> list[History]:
     return histories(Store.open(output).table())
 
 
-def _judged(output: Path, rate: float, since: date | None) -> tuple[list[Drift], list[Outlier]]:
+def _judge(output: Path, rate: float, since: date | None) -> tuple[list[Drift], list[Outlier]]:
     from backdrive.fleet.drift import drifts
     from backdrive.fleet.population import outliers
 

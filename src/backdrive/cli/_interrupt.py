@@ -23,7 +23,7 @@ _interrupted = threading.Event()
 
 
 @contextmanager
-def watched() -> Iterator[None]:
+def watch() -> Iterator[None]:
     """End the process soon after a Ctrl-C within this block; elsewhere than in the main thread nothing is changed."""
     if (
         threading.current_thread() is not threading.main_thread()
@@ -60,7 +60,7 @@ def _watch(ears: int) -> None:
             leave()
 
 
-def interrupted() -> bool:
+def signal_came() -> bool:
     """Return whether a signal has arrived: what fails then, as a compiler that is torn out of its work, is no fault of ours."""
     return _interrupted.wait(0.02)  # the watch has to come to it
 

@@ -50,7 +50,7 @@ def ends(words: str, option: str, example: str, *, interval: bool = True) -> tup
     return ends[0], ends[1]
 
 
-def named_numbers(
+def numbers_by_name(
     words: Iterable[str],
     option: str,
     what: str = "NAME=NUMBER",

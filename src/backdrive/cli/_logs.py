@@ -52,7 +52,12 @@ Counts = Annotated[
     ),
 ]
 Format = Annotated[
-    str | None, typer.Option("--format", help="Reader to use, where the file's name does not tell.")
+    str | None,
+    typer.Option(
+        "--format",
+        help="Reader to use, where the file does not tell: csv (.csv .tsv .txt .dat .asc .log), npz, parquet (.parquet .pq), "
+        "mat, hdf5 (.h5 .hdf5), bag (ROS 1), db3 and mcap (ROS 2), json. A folder in LeRobot's layout tells itself.",
+    ),
 ]
 Topic = Annotated[str | None, typer.Option("--topic", help="Topic of the joint states in a bag.")]
 MotorSide = Annotated[
@@ -117,7 +122,7 @@ Start = Annotated[
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """How logs are read: the options that every command shares which reads them; see `shared`."""
+    """How logs are read: the options that every command shares which reads them; see `with_reading`."""
 
     map: Map = None
     names: Names = None
@@ -193,7 +198,7 @@ class Reading:
 USUAL = Reading()
 
 
-def shared(command: Callable[..., None]) -> Callable[..., None]:
+def with_reading(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command the options of `Reading` in the place of its parameter `reading`."""
     own = inspect.signature(command, eval_str=True)
     hints = get_type_hints(Reading, include_extras=True)

@@ -8,6 +8,9 @@ from __future__ import annotations
 import io
 import json
 import os
+import shutil
+import sys
+import textwrap
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -19,8 +22,37 @@ from backdrive.errors import BackdriveError
 
 
 def echo(text: object = "", *, err: bool = False) -> None:
-    """Print lines of text, on standard error if asked."""
-    typer.echo(visible(text, keep="\n\t"), err=err)
+    """Print lines of text, on standard error if asked, broken between words where the terminal ends."""
+    stream = sys.stderr if err else sys.stdout
+    typer.echo(wrap(visible(text, keep="\n\t"), stream), err=err)
+
+
+def wrap(text: str, stream: Any) -> str:
+    """Return text with long lines broken between words; nothing is broken for a file or a pipe, unless $COLUMNS is set.
+
+    Args:
+        text: lines.
+        stream: that they go to.
+    """
+    told = (
+        stream is not sys.stderr and os.environ.get("COLUMNS", "").isdigit()
+    )  # an error stays one line for whoever reads it
+    if not (told or stream.isatty()):
+        return text
+    width = max(shutil.get_terminal_size().columns, 40)
+    lines: list[str] = []
+    for line in text.split("\n"):
+        indent = line[: len(line) - len(line.lstrip())]
+        broken = textwrap.wrap(
+            line,
+            width,
+            subsequent_indent=f"{indent}  ",
+            break_long_words=False,
+            break_on_hyphens=False,
+            replace_whitespace=False,
+        )
+        lines += broken if len(line) > width else [line]
+    return "\n".join(lines)
 
 
 def console(*, stderr: bool = False) -> Any:
@@ -29,7 +61,7 @@ def console(*, stderr: bool = False) -> Any:
 
     class Quoting(RenderHook):
         def process_renderables(self, renderables):
-            return [_Quoted(renderable) for renderable in renderables]
+            return [_Quote(renderable) for renderable in renderables]
 
     made = Console(stderr=stderr, highlight=False, markup=False, emoji=False)
     made.push_render_hook(Quoting())
@@ -59,7 +91,7 @@ def print_lines(console: Any, lines: Iterable[str], **how: Any) -> None:
         console.print(line, **how)
 
 
-class _Quoted:
+class _Quote:
     """Something that `rich` prints, with the text in it quoted; its own colours and cursor moves are no text."""
 
     def __init__(self, renderable: Any):

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.cli._joint_options import named_numbers
+from backdrive.cli._joint_options import numbers_by_name
 from backdrive.cli._plan_arm_words import FRICTION, NOISE, ArmOutcome, notes_of
 from backdrive.cli._plan_request import Request, check_options
 from backdrive.errors import InvalidInput, MissingExtra
@@ -47,7 +47,7 @@ def plan_arm(request: Request, progress: Any) -> ArmOutcome:
     known = read_limits(request.urdf)
     if request.joint:
         for name in request.joint:
-            _known(name, robot.joints, "--joint")
+            _check_joint(name, robot.joints, "--joint")
         robot = robot.without_tools(request.joint)
         if set(robot.joints) != set(request.joint):
             raise InvalidInput(
@@ -101,7 +101,7 @@ def _or(value: Any, usual: Any) -> Any:
     return usual if value is None else value
 
 
-def _known(name: str, joints: Sequence[str], option: str) -> None:
+def _check_joint(name: str, joints: Sequence[str], option: str) -> None:
     if name not in joints:
         raise InvalidInput(
             f"{option}: the description has no joint '{name}'.", remedy=f"Joints are {', '.join(joints)}."
@@ -121,10 +121,10 @@ def _each(words: Any, option: str, usual: np.ndarray, joints: Sequence[str]) -> 
                 f"{option} {words}: not a number.", remedy=f"For example {option} 0.5."
             ) from error
     else:
-        for name, value in named_numbers(
+        for name, value in numbers_by_name(
             [words], option, "JOINT=NUMBER", f"{option} {joints[0]}=0.5"
         ).items():
-            _known(name, joints, option)
+            _check_joint(name, joints, option)
             values[list(joints).index(name)] = value
     if not (np.all(np.isfinite(values)) and np.all(values > 0)):
         raise InvalidInput(f"{option} {words}: not above zero.", remedy="Give positive numbers [N.m or N].")
@@ -139,9 +139,9 @@ def _limits(request: Request, robot: Robot, known: dict[str, JointLimits]) -> li
     """
     given: dict[str, dict[str, float]] = {name: {} for name in robot.joints}
     example = f"--limit {robot.joints[0]}.acceleration=8"
-    for key, value in named_numbers(request.limit or [], "--limit", "JOINT.WHAT=NUMBER", example).items():
+    for key, value in numbers_by_name(request.limit or [], "--limit", "JOINT.WHAT=NUMBER", example).items():
         name, _, what = key.rpartition(".")
-        _known(name, robot.joints, "--limit")
+        _check_joint(name, robot.joints, "--limit")
         if what not in _WHAT:
             raise InvalidInput(
                 f"--limit {key}: no limit '{what}'.", remedy=f"Give one of {', '.join(_WHAT)}: {example}."
@@ -198,16 +198,16 @@ def _intervals(words: Sequence[str], joints: Sequence[str]) -> dict[str, tuple[f
             raise InvalidInput(
                 f"--box {word}: not JOINT=LOW:HIGH.", remedy=f"For example --box {joints[0]}=-1:1 [rad or m]."
             ) from error
-        _known(name, joints, "--box")
+        _check_joint(name, joints, "--box")
     return found
 
 
 def _center(request: Request, robot: Robot) -> np.ndarray | None:
     if not request.around:
         return None
-    values = named_numbers(request.around, "--around", "JOINT=POSITION", f"--around {robot.joints[0]}=0.5")
+    values = numbers_by_name(request.around, "--around", "JOINT=POSITION", f"--around {robot.joints[0]}=0.5")
     for name in values:
-        _known(name, robot.joints, "--around")
+        _check_joint(name, robot.joints, "--around")
     missing = [name for name in robot.joints if name not in values]
     if missing:
         raise InvalidInput(

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from backdrive.cli._plan_request import Request
-from backdrive.cli._planning import build, center_of, checked, holds_of, single_plans
+from backdrive.cli._planning import build, center_of, holds_of, refuse_beyond, single_plans
 from backdrive.errors import InvalidInput
 from backdrive.plans import InTurn
 from backdrive.plans.centres import MOST_GAIN, MOST_SWEEPS, Separation, choose_centers, sweeps_about
@@ -57,7 +57,7 @@ def build_centres(request: Request) -> tuple[Separation, list[Any], dict[str, Jo
     held = plan.held if isinstance(plan, InTurn) else ()
     plans = [InTurn((one,), held=held) if held else one for one in found.plans]
     for one in plans:
-        checked(one, limits, request, alternative=True)
+        refuse_beyond(one, limits, request, alternative=True)
     return found, plans, limits
 
 

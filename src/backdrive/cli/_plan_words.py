@@ -87,7 +87,7 @@ def notes_of(plan: Any, limits: dict[str, JointLimits], request: Request) -> lis
 def table_of(figures: list[dict[str, Any]]) -> list[str]:
     """Return the lines of a table: of one plan a line a figure; of several a line a plan, and once what they share."""
     if len(figures) == 1:
-        return _aligned(_rows(figures[0]))
+        return _align(_rows(figures[0]))
     columns = _columns(figures)
     wides = [max(map(len, column)) for column in columns]
     lines = []
@@ -95,10 +95,10 @@ def table_of(figures: list[dict[str, Any]]) -> list[str]:
         line = [f"{c:<{w}}" if i == 0 else f"{c:>{w}}" for i, (c, w) in enumerate(zip(cells, wides))]
         lines.append("  ".join(line).rstrip())
     alike = len({f["joint"] for f in figures}) == 1
-    return lines + _aligned(_bias_rows(figures[0]) if alike else [])
+    return lines + _align(_bias_rows(figures[0]) if alike else [])
 
 
-def _aligned(rows: list[tuple[str, str]]) -> list[str]:
+def _align(rows: list[tuple[str, str]]) -> list[str]:
     wide = max((len(label) for label, _ in rows), default=0)
     return [f"{label:<{wide}}  {value}" for label, value in rows]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from backdrive._catalog import lookup
-from backdrive.cli._joint_options import named_numbers
+from backdrive.cli._joint_options import numbers_by_name
 from backdrive.cli._logs import numbers
 from backdrive.cli._plan_request import Request, check_options
 from backdrive.errors import InvalidInput
@@ -47,11 +47,11 @@ def build(request: Request, *, check: bool = True) -> tuple[Any, dict[str, Joint
     for one in plans:
         _refuse_wrong_unit(one, limits[one.joint])
     if check:
-        checked(plan, limits, request)
+        refuse_beyond(plan, limits, request)
     return plan, {name: limits[name] for name in (*names, *others)}
 
 
-def checked(
+def refuse_beyond(
     plan: Any, limits: JointLimits | dict[str, JointLimits], request: Request, *, alternative: bool = False
 ) -> None:
     """Refuse a plan that passes a limit.
@@ -140,7 +140,7 @@ def _joints(request: Request) -> tuple[dict[str, JointLimits], list[str]]:
 def holds_of(request: Request) -> dict[str, float]:
     """Return where --hold puts joints, by name [rad or m]."""
     words, example = request.hold or [], "--hold elbow=1.57 [rad or m]"
-    return named_numbers(words, "--hold", "NAME=POSITION", example)
+    return numbers_by_name(words, "--hold", "NAME=POSITION", example)
 
 
 def _plan(request: Request, limits: JointLimits, hold: float | None) -> Any:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import shlex
 import time
 from pathlib import Path
 from typing import Annotated
@@ -11,9 +13,10 @@ import typer
 from backdrive.cli import _logs
 from backdrive.cli._logs import AsJson
 from backdrive.cli._output import console as new_console
-from backdrive.cli._output import print_json, table
+from backdrive.cli._output import echo, print_json, table
 from backdrive.cli._progress import progress
 
+FILES = ("log.csv", "plan.json", "model.json", "report.html")
 SHOWN = (0.1, 0.25, 0.5, 0.75, 1.0)  # shares of the top speed in the table
 
 
@@ -33,7 +36,7 @@ def command(
     """
     from backdrive.report.pictures.canvas import require_matplotlib
 
-    _logs.check_folder(folder, ("model.json", "report.html"))
+    _logs.check_folder(folder, FILES)
     require_matplotlib()
     start = time.perf_counter()
     with progress(quiet=as_json) as say:
@@ -43,7 +46,7 @@ def command(
         from backdrive._files import make_folder, write_together
         from backdrive.identification import identify
         from backdrive.model.file import encode
-        from backdrive.plans import Sweep
+        from backdrive.plans import Sweep, plan_to_dict
         from backdrive.report import render
         from backdrive.simulation.machines import machine
         from backdrive.simulation.open_loop import simulate
@@ -51,29 +54,31 @@ def command(
         plant = machine(joint)
         stroke, top_speed = (float(np.deg2rad(20.0)), 2.0) if plant.unit == "rad" else (0.1, 0.3)
         sweep = Sweep(stroke, top_speed, cycles=10, joint=plant.name, unit=plant.unit)
-        say("Sweeping the simulated joint")
+        say("Sweeping the simulated joint", 0.15)
         log = simulate(plant, sweep, seed=seed)
-        say("Identifying")
+        say("Identifying", 0.25)
         result = identify(log)
         friction = result.model.joints[0]
         speeds = sweep.top_speed * np.array(SHOWN)
         truth, found = plant.law.torque(speeds), friction.law.torque(speeds)
-        say("A hand moves the joint")
-        from backdrive.report.guided import guided_section
+        say("A hand moves the joint", 0.45)
+        from backdrive.report.hand import hand_section
         from backdrive.simulation.hand_demo import simulate_hand
 
         hand = simulate_hand(joint, friction.law, plant.inertia, seed)
-        say("Drawing the report")
+        say("Drawing the report", 0.9)
         page = render(
             result,
             command=f"backdrive demo --joint {joint} --seed {seed}",
             title=f"Demo: simulated joint {log.names[0]}",
             compare={log.names[0]: _curve(plant.law, sweep.top_speed)},
-            more=[guided_section(hand)],
+            more=[hand_section(hand)],
         )
         make_folder(folder, "--folder")
-        model, report = write_together(
-            {folder / "model.json": encode(result.model), folder / "report.html": page}
+        plan = json.dumps(plan_to_dict(sweep), indent=2, ensure_ascii=False) + "\n"
+        contents = (_csv(log), plan, encode(result.model), page)
+        path, plan_path, model, report = write_together(
+            {folder / name: text for name, text in zip(FILES, contents)}
         )
     wall = time.perf_counter() - start
     rows = [
@@ -86,12 +91,29 @@ def command(
                 "ok": True,
                 "report": str(report),
                 "model": str(model),
+                "log": str(path),
+                "plan": str(plan_path),
                 "friction": rows,
                 "hand": {"bare": hand.force[0], "compensated": hand.force[1], "estimate_error": hand.error},
             }
         )
         return
     _print(rows, friction.joint, report, wall, sweep.duration, hand)
+    _print_next(path, plan_path, 100.0 * (1.0 - hand.force[1] / hand.force[0]))
+
+
+def _csv(log) -> str:
+    """Return a log of one joint as a table of time, position and torque."""
+    rows = zip(log.time, log.position[:, 0], log.torque[:, 0])
+    return "t,q,tau\n" + "".join(f"{t:.9g},{q:.12g},{tau:.9g}\n" for t, q, tau in rows)
+
+
+def _print_next(log: Path, plan: Path, saved: float) -> None:
+    echo("Now as with your own robot, from the log alone:")
+    echo(f"  backdrive identify {shlex.quote(str(log))} --plan {shlex.quote(str(plan))} \\")
+    echo("    -o model.json --report report.html")
+    echo(f"What takes {saved:.0f} % off that hand comes next: `backdrive tune` chooses it, and")
+    echo("`backdrive export` writes it as C for your controller.")
 
 
 def _curve(law, top: float):

@@ -16,7 +16,7 @@ from backdrive.cli._payload import center_from, check_options, print_payload
 from backdrive.cli._progress import progress
 
 
-@_logs.shared
+@_logs.with_reading
 def command(
     model: Annotated[str, typer.Argument(help="Model file made by `identify -o`, or preset:NAME.")],
     log: Annotated[

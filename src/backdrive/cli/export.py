@@ -108,7 +108,7 @@ def command(
         from backdrive.tuning.tuning_file import load_tunings
 
         tunings = {t.joint: t for t in load_tunings(tuning)}
-        tunings = {n: _tuned(tunings, n, tuning) for n in names or tunings}
+        tunings = {n: _tuning_of(tunings, n, tuning) for n in names or tunings}
         speeds = _joint_options.by_joint(top_speed, "--top-speed", "3", list(tunings), interval=False)
         per_unit = _joint_options.by_joint(counts, "--counts", "1043038", list(tunings), interval=False)
         loops = {}
@@ -197,7 +197,7 @@ def _callback(
     echo(f"{written[1].name} says how to compile it and how to set the callback, in C and in Python.")
 
 
-def _tuned(tunings: dict[str, Tuning], name: str, path: Path) -> Tuning:
+def _tuning_of(tunings: dict[str, Tuning], name: str, path: Path) -> Tuning:
     if name not in tunings:
         raise InvalidInput(f"{path} holds no tuning of '{name}'.", remedy=f"It has {', '.join(tunings)}.")
     return tunings[name]

@@ -14,6 +14,7 @@ from backdrive.cli._output import console as new_console
 from backdrive.cli._output import echo, print_json, table
 from backdrive.cli._progress import progress
 
+EXAMPLE = "Example: backdrive fleet run logs/ -o results/"
 HELP = "Identify the logs of a fleet, and tell whose friction is changing: backdrive fleet logs/ -o results/"
 
 
@@ -27,7 +28,7 @@ class Group(TyperGroup):
         return super().parse_args(ctx, args)
 
 
-@_logs.shared
+@_logs.with_reading
 def run(
     source: Annotated[
         list[str],
@@ -185,7 +186,7 @@ COMMANDS = {
     "run": run,
     "status": status,
     "trend": answers.trend,
-    "drifted": answers.drifted,
+    "drifted": answers.drift,
     "sql": answers.sql,
     "page": answers.page,
     "merge": answers.merge,

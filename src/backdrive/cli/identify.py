@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from backdrive.identification import Identification
 
 
-@_logs.shared
+@_logs.with_reading
 def command(
     logs: _logs.Logs,
     law: Annotated[
@@ -161,7 +161,7 @@ def command(
             timing=parse.timing(torque_timing),
             payloads=parse.payloads(payload),
             bounds=ranges,
-            known=parse.named_numbers([known or ""], "--known"),
+            known=parse.numbers_by_name([known or ""], "--known"),
             drive=controller,
             loss=loss,
             interval=interval,  # type: ignore[arg-type]

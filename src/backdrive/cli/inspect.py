@@ -22,7 +22,7 @@ WIDTH = 32  # characters of a small plot
 MOST = 12  # logs shown one by one; of more, only what is the matter with them
 
 
-@_logs.shared
+@_logs.with_reading
 def command(
     logs: _logs.Logs,
     reading: _logs.Reading = _logs.USUAL,

@@ -44,7 +44,7 @@ def command(
             _print_catalogue()
         return
     _logs.check_targets([], [], drawn=[plot])
-    law, kinds = _named(name)
+    law, kinds = _parts_of(name)
     if plot is not None:
         from backdrive.report.pictures.signatures import save
 
@@ -63,7 +63,7 @@ def command(
         echo(f"Wrote {plot}.")
 
 
-def _named(name: str) -> tuple[Any, list[Any]]:
+def _parts_of(name: str) -> tuple[Any, list[Any]]:
     """Return the example of a law and the classes that were named, or say what is wrong with the name.
 
     Raises:
@@ -187,7 +187,7 @@ def _print_law(law: Any, kinds: list[Any]) -> None:
         console.print(Text.assemble((kind.NAME, "bold"), f"  {pages.summary(kind)}"), soft_wrap=True)
         console.print()
         for line in pages.equation(kind).splitlines():
-            console.print(f"    {line}", soft_wrap=True)
+            echo(f"    {line}")
         console.print()
         for text, displayed in pages.paragraphs(kind)[1:]:
             if not displayed:
@@ -195,7 +195,7 @@ def _print_law(law: Any, kinds: list[Any]) -> None:
         for part in _parameters(kind):
             console.print(Padding(part, (0, 0, 1, 2), expand=False))
         for fact in pages.facts(kind):
-            console.print(f"  - {fact}", soft_wrap=True)
+            echo(f"  - {fact}")
         if len(kinds) == 1:
             good, reason = pages.partners(kind)
             word = "Carried by" if kind.NAME == law.rate.NAME else "Carries"

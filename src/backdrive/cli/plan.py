@@ -3,21 +3,35 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from backdrive._files import make_folder, write_together
+from backdrive._visible import visible
 from backdrive.cli import _logs
-from backdrive.cli._output import echo, print_json
+from backdrive.cli._output import echo, print_json, wrap
 from backdrive.errors import InvalidInput, MissingExtra
 
 _OUTPUT = ("output", "rate", "ros_rate", "draw", "as_json")  # options that say nothing of the motion
 
 
-def _option(help: str, *names: str) -> Any:
-    return typer.Option(*names, help=help, show_default=False)
+# Panels of the help, by kind of plan
+EVERY = "Every plan"
+POSITION = "A position over time: sweep, constant-velocity, multisine"
+SWEEP = "Only sweep"
+CONSTANT = "Only constant-velocity"
+MULTISINE = "Only multisine"
+TORQUE = "A torque over time: sine-torque, sawtooth-torque, ramp"
+ARM = "Only arm: all joints at once"
+LIMITS = "Limits"
+CHECK = "Check of the torque, and of the error by inertia"
+
+
+def _option(panel: str, help: str, *names: str) -> Any:
+    return typer.Option(*names, help=help, show_default=False, rich_help_panel=panel)
 
 
 def command(
@@ -28,120 +42,160 @@ def command(
         ),
     ],
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="Folder to write to; made if absent.")
+        Path,
+        typer.Option("-o", "--output", rich_help_panel=EVERY, help="Folder to write to; made if absent."),
     ] = Path("plan"),
     joint: Annotated[
-        list[str] | None, _option("Joint to move; may be repeated: one after the other.")
+        list[str] | None, _option(EVERY, "Joint to move; may be repeated: one after the other.")
     ] = None,
     all_joints: Annotated[
-        bool, typer.Option("--all-joints", help="All joints of --urdf, one after the other.")
+        bool,
+        typer.Option(
+            "--all-joints", rich_help_panel=EVERY, help="All joints of --urdf, one after the other."
+        ),
     ] = False,
-    urdf: Annotated[Path | None, _option("Robot description: joint names, units and limits.")] = None,
-    unit: Annotated[str | None, _option("rad or m, without --urdf.  [default: rad]")] = None,
+    urdf: Annotated[Path | None, _option(EVERY, "Robot description: joint names, units and limits.")] = None,
+    unit: Annotated[str | None, _option(EVERY, "rad or m, without --urdf.  [default: rad]")] = None,
     hold: Annotated[
-        list[str] | None, _option("NAME=POSITION where a joint waits or is held [rad or m]; may be repeated.")
+        list[str] | None,
+        _option(POSITION, "NAME=POSITION where a joint waits or is held [rad or m]; may be repeated."),
     ] = None,
-    stroke: Annotated[float | None, _option("Full stroke, peak to peak [rad or m].")] = None,
-    stroke_deg: Annotated[float | None, _option("The same in degrees.")] = None,
-    top_speed: Annotated[float | None, _option("Highest speed [rad/s or m/s].")] = None,
-    top_speed_deg: Annotated[float | None, _option("The same in degrees per second.")] = None,
+    stroke: Annotated[float | None, _option(POSITION, "Full stroke, peak to peak [rad or m].")] = None,
+    stroke_deg: Annotated[float | None, _option(POSITION, "The same in degrees.")] = None,
+    top_speed: Annotated[float | None, _option(POSITION, "Highest speed [rad/s or m/s].")] = None,
+    top_speed_deg: Annotated[float | None, _option(POSITION, "The same in degrees per second.")] = None,
     cycles: Annotated[
-        int | None, _option("Cycles, speeds or periods.  [default: 10; multisine 3, torques 5, ramp 2]")
+        int | None,
+        _option(POSITION, "Cycles, speeds or periods.  [default: 10; multisine 3, torques 5, ramp 2]"),
     ] = None,
     slow: Annotated[
         int | None,
-        _option("Cycles before the first of a sweep, each half as fast as the next, for the Stribeck range."),
+        _option(
+            SWEEP,
+            "Cycles before the first of a sweep, each half as fast as the next, for the Stribeck range.",
+        ),
     ] = None,
-    center: Annotated[float | None, _option("Middle of the stroke [rad or m].  [default: 0]")] = None,
-    center_deg: Annotated[float | None, _option("The same in degrees.")] = None,
+    center: Annotated[
+        float | None, _option(POSITION, "Middle of the stroke [rad or m].  [default: 0]")
+    ] = None,
+    center_deg: Annotated[float | None, _option(POSITION, "The same in degrees.")] = None,
     centres: Annotated[
         str | None,
         _option(
+            SWEEP,
             "Several sweeps, to tell unequal directions from gravity: auto, how many, or centers in degrees: -60,0,60.",
             "--centres",
             "--centers",
         ),
     ] = None,
-    lead_in: Annotated[float | None, _option("Time before the first cycle [s].")] = None,
+    lead_in: Annotated[float | None, _option(POSITION, "Time before the first cycle [s].")] = None,
     literal: Annotated[
-        bool, typer.Option("--literal", help="The sweep as printed in the thesis: the acceleration jumps.")
+        bool,
+        typer.Option(
+            "--literal",
+            rich_help_panel=SWEEP,
+            help="The sweep as printed in the thesis: the acceleration jumps.",
+        ),
     ] = False,
     speeds: Annotated[
-        str | None, _option("Speeds of constant-velocity runs: 0.1,0.5,1 [rad/s or m/s].")
+        str | None, _option(CONSTANT, "Speeds of constant-velocity runs: 0.1,0.5,1 [rad/s or m/s].")
     ] = None,
     ramp_acceleration: Annotated[
-        float | None, _option("Acceleration between the runs [rad/s^2 or m/s^2].")
+        float | None, _option(CONSTANT, "Acceleration between the runs [rad/s^2 or m/s^2].")
     ] = None,
-    pause: Annotated[float | None, _option("Rest between the runs [s].  [default: 0.2]")] = None,
-    band: Annotated[str | None, _option("Lowest and highest frequency of a multisine: 0.1,2 [Hz].")] = None,
-    period: Annotated[float | None, _option("Period of a multisine [s].")] = None,
-    seed: Annotated[int | None, _option("Of the phases of a multisine.  [default: 0]")] = None,
-    amplitude: Annotated[float | None, _option("Amplitude of a torque [N.m or N].")] = None,
-    offset: Annotated[float | None, _option("Torque about which it swings [N.m or N].  [default: 0]")] = None,
-    frequency: Annotated[float | None, _option("Of a swinging torque [Hz].")] = None,
-    rise: Annotated[float | None, _option("Rising share of a saw-tooth.  [default: 0.5]")] = None,
-    torque_rate: Annotated[float | None, _option("Slope of a torque ramp [N.m/s or N/s].")] = None,
-    lower: Annotated[float | None, _option("Lowest position allowed [rad or m].")] = None,
-    upper: Annotated[float | None, _option("Highest position allowed [rad or m].")] = None,
+    pause: Annotated[float | None, _option(CONSTANT, "Rest between the runs [s].  [default: 0.2]")] = None,
+    band: Annotated[
+        str | None, _option(MULTISINE, "Lowest and highest frequency of a multisine: 0.1,2 [Hz].")
+    ] = None,
+    period: Annotated[float | None, _option(MULTISINE, "Period of a multisine [s].")] = None,
+    seed: Annotated[int | None, _option(MULTISINE, "Of the phases of a multisine.  [default: 0]")] = None,
+    amplitude: Annotated[float | None, _option(TORQUE, "Amplitude of a torque [N.m or N].")] = None,
+    offset: Annotated[
+        float | None, _option(TORQUE, "Torque about which it swings [N.m or N].  [default: 0]")
+    ] = None,
+    frequency: Annotated[float | None, _option(TORQUE, "Of a swinging torque [Hz].")] = None,
+    rise: Annotated[float | None, _option(TORQUE, "Rising share of a saw-tooth.  [default: 0.5]")] = None,
+    torque_rate: Annotated[float | None, _option(TORQUE, "Slope of a torque ramp [N.m/s or N/s].")] = None,
+    lower: Annotated[float | None, _option(LIMITS, "Lowest position allowed [rad or m].")] = None,
+    upper: Annotated[float | None, _option(LIMITS, "Highest position allowed [rad or m].")] = None,
     margin: Annotated[
-        float | None, _option("Distance that the motion keeps from either end of the range [rad or m].")
+        float | None,
+        _option(LIMITS, "Distance that the motion keeps from either end of the range [rad or m]."),
     ] = None,
-    velocity_limit: Annotated[float | None, _option("Greatest speed allowed [rad/s or m/s].")] = None,
+    velocity_limit: Annotated[float | None, _option(LIMITS, "Greatest speed allowed [rad/s or m/s].")] = None,
     acceleration_limit: Annotated[
-        float | None, _option("Greatest acceleration allowed [rad/s^2 or m/s^2].")
+        float | None, _option(LIMITS, "Greatest acceleration allowed [rad/s^2 or m/s^2].")
     ] = None,
-    torque_limit: Annotated[float | None, _option("Greatest torque, on the joint side [N.m or N].")] = None,
-    inertia: Annotated[float | None, _option("About the joint, to check the torque [kg.m^2 or kg].")] = None,
-    gravity: Annotated[float | None, _option("Largest gravity torque on the stroke [N.m or N].")] = None,
-    friction: Annotated[float | None, _option("Friction expected at the top speed [N.m or N].")] = None,
+    torque_limit: Annotated[
+        float | None, _option(LIMITS, "Greatest torque, on the joint side [N.m or N].")
+    ] = None,
+    inertia: Annotated[
+        float | None, _option(CHECK, "About the joint, to check the torque [kg.m^2 or kg].")
+    ] = None,
+    gravity: Annotated[
+        float | None, _option(CHECK, "Largest gravity torque on the stroke [N.m or N].")
+    ] = None,
+    friction: Annotated[
+        float | None, _option(CHECK, "Friction expected at the top speed [N.m or N].")
+    ] = None,
     bias: Annotated[
-        float | None, _option("Error by inertia that is bearable [N.m or N].  [default: 0.1]")
+        float | None, _option(CHECK, "Error by inertia that is bearable [N.m or N].  [default: 0.1]")
     ] = None,
     time_slip: Annotated[
-        float | None, _option("Between torque and velocity in the log [s].  [default: 0.001]")
+        float | None, _option(CHECK, "Between torque and velocity in the log [s].  [default: 0.001]")
     ] = None,
     purpose: Annotated[
         str | None,
         _option(
+            ARM,
             "What a motion of the whole arm is to show: friction,inertia,gravity,payload,force.  [default: the first three]",
             "--for",
         ),
     ] = None,
     around: Annotated[
         list[str] | None,
-        _option("JOINT=POSITION,... about which the arm moves [rad or m].  [default: chosen]"),
+        _option(ARM, "JOINT=POSITION,... about which the arm moves [rad or m].  [default: chosen]"),
     ] = None,
     box: Annotated[
-        list[str] | None, _option("JOINT=LOW:HIGH,... that the arm does not leave [rad or m].")
+        list[str] | None, _option(ARM, "JOINT=LOW:HIGH,... that the arm does not leave [rad or m].")
     ] = None,
     limit: Annotated[
         list[str] | None,
-        _option("JOINT.WHAT=NUMBER,... of lower, upper, velocity, acceleration, torque; may be repeated."),
+        _option(
+            ARM, "JOINT.WHAT=NUMBER,... of lower, upper, velocity, acceleration, torque; may be repeated."
+        ),
     ] = None,
     packages: Annotated[
         Path | None,
-        _option("Folder in which package:// of the description's meshes begins, for self-collision."),
+        _option(ARM, "Folder in which package:// of the description's meshes begins, for self-collision."),
     ] = None,
-    floor: Annotated[float | None, _option("Height that links do not go below, above the base [m].")] = None,
+    floor: Annotated[
+        float | None, _option(ARM, "Height that links do not go below, above the base [m].")
+    ] = None,
     clearance: Annotated[
-        float | None, _option("Distance that links keep from each other [m].  [default: 0.02]")
+        float | None, _option(ARM, "Distance that links keep from each other [m].  [default: 0.02]")
     ] = None,
     reserve: Annotated[
-        float | None, _option("Share of every limit that the arm leaves unused.  [default: 0.05]")
+        float | None, _option(ARM, "Share of every limit that the arm leaves unused.  [default: 0.05]")
     ] = None,
-    duration: Annotated[float | None, _option("Of the arm's motion [s].  [default: 60]")] = None,
+    duration: Annotated[float | None, _option(ARM, "Of the arm's motion [s].  [default: 60]")] = None,
     noise: Annotated[
         str | None,
-        _option("Torque that a model will leave below 5 Hz: a number or JOINT=NUMBER,... [N.m or N]."),
+        _option(ARM, "Torque that a model will leave below 5 Hz: a number or JOINT=NUMBER,... [N.m or N]."),
     ] = None,
     frame: Annotated[
-        str | None, _option("Of the description, where a force acts.  [default: the last]")
+        str | None, _option(ARM, "Of the description, where a force acts.  [default: the last]")
     ] = None,
-    rate: Annotated[float, typer.Option("--rate", help="Samples per second of CSV and NPZ [Hz].")] = 1000.0,
+    rate: Annotated[
+        float, typer.Option("--rate", rich_help_panel=EVERY, help="Samples per second of CSV and NPZ [Hz].")
+    ] = 1000.0,
     ros_rate: Annotated[
-        float, typer.Option("--ros-rate", help="Points per second of the trajectory [Hz].")
+        float,
+        typer.Option("--ros-rate", rich_help_panel=EVERY, help="Points per second of the trajectory [Hz]."),
     ] = 100.0,
-    draw: Annotated[str, typer.Option("--draw", help="Picture to write: png, svg or none.")] = "png",
+    draw: Annotated[
+        str, typer.Option("--draw", rich_help_panel=EVERY, help="Picture to write: png, svg or none.")
+    ] = "png",
     as_json: _logs.AsJson = False,
 ) -> None:
     """Plan a motion that shows friction, check it against the joint's limits, and write it for the robot.
@@ -202,7 +256,7 @@ def command(
     if summary:
         echo(summary)
     for note in notes:
-        typer.secho(note, fg=typer.colors.YELLOW)
+        typer.secho(wrap(visible(note), sys.stdout), fg=typer.colors.YELLOW)
     echo(place)
 
 

@@ -137,7 +137,8 @@ def _print_tables(model) -> None:
     unicode = (console.encoding or "").lower().startswith("utf")
     for friction in model.joints:
         print_lines(console, joint_tables(friction, width=min(console.width, 110), unicode=unicode))
-    print_lines(console, provenance_lines(model), soft_wrap=True)
+    for line in provenance_lines(model):
+        echo(line)
 
 
 def _spell_out(stream) -> None:

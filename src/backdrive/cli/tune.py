@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -24,9 +25,7 @@ RESTS = (
 
 
 def command(
-    model: Annotated[
-        str, typer.Argument(help="Model file made by `identify -o` or `fit -o`, or preset:NAME.")
-    ],
+    model: Annotated[str, typer.Argument(help="Model file made by `identify -o`, or preset:NAME.")],
     goal: Annotated[str, typer.Option("--goal", help="backdrive, track, estimate or admit.")] = "backdrive",
     joint: _logs.Joints = None,
     wish: Annotated[
@@ -180,7 +179,9 @@ def command(
                         draw=picture is not None,
                         dither=dither,
                         **guards[name],
-                        say=lambda sentence, name=name: say(f"{name}: {sentence}"),
+                        say=lambda sentence, name=name: say(
+                            f"{name}: {sentence}", names.index(name) / len(names) if len(names) > 1 else None
+                        ),
                     )
                 )
             except BackdriveError as error:
@@ -207,10 +208,32 @@ def command(
             _print(tuning)
         for path in written:
             echo(f"Wrote {path}")
+        _print_controller(model, output)
         for error in refused.values():
             echo(f"backdrive: {error}", err=True)
     if refused:
         raise typer.Exit(1)
+
+
+def _print_controller(model: str, output: Path | None) -> None:
+    """Print what to type into a controller, in Python and in C."""
+    if output is None:
+        echo("For a controller, keep the numbers in a file: give -o tuning.json.")
+        return
+    echo("In a controller in Python:")
+    for line in (
+        "from backdrive import load_model",
+        "from backdrive.tuning import load_tunings",
+        f"loop = load_model({model!r}).loop(load_tunings({str(output)!r}))",
+        "loop.reset(position)            # once, at rest: one number a joint",
+        "loop.update(position, applied)  # every period: the encoders, the torques given",
+        "torque = loop.torque            # what to add to the controller's own",
+    ):
+        echo(f"  {line}")
+    echo("In a controller in C:")
+    echo(
+        f"  {shlex.join(['backdrive', 'export', model, '--tuning', str(output), '--to', 'c', '-o', 'firmware/'])}"
+    )
 
 
 def _refuse(refused: dict[str, BackdriveError], as_json: bool) -> None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from backdrive.model import FrictionModel
 
 
-@_logs.shared
+@_logs.with_reading
 def command(
     model: Annotated[
         str, typer.Argument(help="Model file made by `identify -o` or `fit -o`, or preset:NAME.")

@@ -48,10 +48,13 @@ def render(
     truths = dict(compare or {})
     if strange := sorted(set(truths) - set(names)):
         raise InvalidInput(f"`compare` names {strange}.", remedy=f"The joints are {list(names)}.")
+    choices = {choice.joint: choice for choice in result.choices}
     title = title or (f"Friction of {names[0]}" if len(names) == 1 else f"Friction of {len(names)} joints")
     with house_style():
         sections = [
-            joint_section(friction, evidence, truths.get(friction.joint.name), i)
+            joint_section(
+                friction, evidence, truths.get(friction.joint.name), i, choices.get(friction.joint.name)
+            )
             for i, (friction, evidence) in enumerate(zip(result.model.joints, result.evidence), start=1)
         ]
     first, last = [page.header(result, title), page.summary(result)], page.provenance(result, command)

@@ -9,8 +9,8 @@ import numpy as np
 
 from backdrive.identification.result import Curve, JointEvidence, Samples
 from backdrive.model import JointFriction
-from backdrive.report.pictures import canvas, curve, directions, model_curve, residuals, svg
-from backdrive.report.words import counted, esc, plain, quantity
+from backdrive.report.pictures import canvas, curve, directions, model_curve, residuals, svg, torque
+from backdrive.report.words import count_of, esc, number, plain, quantity
 
 _KEYS = {
     "fitted": '<circle cx="10" cy="5" r="3.4" fill="var(--fitted)"/>',
@@ -63,12 +63,30 @@ def _sample_keys(samples: Samples, fitted: str, held_out: str) -> str:
     return keys + (key("held-out", held_out) if not np.all(samples.fitted) else "")
 
 
+def torque_course(friction: JointFriction, evidence: JointEvidence, prefix: str) -> str:
+    """Return measured and predicted torque over time, or nothing where the samples are no course of time."""
+    samples, joint = evidence.samples, friction.joint
+    if not torque.has_course(samples):
+        return ""
+    sheet = canvas.new_figure(canvas.CSS, canvas.WIDTH, torque.HEIGHT)
+    sheet.patch.set_visible(False)
+    begin, end, whole = torque.draw_torque(sheet, canvas.CSS, samples, joint)
+    picture = svg.inline(sheet, prefix, plain(f"Measured and predicted torque over time, joint {joint.name}"))
+    caption = key("line", "measured") + key("curve", "predicted by the model")
+    if end - begin < whole:
+        which = "held-out stretch" if not np.all(samples.fitted) else "stretch"
+        caption += (
+            f"<br>Below: the {which} with the median residual, {number(end - begin)} of {number(whole)} s."
+        )
+    return figure(picture, caption)
+
+
 def friction_curve(friction: JointFriction, evidence: JointEvidence, truth: Curve | None, prefix: str) -> str:
     """Return the friction curve over the measured samples."""
     name, unit = friction.joint.name, friction.joint.torque_unit
     knots = model_curve.knots_of(friction)
 
-    def draw(axes: Any) -> curve.Drawn:
+    def draw(axes: Any) -> curve.CurveDrawing:
         return curve.draw_curve(
             axes,
             canvas.CSS,
@@ -93,14 +111,14 @@ def friction_curve(friction: JointFriction, evidence: JointEvidence, truth: Curv
     else:
         caption += "<br>No band: the standard errors are not known."
     if drawn.beyond:
-        caption += f" {esc(counted(drawn.beyond, 'sample lies', 'samples lie'))} outside the picture."
+        caption += f" {esc(count_of(drawn.beyond, 'sample lies', 'samples lie'))} outside the picture."
     if truth is not None:
         rms, worst = distance(evidence.curve, truth)
         caption += f" Against the truth: RMS {quantity(rms, unit, 2)}, at most {quantity(worst, unit, 2)}."
     return figure(picture, caption)
 
 
-def enlarged(friction: JointFriction, evidence: JointEvidence, truth: Curve | None, prefix: str) -> str:
+def enlargement(friction: JointFriction, evidence: JointEvidence, truth: Curve | None, prefix: str) -> str:
     """Return both directions of the curve against speed, enlarged."""
 
     def draw(axes: Any) -> str:
@@ -163,14 +181,34 @@ def residual_row(friction: JointFriction, evidence: JointEvidence, prefix: str) 
     caption += "<br>Measured minus predicted torque. A good model leaves noise around zero; a bend is what it misses."
     if scale.beyond:
         caption += (
-            f" {esc(counted(scale.beyond, 'sample lies', 'samples lie'))} beyond the scale, "
+            f" {esc(count_of(scale.beyond, 'sample lies', 'samples lie'))} beyond the scale, "
             f"up to {quantity(scale.worst, joint.torque_unit)}."
         )
+    caption += _period(friction, evidence)
     if "position" in absent:
         caption += " The log holds no position."
     if "time" in absent:
         caption += " Each sample stands for a whole log, so there is no course of time to show."
     return f'<h3>Residual</h3><div class="grid residuals">{"".join(pictures)}</div><p class="legend">{caption}</p>'
+
+
+CHANCE = 1e-3  # by which noise may explain a wave that is named [-]
+
+
+def _period(friction: JointFriction, evidence: JointEvidence) -> str:
+    """Return a sentence on the period of position that shows in the residual, or that none does."""
+    wave = None if evidence.residual is None else evidence.residual.wave()
+    if wave is None or not wave.wave:
+        return ""
+    if not wave.chance <= CHANCE:
+        return " No period of position stands out of the noise."
+    joint = friction.joint
+    period = 2.0 * np.pi / wave.wave
+    turns = f", {number(wave.wave)} a turn" if joint.unit == "rad" else ""
+    return (
+        f" Against position, a wave with a period of {quantity(period, joint.unit)}{turns} stands out: "
+        f"{quantity(wave.size, joint.torque_unit)} (RMS)."
+    )
 
 
 def presliding(friction: JointFriction, loop: np.ndarray, prefix: str) -> str:

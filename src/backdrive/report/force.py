@@ -17,7 +17,7 @@ from backdrive.report.joint import table, warnings_box
 from backdrive.report.pictures import canvas
 from backdrive.report.pictures.force import draw_force, draw_friction
 from backdrive.report.sheet import page
-from backdrive.report.words import NOTHING, counted, esc, number, percent, quantity
+from backdrive.report.words import NOTHING, count_of, esc, number, percent, quantity
 from backdrive.report.wrench import wrench_section
 
 MOST = 200  # contacts that the page lists
@@ -104,7 +104,7 @@ def _lead(estimate: ForceEstimate) -> str:
     )
     if estimate.contacts is None:
         return acted
-    count = counted(len(estimate.contacts), "contact") if estimate.contacts else "No contact"
+    count = count_of(len(estimate.contacts), "contact") if estimate.contacts else "No contact"
     return (
         f"{count}, at thresholds for {estimate.false_alarms:g} false an hour of all joints together. {acted}"
     )
@@ -148,7 +148,7 @@ def _contacts(estimate: ForceEstimate) -> str:
         )
         rows.append([f"{c.begin:.3f} s", f"{number(c.end - c.begin)} s", largest])
     more = len(estimate.contacts) - MOST
-    rest = f'<p class="muted">{esc(counted(more, "more contact"))} are not listed.</p>' if more > 0 else ""
+    rest = f'<p class="muted">{esc(count_of(more, "more contact"))} are not listed.</p>' if more > 0 else ""
     return f'<section class="contacts" id="contacts">{table("Contacts", ["Begin", "For", "Largest torque"], rows)}{rest}</section>'
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import zip_longest
 from typing import Any
 
+from backdrive.identification.dynamic.choice import Choice
 from backdrive.identification.quality import grade
 from backdrive.identification.result import Curve, JointEvidence
 from backdrive.model import JointFriction, Quality
@@ -13,18 +14,18 @@ from backdrive.report.pictures.canvas import pretty_unit
 from backdrive.report.words import (
     NOTHING,
     Entry,
-    counted,
+    count_of,
     dynamics,
     entries,
     esc,
     law_name,
-    measured,
     number,
     percent,
     prose,
     quantity,
     symbol,
     term,
+    with_error,
 )
 
 
@@ -53,7 +54,13 @@ def warnings_box(sentences: tuple[str, ...], heading: str) -> str:
     return f'<div class="warn" role="note"><b>{esc(heading)}</b><ul>{items}</ul></div>'
 
 
-def joint_section(friction: JointFriction, evidence: JointEvidence, truth: Curve | None, index: int) -> str:
+def joint_section(
+    friction: JointFriction,
+    evidence: JointEvidence,
+    truth: Curve | None,
+    index: int,
+    choice: Choice | None = None,
+) -> str:
     """Return everything about one joint.
 
     Args:
@@ -61,11 +68,15 @@ def joint_section(friction: JointFriction, evidence: JointEvidence, truth: Curve
         evidence: what supports it.
         truth: a curve to compare with.
         index: from 1; names the section and prefixes its pictures.
+        choice: the laws that were tried, where a search was made.
     """
     prefix, good = f"j{index}", grade(friction).level == "good"
-    left = figures.friction_curve(friction, evidence, truth, f"{prefix}-curve")
-    left += figures.enlarged(friction, evidence, truth, f"{prefix}-two")
-    right = _quality(friction) + _parameters(friction) + _dynamics(friction) + _validity(friction)
+    left = figures.torque_course(friction, evidence, f"{prefix}-torque")
+    left += figures.friction_curve(friction, evidence, truth, f"{prefix}-curve")
+    left += figures.enlargement(friction, evidence, truth, f"{prefix}-two")
+    right = (
+        _quality(friction) + _laws(choice) + _parameters(friction) + _dynamics(friction) + _validity(friction)
+    )
     if evidence.presliding is not None and len(evidence.presliding):
         right += figures.presliding(friction, evidence.presliding, f"{prefix}-pre")
     return (
@@ -91,13 +102,34 @@ def _quality(friction: JointFriction) -> str:
         row("Residual below 5 Hz", lambda q: percent(q.residual)),
         row("Residual, raw", lambda q: percent(q.residual_raw)),
         row("RMS, raw", rms),
-        row("Samples", lambda q: _grouped(q.samples)),
+        row("Samples", lambda q: _thousands(q.samples)),
     ]
     note = "" if held else '<p class="muted"><small>Nothing was held out: the fit judges itself.</small></p>'
     return f"<div>{table('How well it explains torque', ['', 'Fitted', 'Held out'], rows)}{note}</div>"
 
 
-def _grouped(count: float) -> str:
+def _laws(choice: Choice | None) -> str:
+    """Return the laws that were tried, the one in use first in bold, with their errors on data fitted and held out."""
+    if choice is None:
+        return ""
+    rows = []
+    for law in choice.candidates:
+        name = f"<b>{esc(law.name)}</b>" if law.name == choice.chosen else esc(law.name)
+        remark = f"<br><small>{esc(prose(law.remark))}</small>" if law.remark else ""
+        errors = (quantity(error, choice.unit) for error in (law.held_out, law.error))
+        rows.append(
+            [
+                name + remark,
+                *(f'<span class="n">{error}</span>' for error in errors),
+                str(law.parameters or NOTHING),
+            ]
+        )
+    why = f'<p class="muted"><small>{esc(prose(choice.reason))}</small></p>'
+    head = ["Law", "Held out, RMS", "Fitted, RMS", "Numbers"]
+    return f"<div>{table('Laws tried, the one in use in bold', head, rows)}{why}</div>"
+
+
+def _thousands(count: float) -> str:
     return f"{count:,.0f}".replace(",", "\u202f")
 
 
@@ -136,7 +168,7 @@ def _knots(friction: JointFriction) -> str:
     rows = [[f'<span class="n">{value}</span>' for value in knot] for knot in knots]
     limits = "; ".join(f"{each.name}: {each.bounds}" for each in many)
     return (
-        f"<details><summary>{counted(len(knots), 'knot')} a direction, ± standard errors</summary>"
+        f"<details open><summary>{count_of(len(knots), 'knot')} a direction, ± standard errors</summary>"
         f'{table("", head, rows)}<p class="muted"><small>Bounds: {esc(limits)}.</small></p></details>'
     )
 
@@ -150,7 +182,7 @@ def _dynamics(friction: JointFriction) -> str:
         rows.append(
             [
                 esc(term(name)),
-                f'<span class="n">{measured(estimate.value, estimate.standard_error)}</span> '
+                f'<span class="n">{with_error(estimate.value, estimate.standard_error)}</span> '
                 f'<span class="n muted">{esc(unit)}</span>',
             ]
         )
@@ -173,5 +205,5 @@ def _validity(friction: JointFriction) -> str:
     if joint.torque_side == "motor":
         rows.append(["Torque measured", f"on the motor side, gear ratio {number(joint.gear_ratio, 5)}"])
     if joint.encoder_counts:
-        rows.append(["Encoder", f"{_grouped(joint.encoder_counts)} counts per {joint.unit}"])
+        rows.append(["Encoder", f"{_thousands(joint.encoder_counts)} counts per {joint.unit}"])
     return table("Where it holds; beyond, it extrapolates", ["", "Seen in the data"], rows)

@@ -13,17 +13,17 @@ from backdrive.identification.result import Curve, Identification
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.report.joint import chip, table, warnings_box
 from backdrive.report.pictures.canvas import pretty_unit
-from backdrive.report.pictures.sizes import scaled
+from backdrive.report.pictures.sizes import readable
 from backdrive.report.words import (
     NOTHING,
-    counted,
+    count_of,
     esc,
-    measured,
     number,
     percent,
     plain,
     prose,
     sentence,
+    with_error,
 )
 
 #: What the words of the report mean.
@@ -56,14 +56,14 @@ def overall(result: Identification) -> str:
     if not n:
         return said
     if levels == {"good"}:
-        return f"{said} There {'is' if n == 1 else 'are'} {counted(n, 'remark')}; none lowers the grade."
-    return f"{said} Read {counted(n, 'warning')} before using the numbers."
+        return f"{said} There {'is' if n == 1 else 'are'} {count_of(n, 'remark')}; none lowers the grade."
+    return f"{said} Read {count_of(n, 'warning')} before using the numbers."
 
 
 def header(result: Identification, title: str) -> str:
     """Return title, verdict, warnings on the whole, and the facts that every reader asks for."""
     model = result.model
-    logs = counted(len(model.sources), "log file") if model.sources else "not recorded"
+    logs = count_of(len(model.sources), "log file") if model.sources else "not recorded"
     facts = {
         "Method": result.method,
         "Joints": str(len(model.joints)),
@@ -111,11 +111,11 @@ def summary(result: Identification) -> str:
     for index, (friction, evidence) in enumerate(zip(result.model.joints, result.evidence), start=1):
         seen = at_speeds(friction, evidence.curve)
         largest = max((abs(f) for _, pairs in seen for f, _ in pairs), default=0.0)
-        factor, unit = scaled(largest, pretty_unit(friction.joint.torque_unit))
+        factor, unit = readable(largest, pretty_unit(friction.joint.torque_unit))
         cells = []
         for label, (speed, pairs) in zip(("Friction, low speed", "Friction, top speed"), seen):
             lines = "<br>".join(
-                f'<span class="n">{measured(factor * f, factor * s, signed=True)}</span>' for f, s in pairs
+                f'<span class="n">{with_error(factor * f, factor * s, signed=True)}</span>' for f, s in pairs
             )
             at = f'<small class="n">{unit} at {number(speed)} {friction.joint.unit}/s</small>'
             cells.append(f'<td data-label="{label}">{lines or NOTHING}<br>{at}</td>')
@@ -158,7 +158,7 @@ def provenance(result: Identification, command: str) -> str:
     files = [[f"<code>{esc(s.path)}</code>", f"<code>{esc(s.sha256)}</code>"] for s in model.sources]
     where = table("", ["File", "sha256"], files) if files else '<p class="muted">No file is recorded.</p>'
     if len(files) > 6:
-        where = f"<details><summary>{counted(len(files), 'file')} with digests</summary>{where}</details>"
+        where = f"<details><summary>{count_of(len(files), 'file')} with digests</summary>{where}</details>"
     options = ""
     if model.options:
         shown = [[esc(k), f"<code>{esc(_value(v))}</code>"] for k, v in sorted(model.options.items())]

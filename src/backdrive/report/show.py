@@ -25,7 +25,7 @@ from backdrive.report.pictures.curve import curves
 from backdrive.report.pictures.force import draw_force
 from backdrive.report.pictures.model_curve import model_curve
 from backdrive.report.pictures.tuning import safe_region
-from backdrive.report.words import counted, esc, law_name, measured, percent, plain, prose, quantity
+from backdrive.report.words import count_of, esc, law_name, percent, plain, prose, quantity, with_error
 from backdrive.tuning.tuning import Tuning
 
 WARNINGS = 3  # shown before the others are counted
@@ -162,7 +162,7 @@ def _friction(friction: JointFriction, curve: Curve, which: int) -> str:
         return "-"
     speed, pairs = speeds[min(which, len(speeds) - 1)]
     unit = canvas.pretty_unit(friction.joint.torque_unit)
-    values = " / ".join(dict.fromkeys(measured(abs(f), s) for f, s in pairs))
+    values = " / ".join(dict.fromkeys(with_error(abs(f), s) for f, s in pairs))
     return f"{values} {unit} at {speed:.3g} {friction.joint.unit}/s"
 
 
@@ -187,7 +187,7 @@ def _some(sentences: Sequence[str]) -> list[str]:
     """Return the first sentences, and how many more there are."""
     unique = list(dict.fromkeys(sentences))
     more = len(unique) - WARNINGS
-    return [*unique[:WARNINGS], *([f"{counted(more, 'more remark')} in the report."] if more > 0 else [])]
+    return [*unique[:WARNINGS], *([f"{count_of(more, 'more remark')} in the report."] if more > 0 else [])]
 
 
 def _laws(model: FrictionModel) -> str:
@@ -198,7 +198,7 @@ def _laws(model: FrictionModel) -> str:
 
 def _of_model(model: FrictionModel) -> Face:
     return Face(
-        title=f"Friction of {counted(len(model.joints), 'joint')}",
+        title=f"Friction of {count_of(len(model.joints), 'joint')}",
         lead=_laws(model),
         head=HEAD,
         rows=_rows_of(model, [model_curve(f) for f in model.joints]),
@@ -209,7 +209,7 @@ def _of_model(model: FrictionModel) -> Face:
 
 def _of_identification(result: Identification) -> Face:
     return Face(
-        title=f"Friction of {counted(len(result.model.joints), 'joint')}, by {result.method}",
+        title=f"Friction of {count_of(len(result.model.joints), 'joint')}, by {result.method}",
         lead=f"{page.overall(result)} {_laws(result.model)}",
         head=HEAD,
         rows=_rows_of(result.model, [e.curve for e in result.evidence]),
@@ -232,7 +232,7 @@ def _of_comparison(comparison: Comparison) -> Face:
     )
     truth = {f.joint.name: model_curve(f) for f in second.joints if f.joint.name in joints}
     return Face(
-        title=f"Two models, {counted(len(comparison.changes), 'joint')}",
+        title=f"Two models, {count_of(len(comparison.changes), 'joint')}",
         lead=lead if comparison.is_testable else "Neither change nor its absence can be told.",
         head=("joint", "up to", "distance +q", "distance -q", "verdict"),
         rows=[
@@ -277,9 +277,9 @@ def _of_force(estimate: ForceEstimate) -> Face:
         ]
         peak = float(np.nanmax(np.abs(one.force))) if np.isfinite(one.force).any() else float("nan")
         rows.append([one.joint.name, one.method, quantity(peak, unit), *bands])
-    contacts = "" if estimate.contacts is None else f" {counted(len(estimate.contacts), 'contact')}."
+    contacts = "" if estimate.contacts is None else f" {count_of(len(estimate.contacts), 'contact')}."
     return Face(
-        title=f"External force on {counted(len(estimate.joints), 'joint')}",
+        title=f"External force on {count_of(len(estimate.joints), 'joint')}",
         lead=f"{estimate.joints[0].time.size} samples.{contacts}",
         head=("joint", "method", "largest", *(f"half band, {word}" for word in WORDS)),
         rows=rows,

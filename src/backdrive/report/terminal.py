@@ -15,12 +15,12 @@ from backdrive.report.words import (
     dynamics,
     entries,
     law_name,
-    measured,
     number,
     percent,
     prose,
     quantity,
     term,
+    with_error,
 )
 
 
@@ -74,7 +74,7 @@ def _parameters(friction: JointFriction) -> Any:
     for each in entries(friction, knots=False):
         table.add_row(each.name, each.values[0], each.unit, f"{each.bounds}{_flag(each)}")
     for name, estimate in dynamics(friction):
-        value = measured(estimate.value, estimate.standard_error)
+        value = with_error(estimate.value, estimate.standard_error)
         table.add_row(visible(term(name)), value, visible(estimate.unit), "dynamics")
     return table if table.row_count else None
 
@@ -143,7 +143,7 @@ def _beside(friction: JointFriction) -> Any:
         value = getattr(getattr(friction, owner), field, None)
         if value is not None:
             error = getattr(friction.torque_channel, "delay_error", None) if field == "delay" else None
-            table.add_row(label, measured(value, error), units.get(kind, kind))
+            table.add_row(label, with_error(value, error), units.get(kind, kind))
     for state in ("moving", "reversing", "rest"):
         band = getattr(friction.bands, state, None)
         if band is not None:

@@ -12,7 +12,7 @@ from backdrive.laws import rate_law
 from backdrive.laws.direction import plain as without_direction
 from backdrive.model import Estimate, JointFriction
 from backdrive.report.pictures.canvas import pretty_unit
-from backdrive.report.pictures.sizes import scaled
+from backdrive.report.pictures.sizes import readable
 
 NOTHING = "—"
 MINUS = "\u2212"
@@ -78,17 +78,17 @@ def number(x: float | None, digits: int = 3) -> str:
         return "0"
     magnitude = math.floor(math.log10(abs(x)))
     if -4 <= magnitude < 6:
-        text = _rounded(x, digits - 1 - magnitude)
+        text = _round(x, digits - 1 - magnitude)
     else:
         text = f"{x:.{digits - 1}e}"
     return text.replace("-", MINUS)
 
 
-def _rounded(x: float, decimals: int) -> str:
+def _round(x: float, decimals: int) -> str:
     return f"{round(x, decimals):.{max(decimals, 0)}f}"
 
 
-def measured(value: float, error: float | None, *, signed: bool = False) -> str:
+def with_error(value: float, error: float | None, *, signed: bool = False) -> str:
     """Return `value ± error`, the value to the second significant digit of its error.
 
     Args:
@@ -109,7 +109,7 @@ def measured(value: float, error: float | None, *, signed: bool = False) -> str:
         shift = math.floor(math.log10(largest))
     v, e = value / 10.0**shift, error / 10.0**shift
     decimals = min(1 - math.floor(math.log10(e)), 9)
-    text = f"{_rounded(v, decimals)} ± {_rounded(e, decimals)}"
+    text = f"{_round(v, decimals)} ± {_round(e, decimals)}"
     text = plus + text if not shift else f"({plus}{text})e{shift}"
     return text.replace("-", MINUS)
 
@@ -124,7 +124,7 @@ def quantity(x: float, unit: str, digits: int = 3) -> str:
     """
     if not math.isfinite(x):
         return NOTHING
-    factor, prefixed = scaled(abs(x), pretty_unit(unit))
+    factor, prefixed = readable(abs(x), pretty_unit(unit))
     return f"{number(x * factor, digits)} {prefixed}"
 
 
@@ -196,7 +196,7 @@ def entries(friction: JointFriction, *, knots: bool) -> list[Entry]:
                     unit=parameter.unit_for(friction.joint.unit),
                     bounds=bounds(parameter.lower, parameter.upper),
                     at_bound=name in friction.at_bound,
-                    values=[measured(*pair) for pair in zip(values, errors)],
+                    values=[with_error(*pair) for pair in zip(values, errors)],
                 )
             )
     return result
@@ -219,6 +219,6 @@ def symbol(text: str) -> str:
     return f"<i>{esc(head)}</i>" + (f"<sub>{esc(tail)}</sub>" if tail else "") + way
 
 
-def counted(n: int, one: str, many: str | None = None) -> str:
+def count_of(n: int, one: str, many: str | None = None) -> str:
     """Return `1 warning` or `3 warnings`."""
     return f"{n} {one if n == 1 else many or one + 's'}"

@@ -15,6 +15,7 @@ from backdrive.thesis.scatter import interval
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 MARKS = {"direct": "o", "momentum": "s", "extended": "^", "kalman": "D"}
@@ -52,34 +53,49 @@ def _tiers(axes: Axes, costs: dict[str, np.ndarray], words: str) -> None:
         for name in tier:
             mean = float(np.mean(costs[name]))
             low, high = interval(costs[name])
-            axes.barh(
-                at,
-                mean,
-                0.7,
-                color=f"C{i % 10}",
-                alpha=0.75,
-                label=f"tier {i + 1}" if name == tier[0] else "",
-            )
+            label = f"tier {i + 1}" if name == tier[0] else ""
+            axes.plot(mean, at, "o", markersize=6, color=f"C{i % 10}", label=label, zorder=3)
             axes.plot([low, high], [at, at], color="k", lw=1.2)
             at += 1
     axes.set_yticks(range(at), [name for tier in tiers(costs) for name in tier], fontsize=8)
     axes.invert_yaxis()
+    _log_axis(axes.xaxis, [float(np.mean(c)) for c in costs.values()])
+    axes.grid(True, axis="x", color="0.9", lw=0.7)
+    axes.set_axisbelow(True)
     axes.axvline(1.0, color="k", lw=0.8, ls=":")
-    axes.set_xlabel("cost by the bare joint's [-]")
+    axes.set_xlabel("cost by the bare joint's [-], scale of ratios; lines: 95 % intervals")
     axes.set_title(f"tiers, {words}: members of a tier are ties with its first", fontsize=9)
-    axes.legend(fontsize=7, loc="lower right")
+    axes.legend(fontsize=7, loc="upper right")
+
+
+def _log_axis(axis: Axis, values: list[float]) -> None:
+    """Give an axis a scale of ratios, which tells 3.0 from 8.2 as well as 0.3 from 0.8, with plain numbers at it."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+    axis.axes.set_xscale("log")
+    ticks = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+    low, high = 0.8 * min(values), 1.25 * max(*values, 1.0)
+    axis.set_major_locator(FixedLocator([t for t in ticks if low <= t <= high]))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
 def _heat(
     axes: Axes, costs: list[dict[str, np.ndarray]], rows: list[str], columns: list[str], title: str
 ) -> None:
     values = np.array([[float(np.mean(column[name])) for column in costs] for name in rows])
-    axes.imshow(values, cmap="RdYlGn_r", vmin=0.2, vmax=1.3, aspect="auto")
+    from matplotlib.colors import LogNorm
+
+    positive = values[values > 0.0]
+    far = max(2.0, float(positive.max(initial=1.0)), 1.0 / float(positive.min(initial=1.0)))
+    axes.imshow(values, cmap="RdBu_r", norm=LogNorm(1.0 / far, far), aspect="auto")
     axes.set_xticks(range(len(columns)), columns, rotation=35, ha="right", fontsize=7)
     axes.set_yticks(range(len(rows)), rows, fontsize=8)
     for i, row in enumerate(values):
         for j, value in enumerate(row):
-            axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=7)
+            dark = value > 0.0 and abs(np.log(value)) > 0.65 * np.log(far)
+            color = "white" if dark else "black"
+            axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=7, color=color)
     axes.set_title(title, fontsize=10)
 
 
@@ -101,7 +117,7 @@ def _estimators(axes: Axes, rows) -> None:
     for method, mark in MARKS.items():
         axes.scatter([], [], color="0.4", marker=mark, label=method)
     axes.set_xlabel("delay [ms]")
-    axes.set_ylabel("RMS error / RMS force")
+    axes.set_ylabel("error / force, both root mean square (RMS)")
     axes.set_ylim(bottom=0.0)
     axes.set_title("estimators of the external force; size: false contacts without a hand", fontsize=10)
     axes.legend(fontsize=7, ncols=3, loc="lower right")

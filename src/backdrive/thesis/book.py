@@ -13,7 +13,7 @@ from backdrive._files import write_whole
 from backdrive.report import POLICY
 from backdrive.report.joint import table
 from backdrive.report.sheet import CSS
-from backdrive.report.words import counted, esc, number, prose, sentence
+from backdrive.report.words import count_of, esc, number, prose, sentence
 from backdrive.thesis.ledger import disagreements, evaluate
 from backdrive.thesis.ledger import headline as statement_counts
 from backdrive.thesis.ledger import of as statements_of
@@ -73,7 +73,7 @@ def overall(results: Sequence[Result]) -> str:
     listed = [s for r in done for s in statements_of(r.entry.name)]
     other = disagreements(evaluate(r.outcome for r in done if r.outcome is not None))
     said = [statement_counts(listed)] if listed else []
-    checks = f"Of {counted(held + short, 'check')} of our own in {counted(len(results), 'experiment')}, {held} hold"
+    checks = f"Of {count_of(held + short, 'check')} of our own in {count_of(len(results), 'experiment')}, {held} hold"
     said.append(checks + (f"; {told} more notes inform." if told else "."))
     said += [f"Other than in the ledger: {', '.join(other)}."] if other else []
     said += [f"Broke down: {', '.join(broken)}."] if broken else []
@@ -181,7 +181,7 @@ def section(result: Result) -> str:
             for name, x in result.outcome.numbers.items()
         ]
         inside = table("", ["Number", "Value"], rows)
-        numbers = f"<details><summary>{counted(len(rows), 'number')}</summary>{inside}</details>"
+        numbers = f"<details><summary>{count_of(len(rows), 'number')}</summary>{inside}</details>"
     return (
         f"{head}<p>{esc(prose(sentence(result.outcome.setting)))}</p>{picture}"
         f"{_claims(result.outcome.claims)}{numbers}</section>"

@@ -81,8 +81,8 @@ def scene(law: Law) -> Scene:
     """Return sizes at which the law shows what it does."""
     rate, element = law.rate.values(), law.element.values()
     v_s = rate.get("stribeck_velocity", 0.0) + REFERENCE * rate.get("stribeck_velocity_temperature", 0.0)
-    velocity = _rounded(v_s if v_s > 0.0 else 0.05)
-    torque = _rounded(float(np.mean(np.abs(law.torque(velocity * np.array([10.0, -10.0]))))))
+    velocity = _round(v_s if v_s > 0.0 else 0.05)
+    torque = _round(float(np.mean(np.abs(law.torque(velocity * np.array([10.0, -10.0]))))))
     breakaway = max(law.coulomb()) or torque
     if "stiffness" in element:
         share = np.asarray(element.get("share", 1.0))
@@ -90,24 +90,24 @@ def scene(law: Law) -> Scene:
     else:
         stretch = element.get("distance", 0.01 * velocity)
     spring = (0.1 * torque / velocity) ** 2 / INERTIA  # break-away flings the mass to a few times `velocity`
-    strongest = max(_held(law, at) for at in conditions(law))
+    strongest = max(_hold(law, at) for at in conditions(law))
     return Scene(
         velocity=velocity,
         torque=torque,
         stretch=stretch,
         spring=spring,
         speed=0.4 * velocity,
-        duration=_rounded(2.5 * max(strongest, torque) / (0.4 * velocity * spring)),
+        duration=_round(2.5 * max(strongest, torque) / (0.4 * velocity * spring)),
     )
 
 
-def _held(law: Law, at: Condition) -> float:
+def _hold(law: Law, at: Condition) -> float:
     """Return the torque at which a joint at rest breaks away [N.m]."""
     lo, hi, _ = kernels.limits(law.rate.KIND, law.row(), 0.0, np.array(at.load), at.temperature)
     return max(-lo, hi)
 
 
-def _rounded(x: float) -> float:
+def _round(x: float) -> float:
     """Return the nearest of 1, 2, 5 times a power of ten, 1 for 0."""
     if not x > 0.0:
         return 1.0

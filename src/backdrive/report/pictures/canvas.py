@@ -80,7 +80,7 @@ _STYLE: dict[str, Any] = {
     "axes.formatter.limits": (-4, 6),
     "xtick.major.size": 0,
     "ytick.major.size": 0,
-    "xtick.major.pad": 5,
+    "xtick.major.pad": 7,
     "ytick.major.pad": 4,
     "lines.solid_capstyle": "round",
     "savefig.facecolor": "auto",

@@ -21,7 +21,7 @@ SIGMAS = 2.0  # half width of the band in standard errors
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drawn:
+class CurveDrawing:
     """What a caption has to say about a drawn curve.
 
     Attributes:
@@ -45,7 +45,7 @@ def draw_curve(
     knots: np.ndarray | None = None,
     truth: Curve | None = None,
     most: int = 1500,
-) -> Drawn:
+) -> CurveDrawing:
     """Draw a friction curve.
 
     Args:
@@ -58,10 +58,10 @@ def draw_curve(
         truth: a second curve, dashed.
         most: dots at most.
     """
-    v_factor, v_unit = sizes.scaled(sizes.largest(curve.velocity), f"{joint.unit}/s")
+    v_factor, v_unit = sizes.readable(sizes.largest(curve.velocity), f"{joint.unit}/s")
     spread = SIGMAS * curve.standard_error
     low, high = _range(curve, spread, samples, truth)
-    f_factor, f_unit = sizes.scaled(max(abs(low), abs(high)), canvas.pretty_unit(joint.torque_unit))
+    f_factor, f_unit = sizes.readable(max(abs(low), abs(high)), canvas.pretty_unit(joint.torque_unit))
     shown = beyond = 0
     if samples is not None:
         seen = np.isfinite(samples.friction) & np.isfinite(samples.velocity)
@@ -93,7 +93,7 @@ def draw_curve(
     pad = 0.035 * (right - left)
     axes.set_xlim((left - pad) * v_factor, (right + pad) * v_factor)
     canvas.name_axes(axes, theme, x=f"velocity [{v_unit}]", y=f"friction [{f_unit}]")
-    return Drawn(
+    return CurveDrawing(
         samples=shown,
         beyond=beyond,
         half_width=sizes.largest(spread) if np.any(np.isfinite(spread)) else np.nan,

@@ -51,8 +51,8 @@ def draw_directions(
     Returns:
         What the dots are: `samples`, `medians of the samples`, or nothing.
     """
-    v_factor, v_unit = sizes.scaled(sizes.largest(curve.velocity), f"{joint.unit}/s")
-    f_factor, f_unit = sizes.scaled(sizes.largest(curve.torque), canvas.pretty_unit(joint.torque_unit))
+    v_factor, v_unit = sizes.readable(sizes.largest(curve.velocity), f"{joint.unit}/s")
+    f_factor, f_unit = sizes.readable(sizes.largest(curve.torque), canvas.pretty_unit(joint.torque_unit))
     seen, middles, ends, dotted = [], [], [], ""
     for sign, label in SIDES:
         speed, torque, error = _one_way(curve, sign)
@@ -67,7 +67,7 @@ def draw_directions(
         axes.plot(v, f, color=theme.ink if forward else theme.muted, linewidth=1.7, zorder=4)
         ends.append((f[-1], label, theme.ink if forward else theme.muted))
         if samples is not None:
-            every_v, every_f = _measured(samples, sign)
+            every_v, every_f = _branch(samples, sign)
             middle_v, middle_f = medians(every_v, every_f)
             middles.append(middle_f)
             if middle_v.size:
@@ -108,7 +108,7 @@ def _one_way(curve: Curve, sign: float) -> tuple[np.ndarray, np.ndarray, np.ndar
     return (speed, torque, error) if sign > 0 else (speed[::-1], torque[::-1], error[::-1])
 
 
-def _measured(samples: Samples, sign: float) -> tuple[np.ndarray, np.ndarray]:
+def _branch(samples: Samples, sign: float) -> tuple[np.ndarray, np.ndarray]:
     good = np.isfinite(samples.velocity) & np.isfinite(samples.friction) & (samples.velocity * sign > 0)
     return sign * samples.velocity[good], sign * samples.friction[good]
 
@@ -116,7 +116,7 @@ def _measured(samples: Samples, sign: float) -> tuple[np.ndarray, np.ndarray]:
 def _label_ends(axes: Any, ends: list[tuple[float, str, str]], height: float) -> None:
     """Write the direction at the right end of each line, apart from one another."""
     values = [end[0] for end in ends]
-    apart = 0.075 * height
+    apart = 0.1 * height
     if len(values) == 2 and abs(values[0] - values[1]) < apart:
         middle, up = 0.5 * sum(values), 1.0 if values[0] >= values[1] else -1.0
         values = [middle + 0.5 * up * apart, middle - 0.5 * up * apart]

@@ -51,7 +51,7 @@ def draw_force(axes: Any, theme: Theme, one: JointForce, contacts: Sequence[Cont
     """
     pick, begin, words = _clock(one)
     t = one.time[pick] - begin
-    factor, unit = sizes.scaled(sizes.largest(one.force), canvas.pretty_unit(one.joint.torque_unit))
+    factor, unit = sizes.readable(sizes.largest(one.force), canvas.pretty_unit(one.joint.torque_unit))
     if np.isfinite(one.lower).any():
         lower, upper = one.lower[pick] * factor, one.upper[pick] * factor
         axes.fill_between(t, lower, upper, color=theme.band, alpha=0.25, linewidth=0.0, zorder=1)
@@ -82,7 +82,7 @@ def draw_friction(axes: Any, theme: Theme, one: JointForce) -> None:
     """
     pick, begin, words = _clock(one, one.friction)
     t = one.time[pick] - begin
-    factor, unit = sizes.scaled(sizes.largest(one.friction), canvas.pretty_unit(one.joint.torque_unit))
+    factor, unit = sizes.readable(sizes.largest(one.friction), canvas.pretty_unit(one.joint.torque_unit))
     axes.axhline(0.0, color=theme.muted, linewidth=0.8, zorder=2)
     axes.plot(t, one.friction[pick] * factor, color=theme.ink, linewidth=1.1, zorder=4)
     resting = np.where(one.state[pick] == STATES.index("rest"), 0.0, np.nan)

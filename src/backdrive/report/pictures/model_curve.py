@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from backdrive.errors import InvalidInput
+from backdrive.identification.curves import widened_below
 from backdrive.identification.evidence import curve
 from backdrive.identification.result import Curve
+from backdrive.identification.sweep_verdict import error_of_curve
 from backdrive.laws import Law, Polyline
 from backdrive.model import JointFriction
 
@@ -31,13 +34,71 @@ def knots_of(friction: JointFriction) -> np.ndarray:
 def model_curve(friction: JointFriction, points: int = 121) -> Curve:
     """Return a joint's curve over its validity range from the model alone.
 
-    A model file keeps standard errors, not their correlations, so the band is the widest possible; see `largest_error`.
+    The band is the identification's own where the model holds the covariance; see `error_of`.
 
     Args:
         friction: of the joint.
         points: velocities a direction.
     """
-    return curve(friction, partial(largest_error, friction), points)
+    return curve(friction, error_of(friction), points)
+
+
+def error_of(friction: JointFriction) -> Callable[[np.ndarray], np.ndarray]:
+    """Return a function from velocities [rad/s or m/s] to the curve's standard error [N.m or N], as the identification states it.
+
+    With a covariance it is the root of J C J^T, wider below the lowest speed; without one, the largest possible.
+    """
+    law = friction.law
+    if isinstance(law.rate, Polyline) and friction.method == "sweep":
+        known = error_of_curve(friction)
+        return widened_below(law, law.rate.velocity[0], known) if law.rate.velocity[0] > 0.0 else known
+    if friction.covariance is None or not set(friction.covariance.names) & _rows_of(friction).keys():
+        return partial(largest_error, friction)
+    known, lowest = partial(_by_covariance, friction), friction.validity.lowest_speed
+    if lowest and friction.method in ("motion", "constant-velocity"):
+        return widened_below(law, lowest, known)
+    return known
+
+
+def _rows_of(friction: JointFriction) -> dict[str, tuple[str, int | None]]:
+    """Return parameter and place in it by the name of a covariance's row, for the rate law."""
+    rows: dict[str, tuple[str, int | None]] = {}
+    for name, parameter in friction.law.rate.PARAMETERS.items():
+        places = range(len(getattr(friction.law.rate, name))) if parameter.many else (None,)
+        rows |= {name if i is None else f"{name}[{i}]": (name, i) for i in places}
+    return rows
+
+
+def _slope(
+    friction: JointFriction, name: str, place: int | None, velocity: np.ndarray, h: float
+) -> np.ndarray:
+    """Return d tau_f / d p by a difference of size h, to the side where the law exists, (n,)."""
+    rate, law = friction.law.rate, friction.law
+    value = getattr(rate, name)
+    for step in (h, -h):  # a parameter at its bound can move one way only
+        new = value + step if place is None else (*value[:place], value[place] + step, *value[place + 1 :])
+        try:
+            shifted = Law(rate=replace(rate, **{name: new}), element=law.element)
+        except InvalidInput:
+            continue
+        return (shifted.torque(velocity) - law.torque(velocity)) / step
+    return np.zeros(velocity.shape)
+
+
+def _by_covariance(friction: JointFriction, velocity: np.ndarray) -> np.ndarray:
+    """Return sqrt(diag(J C J^T)) over the parameters of the rate law that the covariance holds, (n,)."""
+    rows, covariance = _rows_of(friction), friction.covariance
+    assert covariance is not None
+    kept = [i for i, name in enumerate(covariance.names) if name in rows]
+    matrix = covariance.array()[np.ix_(kept, kept)]
+    slopes = [
+        _slope(
+            friction, *rows[covariance.names[i]], velocity, 1e-3 * max(float(np.sqrt(matrix[k, k])), 1e-12)
+        )
+        for k, i in enumerate(kept)
+    ]
+    J = np.array(slopes)
+    return np.sqrt(np.maximum(np.einsum("in,ij,jn->n", J, matrix, J), 0.0))
 
 
 def largest_error(friction: JointFriction, velocity: np.ndarray) -> np.ndarray:

@@ -168,7 +168,7 @@ def _draw(axes: Any, theme: Theme, plan: Any, single: tuple[Any, ...], panel: st
             axes.axvspan(begin, end, facecolor=theme.band, alpha=0.10, linewidth=0, zorder=0)
         axes.plot(t, y, color=theme.ink if panel != "acceleration" else theme.muted, linewidth=1.2, zorder=3)
         if panel == "velocity":
-            taken = _sampled(one, t, y)
+            taken = _samples(one, t, y)
             if taken is not None:
                 axes.plot(
                     t,
@@ -194,7 +194,7 @@ def _draw(axes: Any, theme: Theme, plan: Any, single: tuple[Any, ...], panel: st
     axes.set_ylim(low - pad, high + pad)
 
 
-def _sampled(plan: Any, t: np.ndarray, v: np.ndarray) -> np.ndarray | None:
+def _samples(plan: Any, t: np.ndarray, v: np.ndarray) -> np.ndarray | None:
     """Return where the identification takes samples, (n,), or None where it takes all."""
     if not isinstance(plan, (Sweep, ConstantVelocity)):
         return None

@@ -99,8 +99,8 @@ def draw_residual(
         x, laid = clock(x)
         note = ", logs end to end" if laid else ""
     finite = x[np.isfinite(x)]
-    factor, unit = (1.0, unit) if against == "time" else sizes.scaled(sizes.largest(x), unit)
-    f_factor, f_unit = sizes.scaled(scale.limit, canvas.pretty_unit(joint.torque_unit))
+    factor, unit = (1.0, unit) if against == "time" else sizes.readable(sizes.largest(x), unit)
+    f_factor, f_unit = sizes.readable(scale.limit, canvas.pretty_unit(joint.torque_unit))
     residual = samples.residual
     pick = sizes.thin(samples.time.size, keep=residual)
     for fitted, color in ((True, theme.fitted), (False, theme.held_out)):
@@ -132,8 +132,8 @@ def draw_presliding(axes: Any, theme: Theme, loop: np.ndarray, joint: Joint, mos
     """
     loop = loop[np.all(np.isfinite(loop), axis=1)]
     loop = loop[sizes.thin(len(loop), most)]
-    x_factor, x_unit = sizes.scaled(sizes.largest(loop[:, 0]), joint.unit)
-    f_factor, f_unit = sizes.scaled(sizes.largest(loop[:, 1]), canvas.pretty_unit(joint.torque_unit))
+    x_factor, x_unit = sizes.readable(sizes.largest(loop[:, 0]), joint.unit)
+    f_factor, f_unit = sizes.readable(sizes.largest(loop[:, 1]), canvas.pretty_unit(joint.torque_unit))
     axes.plot(loop[:, 0] * x_factor, loop[:, 1] * f_factor, color=theme.fitted, linewidth=1.4, zorder=3)
     canvas.zero_line(axes, theme)
     word = "torque" if joint.unit == "rad" else "force"

@@ -180,7 +180,7 @@ def _presliding(figure: Any, theme: Theme, law: Law, size: data.Scene, cases: li
     """Torque over position along nested reversals."""
     axes = _panel(figure, theme, 1, 0, "Presliding with reversals")
     reach = max(abs(turn) for turn in data.TURNS) * size.stretch
-    factor, unit = sizes.scaled(reach, "rad")
+    factor, unit = sizes.readable(reach, "rad")
     if len(cases) > 1:
         runs = [(c, SLOW, c.label, color, 1.5) for c, color in zip(cases, _colors(theme))]
     else:
@@ -199,7 +199,7 @@ def _pull(figure: Any, theme: Theme, law: Law, size: data.Scene, cases: list[dat
     title = f"{data.INERTIA:g} kg·m² pulled through {size.spring:g} N·m/rad at {1e3 * size.speed:g} mrad/s"
     upper = _panel(figure, theme, 0, 1, title, (0.56, 1.0))
     lower = _panel(figure, theme, 0, 1, "", (0.0, 0.4))
-    factor, unit = sizes.scaled(size.speed * size.duration, "rad")
+    factor, unit = sizes.readable(size.speed * size.duration, "rad")
     time, end = data.spring_end(law)
     for case, color in zip(cases, _colors(theme) if len(cases) > 1 else (theme.fitted,)):
         position = data.pull(law, case)

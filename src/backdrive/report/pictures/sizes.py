@@ -14,7 +14,7 @@ def largest(x: np.ndarray) -> float:
 _PREFIXES = ((1e6, "µ", 1e-4), (1e3, "m", 1e-2), (1.0, "", 1e4), (1e-3, "k", 1e7), (1e-6, "M", np.inf))
 
 
-def scaled(magnitude: float, unit: str) -> tuple[float, str]:
+def readable(magnitude: float, unit: str) -> tuple[float, str]:
     """Return the factor and the prefixed unit that bring a quantity to readable size.
 
     Args:

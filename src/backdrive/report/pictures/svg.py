@@ -63,11 +63,11 @@ def _attributes(node: ElementTree.Element, tag: str, prefix: str, names: dict[st
         key = name.rpartition("}")[2]
         if key == "id":
             if tag not in {"g", "text"}:  # groups carry names that nothing refers to
-                yield "id", _renamed(value, prefix, names)
+                yield "id", _rename(value, prefix, names)
         elif key == "href":
-            yield key, "#" + _renamed(value.lstrip("#"), prefix, names)
+            yield key, "#" + _rename(value.lstrip("#"), prefix, names)
         elif key == "clip-path":
-            yield key, f"url(#{_renamed(value[5:-1], prefix, names)})"
+            yield key, f"url(#{_rename(value[5:-1], prefix, names)})"
         elif key == "style":
             yield key, _style(value)
         elif key == "d":
@@ -78,7 +78,7 @@ def _attributes(node: ElementTree.Element, tag: str, prefix: str, names: dict[st
             yield key, _NUMBER.sub(_short, value)
 
 
-def _renamed(name: str, prefix: str, names: dict[str, str]) -> str:
+def _rename(name: str, prefix: str, names: dict[str, str]) -> str:
     return names.setdefault(name, f"{prefix}-{len(names)}")
 
 

@@ -12,12 +12,12 @@ from backdrive.report.words import esc, number
 from backdrive.simulation.hand_demo import SHOWN, HandDemo
 
 EVERY = 4  # ticks of which one is drawn
-SIZE = 2 * canvas.WIDTH, canvas.HEIGHT  # [pt]
+SIZE = canvas.WIDTH, canvas.HEIGHT  # [pt]
 
 Line = tuple[str, str, np.ndarray, float]  # kind of key, words, ordinates (n,), width [pt]
 
 
-def guided_section(demo: HandDemo) -> str:
+def hand_section(demo: HandDemo) -> str:
     """Return the section: two pictures and what they say in numbers.
 
     Raises:
@@ -31,8 +31,8 @@ def guided_section(demo: HandDemo) -> str:
         ("compensated", "with compensation", demo.compensated.force, 1.6),
     ]
     estimate: list[Line] = [
-        ("bare", "force sensor", demo.bare.sensed, 1.6),
-        ("curve", "estimated from the encoder", demo.bare.estimate, 1.2),
+        ("bare", "force sensor", demo.bare.sensed, 2.6),
+        ("curve", "estimated from the encoder", demo.bare.estimate, 1.0),
     ]
     with canvas.house_style():
         pictures = _picture(demo, "guided-force", "Force of the hand without and with compensation", forces)

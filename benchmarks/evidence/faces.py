@@ -1,0 +1,308 @@
+"""The faces: results in a notebook, texts in pictures, commands in 80 columns, pages in a browser.
+
+Every public result class is shown by a notebook that nbclient executes; every picture is asked for the boxes of its own texts;
+every command's help, and what commands print of a demo's log, is measured; every page is opened in headless Chromium at 390 and
+1280 px, light and dark, and its console and network watched. `--plant` plants one fault of each kind, which must be noticed.
+
+    python benchmarks/evidence/faces.py --short
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from _browser import browser, visit
+from _common import Judge, parser
+from _picture_boxes import faults_of, figures_made
+
+ROOT = Path(__file__).parents[2]
+COLUMNS, WIDTHS, SCREENS = 80, (390, 1280), (False, True)
+CELLS = {
+    "Identification": "result",
+    "FrictionModel": "result.model",
+    "Comparison": "compare(result.model, second.model)",
+    "Tuning": "tuning",
+    "ForceEstimate": "estimate_force(result.model, log)",
+}
+BEGIN = """
+from backdrive import Sweep, compare, identify, simulate, tune
+from backdrive.external import estimate_force
+from backdrive.simulation.machines import machine
+plan = Sweep(stroke=0.35, top_speed=2.0, cycles=6)
+log = simulate(machine("joint_1").replace(torque_noise=1.0), plan, seed=0)
+result = identify(log)
+second = identify(simulate(machine("joint_1").replace(torque_noise=1.0), plan, seed=1))
+tuning = tune(result.model, "joint_1", stiffness=(8e4, 1.2e5), top_speed=3.0, joints=8)
+"""
+
+
+def main() -> None:
+    """Check the four kinds of face."""
+    made = parser(__doc__)
+    made.add_argument(
+        "--plant", action="store_true", help="plant one fault of each kind: the program must fall short"
+    )
+    options = made.parse_args()
+    program = browser()
+    for name, there in (
+        ("nbclient", _has("nbclient")),
+        ("ipykernel", _has("ipykernel")),
+        ("chromium", program),
+    ):
+        if not there:
+            print(f'{name} is absent: pip install ".[bench]", and Chromium by the system')
+            sys.exit(2)
+    judge = Judge()
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        notebook(judge, place)
+        commands(judge, place, options.plant)
+        pictures(judge, place, options.short, options.plant)
+        pages(judge, place, str(program), options.plant)
+    judge.end()
+
+
+def _has(module: str) -> bool:
+    from importlib.util import find_spec
+
+    return find_spec(module) is not None
+
+
+def notebook(judge: Judge, place: Path) -> None:
+    """Execute a notebook with a cell for each result class, and look at what each cell shows."""
+    import nbformat
+    from nbclient import NotebookClient
+
+    print("notebook")
+    cells = [nbformat.v4.new_code_cell(source) for source in (BEGIN, *CELLS.values())]
+    book = nbformat.v4.new_notebook(cells=cells)
+    NotebookClient(book, timeout=300, kernel_name="python3", allow_errors=True).execute()
+    failed = [o for c in book.cells for o in c.outputs if o.output_type == "error"]
+    judge.that(f"no cell fails{': ' + failed[0].evalue[:120] if failed else ''}", not failed)
+    for name, cell in zip(CELLS, book.cells[1:]):
+        shown = "".join(o.data.get("text/html", "") for o in cell.outputs if "data" in o)
+        judge.that(
+            f"{name}: table and text as HTML, {len(shown) // 1000} kB",
+            "<table>" in shown and "<strong>" in shown,
+        )
+    known = _shown_classes()
+    judge.that(f"every class that shows itself has its cell: {', '.join(known)}", set(known) == set(CELLS))
+
+
+def _shown_classes() -> list[str]:
+    """Return the names of all classes below `backdrive` with an HTML of their own."""
+    import pkgutil
+    from importlib import import_module
+
+    import backdrive
+
+    found = set()
+    for module in pkgutil.walk_packages(backdrive.__path__, "backdrive."):
+        if any(part in module.name for part in (".ros", "__main__", ".fleet", ".thesis", ".export")):
+            continue
+        try:
+            names = vars(import_module(module.name)).values()
+        except ImportError:
+            continue
+        found |= {
+            value.__name__
+            for value in names
+            if isinstance(value, type) and hasattr(value, "_repr_html_") and value.__name__ != "Display"
+        }
+    return sorted(found)
+
+
+def _run(place: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    environment = os.environ | {"COLUMNS": str(COLUMNS), "TERM": "dumb"}
+    return subprocess.run(
+        [sys.executable, "-c", "from backdrive.cli import main; main()", *words],
+        cwd=place,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=400,
+    )
+
+
+def _too_wide(text: str) -> list[str]:
+    return [line for line in text.splitlines() if len(line) > COLUMNS]
+
+
+def commands(judge: Judge, place: Path, plant: bool) -> None:
+    """Measure every command's help in this process, and what the commands print of a demo's log."""
+    from typer.main import get_command
+    from typer.testing import CliRunner
+
+    from backdrive.cli import app
+
+    print("help")
+    os.environ["COLUMNS"] = str(COLUMNS)
+    top: Any = get_command(app)
+    names: list[list[str]] = [[]]
+    for name, command in top.commands.items():
+        if command.hidden:
+            continue
+        names.append([name])
+        names += [[name, inner] for inner, one in getattr(command, "commands", {}).items() if not one.hidden]
+    wide, cut, bare = [], [], []
+    for words in names:
+        text = CliRunner().invoke(app, [*words, "--help"]).output + (
+            "x" * 81 if plant and words == ["show"] else ""
+        )
+        shown = " ".join(["backdrive", *words])
+        wide += [shown] if _too_wide(text) else []
+        cut += (
+            [shown]
+            if "…" in text
+            or any(line.rstrip().endswith("...") for line in text.partition("Commands:")[2].splitlines())
+            else []
+        )
+        bare += [shown] if "Example" not in text else []
+    for what, which in (("within 80 columns", wide), ("nothing cut", cut), ("with an example", bare)):
+        judge.that(
+            f"help of {len(names)} commands {what}{': not ' + ', '.join(which) if which else ''}", not which
+        )
+    print("output")
+    demo = "backdrive-demo"
+    log, plan = f"{demo}/log.csv", ("--plan", f"{demo}/plan.json")
+    tuned = (
+        "--stiffness",
+        "8e4:1.2e5",
+        "--top-speed",
+        "3",
+        "--counts",
+        "1043038",
+        "--joints",
+        "8",
+        "-o",
+        "tuning.json",
+    )
+    runs = (
+        ("demo",),
+        ("inspect", log),
+        ("plan", "sweep", "--stroke-deg", "20", "--top-speed", "2", "--joint", "j1", "-o", "plan"),
+        ("identify", log, *plan, "-o", "model.json", "--report", "report.html"),
+        ("show", "model.json"),
+        ("show", "preset:mx106/m6"),
+        ("validate", "model.json", log),
+        ("compare", "model.json", f"{demo}/model.json"),
+        ("estimate", "model.json", log, "--report", "force.html"),
+        ("tune", "model.json", *tuned),
+        ("export", "model.json", "--tuning", "tuning.json", "-o", "firmware"),
+        ("laws",),
+        ("laws", "stribeck-gauss+lugre"),
+        ("reproduce", "--list"),
+        ("identify", "nothing.csv"),
+    )
+    for words in runs:
+        done = _run(place, *words)
+        text = done.stdout + done.stderr
+        wide = _too_wide(text)
+        fine = done.returncode == (3 if words[-1] == "nothing.csv" else 0) and "Traceback" not in text
+        rest = f": {wide[0][:110]}" if wide else "" if fine else f": {text[-200:]}"
+        judge.that(
+            f"backdrive {' '.join(words[:2])}: code {done.returncode}, 80 columns, not cut{rest}",
+            fine and not wide and "…" not in text,
+        )
+
+
+def pictures(judge: Judge, place: Path, short: bool, plant: bool) -> None:
+    """Ask every picture for the boxes of its own texts."""
+    print("pictures")
+    from backdrive import Sweep, identify, read_log, simulate
+    from backdrive.external import estimate_force
+    from backdrive.laws.examples import ELEMENT_EXAMPLES, RATE_EXAMPLES, example
+    from backdrive.report import render, show
+    from backdrive.report.force import render_force
+    from backdrive.report.hand import hand_section
+    from backdrive.report.pictures import canvas, signatures
+    from backdrive.report.pictures.plan import picture
+    from backdrive.simulation.hand_demo import guided
+    from backdrive.simulation.machines import machine
+
+    plant_of = machine("joint_1").replace(torque_noise=1.0)
+    plan = Sweep(0.35, 2.0, cycles=6)
+    log = simulate(plant_of, plan, seed=0)
+    result = identify(log)
+    model = result.model
+    friction = model.joints[0].law
+
+    def laws() -> None:
+        for name in [*RATE_EXAMPLES, *ELEMENT_EXAMPLES][:: 8 if short else 1]:
+            signatures.draw(example(name))
+
+    kinds: dict[str, Any] = {
+        "report": lambda: render(result, command="x"),
+        "curve of a result": lambda: show.picture(result),
+        "curve of a model": lambda: show.picture(model),
+        "force": lambda: show.picture(estimate_force(model, log)),
+        "report of the force": lambda: render_force(estimate_force(model, log), command="x"),
+        "plan": lambda: picture(plan, "svg"),
+        "hand": lambda: hand_section(guided("joint_1", friction, plant_of.inertia, 0)),
+        "laws": laws,
+    }
+    if (root := os.environ.get("BACKDRIVE_DATA")) and (emps := Path(root, "emps", "DATA_EMPS.mat")).exists():
+        real = identify(read_log(emps, map="t=t,q=qm,tau=35.15*vir"))
+        kinds["report of a real log"] = lambda: render(real, command="x")
+        (place / "real.html").write_text(render(real, command="x"))
+    for kind, draw in kinds.items():
+        with canvas.house_style(), figures_made() as made:
+            draw()
+            if plant and kind == "plan":
+                made[-1].text(0.5, 0.5, "planted")
+                made[-1].text(0.5, 0.5, "fault")
+            faults = [fault for figure in made for fault in faults_of(figure)]
+        rest = f": {faults[0]}, {len(faults)} in all" if faults else ""
+        judge.that(f"{kind}: {len(made)} pictures without overlaps and cuts{rest}", bool(made) and not faults)
+
+
+def pages(judge: Judge, place: Path, program: str, plant: bool) -> None:
+    """Open the reports and the site."""
+    print("pages")
+    found = {"demo's report": place / "backdrive-demo" / "report.html", "report": place / "report.html"}
+    found["report of the force"] = place / "force.html"
+    if (place / "real.html").exists():
+        found["report of a real log"] = place / "real.html"
+    if (ROOT / "mkdocs.yml").exists() and shutil.which("mkdocs"):
+        site = place / "site"
+        built = subprocess.run(
+            ["mkdocs", "build", "--strict", "-q", "-d", str(site)],
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        judge.that(f"the site is built strictly{built.stderr[-200:]}", built.returncode == 0)
+        found |= {f"site/{p.relative_to(site)}": p for p in sorted(site.rglob("*.html"))}
+    else:
+        print("  (no mkdocs.yml, or no mkdocs: the site's pages are not opened)")
+    if plant:
+        found["planted"] = place / "planted.html"
+        found["planted"].write_text('<p style="width:900px">wide</p><img src="http://example.com/a.png">')
+    for name, page in found.items():
+        if not page.exists():
+            judge.that(f"{name} is there", False)
+            continue
+        wrong = []
+        for width, dark in product(WIDTHS, SCREENS):
+            one = visit(program, page, width, dark, place)
+            where = f"{width} px {'dark' if dark else 'light'}"
+            wrong += [f"{where}: wide {one.width} px {one.over[:1]}"] if one.width > width or one.over else []
+            wrong += [f"{where}: console {one.console[0]}"] if one.console else []
+            wrong += [f"{where}: asks for {one.requests[0]}"] if one.requests else []
+            wrong += (
+                [f"{where}: empty, or not in that light"] if one.characters < 200 or one.dark != dark else []
+            )
+        judge.that(f"{name}: at {WIDTHS} px, light and dark{': ' + wrong[0] if wrong else ''}", not wrong)
+
+
+if __name__ == "__main__":
+    main()
