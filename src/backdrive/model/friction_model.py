@@ -97,7 +97,7 @@ class FrictionModel(Display):
         """
         if isinstance(joint, (int, np.integer)) and str(joint) not in self.names:
             joint = dict(enumerate(self.names)).get(int(joint), str(joint))
-        return lookup(str(joint), dict(zip(self.names, self.joints)), "joint of this model")
+        return lookup(str(joint), dict(zip(self.names, self.joints, strict=True)), "joint of this model")
 
     def torque(
         self,
@@ -200,7 +200,10 @@ class FrictionModel(Display):
 
         drawn = [draw_laws(friction, n, [seed, j]) for j, friction in enumerate(self.joints)]
         return [
-            replace(self, joints=tuple(replace(f, law=laws[k]) for f, laws in zip(self.joints, drawn)))
+            replace(
+                self,
+                joints=tuple(replace(f, law=laws[k]) for f, laws in zip(self.joints, drawn, strict=True)),
+            )
             for k in range(n)
         ]
 

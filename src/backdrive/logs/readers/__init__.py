@@ -26,7 +26,7 @@ _INFO = Path("meta/info.json")  # describes a folder in LeRobot's layout
 _MOST_FILES = 10_000
 
 
-def read_log(
+def read_log(  # noqa: PLR0913  (its options are given by keyword)
     path: str | os.PathLike,
     *,
     map: str | Mapping[str, str] | None = None,
@@ -100,7 +100,7 @@ def read_log(
         from backdrive.logs.readers._join import side_by_side
 
         columns = side_by_side(columns, parts, map)
-    sources = tuple(Source(path=str(file), sha256=value) for file, value in zip(every, digests))
+    sources = tuple(Source(path=str(file), sha256=value) for file, value in zip(every, digests, strict=True))
     return to_log(
         columns,
         map=map,

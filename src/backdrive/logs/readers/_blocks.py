@@ -46,7 +46,7 @@ def numbers(path: str, dialect: Dialect) -> list[np.ndarray] | None:
             return None
         if n + len(rows) > columns[0].size:
             _resize(columns, max(n + len(rows), columns[0].size + columns[0].size // 4))
-        for column, values in zip(columns, rows.T):
+        for column, values in zip(columns, rows.T, strict=True):
             column[n : n + len(rows)] = values
         n += len(rows)
     _resize(columns, n)

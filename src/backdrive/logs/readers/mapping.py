@@ -18,7 +18,7 @@ _POSITIONS = ("position", "reference", "second_encoder")
 _DEG = np.pi / 180
 
 
-def to_log(
+def to_log(  # noqa: PLR0913  (its options are given by keyword)
     columns: Columns,
     *,
     map: str | Mapping[str, str] | None = None,
