@@ -117,7 +117,7 @@ class MotionSearch(Search):
             for k, (w, s) in enumerate(zip(ways, steps, strict=True))
         ]
 
-    def best(self, ways: list[Descent], interrupted: bool) -> SearchResult:
+    def result_of(self, ways: list[Descent], interrupted: bool) -> SearchResult:
         """Return the best of the ends."""
         costs = [w.cost for w in ways]
         k = int(np.argmin(costs))
@@ -188,9 +188,9 @@ def seek(  # noqa: PLR0913  (what one door hands to the other)
             k = int(np.argmin([w.cost for w in ways]))
             ways[k].wide, ways[k].done = FINE, False
             search.descend([ways[k]], refine, inform("refined"))
-        return search.best(ways, False)
+        return search.result_of(ways, False)
     except KeyboardInterrupt:
-        return search.best(ways, True)
+        return search.result_of(ways, True)
 
 
 def evolve(search, best, boxes, generations, seed, tick, *, population=24, spread=0.05) -> Descent:
