@@ -185,7 +185,7 @@ class PayloadProblem:
         )
 
     def _parts(self) -> list[tuple[Rows, bool]]:
-        return list(zip(self._rows, (True, False), strict=True))
+        return list(zip(self._rows, (True, False), strict=False))
 
     def _start(self, known: PriorKnowledge) -> tuple[np.ndarray, np.ndarray]:
         """Return what is expected of all coefficients, and its precision; the payload's comes with every round."""

@@ -277,7 +277,7 @@ def as_friction(
     names, covariance = (*terms, *parameters), spread @ choice.covariance @ spread.T
     errors = errors_by_parameter(names, covariance)
     values = {
-        term: (value * s, errors[term]) for term, value, s in zip(terms, coefficients, size, strict=True)
+        term: (value * s, errors[term]) for term, value, s in zip(terms, coefficients, size, strict=False)
     }
     if "time_slip" in values:
         values["time_slip"] = values["time_slip"][0] + delay, values["time_slip"][1]

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -232,7 +233,7 @@ def _excess(rate, element, p, x, speed, toward, v_free, dt, dt_over_m, load, tem
 
 
 @cache
-def steady_of(rate: int) -> Callable:
+def steady_of(rate: int) -> Callable[..., Any]:
     """Return the steady friction torque of a plain rate law at one velocity, without a load and at 20 degC: f(p, v)."""
 
     def at(p, v):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -239,12 +240,12 @@ class FrictionModel(Display):
             result[j.joint.name] = {"velocity": velocity, "torque": j.law.torque(velocity)}
         return result
 
-    def save(self, path) -> None:
+    def save(self, path: str | os.PathLike[str]) -> None:
         """Write the model file (JSON), whole or not at all."""
         upper("model.file", "save")(self, path)
 
 
-def load_model(path) -> FrictionModel:
+def load_model(path: str | os.PathLike[str]) -> FrictionModel:
     """Read a model file, or published parameters by name.
 
     Args:

@@ -172,7 +172,7 @@ def move_by_hand(
         for amplitude, compensator in zip(
             intended,
             (nothing(), mahvash_okamura(found[joint.name].rate, CONTACT, SHARE, literal=True)),
-            strict=True,
+            strict=False,
         ):
             scenes.append(
                 Scene(

@@ -134,7 +134,7 @@ def by_joint(seed: int, ratio: float = RATIO) -> dict[str, dict[str, Record]]:
     """Return the four cases of each joint at the gains that are judged."""
     chosen = arm(ratio)
     done = track([(j, pd(j)) for j in chosen], seed=seed, target=saw_teeth(), ratio=ratio)
-    return {joint.name: cases for joint, cases in zip(chosen, done, strict=True)}
+    return {joint.name: cases for joint, cases in zip(chosen, done, strict=False)}
 
 
 def lag_check(done: dict[str, dict[str, Record]]) -> Claim:

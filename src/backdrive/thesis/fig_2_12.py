@@ -125,7 +125,7 @@ def draw(outcome: Outcome) -> Any:
             own.bars(axes[0, column], groups, speeds, colors)
             own.bars(axes[1, column], groups, torques, colors)
             own.name(axes[0, column], row.capitalize())
-            for i, (before, after) in enumerate(zip(torques["none"], torques["compensated"], strict=True)):
+            for i, (before, after) in enumerate(zip(torques["none"], torques["compensated"], strict=False)):
                 axes[1, column].annotate(
                     f"−{100 * (1 - after / before):.0f} %",
                     (i, max(before, after)),

@@ -69,7 +69,7 @@ def run(seed: int = 0) -> Outcome:
             "gravity": carried,
         },
         numbers={f"worst_{m}": worst[m] for m in METHODS}
-        | {f"worst_load_{mu:g}": s for mu, s in zip(LOADS, spread, strict=True)},
+        | {f"worst_load_{mu:g}": s for mu, s in zip(LOADS, spread, strict=False)},
     )
 
 

@@ -36,16 +36,16 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
         numbers |= {
             f"{axis}{side}.{case}": float(v)
             for case, pair in zip(_hand_guiding.CASES, _hand_guiding.means(found), strict=False)
-            for side, v in zip(_hand_guiding.SIDES, pair, strict=True)
+            for side, v in zip(_hand_guiding.SIDES, pair, strict=False)
         }
     judged.append(_paces(seed, ratio))
     single = _hand_guiding.guide([(g, STROKES, seed) for g in _square.guidances(ratio).values()])
-    for name, records in zip(ARM, single, strict=True):
+    for name, records in zip(ARM, single, strict=False):
         found = _hand_guiding.peaks(records, STROKES)
         panels[name] = {"unit": "N.m", **_hand_guiding.bars(found, seed)}
         numbers |= {
             f"{name}.PD{s}": float(v)
-            for s, v in zip(_hand_guiding.SIDES, _hand_guiding.means(found)[-1], strict=True)
+            for s, v in zip(_hand_guiding.SIDES, _hand_guiding.means(found)[-1], strict=False)
         }
         judged.append(
             Claim(

@@ -102,7 +102,7 @@ def _claims(
     half = [np.searchsorted(found["force"], 0.5 * found["friction"]) for found in (a, b)]
     stretched = [
         float((f["motor"][k] - f["motor"][0]) * f["stiffness"] / f["force"][k])
-        for f, k in zip((a, b), half, strict=True)
+        for f, k in zip((a, b), half, strict=False)
     ]
     ratio = [found["count"] * found["stiffness"] / found["friction"] for found in (a, b)]
     return (

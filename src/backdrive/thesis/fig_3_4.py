@@ -95,7 +95,7 @@ def _panel(plant: JointSimulation, seed: int) -> dict[str, Any]:
 
 def _claims(panels: dict[str, Any]) -> tuple[Claim, ...]:
     errors = [
-        max(abs(f - t) / t for f, t in zip(p["intercepts"], p["true_intercepts"], strict=True))
+        max(abs(f - t) / t for f, t in zip(p["intercepts"], p["true_intercepts"], strict=False))
         for p in panels.values()
     ]
     pairs = "; ".join(

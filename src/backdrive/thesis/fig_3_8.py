@@ -61,7 +61,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
         numbers={
             f"mean.{case}{side}": float(value)
             for case, pair in zip(CASES, _hand_guiding.means(found), strict=False)
-            for side, value in zip(_hand_guiding.SIDES, pair, strict=True)
+            for side, value in zip(_hand_guiding.SIDES, pair, strict=False)
         },
     )
 

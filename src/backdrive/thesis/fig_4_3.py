@@ -61,7 +61,7 @@ def run(seed: int = 0, cycles: int = CYCLES) -> Outcome:
                 what="The curves give the friction of a motion that they were not identified from.",
                 ours="; ".join(
                     f"{name}: RMS error {by['error']:.3f} of {by['friction']:.2f} {by_unit}"
-                    for (name, by), by_unit in zip(error.items(), ("N", "N m"), strict=True)
+                    for (name, by), by_unit in zip(error.items(), ("N", "N m"), strict=False)
                 ),
                 gate="below 3 % while the joint slides",
                 holds=all(by["error"] < 0.03 * by["friction"] for by in error.values()),

@@ -45,7 +45,7 @@ def best_settings(who: Contender, method: Method, budget: int, bare: Scores, see
     records = play(scenes)
     calm = [restless(who, joints_.shaking(who, *records[i : i + 2])) for i in range(0, len(records), 2)]
     return drawn[
-        int(np.argmin([cost(who, t, bare) + RESTLESS * c for t, c in zip(tried, calm, strict=True)]))
+        int(np.argmin([cost(who, t, bare) + RESTLESS * c for t, c in zip(tried, calm, strict=False)]))
     ]
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -167,7 +168,9 @@ class _Batch:
     reordered: bool = False
 
 
-def _fixed(messages: Sequence, layout: _Layout) -> tuple[np.ndarray, tuple[np.ndarray | None, ...]] | None:
+def _fixed(
+    messages: Sequence[Any], layout: _Layout
+) -> tuple[np.ndarray, tuple[np.ndarray | None, ...]] | None:
     """Read all messages as one matrix, or return None if they differ in more than stamps and numbers."""
     length = len(messages[0])
     if any(len(message) != length for message in messages):
