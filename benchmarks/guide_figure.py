@@ -23,7 +23,7 @@ MIDDLE, HALF = np.array([0.0, 0.5, -1.0, 0.0, 0.5, 0.0]), 0.45  # of the ranges 
 def loop_of(arm: Arm, share: float) -> ArmLoop:
     """Return the loop of an arm whose friction is known; share 0: gravity and walls alone."""
     joints = {}
-    for own, middle in zip(arm.joints, MIDDLE):
+    for own, middle in zip(arm.joints, MIDDLE, strict=False):
         compensator = nothing()
         if share > 0.0:
             compensator = alg_fc(own.law, 0.5 * own.stiffness, dither=Dither(share=0.3), share=share)

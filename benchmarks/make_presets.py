@@ -176,7 +176,7 @@ def franka() -> dict[str, FrictionModel]:
                 "1 reaches in both directions.",
             ),
         )
-        for i, ((span, steepness, offset), speed) in enumerate(zip(FRANKA, FRANKA_SPEEDS), 1)
+        for i, ((span, steepness, offset), speed) in enumerate(zip(FRANKA, FRANKA_SPEEDS, strict=False), 1)
     )
     options = {
         "title": "Franka Emika Panda, seven joints, sigmoid",

@@ -47,7 +47,7 @@ def main() -> None:
     first = 0.8 * F_C**2 / (0.8 * K_C)
     bound = 1e3 * (first / 2.0 + 2.0 * ALPHA * first * time)
     figure, both = plt.subplots(1, 2, figsize=(8.4, 3.6), layout="constrained")
-    for axes, (title, amplitude, frequency, pairs) in zip(both, MOTIONS):
+    for axes, (title, amplitude, frequency, pairs) in zip(both, MOTIONS, strict=False):
         p = F_C / K_C * amplitude * np.sin(2.0 * np.pi * frequency * t)
         for label, share, stiffness, colour in pairs:
             axes.plot(time, 1e3 * energy(p, share, stiffness), color=colour, label=label, lw=1.6)

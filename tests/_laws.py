@@ -240,7 +240,9 @@ class Batch:
     def advised(self) -> np.ndarray:
         """Return whether the element has advice on the rate law, (B,)."""
         found = []
-        for law, load, temperature in zip(self.laws, self.load.tolist(), self.temperature.tolist()):
+        for law, load, temperature in zip(
+            self.laws, self.load.tolist(), self.temperature.tolist(), strict=True
+        ):
             key = (id(law), *load, temperature)
             if key not in self.advice:
                 with np.errstate(all="ignore"):
@@ -337,6 +339,6 @@ def survives_the_model_file(laws):
         for i, law in enumerate(laws)
     )
     read = decode(encode(FrictionModel(joints=joints)))
-    for law, joint in zip(laws, read.joints):
+    for law, joint in zip(laws, read.joints, strict=True):
         assert joint.law == law
         assert joint.law.row().tobytes() == law.row().tobytes()

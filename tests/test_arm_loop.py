@@ -389,7 +389,7 @@ def test_bad_readings_of_one_joint_leave_the_estimate_finite(identified):
 
 
 def test_friction_offsets_and_inertia_of_a_model_come_along(identified):
-    for own, joint in zip(Arm().joints, identified.joints.values()):
+    for own, joint in zip(Arm().joints, identified.joints.values(), strict=True):
         assert joint.inertia == own.motor_inertia
         assert joint.loop.compensator.friction.law.rate == own.law.rate
         assert joint.loop.top_speed == TOP

@@ -148,7 +148,7 @@ def made(joint, degrees, seed=0, cycles=6):
 def off(found, joint):
     v = np.array(found.law.velocity[:2])
     result = []
-    for way, (value, _) in zip((1, -1), found.constants()):
+    for way, (value, _) in zip((1, -1), found.constants(), strict=True):
         F = way * joint.law.torque(way * v)
         result.append(value - (F[0] - v[0] * (F[1] - F[0]) / (v[1] - v[0])))
     return np.array(result)
@@ -316,7 +316,7 @@ def test_rounding_does_not_choose_between_arrangements_that_mirror_each_other(mo
     truth = {tuple(c): centres.noise_gain(c) for c in places}
     for seed in range(5):
         jitter = np.random.default_rng(seed).permutation(len(places)) * 1e-15
-        gains = {c: g * (1.0 + j) for (c, g), j in zip(truth.items(), jitter)}
+        gains = {c: g * (1.0 + j) for (c, g), j in zip(truth.items(), jitter, strict=True)}
         monkeypatch.setattr(centres, "noise_gain", lambda c, gains=gains: gains[tuple(c)])
         _, best = centres._best(places)
         assert (best.count(-0.5), best.count(0.0), best.count(0.5)) == (2, 4, 3)

@@ -49,7 +49,10 @@ def test_tables_show_the_model(show, model, result):
     friction = result.model.joints[0]
     knots = [line for line in out.splitlines() if re.match(r"\s*\d\S+ +\d\S+ ± ", line)]
     for v, f, s in zip(
-        friction.law.rate.velocity, friction.law.rate.positive, friction.standard_errors["positive"]
+        friction.law.rate.velocity,
+        friction.law.rate.positive,
+        friction.standard_errors["positive"],
+        strict=True,
     ):
         digits = 2 if s >= 0.1 else 3
         row = next(line for line in knots if float(line.split()[0]) == pytest.approx(v))

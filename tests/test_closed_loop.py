@@ -182,7 +182,7 @@ def same(a, b):
 def test_the_same_seed_gives_the_same_numbers_on_any_number_of_threads():
     scenes = [scene(seed=s, encoder_noise=1e-6).replace(seed=s) for s in range(4)]
     alone, two, again = (play(scenes, workers=w) for w in (1, 2, 3))
-    for a, b, c in zip(alone, two, again):
+    for a, b, c in zip(alone, two, again, strict=True):
         assert same(a, b)
         assert same(a, c)
     assert not same(alone[0], alone[1])

@@ -208,7 +208,7 @@ def test_the_threshold_lies_between_counts(threshold, count, counts):
                 20.0,
             )
             != 0.0
-            for a, b in zip(reading[::37], reading[steps::37])
+            for a, b in zip(reading[::37], reading[steps::37], strict=False)
         ]
         assert all(m == moves for m in moved) or counts == 0
     raw = np.diff(count * np.arange(0.0, 4000.0, 2.0)) / T > 0.01
@@ -335,7 +335,7 @@ def test_a_joint_that_stops_after_sliding_is_stuck_also_without_decay(machine):
     numbers = MACHINES[machine]
     rng = np.random.default_rng(5)
     runs = [np.r_[np.full(40, way * size), np.zeros(30), -way * np.ones(3), np.zeros(20)] for way, size in
-            zip(rng.choice([-1, 1], 12), rng.integers(1, 400, 12))]  # fmt: skip
+            zip(rng.choice([-1, 1], 12), rng.integers(1, 400, 12), strict=True)]  # fmt: skip
     counts = np.r_[np.zeros(20), np.cumsum(np.concatenate(runs))].astype(int)
     closed, opened = exact_alg_fc(counts, **numbers)
     rate = CoulombViscous(coulomb_positive=numbers["F_p"], coulomb_negative=numbers["F_n"])
@@ -622,7 +622,7 @@ def test_at_rest_it_lets_go(alpha):
 def path(turns, fine):
     """Return positions from turn to turn in equal small steps [rad]."""
     pieces = [np.zeros(1)]
-    for a, b in zip([0.0, *turns], turns):
+    for a, b in zip([0.0, *turns], turns, strict=True):
         n = max(1, int(np.ceil(abs(b - a) / fine)))
         pieces.append(a + (b - a) * np.arange(1, n + 1) / n)
     return np.concatenate(pieces)

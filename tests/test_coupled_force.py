@@ -101,7 +101,9 @@ def test_the_loop_knows_what_coupled_motors_add_to_each_other():
     loop = ArmLoop.from_model(model, robot, interval=DT, limits=arm_limits(), share=0.0)
     order = [model.names.index(name) for name in robot.joints]
     u = robot.inverse_dynamics(middle, dq, ddq) @ C + inertia[order] * (ddq @ BACK.T)
-    friction = np.array([model.joint(name).law.torque(v) for name, v in zip(robot.joints, (dq @ BACK.T).T)]).T
+    friction = np.array(
+        [model.joint(name).law.torque(v) for name, v in zip(robot.joints, (dq @ BACK.T).T, strict=True)]
+    ).T
     u += friction
     loop.reset(q[0] @ BACK.T)
     felt = np.zeros_like(q)

@@ -196,7 +196,7 @@ def test_a_loop_and_a_joint_under_it_cannot_tell_two_forms_of_the_same_law(growt
         axis = Axis(law=law, inertia=1.0, gravity_cos=10.0)
         free = forward(axis, 10.0 + 9.0 * np.sin(np.arange(600) * 0.01), dt=1e-3)
         made.append((np.array(torque), free.position, free.velocity))
-    for one, other in zip(*made):
+    for one, other in zip(*made, strict=True):
         np.testing.assert_array_equal(one, other)
 
 
@@ -354,7 +354,9 @@ def test_where_directions_differ_the_data_ask_for_it_and_the_truth_comes_back(re
     friction: Any = result.model.joints[0]
     assert result.choice().chosen == friction.law.name == "stribeck-gauss-by-direction+lugre"
     assert friction.law.element.stiffness == pytest.approx(2e3, rel=0.06)
-    truth = dict(zip(PARAMETERS, UP)) | {f"{n}_backward": x for n, x in zip(PARAMETERS, DOWN)}
+    truth = dict(zip(PARAMETERS, UP, strict=True)) | {
+        f"{n}_backward": x for n, x in zip(PARAMETERS, DOWN, strict=True)
+    }
     covariance = friction.covariance
     for name, value in truth.items():
         error = friction.standard_errors[name]

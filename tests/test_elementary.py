@@ -57,9 +57,9 @@ def test_one_argument_is_right_to_the_last_place(name):
 def test_power_is_right_to_the_last_place():
     r = np.random.default_rng(2)
     pairs = [
-        *zip(10.0 ** r.uniform(-6, 6, MANY), r.uniform(-50, 50, MANY)),
-        *zip(r.uniform(0, 3, MANY), r.uniform(0.1, 4, MANY)),
-        *zip(1.0 + tiny(r, MANY) * 1e-3, r.uniform(-1e6, 1e6, MANY)),
+        *zip(10.0 ** r.uniform(-6, 6, MANY), r.uniform(-50, 50, MANY), strict=True),
+        *zip(r.uniform(0, 3, MANY), r.uniform(0.1, 4, MANY), strict=True),
+        *zip(1.0 + tiny(r, MANY) * 1e-3, r.uniform(-1e6, 1e6, MANY), strict=True),
     ]
     with mpmath.workprec(160):
         for x, y in pairs:
@@ -116,7 +116,7 @@ def bits() -> str:
             lines.append(getattr(elementary, name)(float(x)).hex())
     lines += [
         elementary.pow(float(a), float(b)).hex()
-        for a, b in zip(10.0 ** r.uniform(-6, 6, 99), r.uniform(-40, 40, 99))
+        for a, b in zip(10.0 ** r.uniform(-6, 6, 99), r.uniform(-40, 40, 99), strict=True)
     ]
     dp = np.cumsum(r.normal(size=60)) * 3e-5
     for rate, one in RATES.items():
@@ -145,5 +145,5 @@ def test_every_function_and_law_has_the_same_bits_in_plain_python():
     ).stdout.splitlines()
     compiled = bits().splitlines()
     assert len(plain) == len(compiled) > 100
-    different = [b.split()[0] for a, b in zip(plain, compiled) if a != b]
+    different = [b.split()[0] for a, b in zip(plain, compiled, strict=True) if a != b]
     assert different == []

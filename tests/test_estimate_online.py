@@ -44,7 +44,7 @@ def columns(q, v, a):
 
 def feed(estimator, q, v, a, y):
     rows = np.empty((4, 1))
-    for sample in zip(q, v, a, y):
+    for sample in zip(q, v, a, y, strict=True):
         rows[:, 0] = sample
         estimator.tick(*rows)
 

@@ -262,7 +262,7 @@ def test_stroke_for_bias_keeps_the_bias_below_the_wish():
 def test_runs_have_the_velocities_they_claim():
     plan = MOTIONS["constant velocity"]
     np.testing.assert_array_equal(plan.velocities, [0.05, -0.05, 0.4, -0.4, 1.0, -1.0])
-    for (begin, end), expected in zip(plan.windows(), plan.velocities):
+    for (begin, end), expected in zip(plan.windows(), plan.velocities, strict=True):
         t = np.linspace(begin + 1e-9, end - 1e-9, 101)
         np.testing.assert_allclose(plan.velocity(t), expected, rtol=1e-9)
         np.testing.assert_allclose(plan.acceleration(t), 0.0, atol=1e-6)

@@ -54,7 +54,9 @@ def test_an_actuator_too_weak_gives_no_curve_and_no_distance():
 
 def test_moving_by_hand_meets_the_gates_in_two_cycles():
     joints = (joint_0(), joint_1(), joint_2(), wrist(4))
-    for moved, least in zip(_manual.move_by_hand(joints, seed=1, cycles=3), (60.0, 50.0, 60.0, 60.0)):
+    for moved, least in zip(
+        _manual.move_by_hand(joints, seed=1, cycles=3), (60.0, 50.0, 60.0, 60.0), strict=True
+    ):
         assert moved.reduction >= least
         assert moved.forward >= 40.0
         assert abs(moved.speed_change) <= 2.0

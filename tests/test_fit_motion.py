@@ -39,7 +39,7 @@ def pendulum() -> list[MotionLog]:
     motion = forward(axes, np.array(GOALS), dt=DT)
     return [
         MotionLog(position=p, drive_input=g, dt=DT, start=0.0, proportional=k, name=f"gain {k}")
-        for p, g, k in zip(motion.position, GOALS, GAINS)
+        for p, g, k in zip(motion.position, GOALS, GAINS, strict=True)
     ]
 
 

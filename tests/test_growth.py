@@ -102,7 +102,7 @@ def test_candidates_with_and_without_growth_roll_out_as_each_alone():
     laws = [LAW, Law(rate=RATE), other, Law(rate=GearLoad(coulomb=1.0, load=0.1))]
     for loads in (None, load):
         together = rollout(laws, dq=dq, dt=1e-3, load=loads)
-        for law, torque in zip(laws, together):
+        for law, torque in zip(laws, together, strict=True):
             np.testing.assert_array_equal(torque, rollout(law, dq=dq, dt=1e-3, load=loads))
 
 

@@ -77,7 +77,7 @@ def test_whatever_is_wrong_with_a_file_the_kernel_is_compiled_again_with_one_not
     assert said[0].startswith("backdrive: the compile cache in ")
     found, said = run(program, cache)
     assert [v for v, _ in found] == expected
-    unmended = [name for (name, _), (_, hits) in zip(DAMAGE, found) if not hits]
+    unmended = [name for (name, _), (_, hits) in zip(DAMAGE, found, strict=True) if not hits]
     assert unmended == ["index a full folder"], (
         "only what cannot be removed is compiled in memory, every time"
     )

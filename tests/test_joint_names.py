@@ -11,7 +11,7 @@ from backdrive import load_model
 
 
 def table(path, columns):
-    names, values = zip(*columns.items())
+    names, values = zip(*columns.items(), strict=True)
     np.savetxt(path, np.column_stack(values), delimiter=",", header=",".join(names), comments="", fmt="%.9g")
     return path
 

@@ -202,7 +202,7 @@ def test_xiong_and_kikuuwe_are_one_another_written_out():
     """Kikuuwe et al. 2006: f = clip(K e + B de/dt), then e from f; Xiong et al. 2013: a' = (f - K a)/B by backward Euler."""
     B, dt = 20.0, 1e-3
     e = a = 0.0
-    for dp, torque in zip(WANDER, along(ViscoElastoplastic(stiffness=K, damping=B), WANDER, dt)):
+    for dp, torque in zip(WANDER, along(ViscoElastoplastic(stiffness=K, damping=B), WANDER, dt), strict=True):
         f = np.clip(K * (e + dp) + B * dp / dt, -F, F)
         e = (f + B / dt * e) / (K + B / dt)
         g = np.clip(K * (a + dp) + B * dp / dt, -F, F)

@@ -64,7 +64,7 @@ def test_what_is_saved_is_what_is_loaded(tmp_path):
 
 def test_the_standard_errors_are_the_roots_of_the_diagonal():
     matrix = full().joints[0].covariance
-    assert matrix.standard_errors() == pytest.approx(dict(zip(NAMES, ERRORS)))
+    assert matrix.standard_errors() == pytest.approx(dict(zip(NAMES, ERRORS, strict=True)))
     with pytest.raises(InvalidInput, match="'load_driven' is 0.03, and 0.02"):
         replace(full().joints[0], standard_errors={"load_driven": 0.03})
 

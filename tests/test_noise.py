@@ -52,7 +52,7 @@ def test_the_error_of_a_mean_is_that_of_a_moving_average_process(weights):
         left = noise_of(runs, speeds)
         found.append([left.covariance(np.full((1, n), 1.0 / n), i)[0, 0] for i, n in enumerate(lengths)])
     autocovariance = np.convolve(weights, weights[::-1])[weights.size - 1 :]
-    for n, value in zip(lengths, np.mean(found, axis=0)):
+    for n, value in zip(lengths, np.mean(found, axis=0), strict=True):
         rho = np.r_[autocovariance, np.zeros(n - weights.size)]
         assert value == pytest.approx(toeplitz(rho).sum() / n**2, rel=0.12)
 

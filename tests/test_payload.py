@@ -205,7 +205,7 @@ def test_what_is_no_payload_is_refused_and_another_robot_is_named(model, bare, l
 
 def test_the_command(tmp_path, model, bare, loaded, robot):
     paths = {name: tmp_path / f"{name}.csv" for name in ("bare", "loaded")}
-    for (_, path), log in zip(paths.items(), (bare, loaded)):
+    for (_, path), log in zip(paths.items(), (bare, loaded), strict=True):
         header = "t," + ",".join(f"q{j}" for j in range(4)) + "," + ",".join(f"tau{j}" for j in range(4))
         np.savetxt(
             path,
@@ -250,7 +250,7 @@ def test_a_pseudo_inertia_is_that_of_points():
     points, masses = random.standard_normal((5, 3)), random.uniform(0.1, 1.0, 5)
 
     def parameters(points):
-        inertia = sum(m * (p @ p * np.eye(3) - np.outer(p, p)) for m, p in zip(masses, points))
+        inertia = sum(m * (p @ p * np.eye(3) - np.outer(p, p)) for m, p in zip(masses, points, strict=True))
         return np.array([masses.sum(), *(masses @ points), *inertia[(0, 0, 1, 0, 1, 2), (0, 1, 1, 2, 2, 2)]])
 
     here = parameters(points)

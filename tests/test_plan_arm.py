@@ -296,7 +296,9 @@ def test_capsules_stand_in_for_links_whose_meshes_are_not_read(tmp_path):
     assert shapes == [] and without == ["l1", "l2", "l3"]
     rods, bare = capsules(robot, [*without, "l0"])
     assert [rod.link for rod in rods] == ["l1", "l2", "l3"] and bare == ["l0"]
-    for rod, m, length in zip(rods, (2.0, 1.0, 1.0), (np.hypot(0.3, 0.1), 0.3, 2.0 * np.hypot(0.15, 0.02))):
+    for rod, m, length in zip(
+        rods, (2.0, 1.0, 1.0), (np.hypot(0.3, 0.1), 0.3, 2.0 * np.hypot(0.15, 0.02)), strict=True
+    ):
         along = rod.placement[:3, 2]
         turning = along @ np.diag([0.01, 0.05, 0.05]) @ along
         assert rod.geometry.radius == pytest.approx(np.sqrt(2.0 * turning / m))

@@ -224,7 +224,7 @@ def test_the_loop_is_the_same_without_the_compiler(compliant):
         arguments, _ = prepare(scene.replace(seed=1))
         loop(*arguments)
         results.append((arguments[-1], arguments[4]))
-    for compiled, plain in zip(*results):
+    for compiled, plain in zip(*results, strict=True):
         assert compiled == pytest.approx(plain, rel=1e-12, abs=1e-15)
     assert np.any(results[0][0][:, COLUMNS.index("motor_velocity")] != 0.0)
 

@@ -65,7 +65,7 @@ def test_inertia_that_delays_the_slide_is_no_friction(slope):
 
 def corners(*heights, slope=0.1):
     parts = [np.full(round(RATE), heights[0])]
-    for low, high in zip(heights, heights[1:]):
+    for low, high in zip(heights, heights[1:], strict=False):
         parts.append(np.linspace(low, high, round(abs(high - low) / slope * RATE), endpoint=False))
     return np.concatenate(parts)
 

@@ -513,7 +513,7 @@ def test_messages_of_either_byte_order(tmp_path):
 def test_another_publisher_on_the_topic_is_left_out_and_named(tmp_path):
     arm = [cdr(("a", "b"), (i, 2), (3, 4), (5, 6), stamp=(i, 0)) for i in range(6)]
     hand = [cdr(("grip",), (i,), (1,), (1,), stamp=(i, 0)) for i in range(6)]
-    path = mcap_of(tmp_path / "a.mcap", [m for pair in zip(arm, hand) for m in pair])
+    path = mcap_of(tmp_path / "a.mcap", [m for pair in zip(arm, hand, strict=True) for m in pair])
     log = read_log(path)
     assert log.names == ("a", "b")
     assert len(log) == 6

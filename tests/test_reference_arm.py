@@ -181,7 +181,7 @@ def test_the_order_of_joints_the_side_of_the_gear_and_a_wrong_description_do_not
         [made(order=(1, 0), gear=50.0)], parse_robot(description(1.3)), held_out=[made(seconds=10.0, seed=4)]
     )
     assert [f.joint.name for f in other] == ["bend", "lift"]
-    for friction, j in zip(other, (1, 0)):
+    for friction, j in zip(other, (1, 0), strict=True):
         v = np.array([0.3, 0.8, -0.3, -0.8])
         assert friction.law.torque(v) == pytest.approx(curve(j, v), rel=0.06)
         assert friction.held_out.samples == 1000 and friction.held_out.residual < 5.0
@@ -453,9 +453,9 @@ def test_stated_errors_hold_what_friction_that_wanders_does(robot):
         knots = [np.r_[f.law.rate.positive[:-1], f.law.rate.negative[:-1]] for f in frictions]
         lines = [
             np.linalg.pinv(np.column_stack([np.ones(k.size // 2), f.law.rate.velocity[:-1]]))
-            for f, k in zip(frictions, knots)
+            for f, k in zip(frictions, knots, strict=True)
         ]
-        own = [(line @ k.reshape(2, -1).mean(axis=0)) for line, k in zip(lines, knots)]
+        own = [(line @ k.reshape(2, -1).mean(axis=0)) for line, k in zip(lines, knots, strict=True)]
         values.append([dict(coulomb=own[j][0], viscous=own[j][1], offset=f.dynamics["offset"].value)[name]
                        for j, f in enumerate(frictions) for name in ("coulomb", "viscous", "offset")])  # fmt: skip
     names = [p.name for one in shown for p in one.precision]
@@ -535,7 +535,7 @@ def test_normal_equations_and_priors_written_out(robot):
     assert np.linalg.inv(precision[:b, :b]) == pytest.approx(
         (relation * spread**2) @ relation.T, rel=1e-6, abs=1e-12
     )
-    for j, (t, scale) in enumerate(zip(terms, (5.0, 2.0))):
+    for j, (t, scale) in enumerate(zip(terms, (5.0, 2.0), strict=True)):
         k, own = t.knots.size, precision[first[j] : first[j + 1], first[j] : first[j + 1]]
         F = np.random.default_rng(6).standard_normal(t.size)
         cost = 0.0

@@ -118,7 +118,7 @@ def test_arrays_that_no_message_has_are_no_channels(present):
     ]
     for messages in (raws, [raws[0], raws[1] + b"\0" * 8]):  # alike, and read one by one
         got = gathered(messages)
-        assert set(got.arrays) == {"time", *(c for c, there in zip(TRIPLES, present) if there)}
+        assert set(got.arrays) == {"time", *(c for c, there in zip(TRIPLES, present, strict=True) if there)}
         assert set(got.channels) == set(got.arrays)
         for i, channel in enumerate(TRIPLES):
             assert not present[i] or got.arrays[channel].tolist() == numbers[:, i].tolist()

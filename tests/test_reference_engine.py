@@ -155,7 +155,7 @@ def test_an_axis_moves_as_its_equations_say(drive, name):
     for substeps in (1, 3):
         got = forward(axis, INPUT, dt=DT, position=0.2, velocity=-0.3, substeps=substeps)
         wanted = simulate(axis, INPUT, 0.2, -0.3, substeps)
-        for channel, column in zip((got.position, got.velocity, got.torque), wanted.T):
+        for channel, column in zip((got.position, got.velocity, got.torque), wanted.T, strict=True):
             assert channel[0] == pytest.approx(column, rel=1e-7, abs=1e-9)
 
 
@@ -173,7 +173,7 @@ def test_lanes_run_on_their_logs():
     axes = [AXES["one mass"].replace(drive=DRIVES["open"]), AXES["loaded"].replace(drive=DRIVES["held"])]
     inputs = np.stack([INPUT, -0.5 * INPUT[::-1]])
     got = forward(axes * 2, inputs, dt=DT, position=[0.1, 0.4], velocity=[0.2, -0.1], log=[0, 1, 1, 0])
-    for lane, (axis, m) in enumerate(zip(axes * 2, (0, 1, 1, 0))):
+    for lane, (axis, m) in enumerate(zip(axes * 2, (0, 1, 1, 0), strict=True)):
         wanted = simulate(axis, inputs[m], (0.1, 0.4)[m], (0.2, -0.1)[m], 1)
         assert got.position[lane] == pytest.approx(wanted[:, 0], rel=1e-8, abs=1e-10)
 

@@ -254,7 +254,7 @@ def test_normal_equations_of_bins_by_hand():
     n = motion_bins.block_count([s])
     assert len(blocks.rows) == n == int(np.clip(6.0 / motion_bins.BLOCK_TIME, *motion_bins.BLOCKS))
     edges = [int(np.ceil(k * count / n)) for k in range(n + 1)]
-    assert blocks.rows == pytest.approx([w[a:b].sum() for a, b in zip(edges, edges[1:])])
+    assert blocks.rows == pytest.approx([w[a:b].sum() for a, b in zip(edges, edges[1:], strict=False)])
 
 
 def test_candidates_are_what_was_asked_for():
@@ -491,7 +491,7 @@ def test_gravity_inside_runs_by_a_regression_about_their_means():
     flat, level = np.vstack(X), np.concatenate(y)
     wanted = np.linalg.lstsq(flat, level, rcond=None)[0]
     assert theta == pytest.approx(wanted, rel=1e-6)
-    scores = np.array([x.T @ (z - x @ wanted) for x, z in zip(X, y)])
+    scores = np.array([x.T @ (z - x @ wanted) for x, z in zip(X, y, strict=True)])
     bread = np.linalg.inv(flat.T @ flat)
     ratio = np.diag(covariance) / np.diag(bread @ scores.T @ scores @ bread)
     assert ratio[0] == pytest.approx(ratio[1], rel=1e-6) and 1.0 <= ratio[0] < 2.0
@@ -534,14 +534,14 @@ def test_a_branch_of_a_ramp_by_least_squares():
         assert got[0] == pytest.approx(slope, rel=5e-3) and got[1] > 0.0
     moved = np.maximum.accumulate(np.abs(x - x[0]))
     assert b.bound(1e-4) == pytest.approx(np.max((u - 1.0) / (moved + 1e-4)))
-    c, e = zip(*[(2e-4, 1e-5), (2.4e-4, 2e-5)])
+    c, e = zip(*[(2e-4, 1e-5), (2.4e-4, 2e-5)], strict=True)
     other = ramp.Branch(torque=u[:100], position=x[:100], direction=-1, break_away=(-5.0, 0.2))
     count = 3e-5
     error = np.hypot(e, count / np.sqrt(12.0) / np.array([np.ptp(u), np.ptp(u[:100])]))
     weight = 1.0 / error**2
     mean = weight @ c / weight.sum()
     scatter = np.sqrt(weight @ (np.array(c) - mean) ** 2 / weight.sum() / 1.0)
-    stiffness = ramp._stiffness(list(zip(c, e)), [b, other], count)
+    stiffness = ramp._stiffness(list(zip(c, e, strict=True)), [b, other], count)
     assert stiffness == pytest.approx((1.0 / mean, max(scatter, weight.sum() ** -0.5) / mean**2))
     assert ramp._stiffness([(-1e-4, 1e-6)], [b], count) is None
     assert (

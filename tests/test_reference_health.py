@@ -98,7 +98,7 @@ def test_a_survey_is_what_a_loop_finds():
         column, change = x[:, j], np.diff(x[:, j])
         assert (s.low[j], s.high[j], s.step[j]) == (column.min(), column.max(), np.abs(change).max())
         assert s.equal[j] == np.mean(change == 0)
-        excess = [min(abs(a), abs(b)) for a, b in zip(change, change[1:]) if a * b < 0]
+        excess = [min(abs(a), abs(b)) for a, b in zip(change, change[1:], strict=False) if a * b < 0]
         assert s.spike[j] == max(excess)
     assert s.long_run.tolist() == [False, False, True]
     empty = survey(np.zeros((0, 2)))

@@ -81,7 +81,11 @@ class Rules:
         around = self.biggest(x, a, b, 100)
         if around.size >= 20:
             alive = [s for s in around if s != 0]
-            turns = np.mean([p * q < 0 for p, q in zip(alive, alive[1:])]) if len(alive) > 10 else 0.0
+            turns = (
+                np.mean([p * q < 0 for p, q in zip(alive, alive[1:], strict=False)])
+                if len(alive) > 10
+                else 0.0
+            )
             equal = max(0.02, np.mean(around == 0))
             elsewhere = np.count_nonzero(np.diff(x) == 0) * n / (n - 1) - (long - 1)
             if step == 0 and elsewhere < 0.02 * n and equal < 0.03:

@@ -282,7 +282,7 @@ def test_windows_do_not_reach_across_gaps_and_pieces_of_ten_samples_are_left_out
     q = 5.0 * np.sin(0.9 * t) + 0.1 * generator.standard_normal(n)
     v = 4.5 * np.cos(0.9 * t) + 0.5 * generator.standard_normal(n)
     fit = velocity_fit(Exam(log_of(n, time=t, position=q, velocity=v)), 0)
-    pieces = [slice(a, b) for a, b in zip(edges, edges[1:]) if b - a > 10]
+    pieces = [slice(a, b) for a, b in zip(edges, edges[1:], strict=False) if b - a > 10]
     assert (fit.scale, fit.delay, fit.residual, fit.plain) == pytest.approx(
         fitted(q, v, t, 5, pieces), rel=1e-6
     )

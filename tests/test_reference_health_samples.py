@@ -121,7 +121,7 @@ def outliers_by_loops(x, position):
     """The definition sample by sample: beyond the usual excess, and beyond what the surroundings do."""
     n = len(x)
     change, bend = np.diff(x), np.abs(np.diff(x, 4)) / 6.0
-    excess = [min(abs(a), abs(b)) if a * b < 0 else 0.0 for a, b in zip(change, change[1:])]
+    excess = [min(abs(a), abs(b)) if a * b < 0 else 0.0 for a, b in zip(change, change[1:], strict=False)]
     count = int(10 + 0.001 * len(excess))
     usual = sorted(excess)[len(excess) - 1 - count]
     get = lambda y, i: abs(y[i]) if 0 <= i < len(y) else 0.0  # noqa: E731

@@ -100,7 +100,7 @@ def test_the_terms_of_a_motion_are_those_of_its_definition(kind, n, dt, begin):
         for edge in edges[1:-1]:
             time[edge:] += 1.0
         log = log.replace(time=time)
-        parts = [slice(a, b) for a, b in zip(edges, edges[1:]) if b - a >= least]
+        parts = [slice(a, b) for a, b in zip(edges, edges[1:], strict=False) if b - a >= least]
     for j in range(len(log.joints)):
         m = motion(Exam(log), j, 7)
         terms, plain, torque, fast, noise, fold = motion_by_hand(log, j, 7, parts)

@@ -260,7 +260,7 @@ def test_the_equations_of_pairs_solved_by_hand():
     rows, weights = [], []  # written out: torque of a side, hat functions that go on beyond the outer knots
     for k in knots:
         for sign, speed, error in ((1.0, k.V_pos, k.error_pos), (-1.0, k.V_neg, k.error_neg)):
-            for v, e in zip(speed, error):
+            for v, e in zip(speed, error, strict=True):
                 i = int(np.clip(np.searchsorted(eqs.V, v, side="right") - 1, 0, 2))
                 w = (v - eqs.V[i]) / (eqs.V[i + 1] - eqs.V[i])
                 row = np.zeros(10)
@@ -346,10 +346,10 @@ def test_a_known_payload_tells_lifting_from_being_driven_back():
     # seems to weigh more
     rows, weights = [], []
     delta = 0.5 * (found.driving[0] - found.driven[0])
-    for k, p in zip(knots, [(0.0, 0.0)] * 3 + [extra] * 3):
+    for k, p in zip(knots, [(0.0, 0.0)] * 3 + [extra] * 3, strict=True):
         way = np.array([np.sin(k.center), np.cos(k.center)]) * k.level
         for sign, V, error, first in ((1.0, k.V_pos, k.error_pos, 0), (-1.0, k.V_neg, k.error_neg, 4)):
-            for v, e in zip(V, error):
+            for v, e in zip(V, error, strict=True):
                 row = np.zeros(12)
                 row[first : first + 4] = sign * curves.hats(np.array([v]), found.velocity)[0]
                 row[8:10], row[10], row[11] = way, sign * abs(way @ (found.gravity + p)), way @ p

@@ -176,7 +176,7 @@ def test_a_polyline_of_one_knot_is_a_coulomb_torque_and_its_first_section_starts
     ]
     # +q: the line through the knots meets -1 at rest: Phi = 10 v below the first knot; -q: 0.5 at rest, 5 v beyond
     expected = [(-0.5, 0.0, 0.4), (-0.5, 0.0, 1.0), (-0.5, 0.0, 2.0), (-0.5, 0.0, -0.25), (-0.5, 0.0, 0.0)]
-    for one, wanted in zip(got, expected):
+    for one, wanted in zip(got, expected, strict=True):
         assert one == pytest.approx(wanted, abs=1e-12)
     other = Polyline(
         velocity=(0.1, 0.2), positive=(1.0, 1.5), negative=(2.0, 5.0)
@@ -307,7 +307,7 @@ def xiong_kikuuwe(e, x, lo, hi, dp, dt):
 def gms(e, x, lo, hi, dp, dt):
     n, way, total = len(e.stiffness), sign(dp), 0.0
     s = hi if dp > 0.0 else -lo
-    for i, (k, w) in enumerate(zip(e.stiffness, e.share)):
+    for i, (k, w) in enumerate(zip(e.stiffness, e.share, strict=True)):
         if way != 0.0 and x[n + i] == way:  # f' = C (w sgn(v) - f/s)
             slope, level = e.attraction / s, e.attraction * w * way
             x[i] = root(lambda f, i=i, a=slope, b=level: f - x[i] - dt * (b - a * f), -1e3, 1e3)
@@ -327,7 +327,7 @@ def smoothed_maxwell_slip(e, x, lo, hi, dp, dt):
         g = lambda y: (1.0 + tanh(e.reversal * y)) / 2  # noqa: E731
         return m(r) * g(r) / (m(1.0) * g(1.0))
 
-    for i, (k, w) in enumerate(zip(e.stiffness, e.share)):
+    for i, (k, w) in enumerate(zip(e.stiffness, e.share, strict=True)):
         if way:
             bound = w * s
             r, path = way * x[i] / bound, k * abs(dp) / bound
@@ -339,7 +339,10 @@ def leuven(e, x, lo, hi, dp, dt):
     way, s, n = sign(dp), hi if dp > 0.0 else -lo, len(e.stiffness)
 
     def pulled(dz):
-        return [min(max(x[i] + k * dz, w * lo), w * hi) for i, (k, w) in enumerate(zip(e.stiffness, e.share))]
+        return [
+            min(max(x[i] + k * dz, w * lo), w * hi)
+            for i, (k, w) in enumerate(zip(e.stiffness, e.share, strict=True))
+        ]
 
     dz = 0.0
     if way:
@@ -385,7 +388,7 @@ def dahl(e, x, lo, hi, dp, dt):
 
 def maxwell_slip(e, x, lo, hi, dp, dt):
     n = len(e.stiffness)
-    x[:n] = [min(max(f + k * dp, w * lo), w * hi) for f, k, w in zip(x, e.stiffness, e.share)]
+    x[:n] = [min(max(f + k * dp, w * lo), w * hi) for f, k, w in zip(x, e.stiffness, e.share, strict=True)]
     return sum(x[:n]), dp
 
 

@@ -556,7 +556,7 @@ def drive(loop, n, begin=0, q=0.2):
     k = begin + np.arange(n)[:, None] + 10 * np.arange(len(loop.joints))
     positions, torques = q + 0.05 * np.sin(k / 30.0), 3.0 * np.cos(k / 20.0)
     out = []
-    for position, torque in zip(positions, torques):
+    for position, torque in zip(positions, torques, strict=True):
         loop.update(position, torque)
         out.append(np.stack([loop.torque, loop.external, loop.friction, loop.level, loop.codes]))
     return np.array(out)

@@ -111,7 +111,12 @@ def test_every_number_of_a_motion_is_that_of_its_fit():
     assert law["viscous_positive"] == pytest.approx(2.0, abs=0.3)
     assert found.standard_errors["coulomb_negative"] == pytest.approx(error[2])
     off = [s.torque - dynamics.predict(found, s) for s in stretches]
-    rms = lambda x: np.sqrt(np.mean(np.concatenate([e[s.sliding] for e, s in zip(x, stretches)]) ** 2))  # noqa: E731
+
+    def rms(x):
+        return np.sqrt(
+            np.mean(np.concatenate([e[s.sliding] for e, s in zip(x, stretches, strict=True)]) ** 2)
+        )
+
     assert found.fitted.rms == pytest.approx(rms(off), rel=1e-6) and found.held_out.rms > 1.001 * rms(off)
     size = rms([s.torque for s in stretches])
     assert found.fitted.residual_raw == pytest.approx(100.0 * rms(off) / size, rel=1e-4)
@@ -327,7 +332,7 @@ def test_remarks_on_a_motion(terms, values, more, both, words):
     choice = choice_of(terms, values, **more)
     found = as_friction(choice, choice.coefficients, Joint(name="x"), (-2.0, 2.0))
     got = with_warnings(found, choice, both).warnings
-    assert len(got) == len(words) and all(w in g for w, g in zip(words, got))
+    assert len(got) == len(words) and all(w in g for w, g in zip(words, got, strict=True))
 
 
 @pytest.mark.parametrize(
@@ -350,7 +355,7 @@ def test_what_physics_forbids_is_not_credible(terms, values, words):
     evidence = JointEvidence(joint="x", samples=samples, curve=curve, verdict="")
     got = remarks(friction, evidence)
     assert [r.severity for r in got] == ["poor"] * len(words)
-    assert all(w in r.sentence for w, r in zip(words, got))
+    assert all(w in r.sentence for w, r in zip(words, got, strict=True))
 
 
 # ---------------------------------------------------------------------------------- what is chosen
@@ -501,7 +506,7 @@ def test_an_unsound_model_is_left_for_one_of_up_to_twice_the_loss(inertia, first
         curve, n = theta[k:], o.form.knots.size
         ways = [curve] if o.form.symmetric else [curve[:n], curve[n:]]
         if not o.form.symmetric:
-            ways = [w - sign * 0.5 * (curve[0] - curve[n]) for w, sign in zip(ways, (1.0, -1.0))]
+            ways = [w - sign * 0.5 * (curve[0] - curve[n]) for w, sign in zip(ways, (1.0, -1.0), strict=True)]
         fine = min(w.min() for w in ways) >= 0.0 or (not o.form.symmetric and curve.min() >= 0.0)
         return fine and ("inertia" not in o.terms or theta[o.terms.index("inertia")] >= 0.0)
 
@@ -513,13 +518,13 @@ def test_an_unsound_model_is_left_for_one_of_up_to_twice_the_loss(inertia, first
         good = [sound(o, y) for o in options]
         got = choose(X, y, options)
         listed = [f"{'+'.join(o.terms)} | {o.form.name}" in got.loss for o in options]
-        least = min(x for x, there in zip(losses, listed) if there)
-        fine = [x for x, g, there in zip(losses, good, listed) if g and there]
+        least = min(x for x, there in zip(losses, listed, strict=True) if there)
+        fine = [x for x, g, there in zip(losses, good, listed, strict=True) if g and there]
         only = bool(fine) and min(fine) <= 2.0 * least
         best = min(fine) if only else least
         wanted = next(
             o
-            for o, x, g, there in zip(options, losses, good, listed)
+            for o, x, g, there in zip(options, losses, good, listed, strict=True)
             if there and (g or not only) and x <= 1.01 * best
         )
         assert (got.candidate.terms, got.candidate.form.name) == (wanted.terms, wanted.form.name), size

@@ -71,7 +71,7 @@ def test_numbers_of_joints_stand_where_people_put_them(names, joints):
         assert "position" not in got.columns and got.joints == ()
     else:
         numbers = [int("".join(c for c in name if c.isdigit())) for name in names.split()]
-        wanted = tuple(name for _, name in sorted(zip(numbers, names.split())))
+        wanted = tuple(name for _, name in sorted(zip(numbers, names.split(), strict=True)))
         assert got.columns["position"] == wanted and got.joints == joints
 
 

@@ -35,11 +35,14 @@ def whole_then_falling(correlation, count):
 def by_hand(residuals, velocities, degree):
     bases = [np.linalg.qr(np.vander(v - v.mean(), degree + 1))[0] for v in velocities]
     keep = [np.eye(len(Q)) - Q @ Q.T for Q in bases]
-    left = [P @ r for P, r in zip(keep, residuals)]
+    left = [P @ r for P, r in zip(keep, residuals, strict=True)]
     power = np.array([np.mean(r**2) for r in left])
     lags = min(120, max(r.size for r in left))
     raw = np.array(
-        [sum(lagged(r, h) / p if h < r.size else 0.0 for r, p in zip(left, power)) for h in range(lags)]
+        [
+            sum(lagged(r, h) / p if h < r.size else 0.0 for r, p in zip(left, power, strict=True))
+            for h in range(lags)
+        ]
     )
     correlation, kept = np.ones(1), np.ones(len(left))
     for _ in range(4):
@@ -84,7 +87,7 @@ def test_noise_of_runs_is_what_its_matrices_say(sizes, memory, degree):
     if degree == 1:
         assert noise_of(residuals, velocities).size == pytest.approx(size)
     # what was fitted before does not matter
-    fitted = [r + 5.0 - 2.0 * v for r, v in zip(residuals, velocities)]
+    fitted = [r + 5.0 - 2.0 * v for r, v in zip(residuals, velocities, strict=True)]
     assert noise_of(fitted, velocities, degree).size == pytest.approx(size)
 
 

@@ -19,7 +19,7 @@ NAN = float("nan")
 def ramp(*corners, slope=8.0, rate=RATE, before=300):
     """Torque that rests at the first corner and then goes straight from corner to corner [N.m]."""
     pieces = [np.full(before, corners[0])]
-    for a, b in zip(corners, corners[1:]):
+    for a, b in zip(corners, corners[1:], strict=False):
         n = round(abs(b - a) / slope * rate)
         pieces.append(a + (b - a) * np.arange(n) / n)
     return np.concatenate([*pieces, [corners[-1]]])

@@ -36,7 +36,7 @@ def line(v):
 
 def log_of(*names, n=200, rate=100.0, units=None, begin=0.0, source=None, **channels):
     given = {"position": np.zeros((n, len(names))), "torque": np.ones((n, len(names)))} | channels
-    joints = tuple(Joint(name=k, unit=u) for k, u in zip(names, units or ["rad"] * len(names)))
+    joints = tuple(Joint(name=k, unit=u) for k, u in zip(names, units or ["rad"] * len(names), strict=True))
     sources = () if source is None else (Source(path=f"{source}.csv", sha256=source),)
     return Log(time=begin + np.arange(n) / rate, joints=joints, sources=sources, **given)
 

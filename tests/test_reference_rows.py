@@ -270,7 +270,7 @@ def test_advice_on_a_leaking_spring_names_the_slowest_speed():
     grid = [1e-12, *(1e-9 * 10.0 ** (k / 4.0) for k in range(61))]
     for K, alpha in ((10.0, 20.0), (100.0, 20.0), (10.0, 0.0)):
         carried = [min(3.0, K * v / alpha) if alpha > 0.0 else 3.0 for v in grid]
-        v, f = next((v, f) for v, f in zip(grid, carried) if f - v < 0.0)
+        v, f = next((v, f) for v, f in zip(grid, carried, strict=True) if f - v < 0.0)
         said = Decaying(stiffness=K, decay_rate=alpha).advice(falls)
         numbers = re.search(r"carries (\S+) at the velocity (\S+), where the rate law takes off (\S+):", said)
         assert numbers and [float(x) for x in numbers.groups()] == pytest.approx([f, v, v], rel=1e-3)

@@ -409,7 +409,7 @@ def test_lanes_of_many_laws_keep_their_places_and_their_states():
     assert lanes.rates.tolist() == [law.rate.KIND for law in laws]
     assert lanes.elements.tolist() == [law.element.KIND for law in laws]
     assert lanes.states == 2 * max(law.element.states() for law in laws)
-    for row, law in zip(lanes.rows, laws):
+    for row, law in zip(lanes.rows, laws, strict=True):
         assert row[: law.row().size].tolist() == law.row().tolist() and not row[law.row().size :].any()
     motion = np.arange(len(laws)) % 2
     state = np.zeros((len(laws), lanes.states))

@@ -277,13 +277,16 @@ def test_pairs_without_errors_make_a_curve_without_errors():
         and np.isnan(got.covariance).all()
     )
     three = rotary(
-        [pairs(up(SPEEDS) + g, up(SPEEDS) - g, q, error=NAN) for q, g in zip(THREE, (1.0, 5.0, -2.0))]
+        [
+            pairs(up(SPEEDS) + g, up(SPEEDS) - g, q, error=NAN)
+            for q, g in zip(THREE, (1.0, 5.0, -2.0), strict=True)
+        ]
     )
     assert three.load is None and np.isnan(three.error_pos).all()
     g = [0.98 * (WEIGHT @ [np.sin(q), np.cos(q)]) for q in (-1.9, -0.4, 0.8, 1.6)]
     grown = [
         pairs(up(SPEEDS) + 0.3 * abs(x) + x, up(SPEEDS) + 0.3 * abs(x) - x, q, error=NAN)
-        for q, x in zip((-1.9, -0.4, 0.8, 1.6), g)
+        for q, x in zip((-1.9, -0.4, 0.8, 1.6), g, strict=True)
     ]
     assert rotary(grown).load is None  # without errors no growth is significant
 
@@ -309,7 +312,7 @@ def test_growth_with_the_load_stands_beside_the_terms():
     for c, symmetric in ((0.8, False), (0.0, True)):
         knots = [
             pairs(up(SPEEDS) + c + mu * abs(x) + x, up(SPEEDS) - c + mu * abs(x) - x, q, error=1e-3)
-            for q, x in zip(centers, g)
+            for q, x in zip(centers, g, strict=True)
         ]
         got = rotary(knots)
         carried = np.mean(np.abs(g))

@@ -114,7 +114,7 @@ def test_pairs_of_a_velocity_only_log_know_no_gravity():
     (s,) = prepare(log, 0)
     inside = [
         (s.time >= a) & (s.time < b) & (d * s.velocity >= 0.8 * p)
-        for (a, b), p in zip(PLAN.windows(), PLAN.speeds)
+        for (a, b), p in zip(PLAN.windows(), PLAN.speeds, strict=True)
         for d in (1, -1)
     ]
     assert whole.center == pytest.approx(np.mean([s.position[i].mean() for i in inside]), abs=1e-5)
@@ -257,7 +257,7 @@ def strokes(speeds, size=A, shapes=None, rate=RATE, gap=0.0):
     ],
 )
 def test_both_ways_of_a_cycle_have_one_speed(back, count):
-    log = strokes([s * f for s, b in zip((0.5, 1.0, 1.5, 2.0), back) for f in (1.0, b)])
+    log = strokes([s * f for s, b in zip((0.5, 1.0, 1.5, 2.0), back, strict=True) for f in (1.0, b)])
     assert len(find_windows(log, 0)) == count
 
 
@@ -282,7 +282,7 @@ def test_speeds_of_cycles_grow_by_equal_steps(speeds, count):
 def to_and_fro(turns, speeds, profile, rate=RATE):
     """A position that goes from turn to turn, each way at a peak speed; `profile`: share of a way against share of its time."""
     pieces = [np.full(round(0.3 * rate), turns[0])]
-    for a, b, v in zip(turns, turns[1:], speeds):
+    for a, b, v in zip(turns, turns[1:], speeds, strict=False):
         share, steepest = profile
         n = round(abs(b - a) * steepest / v * rate)
         pieces.append(a + (b - a) * share(np.arange(n) / n))

@@ -214,7 +214,7 @@ def shown_numbers(text):
 def test_summary_shows_the_models_numbers(page, result):
     rows = [row for row in Page(page).rows if len(row) == 7 and row[0] in ORDINARY]
     assert [row[0] for row in rows] == list(ORDINARY)
-    for row, friction, evidence in zip(rows, result.model.joints, result.evidence):
+    for row, friction, evidence in zip(rows, result.model.joints, result.evidence, strict=True):
         assert row[1] == grade(friction).word
         top = max(np.abs(friction.validity.velocity))
         for cell, speed in ((row[2], 0.02 * top), (row[3], top)):
@@ -238,7 +238,7 @@ def test_parameters_and_knots_show_the_models_numbers(page, result):
     rate = result.model.joints[0].law.rate
     errors = result.model.joints[0].standard_errors["positive"]
     table = [row for row in rows if len(row) == 3 and re.fullmatch(r"[\d.]+", row[0])][: len(rate.velocity)]
-    for row, v, f, s in zip(table, rate.velocity, rate.positive, errors):
+    for row, v, f, s in zip(table, rate.velocity, rate.positive, errors, strict=True):
         assert float(row[0]) == pytest.approx(v, rel=1e-3)
         ((value, error),) = shown_numbers(row[1])
         assert value == pytest.approx(f, rel=1e-2)
@@ -247,7 +247,7 @@ def test_parameters_and_knots_show_the_models_numbers(page, result):
     assert "at its bound" in bound[1]
     assert bound[2] == "≥ 0"
     inertia = [row for row in rows if row[0] == "inertia"]
-    for row, friction in zip(inertia, result.model.joints):
+    for row, friction in zip(inertia, result.model.joints, strict=True):
         ((value, error), *_) = shown_numbers(row[1])
         assert value == pytest.approx(friction.dynamics["inertia"].value, rel=1e-2)
         assert error == pytest.approx(friction.dynamics["inertia"].standard_error, rel=0.05)
@@ -265,7 +265,7 @@ def test_says_what_it_does_not_know(page, result):
     assert "not judged" in sections[5]
     assert "not recorded" in sections[5]
     assert "on the motor side, gear ratio 101" in sections[0]
-    for section, friction in zip(sections, result.model.joints):
+    for section, friction in zip(sections, result.model.joints, strict=True):
         assert section.count("<li>") == len(friction.warnings)
 
 

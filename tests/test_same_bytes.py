@@ -57,7 +57,7 @@ def test_neither_threads_nor_the_way_in_change_a_byte(folder):
 
 
 def counts() -> list[int]:
-    return [library.count() for library in _blas._find_libraries()]
+    return [library.threads() for library in _blas._find_libraries()]
 
 
 def test_threads_are_given_back_and_blocks_may_overlap():
@@ -81,5 +81,5 @@ def test_threads_are_given_back_and_blocks_may_overlap():
         assert set(counts()) == {3}
         assert {name: os.environ.get(name) for name in _blas.VARIABLES} == environment
     finally:
-        for library, count in zip(_blas._find_libraries(), before):
+        for library, count in zip(_blas._find_libraries(), before, strict=True):
             library.limit(count)

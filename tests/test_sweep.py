@@ -297,7 +297,7 @@ def test_joints_moved_in_turn_each_have_their_sweep():
     plans = InTurn((Sweep(A, V, 4, joint="joint_1"), Sweep(A, V, 4, joint="other")), pause=0.3)
     t = np.arange(0.0, plans.plans[-1].start + plans.plans[-1].duration, 1e-3)
     columns = []
-    for joint, plan in zip((first, second), plans.plans):
+    for joint, plan in zip((first, second), plans.plans, strict=True):
         target = np.column_stack([plan.position(t), plan.velocity(t)])
         columns.append(drive(joint, target, closed=True)[0])
     log = Log(

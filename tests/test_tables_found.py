@@ -42,7 +42,7 @@ def test_date_times_keep_their_day_when_joined(tmp_path):
         return [f"2024-05-{day}T10:00:{s:06.3f}" for s in seconds]
 
     def write(name, header, clock, values):
-        rows = "\n".join(f"{c},{v:.9g}" for c, v in zip(clock, values))
+        rows = "\n".join(f"{c},{v:.9g}" for c, v in zip(clock, values, strict=True))
         (tmp_path / name).write_text(f"{header}\n{rows}\n")
         return tmp_path / name
 

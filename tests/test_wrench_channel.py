@@ -66,7 +66,7 @@ def test_a_wrench_of_another_origin_is_brought_over_by_its_lever():
     q = np.random.default_rng(1).uniform(-1.0, 1.0, (5, 6))
     raw = np.random.default_rng(2).normal(size=(5, 6))
     got = wrench_at(raw, ROBOT, q, Convention(frame="l3", axes="frame", sign=-1.0), "tip")
-    for row, at, out in zip(raw, q, got):
+    for row, at, out in zip(raw, q, got, strict=True):
         there, here = (ROBOT.placement(at[None], name)[0] for name in ("l3", "tip"))
         force = -there[:3, :3] @ row[:3]
         moment = -there[:3, :3] @ row[3:] + np.cross(there[:3, 3] - here[:3, 3], force)

@@ -93,7 +93,7 @@ class Arm:
     def mjcf(self, payload: bool = False) -> str:
         """Return the rigid bodies as MJCF, with a site `tool`."""
         opening = []
-        for (name, place, axis, *_), row, joint in zip(LINKS, self.bodies(payload), NAMES):
+        for (name, place, axis, *_), row, joint in zip(LINKS, self.bodies(payload), NAMES, strict=False):
             I = row[INERTIA:].reshape(3, 3)  # noqa: E741
             full = _words((I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]))
             opening.append(
@@ -113,7 +113,7 @@ class Arm:
     def urdf(self, payload: bool = False) -> str:
         """Return the rigid bodies as URDF, with a fixed link `tool`, limits by reach and speed."""
         parts, before = ['<link name="base"/>'], "base"
-        for i, ((name, place, axis, *_), row) in enumerate(zip(LINKS, self.bodies(payload))):
+        for i, ((name, place, axis, *_), row) in enumerate(zip(LINKS, self.bodies(payload), strict=False)):
             I = row[INERTIA:].reshape(3, 3)  # noqa: E741
             tensor = {
                 "ixx": I[0, 0],

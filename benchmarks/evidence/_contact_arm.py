@@ -29,7 +29,9 @@ SMALL = (
 
 def log_of(r: Record) -> Log:
     """Return what a user would have of a record."""
-    joints = tuple(Joint(name=n, encoder_counts=1.0 / c) for n, c in zip(NAMES, JOINTS[:, COUNT]))
+    joints = tuple(
+        Joint(name=n, encoder_counts=1.0 / c) for n, c in zip(NAMES, JOINTS[:, COUNT], strict=False)
+    )
     return Log(time=r.time, position=r.position, torque=r.torque, joints=joints)
 
 

@@ -57,6 +57,6 @@ def stepped(rng: np.random.Generator, seconds: float, heights: np.ndarray | None
     )
     push = np.zeros(reference.size)
     if heights is not None:
-        for t, height in zip(instants, heights):
+        for t, height in zip(instants, heights, strict=False):
             push[round(t / STEP) : round((t + LENGTH) / STEP)] = height
     return log_of(record(TRUTH, reference, LOGGER, rng, push=push)), instants

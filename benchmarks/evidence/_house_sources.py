@@ -109,7 +109,7 @@ def repeated(files: Mapping[str, str]) -> list[tuple[str, int, str, int, int]]:
     for (a, b, shift), starts in sorted(runs.items()):
         starts.sort()
         first = starts[0]
-        for before, after in zip(starts, [*starts[1:], None]):
+        for before, after in zip(starts, [*starts[1:], None], strict=False):
             if after != before + 1:
                 size = before - first + BLOCK
                 found.append((a, code[a][first][0], b, code[b][first + shift][0], size))

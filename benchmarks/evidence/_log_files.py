@@ -109,7 +109,7 @@ def write_json(path: Path, log: dict[str, np.ndarray], variant: int = 0) -> None
     entries = [
         {"position": float(q), "speed": float(v), "load": int(100 * u) % 65536, "temp": 29, "timestamp": float(t),
          "goal_position": 0.0, "input_volts": 7.4, "torque_enable": True}
-        for t, q, v, u in zip(log["time"], log["position"][:, 0], log["velocity"][:, 0], log["effort"][:, 0])
+        for t, q, v, u in zip(log["time"], log["position"][:, 0], log["velocity"][:, 0], log["effort"][:, 0], strict=False)
     ]  # fmt: skip
     path.write_text(
         json.dumps({"mass": 0.5, "length": 0.1, "kp": 100, "vin": 7.4, "motor": "servo", "entries": entries})

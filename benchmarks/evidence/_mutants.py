@@ -235,7 +235,7 @@ class _Places:
         if not isinstance(node, ast.Compare):
             return
         operands = [node.left, *node.comparators]
-        for left, right, operator in zip(operands, operands[1:], node.ops):
+        for left, right, operator in zip(operands, operands[1:], node.ops, strict=False):
             for table, name in ((EDGE, "edge"), (TURNED, "turned")):
                 if type(operator) in table and (name != "edge" or self.has_edge(left, right)):
                     yield from self.between(left, right, SIGNS[type(operator)], table[type(operator)], name)

@@ -81,7 +81,7 @@ def largest_change(before: Figures, now: Figures) -> tuple[int, int, float, str]
     both = [row for row in before.rows if row in now.rows and not OF_TIME.search(row)]
     equal, most, where = 0, 0.0, ""
     for row in both:
-        pairs = list(zip(before.rows[row], now.rows[row]))
+        pairs = list(zip(before.rows[row], now.rows[row], strict=False))
         equal += all(a == b for a, b in pairs)
         for a, b in pairs:
             change = abs(b - a) / max(abs(a), abs(b), 1e-300)

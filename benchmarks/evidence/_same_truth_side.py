@@ -35,7 +35,7 @@ def numbers(friction: Any) -> Iterator[tuple[str, float, float]]:
             values = np.ravel(np.asarray(getattr(part, name), dtype=np.float64))
             errors = np.ravel(np.asarray(friction.standard_errors.get(name, np.nan), dtype=np.float64))
             errors = np.broadcast_to(errors, values.shape) if errors.size == 1 else errors
-            for k, (value, error) in enumerate(zip(values, errors)):
+            for k, (value, error) in enumerate(zip(values, errors, strict=False)):
                 yield name if values.size == 1 else f"{name}[{k}]", float(value), float(error)
     for name, estimate in friction.dynamics.items():
         yield name, float(estimate.value), float(estimate.standard_error)

@@ -42,7 +42,7 @@ HOLDS, RATIO = 0.90, 1.5  # share within 1.96 stated errors; scatter by stated e
 def description() -> str:
     """Return the arm as URDF."""
     parts = ['<robot name="planar"><link name="base"/>']
-    for i, (m, c, inertia) in enumerate(zip(MASS, CENTER, INERTIA)):
+    for i, (m, c, inertia) in enumerate(zip(MASS, CENTER, INERTIA, strict=False)):
         parts.append(
             f'<link name="l{i}"><inertial><mass value="{m}"/><origin xyz="{c} 0 0"/><inertia ixx="0.01" iyy="{inertia}" '
             f'izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j{i}" type="revolute"><parent '
@@ -133,7 +133,7 @@ def conclude(judge: Judge | None, what: str, logs: list[Log], robot: Robot) -> N
     few = np.sqrt(len(logs) / (len(logs) - 1.0))  # the mean is of the same logs
     inside = np.abs(values - values.mean(axis=0)) * few < 1.96 * errors
     share, worst = float(np.mean(inside[:, shown])), float(ratio[shown].max())
-    told = ", ".join(f"{n} {r:.2f}" for n, r in zip(np.array(names)[shown], ratio[shown]))
+    told = ", ".join(f"{n} {r:.2f}" for n, r in zip(np.array(names)[shown], ratio[shown], strict=False))
     print(f"\n{what}, {len(logs)} logs; scatter by stated error: {told}", flush=True)
     if judge is None:
         print(f"  (within 1.96 stated errors: {100 * share:.1f} %)")

@@ -68,7 +68,9 @@ def identified(seed: int, folder: Path) -> Known:
     arm, description = drawn(rng), folder / "arm.urdf"
     description.write_text(Arm().urdf())
     r = record(arm, free_motion(40.0, rng), rng, every=2)
-    joints = tuple(Joint(name=n, encoder_counts=1.0 / c) for n, c in zip(NAMES, arm.joints[:, COUNT]))
+    joints = tuple(
+        Joint(name=n, encoder_counts=1.0 / c) for n, c in zip(NAMES, arm.joints[:, COUNT], strict=False)
+    )
     log = Log(time=r.time, position=r.position, torque=r.torque, joints=joints)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", BackdriveWarning)
@@ -109,7 +111,7 @@ def narrow(known: Known) -> dict[str, JointLimits]:
         name: JointLimits(
             name=name, lower=POSTURE[j] - WIDTH, upper=POSTURE[j] + WIDTH, velocity=own.velocity, effort=own.effort
         )
-        for j, (name, own) in enumerate(zip(known.robot.joints, known.robot.ranges))
+        for j, (name, own) in enumerate(zip(known.robot.joints, known.robot.ranges, strict=False))
     }  # fmt: skip
 
 

@@ -59,7 +59,8 @@ def oracle(draws: list[Draw]) -> None:
     expected = np.zeros(2)
     for d in draws:
         told, levers = zip(
-            *(_information(d, seconds, seed) for seconds, seed in ((30, 2 * d.seed + 1), (40, 2 * d.seed)))
+            *(_information(d, seconds, seed) for seconds, seed in ((30, 2 * d.seed + 1), (40, 2 * d.seed))),
+            strict=False,
         )
         gate = max(0.02 * d.mass, 0.1 / levers[0])
         for way, variance in enumerate((1.0 / told[0], 1.0 / told[0] + 1.0 / told[1])):

@@ -186,7 +186,7 @@ def values_of(robot, frictions, model) -> dict[tuple[str, str], float]:
     """Return the estimates that standard errors are stated of, by joint and name."""
     base = robot.base.relation @ np.array(model.parameters)
     names = [robot.parameter_names[c].split(" of ", 1) for c in robot.base.columns]
-    out = {(joint, name): float(v) for (name, joint), v in zip(names, base)}
+    out = {(joint, name): float(v) for (name, joint), v in zip(names, base, strict=False)}
     for friction in frictions:
         name, rate = friction.joint.name, friction.law.rate
         knots = np.array(rate.velocity[:-1])
@@ -256,7 +256,7 @@ def judged(name: str, short: bool, seed: int, judge: Judge) -> None:
     """Plan for one arm and judge it."""
     arm = Arm(name)
     said: list[tuple[float, float]] = []
-    limits = [f"{j}.acceleration={a}" for j, a in zip(arm.joints, arm.acceleration)]
+    limits = [f"{j}.acceleration={a}" for j, a in zip(arm.joints, arm.acceleration, strict=False)]
     request = Request(
         kind="arm",
         urdf=arm.urdf,

@@ -34,7 +34,7 @@ def model_of(robot: Robot) -> FrictionModel:
     """Return a model of the arm: a curve of five knots that grows with the load on each joint."""
     speeds = (0.0, 0.02, 0.1, 0.5, 1.5)
     frictions = []
-    for name, row in zip(robot.joints, JOINTS):
+    for name, row in zip(robot.joints, JOINTS, strict=False):
         curve = tuple(float(row[3] + row[6] * np.exp(-((v / row[7]) ** 2)) + row[5] * v) for v in speeds)
         rate = Polyline(velocity=speeds, positive=curve, negative=curve)
         frictions.append(

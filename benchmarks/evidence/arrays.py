@@ -219,7 +219,7 @@ def draws(judge: Judge, seed: int, short: bool) -> None:
             preset.joints[0],
             law=law,
             covariance=Covariance(names=names, matrix=tuple(map(tuple, spread.tolist()))),
-            standard_errors=dict(zip(names, np.sqrt(np.diag(spread)).tolist())),
+            standard_errors=dict(zip(names, np.sqrt(np.diag(spread)).tolist(), strict=False)),
         )
         model = replace(preset, joints=(friction,))
         rows = model.sample(n, seed=seed)

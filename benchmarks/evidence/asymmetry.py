@@ -132,7 +132,7 @@ def seeds(judge: Judge, first: int, count: int) -> None:
     """Repeat the identification seed by seed."""
     begun = time.perf_counter()
     done = many(three_sweeps, range(first, first + count))
-    E, S, knots, stated, delays, more = (np.array(x) for x in zip(*done))
+    E, S, knots, stated, delays, more = (np.array(x) for x in zip(*done, strict=False))
     H = REACH * S
     R = np.sqrt(np.mean(knots.reshape(count, 2, -1) ** 2, axis=2))
     covered, near = np.abs(E) <= H, np.abs(E) <= 0.03
@@ -198,7 +198,7 @@ def repeated(judge: Judge, first: int, count: int) -> None:
     """Repeat one sweep: do knots and delay scatter as much as their standard errors say?"""
     print(f"\none sweep, repeated {count} times: scatter by the stated standard error")
     plain, error, late, late_error, d = (
-        np.array(x) for x in zip(*many(one_sweep, range(first, first + count)))
+        np.array(x) for x in zip(*many(one_sweep, range(first, first + count)), strict=False)
     )
     for name, values, stated in (
         ("knots without a delay", plain, error),
@@ -273,7 +273,7 @@ def symmetric(judge: Judge) -> None:
     """Compare the thesis' method, one curve for both directions, on the same data."""
     print("\nthe thesis' symmetric method on the same logs: its intercept less the true constants [N.m]")
     plant = joint()
-    for center, log in zip(CENTERS, logs(plant)):
+    for center, log in zip(CENTERS, logs(plant), strict=False):
         for literal in (True, False):
             rate = to_polyline(sweep_knots(log, 0, literal=literal))
             F = np.array(rate.positive)

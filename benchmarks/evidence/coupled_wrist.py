@@ -31,7 +31,7 @@ def knowing(
     C = truth.coupling
     back = np.linalg.inv(C).T
     parts = []
-    for (seconds, seed), one in zip((seen, unseen), logs):
+    for (seconds, seed), one in zip((seen, unseen), logs, strict=False):
         _, q, dq, ddq = motion(seconds, seed)
         rigid = bodies(q, dq, ddq, None) @ C
         assert one.torque is not None

@@ -66,7 +66,7 @@ def compared(judge: Judge, pairs: int, centers: int) -> list[JointFriction]:
     same = [identified(1.0, seed) for seed in range(2 * pairs)]
     print(f"\ntwo identifications of one joint, unchanged: called changed in ... of {pairs} pairs")
     for alarm in (0.01, 0.05):
-        found = [change_of(a, b, alarm=alarm) for a, b in zip(same[::2], same[1::2])]
+        found = [change_of(a, b, alarm=alarm) for a, b in zip(same[::2], same[1::2], strict=False)]
         count = sum(c.is_significant for c in found)
         plain = sum(chance(REPEAT**2 * c.chi_square, c.degrees) < alarm for c in found)
         judge.that(
@@ -76,7 +76,7 @@ def compared(judge: Judge, pairs: int, centers: int) -> list[JointFriction]:
     print("  changed by                found                  called changed in")
     for factor in (0.99, 0.997, 0.95, 0.88):
         later = [identified(factor, 500 + s) for s in range(20)]
-        found = [change_of(a, b) for a, b in zip(same, later)]
+        found = [change_of(a, b) for a, b in zip(same, later, strict=False)]
         mean, error = (
             100 * np.mean([c.mean for c in found]),
             100 * np.mean([1.96 * c.mean_error for c in found]),
@@ -94,7 +94,7 @@ def compared(judge: Judge, pairs: int, centers: int) -> list[JointFriction]:
     print(f"  in words: {found[0].verdict}")
     several = [about_three_centers(seed) for seed in range(2 * centers)]
     p = [[], []]
-    for (a, A), (b, B) in zip(several[::2], several[1::2]):
+    for (a, A), (b, B) in zip(several[::2], several[1::2], strict=False):
         p[0].append(change_of(a, b, alarm=0.05).is_significant)
         p[1].append(change_of(a, b, alarm=0.05, covariances=(A, B)).is_significant)
     print("  three centers, by direction, alarm 5 %: called changed in")

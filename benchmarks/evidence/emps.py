@@ -66,7 +66,7 @@ def main() -> None:
     print(f"the benchmark's recipe ({y.size} samples after decimation)")
     X = decimate(np.stack([s.acceleration, s.velocity, sign, one], axis=1))
     theta = np.linalg.lstsq(X, y, rcond=None)[0]
-    for (name, expected), value in zip(PUBLISHED.items(), theta):
+    for (name, expected), value in zip(PUBLISHED.items(), theta, strict=False):
         off = 100 * abs(value / expected - 1)
         judge.at_most(f"{name} = {value:.4f}, published {expected}, off by", off, 0.1, "%")
     error = relative(y - X @ theta, y)

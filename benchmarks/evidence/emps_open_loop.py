@@ -154,7 +154,10 @@ def main() -> None:
     made.add_argument("names", nargs="*", help="laws beside the chosen one; all where none is given")
     asked = made.parse_args()
     judge, parts = Judge(), logs()
-    parts = tuple(replace(log, name=name) for log, name in zip(parts, ("whole", "first half", "second half")))
+    parts = tuple(
+        replace(log, name=name)
+        for log, name in zip(parts, ("whole", "first half", "second half"), strict=False)
+    )
     print(
         f"{len(parts[0].position)} samples; root mean square error of the position [mm]; second half: from the fit to the first"
     )

@@ -63,7 +63,7 @@ def turns(theirs: Callable, ours: Callable, clock: Callable[[], float], seconds:
             kept = function()
             times.append(clock() - start)
             del kept
-    ratio = statistics.median(y / x for x, y in zip(a, b))
+    ratio = statistics.median(y / x for x, y in zip(a, b, strict=False))
     return {"theirs": min(a), "ours": min(b), "ratio": ratio, "of_best": min(b) / min(a), "turns": len(a)}
 
 
@@ -189,8 +189,8 @@ def starts() -> dict:
             runs.append([time.perf_counter() - start, *(float(w) for w in done.stdout.split())])
     names = ("process", "imports", "first_rollout", "cpu")
     result = {
-        "cold": dict(zip(names, runs[0])),
-        "warm": dict(zip(names, (statistics.median(r[i] for r in runs[1:]) for i in range(4)))),
+        "cold": dict(zip(names, runs[0], strict=False)),
+        "warm": dict(zip(names, (statistics.median(r[i] for r in runs[1:]) for i in range(4)), strict=False)),
     }
     for name, r in result.items():
         print(

@@ -86,7 +86,7 @@ def notebook(judge: Judge, place: Path) -> None:
     NotebookClient(book, timeout=300, kernel_name="python3", allow_errors=True).execute()
     failed = [o for c in book.cells for o in c.outputs if o.output_type == "error"]
     judge.that(f"no cell fails{': ' + failed[0].evalue[:120] if failed else ''}", not failed)
-    for name, cell in zip(CELLS, book.cells[1:]):
+    for name, cell in zip(CELLS, book.cells[1:], strict=True):
         shown = "".join(o.data.get("text/html", "") for o in cell.outputs if "data" in o)
         judge.that(
             f"{name}: table and text as HTML, {len(shown) // 1000} kB",

@@ -24,7 +24,7 @@ from backdrive.fleet.population import outliers
 def joints_of(drawn: dict[str, np.ndarray]) -> list[History]:
     """Return drawn rows as histories."""
     day = FIRST + np.arange(drawn["constant"].shape[1], dtype=float)
-    parts = zip(drawn["constant"], drawn["viscous"], drawn["temperature"])
+    parts = zip(drawn["constant"], drawn["viscous"], drawn["temperature"], strict=False)
     return [
         History(
             robot=f"r{i:04d}",
@@ -64,9 +64,9 @@ def changed(judge: Judge, seed: int, fleets: int, joints: int) -> None:
         right = named & drawn["ramps"]
         found.append(right.sum() / drawn["ramps"].sum())
         false.append((named & ~drawn["ramps"]).sum() / max(named.sum(), 1))
-        o, i = dates([one for one, r in zip(result, right) if r], float(drawn["begin"]))
+        o, i = dates([one for one, r in zip(result, right, strict=False) if r], float(drawn["begin"]))
         off, inside = off + o, inside + i
-        shapes += [one.shape == "ramp" for one, r in zip(result, right) if r]
+        shapes += [one.shape == "ramp" for one, r in zip(result, right, strict=False) if r]
         print(
             f"  fleet {k}: {named.sum()} named, {right.sum()} rightly; {spent:.1f} s of processor", flush=True
         )
@@ -89,7 +89,9 @@ def unchanged(judge: Judge, seed: int, fleets: int, joints: int, thermometer: fl
         result = drifts(joints_of(rows(seed + k, joints, 0.0, thermometer=thermometer)))
         alarms += any(one.named for one in result)
         ratio.append([np.mean([one.p <= level for one in result]) / level for level in (0.1, 0.01, 0.001)])
-    shares = ", ".join(f"{r:.2f} at {a:g}" for r, a in zip(np.mean(ratio, axis=0), (0.1, 0.01, 0.001)))
+    shares = ", ".join(
+        f"{r:.2f} at {a:g}" for r, a in zip(np.mean(ratio, axis=0), (0.1, 0.01, 0.001), strict=False)
+    )
     print(
         f"  p-values below a level, by that level: {shares} (thermometer noise {thermometer:g} degC)",
         flush=True,
@@ -102,7 +104,7 @@ def steps(seed: int, joints: int) -> None:
     drawn = rows(seed, joints, 0.1, step=0.1)
     result = drifts(joints_of(drawn))
     for name, shape in (("ramps", "ramp"), ("steps", "step")):
-        mine = [one for one, is_it in zip(result, drawn[name]) if is_it and one.named]
+        mine = [one for one, is_it in zip(result, drawn[name], strict=False) if is_it and one.named]
         right, sure = sum(one.shape == shape for one in mine), sum(one.sure for one in mine)
         wrong = sum(one.sure and one.shape != shape for one in mine)
         print(

@@ -187,7 +187,7 @@ def main() -> None:
             robot="worst" if i == worst else "</script><img src=x onerror=hostile=1>" if i == 5 else f"r{i:04d}",
             type="", joint="j1", unit="rad", day=day, constant=c, viscous=v, temperature=T, speed=1.0, path=[f"/logs/{i}.npz"],
         )
-        for i, (c, v, T) in enumerate(zip(drawn["constant"], drawn["viscous"], drawn["temperature"]))
+        for i, (c, v, T) in enumerate(zip(drawn["constant"], drawn["viscous"], drawn["temperature"], strict=False))
     ]  # fmt: skip
     with tempfile.TemporaryDirectory(prefix="fleet-") as scratch:
         page = Path(scratch) / "fleet.html"

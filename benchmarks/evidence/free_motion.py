@@ -72,7 +72,7 @@ def emps(judge: Judge) -> None:
     q, u = second.position[:, 0], second.torque[:, 0]
     plain = {
         name: identify(first, law=law, symmetric=symmetric).choice()
-        for name, law, symmetric in zip(MODELS[1:], ("m1", "coulomb-viscous"), (True, False))
+        for name, law, symmetric in zip(MODELS[1:], ("m1", "coulomb-viscous"), (True, False), strict=False)
     }
     chosen = identify(first, law=RICH).choice()
     fits: dict[str, LawFit] = {}
@@ -103,7 +103,7 @@ def emps(judge: Judge) -> None:
         "EMPS, kalman: each richer model leaves less: "
         + " > ".join(f"{share[m]:.1f}" for m in MODELS)
         + " %",
-        all(share[a] > share[b] for a, b in zip(MODELS, MODELS[1:])),
+        all(share[a] > share[b] for a, b in zip(MODELS, MODELS[1:], strict=False)),
     )
     judge.at_most("EMPS, kalman, symmetric", share["symmetric"], 7.0, "% of the friction")
     judge.at_most("EMPS, kalman, by direction", share["by direction"], 5.5, "% of the friction")
@@ -113,7 +113,7 @@ def emps(judge: Judge) -> None:
         "EMPS, direct: each richer model leaves less: "
         + " > ".join(f"{direct[m]:.1f}" for m in MODELS)
         + " %",
-        all(direct[a] > direct[b] for a, b in zip(MODELS, MODELS[1:])),
+        all(direct[a] > direct[b] for a, b in zip(MODELS, MODELS[1:], strict=False)),
     )
     judge.at_most("EMPS, direct, faster filter, best law", direct["best law"], 15.0, "% of the friction")
 
@@ -196,7 +196,7 @@ def ur3(judge: Judge, ways: int) -> None:
                 f"\nUR3, model of {seen}, judged on {unseen}, {method}: RMS of the estimate in % of the friction's"
             )
             print(" " * 24 + "".join(f"{m:>14s}" for m in MODELS) + "  friction [N.m]  best law [N.m]")
-            for name, row, values in zip(robot.joints, share, table):
+            for name, row, values in zip(robot.joints, share, table, strict=False):
                 print(
                     f"  {name:22s}"
                     + "".join(f"{v:14.1f}" for v in row)

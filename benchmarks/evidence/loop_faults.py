@@ -247,7 +247,7 @@ def in_closed_loop(judge: Judge) -> dict:
     for name in SETTINGS:
         plain = scene(name)
         faults = cases(plain, name)
-        records = dict(zip(faults, play([case.scene for case in faults.values()])))
+        records = dict(zip(faults, play([case.scene for case in faults.values()]), strict=False))
         print(
             f"\n{name}\n  {'fault':36s} {'status':34s} {'torque':>7s} {'bound':>7s} {'faded to':>9s} {'estimate':>9s} {'hand':>6s} "
             f"{'wanders':>8s} {'speed':>6s}"

@@ -143,7 +143,7 @@ def main() -> None:
                 np.array([row for m, row in median.items() if m.startswith(k)])
                 for k in ("regression", "backdrive")
             )
-            for q, best, own in zip(QUANTITIES, regressions.min(axis=0), ours.min(axis=0)):
+            for q, best, own in zip(QUANTITIES, regressions.min(axis=0), ours.min(axis=0), strict=True):
                 judge.that(
                     f"{name}, {what}, {q}: {own:.2f} % (regression {best:.2f} %)", own <= 1.1 * best + 0.2
                 )

@@ -114,7 +114,9 @@ def judge_bam(judge: Judge) -> None:
             original, model = json.loads(file.read_bytes()), load_model(f"preset:{family}/{file.stem}")
             v, motor, external = (a.ravel() for a in np.meshgrid(SPEEDS, TORQUES, TORQUES))
             expected = bam_friction(original, v, motor, external)
-            got = np.array([ours(model.joints[0].law, *point) for point in zip(v, motor, external)])
+            got = np.array(
+                [ours(model.joints[0].law, *point) for point in zip(v, motor, external, strict=False)]
+            )
             difference = float(np.max(np.abs(got - expected)) / np.max(np.abs(expected)))
             worst, row = max(worst, difference), row + f" {file.stem} {difference:.1e}"
             digests &= model.sources[0].sha256 == hashlib.sha256(file.read_bytes()).hexdigest()
@@ -141,10 +143,10 @@ def judge_thesis(judge: Judge) -> None:
     alpha, dt, worst = 20.0, 1e-3, 0.0
     printed = {"hp3j": (5e4, (6.85, 9.56, 3.15)), "setup-a": (1.2e6, (6.0,))}
     for machine, (K, coulomb) in printed.items():
-        for friction, F in zip(load_model(f"preset:thesis/{machine}").joints, coulomb):
+        for friction, F in zip(load_model(f"preset:thesis/{machine}").joints, coulomb, strict=False):
             p = 3 * F / K * np.interp(np.arange(300), [0, 100, 150, 250, 300], [0, 1, 0, 0.3, 0.3])
             law, x, q = friction.law, friction.law.state(), p[0]
-            for before, now in zip(p, p[1:]):
+            for before, now in zip(p, p[1:], strict=False):
                 q = now - np.clip(K * (now - q) / (1 + dt * alpha), -F, F) / K
                 got = kernels.step(
                     law.rate.KIND, law.element.KIND, law.row(), x, now - before, dt, (0.0, 0.0), REFERENCE

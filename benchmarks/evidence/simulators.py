@@ -231,7 +231,9 @@ def recorded(simulated: mujoco.MjModel, seed: int, seconds: float) -> Log:
     data = mujoco.MjData(simulated)
     every = round(1e-3 / h)
     t = np.arange(int(seconds / h)) * h
-    tones = zip((0.11, 0.37, 0.9, 1.7), (1.1, 0.35, 0.12, 0.04), random.uniform(0, 2 * np.pi, 4))
+    tones = zip(
+        (0.11, 0.37, 0.9, 1.7), (1.1, 0.35, 0.12, 0.04), random.uniform(0, 2 * np.pi, 4), strict=False
+    )
     wanted = sum(a * np.sin(2 * np.pi * f * t + p) for f, a, p in tones) * np.minimum(t / 2.0, 1.0)
     speed = np.gradient(wanted, h)
     q, torque, sent = [], [], 0.0

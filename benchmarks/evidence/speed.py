@@ -59,7 +59,7 @@ def turns(theirs: Callable, ours: Callable, count: int, clock: Callable[[], floa
             kept = function()
             times.append(clock() - start)
             del kept
-    ratio = statistics.median(y / x for x, y in zip(a, b))
+    ratio = statistics.median(y / x for x, y in zip(a, b, strict=False))
     return statistics.median(a), statistics.median(b), ratio
 
 

@@ -117,7 +117,7 @@ def median(command: list[str], runs: int) -> Cost:
     """Return the medians of warm runs."""
     run(command)
     results = [run(command) for _ in range(runs)]
-    return Cost(*(statistics.median(values) for values in zip(*results)))
+    return Cost(*(statistics.median(values) for values in zip(*results, strict=False)))
 
 
 def numerics() -> float:

@@ -44,7 +44,7 @@ def own_checks(outcome: Outcome) -> list[Claim]:
 def show(outcome: Outcome, other: Outcome) -> None:
     """Print what came out on both sets of seeds."""
     print(f"\n{outcome.name}: {outcome.title}\n  {outcome.setting}")
-    for one, two in zip(outcome.claims, other.claims):
+    for one, two in zip(outcome.claims, other.claims, strict=False):
         kind = one.statement or ("check" if one.holds is not None else "note")
         print(f"  {kind}: {one.what}\n      {one.ours}")
         if one.holds is not None:

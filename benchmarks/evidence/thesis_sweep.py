@@ -212,7 +212,7 @@ def draw(path: str, runs: dict, by_posture: dict[str, tuple[Law, Law]]) -> None:
 
     figure, axes = plt.subplots(2, 4, figsize=(17, 8), layout="constrained")
     v = np.linspace(1e-6, V, 300)
-    colors = dict(zip(STROKES, ("tab:red", "tab:orange", "tab:green", "tab:blue")))
+    colors = dict(zip(STROKES, ("tab:red", "tab:orange", "tab:green", "tab:blue"), strict=False))
     for stroke in STROKES:
         log, literal, aligned = runs["joint_1"][stroke]
         a = axes[0, 0]

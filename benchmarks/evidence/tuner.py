@@ -204,7 +204,9 @@ def limited(judge: Judge, cases: list[Case]) -> None:
         for rate in (None, rate_of(facts, z)):
             loop = BareLoop(compensator=compensator(facts, z), rate=rate)
             scenes_of.append(scenes.guidance(facts, truth, loop, stroke))
-    force = np.array([scenes.peak_force(r, s) for r, s in zip(play(scenes_of), strokes)]).reshape(-1, 2)
+    force = np.array(
+        [scenes.peak_force(r, s) for r, s in zip(play(scenes_of), strokes, strict=False)]
+    ).reshape(-1, 2)
     ratio = force[:, 1] / force[:, 0]
     print(
         f"  the loop's rate of torque: {changed} of {len(cases)} joints rest otherwise, {np.sum(held > bound)} over the bound; the "
@@ -278,7 +280,9 @@ def choice(judge: Judge, joints: int) -> None:
             "thesis": thesis_numbers(facts),
             "thesis, R = 0.9, K = K_c/2": {"share": 0.9, "stiffness": 0.5, "decay": 20.0},
         }
-        for name, s, w in zip(rows, goal.values(force, list(rows.values())), goal.worst(list(rows.values()))):
+        for name, s, w in zip(
+            rows, goal.values(force, list(rows.values())), goal.worst(list(rows.values())), strict=False
+        ):
             ratios[name].append(float(s / scores[at]))
             safe[name].append(bool(w <= 1.0))
         unrest = goal.unrests([kept], members_.sample(facts, 64, 1000 + seed))[0]
@@ -353,7 +357,7 @@ def wishes(judge: Judge, joints: int) -> None:
         apart.append(len(set(numbers)) == len(OWN))
     for wish, values in felt.items():
         means = np.mean(values, axis=0)
-        words = ", ".join(f"{name} {m:.3f}" for name, m in zip(WISHES[wish], means))
+        words = ", ".join(f"{name} {m:.3f}" for name, m in zip(WISHES[wish], means, strict=False))
         print(
             f"  {wish:<6} {words}; a number at an end of its range on {ends[wish]} joints, alpha_N at the lower one on {slow[wish]}"
         )

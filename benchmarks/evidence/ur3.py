@@ -95,11 +95,11 @@ def main() -> None:
     own = np.linalg.norm(predict_arm(result.model, unseen, urdf) - unseen.torque, axis=0)
     raw = 100 * own / np.linalg.norm(unseen.torque, axis=0)
     print()
-    for n, limit in zip(NAMES, LIMITS):
+    for n, limit in zip(NAMES, LIMITS, strict=False):
         judge.at_most(f"{n}, unseen, below 5 Hz", held[n].residual, limit, "%")
     judge.that(
         "raw residuals agree with a sum over the file's own samples",
-        all(abs(r - held[n].residual_raw) < 0.5 for r, n in zip(raw, NAMES)),
+        all(abs(r - held[n].residual_raw) < 0.5 for r, n in zip(raw, NAMES, strict=False)),
     )
     judge.end()
 

@@ -187,7 +187,10 @@ def main() -> None:
         for name, value in found.values.items():
             at = " (at a bound)" if name in found.at_bound else ""
             print(f"    {name:28s} {value:10.4g} +- {found.standard_errors[name]:.2g}{at}")
-        print("    by log [mrad]: " + ", ".join(f"{log.name} {e:.0f}" for log, e in zip(every, each)))
+        print(
+            "    by log [mrad]: "
+            + ", ".join(f"{log.name} {e:.0f}" for log, e in zip(every, each, strict=False))
+        )
         error = 1e3 * found.mean_absolute
         judge.at_most(f"{case.title}: mean absolute error on all 16", error, case.all16, "mrad")
         judge.at_most(f"{case.title}: wall time of a fit on {os.cpu_count()} cores", seconds, SECONDS, "s")
@@ -195,7 +198,7 @@ def main() -> None:
             errors, spent = held_out(case, every)
             print(
                 "    held out: "
-                + ", ".join(f"kp {kp} {e:.1f}" for kp, e in zip(KPS, errors))
+                + ", ".join(f"kp {kp} {e:.1f}" for kp, e in zip(KPS, errors, strict=False))
                 + f" mrad; {max(spent) / 2:.1f} s at most were two cores idle"
             )
             judge.at_most(

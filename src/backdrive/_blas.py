@@ -46,7 +46,7 @@ class _Library(NamedTuple):
     """One that is loaded: where it lies, and its two calls."""
 
     path: str
-    count: Callable[[], int]
+    threads: Callable[[], int]
     limit: Callable[[int], object]
 
 
@@ -63,7 +63,7 @@ def one_thread() -> Iterator[None]:
     global _under_way  # noqa: PLW0603  (the setting is the process' own)
     with _lock:
         if not _under_way:
-            _before.update({library.path: library.count() for library in _find_libraries()})
+            _before.update({library.path: library.threads() for library in _find_libraries()})
             _limit({}, 1)
             _environment.update({name: os.environ.get(name) for name in VARIABLES})
             os.environ.update(dict.fromkeys(VARIABLES, "1"))

@@ -71,10 +71,12 @@ def write_together(contents: Mapping[str | Path, str | bytes] | Mapping[Path, st
                 part.open()
                 part.fill(content.encode() if isinstance(content, str) else content)
                 parts.append(part)
-        for name, part in zip(contents, parts):
+        for name, part in zip(contents, parts, strict=True):
             with _translate_errors(name):
                 os.replace(part.path, part.target)
-        for folder, name in {part.target.parent: name for name, part in zip(contents, parts)}.items():
+        for folder, name in {
+            part.target.parent: name for name, part in zip(contents, parts, strict=True)
+        }.items():
             with _translate_errors(name):
                 _sync_folder(folder)
     return [Path(name) for name in contents]

@@ -42,8 +42,8 @@ class _Files(caching.IndexDataCacheFile):
     """Numba's index and data files, each with a seal at its end."""
 
     _index_path: str
-    _load_index: Callable[[], dict]
-    _data_path: Callable[[str], str]
+    _load_index: Callable[[], dict]  # pyright: ignore[reportIncompatibleMethodOverride]  (numba has no types)
+    _data_path: Callable[[str], str]  # pyright: ignore[reportIncompatibleMethodOverride]  (numba has no types)
 
     def load(self, key):
         name = self._check_index().get(key)
@@ -65,7 +65,7 @@ class _Files(caching.IndexDataCacheFile):
         return self._load_index()
 
     @contextmanager
-    def _open_for_write(self, filepath):
+    def _open_for_write(self, filepath):  # pyright: ignore[reportIncompatibleMethodOverride]  (numba has no types)
         temporary = f"{filepath}.tmp.{uuid.uuid4().hex[:16]}"
         try:
             with open(temporary, "wb") as stream:
@@ -157,7 +157,7 @@ def _classes(stamp: str) -> type:
         _impl: Any
         _cache_file: _Files
         _cache_path: str
-        disable: Callable[[], None]
+        disable: Callable[[], None]  # pyright: ignore[reportIncompatibleMethodOverride]  (numba has no types)
 
         def __init__(self, py_func):
             super().__init__(py_func)

@@ -60,7 +60,7 @@ def console(*, stderr: bool = False) -> Any:
     from rich.console import Console, RenderHook
 
     class Quoting(RenderHook):
-        def process_renderables(self, renderables):
+        def process_renderables(self, renderables):  # pyright: ignore[reportIncompatibleMethodOverride]  (no types)
             return [_Quote(renderable) for renderable in renderables]
 
     made = Console(stderr=stderr, highlight=False, markup=False, emoji=False)

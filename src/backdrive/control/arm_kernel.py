@@ -155,7 +155,7 @@ def carry(g, h, j, weight):
 
 
 @jit
-def tick(A, o, g, codes, d, h, a, s, wanted, C, back, whole, read, dt, weight, bias):
+def tick(A, o, g, codes, d, h, a, s, wanted, C, back, whole, read, dt, weight, bias):  # noqa: PLR0913, PLR0912  (a kernel's row)
     """Advance every motor and joint by one tick and return the worst status.
 
     `A`, `o`, `g`, `codes`: of `loop_kernel.tick`; `d`: table of the drive's output stage, `h`: of the arm, `a`, `s`: rows and

@@ -309,6 +309,6 @@ def _in_state(
     if loop._force is not None:
         arrays += [loop._force._s, loop._force._X, loop._force._io]
         loop._force._fresh = False
-    for own, given in zip(arrays, mine):
+    for own, given in zip(arrays, mine, strict=True):
         own[:] = given
     return loop

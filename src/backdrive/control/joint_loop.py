@@ -273,7 +273,7 @@ def rows(joints: Sequence[JointLoop], positions: np.ndarray, dt: float) -> tuple
     table[NOMINAL], table[TEMPERATURE], table[LEVEL] = dt, REFERENCE, 1.0
     for row in (BEFORE, ELSEWHERE, OLDER, NEWER, ANCHOR):
         table[row] = positions
-    for k, (joint, estimator) in enumerate(zip(joints, estimators)):
+    for k, (joint, estimator) in enumerate(zip(joints, estimators, strict=True)):
         for row, value in joint.guards().items():
             table[row, k] = value
         table[ESTIMATES, k] = float(joint.external is not None)
@@ -287,6 +287,6 @@ def rows(joints: Sequence[JointLoop], positions: np.ndarray, dt: float) -> tuple
         laws = [part.friction.law for part in parts]
         P, X = stack_rows([law.row() for law in laws]), stack_rows([law.state() for law in laws])
         C = np.array([part.row(dt) for part in parts])
-        S = np.array([part.start(float(q)) for part, q in zip(parts, positions)])
+        S = np.array([part.start(float(q)) for part, q in zip(parts, positions, strict=True)])
         of_parts += [C, P, X, S]
     return (*of_parts, table)

@@ -85,7 +85,7 @@ def standing(c, x, s, g, j, q, T):
 
 
 @ladder
-def joint(c, i, p, x, s, ce, pe, xe, se, g, j, q, dt):
+def joint(c, i, p, x, s, ce, pe, xe, se, g, j, q, dt):  # noqa: PLR0913  (a kernel's row)
     """Advance one joint by one tick and return its status.
 
     `c[i:]`, `p`, `x`, `s`: compensator; `ce`, `pe`, `xe`, `se`: estimator; `g[:, j]`: table.

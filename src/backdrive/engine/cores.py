@@ -42,7 +42,7 @@ def spread(work: Callable[[int, int], None], count: int, workers: int | None = N
     edges = [count * i // pieces for i in range(pieces + 1)]
     pool, wait = ThreadPoolExecutor(workers), True
     try:
-        for done in [pool.submit(work, a, b) for a, b in zip(edges, edges[1:])]:
+        for done in [pool.submit(work, a, b) for a, b in zip(edges, edges[1:], strict=False)]:
             done.result()
     except KeyboardInterrupt:  # what is under way ends by itself, into arrays that nobody reads any more
         wait = False

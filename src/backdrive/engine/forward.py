@@ -20,7 +20,7 @@ from backdrive.parameters import ABOVE_ZERO, FINITE, NOT_NEGATIVE, WithBounds, a
 
 
 @jit
-def motion(j, d, rate, element, p, x, s, c, r, supply, enabled, temp, dt, substeps, out):
+def motion(j, d, rate, element, p, x, s, c, r, supply, enabled, temp, dt, substeps, out):  # noqa: PLR0913  (a kernel's row)
     """Fill `out` with motor-side position, its velocity and the drive's torque at every sample.
 
     `j`, `d`: rows of axis and drive; `s`, `c`: their states; r: input of the drive (n,); supply, enabled, temp: (n,) or (1,).
@@ -44,7 +44,7 @@ def motion(j, d, rate, element, p, x, s, c, r, supply, enabled, temp, dt, subste
 
 
 @jit
-def lanes(first, last, J, D, rates, elements, P, X, S, C, log, r, supply, enabled, temp, dt, substeps, out):
+def lanes(first, last, J, D, rates, elements, P, X, S, C, log, r, supply, enabled, temp, dt, substeps, out):  # noqa: PLR0913  (a kernel's row)
     """Run lanes first to last - 1: a lane is an axis on one of the logs."""
     for i in range(first, last):
         m = log[i]
@@ -159,7 +159,7 @@ class Motions:
     torque: np.ndarray
 
 
-def forward(
+def forward(  # noqa: PLR0913  (its options are given by keyword)
     axes: Axis | Sequence[Axis],
     drive_input: np.ndarray,
     *,
@@ -238,7 +238,7 @@ def forward(
     rows = Lanes([a.law for a in axes])
     J = np.array([a.row() for a in axes])
     D = np.array([a.drive.row() for a in axes])
-    S = np.array([a.at(float(start[m]), float(speed[m])) for a, m in zip(axes, log)])
+    S = np.array([a.at(float(start[m]), float(speed[m])) for a, m in zip(axes, log, strict=True)])
     out = np.empty((len(axes), n, 3))
     X, C = np.zeros((len(axes), rows.states)), np.zeros((len(axes), drives.STATES))
 

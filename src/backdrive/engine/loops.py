@@ -59,7 +59,7 @@ def one_by_one(rate: int, element: int, plain: bool, knots: int, sections: int, 
         tame: no velocity is beyond `kernels.FASTEST`, so that none has to be looked at.
     """
 
-    def lanes(which, P, X, motion, dp, dt, load, temp, W, Q, Z, T, out):
+    def lanes(which, P, X, motion, dp, dt, load, temp, W, Q, Z, T, out):  # noqa: PLR0913, PLR0912  (a kernel's row)
         loads, temps = load.shape[1] > 1, temp.shape[1] > 1
         lo, hi, viscous, slid = W[0], W[1], W[2], W[3]
         for i in which:
@@ -122,7 +122,7 @@ def lane_loop(rate: int, element: int, place: int, tame: bool, shared: bool) -> 
         shared: all lanes are on the same motion.
     """
 
-    def side_by_side(which, P, X, motion, dp, dt, load, temp, W, Q, Z, T, out):
+    def side_by_side(which, P, X, motion, dp, dt, load, temp, W, Q, Z, T, out):  # noqa: PLR0913, PLR0912  (a kernel's row)
         loads, temps = load.shape[1] > 1, temp.shape[1] > 1
         V, D = W[0], W[1]
         U, E = T[0], T[1]

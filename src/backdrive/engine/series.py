@@ -50,7 +50,16 @@ class Lanes:
         #: arguments of `loops.one_by_one`, the lanes, how many lanes come before, and the load where none is given
         self._groups: list[tuple[Kinds, np.ndarray, int, np.ndarray]] = []
         grows, place = np.isnan(self.usual_loads[:, 1]), 0
-        kinds = list(zip(self.rates.tolist(), self.elements.tolist(), plain.tolist(), *sizes, grows.tolist()))
+        kinds = list(
+            zip(
+                self.rates.tolist(),
+                self.elements.tolist(),
+                plain.tolist(),
+                *sizes,
+                grows.tolist(),
+                strict=True,
+            )
+        )
         table = np.array(kinds)
         for kind in sorted(set(kinds)):
             lanes = np.flatnonzero((table == kind).all(axis=1))

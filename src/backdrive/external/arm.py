@@ -85,9 +85,10 @@ class ArmEstimate:
         """
         arm, remarks = arm_log(self.estimator, self.frictions, log), []
         warmth = [
-            along_stretches(f, column, remarks) for f, column in zip(self.frictions, zip(*arm.stretches))
+            along_stretches(f, column, remarks)
+            for f, column in zip(self.frictions, zip(*arm.stretches, strict=True), strict=True)
         ]
-        warmths = list(zip(*warmth))
+        warmths = list(zip(*warmth, strict=True))
         rate = arm.stretches[0][0].rate
         plain, by_noise = None, method == AUTO
         if by_noise or bandwidth is None:
@@ -190,7 +191,7 @@ class ArmEstimate:
     def widen(self, joints: Sequence[JointForce]) -> list[JointForce]:
         """Return the torques with bands that also hold what is not known of the friction's growth with the load."""
         results = []
-        for one, friction in zip(joints, self.frictions):
+        for one, friction in zip(joints, self.frictions, strict=True):
             moving = one.state != REST  # at rest the band knows of it
             more = WIDTH * growth_of(friction)[1] * np.where(moving, np.abs(one.force), 0.0)
             lower, upper = (
@@ -222,26 +223,32 @@ class ArmEstimate:
     ) -> list[tuple[np.ndarray, ...]]:
         """Return time, force, friction, state and temperature of every stretch, settled and with the lag taken out."""
         parts = []
-        for stretch, warm in zip(arm.stretches, warmths):
+        for stretch, warm in zip(arm.stretches, warmths, strict=True):
             rate = stretch[0].rate
             dt, lags = 1.0 / rate, 1.0 / estimator.bandwidth
             # the torque that acted between a reading and the next
             torque = np.column_stack(
                 [
                     earlier(s.torque, -(delay_of(f) * rate + 0.5), linear=True)
-                    for s, f in zip(stretch, self.frictions)
+                    for s, f in zip(stretch, self.frictions, strict=True)
                 ]
             )
             position = np.column_stack([s.position for s in stretch])  # type: ignore[misc]
             velocity = np.array([s.velocity[0] for s in stretch])
             degrees = np.column_stack(
-                [np.full(s.time.size, REFERENCE) if w is None else w for s, w in zip(stretch, warm)]
+                [
+                    np.full(s.time.size, REFERENCE) if w is None else w
+                    for s, w in zip(stretch, warm, strict=True)
+                ]
             )
             out = estimator.run(position, torque, dt, velocity, degrees)
             lag = estimator.lag(dt)
             back = 0.0 if np.isnan(lag) else -lag * rate
             state = np.column_stack(
-                [states_along(f, s, estimator.bandwidth) for s, f in zip(stretch, self.frictions)]
+                [
+                    states_along(f, s, estimator.bandwidth)
+                    for s, f in zip(stretch, self.frictions, strict=True)
+                ]
             )
             force, taken = (
                 np.column_stack([earlier(x[:, j], back) for j in range(x.shape[1])])

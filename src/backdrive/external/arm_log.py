@@ -44,7 +44,7 @@ def arm_log(estimator: ArmForce, frictions: Sequence[JointFriction], log: Log) -
     for channel in ("torque", "position"):
         log.need(channel)
     columns = estimator.bodies.robot.order_in(log.names)
-    for friction, column in zip(frictions, columns):
+    for friction, column in zip(frictions, columns, strict=True):
         if log.joints[column].unit != friction.joint.unit:
             raise InvalidInput(
                 f"Joint '{friction.joint.name}' is measured in {friction.joint.unit} in the model and in "
@@ -59,7 +59,7 @@ def arm_log(estimator: ArmForce, frictions: Sequence[JointFriction], log: Log) -
     )  # what is sought is no part of the motors' torque
     whole = whole if good.all() else whole.rows(good)
     by_joint = [prepare(whole, name) for name in estimator.joints]
-    for friction, signals in zip(frictions, by_joint):
+    for friction, signals in zip(frictions, by_joint, strict=True):
         fastest = max(float(np.percentile(np.abs(s.velocity), 99.0)) for s in signals)
         top = friction.validity.speeds[1]
         if fastest > DEGREES * top > 0.0:
@@ -68,7 +68,7 @@ def arm_log(estimator: ArmForce, frictions: Sequence[JointFriction], log: Log) -
                 "fast as when the model was identified: its positions look like degrees.",
                 remedy="Read the log with its unit (--unit deg).",
             )
-    return ArmLog(log=whole, stretches=tuple(zip(*by_joint)))
+    return ArmLog(log=whole, stretches=tuple(zip(*by_joint, strict=True)))
 
 
 def at_motors(estimator: ArmForce, log: Log) -> Log:
@@ -89,7 +89,9 @@ def coupling_notes(estimator: ArmForce) -> list[str]:
     if estimator.coupling is None:
         return []
     tied = (np.array(estimator.coupling) != 0.0) & ~np.eye(len(estimator.joints), dtype=bool)
-    names = [n for n, row, column in zip(estimator.joints, tied, tied.T) if row.any() or column.any()]
+    names = [
+        n for n, row, column in zip(estimator.joints, tied, tied.T, strict=True) if row.any() or column.any()
+    ]
     return [
         f"Motors of {', '.join(names)} drive several joints: torques, bands and contacts are those of the motors, at which "
         "friction acts; the wrench is of the arm."

@@ -143,7 +143,7 @@ def _of_free_motion(model: FrictionModel, log: Log, free: Sequence[Log]) -> list
     return said
 
 
-def _arm(
+def _arm(  # noqa: PLR0913  (what one door hands to the other)
     model: FrictionModel,
     log: Log,
     joints: Sequence[str] | None,
@@ -173,10 +173,16 @@ def _arm(
         like = results[0]
         parts = [whole.forces(one, like.method, like.bandwidth)[0] for one in free]
         made = [calibrate([part[j] for part in parts]) for j in range(len(results))]
-        calibrations = {one.joint.name: own for one, own in zip(results, made)}
-        ratios = [one.speed / own.top_speed for one, own in zip(results, made) if one.speed is not None]
-        remarks += [line for one, own in zip(results, made) for line in (*own.remarks(), *own.faster(one))]
-        results = [own.apply(one, np.max(ratios, axis=0)) for one, own in zip(results, made)]
+        calibrations = {one.joint.name: own for one, own in zip(results, made, strict=True)}
+        ratios = [
+            one.speed / own.top_speed for one, own in zip(results, made, strict=True) if one.speed is not None
+        ]
+        remarks += [
+            line
+            for one, own in zip(results, made, strict=True)
+            for line in (*own.remarks(), *own.faster(one))
+        ]
+        results = [own.apply(one, np.max(ratios, axis=0)) for one, own in zip(results, made, strict=True)]
     remarks += _of_free_motion(model, log, free)
     results = whole.widen(results)
     wrench = None
@@ -239,7 +245,7 @@ def _joint(
         method, bandwidth = best[0], bandwidth or max(best[1], min(least, FASTEST * rate))
     made = ExternalForce(**fields(friction, method, bandwidth, fastest + size / inertia))
     parts = _forces(made, friction, stretches, warmth)
-    time, force, taken, state, warm = (np.concatenate(x) for x in zip(*parts))
+    time, force, taken, state, warm = (np.concatenate(x) for x in zip(*parts, strict=True))
     if time.size < LEAST:
         raise NotIdentifiable(
             f"Joint '{name}': every stretch of the log is over before an estimator of {bandwidth:.3g} 1/s has settled.",
@@ -273,7 +279,7 @@ def _forces(
     """Return time, force, friction, state and temperature of every stretch, settled and with the lag taken out."""
     value = {term: e.value for term, e in friction.dynamics.items()}
     parts = []
-    for s, warm in zip(stretches, warmth):
+    for s, warm in zip(stretches, warmth, strict=True):
         known = None
         if "model_torque" in value:
             if s.model_torque is None:

@@ -58,7 +58,7 @@ def absolute_gains(joints: Sequence[str], fit: PayloadFit) -> Gains:
         for j, n in enumerate(joints)
         if told[j]
     }
-    open_ = [n for n, known in zip(joints, told) if not known]
+    open_ = [n for n, known in zip(joints, told, strict=True) if not known]
     remarks = _remarks(gains, "the known mass")
     if open_:
         remarks.append(
@@ -92,7 +92,10 @@ def gain_ratios(joints: Sequence[str], fit: PayloadFit) -> Gains:
     middle = float(value[alike].mean()) if alike.any() else float(np.median(value))
     weight = np.eye(len(kept)) - alike / max(np.count_nonzero(alike), 1)
     error = np.sqrt(np.maximum(np.diag(weight @ covariance[np.ix_(kept, kept)] @ weight.T), 0.0)) / middle
-    gains = {joints[j]: Gain(value=float(v / middle), error=float(e)) for j, v, e in zip(kept, value, error)}
+    gains = {
+        joints[j]: Gain(value=float(v / middle), error=float(e))
+        for j, v, e in zip(kept, value, error, strict=True)
+    }
     remarks = _remarks(gains, "the others")
     remarks.append(
         "The gains are ratios between joints: a factor that all have in common goes with the mass, and only a known mass tells it."

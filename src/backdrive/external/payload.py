@@ -165,7 +165,7 @@ def estimate_payload(
         inertia_error=inertia[1],
         limited_by=limited,
         gains=gains,
-        lever=dict(zip(body.joints, fit.lever.tolist())),
+        lever=dict(zip(body.joints, fit.lever.tolist(), strict=True)),
         remarks=(*remarks, *gains.remarks),
     )
 
@@ -208,7 +208,7 @@ def _foreign(robot: Robot, fit: PayloadFit) -> list[str]:
     times, share = FOREIGN
     worse = [
         f"{name} {100 * left:.0f} %, {100 * stated:.0f} % when it was identified"
-        for name, left, stated in zip(robot.joints, fit.residual, fit.expected)
+        for name, left, stated in zip(robot.joints, fit.residual, fit.expected, strict=True)
         if left > max(times * np.nan_to_num(stated, nan=share / times), share)
     ]
     if not worse:

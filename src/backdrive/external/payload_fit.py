@@ -130,14 +130,14 @@ class PayloadProblem:
             precision = inverse.copy()
             precision[phi, phi] = np.diag(spread**-2.0)
             predicted = [self._predict(rows, x, loaded) for rows, loaded in self._parts()]
-            errors = [rows.torque - p for (rows, _), p in zip(self._parts(), predicted)]
+            errors = [rows.torque - p for (rows, _), p in zip(self._parts(), predicted, strict=True)]
             noise = np.array([self._noise(errors, j, noise[j]) for j in range(J)])
             weights = [
                 rows.weight * regression.huber_weights(e, WILD * noise) / noise**2
-                for (rows, _), e in zip(self._parts(), errors)
+                for (rows, _), e in zip(self._parts(), errors, strict=True)
             ]
             gram, moment = precision, precision @ (mean - x)
-            for (rows, loaded), w, e in zip(self._parts(), weights, errors):
+            for (rows, loaded), w, e in zip(self._parts(), weights, errors, strict=True):
                 for j in range(J):
                     X = self._slopes(rows, x, loaded, j)
                     gram = gram + (X * w[:, j, None]).T @ X
@@ -185,7 +185,7 @@ class PayloadProblem:
         )
 
     def _parts(self) -> list[tuple[Rows, bool]]:
-        return list(zip(self._rows, (True, False)))
+        return list(zip(self._rows, (True, False), strict=False))
 
     def _start(self, known: PriorKnowledge) -> tuple[np.ndarray, np.ndarray]:
         """Return what is expected of all coefficients, and its precision; the payload's comes with every round."""
@@ -246,7 +246,7 @@ class PayloadProblem:
         return X
 
     def _refill(self, x: np.ndarray, phi: slice) -> None:
-        for source, (rows, loaded) in zip(self._sources, self._parts()):
+        for source, (rows, loaded) in zip(self._sources, self._parts(), strict=True):
             fill_load(rows, source, self.terms, x[: self.beta.size] + self._body(x, loaded))
 
     def _lever(self, payload: np.ndarray) -> np.ndarray:
@@ -267,7 +267,7 @@ class PayloadProblem:
     ) -> np.ndarray:
         """Return the long-run covariance of the data's part of the gradient, no less than correlated residuals make it, (p, p)."""
         total, least = (np.zeros((x.size, x.size)) for _ in range(2))
-        for (rows, loaded), w, e in zip(self._parts(), weights, errors):
+        for (rows, loaded), w, e in zip(self._parts(), weights, errors, strict=True):
             scores = np.zeros((len(e), x.size))
             for j in range(len(self.terms)):
                 X = self._slopes(rows, x, loaded, j)

@@ -60,7 +60,7 @@ class WrenchEstimate:
     def columns(self) -> dict[str, np.ndarray]:
         """Return the columns of a table, by name."""
         table, deviation = {}, self.deviation
-        for i, (name, unit) in enumerate(zip(COMPONENTS, UNITS)):
+        for i, (name, unit) in enumerate(zip(COMPONENTS, UNITS, strict=True)):
             table[f"{self.frame}_{name} [{unit}]"] = self.wrench[:, i]
             table[f"{self.frame}_{name}_sd [{unit}]"] = deviation[:, i]
         return table | {f"{self.frame}_singular": self.singular.astype(np.int8)}

@@ -111,7 +111,7 @@ def remote_client(address: str, credentials: Credentials, *, insecure: bool = Fa
                 raise InvalidInput(
                     f"There is no file {file}.", remedy="Name PEM files with --tls-ca, --tls-cert, --tls-key."
                 )
-        given = dict(zip(("tls_ca_file", "tls_client_cert", "tls_client_key"), files))
+        given = dict(zip(("tls_ca_file", "tls_client_cert", "tls_client_key"), files, strict=True))
         security = distributed.Security(require_encryption=True, **{k: v for k, v in given.items() if v})
     try:
         asyncio.run(_call(distributed, address, security))

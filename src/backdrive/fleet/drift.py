@@ -103,13 +103,19 @@ def drifts(
     common = _siblings([joints[i] for i in long])
     designs = [_design(joints[i], common.get(key_of(joints[i]))) for i in long]
     values = [changes.cut_outliers(_logarithms(joints[i])) for i in long]
-    found = [changes.correlation(joints[i].day, v[:, :1], d) for i, v, (d, _) in zip(long, values, designs)]
+    found = [
+        changes.correlation(joints[i].day, v[:, :1], d)
+        for i, v, (d, _) in zip(long, values, designs, strict=True)
+    ]
     sizes = np.array([v.shape[0] for v in values])
     middle = int(np.argsort(sizes)[sizes.size // 2])
     rho = changes.true_correlation(
         np.hstack(found), joints[long[middle]].day, designs[middle][0], sizes, seed + 1
     )
-    whitened = [changes.series(joints[i].day, v, d, r) for i, v, (d, _), r in zip(long, values, designs, rho)]
+    whitened = [
+        changes.series(joints[i].day, v, d, r)
+        for i, v, (d, _), r in zip(long, values, designs, rho, strict=True)
+    ]
     p, parts = _probabilities(whitened, seed)
     q = benjamini_hochberg(p)
     for number, i in enumerate(long):
@@ -170,7 +176,7 @@ def _siblings(joints: Sequence[History]) -> dict[tuple[str, str], dict[float, fl
         moved: dict[float, list[float]] = {}
         for one in group:
             level = np.log(one.level)
-            for d, y in zip(one.day, level - np.median(level)):
+            for d, y in zip(one.day, level - np.median(level), strict=True):
                 moved.setdefault(d, []).append(y)
         result[key] = {d: float(np.median(y)) for d, y in moved.items()}
     return result

@@ -119,7 +119,7 @@ def histories(table: pa.Table, *, today: int | None = None) -> list[History]:
     good &= (day >= number_of(EARLIEST)) & (day <= latest)
     texts = {name: table.column(name).to_pylist() for name in ("type", "unit", "path")}
     result = []
-    for a, b in zip(starts[:-1], starts[1:]):
+    for a, b in zip(starts[:-1], starts[1:], strict=True):
         rows = a + np.flatnonzero(good[a:b])
         if not rows.size:
             continue

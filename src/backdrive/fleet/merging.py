@@ -60,7 +60,9 @@ def _codes(column: Any) -> np.ndarray:
 
 def copies(table: pa.Table) -> list[tuple[str, str]]:
     """Return pairs of paths whose files have the same content: the one that counts, and its copy."""
-    pairs = sorted(set(zip(table.column("digest").to_pylist(), table.column("path").to_pylist())))
+    pairs = sorted(
+        set(zip(table.column("digest").to_pylist(), table.column("path").to_pylist(), strict=True))
+    )
     first: dict[str, str] = {}
     result = []
     for digest, path in pairs:

@@ -71,7 +71,7 @@ def outliers(joints: Sequence[History], *, rate: float = RATE) -> list[Outlier]:
             if known.size < FEWEST:
                 continue
             y = values[known, part]
-            for i, p, n in zip(known, *_against_siblings(y)):
+            for i, p, n in zip(known, *_against_siblings(y), strict=True):
                 one = group[i]
                 ratio = float(np.exp(values[i, part] - np.median(np.delete(y, np.flatnonzero(known == i)))))
                 every.append(
@@ -89,7 +89,7 @@ def outliers(joints: Sequence[History], *, rate: float = RATE) -> list[Outlier]:
     if not every:
         return []
     q = benjamini_hochberg(np.array([one.p for one in every]))
-    named = [Outlier(**{**one.__dict__, "q": float(v)}) for one, v in zip(every, q) if v <= rate]
+    named = [Outlier(**{**one.__dict__, "q": float(v)}) for one, v in zip(every, q, strict=True) if v <= rate]
     return sorted(named, key=lambda one: (one.p, one.robot, one.joint, one.part))
 
 
@@ -111,7 +111,7 @@ def _at_one_temperature(group: Sequence[History]) -> list[np.ndarray]:
     Where the temperature is known they are brought to the group's median temperature by the slope within robots that all share.
     """
     known = [np.isfinite(one.temperature) for one in group]
-    warm = np.concatenate([one.temperature[ok] for one, ok in zip(group, known)])
+    warm = np.concatenate([one.temperature[ok] for one, ok in zip(group, known, strict=True)])
     middle = float(np.median(warm)) if warm.size else 0.0
     result = []
     for one in group:
@@ -119,14 +119,14 @@ def _at_one_temperature(group: Sequence[History]) -> list[np.ndarray]:
         good = np.all(both > 0, axis=0)
         result.append(np.where(good, np.log(np.where(good, both, 1.0)), np.nan))
     products, squares = np.zeros(2), 0.0
-    for one, ok, y in zip(group, known, result):
+    for one, ok, y in zip(group, known, result, strict=True):
         if ok.sum() > 2:
             T = one.temperature[ok] - one.temperature[ok].mean()
             products, squares = products + np.nan_to_num(T @ y[ok]), squares + float(T @ T)
     slope = products / squares if squares > len(group) else np.zeros(2)
     return [
         y - np.where(ok, one.temperature - middle, 0.0)[:, None] * slope
-        for one, ok, y in zip(group, known, result)
+        for one, ok, y in zip(group, known, result, strict=True)
     ]
 
 
@@ -178,9 +178,9 @@ def merge(folder: str | os.PathLike) -> Population:
         whole = np.asarray(np.isfinite(values).all(axis=1))
         if whole.sum() < LEAST:
             continue
-        days = [y for y, ok in zip(_at_one_temperature(kept), whole) if ok]
+        days = [y for y, ok in zip(_at_one_temperature(kept), whole, strict=True) if ok]
         daily = [np.cov(y.T) if len(y) > 3 else np.zeros((2, 2)) for y in days]
-        within = np.array([c / max(len(y) / TOGETHER, 1.0) for c, y in zip(daily, days)])
+        within = np.array([c / max(len(y) / TOGETHER, 1.0) for c, y in zip(daily, days, strict=True)])
         mean = values[whole].mean(axis=0)
         total = np.cov(values[whole].T)
         between = _positive(total - within.mean(axis=0))

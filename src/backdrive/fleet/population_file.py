@@ -162,7 +162,7 @@ def _model(members: list[Member], logarithms: list[np.ndarray]) -> FrictionModel
     from backdrive.model.joint_friction import Validity
 
     joints = []
-    for one, logarithm in zip(members, logarithms):
+    for one, logarithm in zip(members, logarithms, strict=True):
         constant, viscous = (float(x) for x in np.exp(logarithm))
         spread = np.sqrt(np.diag(np.array(one.between))) * [constant, viscous]
         rate = CoulombViscous(

@@ -14,7 +14,9 @@ def recognise_renames(store: Store, entries: Sequence[LogEntry]) -> tuple[Store,
     here = {entry.path for entry in entries}
     owners: dict[str, set[tuple[str, bool]]] = {}
     gone: dict[str, bool] = {}
-    for digest, path, robot in zip(*(known.column(name).to_pylist() for name in known.column_names)):
+    for digest, path, robot in zip(
+        *(known.column(name).to_pylist() for name in known.column_names), strict=True
+    ):
         owners.setdefault(digest, set()).add((robot, path in here))
         gone[robot] = gone.get(robot, True) and path not in here
     pairs: dict[str, set[str]] = {}

@@ -78,7 +78,7 @@ def _duration(seconds: float) -> str:
     )
 
 
-def run(
+def run(  # noqa: PLR0913  (its options are given by keyword)
     source: str | os.PathLike | Sequence[str | os.PathLike],
     output: str | os.PathLike,
     *,
@@ -200,7 +200,10 @@ def _pending(store: Store, entries: Sequence[LogEntry], retry: bool) -> list[Log
     def stale(table: Any) -> np.ndarray:
         columns = [table.column(name).to_pylist() for name in ("path", "stamp", "failure")]
         return np.array(
-            [p in stamps and (stamps[p] != s or (retry and f is not None)) for p, s, f in zip(*columns)],
+            [
+                p in stamps and (stamps[p] != s or (retry and f is not None))
+                for p, s, f in zip(*columns, strict=True)
+            ],
             dtype=bool,
         )
 
@@ -209,7 +212,9 @@ def _pending(store: Store, entries: Sequence[LogEntry], retry: bool) -> list[Log
         store.drop(stale)
         known = store.raw(["path", "stamp", "failure", "tag"])
     done = set()
-    for path, stamp, tag in zip(*(known.column(name).to_pylist() for name in ("path", "stamp", "tag"))):
+    for path, stamp, tag in zip(
+        *(known.column(name).to_pylist() for name in ("path", "stamp", "tag")), strict=True
+    ):
         if tag == store.tag and stamps.get(path) == stamp:
             done.add(path)
     return [entry for entry in entries if entry.path not in done]

@@ -198,7 +198,7 @@ def _of_manifest(manifest: str) -> Iterator[LogEntry]:
                 f"{manifest}, line {number}: {len(cells)} cells under {len(header)} columns.",
                 remedy="Give every column a cell; it may be empty.",
             )
-        row = {name: cell.strip() for name, cell in zip(header, cells)}
+        row = {name: cell.strip() for name, cell in zip(header, cells, strict=False)}
         path = row.pop("path")
         if "://" in path:
             from backdrive.fleet.objects import describe

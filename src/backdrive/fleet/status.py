@@ -26,7 +26,7 @@ def status(folder: str | os.PathLike) -> dict[str, Any]:
     store = Store.open(folder)
     results, failures, raw = store.table(), store.table(failures=True), store.raw(["digest", "path"])
     robots, logs = set(results.column("robot").to_pylist()), len(set(results.column("path").to_pylist()))
-    joints = set(zip(results.column("robot").to_pylist(), results.column("joint").to_pylist()))
+    joints = set(zip(results.column("robot").to_pylist(), results.column("joint").to_pylist(), strict=True))
     days = [d for d in results.column("day").to_pylist() if d is not None]
     kinds = Counter(failures.column("failure").to_pylist())
     example = {}
@@ -70,6 +70,6 @@ def status(folder: str | os.PathLike) -> dict[str, Any]:
 def odd_days(table: Any) -> list[tuple[str, date | None]]:
     """Return robots and days that no recording can have: before 2000, or after tomorrow."""
     latest = datetime.now(UTC).date() + timedelta(days=1)
-    rows = set(zip(table.column("robot").to_pylist(), table.column("day").to_pylist()))
+    rows = set(zip(table.column("robot").to_pylist(), table.column("day").to_pylist(), strict=True))
     odd = [(robot, day) for robot, day in rows if day is None or not EARLIEST <= day <= latest]
     return sorted(odd, key=str)

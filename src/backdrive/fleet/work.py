@@ -188,7 +188,9 @@ def row_of(result: Identification, number: int, entry: LogEntry) -> dict[str, An
             error = friction.standard_errors.get(name)
             if parameter.many:
                 errors = error if isinstance(error, Sequence) else [None] * len(value)
-                numbers |= {f"{name}[{i}]": (v, e) for i, (v, e) in enumerate(zip(value, errors))}
+                numbers |= {
+                    f"{name}[{i}]": (v, e) for i, (v, e) in enumerate(zip(value, errors, strict=True))
+                }
             else:
                 numbers[name] = (value, error)
     quality = friction.held_out or friction.fitted

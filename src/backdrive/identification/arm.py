@@ -112,7 +112,9 @@ def identify_arm(
         regressor = Regressor(robot, seen)
         rows = build(regressor, terms)
         solution = solve_arm(rows, robot, terms, refill, loaded)
-    found = np.array([own[-1] > SIGNIFICANT * e[-1] for own, e in zip(solution.own, solution.errors)])
+    found = np.array(
+        [own[-1] > SIGNIFICANT * e[-1] for own, e in zip(solution.own, solution.errors, strict=True)]
+    )
     if np.any(loaded & ~found):  # what cannot be told from zero is left out, and the rest fitted again
         loaded &= found
         solution = solve_arm(rows, robot, terms, refill, loaded)

@@ -93,7 +93,7 @@ def _remarks_of(
     if not used.any():
         return ("It never moves: its friction is unknown and set to zero.",)
     unit, top, k = robot.units[j], terms[j].top, terms[j].knots.size
-    fastest = max(o.top for o, other in zip(terms, robot.units) if other == unit)
+    fastest = max(o.top for o, other in zip(terms, robot.units, strict=True) if other == unit)
     ways = np.array([rows.friction[j][used, :k].sum(), -rows.friction[j][used, k : 2 * k].sum()])
     own, pushed = solution.own[j], solution.pushed[j]
     mean, offset = float(np.mean(own[: 2 * k])), own[2 * k]

@@ -104,7 +104,7 @@ def _suspects(rows: Rows, terms: Sequence[Terms], solution: Solution) -> list[tu
     J, moving = len(terms), rows.weight > 0
     friction = [
         own[:, : 2 * t.knots.size] @ x[: 2 * t.knots.size]
-        for own, t, x in zip(rows.friction, terms, solution.own)
+        for own, t, x in zip(rows.friction, terms, solution.own, strict=True)
     ]
     sizes: list[tuple[float, tuple[int, int]]] = []
     for joint in np.flatnonzero(np.count_nonzero(moving, axis=0) >= 4 * BLOCKS).tolist():
@@ -201,7 +201,7 @@ class Search:
     def unseen(self, d: float) -> float:
         """Return by how many standard errors d lowers the squared residuals of blocks that the columns were not fitted on."""
         gain, block = np.zeros(BLOCKS), _blocks(self.used.size)
-        for (X, y), (X0, y0) in zip(self.pieces(d), self.pieces(0.0)):
+        for (X, y), (X0, y0) in zip(self.pieces(d), self.pieces(0.0), strict=True):
             scale = float(np.mean((y0 - X0 @ _coefficients(X0, y0)) ** 2))
             for b in range(BLOCKS):
                 out, kept = block == b, block != b
@@ -216,7 +216,10 @@ class Search:
         block = _blocks(self.used.size)
         size = [np.mean(e**2) for e in self.errors(d)]
         low, high, here = (
-            np.sum([np.bincount(block, e**2 / v, BLOCKS) for e, v in zip(self.errors(at), size)], axis=0)
+            np.sum(
+                [np.bincount(block, e**2 / v, BLOCKS) for e, v in zip(self.errors(at), size, strict=True)],
+                axis=0,
+            )
             for at in (d - WIDE, d + WIDE, d)
         )
         bend = float(np.sum(high + low - 2.0 * here)) / WIDE**2

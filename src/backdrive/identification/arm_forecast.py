@@ -105,7 +105,7 @@ def forecast_errors(
     told = np.einsum("kp,pq,kq->k", table, by_noise, table)
     return [
         StandardError(**name, expected=float(np.sqrt(max(v, 0.0))), shows=bool(v0 > TOLD * v))
-        for name, v, v0 in zip(names, spread, told)
+        for name, v, v0 in zip(names, spread, told, strict=True)
     ]
 
 
@@ -120,7 +120,8 @@ def terms_along(signals: Sequence[ArmSignals], J: int) -> list[Terms]:
     top = np.max([np.quantile(np.abs(s.velocity), 0.999, axis=0) for s in signals], axis=0)
     moves = [~resting(s.velocity, top, s.rate) & s.fitted[:, None] for s in signals]
     speeds = [
-        np.concatenate([np.abs(s.velocity[m[:, j], j]) for s, m in zip(signals, moves)]) for j in range(J)
+        np.concatenate([np.abs(s.velocity[m[:, j], j]) for s, m in zip(signals, moves, strict=True)])
+        for j in range(J)
     ]
     return [terms_of(speed) for speed in speeds]
 
@@ -152,11 +153,11 @@ def compare_errors(
         motion = [signals_of(p, robot) for p in plans]
         noise = np.array([plans[0].noise[plans[0].joints.index(name)] for name in robot.joints])
     k = [t.knots.size for t in terms]
-    friction = np.array([float(np.mean(own[: 2 * n])) for own, n in zip(solution.own, k)])
+    friction = np.array([float(np.mean(own[: 2 * n])) for own, n in zip(solution.own, k, strict=True)])
     expected = forecast_errors(motion, robot, noise, friction, terms)
     table, _ = _combinations(robot, terms)
     achieved = np.sqrt(np.maximum(np.einsum("kp,pq,kq->k", table, solution.everything, table), 0.0))
-    return [replace(e, achieved=float(a)) for e, a in zip(expected, achieved)]
+    return [replace(e, achieved=float(a)) for e, a in zip(expected, achieved, strict=True)]
 
 
 def _combinations(robot: Robot, terms: Sequence[Terms]) -> tuple[np.ndarray, list[dict[str, Any]]]:

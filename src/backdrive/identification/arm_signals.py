@@ -95,7 +95,7 @@ def prepare_arm(
                 remedy=f"Name the channel, for example --map {column}=COLUMN.",
             )
     order = robot.order_in(log.names)
-    for joint, unit in zip((log.joints[i] for i in order), robot.units):
+    for joint, unit in zip((log.joints[i] for i in order), robot.units, strict=True):
         if joint.unit != unit:
             raise InvalidInput(
                 f"Joint '{joint.name}' is in {joint.unit} in the log and in {unit} in the URDF.",

@@ -62,7 +62,9 @@ def seek_slip(regressor: Regressor, terms: Sequence[Terms], beta: np.ndarray) ->
     """
     rows, stretches, step = build(regressor, terms), regressor.stretches, steps_of(regressor.stretches)
     bodies = [derivative(regressor.bodies(s, beta), 1.0 / x.rate) for s, x in enumerate(stretches)]
-    change = np.concatenate([low_pass(b, JUDGED_BELOW, x.rate)[::step] for b, x in zip(bodies, stretches)])
+    change = np.concatenate(
+        [low_pass(b, JUDGED_BELOW, x.rate)[::step] for b, x in zip(bodies, stretches, strict=True)]
+    )
     slides = np.concatenate([_slides(x, terms)[::step] for x in stretches])
     rows = replace(rows, weight=rows.weight * slides)
     block = blocks_of(len(rows.torque), rows.rate)

@@ -252,7 +252,7 @@ def _blocks(rows: Rows, first: np.ndarray, weight: np.ndarray, x: np.ndarray) ->
         )
         parts.append(_normal(some, first, weight[inside], x))
     count = np.bincount(block, weights=np.count_nonzero(weight > 0, axis=1))
-    gram, moment = (np.array(part) for part in zip(*parts))
+    gram, moment = (np.array(part) for part in zip(*parts, strict=True))
     return regression.Blocks(gram=gram, moment=moment, power=np.zeros(count.size), rows=count)
 
 
@@ -300,7 +300,7 @@ def _alike(gram: np.ndarray, first: np.ndarray, terms: Sequence[Terms]) -> np.nd
 def _bounds(b: int, terms: Sequence[Terms], loaded: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Friction dissipates, a motor has inertia, and a gear loses no more than it transmits."""
     low, high = [np.full(b, -np.inf)], [np.full(b, np.inf)]
-    for t, load in zip(terms, loaded):
+    for t, load in zip(terms, loaded, strict=True):
         own_low, own_high = np.zeros(t.size), np.full(t.size, np.inf)
         own_low[-3] = -np.inf
         own_high[-1] = 1.0 if load else NONE

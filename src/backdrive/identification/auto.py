@@ -44,7 +44,9 @@ def moving_joints(logs: Sequence[Log], wanted: Sequence[str] | None) -> tuple[li
     if not moves.any():
         raise NotIdentifiable("No joint of this log moves.", remedy="Record the joint while it moves.")
     names = logs[0].names
-    return [n for n, m in zip(names, moves) if m], [n for n, m in zip(names, moves) if not m]
+    return [n for n, m in zip(names, moves, strict=True) if m], [
+        n for n, m in zip(names, moves, strict=True) if not m
+    ]
 
 
 def _travel(log: Log) -> np.ndarray:

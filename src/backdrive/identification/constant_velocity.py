@@ -142,7 +142,7 @@ def identify_constant_velocity(
     errors = errors_by_parameter(names, covariance)
     values: dict[str, tuple[float, float]] = {}
     if gravity:
-        values |= dict(zip(GRAVITY, zip(gravity[0], np.sqrt(np.diag(gravity[1])))))
+        values |= dict(zip(GRAVITY, zip(gravity[0], np.sqrt(np.diag(gravity[1])), strict=True), strict=True))
     if len(rest):
         values["offset"] = float((rest @ theta)[0]), errors.pop("offset")
     friction = JointFriction(

@@ -50,7 +50,9 @@ def evidence(
         series = s.time, position, s.velocity, s.torque, measured, predicted, np.full(s.time.size, fitted)
         columns.append([x[::stride] for x in series])
     names = [f.name for f in fields(Samples)]
-    samples = Samples(**{name: np.concatenate(each) for name, each in zip(names, zip(*columns))})
+    samples = Samples(
+        **{name: np.concatenate(each) for name, each in zip(names, zip(*columns, strict=True), strict=True)}
+    )
     return JointEvidence(
         joint=friction.joint.name,
         samples=samples,

@@ -83,7 +83,7 @@ def literal(log: Log, cycles: Windows, c: float = SHARE) -> SweepKnots:
         v = np.diff(log.position[:, 0], prepend=log.position[0, 0]) / log.period
     else:
         v = log.velocity[:, 0]  # type: ignore[index]
-    rows = [_level(log.time, v, f, w, peak, c) for w, peak in zip(cycles.time, cycles.peak)]
+    rows = [_level(log.time, v, f, w, peak, c) for w, peak in zip(cycles.time, cycles.peak, strict=True)]
     V, up, down, count_up, count_down = np.array(rows).T
     none = np.full(V.size, np.nan)
     return SweepKnots(
@@ -122,7 +122,9 @@ def correct_pairs(
     columns = [_columns(s, delay) for s in stretches]
     x = np.concatenate(columns, axis=1)  # time, velocity, torque, acceleration, position
     groups = [
-        _rows(x[0], d * x[1], w, c * peak) for w, peak in zip(cycles.time, cycles.peak) for d in (1, -1)
+        _rows(x[0], d * x[1], w, c * peak)
+        for w, peak in zip(cycles.time, cycles.peak, strict=True)
+        for d in (1, -1)
     ]
     used = [g for g in groups if g.size >= LEAST]
     center = float(np.mean([x[4, g].mean() for g in used])) if used and with_position else np.nan

@@ -174,7 +174,7 @@ def payload_growth(
     spread[-2:, -2:] = [1.0, 1.0], [1.0, -1.0]
     theta, covariance = spread @ theta, spread @ covariance @ spread.T
     deviation = np.sqrt(np.diag(covariance))
-    found = list(zip(theta.tolist(), deviation.tolist()))
+    found = list(zip(theta.tolist(), deviation.tolist(), strict=True))
     return PayloadGrowth(
         driving=found[-2],
         driven=found[-1],

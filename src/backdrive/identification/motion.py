@@ -45,7 +45,7 @@ LEAST_MOVES = 6  # and with fewer moves
 SPAN_FOR_GRAVITY = 0.15  # a rotary joint must travel so far before gravity is looked for [rad]
 
 
-def identify_motion(
+def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     logs: Sequence[Log],
     joint: str,
     *,
@@ -276,7 +276,9 @@ def as_friction(
     spread[:k, :k], spread[k:, k:] = np.diag(size), of_law
     names, covariance = (*terms, *parameters), spread @ choice.covariance @ spread.T
     errors = errors_by_parameter(names, covariance)
-    values = {term: (value * s, errors[term]) for term, value, s in zip(terms, coefficients, size)}
+    values = {
+        term: (value * s, errors[term]) for term, value, s in zip(terms, coefficients, size, strict=False)
+    }
     if "time_slip" in values:
         values["time_slip"] = values["time_slip"][0] + delay, values["time_slip"][1]
     return JointFriction(
@@ -328,7 +330,7 @@ def _leave_block_out(stretches, choice, joint, velocity, delay, seconds):
         first += count
         of_sample = of_bin[np.minimum(np.arange(s.time.size) // width, of_bin.size - 1)]
         edges = np.searchsorted(of_sample, np.unique(of_sample)).tolist()
-        rows = [slice(a, b) for a, b in zip(edges, [*edges[1:], s.time.size])]
+        rows = [slice(a, b) for a, b in zip(edges, [*edges[1:], s.time.size], strict=False)]
         predicted = [predict(models[of_sample[part.start]], s.rows(part)) for part in rows]
         pairs.append((s.torque, np.concatenate(predicted), s.rate, s.sliding))
     return pairs

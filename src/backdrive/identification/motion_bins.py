@@ -86,7 +86,7 @@ def bin_time(stretches: Sequence[Signals], cutoff: float) -> float:
         cutoff: of the low pass of its motion [Hz].
     """
     turns = [np.flatnonzero(np.diff(np.sign(s.velocity[s.sliding])) != 0) for s in stretches]
-    moves = np.concatenate([np.diff(at) / s.rate for at, s in zip(turns, stretches)])
+    moves = np.concatenate([np.diff(at) / s.rate for at, s in zip(turns, stretches, strict=True)])
     longest = OF_A_MOVE * float(np.median(moves)) if moves.size else LONGEST_BIN
     return max(BIN_TIME, min(1.0 / cutoff, longest, LONGEST_BIN))
 
@@ -132,5 +132,5 @@ def bin_means(
             series = s.torque[rows], mask[rows], np.abs(s.velocity[rows])
             of_series = [x.reshape(n, width).mean(axis=1) for x in series]
             parts.append([means(s, knots, rows, width), *of_series])
-    X, y, used, speed = (np.concatenate(part) for part in zip(*parts))
+    X, y, used, speed = (np.concatenate(part) for part in zip(*parts, strict=True))
     return Bins(X=X, y=y, used=used > filled, speed=speed, blocks=block_count(stretches))

@@ -62,18 +62,18 @@ def noise_of(residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], 
         degree: of the polynomial.
     """
     bases = [_basis(v, degree) for v in velocities]
-    left = [r - Q @ (Q.T @ r) for r, Q in zip(residuals, bases)]
+    left = [r - Q @ (Q.T @ r) for r, Q in zip(residuals, bases, strict=True)]
     power = np.array([float(np.mean(r**2)) for r in left])
     lags = min(LONGEST, max(r.size for r in left))
     raw = np.zeros(lags)
-    for r, p in zip(left, power):
+    for r, p in zip(left, power, strict=True):
         if p > 0.0:
             raw += _products(r[:, None], r[:, None], lags)[0, 0] / p
     correlation, kept = np.ones(1), np.ones(len(left))
     pairs = [_products(Q, Q, lags) for Q in bases]
     for _ in range(ROUNDS):
         taken, count = np.zeros(lags), np.full(lags, 1e-300)
-        for i, (Q, QQ) in enumerate(zip(bases, pairs)):
+        for i, (Q, QQ) in enumerate(zip(bases, pairs, strict=True)):
             lost = _fit_loss(Q, QQ, correlation)
             kept[i] = max(1.0 - lost[0] / len(Q), LEAST)
             taken += lost / kept[i]

@@ -184,7 +184,7 @@ def in_order(log: Log, first: Log) -> Log:
             remedy="Identify them one by one, or name the joints alike (--names).",
         )
     log = log if log.names == first.names else log.select(first.names)
-    for mine, theirs in zip(log.joints, first.joints):
+    for mine, theirs in zip(log.joints, first.joints, strict=False):
         if mine.unit != theirs.unit:
             raise InvalidInput(
                 f"Joint '{mine.name}' is in {theirs.unit} in one log and in {mine.unit} in another.",
@@ -261,8 +261,8 @@ def attach_plan(logs: Sequence[Log], plan: Any, start: Start | None = None) -> l
             remedy="Give one plan for all logs, or one for each in their order.",
         )
     if start is not None:
-        return [with_plan(log, one, start) for log, one in zip(logs, plans)]
-    return [log.replace(plan=one) for log, one in zip(logs, plans)]
+        return [with_plan(log, one, start) for log, one in zip(logs, plans, strict=False)]
+    return [log.replace(plan=one) for log, one in zip(logs, plans, strict=False)]
 
 
 def slow_clock(logs: Sequence[Log]) -> list[str]:

@@ -48,7 +48,7 @@ Outcome = tuple[Sequence[JointFriction], Sequence[JointEvidence], ArmModel | Non
 
 
 @on_one_thread
-def identify(
+def identify(  # noqa: PLR0913  (its options are given by keyword)
     logs: Log | Sequence[Log] | Any,
     *,
     law: str | Sequence[str] | None = None,
@@ -226,7 +226,8 @@ def identify(
     model, evidence = _with_verdicts(model, evidence, logs)
     limits = _limits(options.urdf)
     model = replace(
-        model, joints=tuple(supplement(j, e, logs, limits) for j, e in zip(model.joints, evidence))
+        model,
+        joints=tuple(supplement(j, e, logs, limits) for j, e in zip(model.joints, evidence, strict=True)),
     )
     return Identification(
         model=model,
@@ -303,7 +304,7 @@ def _by_joint(
             warnings.append(f"Joint '{name}' was left out: {error}")
     if not results:
         raise NotIdentifiable("No joint could be identified.", remedy=" ".join(warnings))
-    friction, evidence = zip(*results)
+    friction, evidence = zip(*results, strict=True)
     return friction, evidence
 
 
@@ -332,7 +333,7 @@ def _with_verdicts(
     model: FrictionModel, evidence: Sequence[JointEvidence], logs: Sequence[Log]
 ) -> tuple[FrictionModel, list[JointEvidence]]:
     """Return model and evidence with what the rules of plausibility have to say."""
-    joints = tuple(with_verdict(j, e, logs) for j, e in zip(model.joints, evidence))
+    joints = tuple(with_verdict(j, e, logs) for j, e in zip(model.joints, evidence, strict=True))
     return replace(model, joints=joints), _describe_fit(evidence, model.joints, joints)
 
 
@@ -342,5 +343,5 @@ def _describe_fit(
     """Return the evidence with the sentence on the fit as it is now."""
     return [
         replace(e, verdict=e.verdict.replace(describe_fit(old), describe_fit(new)))
-        for e, old, new in zip(evidence, before, after)
+        for e, old, new in zip(evidence, before, after, strict=True)
     ]

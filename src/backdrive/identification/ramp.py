@@ -140,7 +140,7 @@ def is_ramp(log: Log, joint: str | int) -> bool:
     if turns.size < 2 or np.diff(turns).sum() < RAMPED * len(single):
         return False
     off = []
-    for a, b in zip(turns, turns[1:]):
+    for a, b in zip(turns, turns[1:], strict=False):
         inner = slice(a + round(EDGE * rate), max(b - round(EDGE * rate), a + 1))
         if inner.stop - inner.start < SHORTEST:
             return False  # no ramp is so short
@@ -208,12 +208,12 @@ def hysteresis_loop(logs: Sequence[Log], slips: Sequence[float]) -> tuple[float,
         slips: speed from which on the joint slips, a log [rad/s or m/s].
     """
     width, area = float("nan"), float("nan")
-    for log, limit in zip(logs, slips):
+    for log, limit in zip(logs, slips, strict=True):
         u, rate, cutoff = low_pass_torque(log)
         x = filters.low_pass(log.position[:, 0], cutoff, rate)  # type: ignore[index]
         speed = np.abs(filters.derivative(x, log.period))
         turns = turning_points(u, BRANCH * float(np.ptp(u)))
-        for a, b, c in zip(turns[1:], turns[2:], turns[3:]):
+        for a, b, c in zip(turns[1:], turns[2:], turns[3:], strict=False):
             if np.any(speed[a:c] >= limit) or abs(abs(u[b] - u[a]) / abs(u[c] - u[b]) - 1.0) > 0.1:
                 continue
             middle = 0.5 * (u[a] + u[b])

@@ -86,7 +86,7 @@ def branches_of(log: Log, count: float) -> tuple[list[Branch], float, float]:
             torque[begin : at + 1], velocity, at, rate, cutoff
         )
 
-    for a, b in zip(turns, turns[1:]):
+    for a, b in zip(turns, turns[1:], strict=False):
         for start, stop in a + spans(stuck[a : b + 1]):
             after, before = start > a or not stuck[max(a - 1, 0)], stop <= b
             first, last = start + settle * after, stop - settle * before

@@ -272,10 +272,10 @@ def residual_of(parts: Sequence[Part]) -> Residual | None:
         "known",
         "part",
     )
-    joined = [np.concatenate(each) for each in zip(*columns)]
+    joined = [np.concatenate(each) for each in zip(*columns, strict=True)]
     rate = float(np.median([s.rate for s, *_ in parts]))
     return Residual(
-        **dict(zip((*names, "moving", "sliding"), joined)),
+        **dict(zip((*names, "moving", "sliding"), joined, strict=True)),
         period=max(1, round(MEAN * rate)) / rate,
         wild=far / count if count else 0.0,
         step=min(resolution(s.torque) for s, *_ in parts),

@@ -125,7 +125,7 @@ def between_gaps(time: np.ndarray, period: float, least: int) -> list[slice]:
     """
     cuts = np.flatnonzero(np.diff(time) > GAP * period) + 1
     bounds = [0, *cuts.tolist(), time.size]
-    return [slice(a, b) for a, b in zip(bounds, bounds[1:]) if b - a >= least]
+    return [slice(a, b) for a, b in zip(bounds, bounds[1:], strict=False) if b - a >= least]
 
 
 def _finite(log: Log) -> Log:

@@ -120,7 +120,7 @@ def _next(tried: list[tuple[float, float]]) -> tuple[float, float, bool]:
     if len(tried) == 1:
         return _beyond(*tried[0], LEVER), 1.0, False
     ordered = sorted(tried)
-    around = [(a, b) for a, b in zip(ordered, ordered[1:]) if a[1] > 0.0 >= b[1]]
+    around = [(a, b) for a, b in zip(ordered, ordered[1:], strict=False) if a[1] > 0.0 >= b[1]]
     if not around:
         (before, had), (delay, left) = tried[-2:]
         share = float(np.clip((had - left) / (delay - before), *SHARES))

@@ -123,7 +123,10 @@ def identify_sweep(
     each, late = _each(logs, joint, stretches, delays, errors)
     used = each
     if literal:
-        used = [pairs(log, joint, s, literal=True, delay=d) for log, s, d in zip(logs, stretches, delays)]
+        used = [
+            pairs(log, joint, s, literal=True, delay=d)
+            for log, s, d in zip(logs, stretches, delays, strict=True)
+        ]
 
     def fit_to(part: slice) -> tuple[JointFriction, SweepFit]:
         off = [] if literal else late[part]
@@ -180,13 +183,13 @@ def _each(
     errors: Sequence[float],
 ) -> tuple[list[SweepKnots], list[SweepKnots]]:
     """Return the pairs of each sweep, and the same with the delay off by its error; none of the latter where it has none."""
-    each = [pairs(log, joint, s, delay=d) for log, s, d in zip(logs, stretches, delays)]
+    each = [pairs(log, joint, s, delay=d) for log, s, d in zip(logs, stretches, delays, strict=True)]
     if not any(errors):
         return each, []
-    off = [d + e for d, e in zip(delays, errors)]
+    off = [d + e for d, e in zip(delays, errors, strict=True)]
     return each, [
         pairs(log, joint, s, delay=d) if e else k
-        for log, s, d, e, k in zip(logs, stretches, off, errors, each)
+        for log, s, d, e, k in zip(logs, stretches, off, errors, each, strict=True)
     ]
 
 

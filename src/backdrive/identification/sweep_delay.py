@@ -69,13 +69,13 @@ def _solve(
         (_regressor(real, knots), _regressor(wanted, knots)) for _, real, wanted, _ in parts
     ]
     for k in range(ROUNDS):
-        y = [torque_between(s, delay)[rows] for s, (rows, *_) in zip(stretches, parts)]
+        y = [torque_between(s, delay)[rows] for s, (rows, *_) in zip(stretches, parts, strict=True)]
         if k > 0 and loaded:  # gravity and inertia are known, and so is the load
             regressors = [
                 (_with_load(X, real, theta), _with_load(Z, wanted, theta))
-                for (X, Z), (_, real, wanted, _) in zip(plain, parts)
+                for (X, Z), (_, real, wanted, _) in zip(plain, parts, strict=True)
             ]
-        moments = [(Z.T @ X, Z.T @ f) for (X, Z), f in zip(regressors, y)]
+        moments = [(Z.T @ X, Z.T @ f) for (X, Z), f in zip(regressors, y, strict=True)]
         inverse = regression.invert(np.sum([m[0] for m in moments], axis=0))
         theta = inverse @ np.sum([m[1] for m in moments], axis=0)
         if not theta[0] > 0:
@@ -83,7 +83,7 @@ def _solve(
         delay -= float(theta[1] / theta[0])
     runs = [
         ((f - X @ theta)[a:b], real[1][a:b], Z[a:b].T)
-        for (X, Z), (_, real, _, edges), f in zip(regressors, parts, y)
+        for (X, Z), (_, real, _, edges), f in zip(regressors, parts, y, strict=True)
         for a, b in edges
     ]
     # a cubic more than was fitted: what straight sections miss of the curve is no noise
@@ -105,7 +105,7 @@ def drive_delays(
     told: list[str | None] = [timing or "command"] * len(stretches)
     if timing is None and not literal:
         told = [torque_timing(s)[0] for s in stretches]
-    delays = [-0.5 / s[0].rate if t == "sample" else 0.0 for s, t in zip(stretches, told)]
+    delays = [-0.5 / s[0].rate if t == "sample" else 0.0 for s, t in zip(stretches, told, strict=True)]
     errors = [0.0] * len(stretches)
     open_ = [i for i, t in enumerate(told) if t is None]
     if not open_:
@@ -146,12 +146,12 @@ def _part(s: Signals, cycles: Windows, corner: float):
     for _ in range(3):
         motion.append(filters.derivative(motion[-1], 1.0 / s.rate))
     used = np.zeros(s.time.size, dtype=bool)
-    for window, peak in zip(cycles.time, cycles.peak):
+    for window, peak in zip(cycles.time, cycles.peak, strict=True):
         a, b = np.searchsorted(s.time, window)
         used[a:b] |= np.abs(motion[1][a:b]) >= SHARE * peak
     rows = np.flatnonzero(used)
     starts = np.concatenate([[0], np.flatnonzero(np.diff(rows) > 1) + 1, [rows.size]])
-    edges = [(int(a), int(b)) for a, b in zip(starts, starts[1:]) if b > a]
+    edges = [(int(a), int(b)) for a, b in zip(starts, starts[1:], strict=False) if b > a]
     real = [m[rows] for m in (s.position, s.velocity, s.acceleration, s.jerk)]  # type: ignore[index]
     return rows, real, [m[rows] for m in motion], edges
 

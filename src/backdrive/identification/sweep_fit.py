@@ -95,7 +95,7 @@ class SweepFit:
         return found[0], found[1]
 
 
-def fit(
+def fit(  # noqa: PLR0912, PLR0915  (the steps of one method in a row)
     knots: Sequence[SweepKnots],
     *,
     unit: str,

@@ -161,5 +161,5 @@ def polyline_through(V: np.ndarray, up: np.ndarray, down: np.ndarray) -> Polylin
     rest = [float(hats(np.zeros(1), V)[0] @ F) for F in (up, down)]
     if V[0] > 0 and min(rest) < 0:
         V = np.concatenate([[0.0], V])
-        up, down = (np.concatenate([[max(r, 0.0)], F]) for r, F in zip(rest, (up, down)))
+        up, down = (np.concatenate([[max(r, 0.0)], F]) for r, F in zip(rest, (up, down), strict=True))
     return Polyline(velocity=tuple(V), positive=tuple(up), negative=tuple(down))

@@ -65,7 +65,7 @@ def identify_payload(
         )
     stretches = [prepare(log, joint) for log in logs]
     delays, errors, remarks = drive_delays(logs, joint, stretches, timing, False)
-    knots = [pairs(log, joint, s, delay=d) for log, s, d in zip(logs, stretches, delays)]
+    knots = [pairs(log, joint, s, delay=d) for log, s, d in zip(logs, stretches, delays, strict=True)]
     found = payload_growth(knots, payloads, name=joint)
     size = np.hypot(*np.array(payloads, dtype=float).T)
     light = np.flatnonzero(size <= size.min()).tolist()

@@ -155,7 +155,7 @@ def _cycles(
     stroke = np.abs(np.diff(x[turn]))
     period = float(time[1] - time[0])
     peak, sine = np.zeros(stroke.size), np.zeros(stroke.size, dtype=bool)
-    for i, (a, b) in enumerate(zip(turn, turn[1:])):
+    for i, (a, b) in enumerate(zip(turn, turn[1:], strict=False)):
         part = speed[a:b]
         peak[i] = part.max(initial=0.0)
         above = np.count_nonzero(part >= 0.8 * peak[i]) * period

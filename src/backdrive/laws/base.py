@@ -148,13 +148,13 @@ def by_name(names: Mapping[str, Any], base: type[R]) -> dict[str, type[R]]:
     return {law.NAME: law for law in sorted(laws, key=lambda law: law.KIND)}
 
 
-def kernels_of(classes: Iterable[type[Rows]], name: str) -> dict[int, Callable]:
+def kernels_of(classes: Iterable[type[Rows]], name: str) -> dict[int, Callable[..., Any]]:
     """Return the kernels of laws by KIND: the functions of this name in their files.
 
     Raises:
         ValueError: two laws with kernels of their own have one number, or a number is none from 0 to 62.
     """
-    kernels: dict[int, Callable] = {}
+    kernels: dict[int, Callable[..., Any]] = {}
     for law in classes:
         kernel = getattr(sys.modules[law.__module__], name)
         if kernels.setdefault(law.KIND, kernel) is not kernel or not 0 <= law.KIND < 63:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -116,7 +117,7 @@ def within(v, dp, dt):
 
 
 @ladder
-def step_at(rate, element, plain, p, x, y, v, dp, dt, load, temp):
+def step_at(rate, element, plain, p, x, y, v, dp, dt, load, temp):  # noqa: PLR0913  (a kernel's row)
     """Friction torque of one tick from the state row x to y at a velocity v = dp/dt that is at most FASTEST."""
     e = 1 + int(p[0])
     if ROWS >> element & 1:
@@ -128,7 +129,7 @@ def step_at(rate, element, plain, p, x, y, v, dp, dt, load, temp):
 
 
 @ladder
-def step_one(rate, element, plain, p, e, z, v, dp, dt, load, temp):
+def step_one(rate, element, plain, p, e, z, v, dp, dt, load, temp):  # noqa: PLR0913  (a kernel's row)
     """State and friction torque after one tick of an element whose state is one number z; its row begins at p[e]."""
     lo, hi, viscous = bounds(rate, element, plain, p, v, load, temp)
     if MOVES >> element & 1:
@@ -155,7 +156,7 @@ def bounds(rate, element, plain, p, v, load, temp):
 
 
 @jit
-def solve(rate, element, p, x, v_free, dt, dt_over_m, load, temp):
+def solve(rate, element, p, x, v_free, dt, dt_over_m, load, temp):  # noqa: PLR0912  (a kernel calls little)
     """Velocity at the end of a step of a mass held by this friction, implicit in the friction; `x` stays as it is.
 
     v + dt/m friction(v dt) = v_free, the velocity that the step would end with without friction. Where friction is set-valued,
@@ -220,7 +221,7 @@ def _try_step(rate, element, p, x, v, dt, load, temp):
 
 
 @jit
-def _excess(rate, element, p, x, speed, toward, v_free, dt, dt_over_m, load, temp):
+def _excess(rate, element, p, x, speed, toward, v_free, dt, dt_over_m, load, temp):  # noqa: PLR0913  (a kernel's row)
     """How much a trial speed asks for beyond what the step provides, along the direction of motion."""
     v = toward * speed
     if HOLDS >> element & 1:
@@ -232,7 +233,7 @@ def _excess(rate, element, p, x, speed, toward, v_free, dt, dt_over_m, load, tem
 
 
 @cache
-def steady_of(rate: int) -> Callable:
+def steady_of(rate: int) -> Callable[..., Any]:
     """Return the steady friction torque of a plain rate law at one velocity, without a load and at 20 degC: f(p, v)."""
 
     def at(p, v):

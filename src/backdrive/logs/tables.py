@@ -177,5 +177,5 @@ def _joints(joints: Any, unit: Any, J: int) -> tuple[Joint, ...]:
     given = [names] if isinstance(names, (str, Joint)) else list(names)
     return tuple(
         joint if isinstance(name, Joint) else replace(joint, unit=u, named=joints is not None)
-        for joint, name, u in zip(known, given, units)
+        for joint, name, u in zip(known, given, units, strict=True)
     )

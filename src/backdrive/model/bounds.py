@@ -76,7 +76,7 @@ def _check_read(written: Any, read: Any, where: str) -> None:
                 )
             _check_read(value, read[key], f"{where}.{key}")
     elif isinstance(written, list) and isinstance(read, (list, tuple)):
-        for i, (value, inner) in enumerate(zip(written, read)):
+        for i, (value, inner) in enumerate(zip(written, read, strict=False)):
             _check_read(value, inner, f"{where}[{i}]")
 
 

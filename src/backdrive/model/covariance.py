@@ -70,7 +70,7 @@ class Covariance:
 
     def standard_errors(self) -> dict[str, float]:
         """Return the roots of the diagonal by name of the row."""
-        return dict(zip(self.names, np.sqrt(np.diag(self.array())).tolist()))
+        return dict(zip(self.names, np.sqrt(np.diag(self.array())).tolist(), strict=True))
 
     def of_numbers(self, errors: Mapping[str, Any]) -> Covariance | None:
         """Return the rows that are of a joint's numbers; None where none is.
@@ -132,7 +132,7 @@ def errors_by_parameter(names: Sequence[str], matrix: np.ndarray) -> dict[str, A
         matrix: (k, k).
     """
     errors: dict[str, Any] = {}
-    for row, error in zip(names, np.sqrt(np.maximum(np.diag(matrix), 0.0)).tolist()):
+    for row, error in zip(names, np.sqrt(np.maximum(np.diag(matrix), 0.0)).tolist(), strict=True):
         name, bracket, _ = row.partition("[")
         errors[name] = (*errors.get(name, ()), error) if bracket else error
     return errors

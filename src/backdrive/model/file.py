@@ -55,7 +55,7 @@ def _nan(x: Number) -> float:
     return math.nan if x is None else x
 
 
-def _values(rows: Rows, unit: str, errors: dict, at_bound: tuple[str, ...]) -> dict[str, Value]:
+def _values(rows: Rows, unit: str, errors: dict[str, Any], at_bound: tuple[str, ...]) -> dict[str, Value]:
     result = {}
     for name, parameter in rows.PARAMETERS.items():
         value, error = getattr(rows, name), errors.get(name)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -98,7 +98,7 @@ class FrictionModel(Display):
         """
         if isinstance(joint, (int, np.integer)) and str(joint) not in self.names:
             joint = dict(enumerate(self.names)).get(int(joint), str(joint))
-        return lookup(str(joint), dict(zip(self.names, self.joints)), "joint of this model")
+        return lookup(str(joint), dict(zip(self.names, self.joints, strict=True)), "joint of this model")
 
     def torque(
         self,
@@ -201,7 +201,10 @@ class FrictionModel(Display):
 
         drawn = [draw_laws(friction, n, [seed, j]) for j, friction in enumerate(self.joints)]
         return [
-            replace(self, joints=tuple(replace(f, law=laws[k]) for f, laws in zip(self.joints, drawn)))
+            replace(
+                self,
+                joints=tuple(replace(f, law=laws[k]) for f, laws in zip(self.joints, drawn, strict=True)),
+            )
             for k in range(n)
         ]
 
@@ -237,12 +240,12 @@ class FrictionModel(Display):
             result[j.joint.name] = {"velocity": velocity, "torque": j.law.torque(velocity)}
         return result
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | os.PathLike[str]) -> None:
         """Write the model file (JSON), whole or not at all."""
         upper("model.file", "save")(self, path)
 
 
-def load_model(path: str | Path) -> FrictionModel:
+def load_model(path: str | os.PathLike[str]) -> FrictionModel:
     """Read a model file, or published parameters by name.
 
     Args:

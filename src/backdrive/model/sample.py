@@ -56,7 +56,7 @@ def draw_laws(friction: JointFriction, n: int, seed: int | Sequence[int] = 0) ->
         draws[:, free] += random.standard_normal((len(missing), free.size)) @ root.T
         inside = np.all((draws >= low) & (draws <= high), axis=1)
         left = []
-        for place, numbers, kept in zip(missing, draws, inside):
+        for place, numbers, kept in zip(missing, draws, inside, strict=True):
             laws[place] = _law(law, names, numbers) if kept else None
             if laws[place] is None:
                 left.append(place)
@@ -102,7 +102,7 @@ def _covariance(friction: JointFriction, names: list[str]) -> np.ndarray:
 def _law(law: Law, names: list[str], numbers: np.ndarray) -> Law | None:
     """Return the law with other numbers; None where they make none."""
     given: dict[str, Any] = {}
-    for name, number in zip(names, numbers.tolist()):
+    for name, number in zip(names, numbers.tolist(), strict=True):
         indexed = re.fullmatch(r"(\w+)\[\d+\]", name)
         if indexed:
             given.setdefault(indexed[1], []).append(number)

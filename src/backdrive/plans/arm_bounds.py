@@ -75,7 +75,7 @@ class ArmBounds:
             for name in ("lower", "upper", "velocity", "acceleration", "effort")
         )
         room, rest = 0.5 * margin * (upper - lower), 1.0 - margin
-        for limit, own in zip(limits, friction):
+        for limit, own in zip(limits, friction, strict=True):
             if not own < rest * limit.effort:
                 raise InvalidInput(
                     f"Joint '{limit.name}': friction of {own:.4g} {torque_unit(limit.unit)} is all of its torque.",
@@ -153,7 +153,7 @@ class ArmBounds:
         names = ("position", "speed", "acceleration", "torque with friction")
         sentences = [
             f"Joint '{self.robot.joints[j]}': its {names[i]} reaches {100 * share[i, j]:.4g} % of what the limit leaves."
-            for i, j in zip(*np.nonzero(share > 1.0 + _ROUNDING))
+            for i, j in zip(*np.nonzero(share > 1.0 + _ROUNDING), strict=True)
         ]
         if not sentences and self.clearance is not None:
             path = plan.series(np.linspace(0.0, plan.period, SIDES, endpoint=False), 0)

@@ -225,7 +225,7 @@ class Information:
         common = self.size - sum(self.loads)
         whole = np.zeros_like(columns)
         whole[..., :common] = (1 + len(self.loads)) * columns[..., :common] @ slope[:common, :common]
-        for first, count in zip(self._starts, self.loads):
+        for first, count in zip(self._starts, self.loads, strict=True):
             own = slice(first, first + count)
             whole[..., :common] += columns[..., own] @ slope[own, :common]
             whole[..., own] = (

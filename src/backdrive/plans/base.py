@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import MISSING, dataclass, fields
-from typing import Any, ClassVar, Literal, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 
 import numpy as np
 
@@ -87,8 +87,14 @@ class MotionPlan(Plan):
     lead_in: float | None = None
 
     commands: ClassVar[str] = "position"
-    peak_acceleration: ClassVar[Any]
-    _motion: ClassVar[Any]
+    if TYPE_CHECKING:
+
+        @property
+        def peak_acceleration(self) -> float:
+            """Greatest acceleration [rad/s^2 or m/s^2]."""
+            ...
+
+        def _motion(self, t: np.ndarray, order: int) -> np.ndarray: ...
 
     def position(self, t: Any) -> np.ndarray:
         """Return the position [rad or m] at instants t [s], any shape."""

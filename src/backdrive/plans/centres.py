@@ -239,7 +239,7 @@ def _best(arrangements: list[list[float]]) -> tuple[float, list[float]]:
     and of two that mirror each other the one with fewer at the lower end.
     """
     gains = [noise_gain(c) for c in arrangements]
-    alike = [c for c, g in zip(arrangements, gains) if g <= min(gains) * (1.0 + TIE)]
+    alike = [c for c, g in zip(arrangements, gains, strict=True) if g <= min(gains) * (1.0 + TIE)]
     best = min(alike, key=lambda c: (abs(c.count(c[0]) - c.count(c[-1])), c.count(c[0])))
     return gains[arrangements.index(best)], best
 

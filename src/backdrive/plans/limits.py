@@ -111,7 +111,7 @@ def read_limits(path: str | Path) -> dict[str, JointLimits]:
     root = _parse(Path(path))
     if root.tag == "mujoco":
         robot = load_robot(path)
-        rows = zip(robot.joints, robot.units, robot.ranges)
+        rows = zip(robot.joints, robot.units, robot.ranges, strict=True)
         return {name: JointLimits(name=name, unit=unit, **asdict(limits)) for name, unit, limits in rows}
     if root.tag != "robot":
         raise UnknownFormat(

@@ -117,7 +117,7 @@ class Multisine(MotionPlan):
     def _sum(self, t: np.ndarray, order: int) -> np.ndarray:
         """Sum of the sines of amplitude 1/harmonic, or a derivative, at times since the first period (n,)."""
         total = np.zeros_like(t)
-        for k, phase in zip(self.harmonics, self.phases):
+        for k, phase in zip(self.harmonics, self.phases, strict=True):
             w = 2.0 * np.pi * k / self.period
             total += w**order / k * np.sin(w * t + phase + 0.5 * np.pi * order)
         return total

@@ -124,7 +124,7 @@ class Sweep(MotionPlan):
         first, last = float(w[0]), float(w[-1])
         glide = min(self._lead, self._gentlest)
         knots = [(turns[0] - glide, -0.5 * np.pi, 0.0, 0.0), (turns[0], 0.0, first, 0.0)]
-        for n, (before, after) in enumerate(zip(*self._glides), start=1):
+        for n, (before, after) in enumerate(zip(*self._glides, strict=True), start=1):
             turn, middle = 2.0 * np.pi * n, 0.5 * (w[n - 1] + w[n])
             slope = 1.5 * (w[n] - w[n - 1]) / (before + after)
             knots += [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -25,8 +25,12 @@ class TorquePlan(Plan):
     offset: float = 0.0
 
     commands: ClassVar[str] = "torque"
-    _torque: ClassVar[Any]
-    _height: ClassVar[Any]
+    if TYPE_CHECKING:
+
+        @property
+        def _height(self) -> float: ...
+
+        def _torque(self, t: np.ndarray) -> np.ndarray: ...
 
     def torque(self, t: Any) -> np.ndarray:
         """Return the commanded torque [N.m or N] at instants t [s], any shape."""
@@ -119,8 +123,11 @@ class SawtoothTorque(Swinging):
                 remedy="Give a share from 0.01 to 0.99: a torque that jumps shakes the joint.",
             )
 
+    def _torque(self, t: np.ndarray) -> np.ndarray:
+        return self._pieces(t)
+
     @cached_property
-    def _torque(self) -> Pieces:
+    def _pieces(self) -> Pieces:
         shape = np.array([0.0, 0.5 * self.rise, 1.0 - 0.5 * self.rise])
         times = np.append((np.arange(self.cycles)[:, None] + shape).ravel(), self.cycles) / self.frequency
         values = np.append(np.tile([0.0, 1.0, -1.0], self.cycles), 0.0)
@@ -175,8 +182,11 @@ class TorqueRamp(TorquePlan):
         peaks = (2.0 * np.arange(2 * self.cycles) + 1.0) * quarter
         return self.start + self.lead_in + np.concatenate([[0.0], peaks, [4.0 * self.cycles * quarter]])
 
+    def _torque(self, t: np.ndarray) -> np.ndarray:
+        return self._pieces(t)
+
     @cached_property
-    def _torque(self) -> Pieces:
+    def _pieces(self) -> Pieces:
         values = np.concatenate([[0.0], np.tile([self.peak, -self.peak], self.cycles), [0.0]])
         return Pieces.linear(self._turns, self.offset + values)
 

@@ -45,7 +45,7 @@ def parse_robot(content: bytes | str, where: str = "the robot description") -> R
     reader = mjcf if root.tag == "mujoco" else urdf
     model, ranges, remarks = reader.build(root, where)
     names, joints = list(model.names)[1:], list(model.joints)[1:]
-    wide = [name for name, j in zip(names, joints) if j.nv != 1]
+    wide = [name for name, j in zip(names, joints, strict=True) if j.nv != 1]
     if wide or not joints:
         raise ReadError(
             f"{where}: {'joints ' + ', '.join(wide) + ' have' if wide else 'no joint has'} one degree of freedom"

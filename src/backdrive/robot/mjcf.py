@@ -187,7 +187,7 @@ class Builder:
         """Return pinocchio's joint about or along an axis."""
         family = "Revolute" if kind == "hinge" else "Prismatic"
         short = "R" if kind == "hinge" else "P"
-        for letter, along in zip("XYZ", np.eye(3)):
+        for letter, along in zip("XYZ", np.eye(3), strict=True):
             if np.array_equal(axis, along):
                 return getattr(self.pin, f"JointModel{short}{letter}")()
         return getattr(self.pin, f"JointModel{family}Unaligned")(axis)

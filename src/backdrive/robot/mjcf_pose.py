@@ -65,7 +65,7 @@ def rotation(attributes: Mapping[str, str], angles: Angles, where: str) -> np.nd
         second = unit(x[3:] - first * (first @ x[3:]), f"{where}: xyaxes")
         return np.column_stack([first, second, np.cross(first, second)])
     turned = np.eye(3)
-    for letter, angle in zip(angles.sequence, angles.unit * x):
+    for letter, angle in zip(angles.sequence, angles.unit * x, strict=True):
         one = about(np.eye(3)["xyz".index(letter.lower())], angle)
         turned = turned @ one if letter.islower() else one @ turned
     return turned

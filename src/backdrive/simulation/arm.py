@@ -53,7 +53,7 @@ def spread_impulse(Minv, v, j, impulse):
 
 
 @jit
-def advance(table, kinds, P, X, p, w, q, v, Minv, bias, u, h, steps):
+def advance(table, kinds, P, X, p, w, q, v, Minv, bias, u, h, steps):  # noqa: PLR0913  (a kernel's row)
     """Advance all joints by some steps h; p, w: motor side, q, v: link side, bias: h + g less what a hand does, u: motor torque."""
     J = q.size
     for _ in range(steps):

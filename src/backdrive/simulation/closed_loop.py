@@ -161,7 +161,7 @@ def play(scenes: Scene | Sequence[Scene], *, workers: int | None = None) -> Any:
 
     spread(work, len(prepared), workers)
     records = []
-    for scene, (arguments, sensor) in zip(many, prepared):
+    for scene, (arguments, sensor) in zip(many, prepared, strict=True):
         out = arguments[-1]
         columns = {name: out[:, i] for i, name in enumerate(COLUMNS)}
         records.append(

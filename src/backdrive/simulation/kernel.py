@@ -27,7 +27,7 @@ def encoder(p, count):
 
 
 @jit
-def run(
+def run(  # noqa: PLR0913, PLR0915  (a kernel's row)
     j,
     law,
     p,

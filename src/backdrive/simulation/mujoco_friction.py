@@ -207,7 +207,7 @@ class MujocoFriction:
         self._kinds = np.array([[law.rate.KIND for law in laws], [law.element.KIND for law in laws]])
         self._sizes = np.array([[law.row().size for law in laws], [law.state().size for law in laws]])
         self._rows = np.zeros((len(laws), self._sizes[0].max()))
-        for row, law in zip(self._rows, laws):
+        for row, law in zip(self._rows, laws, strict=True):
             row[: law.row().size] = law.row()
         self._states = np.zeros((len(laws), self._sizes[1].max()))
         self.torque = np.zeros(len(laws))

@@ -52,7 +52,7 @@ def impulses(record: Record, force: np.ndarray, weightless: bool = True) -> tupl
 def slope(records: Iterable[Record], weightless: bool = True) -> float:
     """Return the slope of measured over due impulses through zero [-]."""
     pairs = [impulses(r, r.sensed, weightless) for r in records]
-    measured, due = (np.concatenate(part) for part in zip(*pairs))
+    measured, due = (np.concatenate(part) for part in zip(*pairs, strict=False))
     return float(measured @ due / (due @ due))
 
 

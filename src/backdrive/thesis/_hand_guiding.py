@@ -252,5 +252,8 @@ def series(records: Mapping[str, Record], every: int = 1, first: int = 0, last: 
 def in_words(values: Sequence[Sequence[float]] | np.ndarray, unit: str) -> str:
     """Return mean peaks of the cases in words: `NC 23.5/19.4, C ... N`, along +q and -q."""
     return (
-        ", ".join(f"{case} {plus:.1f}/{minus:.1f}" for case, (plus, minus) in zip(CASES, values)) + f" {unit}"
+        ", ".join(
+            f"{case} {plus:.1f}/{minus:.1f}" for case, (plus, minus) in zip(CASES, values, strict=False)
+        )
+        + f" {unit}"
     )

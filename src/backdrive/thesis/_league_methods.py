@@ -62,7 +62,7 @@ class Method:
         found = []
         for row in u:
             values = {}
-            for name, (low, high), x in zip(self.ranges, ends, row):
+            for name, (low, high), x in zip(self.ranges, ends, row, strict=False):
                 values[name] = float(
                     low * (high / low) ** x if high >= 5.0 * low > 0.0 else low + (high - low) * x
                 )

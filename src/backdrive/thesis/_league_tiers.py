@@ -51,7 +51,7 @@ def significant_pairs(costs: Mapping[str, np.ndarray], level: float = LEVEL) -> 
     p = np.array([t_test(costs[a], costs[b]) for a, b in pairs])
     return {
         (a, b) if np.mean(costs[a]) < np.mean(costs[b]) else (b, a)
-        for (a, b), counts in zip(pairs, holm(p, level))
+        for (a, b), counts in zip(pairs, holm(p, level), strict=False)
         if counts
     }
 

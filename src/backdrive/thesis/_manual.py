@@ -170,7 +170,9 @@ def move_by_hand(
     for i, joint in enumerate(chosen):
         intended = (AMPLITUDE, AMPLITUDE) if amplitudes is None else amplitudes[i]
         for amplitude, compensator in zip(
-            intended, (nothing(), mahvash_okamura(found[joint.name].rate, CONTACT, SHARE, literal=True))
+            intended,
+            (nothing(), mahvash_okamura(found[joint.name].rate, CONTACT, SHARE, literal=True)),
+            strict=False,
         ):
             scenes.append(
                 Scene(
@@ -182,7 +184,10 @@ def move_by_hand(
                 )
             )
     records = play(scenes)
-    return [HandRecord(joint=j, before=a, after=b) for j, a, b in zip(chosen, records[::2], records[1::2])]
+    return [
+        HandRecord(joint=j, before=a, after=b)
+        for j, a, b in zip(chosen, records[::2], records[1::2], strict=False)
+    ]
 
 
 @lru_cache(maxsize=1)

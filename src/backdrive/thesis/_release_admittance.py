@@ -147,6 +147,6 @@ def measure(records: Mapping[str, Sequence[Record]], setting: Setting) -> dict[s
             "travel": travel,
             "rest": travel < setting.still,
             "free": np.array([rms(r.load_velocity[-last:]) for r in made]),
-            "held": np.array([rms(r.load_velocity[h]) for r, h in zip(made, held)]),
+            "held": np.array([rms(r.load_velocity[h]) for r, h in zip(made, held, strict=False)]),
         }
     return measured

@@ -154,7 +154,11 @@ def judge(release: Release, seeds: int, first: int) -> dict[str, Any]:
     """
     scenes = [scene for i in range(seeds) for scene in release.scenes(first + i)]
     records = play(scenes)
-    result: dict[str, Any] = {"seeds": seeds, "records": dict(zip(CASES, records)), "release": release}
+    result: dict[str, Any] = {
+        "seeds": seeds,
+        "records": dict(zip(CASES, records, strict=False)),
+        "release": release,
+    }
     result["travel"] = {
         case: np.array([travel(r) for r in records[i :: len(CASES)]]) for i, case in enumerate(CASES)
     }

@@ -121,7 +121,7 @@ def track(
             )
     records = play(scenes)
     n = len(cases)
-    return [dict(zip(cases, records[n * i : n * i + n])) for i in range(len(settings))]
+    return [dict(zip(cases, records[n * i : n * i + n], strict=False)) for i in range(len(settings))]
 
 
 def error(record: Record) -> float:
@@ -134,7 +134,7 @@ def by_joint(seed: int, ratio: float = RATIO) -> dict[str, dict[str, Record]]:
     """Return the four cases of each joint at the gains that are judged."""
     chosen = arm(ratio)
     done = track([(j, pd(j)) for j in chosen], seed=seed, target=saw_teeth(), ratio=ratio)
-    return {joint.name: cases for joint, cases in zip(chosen, done)}
+    return {joint.name: cases for joint, cases in zip(chosen, done, strict=False)}
 
 
 def lag_check(done: dict[str, dict[str, Record]]) -> Claim:

@@ -200,7 +200,7 @@ def _claims(claims: Sequence[Claim]) -> str:
         )
         cells = "".join(
             f'<td data-label="{label}">{esc(prose(text))}</td>'
-            for label, text in zip(heads[1:], (claim.thesis, claim.ours, claim.gate))
+            for label, text in zip(heads[1:], (claim.thesis, claim.ours, claim.gate), strict=False)
         )
         rows.append(
             f'<tr><th scope="row">{esc(prose(claim.what))}{why}</th>{cells}'

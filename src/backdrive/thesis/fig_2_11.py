@@ -47,7 +47,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
             "and jump has to pay for the jump.",
             statement="2.11-torque",
         )
-        for m, s in zip(firm, soft)
+        for m, s in zip(firm, soft, strict=False)
     ]
     claims += [
         Claim(
@@ -61,7 +61,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
             "have watched the motion.",
             statement="2.11-velocity",
         )
-        for m, s in zip(reaching, soft)
+        for m, s in zip(reaching, soft, strict=False)
     ]
     claims.append(
         Claim(
@@ -78,7 +78,9 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
         title="Joints moved by hand, without and with friction compensation",
         setting=SETTING,
         claims=tuple(claims),
-        data={m.joint.name: {"firm": _columns(m), "soft": _columns(s)} for m, s in zip(firm, soft)},
+        data={
+            m.joint.name: {"firm": _columns(m), "soft": _columns(s)} for m, s in zip(firm, soft, strict=False)
+        },
         numbers={f"{m.joint.name}_forward": m.forward for m in firm}
         | {f"{m.joint.name}_speed_change": m.speed_change for m in firm}
         | {f"{s.joint.name}_forward_soft": s.forward for s in soft},
@@ -107,8 +109,10 @@ def draw(outcome: Outcome) -> Any:
     """Return the figure: a row a joint; velocity, torque of the firm hand, torque of the soft hand."""
     with house_style():
         figure, axes = own.sheet(4, 3, width=760.0, height=560.0, sharex=True)
-        for row, (joint, hands) in zip(axes, outcome.data.items()):
-            for a, (hand, column) in zip(row, (("firm", "velocity"), ("firm", "torque"), ("soft", "torque"))):
+        for row, (joint, hands) in zip(axes, outcome.data.items(), strict=False):
+            for a, (hand, column) in zip(
+                row, (("firm", "velocity"), ("firm", "torque"), ("soft", "torque")), strict=False
+            ):
                 d = hands[hand]
                 part = d["time"] < d["time"][0] + LENGTH
                 t = d["time"][part] - d["time"][0]

@@ -36,7 +36,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
             why_not="What is left on Joint 1 is mostly inertia, which no friction compensation takes away.",
             statement="2.12-reduction",
         )
-        for m, s in zip(firm, soft)
+        for m, s in zip(firm, soft, strict=False)
     ]
     claims.append(
         Claim(
@@ -125,7 +125,7 @@ def draw(outcome: Outcome) -> Any:
             own.bars(axes[0, column], groups, speeds, colors)
             own.bars(axes[1, column], groups, torques, colors)
             own.name(axes[0, column], row.capitalize())
-            for i, (before, after) in enumerate(zip(torques["none"], torques["compensated"])):
+            for i, (before, after) in enumerate(zip(torques["none"], torques["compensated"], strict=False)):
                 axes[1, column].annotate(
                     f"−{100 * (1 - after / before):.0f} %",
                     (i, max(before, after)),

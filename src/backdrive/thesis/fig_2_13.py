@@ -91,7 +91,7 @@ def draw(outcome: Outcome) -> Any:
         figure, axes = own.sheet(
             len(outcome.data), 2, width=760.0, height=155.0 * len(outcome.data), sharex=True
         )
-        for (left, right), (joint, d) in zip(axes, outcome.data.items()):
+        for (left, right), (joint, d) in zip(axes, outcome.data.items(), strict=False):
             left.plot(
                 d["time"], d["wanted"], color=LIGHT.ink, linewidth=0.9, linestyle=own.DASHED, label="desired"
             )

@@ -116,7 +116,7 @@ def draw(outcome: Outcome) -> Any:
         own.bars(top, [own.joint_title(joint) for joint in errors], series, COLORS)
         own.name(top, "(a) at a damping ratio of 0.5", y="E_s [mrad]")
         own.key(top, "upper right", 4)
-        for i, (a, (joint, by_ratio)) in enumerate(zip(axes[1], ratios.items())):
+        for i, (a, (joint, by_ratio)) in enumerate(zip(axes[1], ratios.items(), strict=False)):
             for case in ("MO", "MOL", "MOP"):
                 relative = [e[case] / e["MO"] for e in by_ratio.values()]
                 a.plot(

@@ -112,7 +112,7 @@ def draw(outcome: Outcome) -> Any:
         (top,), (below,) = axes
         top.plot(*own.thin(t, np.rad2deg(data["position"]), 5), color=LIGHT.ink, linewidth=1.4)
         below.plot(*own.thin(t, data["velocity"], 5), color=LIGHT.ink, linewidth=1.4)
-        for (begin, end), speed in zip(windows, data["speeds"]):
+        for (begin, end), speed in zip(windows, data["speeds"], strict=False):
             for sign in (1, -1):
                 below.plot(
                     [begin, end], [sign * speed] * 2, color=LIGHT.fitted, linewidth=1.0, linestyle=own.DASHED

@@ -27,7 +27,7 @@ def run(seed: int = 0) -> Outcome:
     windows = plan(STROKE).windows()
     speeds = TOP_SPEED * np.arange(1, CYCLES + 1) / CYCLES
     used = np.zeros(t.size, dtype=int)
-    for (begin, end), speed in zip(windows, speeds):
+    for (begin, end), speed in zip(windows, speeds, strict=False):
         inside = (t >= begin) & (t < end)
         used[inside & (v >= SHARE * speed)] = 1
         used[inside & (v <= -SHARE * speed)] = -1

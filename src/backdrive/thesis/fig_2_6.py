@@ -107,7 +107,7 @@ def draw(outcome: Outcome) -> Any:
     both = np.concatenate([-v[::-1], v])
     with house_style():
         figure, axes = own.sheet(2, 3, height=400.0, sharex=True, sharey=True)
-        for a, (stroke, d) in zip(axes.flat, outcome.data.items()):
+        for a, (stroke, d) in zip(axes.flat, outcome.data.items(), strict=False):
             every = max(1, d["velocity"].size // 6000)
             a.plot(
                 d["velocity"][::every],

@@ -23,7 +23,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
     """Sweep Joints 0 to 5 over 5 to 50 degrees and return their curves."""
     runs = by_stroke(seed, arm(ratio))
     claims = []
-    for method, gate in zip(METHODS, (OVERLAPPING, 0.5)):
+    for method, gate in zip(METHODS, (OVERLAPPING, 0.5), strict=False):
         spread = {
             joint: max(
                 _apart(r.curves.get(method), done[50.0].curves.get(method))
@@ -137,7 +137,7 @@ def draw(outcome: Outcome) -> Any:
         for row, method in enumerate(("literal", "aligned")):
             for column, (joint, by_stroke) in enumerate(curves.items()):
                 a = axes[row, column]
-                for color, (stroke, found) in zip(own.SERIES, by_stroke.items()):
+                for color, (stroke, found) in zip(own.SERIES, by_stroke.items(), strict=False):
                     if method in found:
                         a.plot(
                             v,

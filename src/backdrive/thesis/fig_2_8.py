@@ -60,10 +60,12 @@ def draw(outcome: Outcome) -> Any:
     """Return the figure: as printed left, aligned right, on one logarithmic scale."""
     with house_style():
         figure, axes = own.sheet(1, 2, height=250.0, sharey=True)
-        for a, (method, found) in zip(axes[0], outcome.data["distances"].items()):
+        for a, (method, found) in zip(axes[0], outcome.data["distances"].items(), strict=False):
             strokes = [A for A in next(iter(found.values())) if A != 50.0]
             series = {f"A = {A:g} deg": [by_stroke[A] for by_stroke in found.values()] for A in strokes}
-            own.bars(a, [own.joint_title(j) for j in found], series, dict(zip(series, own.SERIES)))
+            own.bars(
+                a, [own.joint_title(j) for j in found], series, dict(zip(series, own.SERIES, strict=False))
+            )
             a.set_yscale("log")
             a.minorticks_off()
             own.name(a, {"literal": "as printed", "aligned": "aligned"}[method])

@@ -69,7 +69,7 @@ def run(seed: int = 0) -> Outcome:
             "gravity": carried,
         },
         numbers={f"worst_{m}": worst[m] for m in METHODS}
-        | {f"worst_load_{mu:g}": s for mu, s in zip(LOADS, spread)},
+        | {f"worst_load_{mu:g}": s for mu, s in zip(LOADS, spread, strict=False)},
     )
 
 
@@ -103,7 +103,7 @@ def draw(outcome: Outcome) -> Any:
             (axes[0, 2], loads[-1], f"(c) growing {loads[-1]:g} by load"),
         )
         for panel, mu, title in panels:
-            for color, (posture, curves) in zip(own.SERIES, d["curves"][mu].items()):
+            for color, (posture, curves) in zip(own.SERIES, d["curves"][mu].items(), strict=False):
                 panel.plot(v, curves["literal"].torque(v), color=color, linewidth=1.3, label=posture)
             panel.set_ylim(0.0, 20.0)
             own.name(panel, title, "velocity [rad/s]", "friction [N·m]")

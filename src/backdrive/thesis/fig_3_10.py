@@ -35,16 +35,17 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
         judged += claims(found, "N", "3.10", seed, axis)
         numbers |= {
             f"{axis}{side}.{case}": float(v)
-            for case, pair in zip(_hand_guiding.CASES, _hand_guiding.means(found))
-            for side, v in zip(_hand_guiding.SIDES, pair)
+            for case, pair in zip(_hand_guiding.CASES, _hand_guiding.means(found), strict=False)
+            for side, v in zip(_hand_guiding.SIDES, pair, strict=False)
         }
     judged.append(_paces(seed, ratio))
     single = _hand_guiding.guide([(g, STROKES, seed) for g in _square.guidances(ratio).values()])
-    for name, records in zip(ARM, single):
+    for name, records in zip(ARM, single, strict=False):
         found = _hand_guiding.peaks(records, STROKES)
         panels[name] = {"unit": "N.m", **_hand_guiding.bars(found, seed)}
         numbers |= {
-            f"{name}.PD{s}": float(v) for s, v in zip(_hand_guiding.SIDES, _hand_guiding.means(found)[-1])
+            f"{name}.PD{s}": float(v)
+            for s, v in zip(_hand_guiding.SIDES, _hand_guiding.means(found)[-1], strict=False)
         }
         judged.append(
             Claim(
@@ -89,7 +90,7 @@ def draw(outcome: Outcome) -> Any:
             a.remove()
         places = {name: grid[0, 3 * i : 3 * i + 3] for i, name in enumerate(AXES)}
         places |= {name: grid[1, 2 * i : 2 * i + 2] for i, name in enumerate(ARM)}
-        for (name, place), letter in zip(places.items(), "abcde"):
+        for (name, place), letter in zip(places.items(), "abcde", strict=False):
             a = own.panel(figure, place)
             own.peak_bars(a, panels[name])
             square = name in AXES

@@ -134,7 +134,7 @@ def draw(outcome: Outcome) -> Any:
     )
     with house_style():
         figure, axes = own.sheet(4, 2, width=820.0, height=620.0, sharex="col")
-        for column, (joint, title, length, force) in zip(axes.T, columns):
+        for column, (joint, title, length, force) in zip(axes.T, columns, strict=False):
             data = outcome.data[joint]
             rows = (
                 ("position", f"position [{'mm' if length == 'm' else 'rad'}]", 1e3 if length == "m" else 1.0),
@@ -142,7 +142,7 @@ def draw(outcome: Outcome) -> Any:
                 ("command", f"actuator [{force}]", 1.0),
                 ("force", f"external [{force}]", 1.0),
             )
-            for a, (quantity, label, factor) in zip(column, rows):
+            for a, (quantity, label, factor) in zip(column, rows, strict=False):
                 own.lines(a, data["time"], data["cases"], quantity, factor=factor, step=2)
                 own.release(a, data["released"], "released" if a is column[0] else "")
                 own.name(a, title if a is column[0] else "", "", label)

@@ -101,7 +101,8 @@ def _claims(
 ) -> tuple[Claim, ...]:
     half = [np.searchsorted(found["force"], 0.5 * found["friction"]) for found in (a, b)]
     stretched = [
-        float((f["motor"][k] - f["motor"][0]) * f["stiffness"] / f["force"][k]) for f, k in zip((a, b), half)
+        float((f["motor"][k] - f["motor"][0]) * f["stiffness"] / f["force"][k])
+        for f, k in zip((a, b), half, strict=False)
     ]
     ratio = [found["count"] * found["stiffness"] / found["friction"] for found in (a, b)]
     return (
@@ -163,7 +164,7 @@ def draw(outcome: Outcome) -> Any:
     )
     with house_style():
         figure, axes = own.sheet(1, 2, width=688.0, height=270.0)
-        for a, (title, entries) in zip(axes[0], panels):
+        for a, (title, entries) in zip(axes[0], panels, strict=False):
             unit = data[entries[0][0]]["unit"]
             force = pretty_unit("N" if unit == "m" else "N.m")
             for found, label, color in ((data[key], label, color) for key, label, color in entries):

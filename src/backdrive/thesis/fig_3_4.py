@@ -95,7 +95,8 @@ def _panel(plant: JointSimulation, seed: int) -> dict[str, Any]:
 
 def _claims(panels: dict[str, Any]) -> tuple[Claim, ...]:
     errors = [
-        max(abs(f - t) / t for f, t in zip(p["intercepts"], p["true_intercepts"])) for p in panels.values()
+        max(abs(f - t) / t for f, t in zip(p["intercepts"], p["true_intercepts"], strict=False))
+        for p in panels.values()
     ]
     pairs = "; ".join(
         f"{name} {p['intercepts'][0]:.2f}/{p['intercepts'][1]:.2f} ({p['true_intercepts'][0]:.2f}/"
@@ -128,7 +129,7 @@ def draw(outcome: Outcome) -> Any:
     """Return the figure: data, identified curve, truth and intercepts of four joints."""
     with house_style():
         figure, axes = own.sheet(2, 2, width=688.0, height=480.0)
-        for a, letter, (joint, panel) in zip(axes.flat, "abcd", outcome.data["panels"].items()):
+        for a, letter, (joint, panel) in zip(axes.flat, "abcd", outcome.data["panels"].items(), strict=False):
             linear = panel["unit"] == "m"
             a.plot(
                 panel["samples_velocity"], panel["samples_friction"], linestyle="none", marker="o", markersize=1.6, mew=0,

@@ -172,7 +172,7 @@ def draw(outcome: Outcome) -> Any:
     """Return the figure: dither above, displacement below; a column a transmission."""
     with house_style():
         figure, axes = own.sheet(2, len(outcome.data), width=760.0, height=340.0, sharex=True, sharey="row")
-        for column, (label, found) in zip(axes.T, outcome.data.items()):
+        for column, (label, found) in zip(axes.T, outcome.data.items(), strict=False):
             count, place = found["count"], found["shown"]
             column[0].plot(found["time"], found["dither"], color=LIGHT.ink, linewidth=1.2)
             column[1].plot(

@@ -154,7 +154,7 @@ def draw(outcome: Outcome) -> Any:
         )
         column = axes[:, 0]
         top = max(float(abs(c["force"]).max()) for c in whole["cases"].values())
-        for a, (case, columns) in zip(column, whole["cases"].items()):
+        for a, (case, columns) in zip(column, whole["cases"].items(), strict=False):
             own.lines(a, whole["time"], {case: columns}, "force", linewidth=0.8)
             a.set_ylim(-1.1 * top, 1.1 * top)
             a.set_xlim(0.0, whole["time"][-1])
@@ -164,7 +164,7 @@ def draw(outcome: Outcome) -> Any:
             a.tick_params(labelbottom=a is column[strips - 1])
         own.name(column[0], "(a) External force, 30 cycles", "", "NC [N]")
         own.name(column[strips - 1], "", "time [s]", "PD [N]")
-        for a, (quantity, label, factor) in zip(column[strips:], ZOOMED):
+        for a, (quantity, label, factor) in zip(column[strips:], ZOOMED, strict=False):
             own.lines(a, zoom["time"], zoom["cases"], quantity, factor=factor, step=3)
             a.set_xlim(edges[0], edges[-1])
             own.name(a, "", "", label)

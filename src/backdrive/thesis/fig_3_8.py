@@ -60,8 +60,8 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
         data={"panels": {"setup_a": {"unit": "N", **_hand_guiding.bars(found, seed)}}, "peaks": found},
         numbers={
             f"mean.{case}{side}": float(value)
-            for case, pair in zip(CASES, _hand_guiding.means(found))
-            for side, value in zip(_hand_guiding.SIDES, pair)
+            for case, pair in zip(CASES, _hand_guiding.means(found), strict=False)
+            for side, value in zip(_hand_guiding.SIDES, pair, strict=False)
         },
     )
 

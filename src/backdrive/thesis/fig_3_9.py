@@ -75,9 +75,9 @@ def draw(outcome: Outcome) -> Any:
     data = outcome.data
     with house_style():
         figure, axes = own.sheet(3, 3, width=960.0, height=560.0)
-        for column, (i, axis) in zip(axes.T, enumerate(AXES)):
+        for column, (i, axis) in zip(axes.T, enumerate(AXES), strict=False):
             cases = {case: {k: v[:, i] for k, v in c.items()} for case, c in data["cases"].items()}
-            for a, (quantity, label, factor) in zip(column, ROWS):
+            for a, (quantity, label, factor) in zip(column, ROWS, strict=False):
                 own.lines(a, data["time"], cases, quantity, factor=factor, step=3)
                 a.set_xlim(data["edges"][0], data["edges"][-1])
                 own.name(a, f"along {axis}" if a is column[0] else "", "", "" if i else label)

@@ -61,7 +61,7 @@ def run(seed: int = 0, cycles: int = CYCLES) -> Outcome:
                 what="The curves give the friction of a motion that they were not identified from.",
                 ours="; ".join(
                     f"{name}: RMS error {by['error']:.3f} of {by['friction']:.2f} {by_unit}"
-                    for (name, by), by_unit in zip(error.items(), ("N", "N m"))
+                    for (name, by), by_unit in zip(error.items(), ("N", "N m"), strict=False)
                 ),
                 gate="below 3 % while the joint slides",
                 holds=all(by["error"] < 0.03 * by["friction"] for by in error.values()),
@@ -96,7 +96,7 @@ def draw(outcome: Outcome) -> Any:
     """Return the figure: samples, the identified curve, the true one dashed."""
     with house_style():
         figure, axes = own.sheet(1, 2, height=300.0)
-        for a, (joint, panel) in zip(axes[0], outcome.data["panels"].items()):
+        for a, (joint, panel) in zip(axes[0], outcome.data["panels"].items(), strict=False):
             length, force = ("m", "N") if panel["unit"] == "m" else ("rad", "N·m")
             dots(
                 a,

@@ -185,7 +185,7 @@ def draw(outcome: Outcome) -> Any:
         top.plot(t, 1e3 * data["position"], color=LIGHT.ink, linewidth=1.3)
         own.name(top, y="position [mm]")
         own.release(top, data["released"], label="hand lets go")
-        for (a,), case in zip(axes[1:], NAMES):
+        for (a,), case in zip(axes[1:], NAMES, strict=False):
             a.plot(t, data["sensor"], color=own.SENSOR, linewidth=1.0, label="force sensor")
             a.plot(t, data["estimates"][case], color=own.COLORS[case], linewidth=1.1, label=NAMES[case])
             own.level(a)

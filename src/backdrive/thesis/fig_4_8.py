@@ -146,9 +146,11 @@ def _metrics(records: Records, condition: str, cycles: int) -> dict[str, dict[st
             "peaks": high,
             "force": np.array([rms(r.force) for r in runs]),
             "criterion": np.array([rms(r.sensed - virtual_force(r, admittance)) for r in runs]),
-            "command": np.array([rms(r.command[s]) for r, s in zip(runs, still)]),
-            "restless": np.array([np.mean(np.abs(r.load_velocity[s]) > REST) for r, s in zip(runs, still)]),
-            "apart": np.array([rms(r.load - p.load) for r, p in zip(runs, records["P"])]),
+            "command": np.array([rms(r.command[s]) for r, s in zip(runs, still, strict=False)]),
+            "restless": np.array(
+                [np.mean(np.abs(r.load_velocity[s]) > REST) for r, s in zip(runs, still, strict=False)]
+            ),
+            "apart": np.array([rms(r.load - p.load) for r, p in zip(runs, records["P"], strict=False)]),
             "away": np.array([ran_away(r) for r in runs]),
         }
     return measured

@@ -196,7 +196,7 @@ def draw(outcome: Outcome) -> Any:
             "friction": data["friction"],
         }
         series["command"] = data["command"]
-        for a, (what, values) in zip((top, rows[0], rows[1]), list(series.items())):
+        for a, (what, values) in zip((top, rows[0], rows[1]), list(series.items()), strict=False):
             own.shade(a, t, data["rest"])
             a.set_xlim(t[0], t[-1])
             color = own.COLORS["HA"] if what == "external" else LIGHT.ink

@@ -44,7 +44,9 @@ def best_settings(who: Contender, method: Method, budget: int, bare: Scores, see
     scenes = [s for z in drawn for s in joints_.scenes(who, _loop(who, method, z), LESS, seed, CALM)]
     records = play(scenes)
     calm = [restless(who, joints_.shaking(who, *records[i : i + 2])) for i in range(0, len(records), 2)]
-    return drawn[int(np.argmin([cost(who, t, bare) + RESTLESS * c for t, c in zip(tried, calm)]))]
+    return drawn[
+        int(np.argmin([cost(who, t, bare) + RESTLESS * c for t, c in zip(tried, calm, strict=False)]))
+    ]
 
 
 def _loop(who: Contender, method: Method, z: Mapping[str, float]) -> JointLoop:
@@ -64,7 +66,10 @@ def score(
         [s for z in numbers for s in joints_.scenes(who, _loop(who, method, z), setting, seed, names)]
     )
     n = len(names)
-    return [joints_.scores(who, dict(zip(names, records[i : i + n]))) for i in range(0, len(records), n)]
+    return [
+        joints_.scores(who, dict(zip(names, records[i : i + n], strict=False)))
+        for i in range(0, len(records), n)
+    ]
 
 
 def one_seed(seed: int, budget: int = BUDGET, joints: int = 4) -> dict[str, dict[str, Any]]:
@@ -80,7 +85,9 @@ def one_seed(seed: int, budget: int = BUDGET, joints: int = 4) -> dict[str, dict
             ]
             records, n = play(scenes), len(EPISODES)
             row[method.name] = {
-                setting.name: joints_.scores(who, dict(zip(EPISODES, records[n * i : n * i + n])))
+                setting.name: joints_.scores(
+                    who, dict(zip(EPISODES, records[n * i : n * i + n], strict=False))
+                )
                 for i, setting in enumerate(SETTINGS)
             }
         result[who.name] = row

@@ -134,7 +134,7 @@ def estimator_table(seed: int = 0, count: int = 4) -> dict[str, Any]:
     for name in models(joints[0]):
         for method in METHODS:
             found = []
-            for who, (shown, unseen) in zip(joints, logs):
+            for who, (shown, unseen) in zip(joints, logs, strict=False):
                 friction = models(who)[name]
                 made = [
                     ExternalForce(inertia=who.truth.inertia, friction=friction, method=method, **given)

@@ -41,7 +41,7 @@ def setups(ratio: float = RATIO) -> dict[str, JointSimulation]:
     Args:
         ratio: K_c by K [-].
     """
-    return dict(zip(JOINTS, [setup_a().replace(stiffness=ratio * K_A), *arm(ratio)[:3]]))
+    return dict(zip(JOINTS, [setup_a().replace(stiffness=ratio * K_A), *arm(ratio)[:3]], strict=False))
 
 
 def arm(ratio: float = RATIO) -> tuple[JointSimulation, ...]:

@@ -72,7 +72,7 @@ def draw(outcome: Outcome) -> Any:
         for mu in loads
     }
     series["friction, aligned"] = list(errors[0.0, "aligned"].values())
-    colors = dict(zip(series, (LIGHT.ink, *own.SERIES)))
+    colors = dict(zip(series, (LIGHT.ink, *own.SERIES), strict=False))
     with house_style():
         figure, axes = own.sheet(1, 1, height=260.0, width=520.0)
         a = axes[0, 0]

@@ -149,7 +149,7 @@ def scale_rate(rate: Rate, share: float, top: float) -> Rate:
     return rate if share == 1.0 else curve_of(Law(rate=rate), top, factor=share)
 
 
-def facts_of(
+def facts_of(  # noqa: PLR0913  (the facts of a joint, each by its name)
     friction: JointFriction,
     *,
     stiffness: Interval | float | None = None,

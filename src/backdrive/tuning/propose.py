@@ -59,7 +59,7 @@ def full_rule(facts: Facts) -> dict[str, float]:
 
 
 @on_one_thread
-def tune(
+def tune(  # noqa: PLR0913  (its options are given by keyword)
     facts: Facts,
     goal: str = "backdrive",
     *,
@@ -233,7 +233,9 @@ def _rows(
             "numbers": z,
             **_hand_feel(goal, z),
         }
-        for (row, z), score in zip(others.items(), goal.scores(list(others.values())) if others else ())
+        for (row, z), score in zip(
+            others.items(), goal.scores(list(others.values())) if others else (), strict=True
+        )
     }
     rule = rows.get("fixed rule", {"safe": False})
     chosen: dict[str, Any] = {"score": np.inf}

@@ -109,7 +109,7 @@ def edges(goal: Goal, z: Numbers) -> list[str]:
     """
     sentences = []
     u = inverse(goal.ranges, {name: z[name] for name in goal.ranges})
-    for (name, (low, high)), x in zip(goal.ranges.items(), u):
+    for (name, (low, high)), x in zip(goal.ranges.items(), u, strict=True):
         if AT_EDGE < x < 1.0 - AT_EDGE:
             continue
         end = "lower" if x <= AT_EDGE else "upper"

@@ -56,7 +56,9 @@ def restless(goal: Goal, z: Numbers, tried: Sequence[Trial], longest: float = FI
         return {k: factor * x if k in ("share", "stiffness") else x for k, x in z.items()}
 
     made = (goal.trial(push(factor), member, longest) for member, factor in tried)
-    return [trial for trial, unrest in zip(tried, evaluate(made, goal.unrest)) if not unrest <= 1.0]
+    return [
+        trial for trial, unrest in zip(tried, evaluate(made, goal.unrest), strict=True) if not unrest <= 1.0
+    ]
 
 
 def safe(goal: Goal, z: Numbers, members: Sequence[Member]) -> bool:

@@ -240,7 +240,7 @@ def peak_force(record: Record, stroke: Stroke) -> float:
     """Return the mean over the strokes, the first left out, of the hand's largest force [N.m or N]."""
     T = record.scene.period
     edges = [round((0.1 + stroke.interval * i) / T) for i in range(1, stroke.count + 1)]
-    peaks = [float(np.abs(record.force[a:b]).max()) for a, b in zip(edges, edges[1:])]
+    peaks = [float(np.abs(record.force[a:b]).max()) for a, b in zip(edges, edges[1:], strict=False)]
     mean = float(np.mean(peaks))
     return mean if np.isfinite(mean) else np.inf
 

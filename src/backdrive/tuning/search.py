@@ -38,7 +38,7 @@ class SearchResult:
 def place(ranges: Ranges, u: np.ndarray) -> dict[str, float]:
     """Return the numbers at a place of the unit cube."""
     found = {}
-    for (name, (low, high)), x in zip(ranges.items(), u):
+    for (name, (low, high)), x in zip(ranges.items(), u, strict=True):
         wide = low > 0.0 and high >= 5.0 * low
         found[name] = float(low * (high / low) ** x if wide else low + (high - low) * x)
     return found
@@ -67,7 +67,7 @@ def best_safe(
     order = [int(i) for i in np.argsort(scores, kind="stable") if scores[i] < below]
     for first in range(0, len(order), AT_ONCE):
         batch = order[first : first + AT_ONCE]
-        for i, worst in zip(batch, goal.worst([many[i] for i in batch])):
+        for i, worst in zip(batch, goal.worst([many[i] for i in batch]), strict=True):
             if worst <= 1.0:
                 return i, first + len(batch)
     return -1, len(order)

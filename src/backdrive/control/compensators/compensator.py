@@ -40,7 +40,7 @@ NEARLY = (
 
 
 @leaf
-def nothing(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):
+def nothing(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):  # noqa: PLR0913  (a kernel's row)
     """Nothing extra."""
     return 0.0
 
@@ -55,7 +55,7 @@ extra = choice({kind: e.KERNEL for kind, e in EXTRAS.items()}, nothing)
 
 
 @ladder
-def tick(c, i, p, x, s, j, q, dp, dt, t, error, slope, u, load, temp, idle):
+def tick(c, i, p, x, s, j, q, dp, dt, t, error, slope, u, load, temp, idle):  # noqa: PLR0913  (a kernel's row)
     """Return the torque of one tick in two parts: what pushes, and the dither.
 
     `c[i:]`: row, `p`, `x`: the law and its state, `s[j:]`: state. q: encoder, dp: its increment, t: time, error and slope: how

@@ -28,7 +28,7 @@ STATES = 5  # time in the phase, share, time in the window, least and largest po
 
 
 @jit
-def tick(c, i, s, j, stuck, lo, hi, q, dt, t, idle):
+def tick(c, i, s, j, stuck, lo, hi, q, dt, t, idle):  # noqa: PLR0913  (a kernel's row)
     """Return the dither of one tick; `c[i:]`: row, `s[j:]`: state, lo and hi: bounds of friction, t: time,
     `idle`: the amplitude stays.
     """

@@ -39,7 +39,7 @@ STATES = external.STATES
 
 
 @jit
-def pulse(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):
+def pulse(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):  # noqa: PLR0913  (a kernel's row)
     """Return the pulse of one tick; `c[i:]`: kind, height, width, wait, tolerance; `s[j:]`: time stuck, time left, sign."""
     if s[j + 1] > 0.5 * dt:
         s[j + 1] -= dt
@@ -54,7 +54,7 @@ def pulse(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):
 
 
 @jit
-def missing(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):
+def missing(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):  # noqa: PLR0913  (a kernel's row)
     """Return the torque of the disturbance observer; `c[i:]`: kind, limit, estimator."""
     missed, friction = external.tick(c, i + 2, p, x, s, j, q, dp, dt, u, 0.0, load, temp, 1.0)
     limit = c[i + 1]
@@ -62,7 +62,7 @@ def missing(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):
 
 
 @jit
-def bristle(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):
+def bristle(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):  # noqa: PLR0913  (a kernel's row)
     """Return the torque of the LuGre observer; `s[j]`: sigma_0 z, `s[j + 1]`: theta."""
     v = dp / dt
     lo, hi, viscous = friction_.bounds(int(c[i + 6]), p, v, load, temp)

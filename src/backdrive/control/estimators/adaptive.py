@@ -22,7 +22,7 @@ FAR = 10.0  # an interval beyond this many nominal ones, or below their inverse,
 
 
 @jit
-def tick(P, X, S, held, dp, g, codes, q, tau, dt, nominal):
+def tick(P, X, S, held, dp, g, codes, q, tau, dt, nominal):  # noqa: PLR0913  (a kernel's row)
     """One tick of all joints; returns the worst status.
 
     `P`, `X`, `S`, `held`, `dp` are the laws' as in `engine.tick.advance`; a NaN increment lets a joint keep its state.

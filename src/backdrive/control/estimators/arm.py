@@ -181,7 +181,9 @@ class ArmForce(WithBounds):
     def default_filters(self) -> tuple[MotionFilter, ...]:
         """Return filters that follow accelerations of ten times the friction by the inertia at most 1/L late."""
         own = np.diag(self.inertia_at(np.zeros(len(self.joints))))
-        follow = [ABRUPT * max(at_rest(f.law), 1e-9) / max(m, 1e-9) for f, m in zip(self.friction, own)]
+        follow = [
+            ABRUPT * max(at_rest(f.law), 1e-9) / max(m, 1e-9) for f, m in zip(self.friction, own, strict=True)
+        ]
         return tuple(MotionFilter.of_bandwidth(self.bandwidth, a) for a in follow)
 
     def damping(self) -> np.ndarray:

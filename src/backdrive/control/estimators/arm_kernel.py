@@ -75,7 +75,7 @@ def before(c, s, io, dt):
 
 
 @jit
-def after(c, s, io, P, X, M, bias, coriolis, jacobian, room, dt, temps):
+def after(c, s, io, P, X, M, bias, coriolis, jacobian, room, dt, temps):  # noqa: PLR0913  (a kernel's row)
     """Fill `io` with external torque, friction and wrench.
 
     `M`: inertia of the bodies, upper triangle; `bias`: h + g, of `momentum` g with the Coriolis matrix beside it, of `direct`
@@ -252,7 +252,7 @@ def solve(room, n, x, at):
 
 
 @jit
-def wrench(c, io, jacobian, J):
+def wrench(c, io, jacobian, J):  # noqa: PLR0912  (a kernel calls little)
     """Fill the last numbers of `io` with the wrench, its covariance and the share of the damping in it."""
     at = OUT * J
     cov = at + 6

@@ -104,7 +104,7 @@ PLACES = sum(m.places << kind for kind, m in enumerate(KNOWN.values()))
 
 
 @ladder
-def tick(c, i, p, x, s, j, q, dp, dt, u, known, load, temp, level):
+def tick(c, i, p, x, s, j, q, dp, dt, u, known, load, temp, level):  # noqa: PLR0913  (a kernel's row)
     """Return external force and friction of one tick.
 
     `c[i:]`: row, `p`, `x`: friction law and its state, `s[j:]`: state. q: encoder, dp: its increment, u: torque that acted
@@ -296,7 +296,7 @@ class ExternalForce(WithBounds):
 
 
 @jit
-def along(c, p, x, s, q, u, known, outside, warmth, begin, dt, out):
+def along(c, p, x, s, q, u, known, outside, warmth, begin, dt, out):  # noqa: PLR0913  (a kernel's row)
     """Fill `out` with external force and friction along a log.
 
     `outside`: external torque that laws see, (n,) or (1,); `warmth`: temperature, (n,) or (1,); `begin`: increment of the first

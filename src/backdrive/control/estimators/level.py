@@ -39,7 +39,7 @@ from backdrive.parameters import NOT_NEGATIVE, POSITIVE, WithBounds
 
 
 @leaf
-def learn(theta, f, force, slid, dt, time, settle, floor, dead_zone, lower, upper):
+def learn(theta, f, force, slid, dt, time, settle, floor, dead_zone, lower, upper):  # noqa: PLR0913  (a kernel's row)
     """Return the level after one tick of a loop that has slid for a time, by the external force estimated: e = -force."""
     if not slid >= settle or not abs(force) <= (upper - lower) * abs(f) + dead_zone:
         return theta

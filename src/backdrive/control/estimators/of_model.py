@@ -83,7 +83,7 @@ def with_break_away(friction: JointFriction) -> JointFriction:
     rate = friction.law.rate
     if not isinstance(rate, Polyline):
         return friction
-    ends = zip(("positive", "negative"), break_away(friction), (rate.positive, rate.negative))
+    ends = zip(("positive", "negative"), break_away(friction), (rate.positive, rate.negative), strict=True)
     curves = {way: (float(end), *values[1:]) for way, end, values in ends if values[0] < end}
     if not curves:
         return friction

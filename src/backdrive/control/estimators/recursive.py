@@ -53,7 +53,7 @@ ROUNDING = 1e-9  # of numbers that are equal for a single parameter
 
 
 @leaf
-def regressor(kind, q, v, a, dead_zone):
+def regressor(kind, q, v, a, dead_zone):  # noqa: PLR0911  (a kernel calls little)
     """One regressor at position q, velocity v and acceleration a."""
     if kind <= DRY:
         s = min(max(v / dead_zone, -1.0), 1.0)
@@ -113,7 +113,7 @@ def learn(j, n, g, theta, P, phi, gain, e):
 
 
 @jit
-def tick(kinds, g, scale, theta, P, phi, gain, q, v, a, tau, value, out, friction, codes):
+def tick(kinds, g, scale, theta, P, phi, gain, q, v, a, tau, value, out, friction, codes):  # noqa: PLR0913  (a kernel's row)
     """One tick of all joints; returns the worst status.
 
     `theta` and `P` are the estimate in units of `scale` and its covariance, (J, n) and (J, n n); `value` is the estimate in SI

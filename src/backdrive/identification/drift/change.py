@@ -164,12 +164,12 @@ def change_of(
             f"Joint '{a.name}': its curves are zero, or too large for their distance.",
             remedy="Look at both models with `backdrive show`.",
         )
-    parts = [_errors(f, c) for f, c in zip((first, second), covariances)]
+    parts = [_errors(f, c) for f, c in zip((first, second), covariances, strict=True)]
     error, chi_square, degrees, probability = float("nan"), float("nan"), 0, float("nan")
     shape = max(relative)
     known = [p for p in parts if p is not None]
     if len(known) == 2:
-        both_ways = list(zip((first, second), known))
+        both_ways = list(zip((first, second), known, strict=True))
         one_way = any(p.tied for p in known)
         if one_way and not all(p.tied for p in known):
             shape = float(np.sqrt(np.mean((after - before) ** 2) / np.mean(before**2)))
@@ -180,7 +180,7 @@ def change_of(
             )
         at = _places((first, second), known, top, one_way)
         d, C, variance = np.zeros(at.size), np.zeros((at.size, at.size)), 0.0
-        for sign, (f, p) in zip((-1.0, 1.0), both_ways):
+        for sign, (f, p) in zip((-1.0, 1.0), both_ways, strict=True):
             d += sign * (_middle(f.law.torque, at) if one_way else f.law.torque(at))
             J = _middle(partial(_slopes, f.law, p), at) if one_way else _slopes(f.law, p, at)
             C += J @ p.covariance @ J.T
@@ -190,7 +190,7 @@ def change_of(
         chi_square, degrees = _mahalanobis(d, C)
         probability = chance(chi_square, degrees)
     else:
-        without = [n for n, p in zip(("first", "second"), parts) if p is None]
+        without = [n for n, p in zip(("first", "second"), parts, strict=True) if p is None]
         who = "Neither model has" if len(without) == 2 else f"The {without[0]} model has no"
         remarks.append(f"{who} standard errors: identify again (not --literal), and chance can be judged.")
     return Change(
@@ -299,7 +299,7 @@ def _middle(of: Callable[[np.ndarray], np.ndarray], speeds: np.ndarray) -> np.nd
 def _slopes(law: Law, errors: _Errors, velocity: np.ndarray) -> np.ndarray:
     """Return the derivative of the torque by each free number, (n, P)."""
     columns = []
-    for group, variance in zip(errors.numbers, np.diag(errors.covariance)):
+    for group, variance in zip(errors.numbers, np.diag(errors.covariance), strict=True):
         for way in (1.0, -1.0):  # a number at its bound can move one way only
             step = way * 1e-3 * np.sqrt(variance)
             try:

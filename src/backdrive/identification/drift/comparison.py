@@ -109,7 +109,9 @@ def _rename_joints(model: FrictionModel, names: Mapping[str, str]) -> FrictionMo
     joints = rename_joints(
         [friction.joint for friction in model.joints], [f"{a}={b}" for a, b in names.items()]
     )
-    named = tuple(replace(friction, joint=joint) for friction, joint in zip(model.joints, joints))
+    named = tuple(
+        replace(friction, joint=joint) for friction, joint in zip(model.joints, joints, strict=True)
+    )
     return replace(model, joints=named, coupling=None, coupled=())
 
 

@@ -128,7 +128,7 @@ def windows(lengths: Sequence[int]) -> list[np.ndarray]:
 
 def without(stretches: Sequence[Stretch], masks: Sequence[np.ndarray]) -> list[Stretch]:
     """Return stretches in which masked samples do not count; the motion stays whole, so that states are right."""
-    return [replace(s, judged=s.judged & ~mask) for s, mask in zip(stretches, masks)]
+    return [replace(s, judged=s.judged & ~mask) for s, mask in zip(stretches, masks, strict=True)]
 
 
 def held_out_errors(fit: Fit, records: Sequence[Any], masks: Sequence[np.ndarray]) -> np.ndarray:
@@ -140,7 +140,7 @@ def held_out_errors(fit: Fit, records: Sequence[Any], masks: Sequence[np.ndarray
         masks: samples of each that are held out, (n,).
     """
     found = []
-    for (_, counts), miss, mask in zip(fit.problem.series(records), fit.misses(records), masks):
+    for (_, counts), miss, mask in zip(fit.problem.series(records), fit.misses(records), masks, strict=True):
         found += squares(miss**2, mask, counts)
     return np.array(found)
 
@@ -153,7 +153,7 @@ def squares(squared: np.ndarray, mask: np.ndarray, counts: np.ndarray) -> list[f
 
 def training_error(fit: Fit, stretches: Sequence[Stretch]) -> tuple[float, int]:
     """Return the mean squared error on what was fitted [N.m or N, squared], rests included, and the number of samples."""
-    squared = [(miss**2)[s.judged] for s, miss in zip(stretches, fit.misses(stretches))]
+    squared = [(miss**2)[s.judged] for s, miss in zip(stretches, fit.misses(stretches), strict=True)]
     joined = np.concatenate(squared)
     return float(joined.mean()), joined.size
 

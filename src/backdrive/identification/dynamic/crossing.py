@@ -62,7 +62,7 @@ def lags_behind(
         late: delay of the torque behind the motion [s].
     """
     means = []
-    for s, only, miss in zip(stretches, slid, misses):
+    for s, only, miss in zip(stretches, slid, misses, strict=True):
         along = miss * np.sign(earlier(s.velocity, late / s.dt))
         means += [float(np.mean(along[a:b])) for a, b in spans(s.judged & ~only.judged)]
     if len(means) < FEWEST_TURNS:

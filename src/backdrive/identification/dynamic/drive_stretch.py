@@ -123,8 +123,8 @@ def split(parts: Sequence[DriveStretch], held: bool) -> tuple[list[MotionLog], l
         return [w for i, w in enumerate(logs) if i % 3 != 1], logs[1::3]
     masks = windows([len(log.position) for log in logs])
     return (
-        [replace(log, judged=~mask) for log, mask in zip(logs, masks)],
-        [replace(log, judged=mask) for log, mask in zip(logs, masks)],
+        [replace(log, judged=~mask) for log, mask in zip(logs, masks, strict=True)],
+        [replace(log, judged=mask) for log, mask in zip(logs, masks, strict=True)],
     )
 
 

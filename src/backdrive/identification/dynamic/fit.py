@@ -131,7 +131,7 @@ class Fit:
             records: stretches, or motion logs, of the joint; None: those of the fit.
         """
         series = self.problem.series(records)
-        return [(x - y)[counts] for x, (y, counts) in zip(self.predict(records), series)]
+        return [(x - y)[counts] for x, (y, counts) in zip(self.predict(records), series, strict=True)]
 
     def misses(self, records: Sequence[Any]) -> list[np.ndarray]:
         """Return measured less predicted, as far as no law can make up for it, each (n,).
@@ -139,7 +139,7 @@ class Fit:
         Args:
             records: stretches, or motion logs, of the joint.
         """
-        series = zip(records, self.predict(records), self.problem.series(records))
+        series = zip(records, self.predict(records), self.problem.series(records), strict=True)
         return [y - np.clip(y, *self.problem.bracket(self.values, record, x)) for record, x, (y, _) in series]
 
 

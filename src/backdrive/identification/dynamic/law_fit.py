@@ -19,7 +19,7 @@ FAR = 3.0  # samples from which on a delay is looked for before the search
 TRIES = 3  # of reversals left out where the delay puts them
 
 
-def fit_law(
+def fit_law(  # noqa: PLR0913  (its options are given by keyword)
     law: str | LawShape,
     stretches: Sequence[Stretch],
     *,

@@ -26,7 +26,7 @@ REFINED = 10  # last iterations of a loss without kinks
 
 
 @on_one_thread
-def fit_motion(
+def fit_motion(  # noqa: PLR0913  (its options are given by keyword)
     logs: Sequence[MotionLog] | MotionProblem,
     law: str | LawShape = "coulomb-viscous",
     *,

@@ -188,7 +188,7 @@ class MotionProblem(Problem):
         factor, start = np.ones(B), np.zeros((B, len(self.logs), 2))
         sizes: dict[str, np.ndarray] = {}
         table = np.array([[v[n] for n in self.names[self.terms.of_law :]] for v in values]).reshape(B, -1)
-        for (kind, at, log, name), numbers in zip(self.setters, table.T):
+        for (kind, at, log, name), numbers in zip(self.setters, table.T, strict=True):
             if kind == "axis":
                 J[:, at] = numbers
             elif kind == "drive":

@@ -60,7 +60,7 @@ class MotionSearch(Search):
         """Return starts ready to descend."""
         points = np.clip(np.atleast_2d(points), self.lower, self.upper)
         residuals = self.evaluate(points)
-        return [Descent(p, r, self.cost(r, self.scale(r))) for p, r in zip(points, residuals)]
+        return [Descent(p, r, self.cost(r, self.scale(r))) for p, r in zip(points, residuals, strict=True)]
 
     def descend(
         self, ways: list[Descent], iterations: int, tick: Callable[[int, float], None] | None = None
@@ -81,11 +81,11 @@ class MotionSearch(Search):
                 self.trials(
                     w.point, w.residual, J, self.scale(w.residual), FACTORS * w.damping, LENGTHS, FARTHEST
                 )
-                for w, J in zip(under_way, slopes)
+                for w, J in zip(under_way, slopes, strict=True)
             ]
             ends = self.evaluate(np.concatenate([points for points, _ in trials]))
             place = 0
-            for w, (points, dampings) in zip(under_way, trials):
+            for w, (points, dampings) in zip(under_way, trials, strict=True):
                 self._take(w, points, ends[place : place + len(points)], dampings)
                 place += len(points)
             if tick is not None:
@@ -108,14 +108,16 @@ class MotionSearch(Search):
     def slopes(self, ways: list[Descent]) -> list[np.ndarray]:
         """Return the Jacobians of the residuals, (m, P) each, in one batch."""
         steps = [np.where(w.point + w.wide > self.upper, -w.wide, w.wide) for w in ways]
-        moved = self.evaluate(np.concatenate([w.point + np.diag(s) for w, s in zip(ways, steps)]))
+        moved = self.evaluate(
+            np.concatenate([w.point + np.diag(s) for w, s in zip(ways, steps, strict=True)])
+        )
         P = len(self.lower)
         return [
             ((moved[k * P : (k + 1) * P] - w.residual) / s[:, None]).T
-            for k, (w, s) in enumerate(zip(ways, steps))
+            for k, (w, s) in enumerate(zip(ways, steps, strict=True))
         ]
 
-    def best(self, ways: list[Descent], interrupted: bool) -> SearchResult:
+    def result_of(self, ways: list[Descent], interrupted: bool) -> SearchResult:
         """Return the best of the ends."""
         costs = [w.cost for w in ways]
         k = int(np.argmin(costs))
@@ -132,7 +134,7 @@ class MotionSearch(Search):
         )
 
 
-def seek(
+def seek(  # noqa: PLR0913  (what one door hands to the other)
     search: MotionSearch,
     start: np.ndarray,
     boxes: tuple[np.ndarray, np.ndarray],
@@ -186,9 +188,9 @@ def seek(
             k = int(np.argmin([w.cost for w in ways]))
             ways[k].wide, ways[k].done = FINE, False
             search.descend([ways[k]], refine, inform("refined"))
-        return search.best(ways, False)
+        return search.result_of(ways, False)
     except KeyboardInterrupt:
-        return search.best(ways, True)
+        return search.result_of(ways, True)
 
 
 def evolve(search, best, boxes, generations, seed, tick, *, population=24, spread=0.05) -> Descent:
@@ -202,7 +204,7 @@ def evolve(search, best, boxes, generations, seed, tick, *, population=24, sprea
     sigma = search.scale(best.residual)
     ended = differential_evolution(
         lambda X: np.array([search.cost(r, sigma) for r in search.evaluate(X.T)]),
-        list(zip(search.lower, search.upper)),
+        list(zip(search.lower, search.upper, strict=True)),
         mutation=(0.4, 0.9),
         recombination=0.75,
         init=np.clip(first, search.lower, search.upper),

@@ -74,13 +74,13 @@ class Problem(ABC):
 
     def values(self, point: np.ndarray) -> dict[str, float]:
         """Return the numbers of a search point by name."""
-        return {u.name: float(u.outward(x)) for u, x in zip(self.unknowns, point)}
+        return {u.name: float(u.outward(x)) for u, x in zip(self.unknowns, point, strict=True)}
 
     def point(self, values: Mapping[str, float]) -> np.ndarray:
         """Return the search point of numbers by name; what is missing is put where it starts."""
         given = [
             float(u.inward(values[u.name])) if u.name in values else s
-            for u, s in zip(self.unknowns, self.start)
+            for u, s in zip(self.unknowns, self.start, strict=True)
         ]
         return np.array(given)
 
@@ -88,10 +88,12 @@ class Problem(ABC):
         """Return predicted less measured of a batch of search points, in the unit of what was measured, (B, m)."""
         predicted = self.predict([self.values(p) for p in points])
         residual, begin = np.empty((len(points), self.size)), 0
-        for x, (y, counts) in zip(predicted, self.series()):
+        for x, (y, counts) in zip(predicted, self.series(), strict=True):
             rows = np.flatnonzero(counts)
             part = residual[:, begin : begin + rows.size]
-            for ahead, model in zip(part, x):  # row by row: nothing as large as the whole is held beside it
+            for ahead, model in zip(
+                part, x, strict=True
+            ):  # row by row: nothing as large as the whole is held beside it
                 np.subtract(model[rows], y[rows], out=ahead)
             begin += rows.size
         return residual

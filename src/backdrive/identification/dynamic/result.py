@@ -72,18 +72,22 @@ def finish(
             temperature=_span(warmth),
         ),
         fitted=judge(
-            (s.torque, tau, 1.0 / s.dt, s.judged) for s, tau in zip(sliding_only(final, stretches), predicted)
+            (s.torque, tau, 1.0 / s.dt, s.judged)
+            for s, tau in zip(sliding_only(final, stretches), predicted, strict=True)
         ),
         held_out=judge(
             (s.torque, tau, 1.0 / s.dt, s.judged & mask)
-            for s, tau, mask in zip(sliding_only(judged, judges), judged.predict(judges), masks)
+            for s, tau, mask in zip(sliding_only(judged, judges), judged.predict(judges), masks, strict=True)
         ),
         method=f"fit of {final.name}: {how}",
         warnings=final.warnings,
     )
     parts: list[tuple[Signals, np.ndarray, np.ndarray, bool]] = []
     series = zip(
-        [*pairs, *unseen], [*predicted, *final.predict(tests)], [True] * len(pairs) + [False] * len(tests)
+        [*pairs, *unseen],
+        [*predicted, *final.predict(tests)],
+        [True] * len(pairs) + [False] * len(tests),
+        strict=True,
     )
     for (signals, s), tau, seen in series:
         known = 0.0 if signals.model_torque is None else signals.model_torque
@@ -122,7 +126,7 @@ def law_covariance(final: Fit, dynamics: Iterable[str] = ()) -> Covariance | Non
     sought, ties = final.covariance, final.problem.shape.ties
     if sought is None:
         return None
-    row_of = dict(zip(sought.names, np.eye(len(sought.names))))
+    row_of = dict(zip(sought.names, np.eye(len(sought.names)), strict=True))
     rows: dict[str, np.ndarray] = {}
     for part in (final.law.rate, final.law.element):
         for name, parameter in part.PARAMETERS.items():

@@ -121,7 +121,7 @@ class Search:
             evaluations=self.evaluations,
         )
 
-    def run(
+    def run(  # noqa: PLR0912  (one loop of a search: propose, test, accept, stop)
         self,
         start: np.ndarray,
         *,

@@ -45,7 +45,9 @@ def rest_of(
         rows.append(np.vstack([np.sign(v), v, columns(s, terms)])[:, moving].T)
         targets.append(s.torque[moving])
     theta = _least_squares(np.concatenate(rows), np.concatenate(targets))
-    found = {"coulomb": abs(theta[0]), "viscous": max(theta[1], 0.0)} | dict(zip(terms, theta[2:]))
+    found = {"coulomb": abs(theta[0]), "viscous": max(theta[1], 0.0)} | dict(
+        zip(terms, theta[2:], strict=False)
+    )
     left = [
         s.torque - sum((found[t] * column(s, t) for t in terms), np.zeros_like(s.torque)) for s in stretches
     ]
@@ -137,11 +139,11 @@ def scales(
 def presliding_length(stretches: Sequence[Stretch], left: Sequence[np.ndarray], force: float) -> float:
     """Return over which distance after a reversal friction turns round: the median over slow reversals [rad or m]."""
     found = []
-    for s, f in zip(stretches, left):
+    for s, f in zip(stretches, left, strict=True):
         v = s.velocity
         turns = np.nonzero(np.diff(np.sign(v)) != 0)[0]
         path = np.cumsum(np.abs(s.dp))
-        for a, b in zip(turns, np.append(turns[1:], len(v) - 1)):
+        for a, b in zip(turns, np.append(turns[1:], len(v) - 1), strict=False):
             way = np.sign(v[min(a + 2, len(v) - 1)])
             if b - a < 5 or way == 0:
                 continue
@@ -190,7 +192,10 @@ def _sizes(
     """Return what the data tell of friction, in all motion or in that of one direction, 1 or -1."""
     F, V = max(coulomb, 0.05 * scales.force), scales.speed
     near = np.concatenate(
-        [np.abs(f[s.judged & _slow(s) & (way * s.velocity >= 0.0)]) for s, f in zip(problem.stretches, left)]
+        [
+            np.abs(f[s.judged & _slow(s) & (way * s.velocity >= 0.0)])
+            for s, f in zip(problem.stretches, left, strict=True)
+        ]
         or [np.array([F])]
     )
     F_s = float(np.quantile(near, 0.9)) if near.size > 20 else 1.2 * F
@@ -210,7 +215,7 @@ def _sizes_along(
 ) -> Sizes:
     """Return what the data tell of friction in one direction, 1 or -1; as in both where there is little motion in it."""
     rows, targets = [], []
-    for s, f in zip(problem.stretches, left):
+    for s, f in zip(problem.stretches, left, strict=True):
         speed = way * s.velocity
         moving = s.judged & (speed > SLOW * np.abs(s.velocity).max())
         rows.append(np.vstack([np.ones(moving.sum()), speed[moving]]).T)
@@ -234,7 +239,7 @@ def side_by_side(problem: TorqueProblem, left: Sequence[np.ndarray], scales: Sca
         [Law(rate=Coulomb(coulomb=1.0), element=HaywardArmstrong(stiffness=1.0 / d)) for d in distance]
     )
     rows, targets = [], []
-    for s, f in zip(problem.stretches, left):
+    for s, f in zip(problem.stretches, left, strict=True):
         chosen = np.flatnonzero(s.judged & (np.abs(s.velocity) < 2 * SLOW * np.abs(s.velocity).max()))
         chosen = chosen[:: max(1, chosen.size // 2000)]
         dp = bristle(s, f, scales.force) if problem.shape.element is Leuven else s.dp
@@ -249,7 +254,8 @@ def side_by_side(problem: TorqueProblem, left: Sequence[np.ndarray], scales: Sca
     sliders = [(float(strength[i]), float(strength[i] / distance[i])) for i in active]  # torque, stiffness
     while len(sliders) > count:
         gaps = [
-            min(a[0], b[0]) * abs(np.log(a[0] * b[1] / (a[1] * b[0]))) for a, b in zip(sliders, sliders[1:])
+            min(a[0], b[0]) * abs(np.log(a[0] * b[1] / (a[1] * b[0])))
+            for a, b in zip(sliders, sliders[1:], strict=False)
         ]
         i = int(np.argmin(gaps))
         a, b = sliders[i : i + 2]
@@ -283,7 +289,7 @@ def bristle(s: Stretch, friction: np.ndarray, force: float) -> np.ndarray:
 def threshold(problem: TorqueProblem, left: Sequence[np.ndarray]) -> float:
     """Return the speed that best parts samples without torque from those with it [rad/s or m/s]."""
     speed = np.concatenate([np.abs(s.velocity[s.judged]) for s in problem.stretches])
-    torque = np.concatenate([np.abs(f[s.judged]) for s, f in zip(problem.stretches, left)])
+    torque = np.concatenate([np.abs(f[s.judged]) for s, f in zip(problem.stretches, left, strict=True)])
     order = np.argsort(speed)
     speed, torque = speed[order], torque[order]
     half = 0.5 * float(np.median(torque[speed > SLOW * speed[-1]]))

@@ -182,7 +182,7 @@ class TorqueProblem(Problem):
     ) -> list[np.ndarray]:
         """Return the torque that parameter sets predict for every stretch [N.m or N], each (B, n)."""
         if records is None:
-            pairs = list(zip(self.stretches, self.regressors))
+            pairs = list(zip(self.stretches, self.regressors, strict=True))
         else:
             pairs = [(s, columns(s, (*self.terms, *self.known))) for s in records]
         laws = [self.shape.law(v) for v in values]
@@ -204,7 +204,7 @@ class TorqueProblem(Problem):
                 tau *= _outside(dp[which] / s.dt, zones, self.blur)
             for j in range(len(delays) if len(X) and not friction else 0):
                 mine = np.flatnonzero(which == j)
-                for row, rest in zip(mine, beta[mine] @ moved[j][2]):
+                for row, rest in zip(mine, beta[mine] @ moved[j][2], strict=True):
                     tau[row] += rest
             predicted.append(tau)
         return predicted
@@ -272,7 +272,9 @@ class TorqueProblem(Problem):
         for _ in range(draws):
             after = self.predict(at, [self._redrawn(s, rng) for s in self.stretches])
             changes.append(
-                np.concatenate([(x - y)[0, s.judged] for x, y, s in zip(after, before, self.stretches)])
+                np.concatenate(
+                    [(x - y)[0, s.judged] for x, y, s in zip(after, before, self.stretches, strict=True)]
+                )
             )
         return np.array(changes)
 

@@ -77,7 +77,7 @@ def search_covariance(
     scores = J * (weight * residual)[:, None]
     bounds = sorted({0, m, *edges})
     parts = []
-    for a, b in zip(bounds, bounds[1:]):
+    for a, b in zip(bounds, bounds[1:], strict=False):
         count = max(1, round(BLOCKS * (b - a) / m))
         cuts = np.unique(np.linspace(a, b, count + 1).astype(int))
         parts.append(np.add.reduceat(scores, cuts[:-1], axis=0))
@@ -178,8 +178,10 @@ def bootstrap(
     m = len(residual)
     J = jacobian[:, free]
     cuts = np.unique(np.linspace(0, m, windows + 1).astype(int))
-    grams = np.array([J[a:b].T @ (weight[a:b, None] * J[a:b]) for a, b in zip(cuts, cuts[1:])])
-    moments = np.array([J[a:b].T @ (weight[a:b] * residual[a:b]) for a, b in zip(cuts, cuts[1:])])
+    grams = np.array([J[a:b].T @ (weight[a:b, None] * J[a:b]) for a, b in zip(cuts, cuts[1:], strict=False)])
+    moments = np.array(
+        [J[a:b].T @ (weight[a:b] * residual[a:b]) for a, b in zip(cuts, cuts[1:], strict=False)]
+    )
     rng = np.random.default_rng(seed)
     moves = np.empty((draws, J.shape[1]))
     for i in range(draws):
@@ -225,7 +227,8 @@ def intervals(
     check_interval(method, loss)
     unknowns, point = problem.unknowns, found.point
     root = np.array(
-        [errors[u.name] / u.slope(float(u.outward(x))) for u, x in zip(unknowns, point)], dtype=float
+        [errors[u.name] / u.slope(float(u.outward(x))) for u, x in zip(unknowns, point, strict=True)],
+        dtype=float,
     )
     free = np.isfinite(root) & (root > 0.0)
     if method == "bootstrap" and free.any():

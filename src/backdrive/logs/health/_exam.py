@@ -74,7 +74,7 @@ class Exam:
     def segments(self) -> list[slice]:
         """Stretches without a gap, in order."""
         edges = [0, *self.gaps.tolist(), len(self.log)]
-        return [slice(a, b) for a, b in zip(edges[:-1], edges[1:]) if b > a]
+        return [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b > a]
 
     @cached_property
     def blocks(self) -> list[slice]:
@@ -91,7 +91,7 @@ class Exam:
         for block in wanted:
             inside = edges[(edges > block.start) & (edges < block.stop)].tolist()
             cuts = [block.start, *inside, block.stop]
-            pieces += [slice(a, b) for a, b in zip(cuts[:-1], cuts[1:])]
+            pieces += [slice(a, b) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
         return pieces
 
     @once

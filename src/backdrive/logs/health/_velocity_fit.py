@@ -8,6 +8,7 @@ velocity, dV, so D = scale * S + scale * T * dV, by least squares over many wind
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -76,7 +77,7 @@ def velocity_fit(exam: Exam, j: int) -> VelocityFit | None:
     return VelocityFit(scale, delay, residual, plain, window * exam.period, error)
 
 
-def _windows(pieces, window: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _windows(pieces: Any, window: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     changes, integrals, ends = [], [], []
     total = sum(len(p[0]) for p in pieces)
     stride = max(1, window // 4, total // _MOST_WINDOWS)

@@ -52,7 +52,7 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     time = np.array(log.time)
     notes = []
     if restarts.size:
-        for start, stop in zip(restarts, [*restarts[1:], time.size]):
+        for start, stop in zip(restarts, [*restarts[1:], time.size], strict=False):
             run = time[start:stop]
             # where the motion does not go on, four times what counts as a gap, so that no filter reaches across
             pause = 1.0 if _goes_on(exam, start) else 4 * GAP
@@ -89,7 +89,7 @@ def _restarts(exam: Exam) -> np.ndarray:
         return np.empty(0, np.intp)
     found = []
     begin = 0
-    for k, stop in zip(descents, [*descents[1:], time.size]):
+    for k, stop in zip(descents, [*descents[1:], time.size], strict=False):
         before, after = time[begin:k], time[k:stop]
         low, high = after[0], min(before.max(), after[-1])
         both = np.count_nonzero((before >= low) & (before <= high)) + np.count_nonzero(after <= high)

@@ -8,7 +8,7 @@ import re
 from collections.abc import Mapping, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from backdrive._files import check_regular
 from backdrive.errors import FileTooLarge, ReadError, UnknownFormat
@@ -26,8 +26,8 @@ _INFO = Path("meta/info.json")  # describes a folder in LeRobot's layout
 _MOST_FILES = 10_000
 
 
-def read_log(
-    path: str | os.PathLike,
+def read_log(  # noqa: PLR0913  (its options are given by keyword)
+    path: str | os.PathLike[str],
     *,
     map: str | Mapping[str, str] | None = None,
     format: str | None = None,
@@ -39,7 +39,7 @@ def read_log(
     motor_side: str | Sequence[str] | None = None,
     coupling: Sequence[Sequence[float]] | None = None,
     coupling_side: str | None = None,
-    join: str | os.PathLike | Sequence[str | os.PathLike] = (),
+    join: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
     limits: Limits | None = None,
     guarded: bool = True,
 ) -> Log:
@@ -100,7 +100,7 @@ def read_log(
         from backdrive.logs.readers._join import side_by_side
 
         columns = side_by_side(columns, parts, map)
-    sources = tuple(Source(path=str(file), sha256=value) for file, value in zip(every, digests))
+    sources = tuple(Source(path=str(file), sha256=value) for file, value in zip(every, digests, strict=True))
     return to_log(
         columns,
         map=map,
@@ -116,7 +116,7 @@ def read_log(
     )
 
 
-def read_logs(paths: str | os.PathLike | Sequence[str | os.PathLike], **options) -> list[Log]:
+def read_logs(paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], **options: Any) -> list[Log]:
     """Read several logs: files, or folders of files of one kind; takes the options of `read_log`.
 
     Raises:
@@ -135,7 +135,7 @@ def read_logs(paths: str | os.PathLike | Sequence[str | os.PathLike], **options)
 
 
 def read_columns(
-    path: str | os.PathLike,
+    path: str | os.PathLike[str],
     *,
     format: str | None = None,
     topic: str | None = None,
@@ -152,7 +152,7 @@ def read_columns(
     return _parse(files, form, topic, limits, guarded)
 
 
-def peek(path: str | os.PathLike, **options) -> list[tuple[str, tuple[int, ...], str]]:
+def peek(path: str | os.PathLike[str], **options: Any) -> list[tuple[str, tuple[int, ...], str]]:
     """Return the name, shape and element type of every column; takes the options of `read_columns`.
 
     Raises:

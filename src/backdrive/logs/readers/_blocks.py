@@ -13,6 +13,7 @@ import re
 from collections.abc import Iterator
 from functools import partial
 from itertools import chain, islice
+from typing import Any
 
 import numpy as np
 
@@ -46,7 +47,7 @@ def numbers(path: str, dialect: Dialect) -> list[np.ndarray] | None:
             return None
         if n + len(rows) > columns[0].size:
             _resize(columns, max(n + len(rows), columns[0].size + columns[0].size // 4))
-        for column, values in zip(columns, rows.T):
+        for column, values in zip(columns, rows.T, strict=True):
             column[n : n + len(rows)] = values
         n += len(rows)
     _resize(columns, n)
@@ -100,7 +101,7 @@ def _commas(block: bytes, swaps: bytes | None, delimiter: str) -> bytes:
     return block
 
 
-def _by_json(block: bytes, width: int, decode) -> np.ndarray | None:
+def _by_json(block: bytes, width: int, decode: Any) -> np.ndarray | None:
     """Return the rows of a block, (k, width); None if it holds something else than numbers.
 
     Raises:

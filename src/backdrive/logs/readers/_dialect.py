@@ -88,7 +88,7 @@ def sniff(raw: bytes, *, whole: bool) -> Dialect:
 
     rows = [i for i, line in enumerate(lines) if line.strip() and is_row(line)]
     # A lone numeric line in the preamble must not pass for the table: the next filled line has to be a row too.
-    following = {a: b for a, b in zip(rows, rows[1:])}
+    following = {a: b for a, b in zip(rows, rows[1:], strict=False)}
     first = next(
         (i for i in rows if _next_non_empty(lines, i) == following.get(i, -1)), rows[0] if rows else None
     )

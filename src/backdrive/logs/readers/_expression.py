@@ -286,7 +286,7 @@ class _Parser:
     def range(self, first: str, last: str, where: int) -> tuple[Column, ...]:
         """Return the columns from one number to another."""
         begin, end = re.split(r"(\d+)", first), re.split(r"(\d+)", last)
-        differ = [i for i, (a, b) in enumerate(zip(begin, end)) if a != b]
+        differ = [i for i, (a, b) in enumerate(zip(begin, end, strict=False)) if a != b]
         if len(begin) != len(end) or len(begin) < 2 or len(differ) > 1 or (differ and differ[0] % 2 == 0):
             self.fail(f"'{first}' and '{last}' differ in more than one number", where)
         at = differ[0] if differ else len(begin) - 2

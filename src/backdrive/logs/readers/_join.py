@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -42,7 +43,7 @@ def side_by_side(
     return first
 
 
-def _join(first: Columns, other: Columns, path: str, asked: Mapping) -> Columns:
+def _join(first: Columns, other: Columns, path: str, asked: Mapping[str, Any]) -> Columns:
     clock, _ = _clock(first, asked, "The first file")
     theirs, of_time = _clock(other, asked, path)
     usable = np.flatnonzero(np.isfinite(theirs))
@@ -113,7 +114,7 @@ def _join(first: Columns, other: Columns, path: str, asked: Mapping) -> Columns:
     )
 
 
-def _clock(columns: Columns, asked: Mapping, path: str) -> tuple[np.ndarray, list[str]]:
+def _clock(columns: Columns, asked: Mapping[str, Any], path: str) -> tuple[np.ndarray, list[str]]:
     """Return the instants of a file on its own clock [s], (n,), and the columns that they are of."""
     sums = asked.get("time")
     of_time = columns_of(sums) if sums else []

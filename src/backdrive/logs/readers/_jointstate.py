@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -67,7 +68,7 @@ class Gatherer:
         if fixed is not None:
             self._keep(layout.names, _Batch(fixed[0], np.array(received, dtype=np.int64), fixed[1]))
             return
-        for message, at in zip(messages, received):
+        for message, at in zip(messages, received, strict=True):
             layout = _layout(message, self._ros1)
             numbers = tuple(
                 np.frombuffer(message, layout.order + "f8", count, offset)[None, :] if count else None
@@ -167,7 +168,9 @@ class _Batch:
     reordered: bool = False
 
 
-def _fixed(messages: Sequence, layout: _Layout) -> tuple[np.ndarray, tuple[np.ndarray | None, ...]] | None:
+def _fixed(
+    messages: Sequence[Any], layout: _Layout
+) -> tuple[np.ndarray, tuple[np.ndarray | None, ...]] | None:
     """Read all messages as one matrix, or return None if they differ in more than stamps and numbers."""
     length = len(messages[0])
     if any(len(message) != length for message in messages):
@@ -203,7 +206,7 @@ def _layout(message: bytes | memoryview, ros1: bool) -> _Layout:
         raise ReadError(
             f"A message is no joint state ({error}).", remedy="The bag is damaged; record it again."
         ) from error
-    for channel, (_, count) in zip(_CHANNELS, layout.spans):
+    for channel, (_, count) in zip(_CHANNELS, layout.spans, strict=True):
         if count not in (0, len(layout.names)):
             raise ReadError(
                 f"A message has {len(layout.names)} names and {count} numbers of {channel}.",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from backdrive.logs.readers import units
 
@@ -256,7 +257,9 @@ def _times(scopes: Mapping[str, list[_Hit]], scope: str) -> list[_Hit]:
     return []
 
 
-def _gather(hits: list[_Hit], widths: Mapping[str, int], notes: list[str]) -> tuple[tuple[str, ...], dict]:
+def _gather(
+    hits: list[_Hit], widths: Mapping[str, int], notes: list[str]
+) -> tuple[tuple[str, ...], dict[str, Any]]:
     """Choose one name per channel; numbered columns are put in the order of their numbers."""
     columns: dict[str, tuple[str, ...]] = {}
     numbers: dict[str, tuple[int, ...]] = {}

@@ -106,7 +106,7 @@ def _failure(error: errors.BackdriveError) -> bytes:
     return header({"error": type(error).__name__, "message": error.message, "remedy": error.remedy})
 
 
-def _send(stream, parts) -> None:
+def _send(stream: Any, parts: Any) -> None:
     for part in parts:
         view = memoryview(part)
         while view:
@@ -121,7 +121,7 @@ def _lock() -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
     sys.dont_write_bytecode = True
 
-    def refuse(event: str, arguments: tuple) -> None:
+    def refuse(event: str, arguments: tuple[Any, ...]) -> None:
         if _parsing and event.startswith(_FORBIDDEN):
             raise errors.ForbiddenContent(
                 f"The file led its parser to {event}.", remedy="Do not use this file."

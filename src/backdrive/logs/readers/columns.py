@@ -101,13 +101,13 @@ def frames(columns: Columns) -> Iterator[bytes | memoryview]:
             yield value.reshape(-1).view(np.uint8).data
 
 
-def header(content: Mapping) -> bytes:
+def header(content: Mapping[str, Any]) -> bytes:
     """Return a JSON document with its length in front (4 bytes, little endian)."""
     text = json.dumps(content).encode()
     return len(text).to_bytes(4, "little") + text
 
 
-def unframe(content: Mapping, receive: Callable[[memoryview], None], limits: Limits) -> Columns:
+def unframe(content: Mapping[str, Any], receive: Callable[[memoryview], None], limits: Limits) -> Columns:
     """Rebuild columns; the sender parsed a hostile file, so nothing it says is believed unchecked.
 
     Args:

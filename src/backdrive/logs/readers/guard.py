@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from backdrive import errors
 
@@ -43,7 +43,7 @@ class Guard:
     """
 
     def __init__(self):
-        self._process: subprocess.Popen | None = None
+        self._process: subprocess.Popen[bytes] | None = None
         self._lock = threading.RLock()
         self.restarts = 0
 
@@ -221,7 +221,7 @@ class Guard:
 
         return receive
 
-    def _receive_header(self, seconds: float) -> dict:
+    def _receive_header(self, seconds: float) -> dict[str, Any]:
         receive = self._receiver(time.monotonic() + seconds)
         length = bytearray(4)
         receive(memoryview(length))
@@ -243,13 +243,13 @@ class Guard:
         )
 
 
-def _hung_up(stream) -> bool:
+def _hung_up(stream: Any) -> bool:
     poll = select.poll()
     poll.register(stream.fileno(), select.POLLIN)
     return any(flags & select.POLLHUP for _, flags in poll.poll(0))
 
 
-def _error(answer: dict) -> errors.BackdriveError:
+def _error(answer: dict[str, Any]) -> errors.BackdriveError:
     """Return the typed error that the child reported; only known classes are made."""
     from backdrive.logs.readers.columns import clean
 

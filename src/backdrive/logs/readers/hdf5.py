@@ -8,7 +8,7 @@ looked at before its data are.
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -83,7 +83,9 @@ def read(path: str, options: ReadOptions) -> Columns:
     return Columns(arrays=arrays, notes=notes)
 
 
-def _walk(group: h5py.Group, prefix: str, found: dict, left: list[str], seen: set, depth: int) -> None:
+def _walk(
+    group: h5py.Group, prefix: str, found: dict[str, Any], left: list[str], seen: set[Any], depth: int
+) -> None:
     """Collect datasets; a hard link back to a group already seen would never end."""
     import h5py
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+from typing import Any
 
 import numpy as np
 
@@ -85,7 +86,7 @@ def read(path: str, options: ReadOptions) -> Columns:
     return Columns(arrays=arrays, joints=joints, notes=tuple(notes))
 
 
-def _of_samples(samples: list[dict], notes: list[str]) -> dict[str, list]:
+def _of_samples(samples: list[dict[str, Any]], notes: list[str]) -> dict[str, list[Any]]:
     """Turn samples into columns; a key that a sample lacks is NaN there."""
     keys = list(dict.fromkeys(key for sample in samples[:1000] for key in sample))
     lacking = [key for key in keys if any(key not in sample for sample in samples)]
@@ -94,7 +95,9 @@ def _of_samples(samples: list[dict], notes: list[str]) -> dict[str, list]:
     return {key: [sample.get(key) for sample in samples] for key in keys}
 
 
-def _numbers(prefix: str, table: dict, arrays: dict[str, np.ndarray], notes: list[str], depth: int) -> None:
+def _numbers(
+    prefix: str, table: dict[str, Any], arrays: dict[str, np.ndarray], notes: list[str], depth: int
+) -> None:
     for key, values in table.items():
         name = f"{prefix}{key}"
         if isinstance(values, dict) and depth < 4:
@@ -113,7 +116,7 @@ def _numbers(prefix: str, table: dict, arrays: dict[str, np.ndarray], notes: lis
             arrays[name] = np.array([float(values)])
 
 
-def _bam(content: dict, arrays: dict[str, np.ndarray], notes: list[str]) -> Columns:
+def _bam(content: dict[str, Any], arrays: dict[str, np.ndarray], notes: list[str]) -> Columns:
     """Give BAM's numbers their meaning."""
     load = arrays["load"].astype(float)
     wrapped = load > 32767

@@ -10,6 +10,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -73,7 +74,7 @@ def read(path: str, options: ReadOptions) -> Columns:
     )
 
 
-def _info(path: str) -> dict:
+def _info(path: str) -> dict[str, Any]:
     try:
         info = json.loads(read_whole(path, MOST_INFO))
     except (ValueError, UnicodeDecodeError) as error:

@@ -18,7 +18,7 @@ _POSITIONS = ("position", "reference", "second_encoder")
 _DEG = np.pi / 180
 
 
-def to_log(
+def to_log(  # noqa: PLR0913  (its options are given by keyword)
     columns: Columns,
     *,
     map: str | Mapping[str, str] | None = None,
@@ -172,7 +172,7 @@ def _align_patterns(values: Values) -> tuple[str, ...]:
     return wanted if all(wanted) else ()
 
 
-def automatic(columns: Columns, asked: Mapping) -> _names.Guess:
+def automatic(columns: Columns, asked: Mapping[str, Any]) -> _names.Guess:
     """Return what the format, or else the names, say about the columns that fit the time."""
     if columns.channels:
         return _names.Guess(
@@ -190,7 +190,7 @@ def automatic(columns: Columns, asked: Mapping) -> _names.Guess:
     return _names.guess({name: width for name, width in fitting.items() if width}, columns.units, asked)
 
 
-def length(columns: Columns, asked: Mapping, found: _names.Guess) -> int:
+def length(columns: Columns, asked: Mapping[str, Any], found: _names.Guess) -> int:
     """Return the number of samples: that of the time, or of what moves where time is counted with `index`."""
     sums = asked.get("time")
     if sums is None and "time" in asked:
@@ -221,7 +221,7 @@ def _width(arrays: Mapping[str, np.ndarray]) -> int:
     return next(iter(widths.values()))
 
 
-def _without_zeros(arrays: dict[str, np.ndarray], asked: Mapping) -> list[str]:
+def _without_zeros(arrays: dict[str, np.ndarray], asked: Mapping[str, Any]) -> list[str]:
     """Drop velocity, torque and temperature that are zero throughout: drivers fill in what they do not measure."""
     notes = []
     moves = "position" in arrays and np.ptp(arrays["position"], axis=0).max(initial=0.0) > 0
@@ -247,7 +247,7 @@ def _kinds(units: str | Sequence[str] | None, width: int) -> list[str] | None:
     return each
 
 
-def _from_degrees(values: Values, kinds: list[str], asked: Mapping) -> list[str]:
+def _from_degrees(values: Values, kinds: list[str], asked: Mapping[str, Any]) -> list[str]:
     """Convert positions and velocities that state no unit, for the joints that the person says are in degrees."""
     turned = np.array([kind == "deg" for kind in kinds])
     done = []

@@ -22,7 +22,7 @@ _DEEPEST = 16
 
 def prepare() -> None:
     """Load what reading needs, ahead of the time limit."""
-    import scipy.io  # noqa: F401
+    import scipy.io  # noqa: F401  # pyright: ignore[reportUnusedImport]
 
 
 def read(path: str, options: ReadOptions) -> Columns:

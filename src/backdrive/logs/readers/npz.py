@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+from typing import Any
 
 import numpy as np
 
@@ -51,7 +52,7 @@ def read(path: str, options: ReadOptions) -> Columns:
     return Columns(arrays=arrays, notes=tuple(notes))
 
 
-def _array(stream, name: str, declared: int) -> np.ndarray:
+def _array(stream: Any, name: str, declared: int) -> np.ndarray:
     """Read one array, its size settled by its header before its bytes are fetched."""
     version = np.lib.format.read_magic(stream)
     header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}

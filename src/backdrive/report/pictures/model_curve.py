@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.identification.curves import widened_below
+from backdrive.identification.curves import widen_below
 from backdrive.identification.evidence import curve
 from backdrive.identification.result import Curve
 from backdrive.identification.sweep_verdict import error_of_curve
@@ -51,12 +51,12 @@ def error_of(friction: JointFriction) -> Callable[[np.ndarray], np.ndarray]:
     law = friction.law
     if isinstance(law.rate, Polyline) and friction.method == "sweep":
         known = error_of_curve(friction)
-        return widened_below(law, law.rate.velocity[0], known) if law.rate.velocity[0] > 0.0 else known
+        return widen_below(law, law.rate.velocity[0], known) if law.rate.velocity[0] > 0.0 else known
     if friction.covariance is None or not set(friction.covariance.names) & _rows_of(friction).keys():
         return partial(largest_error, friction)
     known, lowest = partial(_by_covariance, friction), friction.validity.lowest_speed
     if lowest and friction.method in ("motion", "constant-velocity"):
-        return widened_below(law, lowest, known)
+        return widen_below(law, lowest, known)
     return known
 
 
