@@ -152,7 +152,7 @@ def _operation(xp: Any, name: str, given: list[Any]) -> Any:
     if name in _PLAIN:
         return _PLAIN[name](*given)
     if name == "pick":
-        return _picked(xp, *given)
+        return _pick(xp, *given)
     if all(isinstance(g, (int, float, bool, np.generic)) for g in given):
         return _numbers(name, given)
     if name == "where":
@@ -177,7 +177,7 @@ def _operation(xp: Any, name: str, given: list[Any]) -> Any:
     return getattr(xp, name)(given[0])
 
 
-def _picked(xp: Any, index: Any, places: tuple[int, ...], *numbers: Any) -> Any:
+def _pick(xp: Any, index: Any, places: tuple[int, ...], *numbers: Any) -> Any:
     """Return one of some numbers, by an index that is one of some places."""
     if not hasattr(index, "shape"):
         return numbers[places.index(index)]

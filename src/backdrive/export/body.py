@@ -18,7 +18,7 @@ from backdrive.export.code import Assign, Declare, Do, Store, declare, lines, me
 from backdrive.export.expressions import DEAD, known
 from backdrive.export.function import RESULT, Function
 from backdrive.export.loops import Loops
-from backdrive.export.statements import spelled
+from backdrive.export.statements import c_name
 from backdrive.export.values import (
     LONG,
     PLACE,
@@ -64,7 +64,7 @@ class Body(Loops):
             self._begin()
             self.run(self.tree.body)
             self.kinds = self.kinds_seen
-        return self._finished()
+        return self._finish()
 
     def _begin(self) -> None:
         self.made = Function("")
@@ -86,7 +86,7 @@ class Body(Loops):
             self.parameters += [("table", "g"), ("settings", "k")]
             return value
         kind = self._kind(name, value)
-        name = spelled(name)
+        name = c_name(name)
         if isinstance(value, Array):
             self.parameters.append((f"{self.spelling.declared(value.kind)} *", name))
             if value.places and self.spelling.single:
@@ -109,7 +109,7 @@ class Body(Loops):
         apart = self.source.__module__.rsplit(".", 1)[-1] in TIMED
         return REAL if kind == PLACE and name in INTERVALS and not apart else kind
 
-    def _finished(self) -> Function:
+    def _finish(self) -> Function:
         made = self.made
         made.title = _title(self.source)
         made.rare = self.source.__name__ in RARE
@@ -221,7 +221,7 @@ class Body(Loops):
         names = list(inspect.signature(source).parameters)
         given: dict[str, Scalar] = {}
         for name, value in zip(names, arguments):
-            self._give(spelled(name), name, value, given, made.parameters)
+            self._give(c_name(name), name, value, given, made.parameters)
         parts = [given[n] for _, n in made.parameters]
         text = f"{made.name}({', '.join(p.text for p in parts)})"
         for n in made.written:
@@ -264,7 +264,7 @@ class Body(Loops):
     ) -> None:
         if isinstance(value, Several):
             for i, each in enumerate(value.items):
-                self._give(spelled(f"{plain}_{i}"), f"{plain}_{i}", each, given, parameters)
+                self._give(c_name(f"{plain}_{i}"), f"{plain}_{i}", each, given, parameters)
         elif isinstance(value, Table):
             given["g"] = Scalar("g", "pointer", names=frozenset({"g"}))
             given["k"] = Scalar("k", REAL, names=frozenset({"k"}))

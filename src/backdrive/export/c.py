@@ -12,7 +12,7 @@ from backdrive.control.envelope import PERIOD
 from backdrive.control.joint_loop import BareLoop, JointLoop
 from backdrive.errors import InvalidInput, WriteError
 from backdrive.export import cpp, examples
-from backdrive.export.loop_header import framed, loop_header
+from backdrive.export.loop_header import frame_header, loop_header
 from backdrive.export.parts import PartsHeader, of_law
 from backdrive.export.statements import RESERVED
 from backdrive.laws import Law
@@ -140,7 +140,9 @@ def export_laws(
         repr(list(laws.values())) + precision,
         "",
     )
-    return written(folder, {f"{prefix}.h": framed(prefix, about, PartsHeader(parts, prefix, single).text())})
+    return written(
+        folder, {f"{prefix}.h": frame_header(prefix, about, PartsHeader(parts, prefix, single).text())}
+    )
 
 
 def _single(precision: str) -> bool:

@@ -109,15 +109,15 @@ def prune(block: list[Statement]) -> None:
     """Take out assignments to variables that nothing reads, and branches in which nothing is left."""
     while True:
         used = frozenset().union(*(reads(s) for s in walk(block)))
-        if not _pruned(block, used):
+        if not _prune(block, used):
             return
 
 
-def _pruned(block: list[Statement], used: frozenset[str]) -> bool:
+def _prune(block: list[Statement], used: frozenset[str]) -> bool:
     changed = False
     for statement in list(block):
         for inner in blocks(statement):
-            changed |= _pruned(inner, used)
+            changed |= _prune(inner, used)
         if isinstance(statement, Assign) and statement.name not in used:
             at = block.index(statement)
             block[at : at + 1] = [Do(statement.value)] if statement.effect else []
@@ -136,13 +136,13 @@ def merge(block: list[Statement]) -> None:
     for statement in walk(block):
         for name in reads(statement):
             counts[name] = counts.get(name, 0) + 1
-    _merged(block, counts)
+    _merge(block, counts)
 
 
-def _merged(block: list[Statement], counts: dict[str, int]) -> None:
+def _merge(block: list[Statement], counts: dict[str, int]) -> None:
     for statement in block:
         for inner in blocks(statement):
-            _merged(inner, counts)
+            _merge(inner, counts)
     i = 0
     while i + 1 < len(block):
         first, second = block[i], block[i + 1]

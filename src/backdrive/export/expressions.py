@@ -20,7 +20,7 @@ from backdrive.export.values import (
     WIDE,
     Array,
     Const,
-    Mixed,
+    Mixture,
     Scalar,
     Several,
     Table,
@@ -133,14 +133,14 @@ class Expressions(Operators):
         if isinstance(node.ops[0], ast.In):
             return self._among(node)
         values = self.ordered([node.left, *node.comparators])
-        parts = [self.compared(type(op), a, b) for op, a, b in zip(node.ops, values, values[1:])]
+        parts = [self.compare(type(op), a, b) for op, a, b in zip(node.ops, values, values[1:])]
         return self.all_of(parts)
 
     def _among(self, node: ast.Compare) -> Value:
         value, choices = self.value(node.left), self.value(node.comparators[0])
         if not isinstance(choices, Several):
             raise Untranslatable(ast.unparse(node))
-        return self.any_of([self.compared(ast.Eq, value, c) for c in choices.items])
+        return self.any_of([self.compare(ast.Eq, value, c) for c in choices.items])
 
     def _boolop(self, node: ast.BoolOp) -> Value:
         decides = isinstance(node.op, ast.Or)
@@ -220,7 +220,7 @@ class Expressions(Operators):
             )
         if at is None:
             if array.dead or (array.places and self.spelling.single):
-                raise Mixed(array.name)
+                raise Mixture(array.name)
             begin = array.begin
             place = self.spelling.scalar(index)
             shifted = self.spelling.scalar(self.binary(ast.Add, Const(begin), index)) if begin else place

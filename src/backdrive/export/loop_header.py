@@ -279,10 +279,10 @@ def loop_header(
     """
     names = [str(i) for i in range(len(joints))] if names is None else names
     body = LoopHeader(joints, interval, prefix, names, single).text()
-    return framed(prefix, comment, body)
+    return frame_header(prefix, comment, body)
 
 
-def framed(prefix: str, comment: str, body: str) -> str:
+def frame_header(prefix: str, comment: str, body: str) -> str:
     """Return a header: comment, include guard, refusals and includes around its body."""
     guard_ = f"{prefix.upper()}_H"
     lines = "\n".join(f" * {line}".rstrip() for line in comment.splitlines())

@@ -7,14 +7,14 @@ from dataclasses import replace
 
 from backdrive.export.code import Assign, Loop
 from backdrive.export.expressions import known
-from backdrive.export.statements import Statements, spelled
+from backdrive.export.statements import Statements, c_name
 from backdrive.export.values import (
     BOOL,
     INT,
     PRIMARY,
     Array,
     Const,
-    Mixed,
+    Mixture,
     Scalar,
     Several,
     Table,
@@ -43,7 +43,7 @@ class Loops(Statements):
         begin, end = int(begin), int(end)
         if end <= begin:
             return False
-        name = spelled(node.target.id) if node.target.id != "_" else "round_"
+        name = c_name(node.target.id) if node.target.id != "_" else "round_"
         if end == begin + 1 and not any(isinstance(x, (ast.Break, ast.Continue)) for x in ast.walk(node)):
             self.env[node.target.id] = Const(begin)
             return self.run(node.body)
@@ -52,7 +52,7 @@ class Loops(Statements):
         at, env = len(self.block), dict(self.env)
         try:
             self._loop(node, head, {node.target.id: counter})
-        except Mixed:
+        except Mixture:
             del self.block[at:]
             self.env = env
             for k in range(begin, end):
@@ -76,7 +76,7 @@ class Loops(Statements):
         )
         for name in changing:
             if name in self.env:
-                self.env[name] = self._loosened(name, self.env[name])
+                self.env[name] = self._loosen(name, self.env[name])
         if isinstance(node, ast.While):
             at = len(self.block)
             condition = self.spelling.scalar(self.value(node.test))
@@ -96,7 +96,7 @@ class Loops(Statements):
         self.env = dict(before) | own
         try:
             ended = self.run(node.body)
-        except Mixed:
+        except Mixture:
             self.block = outer
             raise
         finally:
@@ -108,30 +108,30 @@ class Loops(Statements):
             if was is None:  # a variable that begins in the loop
                 before[name] = value
             elif isinstance(was, Scalar) and isinstance(value, (Const, Scalar)):
-                self._written_back(was, value)
+                self._write_back(was, value)
             elif isinstance(was, Several) and isinstance(value, Several):
                 for x, y in zip(was.items, value.items):
                     if x != y and isinstance(x, Scalar):
-                        self._written_back(x, y)
+                        self._write_back(x, y)
             else:
                 raise Untranslatable(f"{name} changes in a loop")
         self.block = outer
         self.block.append(loop)
         self.env = before
 
-    def _written_back(self, was: Scalar, value: Value) -> None:
+    def _write_back(self, was: Scalar, value: Value) -> None:
         if isinstance(value, Scalar) and value.text == was.text:
             return
         scalar = self.spelling.scalar(value, was.kind)
         self.block.append(Assign(was.text, self.spelling.declared(was.kind), scalar))
 
-    def _loosened(self, name: str, value: Value) -> Value:
+    def _loosen(self, name: str, value: Value) -> Value:
         """Return a variable that a loop may change: it has a name in C, and its number is not known."""
         if isinstance(value, Several):
-            return Several(tuple(self._loosened(f"{name}_{i}", v) for i, v in enumerate(value.items)))
+            return Several(tuple(self._loosen(f"{name}_{i}", v) for i, v in enumerate(value.items)))
         if isinstance(value, (Array, Table)):
             return value
-        if not (isinstance(value, Scalar) and value.text == spelled(name)):
+        if not (isinstance(value, Scalar) and value.text == c_name(name)):
             value = self.assign(name, value, always=True)
         assert isinstance(value, Scalar)
         kind = wider(value.kind, self.kinds.get(value.text, value.kind))

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 from backdrive._files import read_whole
 from backdrive.errors import InvalidInput, ReadError, require
 from backdrive.export import c
-from backdrive.export.loop_header import framed
+from backdrive.export.loop_header import frame_header
 from backdrive.export.parts import PartsHeader, of_law
 from backdrive.export.simulators import MAX_BYTES, joints_of, relocate
 from backdrive.laws import REFERENCE
@@ -85,7 +85,9 @@ def export_mujoco(
     relocate(root, robot.parent, folder)
     content = repr([d.law for d in placed]) + repr(temperature)
     title = f"Friction of {', '.join(d.name for d in placed)} in MuJoCo."
-    header = framed(prefix, c.comment(title, source, content, ""), PartsHeader(parts, prefix, False).text())
+    header = frame_header(
+        prefix, c.comment(title, source, content, ""), PartsHeader(parts, prefix, False).text()
+    )
     files = {
         f"{prefix}.h": header,
         f"{prefix}_mujoco.c": callback(

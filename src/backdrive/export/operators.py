@@ -118,7 +118,7 @@ class Operators:
         result = self.spelling.join(text, kind, level, [x, y], both)
         return replace(self.spelling.scalar(result, REAL), exact=result) if way else result
 
-    def compared(self, op: type, left: Value, right: Value) -> Value:
+    def compare(self, op: type, left: Value, right: Value) -> Value:
         """Return the comparison of two values."""
         sign, level, function = COMPARE[op]
         a, b = known(left), known(right)

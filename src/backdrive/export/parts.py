@@ -20,7 +20,7 @@ from backdrive.control.estimators.friction import FrictionEstimator
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.export import prelude
 from backdrive.export.program import Program
-from backdrive.export.statements import spelled
+from backdrive.export.statements import c_name
 from backdrive.export.values import BOOL, PLACE, REAL, Array, Const, Scalar, Several, Spelling, Value, number
 from backdrive.laws import Law, kernels
 
@@ -241,7 +241,7 @@ class PartsHeader:
         used = {n for _, n in step.parameters}
         kernel = getattr(part.kernel, "py_func", part.kernel)
         called = dict(zip(inspect.signature(kernel).parameters, part.arguments))  # parameter -> argument
-        called = {spelled(n): str(a) for n, a in called.items()} | {
+        called = {c_name(n): str(a) for n, a in called.items()} | {
             "load_0": "load_motor",
             "load_1": "load_external",
         }
@@ -272,13 +272,13 @@ class PartsHeader:
             f"/* What {name} remembers: yours to keep. */\ntypedef struct {{\n{fields}}} {full}_state;\n\n{constants}"
             f"/* Return to rest at a position [rad or m]. */\n"
             f"static inline void {full}_reset({full}_state *s, double position) {{\n"
-            f"  static const {full}_state at_rest = {{{cells}}};\n  *s = at_rest;\n{self._moved(part, arrays)}}}\n\n"
+            f"  static const {full}_state at_rest = {{{cells}}};\n  *s = at_rest;\n{self._move(part, arrays)}}}\n\n"
             f"/* {part.title} {words}. */\n"
             f"static inline {step.result} {full}_step({full}_state *s, {', '.join(f'{t} {n}' for t, n in inputs)}) {{\n"
             f"{unused}  return {step.name}({call});\n}}"
         )
 
-    def _moved(self, part: Part, arrays: Sequence[tuple[str, str, list[float], str]]) -> str:
+    def _move(self, part: Part, arrays: Sequence[tuple[str, str, list[float], str]]) -> str:
         """Return what moves the positions of a part at rest; times among them stay 0."""
         lines = []
         for n, indices in part.places.items():

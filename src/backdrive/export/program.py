@@ -57,7 +57,7 @@ class Program:
         source = getattr(kernel, "py_func", kernel)
         if not isinstance(source, FunctionType):
             raise Untranslatable(f"{kernel!r} is no kernel.")
-        key = (source, tuple(_described(a) for a in arguments))
+        key = (source, tuple(_describe(a) for a in arguments))
         if key not in self._memo:
             self._memo[key] = self._unique(source, Body(self, source, arguments).function())
         return self._memo[key]
@@ -78,26 +78,26 @@ class Program:
         name = f"{self.prefix}_core_{module}_{source.__name__.strip('_')}"
         same = [f for f in self.functions if f.name == name or re.fullmatch(rf"{name}_\d+", f.name)]
         for other in same:
-            if replace(made, name=other.name, result=_renamed(made, other.name)).text() == other.text():
+            if replace(made, name=other.name, result=_rename(made, other.name)).text() == other.text():
                 return other
         made.name = name if not same else f"{name}_{len(same) + 1}"
-        made.result = _renamed(made, made.name)
+        made.result = _rename(made, made.name)
         self.functions.append(made)
         return made
 
 
-def _renamed(function: Function, name: str) -> str:
+def _rename(function: Function, name: str) -> str:
     return f"{name}_result" if function.result.endswith("_result") else function.result
 
 
-def _described(value: Value) -> Any:
+def _describe(value: Value) -> Any:
     """Return what a translation depends on of an argument."""
     if isinstance(value, Const):
         return ("const", type(value.value), repr(value.value))
     if isinstance(value, Scalar):
         return ("scalar", value.kind, value.known)
     if isinstance(value, Several):
-        return tuple(_described(v) for v in value.items)
+        return tuple(_describe(v) for v in value.items)
     if isinstance(value, Array):
         places = frozenset(i - value.begin for i in value.places)
         content = None if value.content is None else value.content[value.begin :]

@@ -100,7 +100,7 @@ RESERVED = {
 }
 
 
-def spelled(name: str) -> str:
+def c_name(name: str) -> str:
     """Return a name that C takes."""
     return f"{name}_" if name in RESERVED else name
 
@@ -141,7 +141,7 @@ class Statements(Expressions):
         always = always or root in self.changing
         if isinstance(value, Const) and not always:
             return value
-        name, carried = spelled(name), root in self.carried
+        name, carried = c_name(name), root in self.carried
         kind = wider(value.kind, self.kinds.get(name, value.kind))
         self.kinds_seen[name] = wider(kind, self.kinds_seen.get(name, kind))
         scalar = self.spelling.scalar(value, kind)
@@ -185,11 +185,11 @@ class Statements(Expressions):
         if not isinstance(value, Several) or len(value.items) != len(targets):
             raise Untranslatable(ast.unparse(node))
         items = list(value.items)
-        plain = [spelled(t.id) for t in targets if isinstance(t, ast.Name)]
+        plain = [c_name(t.id) for t in targets if isinstance(t, ast.Name)]
         for i, item in enumerate(items):  # whatever a target before it changes is read first
             if not isinstance(item, Scalar):
                 continue
-            before = {spelled(t.id) for t in targets[:i] if isinstance(t, ast.Name)}
+            before = {c_name(t.id) for t in targets[:i] if isinstance(t, ast.Name)}
             stores = [t for t in targets[:i] if not isinstance(t, ast.Name)]
             places = {self._place(t).text for t in stores}
             hit = item.names & before or (
@@ -290,12 +290,12 @@ class Statements(Expressions):
             a, b = envs[0].get(name), envs[1].get(name)
             if a is None or b is None:
                 continue
-            self.env[name] = self._joined(name, a, b, before.get(name), branch, early)
+            self.env[name] = self._join(name, a, b, before.get(name), branch, early)
         outer += early
         outer.append(branch)
         return False
 
-    def _joined(
+    def _join(
         self, name: str, a: Value, b: Value, before: Value | None, branch: Branch, early: list[Statement]
     ) -> Value:
         """Return what a variable is after a branch: in both ways it gets the same name in C."""
@@ -305,13 +305,13 @@ class Statements(Expressions):
             earlier = before.items if isinstance(before, Several) else [None] * len(a.items)
             return Several(
                 tuple(
-                    self._joined(f"{name}_{i}", x, y, z, branch, early)
+                    self._join(f"{name}_{i}", x, y, z, branch, early)
                     for i, (x, y, z) in enumerate(zip(a.items, b.items, earlier))
                 )
             )
         if not isinstance(a, (Const, Scalar)) or not isinstance(b, (Const, Scalar)):
             raise Untranslatable(f"{name} is one thing or another")
-        name = spelled(name)
+        name = c_name(name)
         kind = wider(a.kind, b.kind, self.kinds.get(name, a.kind))
         self.kinds_seen[name] = wider(kind, self.kinds_seen.get(name, kind))
         for value, block in ((a, branch.then), (b, branch.other)):

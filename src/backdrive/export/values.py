@@ -26,7 +26,7 @@ class Untranslatable(Exception):
     """A kernel uses what the translator does not know."""
 
 
-class Mixed(Untranslatable):
+class Mixture(Untranslatable):
     """An index that is not known, of an array whose elements are not of one type."""
 
 
