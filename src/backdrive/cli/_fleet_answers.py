@@ -134,7 +134,7 @@ def sql(
 
     answer = query(output, question, most=most)
     if as_json:
-        rows = [dict(zip(answer.names, map(_cell, row))) for row in answer.rows]
+        rows = [dict(zip(answer.names, map(_cell, row), strict=False)) for row in answer.rows]
         print_json({"ok": True, "rows": rows, "more": answer.more})
         return
     rows = table(*answer.names, text=answer.names)
@@ -279,7 +279,7 @@ def _drift_row(one: Drift) -> dict[str, Any]:
 
 
 def _days(one: History) -> list[dict[str, Any]]:
-    columns = zip(one.dates(), one.level, one.constant, one.viscous, one.temperature, one.path)
+    columns = zip(one.dates(), one.level, one.constant, one.viscous, one.temperature, one.path, strict=False)
     return [
         {"day": str(d), "level": float(x), "constant": float(c), "viscous": float(v), "path": path}
         | {"temperature": float(T) if isfinite(T) else None}

@@ -80,7 +80,7 @@ def show_tables(result: Identification, written: list[str]) -> None:
             f"{j.held_out.residual:.1f} %" if j.held_out else "-",
         )
     console.print(rows)
-    for j, e in zip(result.model.joints, result.evidence):
+    for j, e in zip(result.model.joints, result.evidence, strict=False):
         console.print(f"{j.joint.name}: {e.verdict}")
         if result.choices:
             console.print(_numbers(j, result.intervals.get(j.joint.name, {})))
@@ -141,7 +141,7 @@ def _numbers(friction: JointFriction, intervals: Any) -> Any:
             value, error = getattr(part, name), friction.standard_errors.get(name, float("nan"))
             values = value if parameter.many else (value,)
             spread = error if isinstance(error, (tuple, list)) else [error] * len(values)
-            for i, (v, e) in enumerate(zip(values, spread)):
+            for i, (v, e) in enumerate(zip(values, spread, strict=False)):
                 add(f"{name}[{i}]" if parameter.many else name, v, e, parameter.unit_for(friction.joint.unit))
     for name, e in friction.dynamics.items():
         add(name, e.value, e.standard_error, e.unit)

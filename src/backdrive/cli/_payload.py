@@ -66,7 +66,7 @@ def print_payload(payload: PayloadEstimate, remarks: list[str], as_json: bool) -
         rows.add_row("mass", f"{payload.mass:.4g} kg", f"{low:.4g} to {high:.4g} kg")
     else:
         rows.add_row("mass", f"{payload.mass:.4g} kg", "as given")
-    for axis, value, low, high in zip("xyz", payload.center, *payload.center_interval()):
+    for axis, value, low, high in zip("xyz", payload.center, *payload.center_interval(), strict=False):
         rows.add_row(f"center, {axis}", f"{1e3 * value:.1f} mm", f"{1e3 * low:.1f} to {1e3 * high:.1f} mm")
     if payload.inertia is not None and payload.inertia_error is not None:
         for i, axis in enumerate("xyz"):

@@ -157,7 +157,7 @@ def _limits(request: Request, robot: Robot, known: dict[str, JointLimits]) -> li
             effort=request.torque_limit,
         )
         .overridden(**given[name])
-        for name, unit in zip(robot.joints, robot.units)
+        for name, unit in zip(robot.joints, robot.units, strict=False)
     ]
     for limit in result:
         own = known.get(limit.name)

@@ -134,7 +134,7 @@ def show(outcome: ArmOutcome, written: Sequence[Path]) -> None:
         )
     console.print("Standard errors to be expected:")
     rows = table("joint", "Coulomb", "viscous", "offset", "motor inertia", "unit", text=("joint", "unit"))
-    for name, unit in zip(plan.joints, plan.units):
+    for name, unit in zip(plan.joints, plan.units, strict=False):
         own = {e.name: e for e in outcome.errors if e.joint == name}
         cells = [_cell(own[key]) for key in ("coulomb", "viscous", "offset", "inertia")]
         rows.add_row(

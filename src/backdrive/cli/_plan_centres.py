@@ -66,7 +66,10 @@ def folders_of(found: Separation, output: Path) -> list[Path]:
     joint = re.sub(r"[^\w.-]", "_", found.plans[0].joint)[:60].lstrip(".") or "joint"
     names = [f"{joint}_at_{math.degrees(center):.4g}deg" for center in found.centers]
     before = [names[:i].count(name) for i, name in enumerate(names)]
-    return [output / (f"{name}_{count + 1}" if count else name) for name, count in zip(names, before)]
+    return [
+        output / (f"{name}_{count + 1}" if count else name)
+        for name, count in zip(names, before, strict=False)
+    ]
 
 
 def notes_of_centres(found: Separation, request: Request) -> list[str]:

@@ -91,8 +91,10 @@ def table_of(figures: list[dict[str, Any]]) -> list[str]:
     columns = _columns(figures)
     wides = [max(map(len, column)) for column in columns]
     lines = []
-    for cells in zip(*columns):
-        line = [f"{c:<{w}}" if i == 0 else f"{c:>{w}}" for i, (c, w) in enumerate(zip(cells, wides))]
+    for cells in zip(*columns, strict=False):
+        line = [
+            f"{c:<{w}}" if i == 0 else f"{c:>{w}}" for i, (c, w) in enumerate(zip(cells, wides, strict=False))
+        ]
         lines.append("  ".join(line).rstrip())
     alike = len({f["joint"] for f in figures}) == 1
     return lines + _align(_bias_rows(figures[0]) if alike else [])

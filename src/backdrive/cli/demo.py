@@ -78,12 +78,12 @@ def command(
         plan = json.dumps(plan_to_dict(sweep), indent=2, ensure_ascii=False) + "\n"
         contents = (_csv(log), plan, encode(result.model), page)
         path, plan_path, model, report = write_together(
-            {folder / name: text for name, text in zip(FILES, contents)}
+            {folder / name: text for name, text in zip(FILES, contents, strict=False)}
         )
     wall = time.perf_counter() - start
     rows = [
         {"speed": float(v), "truth": float(a), "identified": float(b), "error": float(b - a)}
-        for v, a, b in zip(speeds, truth, found)
+        for v, a, b in zip(speeds, truth, found, strict=False)
     ]
     if as_json:
         print_json(
@@ -104,7 +104,7 @@ def command(
 
 def _csv(log) -> str:
     """Return a log of one joint as a table of time, position and torque."""
-    rows = zip(log.time, log.position[:, 0], log.torque[:, 0])
+    rows = zip(log.time, log.position[:, 0], log.torque[:, 0], strict=False)
     return "t,q,tau\n" + "".join(f"{t:.9g},{q:.12g},{tau:.9g}\n" for t, q, tau in rows)
 
 

@@ -53,11 +53,14 @@ def command(
         say("Checking")
         undone: list[list[str]] = [[] for _ in read]
         if repair:
-            read, undone = (list(each) for each in zip(*(apply_repairs(log, list(accepted)) for log in read)))
+            read, undone = (
+                list(each)
+                for each in zip(*(apply_repairs(log, list(accepted)) for log in read), strict=False)
+            )
         findings = [check(log) for log in read]
         repairs = [
             previews(log, list(accepted)) if not repair and any(f.repairable for f in found) else left
-            for log, found, left in zip(read, findings, undone)
+            for log, found, left in zip(read, findings, undone, strict=False)
         ]
     spoiled = [f for found in findings for f in found if f.severity == "spoils" and f.name not in accepted]
     useless = [log for log in read if log.torque is None and log.drive_input is None]
@@ -68,13 +71,13 @@ def command(
                 "logs": [
                     summary(log)
                     | {"findings": [f.to_dict() for f in found], "repairs": lines, "doubts": doubts(log)}
-                    for log, found, lines in zip(read, findings, repairs)
+                    for log, found, lines in zip(read, findings, repairs, strict=False)
                 ],
             }
         )
     else:
         title = "Of --repair:" if repair else "--repair would leave it so:"
-        for log, found, lines in zip(read, findings, repairs):
+        for log, found, lines in zip(read, findings, repairs, strict=False):
             _print(log, found, accepted, (title, lines), brief=len(read) > MOST)
         if len(read) > MOST:
             echo(

@@ -244,7 +244,11 @@ def command(
     for folder in folders:
         make_folder(folder, "-o")
     written = write_together(
-        {folder / name: text for folder, files in zip(folders, contents) for name, text in files.items()}
+        {
+            folder / name: text
+            for folder, files in zip(folders, contents, strict=False)
+            for name, text in files.items()
+        }
     )
     if as_json:
         rest = {"joints": figures, "notes": notes, "written": [str(p) for p in written]}

@@ -114,7 +114,7 @@ def _print_json(model, plot: Path | None) -> None:
     from backdrive.report.pictures.model_curve import largest_error
 
     curves = {}
-    for friction, (name, curve) in zip(model.joints, model.table(SPEEDS).items()):
+    for friction, (name, curve) in zip(model.joints, model.table(SPEEDS).items(), strict=False):
         curves[name] = {
             "velocity": curve["velocity"],
             "velocity_unit": f"{friction.joint.unit}/s",

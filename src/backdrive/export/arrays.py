@@ -74,7 +74,7 @@ class ArrayLaw:
         self._torque = walk.call(kernels.step, arguments, memory, True)
         self._after = memory["x"][: self.states]
         self._results = [self._torque, *self._after]
-        self._needed = graph.needed(self._results)
+        self._needed = graph.live_nodes(self._results)
         self._operations = [(i, *graph.operations[i]) for i in self._needed]
 
     def init(self, shape: Sequence[int] | int = ()) -> tuple[Any, ...]:
@@ -187,7 +187,7 @@ def _pick(xp: Any, index: Any, places: tuple[int, ...], *numbers: Any) -> Any:
         where = {"device": index.device} if xp.__name__ == "torch" else {}
         return xp.asarray(table, dtype=xp.float64, **where)[index - places[0]]
     result = numbers[-1]
-    for place, number in zip(places[-2::-1], numbers[-2::-1]):
+    for place, number in zip(places[-2::-1], numbers[-2::-1], strict=False):
         result = xp.where(index == place, number, result)
     return result
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from backdrive import elementary
 from backdrive.export.code import Assign, Declare, Do, Store, declare, lines, merge, prune, reads, walk
-from backdrive.export.expressions import DEAD, known
+from backdrive.export.expressions import DEAD, number_of
 from backdrive.export.function import RESULT, Function
 from backdrive.export.loops import Loops
 from backdrive.export.statements import c_name
@@ -74,7 +74,7 @@ class Body(Loops):
         names = [a.arg for a in self.tree.args.args]
         if len(names) != len(self.arguments):
             raise Untranslatable(f"{self.source.__name__}: {len(self.arguments)} arguments for {len(names)}")
-        for name, value in zip(names, self.arguments):
+        for name, value in zip(names, self.arguments, strict=False):
             self.env[name] = self._parameter(name, value)
 
     def _parameter(self, name: str, value: Value) -> Value:
@@ -88,18 +88,18 @@ class Body(Loops):
         kind = self._kind(name, value)
         name = c_name(name)
         if isinstance(value, Array):
-            self.parameters.append((f"{self.spelling.declared(value.kind)} *", name))
+            self.parameters.append((f"{self.spelling.type_name(value.kind)} *", name))
             if value.places and self.spelling.single:
                 self.parameters.append(("double *", f"{name}_at"))
             if value.own >= value.begin:
-                self.parameters.append((f"{self.spelling.declared(value.kind)} *", f"{name}_own"))
+                self.parameters.append((f"{self.spelling.type_name(value.kind)} *", f"{name}_own"))
             content = None if value.content is None else value.content[value.begin :]
             places = frozenset(i - value.begin for i in value.places if i >= value.begin)
             own = max(value.own - value.begin, -1)
             dead = frozenset(i - value.begin for i in value.dead if i >= value.begin)
             made = replace(value, name=name, begin=0, content=content, own=own, dead=dead, places=places)
             return replace(made, names=frozenset())
-        self.parameters.append((self.spelling.declared(kind), name))
+        self.parameters.append((self.spelling.type_name(kind), name))
         self.kinds_seen[name] = kind
         return Scalar(name, kind, names=frozenset({name}), known=value.known)
 
@@ -152,11 +152,11 @@ class Body(Loops):
         if any(isinstance(v, Several) for v in values):
             self._several()
             return
-        if all(isinstance(v, Const) for v in values) and len({repr(known(v)) for v in values if v}) == 1:
+        if all(isinstance(v, Const) for v in values) and len({repr(number_of(v)) for v in values if v}) == 1:
             made.result, made.fields = "void", [values[0]]
             return
         made.kind = wider(*(v.kind for v in values if isinstance(v, (Const, Scalar))))
-        made.result = self.spelling.declared(made.kind)
+        made.result = self.spelling.type_name(made.kind)
         for leave, value, _ in self.returns:
             assert value is not None
             leave.value = self.spelling.scalar(value, made.kind)
@@ -169,20 +169,20 @@ class Body(Loops):
         taken: set[str] = set()
         for i in range(len(rows[0])):
             column = [row[i] for row in rows]
-            if all(isinstance(v, Const) for v in column) and len({repr(known(v)) for v in column}) == 1:
+            if all(isinstance(v, Const) for v in column) and len({repr(number_of(v)) for v in column}) == 1:
                 made.fields.append((None, column[0]))
                 continue
             kind = wider(*(v.kind for v in column))
             name = next((n for v in column for n in [_name_of(v)] if n and n not in taken), f"r{i}")
             taken.add(name)
-            made.fields.append((self.spelling.declared(kind), name, kind))
+            made.fields.append((self.spelling.type_name(kind), name, kind))
         kept = [i for i, f in enumerate(made.fields) if len(f) == 3]
         if not kept:
             made.result = "void"
             return
         made.result = "_result"
         whole = Scalar("result", REAL, names=frozenset({"result"}))
-        for (leave, _, block), row in zip(self.returns, rows):
+        for (leave, _, block), row in zip(self.returns, rows, strict=False):
             at = next(i for i, statement in enumerate(block) if statement is leave)
             block[at:at] = [
                 Store(
@@ -197,7 +197,7 @@ class Body(Loops):
     def call(self, function: Callable, arguments: list[Value], hint: str = "") -> Value:
         """Return the value of a call of a kernel, which is translated for these arguments."""
         if function in OF_FLOATS and all(isinstance(a, Const) for a in arguments):
-            return Const(getattr(function, "py_func", function)(*(known(a) for a in arguments)))
+            return Const(getattr(function, "py_func", function)(*(number_of(a) for a in arguments)))
         if function in OF_FLOATS and self.spelling.single:
             (first, *_), name = arguments, OF_FLOATS[function]
             if (
@@ -211,7 +211,7 @@ class Body(Loops):
         names = inspect.signature(source).parameters
         arguments = [
             a.exact if n in MOVES and isinstance(a, Scalar) and a.exact is not None else a
-            for n, a in zip(names, arguments)
+            for n, a in zip(names, arguments, strict=False)
         ]
         made = self.program.translate(function, arguments)
         self.made.calls.append(made)
@@ -220,7 +220,7 @@ class Body(Loops):
     def _call_of(self, made: Function, arguments: list[Value], source: FunctionType) -> Value:
         names = list(inspect.signature(source).parameters)
         given: dict[str, Scalar] = {}
-        for name, value in zip(names, arguments):
+        for name, value in zip(names, arguments, strict=False):
             self._give(c_name(name), name, value, given, made.parameters)
         parts = [given[n] for _, n in made.parameters]
         text = f"{made.name}({', '.join(p.text for p in parts)})"
@@ -282,7 +282,9 @@ class Body(Loops):
                 given[f"{name}_own"] = Scalar(own, "pointer", names=frozenset({own}))
         elif isinstance(value, Scalar):
             made = next((t for t, n in parameters if n == name), "")
-            given[name] = self.spelling.scalar(value, REAL) if made == self.spelling.declared(REAL) else value
+            given[name] = (
+                self.spelling.scalar(value, REAL) if made == self.spelling.type_name(REAL) else value
+            )
 
     def bind(self, target: ast.expr, value: Value) -> None:
         """Give a target its value, and note which array it is in."""

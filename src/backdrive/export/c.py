@@ -102,7 +102,7 @@ def export_loop(
         f"{prefix}_interrupt.c": examples.interrupt(prefix, interval, single, len(loops), MARK),
         f"{prefix}_controller.cpp": examples.controller(prefix, single, MARK),
     }
-    return written(folder, files)
+    return write_all(folder, files)
 
 
 def export_laws(
@@ -133,14 +133,14 @@ def export_laws(
     if not laws:
         raise InvalidInput("No friction law.", remedy="Give at least one.")
     prefix = identifier(name)
-    parts = {joint: of_law(law) for joint, law in zip(identifiers(list(laws)), laws.values())}
+    parts = {joint: of_law(law) for joint, law in zip(identifiers(list(laws)), laws.values(), strict=False)}
     about = comment(
         f"Friction torque of {', '.join(laws)}, tick by tick.",
         source,
         repr(list(laws.values())) + precision,
         "",
     )
-    return written(
+    return write_all(
         folder, {f"{prefix}.h": frame_header(prefix, about, PartsHeader(parts, prefix, single).text())}
     )
 
@@ -160,7 +160,7 @@ def comment(title: str, source: str, content: str, more: str) -> str:
     return "\n".join(line.replace("*/", "* /") for line in lines if line or line == "").strip()
 
 
-def written(folder: str | Path, files: Mapping[str, str]) -> list[Path]:
+def write_all(folder: str | Path, files: Mapping[str, str]) -> list[Path]:
     """Write files together, none where one is there that is not ours.
 
     Raises:

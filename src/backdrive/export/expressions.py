@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from backdrive import _jit, elementary
-from backdrive.export.operators import BINARY, DEAD, MATH, Operators, known
+from backdrive.export.operators import BINARY, DEAD, MATH, Operators, number_of
 from backdrive.export.values import (
     BOOL,
     LONG,
@@ -51,7 +51,7 @@ class Expressions(Operators):
             raise Untranslatable(f"{ast.unparse(node)}: {type(node).__name__}")
         return method(node)
 
-    def ordered(self, nodes: list[ast.expr]) -> list[Value]:
+    def in_order(self, nodes: list[ast.expr]) -> list[Value]:
         """Return values that are computed in this order, also where a later one changes what an earlier one has read."""
         values: list[Value] = []
         for node in nodes:
@@ -106,11 +106,11 @@ class Expressions(Operators):
         return self.fixed(node.attr, self.resolve(node))
 
     def _tuple(self, node: ast.Tuple) -> Value:
-        return Several(tuple(self.ordered(node.elts)))
+        return Several(tuple(self.in_order(node.elts)))
 
     def _unaryop(self, node: ast.UnaryOp) -> Value:
         value = self.value(node.operand)
-        number = known(value)
+        number = number_of(value)
         if isinstance(node.op, ast.Not):
             if number is not None:
                 return Const(not number)
@@ -126,14 +126,14 @@ class Expressions(Operators):
         )
 
     def _binop(self, node: ast.BinOp) -> Value:
-        left, right = self.ordered([node.left, node.right])
+        left, right = self.in_order([node.left, node.right])
         return self.binary(type(node.op), left, right)
 
     def _compare(self, node: ast.Compare) -> Value:
         if isinstance(node.ops[0], ast.In):
             return self._among(node)
-        values = self.ordered([node.left, *node.comparators])
-        parts = [self.compare(type(op), a, b) for op, a, b in zip(node.ops, values, values[1:])]
+        values = self.in_order([node.left, *node.comparators])
+        parts = [self.compare(type(op), a, b) for op, a, b in zip(node.ops, values, values[1:], strict=False)]
         return self.all_of(parts)
 
     def _among(self, node: ast.Compare) -> Value:
@@ -150,14 +150,14 @@ class Expressions(Operators):
             part = self.value(each)
             self.conditional -= i > 0
             parts.append(part)
-            number = known(part)
+            number = number_of(part)
             if number is not None and bool(number) == decides:
                 break
         return self.any_of(parts) if decides else self.all_of(parts)
 
     def _ifexp(self, node: ast.IfExp) -> Value:
         condition = self.value(node.test)
-        number = known(condition)
+        number = number_of(condition)
         if number is not None:
             return self.value(node.body if number else node.orelse)
         self.conditional += 1
@@ -165,17 +165,17 @@ class Expressions(Operators):
         self.conditional -= 1
         test = self.spelling.scalar(condition)
         if isinstance(a, Several) and isinstance(b, Several):
-            return Several(tuple(self.either(test, x, y) for x, y in zip(a.items, b.items)))
+            return Several(tuple(self.either(test, x, y) for x, y in zip(a.items, b.items, strict=False)))
         return self.either(test, a, b)
 
     def _subscript(self, node: ast.Subscript) -> Value:
-        base, *indices = self.ordered(
+        base, *indices = self.in_order(
             [node.value, *(node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice])]
         )
         if isinstance(base, Table):
             return self.field(base, indices[0])
         if isinstance(base, Several):
-            at = known(indices[0])
+            at = number_of(indices[0])
             if at is None:
                 raise Untranslatable(ast.unparse(node))
             return base.items[at]
@@ -190,7 +190,7 @@ class Expressions(Operators):
 
     def field(self, table: Table, row: Value) -> Scalar:
         """Return a field of the table."""
-        name, kind, stays = table.fields[known(row)]
+        name, kind, stays = table.fields[number_of(row)]
         table.used.add(name)
         base = "g" if stays is None else "k"
         text = f"{base}->{name}"
@@ -205,11 +205,11 @@ class Expressions(Operators):
     def element(self, array: Array, index: Value) -> Value:
         """Return an element of an array, or where it goes on from an index."""
         if isinstance(index, Several):
-            by = known(index.items[0])
+            by = number_of(index.items[0])
             if by is None:
                 raise Untranslatable("a slice whose begin is not known")
             return Array(**{**vars(array), "begin": array.begin + by, "size": array.size - by})
-        at = known(index)
+        at = number_of(index)
         names = array.names | {array.name}
         if array.rows:
             place = self.spelling.scalar(index if at is None else Const(at))
@@ -259,7 +259,7 @@ class Expressions(Operators):
                 nodes.append(each)
         turns = function in (elementary.sin, elementary.cos)
         self.angle += turns
-        values = self.ordered(nodes)
+        values = self.in_order(nodes)
         self.angle -= turns
         arguments: list[Value] = []
         for each in node.args:
@@ -270,16 +270,16 @@ class Expressions(Operators):
                 arguments += many.items
             else:
                 arguments.append(values.pop(0))
-        return self.applied(function, arguments, ast.unparse(node.func))
+        return self.call_of(function, arguments, ast.unparse(node.func))
 
-    def applied(self, function: Any, arguments: list[Value], text: str) -> Value:
+    def call_of(self, function: Any, arguments: list[Value], text: str) -> Value:
         """Return the value of a call."""
         if isinstance(function, ModuleType):
             raise Untranslatable(text)
         if function in (min, max):
             return self._least(function is min, arguments)
         if function is int:
-            number = known(arguments[0])
+            number = number_of(arguments[0])
             if number is not None:
                 return Const(int(number))
             return self.spelling.scalar(self.spelling.scalar(arguments[0]), LONG)
@@ -294,7 +294,7 @@ class Expressions(Operators):
         if function in _jit.CHOICES:
             kernels, otherwise = _jit.CHOICES[function]
             choice, rest = arguments
-            at = known(choice)
+            at = number_of(choice)
             if at is None or not isinstance(rest, Several):
                 raise Untranslatable(f"{text}: chosen by what is not known")
             return self.call(kernels.get(at, otherwise), list(rest.items))

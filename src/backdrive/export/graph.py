@@ -83,7 +83,7 @@ class Graph:
         if repr(a) == repr(b):
             return a
         if isinstance(a, tuple) and isinstance(b, tuple):
-            return tuple(self.select(condition, x, y) for x, y in zip(a, b))
+            return tuple(self.select(condition, x, y) for x, y in zip(a, b, strict=False))
         if isinstance(a, Row) or isinstance(b, Row):
             raise Untranslatable("one array or another")
         return self.node("where", condition, a, b)
@@ -147,7 +147,7 @@ class Graph:
             rest = [self.select(path, r, 1.0) if isinstance(r, Node) else r for r in rest]
         return self.node(name, first, *rest)
 
-    def needed(self, results: Sequence[Any]) -> list[int]:
+    def live_nodes(self, results: Sequence[Any]) -> list[int]:
         """Return the operations that some results need, in order."""
         marked: set[int] = set()
         waiting = [r.index for r in results if isinstance(r, Node)]

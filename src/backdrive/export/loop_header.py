@@ -67,7 +67,7 @@ class LoopHeader:
             )
             self.shifts.append(self.program.translate(readings.shift, [c, s, ce, se, g, j, by]))
             self.acknowledges.append(self.program.translate(guard.acknowledge, [g, j]))
-        self.functions = self.program.reached([*self.ticks, *self.shifts, *self.acknowledges])
+        self.functions = self.program.reachable([*self.ticks, *self.shifts, *self.acknowledges])
         text = "\n".join(line for f in self.functions for line in f.body)
         self.used = set(re.findall(r"g->(\w+)", text)) | set(INPUTS) | set(OUTPUTS) | {"stop"}
         self.settings = [n for _, n in FIELDS if n in set(re.findall(r"k->(\w+)", text))]
@@ -139,7 +139,7 @@ class LoopHeader:
         P, texts = self.prefix, []
         self.tables: list[dict[str, str]] = []
         known: dict[str, str] = {}
-        for i, (joint, f) in enumerate(zip(self.joints, self.ticks)):
+        for i, (joint, f) in enumerate(zip(self.joints, self.ticks, strict=False)):
             names = {}
             for n, numbers in joint.constants.items():
                 if any(name == n for g in (f, self.shifts[i]) for _, name in g.parameters):
@@ -151,7 +151,7 @@ class LoopHeader:
             self.tables.append(names)
         rows = []
         order = {n: r for r, n in FIELDS}
-        for joint, name in zip(self.joints, self.names):
+        for joint, name in zip(self.joints, self.names, strict=False):
             cells = [
                 f"    {number(float(joint.rows[order[n]]), PLACE if n in PLACES else REAL, self.single)}, /* {n} */"
                 for n in self.settings
@@ -169,7 +169,7 @@ class LoopHeader:
         """Return the state of joints that rest at 0."""
         P, rows = self.prefix, []
         order = {n: r for r, n in FIELDS}
-        for joint, name in zip(self.joints, self.names):
+        for joint, name in zip(self.joints, self.names, strict=False):
             cells = [
                 f"    {number(float(joint.rows[order[n]]), PLACE if n in PLACES else REAL, self.single)}, /* {n} */"
                 for n in self.variables

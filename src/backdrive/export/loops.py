@@ -6,7 +6,7 @@ import ast
 from dataclasses import replace
 
 from backdrive.export.code import Assign, Loop
-from backdrive.export.expressions import known
+from backdrive.export.expressions import number_of
 from backdrive.export.statements import Statements, c_name
 from backdrive.export.values import (
     BOOL,
@@ -37,7 +37,7 @@ class Loops(Statements):
             raise Untranslatable(ast.unparse(node).split("\n")[0])
         bounds = [self.value(a) for a in call.args]
         first, last = (Const(0), bounds[0]) if len(bounds) == 1 else bounds[:2]
-        begin, end = known(first), known(last)
+        begin, end = number_of(first), number_of(last)
         if begin is None or end is None or len(bounds) > 2:
             raise Untranslatable(f"{ast.unparse(call)}: how often is not known")
         begin, end = int(begin), int(end)
@@ -110,7 +110,7 @@ class Loops(Statements):
             elif isinstance(was, Scalar) and isinstance(value, (Const, Scalar)):
                 self._write_back(was, value)
             elif isinstance(was, Several) and isinstance(value, Several):
-                for x, y in zip(was.items, value.items):
+                for x, y in zip(was.items, value.items, strict=False):
                     if x != y and isinstance(x, Scalar):
                         self._write_back(x, y)
             else:
@@ -123,7 +123,7 @@ class Loops(Statements):
         if isinstance(value, Scalar) and value.text == was.text:
             return
         scalar = self.spelling.scalar(value, was.kind)
-        self.block.append(Assign(was.text, self.spelling.declared(was.kind), scalar))
+        self.block.append(Assign(was.text, self.spelling.type_name(was.kind), scalar))
 
     def _loosen(self, name: str, value: Value) -> Value:
         """Return a variable that a loop may change: it has a name in C, and its number is not known."""

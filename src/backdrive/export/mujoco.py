@@ -78,7 +78,7 @@ def export_mujoco(
     step = float(simulated.opt.timestep) / max(d.steps for d in placed)
     prefix = c.identifier(name)
     names = c.identifiers([d.name for d in placed])
-    parts = {n: of_law(d.law) for n, d in zip(names, placed)}
+    parts = {n: of_law(d.law) for n, d in zip(names, placed, strict=False)}
     sizes = [sum(state.size for state in part.states.values()) for part in parts.values()]
     numbers = HEAD + EACH * len(placed) + sum(sizes)
     _prepare(root, model, placed, numbers, step)
@@ -91,12 +91,16 @@ def export_mujoco(
     files = {
         f"{prefix}.h": header,
         f"{prefix}_mujoco.c": callback(
-            prefix, dict(zip(names, placed)), numbers, temperature, c.comment(title, source, content, "")
+            prefix,
+            dict(zip(names, placed, strict=False)),
+            numbers,
+            temperature,
+            c.comment(title, source, content, ""),
         ),
         robot.name: f'<?xml version="1.0"?>\n<!-- {c.MARK}: {robot.name} for the friction of {prefix}_mujoco.c -->\n'
         f"{ElementTree.tostring(root, encoding='unicode')}\n",
     }
-    return c.written(folder, files), placed, step
+    return c.write_all(folder, files), placed, step
 
 
 def _prepare(root: Any, model: FrictionModel, placed: Sequence[Dof], numbers: int, step: float) -> None:

@@ -60,7 +60,7 @@ DEAD = "dead"  # text of a number that is never read
 MATH = {abs: "fabs", np.sqrt: "sqrt", np.copysign: "copysign"}
 
 
-def known(value: Value) -> Any:
+def number_of(value: Value) -> Any:
     """Return the number of a value where it is known, else None."""
     return value.value if isinstance(value, Const) else value.known if isinstance(value, Scalar) else None
 
@@ -81,13 +81,13 @@ class Operators:
         if not name:
             self.temporaries += 1
             name = f"t{self.temporaries}"
-        self.block.append(Assign(name, self.spelling.declared(value.kind), value))
+        self.block.append(Assign(name, self.spelling.type_name(value.kind), value))
         return Scalar(name, value.kind, names=frozenset({name}), known=value.known)
 
     def binary(self, op: type, left: Value, right: Value) -> Value:
         """Return two values with an operator between them."""
         sign, level, function = BINARY[op]
-        a, b = known(left), known(right)
+        a, b = number_of(left), number_of(right)
         both = None
         if a is not None and b is not None:
             with np.errstate(all="ignore"):
@@ -121,7 +121,7 @@ class Operators:
     def compare(self, op: type, left: Value, right: Value) -> Value:
         """Return the comparison of two values."""
         sign, level, function = COMPARE[op]
-        a, b = known(left), known(right)
+        a, b = number_of(left), number_of(right)
         if a is not None and b is not None:
             return Const(bool(function(a, b)))
         kind = wider(*(v.kind for v in (left, right) if isinstance(v, (Const, Scalar))))
@@ -139,7 +139,7 @@ class Operators:
     def _logic(self, parts: list[Value], sign: str, level: int, decides: bool) -> Value:
         left: list[Scalar] = []
         for part in parts:
-            number = known(part)
+            number = number_of(part)
             if number is None:
                 left.append(self.spelling.scalar(part))
             elif bool(number) == decides:
@@ -170,7 +170,7 @@ class Operators:
     def _least(self, least: bool, arguments: list[Value]) -> Value:
         result = arguments[0]
         for other in arguments[1:]:
-            a, b = known(result), known(other)
+            a, b = number_of(result), number_of(other)
             if isinstance(result, Const) and isinstance(other, Const):
                 result = Const(min(a, b) if least else max(a, b))
                 continue
@@ -184,7 +184,7 @@ class Operators:
         return result
 
     def _class_of(self, function: Any, argument: Value) -> Value:
-        number = known(argument)
+        number = number_of(argument)
         if number is not None:
             return Const(bool(function(number)))
         x = self.spelling.scalar(argument)
@@ -195,14 +195,14 @@ class Operators:
         return self.helper("finite" + ("_wide" if x.kind in (WIDE, PLACE) else ""), BOOL, [x])
 
     def _math(self, function: Any, arguments: list[Value]) -> Value:
-        numbers = [known(a) for a in arguments]
+        numbers = [number_of(a) for a in arguments]
         kind = wider(*(a.kind for a in arguments if isinstance(a, (Const, Scalar))))
         both = None if None in numbers else float(function(*numbers))
         if all(isinstance(a, Const) for a in arguments):
             return Const(both)
         kind = kind if kind in (REAL, WIDE, PLACE) else REAL
         parts = [self.spelling.scalar(a, kind) for a in arguments]
-        suffix = "f" if self.spelling.declared(kind) == "float" else ""
+        suffix = "f" if self.spelling.type_name(kind) == "float" else ""
         return self.spelling.join(
             f"{MATH[function]}{suffix}({', '.join(p.text for p in parts)})", kind, PRIMARY, parts, both
         )

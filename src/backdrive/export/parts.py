@@ -216,7 +216,7 @@ class PartsHeader:
 
     def text(self) -> str:
         """Return the whole of the header but its frame."""
-        functions = self.program.reached(list(self.steps.values()))
+        functions = self.program.reachable(list(self.steps.values()))
         parts = [
             prelude.helpers(self.program, functions),
             prelude.tables(self.program, functions),
@@ -230,9 +230,9 @@ class PartsHeader:
         spelling, result = Spelling(self.single), []
         for n, kind in self.parts[name].inputs.items():
             if n == "load":
-                result += [(spelling.declared(k), f"load_{m}") for m, k in LOAD]
+                result += [(spelling.type_name(k), f"load_{m}") for m, k in LOAD]
             else:
-                result.append((spelling.declared(kind), n))
+                result.append((spelling.type_name(kind), n))
         return result
 
     def _part(self, name: str) -> str:
@@ -240,7 +240,9 @@ class PartsHeader:
         real = "float" if self.single else "double"
         used = {n for _, n in step.parameters}
         kernel = getattr(part.kernel, "py_func", part.kernel)
-        called = dict(zip(inspect.signature(kernel).parameters, part.arguments))  # parameter -> argument
+        called = dict(
+            zip(inspect.signature(kernel).parameters, part.arguments, strict=False)
+        )  # parameter -> argument
         called = {c_name(n): str(a) for n, a in called.items()} | {
             "load_0": "load_motor",
             "load_1": "load_external",

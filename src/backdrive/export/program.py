@@ -62,7 +62,7 @@ class Program:
             self._memo[key] = self._unique(source, Body(self, source, arguments).function())
         return self._memo[key]
 
-    def reached(self, roots: Sequence[Function]) -> list[Function]:
+    def reachable(self, roots: Sequence[Function]) -> list[Function]:
         """Return the functions that some functions need, each after those that it calls."""
         needed: set[int] = set()
         waiting = list(roots)

@@ -141,7 +141,7 @@ def relocate(root: Any, old: Path, new: Path) -> None:
     if old.resolve() == new.resolve():
         return
 
-    def moved(path: str) -> str:
+    def new_path(path: str) -> str:
         return (
             path
             if os.path.isabs(path) or "://" in path
@@ -150,16 +150,16 @@ def relocate(root: Any, old: Path, new: Path) -> None:
 
     if root.tag == "robot":
         for mesh in root.iter("mesh"):
-            mesh.set("filename", moved(mesh.get("filename", "")))
+            mesh.set("filename", new_path(mesh.get("filename", "")))
         return
     for include in root.iter("include"):
-        include.set("file", moved(include.get("file", "")))
+        include.set("file", new_path(include.get("file", "")))
     needs = {"meshdir": ("mesh", "hfield", "skin"), "texturedir": ("texture",)}
     for key, tags in needs.items():
         if any(node.get("file") for tag in tags for node in root.iter(tag)):
             compilers = root.findall("compiler")
             compiler = compilers[-1] if compilers else ElementTree.SubElement(root, "compiler")
-            compiler.set(key, moved(compiler.get(key, compiler.get("assetdir", "."))))
+            compiler.set(key, new_path(compiler.get(key, compiler.get("assetdir", "."))))
 
 
 def _write(root: Any, node: Any, simple: Simple) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from backdrive.export.code import Assign, Branch, Do, Leave, Statement, Store
-from backdrive.export.expressions import BINARY, DEAD, Expressions, known
+from backdrive.export.expressions import BINARY, DEAD, Expressions, number_of
 from backdrive.export.values import (
     REAL,
     Array,
@@ -145,8 +145,8 @@ class Statements(Expressions):
         kind = wider(value.kind, self.kinds.get(name, value.kind))
         self.kinds_seen[name] = wider(kind, self.kinds_seen.get(name, kind))
         scalar = self.spelling.scalar(value, kind)
-        self.block.append(Assign(name, self.spelling.declared(kind), scalar, self._effect(scalar)))
-        return Scalar(name, kind, names=frozenset({name}), known=None if carried else known(value))
+        self.block.append(Assign(name, self.spelling.type_name(kind), scalar, self._effect(scalar)))
+        return Scalar(name, kind, names=frozenset({name}), known=None if carried else number_of(value))
 
     def _effect(self, value: Scalar) -> bool:
         return False
@@ -154,7 +154,7 @@ class Statements(Expressions):
     def _pointer(self, name: str, array: Array) -> Array:
         if array.name.isidentifier():
             return array
-        type_ = f"const {self.spelling.declared(array.kind)} *"
+        type_ = f"const {self.spelling.type_name(array.kind)} *"
         value = Scalar(array.name, array.kind, names=array.names)
         self.block.append(Assign(name, type_, value))
         return replace(array, name=name, names=frozenset())
@@ -197,7 +197,7 @@ class Statements(Expressions):
             )
             if hit and item.text not in plain[i : i + 1]:
                 items[i] = self.temporary(item)
-        for target, item in zip(targets, items):
+        for target, item in zip(targets, items, strict=False):
             self.bind(target, item)
 
     def _place(self, target: ast.expr) -> Scalar:
@@ -215,7 +215,7 @@ class Statements(Expressions):
         elif isinstance(target, ast.Tuple):
             if not isinstance(value, Several):
                 raise Untranslatable(ast.unparse(target))
-            for each, item in zip(target.elts, value.items):
+            for each, item in zip(target.elts, value.items, strict=False):
                 self.bind(each, item)
         else:
             place = self.value(target)
@@ -230,10 +230,10 @@ class Statements(Expressions):
         sign = BINARY[type(node.op)][0]
         if isinstance(target, ast.Name):
             self.env[target.id] = self.assign(
-                target.id, self.binary(type(node.op), *self.ordered([target, node.value]))
+                target.id, self.binary(type(node.op), *self.in_order([target, node.value]))
             )
             return
-        place, value = self.ordered([target, node.value])
+        place, value = self.in_order([target, node.value])
         if not isinstance(place, Scalar) or place.known is not None:
             raise Untranslatable(f"{ast.unparse(target)} is written to, but is a parameter")
         self.writes = True
@@ -266,7 +266,7 @@ class Statements(Expressions):
 
     def _if(self, node: ast.If) -> bool:
         condition = self.value(node.test)
-        number = known(condition)
+        number = number_of(condition)
         if number is not None:
             return self.run(node.body if number else node.orelse)
         branch = Branch(self.spelling.scalar(condition))
@@ -306,7 +306,7 @@ class Statements(Expressions):
             return Several(
                 tuple(
                     self._join(f"{name}_{i}", x, y, z, branch, early)
-                    for i, (x, y, z) in enumerate(zip(a.items, b.items, earlier))
+                    for i, (x, y, z) in enumerate(zip(a.items, b.items, earlier, strict=False))
                 )
             )
         if not isinstance(a, (Const, Scalar)) or not isinstance(b, (Const, Scalar)):
@@ -318,7 +318,7 @@ class Statements(Expressions):
             if isinstance(value, Scalar) and value.text == name:
                 continue
             scalar = self.spelling.scalar(value, kind)
-            statement = Assign(name, self.spelling.declared(kind), scalar)
+            statement = Assign(name, self.spelling.type_name(kind), scalar)
             if value == before and name not in branch.condition.names:
                 early.append(statement)
             else:

@@ -182,7 +182,7 @@ class Spelling:
 
     single: bool = False
 
-    def declared(self, kind: str) -> str:
+    def type_name(self, kind: str) -> str:
         """Return the type of a kind in C."""
         return {
             BOOL: "int",
@@ -206,11 +206,11 @@ class Spelling:
             return Scalar(text, kind, level, known=value.value)
         if not isinstance(value, Scalar):
             raise Untranslatable(f"{value} is no number.")
-        if kind is None or self.declared(value.kind) == self.declared(kind):
+        if kind is None or self.type_name(value.kind) == self.type_name(kind):
             return value if kind is None else replace(value, kind=kind)
         if {value.kind, kind} <= {BOOL, INT}:
             return replace(value, kind=kind)
-        text = f"({self.declared(kind)}){value.within(UNARY)}"
+        text = f"({self.type_name(kind)}){value.within(UNARY)}"
         return replace(value, text=text, kind=kind, level=UNARY)
 
     def join(self, text: str, kind: str, level: int, parts: Sequence[Scalar], known: Any = None) -> Scalar:

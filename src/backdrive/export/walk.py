@@ -54,7 +54,7 @@ class Walk:
         if not isinstance(tree, ast.FunctionDef):
             raise Untranslatable(source.__name__)
         frame = _Frame(self, {**source.__globals__, **inspect.getclosurevars(source).nonlocals})
-        state = State(dict(zip((a.arg for a in tree.args.args), arguments)), memory, path)
+        state = State(dict(zip((a.arg for a in tree.args.args), arguments, strict=False)), memory, path)
         end = frame.block(tree.body, state.copy(path))
         ends = [*frame.returns, *([(end, None)] if end is not None else [])]
         final, result = ends[-1]
@@ -62,7 +62,7 @@ class Walk:
         for other, value in reversed(ends[:-1]):
             result = self.graph.select(other.path, value, result)
             merged = {
-                k: [self.graph.select(other.path, a, b) for a, b in zip(other.memory[k], v)]
+                k: [self.graph.select(other.path, a, b) for a, b in zip(other.memory[k], v, strict=False)]
                 for k, v in merged.items()
             }
         memory.update(merged)
@@ -118,7 +118,7 @@ class _Frame:
         if isinstance(target, ast.Name):
             state.names[target.id] = value
         elif isinstance(target, ast.Tuple):
-            for each, item in zip(target.elts, value):
+            for each, item in zip(target.elts, value, strict=False):
                 self.bind(each, item, state)
         elif isinstance(target, ast.Subscript):
             row, index = self.value(target.value, state), self.value(target.slice, state)
@@ -136,20 +136,23 @@ class _Frame:
         other = self.block(node.orelse, state.copy(outside))
         if then is None or other is None:
             return other if then is None else then
-        return self.joined(condition, then, other, state.path)
+        return self.join_two(condition, then, other, state.path)
 
-    def joined(self, condition: Any, a: State, b: State, path: Any) -> State:
+    def join_two(self, condition: Any, a: State, b: State, path: Any) -> State:
         """Return one state for two paths, the first where a condition holds."""
         select = self.graph.select
         names = {n: select(condition, v, b.names[n]) for n, v in a.names.items() if n in b.names}
-        memory = {k: [select(condition, x, y) for x, y in zip(v, b.memory[k])] for k, v in a.memory.items()}
+        memory = {
+            k: [select(condition, x, y) for x, y in zip(v, b.memory[k], strict=False)]
+            for k, v in a.memory.items()
+        }
         return State(names, memory, path)
 
-    def merged(self, states: list[State]) -> State:
+    def join(self, states: list[State]) -> State:
         """Return one state for paths that exclude each other."""
         result = states[-1]
         for state in reversed(states[:-1]):
-            result = self.joined(state.path, state, result, self.graph.either(state.path, result.path))
+            result = self.join_two(state.path, state, result, self.graph.either(state.path, result.path))
         return result
 
     def _for(self, node: ast.For, state: State) -> State:
@@ -188,11 +191,11 @@ class _Frame:
             if not ends:
                 live = None  # type: ignore[assignment]
                 break
-            live = self.merged(ends)
+            live = self.join(ends)
         left += self.breaks.pop()
         if live is not None:
             left.append(live)
-        result = self.merged(left)
+        result = self.join(left)
         result.path = entry
         return result
 
@@ -240,7 +243,7 @@ class _Frame:
 
     def _v_compare(self, node: ast.Compare, state: State) -> Any:
         left, result = self.value(node.left, state), True
-        for op, right_node in zip(node.ops, node.comparators):
+        for op, right_node in zip(node.ops, node.comparators, strict=False):
             right = self.value(right_node, state)
             if isinstance(op, ast.In):
                 found: Any = False

@@ -55,7 +55,9 @@ def render(
             joint_section(
                 friction, evidence, truths.get(friction.joint.name), i, choices.get(friction.joint.name)
             )
-            for i, (friction, evidence) in enumerate(zip(result.model.joints, result.evidence), start=1)
+            for i, (friction, evidence) in enumerate(
+                zip(result.model.joints, result.evidence, strict=False), start=1
+            )
         ]
     first, last = [page.header(result, title), page.summary(result)], page.provenance(result, command)
     return sheet.page(title, "\n".join([*first, *sections, *more, last]))

@@ -127,7 +127,7 @@ def _summary(estimate: ForceEstimate) -> str:
             cells.append(NOTHING if one.rms_error is None else quantity(one.rms_error, unit))
         shown = "".join(
             f'<td data-label="{head}"><span class="n">{cell}</span></td>'
-            for head, cell in zip(heads[1:], cells)
+            for head, cell in zip(heads[1:], cells, strict=False)
         )
         rows.append(
             f'<tr><th scope="row" class="name"><a href="#joint-{k}"><bdi>{esc(one.joint.name)}</bdi></a></th>{shown}</tr>'
@@ -216,7 +216,9 @@ def _figures(estimate: ForceEstimate, one: JointForce) -> str:
         ordered = [thresholds[state] for state in STATES]
         rows.append(["Threshold, bands", *(number(t.bands) for t in ordered)])
         rows.append(["between", *(f"{number(t.interval[0])} and {number(t.interval[1])}" for t in ordered)])
-        rows.append(["Threshold", *(quantity(t.bands * h, unit) for t, h in zip(ordered, halves))])
+        rows.append(
+            ["Threshold", *(quantity(t.bands * h, unit) for t, h in zip(ordered, halves, strict=False))]
+        )
         rows.append(["Peaks of free motion", *(str(t.peaks) if t.peaks else NOTHING for t in ordered)])
     cells = [[row[0], *(f'<span class="n">{cell}</span>' for cell in row[1:])] for row in rows]
     return f"<div>{table('By state of motion', head, cells)}</div>"

@@ -108,12 +108,14 @@ def at_speeds(friction: JointFriction, curve: Curve) -> list[tuple[float, list[t
 def summary(result: Identification) -> str:
     """Return all joints in one table; on a phone each row becomes a block."""
     rows = []
-    for index, (friction, evidence) in enumerate(zip(result.model.joints, result.evidence), start=1):
+    for index, (friction, evidence) in enumerate(
+        zip(result.model.joints, result.evidence, strict=False), start=1
+    ):
         seen = at_speeds(friction, evidence.curve)
         largest = max((abs(f) for _, pairs in seen for f, _ in pairs), default=0.0)
         factor, unit = readable(largest, pretty_unit(friction.joint.torque_unit))
         cells = []
-        for label, (speed, pairs) in zip(("Friction, low speed", "Friction, top speed"), seen):
+        for label, (speed, pairs) in zip(("Friction, low speed", "Friction, top speed"), seen, strict=False):
             lines = "<br>".join(
                 f'<span class="n">{with_error(factor * f, factor * s, signed=True)}</span>' for f, s in pairs
             )

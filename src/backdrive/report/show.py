@@ -127,7 +127,7 @@ def html(result: Any) -> str:
         "<tr>"
         + "".join(
             f"<td {cell.format('left' if name in TEXT else 'right')}>{esc(c)}</td>"
-            for name, c in zip(shown.head, row)
+            for name, c in zip(shown.head, row, strict=False)
         )
         + "</tr>"
         for row in shown.rows
@@ -175,7 +175,7 @@ def _rows_of(model: FrictionModel, of: Sequence[Curve]) -> list[list[str]]:
             _friction(f, curve, 1),
             percent(quality.residual if (quality := f.held_out or f.fitted) else None),
         ]
-        for f, curve in zip(model.joints, of)
+        for f, curve in zip(model.joints, of, strict=False)
     ]
 
 

@@ -196,7 +196,7 @@ def entries(friction: JointFriction, *, knots: bool) -> list[Entry]:
                     unit=parameter.unit_for(friction.joint.unit),
                     bounds=bounds(parameter.lower, parameter.upper),
                     at_bound=name in friction.at_bound,
-                    values=[with_error(*pair) for pair in zip(values, errors)],
+                    values=[with_error(*pair) for pair in zip(values, errors, strict=False)],
                 )
             )
     return result

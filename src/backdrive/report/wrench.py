@@ -28,7 +28,7 @@ def wrench_section(wrench: WrenchEstimate) -> str:
     error = wrench.rms_error
     heads = ["", "RMS", "Largest", "Standard deviation", *([] if error is None else ["RMS error"])]
     rows = []
-    for i, (name, unit) in enumerate(zip(COMPONENTS, UNITS)):
+    for i, (name, unit) in enumerate(zip(COMPONENTS, UNITS, strict=False)):
         series = wrench.wrench[:, i]
         cells = [
             _rms(series),
@@ -61,7 +61,7 @@ def _picture(wrench: WrenchEstimate, first: int, what: str) -> str:
         canvas.zero_line(axes, theme)
         canvas.name_axes(axes, theme, x="time from the first instant [s]", y=f"{what} [{unit}]")
 
-    keys = "".join(key(kind, name) for kind, name in zip(KEYS, COMPONENTS[first : first + 3]))
+    keys = "".join(key(kind, name) for kind, name in zip(KEYS, COMPONENTS[first : first + 3], strict=False))
     return figure(drawing(f"wrench-{what}", f"{what} at {wrench.frame}", draw)[0], keys)
 
 

@@ -171,7 +171,7 @@ def presliding(law: Law, mean_speed: float, at: Condition) -> Curve:
         at: load and temperature.
     """
     stretch, parts = scene(law).stretch, [np.zeros(1)]
-    for a, b in zip(TURNS[:-1], TURNS[1:]):
+    for a, b in zip(TURNS[:-1], TURNS[1:], strict=False):
         u = np.arange(1, round(TICKS * abs(b - a)) + 1) / round(TICKS * abs(b - a))
         parts.append(stretch * (a + (b - a) * 0.5 * (1.0 - np.cos(np.pi * u))))
     position = np.concatenate(parts)

@@ -120,7 +120,7 @@ def _label_ends(axes: Any, ends: list[tuple[float, str, str]], height: float) ->
     if len(values) == 2 and abs(values[0] - values[1]) < apart:
         middle, up = 0.5 * sum(values), 1.0 if values[0] >= values[1] else -1.0
         values = [middle + 0.5 * up * apart, middle - 0.5 * up * apart]
-    for (_, label, color), y in zip(ends, values):
+    for (_, label, color), y in zip(ends, values, strict=False):
         axes.annotate(
             label,
             (1.0, y),

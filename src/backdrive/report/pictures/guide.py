@@ -41,7 +41,7 @@ def save_guide(
         figure = canvas.new_figure(theme, WIDTH, FORCE + RANGE)
         axes = canvas.axes_of(figure, theme, (54.0, RANGE + 38.0, WIDTH - 68.0, FORCE - 66.0))
         colors = (theme.held_out, theme.fitted, theme.truth)
-        for color, (name, record) in zip(colors, records.items()):
+        for color, (name, record) in zip(colors, records.items(), strict=False):
             size = np.linalg.norm(record.force, axis=1)
             label = f"{name}: mean {size.mean():.0f} N, at most {size.max():.0f} N"
             axes.plot(record.time, size, color=color, linewidth=1.2, label=label)

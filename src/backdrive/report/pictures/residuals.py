@@ -50,12 +50,12 @@ def clock(time: np.ndarray) -> tuple[np.ndarray, bool]:
     if time.size < 2:
         return time - (time[0] if time.size else 0.0), False
     starts = np.concatenate([[0], np.flatnonzero(np.diff(time) < 0) + 1, [time.size]])
-    pieces = [(time[a], time[b - 1]) for a, b in zip(starts[:-1], starts[1:])]
+    pieces = [(time[a], time[b - 1]) for a, b in zip(starts[:-1], starts[1:], strict=False)]
     ordered = sorted(pieces)
-    if all(before[1] <= after[0] for before, after in zip(ordered[:-1], ordered[1:])):
+    if all(before[1] <= after[0] for before, after in zip(ordered[:-1], ordered[1:], strict=False)):
         return time - np.min(time), False
     laid, offset = np.empty_like(time), 0.0
-    for (first, last), a, b in zip(pieces, starts[:-1], starts[1:]):
+    for (first, last), a, b in zip(pieces, starts[:-1], starts[1:], strict=False):
         laid[a:b] = time[a:b] - first + offset
         offset += last - first
     return laid, True

@@ -160,7 +160,7 @@ def _steady(figure: Any, theme: Theme, law: Law, cases: list[data.Condition]) ->
     """Torque that constant velocities end with, over the logarithm of the speed."""
     axes = _panel(figure, theme, 0, 0, "Steady friction")
     v, symmetric = data.speeds(law), law.rate.SYMMETRIC
-    for case, color in zip(cases, _colors(theme) if len(cases) > 1 else (theme.ink,)):
+    for case, color in zip(cases, _colors(theme) if len(cases) > 1 else (theme.ink,), strict=False):
         label = case.label or (law.element.NAME if symmetric else "along +q")
         _line(axes, (v, data.steady(law, v, case)), color, label)
         if not symmetric:
@@ -182,7 +182,7 @@ def _presliding(figure: Any, theme: Theme, law: Law, size: data.Scene, cases: li
     reach = max(abs(turn) for turn in data.TURNS) * size.stretch
     factor, unit = sizes.readable(reach, "rad")
     if len(cases) > 1:
-        runs = [(c, SLOW, c.label, color, 1.5) for c, color in zip(cases, _colors(theme))]
+        runs = [(c, SLOW, c.label, color, 1.5) for c, color in zip(cases, _colors(theme), strict=False)]
     else:
         slow, fast = (f"{s * size.velocity * 1e3:g} mrad/s" for s in (SLOW, FAST))
         runs = [(cases[0], SLOW, slow, theme.fitted, 2.8), (cases[0], FAST, fast, theme.held_out, 1.1)]
@@ -201,7 +201,7 @@ def _pull(figure: Any, theme: Theme, law: Law, size: data.Scene, cases: list[dat
     lower = _panel(figure, theme, 0, 1, "", (0.0, 0.4))
     factor, unit = sizes.readable(size.speed * size.duration, "rad")
     time, end = data.spring_end(law)
-    for case, color in zip(cases, _colors(theme) if len(cases) > 1 else (theme.fitted,)):
+    for case, color in zip(cases, _colors(theme) if len(cases) > 1 else (theme.fitted,), strict=False):
         position = data.pull(law, case)
         _line(upper, (time, size.spring * (end - position)), color, case.label, 1.3)
         _line(lower, (time, position * factor), color, "" if len(cases) > 1 else "mass", 1.3)
@@ -221,12 +221,12 @@ def _lag(figure: Any, theme: Theme, law: Law, size: data.Scene, cases: list[data
     """Torque over a velocity that wavers and stays positive, on the steady curve."""
     axes = _panel(figure, theme, 1, 1, "Frictional lag")
     if len(cases) > 1:
-        for case, color in zip(cases, _colors(theme)):
+        for case, color in zip(cases, _colors(theme), strict=False):
             _line(axes, data.lag(law, data.FREQUENCIES[-1], case), color, case.label, 1.3)
     else:
         v = size.velocity * np.linspace(0.1, 2.1, 81)
         _line(axes, (v, data.steady(law, v, cases[0])), theme.ink, "steady", 4.0, alpha=0.25)
-        for frequency, color in zip(data.FREQUENCIES, (theme.fitted, theme.held_out)):
+        for frequency, color in zip(data.FREQUENCIES, (theme.fitted, theme.held_out), strict=False):
             _line(axes, data.lag(law, frequency, cases[0]), color, f"{frequency:g} Hz", 1.4)
     low, high = axes.get_ylim()
     least = 0.2 * max(abs(low), abs(high))  # a curve that is nearly level is drawn nearly level

@@ -58,7 +58,7 @@ def extremes(x: np.ndarray, bins: int) -> np.ndarray:
     edges = np.linspace(0, x.size, bins + 1).astype(np.intp)
     plain = np.nan_to_num(x)
     picked = [0, x.size - 1]
-    for a, b in zip(edges[:-1].tolist(), edges[1:].tolist()):
+    for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=False):
         part = plain[a:b]
         picked += [a + int(part.argmin()), a + int(part.argmax())]
     return np.unique(np.array(picked, dtype=np.intp))

@@ -123,7 +123,9 @@ def _legend(figure: Any, theme: Theme, tuning: Tuning) -> None:
     from matplotlib.patches import Patch
 
     marks = _marks(theme)
-    entries: list[Any] = [Patch(facecolor=c, alpha=0.55, label=w) for c, w in zip(_colors(theme), WORDS)]
+    entries: list[Any] = [
+        Patch(facecolor=c, alpha=0.55, label=w) for c, w in zip(_colors(theme), WORDS, strict=False)
+    ]
     K = tuning.region["thesis"][1]
     beyond = f" (K/K_c = {K:.2g}, beyond)" if tuning.region["springs"][-1] < K else ""
     entries += [
