@@ -12,8 +12,7 @@ from _commands import called
 from backdrive.errors import BackdriveError, InvalidInput, ModelFileError, ReadError
 from backdrive.fleet import cluster as clusters
 from backdrive.fleet import schema
-from backdrive.fleet.run import cut
-from backdrive.fleet.run import run as run_fleet
+from backdrive.fleet.run import cut, run_fleet
 from backdrive.fleet.simulation import Event, FleetSimulation
 from backdrive.fleet.sources import list_logs
 from backdrive.fleet.status import status
@@ -320,12 +319,12 @@ def test_days_that_are_none_are_told(results, tmp_path):
 
 
 def test_sql_sees_the_tables_and_nothing_else(results, tmp_path):
-    from backdrive.fleet.query import query
+    from backdrive.fleet.query import run_query
 
-    answer = query(results, "SELECT robot, count(*) AS n FROM results GROUP BY robot ORDER BY robot")
+    answer = run_query(results, "SELECT robot, count(*) AS n FROM results GROUP BY robot ORDER BY robot")
     assert answer.names == ("robot", "n")
     assert answer.rows == [("robot000", 4), ("robot001", 4), ("robot002", 2)]
-    assert query(results, "SELECT count(*) FROM failures").rows == [(2,)]
+    assert run_query(results, "SELECT count(*) FROM failures").rows == [(2,)]
     (tmp_path / "secret.csv").write_text("a,b\n1,2\n")
     for sql in (
         f"SELECT * FROM read_csv('{tmp_path}/secret.csv')",
@@ -342,7 +341,7 @@ def test_sql_sees_the_tables_and_nothing_else(results, tmp_path):
         "SELEC",
     ):
         with pytest.raises(InvalidInput):
-            query(results, sql)
+            run_query(results, sql)
     assert sorted(os.listdir(tmp_path)) == ["secret.csv"]
 
 

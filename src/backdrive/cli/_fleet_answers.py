@@ -130,9 +130,9 @@ def sql(
 
     Example: backdrive fleet sql "SELECT robot, avg(constant) FROM results GROUP BY robot" -o results/
     """
-    from backdrive.fleet.query import query
+    from backdrive.fleet.query import run_query
 
-    answer = query(output, question, most=most)
+    answer = run_query(output, question, most=most)
     if as_json:
         rows = [dict(zip(answer.names, map(_cell, row), strict=False)) for row in answer.rows]
         print_json({"ok": True, "rows": rows, "more": answer.more})

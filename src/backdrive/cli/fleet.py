@@ -79,7 +79,7 @@ def run(
     Example: backdrive fleet logs/ -o results/
     """
     from backdrive.fleet.cluster import Credentials
-    from backdrive.fleet.run import run as run_fleet
+    from backdrive.fleet.run import run_fleet
     from backdrive.fleet.store import Store
 
     part = _shard(shard)

@@ -301,4 +301,4 @@ class Expressions(Operators):
         return self.call(function, arguments)
 
 
-__all__ = ["BINARY", "DEAD", "Expressions", "known"]
+__all__ = ["BINARY", "DEAD", "Expressions", "number_of"]

@@ -10,7 +10,7 @@ _HOMES = {
     "LogEntry": "sources",
     "list_logs": "sources",
     "Outcome": "run",
-    "run": "run",
+    "run_fleet": "run",
     "Store": "store",
     "Event": "simulation",
     "FleetSimulation": "simulation",
@@ -22,7 +22,7 @@ _HOMES = {
     "outliers": "population",
     "Population": "population_file",
     "merge": "population",
-    "query": "query",
+    "run_query": "query",
     "write_page": "page",
 }
 

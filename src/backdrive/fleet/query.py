@@ -27,7 +27,7 @@ class Answer:
     more: bool = False
 
 
-def query(folder: str | os.PathLike, sql: str, *, most: int = 1000) -> Answer:
+def run_query(folder: str | os.PathLike, sql: str, *, most: int = 1000) -> Answer:
     """Answer one SELECT over the tables `results` and `failures`, whose columns are those of `schema.schema()`.
 
     The tables are loaded first; then DuckDB's access to files, network and extensions is switched off and locked.

@@ -78,7 +78,7 @@ def _duration(seconds: float) -> str:
     )
 
 
-def run(  # noqa: PLR0913  (its options are given by keyword)
+def run_fleet(  # noqa: PLR0913  (its options are given by keyword)
     source: str | os.PathLike | Sequence[str | os.PathLike],
     output: str | os.PathLike,
     *,
