@@ -104,7 +104,9 @@ def environment_of(scratch: Path, short: bool) -> tuple[Path, dict[str, str]]:
         venv.create(scratch / "venv", with_pip=True)
         programs = scratch / "venv" / "bin"
         before = seconds()
-        subprocess.run([programs / "pip", "install", "-q", f"{ROOT}[demo]", "pandas", "polars"], check=True)
+        subprocess.run(
+            [programs / "pip", "install", "-q", f"{ROOT}[demo,docs]", "pandas", "polars"], check=True
+        )
         print(f"  install: {seconds() - before:.1f} CPU s (no limit)")
         variables["NUMBA_CACHE_DIR"] = str(scratch / "cache")
     lane = (
@@ -126,8 +128,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as place:
         scratch = Path(place)
         programs, variables = environment_of(scratch, options.short)
-        found = [c for c in COMPILERS if shutil.which(c, path=variables["PATH"])]
-        judge.that(f"no compiler in PATH: {', '.join(found) or 'none'}", not found)
+        compilers = [c for c in COMPILERS if shutil.which(c, path=variables["PATH"])]
+        judge.that(f"no compiler in PATH: {', '.join(compilers) or 'none'}", not compilers)
         work = scratch / "work"
         work.mkdir()
         log = work / "backdrive-demo" / "log.csv"
@@ -147,14 +149,23 @@ def main() -> None:
         if not (ROOT / "mkdocs.yml").exists():
             judge.that("docs built strict: there is no mkdocs.yml", False)
         else:
-            builder = [sys.executable, "-m", "mkdocs", "build", "-q", "--strict", "-d", str(scratch / "site")]
+            builder = [
+                str(programs / "python"),
+                "-m",
+                "mkdocs",
+                "build",
+                "-q",
+                "--strict",
+                "-d",
+                str(scratch / "site"),
+            ]
             step(
                 judge,
                 "docs built strict",
                 DOCS_LIMIT,
                 builder,
                 ROOT,
-                variables | {"PYTHONPATH": str(ROOT / "src")},
+                variables,
             )
     judge.end()
 
