@@ -68,11 +68,15 @@ def evidence(
 def curve(
     friction: JointFriction, standard_error: Callable[[np.ndarray], np.ndarray], points: int = 121
 ) -> Curve:
-    """Return the friction curve over the validity range; zero velocity is left out, where it jumps."""
+    """Return the friction curve over the validity range; zero velocity is left out, where it jumps.
+
+    The speeds of which the result speaks are among its points: below the slowest the error grows at once.
+    """
     low, high = friction.validity.velocity
     top = max(abs(low), abs(high))
     one = top * np.linspace(0.0, 1.0, points) ** 2
     one[0] = 1e-6 * top
+    one = np.union1d(one, [speed for speed in friction.validity.speeds if one[0] < speed <= top])
     velocity = np.concatenate([-one[::-1][one[::-1] <= -low], one[one <= high]])
     return Curve(
         velocity=velocity, torque=friction.law.torque(velocity), standard_error=standard_error(velocity)

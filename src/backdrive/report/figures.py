@@ -111,7 +111,7 @@ def friction_curve(friction: JointFriction, evidence: JointEvidence, truth: Curv
     else:
         caption += "<br>No band: the standard errors are not known."
     if drawn.beyond:
-        caption += f" {esc(count_of(drawn.beyond, 'sample lies', 'samples lie'))} outside the picture."
+        caption += f" {esc(count_of(drawn.beyond, 'sample lies', 'samples lie'))} beyond the picture: triangles at its edge."
     if truth is not None:
         rms, worst = distance(evidence.curve, truth)
         caption += f" Against the truth: RMS {quantity(rms, unit, 2)}, at most {quantity(worst, unit, 2)}."
@@ -182,7 +182,7 @@ def residual_row(friction: JointFriction, evidence: JointEvidence, prefix: str) 
     if scale.beyond:
         caption += (
             f" {esc(count_of(scale.beyond, 'sample lies', 'samples lie'))} beyond the scale, "
-            f"up to {quantity(scale.worst, joint.torque_unit)}."
+            f"up to {quantity(scale.worst, joint.torque_unit)}: triangles at its edge."
         )
     caption += _period(friction, evidence)
     if "position" in absent:

@@ -128,7 +128,7 @@ th,td{padding-top:.22rem;padding-bottom:.22rem}
 .tables>*+*{margin-top:1.1rem}
 pre.file,.screen{display:none}
 .joint{break-before:page;border-top:0;margin-top:0;padding-top:0}
-.joint:nth-child(3):nth-last-child(2){break-before:auto;margin-top:1.8rem}
+:not(.joint)+.joint{break-before:auto;margin-top:1.8rem}
 .about{break-inside:avoid-page}
 .grid{gap:12px;margin-top:8px}
 .pair{grid-template-columns:minmax(0,.88fr) minmax(0,1fr);gap:24px}

@@ -168,8 +168,9 @@ def dots(
     *,
     size: float = 2.4,
     alpha: float = 0.55,
+    within: tuple[float, float] | None = None,
 ) -> None:
-    """Draw many points.
+    """Draw many points; those beyond a range stand as triangles at its edge.
 
     For a page they become ONE path of strokes without length, which round caps turn into dots: a tenth of the bytes of one
     element a point. The caller sets the axes' limits.
@@ -182,8 +183,21 @@ def dots(
         color: of the dots.
         size: their diameter [pt]; a few are drawn larger.
         alpha: their opacity [1].
+        within: range of the ordinates that is shown; None: all are.
     """
     good = np.isfinite(x) & np.isfinite(y)
+    if within is not None:
+        for edge, marker, off in (
+            (within[1], 6, y > within[1]),
+            (within[0], 7, y < within[0]),
+        ):  # caretup, caretdown
+            at = np.flatnonzero(good & off)
+            at = at[np.linspace(0, at.size - 1, min(at.size, FEW)).astype(int)] if at.size else at
+            axes.plot(
+                x[at], np.full(at.size, edge), linestyle="none", marker=marker, markersize=4.0, mew=0, color=color,
+                alpha=0.8, zorder=2, clip_on=False,
+            )  # fmt: skip
+        good &= (y >= within[0]) & (y <= within[1])
     if not np.any(good):
         return
     if np.count_nonzero(good) <= FEW:
@@ -199,6 +213,7 @@ def dots(
             color=color,
             alpha=alpha,
             zorder=2,
+            clip_on=False,
         )
         return
     from matplotlib.patches import PathPatch
@@ -215,6 +230,7 @@ def dots(
             capstyle="round",
             alpha=alpha,
             zorder=2,
+            clip_on=False,
         )
     )
 

@@ -70,9 +70,8 @@ def draw_curve(
         shown = int(np.count_nonzero(seen[pick]))
         for fitted, color in ((True, theme.fitted), (False, theme.held_out)):
             part = pick[samples.fitted[pick] == fitted]
-            canvas.dots(
-                axes, theme, samples.velocity[part] * v_factor, samples.friction[part] * f_factor, color
-            )
+            x, y = samples.velocity[part] * v_factor, samples.friction[part] * f_factor
+            canvas.dots(axes, theme, x, y, color, within=(low * f_factor, high * f_factor))
     for side in (curve.velocity < 0, curve.velocity > 0):
         v, f, s = curve.velocity[side] * v_factor, curve.torque[side] * f_factor, spread[side] * f_factor
         if np.any(np.isfinite(s)):

@@ -105,7 +105,10 @@ def draw_residual(
     pick = sizes.thin(samples.time.size, keep=residual)
     for fitted, color in ((True, theme.fitted), (False, theme.held_out)):
         part = pick[samples.fitted[pick] == fitted]
-        canvas.dots(axes, theme, x[part] * factor, residual[part] * f_factor, color, size=2.0, alpha=0.6)
+        ends = (-scale.limit * f_factor, scale.limit * f_factor)
+        canvas.dots(
+            axes, theme, x[part] * factor, residual[part] * f_factor, color, size=2.0, alpha=0.6, within=ends
+        )
     axes.axhline(0.0, color=theme.muted, linewidth=0.8, zorder=3)
     median = np.empty(0)
     if against != "time":
