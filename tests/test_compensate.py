@@ -622,7 +622,7 @@ def test_at_rest_it_lets_go(alpha):
 def path(turns, fine):
     """Return positions from turn to turn in equal small steps [rad]."""
     pieces = [np.zeros(1)]
-    for a, b in zip([0.0, *turns], turns, strict=True):
+    for a, b in zip([0.0, *turns], turns, strict=False):
         n = max(1, int(np.ceil(abs(b - a) / fine)))
         pieces.append(a + (b - a) * np.arange(1, n + 1) / n)
     return np.concatenate(pieces)

@@ -388,7 +388,7 @@ def dahl(e, x, lo, hi, dp, dt):
 
 def maxwell_slip(e, x, lo, hi, dp, dt):
     n = len(e.stiffness)
-    x[:n] = [min(max(f + k * dp, w * lo), w * hi) for f, k, w in zip(x, e.stiffness, e.share, strict=True)]
+    x[:n] = [min(max(f + k * dp, w * lo), w * hi) for f, k, w in zip(x, e.stiffness, e.share, strict=False)]
     return sum(x[:n]), dp
 
 

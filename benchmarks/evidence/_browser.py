@@ -7,7 +7,12 @@ import json
 import re
 import shutil
 import subprocess
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 HEIGHT = 900  # of the window [px]
@@ -16,15 +21,19 @@ _OWN = (
     "google.com",
     "gvt1.com",
     "gstatic.com",
-)  # hosts that the browser itself asks, page or not
+)  # the browser itself asks them, page or not
+_FONTS = "fonts."  # but these only for a page
+_HERE = "127.0.0.1"
 _RESULT = re.compile(r"<pre id=\"measure\">(.*?)</pre>", re.S)
 _FRAME = """<!DOCTYPE html><html><body style="margin:0"><pre id="measure"></pre>
 <iframe id="page" style="width:{width}px;height:{height}px;border:0" src="{page}"></iframe>
 <script>
 document.getElementById("page").onload = function () {{
   const page = this.contentDocument, root = page.documentElement, over = [];
+  const scrolls = e => e && e !== root && e !== page.body && (/auto|scroll/.test(getComputedStyle(e).overflowX) || scrolls(e.parentElement));
   for (const e of page.querySelectorAll("p,h1,h2,table,svg,figure,figcaption,li"))
-    if (e.getBoundingClientRect().right > {width} + 1) over.push(e.tagName + " " + e.textContent.slice(0, 40));
+    if (e.getBoundingClientRect().right > {width} + 1 && !scrolls(e) && !e.closest("nav"))
+      over.push(e.tagName + " " + e.textContent.slice(0, 40));
   document.getElementById("measure").textContent = JSON.stringify({{
     width: root.scrollWidth, over: over.slice(0, 5), text: page.body.textContent.length,
     dark: this.contentWindow.matchMedia("(prefers-color-scheme: dark)").matches,
@@ -68,21 +77,37 @@ def browser() -> str | None:
     )
 
 
-def visit(program: str, page: Path, width: int, dark: bool, folder: Path) -> Visit:
+@contextmanager
+def serve(folder: Path) -> Iterator[str]:
+    """Serve a folder on this machine alone, and yield the address."""
+
+    class Quiet(SimpleHTTPRequestHandler):
+        def log_message(self, *_: object) -> None:
+            pass
+
+    server = ThreadingHTTPServer((_HERE, 0), partial(Quiet, directory=str(folder)))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://{_HERE}:{server.server_port}"
+    server.shutdown()
+
+
+def visit(program: str, page: Path, width: int, dark: bool, folder: Path, address: str) -> Visit:
     """Open a page in a frame as wide as asked; the browser's own windows are 500 px wide at least.
 
     Args:
         program: of `browser`.
-        page: HTML file.
+        page: HTML file below the folder.
         width: of the frame [px].
         dark: prefer dark.
         folder: for the frame's own file and the browser's.
+        address: at which the folder is served.
 
     Raises:
         RuntimeError: the browser says nothing of the page.
     """
     frame, net = folder / "frame.html", folder / "net.json"
-    frame.write_text(_FRAME.format(width=width, height=HEIGHT, page=html.escape(page.resolve().as_uri())))
+    url = f"{address}/{page.relative_to(folder).as_posix()}"
+    frame.write_text(_FRAME.format(width=width, height=HEIGHT, page=html.escape(url)))
     net.unlink(missing_ok=True)
     done = subprocess.run(
         [
@@ -93,7 +118,6 @@ def visit(program: str, page: Path, width: int, dark: bool, folder: Path) -> Vis
             "--disable-background-networking",
             "--disable-component-update",
             "--no-first-run",
-            "--allow-file-access-from-files",
             "--enable-logging=stderr",
             f"--user-data-dir={folder / 'profile'}",
             f"--log-net-log={net}",
@@ -101,7 +125,7 @@ def visit(program: str, page: Path, width: int, dark: bool, folder: Path) -> Vis
             f"--blink-settings=preferredColorScheme={0 if dark else 1}",
             "--virtual-time-budget=3000",
             "--dump-dom",
-            frame.as_uri(),
+            f"{address}/frame.html",
         ],
         capture_output=True,
         text=True,
@@ -122,5 +146,12 @@ def visit(program: str, page: Path, width: int, dark: bool, folder: Path) -> Vis
         dark=measure["dark"],
         paper=measure["paper"],
         console=[line for line in done.stderr.splitlines() if "CONSOLE" in line],
-        requests=sorted(a for a in addresses if not any(host in a.split("/")[2] for host in _OWN)),
+        requests=sorted(a for a in addresses if _is_of_page(a.split("/")[2])),
     )
+
+
+def _is_of_page(host: str) -> bool:
+    """Return whether a page asked for a host, not the browser by itself, and not the folder's own server."""
+    if host.startswith(_HERE):
+        return False
+    return host.startswith(_FONTS) or not any(own in host for own in _OWN)

@@ -10,15 +10,18 @@ every command's help, and what commands print of a demo's log, is measured; ever
 from __future__ import annotations
 
 import os
+import pty
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
+import termios
 from itertools import product
 from pathlib import Path
 from typing import Any
 
-from _browser import browser, visit
+from _browser import browser, serve, visit
 from _common import Judge, parser
 from _picture_boxes import faults_of, figures_made
 
@@ -119,16 +122,23 @@ def _shown_classes() -> list[str]:
     return sorted(found)
 
 
-def _run(place: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {"COLUMNS": str(COLUMNS), "TERM": "dumb"}
-    return subprocess.run(
-        [sys.executable, "-c", "from backdrive.cli import main; main()", *words],
-        cwd=place,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=400,
+def _run(place: Path, *words: str) -> tuple[int, str]:
+    """Run a command on a terminal of 80 columns and return its exit code and what it printed."""
+    ours, its = pty.openpty()
+    termios.tcsetwinsize(its, (50, COLUMNS))
+    environment = {k: v for k, v in os.environ.items() if k != "COLUMNS"} | {"TERM": "dumb"}
+    program = [sys.executable, "-c", "from backdrive.cli import main; main()", *words]
+    process = subprocess.Popen(program, cwd=place, env=environment, stdin=its, stdout=its, stderr=its)
+    os.close(its)
+    printed = b""
+    try:
+        while part := os.read(ours, 65536):
+            printed += part
+    except OSError:  # the terminal is closed from the other side
+        pass
+    os.close(ours)
+    return process.wait(), re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", printed.decode(errors="replace")).replace(
+        "\r", "\n"
     )
 
 
@@ -203,14 +213,13 @@ def commands(judge: Judge, place: Path, plant: bool) -> None:
         ("identify", "nothing.csv"),
     )
     for words in runs:
-        done = _run(place, *words)
-        text = done.stdout + done.stderr
+        code, text = _run(place, *words)
         wide = _too_wide(text)
-        fine = done.returncode == (3 if words[-1] == "nothing.csv" else 0) and "Traceback" not in text
+        fine = code == (3 if words[-1] == "nothing.csv" else 0) and "Traceback" not in text
         rest = f": {wide[0][:110]}" if wide else "" if fine else f": {text[-200:]}"
         judge.that(
-            f"backdrive {' '.join(words[:2])}: code {done.returncode}, 80 columns, not cut{rest}",
-            fine and not wide and "…" not in text,
+            f"backdrive {' '.join(words[:2])}: code {code}, 80 columns, not cut{rest}",
+            fine and not wide and not re.search(r"\S…", text),  # a range has spaces: 0.1 … 4
         )
 
 
@@ -225,7 +234,7 @@ def pictures(judge: Judge, place: Path, short: bool, plant: bool) -> None:
     from backdrive.report.hand import hand_section
     from backdrive.report.pictures import canvas, signatures
     from backdrive.report.pictures.plan import picture
-    from backdrive.simulation.hand_demo import guided
+    from backdrive.simulation.hand_demo import simulate_hand
     from backdrive.simulation.machines import machine
 
     plant_of = machine("joint_1").replace(torque_noise=1.0)
@@ -246,7 +255,7 @@ def pictures(judge: Judge, place: Path, short: bool, plant: bool) -> None:
         "force": lambda: show.picture(estimate_force(model, log)),
         "report of the force": lambda: render_force(estimate_force(model, log), command="x"),
         "plan": lambda: picture(plan, "svg"),
-        "hand": lambda: hand_section(guided("joint_1", friction, plant_of.inertia, 0)),
+        "hand": lambda: hand_section(simulate_hand("joint_1", friction, plant_of.inertia, 0)),
         "laws": laws,
     }
     if (root := os.environ.get("BACKDRIVE_DATA")) and (emps := Path(root, "emps", "DATA_EMPS.mat")).exists():
@@ -264,7 +273,7 @@ def pictures(judge: Judge, place: Path, short: bool, plant: bool) -> None:
         judge.that(f"{kind}: {len(made)} pictures without overlaps and cuts{rest}", bool(made) and not faults)
 
 
-def pages(judge: Judge, place: Path, program: str, plant: bool) -> None:
+def pages(judge: Judge, place: Path, program: str, short: bool, plant: bool) -> None:
     """Open the reports and the site."""
     print("pages")
     found = {"demo's report": place / "backdrive-demo" / "report.html", "report": place / "report.html"}
@@ -281,19 +290,27 @@ def pages(judge: Judge, place: Path, program: str, plant: bool) -> None:
             check=False,
         )
         judge.that(f"the site is built strictly{built.stderr[-200:]}", built.returncode == 0)
-        found |= {f"site/{p.relative_to(site)}": p for p in sorted(site.rglob("*.html"))}
+        found |= {
+            f"site/{p.relative_to(site)}": p for p in sorted(site.rglob("*.html"))[:: 15 if short else 1]
+        }
     else:
         print("  (no mkdocs.yml, or no mkdocs: the site's pages are not opened)")
     if plant:
         found["planted"] = place / "planted.html"
         found["planted"].write_text('<p style="width:900px">wide</p><img src="http://example.com/a.png">')
+    with serve(place) as address:
+        _open_all(judge, place, program, found, address)
+
+
+def _open_all(judge: Judge, place: Path, program: str, found: dict[str, Path], address: str) -> None:
+    """Open every page at every width, light and dark."""
     for name, page in found.items():
         if not page.exists():
             judge.that(f"{name} is there", False)
             continue
         wrong = []
         for width, dark in product(WIDTHS, SCREENS):
-            one = visit(program, page, width, dark, place)
+            one = visit(program, page, width, dark, place, address)
             where = f"{width} px {'dark' if dark else 'light'}"
             wrong += [f"{where}: wide {one.width} px {one.over[:1]}"] if one.width > width or one.over else []
             wrong += [f"{where}: console {one.console[0]}"] if one.console else []

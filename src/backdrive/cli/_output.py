@@ -28,16 +28,13 @@ def echo(text: object = "", *, err: bool = False) -> None:
 
 
 def wrap(text: str, stream: Any) -> str:
-    """Return text with long lines broken between words; nothing is broken for a file or a pipe, unless $COLUMNS is set.
+    """Return text with long lines broken between words where a stream is a terminal; a file or a pipe gets whole lines.
 
     Args:
         text: lines.
         stream: that they go to.
     """
-    told = (
-        stream is not sys.stderr and os.environ.get("COLUMNS", "").isdigit()
-    )  # an error stays one line for whoever reads it
-    if not (told or stream.isatty()):
+    if not stream.isatty():
         return text
     width = max(shutil.get_terminal_size().columns, 40)
     lines: list[str] = []
