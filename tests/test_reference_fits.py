@@ -214,7 +214,9 @@ def test_evidence_is_thinned_and_its_curve_leaves_rest_out():
     )
     assert np.isnan(shown.samples.position[1800:]).all()
     c = curve(friction(velocity=(-1.0, 0.5)), lambda v: 0.1 * np.abs(v))
-    grid = np.sort(np.r_[1e-6, np.linspace(0.0, 1.0, 121)[1:] ** 2, 0.02])  # the slow speed of words and tables too
+    grid = np.sort(
+        np.r_[1e-6, np.linspace(0.0, 1.0, 121)[1:] ** 2, 0.02]
+    )  # the slow speed of words and tables too
     assert c.velocity[c.velocity > 0] == pytest.approx(grid[grid <= 0.5])
     assert c.velocity[c.velocity < 0] == pytest.approx(-grid[::-1])
     assert c.torque == pytest.approx(line(c.velocity)) and c.standard_error == pytest.approx(

@@ -30,7 +30,8 @@ _FRAME = """<!DOCTYPE html><html><body style="margin:0"><pre id="measure"></pre>
 <script>
 document.getElementById("page").onload = function () {{
   const page = this.contentDocument, root = page.documentElement, over = [];
-  const scrolls = e => e && e !== root && e !== page.body && (/auto|scroll/.test(getComputedStyle(e).overflowX) || scrolls(e.parentElement));
+  const scrolls = e => e && e !== root && e !== page.body &&
+    (/auto|scroll/.test(getComputedStyle(e).overflowX) || scrolls(e.parentElement));
   for (const e of page.querySelectorAll("p,h1,h2,table,svg,figure,figcaption,li"))
     if (e.getBoundingClientRect().right > {width} + 1 && !scrolls(e) && !e.closest("nav"))
       over.push(e.tagName + " " + e.textContent.slice(0, 40));

@@ -94,7 +94,9 @@ def _print_schema(kind: str) -> None:
     if kind not in SCHEMAS:
         raise InvalidInput(f"--schema is {kind!r}.", remedy=f"Give {' or '.join(SCHEMAS)}.")
 
-    typer.echo(files(f"backdrive.{kind}").joinpath(f"{kind}.schema.json").read_text().rstrip())  # not to be broken
+    typer.echo(
+        files(f"backdrive.{kind}").joinpath(f"{kind}.schema.json").read_text().rstrip()
+    )  # not to be broken
 
 
 def _print_presets(as_json: bool) -> None:
