@@ -68,7 +68,7 @@ def main() -> None:
         notebook(judge, place)
         commands(judge, place, options.plant)
         pictures(judge, place, options.short, options.plant)
-        pages(judge, place, str(program), options.plant)
+        pages(judge, place, str(program), options.short, options.plant)
     judge.end()
 
 
