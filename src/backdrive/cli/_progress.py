@@ -12,29 +12,53 @@ from backdrive._visible import visible
 from backdrive.cli._output import console
 
 SOON = 2.0  # before that nothing is said of time [s]
-_COUNT = re.compile(r"(\d+) of (?:at most )?(\d+)\b")
+_COUNT = re.compile(r"(?:\b(joint|law|part) )?\b(\d+) of (?:at most )?(\d+)\b")
+NESTED = ("joint", "law", "part")  # the first holds the others
 
 
-def share_of(sentence: str) -> float | None:
-    """Return the share that a sentence with a count states ("3 of 20": 0.15), or None."""
-    count = _COUNT.search(sentence)
-    if count is None or not int(count[2]):
-        return None
-    return min(int(count[1]) / int(count[2]), 1.0)
+class Share:
+    """The share of the work that is done, from the counts in the sentences that tell of it.
+
+    "3 of 20" says that three are done. "Joint 2 of 6", "law 3 of 12" and "part 1 of 5" say which is begun; laws and parts belong to
+    the joint that was named last. A sentence without a count leaves the share as it is.
+    """
+
+    def __init__(self):
+        self.value: float | None = None
+        self._begun: dict[str, tuple[int, int]] = {}
+
+    def hear(self, sentence: str) -> float | None:
+        """Return the share after a sentence, None as long as no count was heard."""
+        for what, number, count in _COUNT.findall(sentence.lower()):
+            k, n = int(number), int(count)
+            if n and not what:
+                self.value = min(k / n, 1.0)
+            elif n:
+                held = NESTED.index(what)
+                self._begun = {w: c for w, c in self._begun.items() if NESTED.index(w) < held} | {
+                    what: (k, n)
+                }
+                done = 0.0
+                for k, n in (self._begun[w] for w in reversed(NESTED) if w in self._begun):
+                    done = min(k - 1 + done, n) / n
+                self.value = done
+        return self.value
 
 
-def time_words(elapsed: float | None, share: float | None) -> str:
+def time_words(elapsed: float | None, share: float | None, since: float = 0.0) -> str:
     """Return how long it has taken and, where a share is known, about how long it takes yet.
 
     Args:
         elapsed: since the begin [s].
-        share: that is done, or None.
+        share: that was done, or None.
+        since: time since then [s].
     """
     if elapsed is None or elapsed < SOON:
         return ""
     words = f"{elapsed:.0f} s"
     if share is not None and 0.02 <= share < 1.0:
-        words += f", {100.0 * share:.0f} %, about {elapsed * (1.0 - share) / share:.0f} s left"
+        left = max((elapsed - since) * (1.0 - share) / share - since, 0.0)
+        words += f", {100.0 * share:.0f} %" + (f", about {left:.0f} s left" if left >= 0.5 else "")
     return words
 
 
@@ -54,15 +78,18 @@ def progress(*, quiet: bool = False) -> Iterator[Callable[..., None]]:
 
     class Time(ProgressColumn):
         def render(self, task: Any) -> Text:
-            return Text(time_words(task.elapsed, task.fields["share"]), style="dim")
+            since = (task.elapsed or 0.0) - task.fields["at"]
+            return Text(time_words(task.elapsed, task.fields["share"], since), style="dim")
 
     words = TextColumn("{task.description}", markup=False, table_column=Column(overflow="fold"))
     shown = Progress(SpinnerColumn(), words, Time(), console=console(stderr=True), transient=True)
     with shown:
-        task = shown.add_task("Starting ...", total=None, share=None)
+        task, heard = shown.add_task("Starting ...", total=None, share=None, at=0.0), Share()
 
         def say(sentence: str, share: float | None = None) -> None:
-            known = share_of(sentence) if share is None else share
-            shown.update(task, description=visible(sentence) + " ...", share=known)
+            before = heard.value
+            known = heard.hear(sentence) if share is None else share
+            at = {} if known == before else {"at": shown.tasks[0].elapsed or 0.0}
+            shown.update(task, description=visible(sentence) + " ...", share=known, **at)
 
         yield say

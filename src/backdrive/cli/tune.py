@@ -164,7 +164,8 @@ def command(
     found: list[Tuning] = []
     refused: dict[str, BackdriveError] = {}
     with progress(quiet=as_json) as say:
-        for name in names:
+        for k, name in enumerate(names):
+            among = f", joint {k + 1} of {len(names)}" if len(names) > 1 else ""
             of_joint: dict[str, Any] = {option: values.get(name) for option, values in own.items()}
             try:
                 facts = facts_of(loaded.joint(name), **shared, **of_joint)
@@ -179,9 +180,7 @@ def command(
                         draw=picture is not None,
                         dither=dither,
                         **guards[name],
-                        say=lambda sentence, name=name: say(
-                            f"{name}: {sentence}", names.index(name) / len(names) if len(names) > 1 else None
-                        ),
+                        say=lambda sentence, who=name + among: say(f"{who}: {sentence}"),
                     )
                 )
             except BackdriveError as error:

@@ -294,8 +294,9 @@ def _by_joint(
 ) -> tuple[Sequence[JointFriction], Sequence[JointEvidence]]:
     """Return the friction of one joint after the other, and what supports it; those that cannot be identified are named."""
     results: list[tuple[JointFriction, JointEvidence]] = []
-    for name in names:
-        options.say(f"Identifying {name} ({method})")
+    for k, name in enumerate(names):
+        among = f", joint {k + 1} of {len(names)}" if len(names) > 1 else ""
+        options.say(f"Identifying {name} ({method}){among}")
         try:
             results.append(_one(method, [own_turn(log, name) for log in logs], name, held_out, options))
         except NotIdentifiable as error:

@@ -107,12 +107,14 @@ def tune(  # noqa: PLR0913  (its options are given by keyword)
     scenes.check_step(facts, [*members_.corners(facts), *members])
     notes = [*facts.notes, *_remarks(facts, stroke)]
     loops = goal in ("backdrive", "track")
-    searched = _search_numbers(facts, goal, stroke, seed, say, wish)
+    searched = _search_numbers(
+        facts, goal, stroke, seed, lambda sentence: say(f"{sentence}, part 1 of 5"), wish
+    )
     if goal == "admit":
         searched = {"share": rules.largest_share(1.0 - facts.friction[0])} | searched
     judge = goal_of(goal, facts, stroke, searched, wish)
     members = members if loops else members[: max(8, joints // 4)]
-    say("Checking over joints that the model may stand for")
+    say("Checking over joints that the model may stand for, part 2 of 5")
     rows = _rows(facts, goal, judge, searched, members, seed)
     z = rows["chosen"]["numbers"]
     notes += edges(judge, z)
@@ -124,7 +126,7 @@ def tune(  # noqa: PLR0913  (its options are given by keyword)
     sine: Dither | None = None
     if loops:
         sine, sway = _dither(facts, z, members, notes, say) if dither else (None, {})
-        say("Measuring the margins")
+        say("Measuring the margins, part 4 of 5")
         found = (
             margins(facts, z, members, judge) | sway | residual_break_away(facts, z, members, stroke, sine)
         )
@@ -132,7 +134,7 @@ def tune(  # noqa: PLR0913  (its options are given by keyword)
         found = {"joints": len(members), "left_over": float(judge.worst([z], members, scenes.FINE)[0])}
     picture: dict[str, Any] = {}
     if draw and loops:
-        say("Mapping the safe region")
+        say("Mapping the safe region, part 5 of 5")
         picture = region(facts, z, judge, thesis_numbers(facts))
     tuning = Tuning(
         joint=facts.name,
@@ -152,7 +154,7 @@ def tune(  # noqa: PLR0913  (its options are given by keyword)
         seed=seed,
     )
     if loops:
-        say("Trying algFC2")
+        say("Trying algFC2, part 5 of 5")
         tuning = replace(tuning, margins={**found, "switching_at_rest": _switching(facts, tuning, members)})
     return within(
         tuning, trip_speed, limit, min(effort, facts.effort), scenes.PEAK * stroke.length / stroke.duration
@@ -298,7 +300,7 @@ def _dither(
     facts: Facts, z: Numbers, members: Sequence[Member], notes: list[str], say: Say
 ) -> tuple[Dither | None, dict[str, float]]:
     """Return the largest dither that moves no drawn joint beyond its bound, and by how much motor and load sway with it at rest."""
-    say("Trying dither")
+    say("Trying dither, part 3 of 5")
     bound = rules.sticking_dither(z["share"], z["stiffness"] * facts.stiffness, facts.stiffness_interval[0])
     share = min(DITHER_SHARE, SLACK * bound * facts.friction[0])
     for _ in range(3 if share > 0.0 else 0):

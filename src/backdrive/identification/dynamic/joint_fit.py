@@ -126,8 +126,9 @@ def fit_joint(task: Task) -> JointFit:
     candidates: list[Candidate] = []
     failure: BackdriveError | None = None
     stopped = False
-    for law in task.laws:
-        options.say(f"{name}: fitting {law}")
+    for k, law in enumerate(task.laws):
+        among = f", law {k + 1} of {len(task.laws)}" if len(task.laws) > 1 else ""
+        options.say(f"{name}: fitting {law}{among}")
         begun = clock.perf_counter()
         try:
             one = _candidate(task, law, begun)
