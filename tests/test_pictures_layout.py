@@ -67,3 +67,34 @@ def test_what_overlaps_or_is_cut_is_named():
     assert "overlap" in faults[0]
     assert "cut" in faults[1]
     assert np.all([isinstance(fault, str) for fault in faults])
+
+
+def test_abbreviations_signs_and_what_fails_stand_below_a_figure_of_the_thesis():
+    from backdrive.thesis import _sweep_plots
+    from backdrive.thesis._footer import footer, texts_of
+    from backdrive.thesis.outcome import Claim, Outcome
+
+    claims = (
+        Claim(what="The peak is smallest with PD.", ours="", holds=False),
+        Claim(what="It holds", ours="", holds=True),
+    )
+    with canvas.house_style():
+        figure, axes = _sweep_plots.sheet(1, 2)
+        for label in ("NC", "C", "PD", "HA: elastoplastic", "DOB: RMS 3 N"):
+            axes[0, 0].plot([0.0, 1.0], [0.0, 1.0], label=label)
+        axes[0, 1].annotate("**", (0.5, 0.5))
+        _sweep_plots.key(axes[0, 0])
+        height = figure.get_size_inches()[1]
+        footer(figure, Outcome(name="x", title="x", setting="x", claims=claims))
+        assert faults_of(figure) == []
+        assert figure.get_size_inches()[1] > height
+        below = " ".join(text.get_text() for text in figure.texts)
+    assert "NC: no compensation" in below
+    assert "PD: P with dither" in below
+    assert "DOB: disturbance observer" in below
+    assert "HA" not in below  # its label says it
+    assert "CT" not in below
+    assert "** p < 1 %" in below
+    assert "Does not hold here: The peak is smallest with PD." in below
+    assert "It holds" not in below
+    assert texts_of(figure)

@@ -99,8 +99,9 @@ def peak_bars(axes: Any, panel: Mapping[str, Any]) -> None:
                 color=LIGHT.muted,
                 linewidth=0.9,
             )
+            sign = mark(panel["p"][case][side])
             axes.annotate(
-                mark(panel["p"][case][side]), (0.5 * (x[i] + x[-1]), level), xytext=(0, -1.5),
+                sign, (0.5 * (x[i] + x[-1]), level), xytext=(0, -1.5 if "*" in sign else 1.0),
                 textcoords="offset points", ha="center", va="bottom", fontsize=SMALL - 1.5, color=LIGHT.ink,
             )  # fmt: skip
         axes.annotate(

@@ -9,9 +9,23 @@ import numpy as np
 from backdrive.report.pictures.canvas import LIGHT
 from backdrive.thesis._sweep_plots import DASHED, SMALL, key, name, sheet
 
-__all__ = ["COLORS", "DASHED", "SENSOR", "SMALL", "key", "level", "name", "release", "shade", "sheet"]
+__all__ = [
+    "COLORS",
+    "DASHED",
+    "SENSOR",
+    "SMALL",
+    "THICK",
+    "THIN",
+    "key",
+    "level",
+    "name",
+    "release",
+    "shade",
+    "sheet",
+]
 
 SENSOR = LIGHT.muted  # measured force
+THICK, THIN = 1.4, 0.7  # lines of the sensor, which stands in front, and of an estimate
 COLORS = {
     "CT": "#d9730d", "HA": "#b3261e", "P": "#2a78b8", "alpha_N": "#2a78b8", "alpha_H": "#b3261e", "algFE2": "#00845a",
 }  # fmt: skip

@@ -108,8 +108,8 @@ def draw(outcome: Outcome) -> Any:
     with house_style():
         figure, axes = own.sheet(len(cases), 1, height=480.0, sharex=True, sharey=True)
         for (a,), (case, series) in zip(axes, cases.items(), strict=False):
-            a.plot(t, series["sensor"], color=own.SENSOR, linewidth=1.0, label="force sensor")
-            a.plot(t, series["virtual"], color=own.COLORS[case], linewidth=1.3, label="m q'' + b q'")
+            a.plot(t, series["sensor"], color=own.SENSOR, linewidth=own.THICK, zorder=3, label="force sensor")
+            a.plot(t, series["virtual"], color=own.COLORS[case], linewidth=own.THIN, label="m q'' + b q'")
             own.level(a)
             distance = outcome.numbers[f"{CHOSEN}.distance.{case}"]
             own.name(a, f"{case}: RMS distance {distance:.1f} N", y="force [N]")

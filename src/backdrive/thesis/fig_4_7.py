@@ -186,8 +186,8 @@ def draw(outcome: Outcome) -> Any:
         own.name(top, y="position [mm]")
         own.release(top, data["released"], label="hand lets go")
         for (a,), case in zip(axes[1:], NAMES, strict=False):
-            a.plot(t, data["sensor"], color=own.SENSOR, linewidth=1.0, label="force sensor")
-            a.plot(t, data["estimates"][case], color=own.COLORS[case], linewidth=1.1, label=NAMES[case])
+            a.plot(t, data["sensor"], color=own.SENSOR, linewidth=own.THICK, zorder=3, label="force sensor")
+            a.plot(t, data["estimates"][case], color=own.COLORS[case], linewidth=own.THIN, label=NAMES[case])
             own.level(a)
             own.release(a, data["released"])
             own.name(a, y="force [N]")

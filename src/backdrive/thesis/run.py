@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 from backdrive.errors import BackdriveError
 from backdrive.report.pictures import canvas
+from backdrive.thesis._footer import footer
 from backdrive.thesis.catalog import Entry
 from backdrive.thesis.ledger import disagreements, evaluate
 from backdrive.thesis.outcome import Claim, Outcome
@@ -74,6 +75,7 @@ def run_one(entry: Entry, seed: int = 0, say: Say | None = None) -> Result:
         outcome = experiment.run(seed=seed, say=say) if told else experiment.run(seed=seed)
         with canvas.house_style():
             figure = experiment.draw(outcome)
+            footer(figure, outcome)
             pictures = canvas.content(figure, "png", SCALE), canvas.content(figure, "svg")
     except Exception as error:
         known = isinstance(error, BackdriveError)
