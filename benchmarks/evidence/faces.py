@@ -23,7 +23,7 @@ from typing import Any
 
 from _browser import browser, serve, visit
 from _common import Judge, parser
-from _picture_boxes import faults_of, figures_made
+from _faces_pictures import pictures
 
 ROOT = Path(__file__).parents[2]
 COLUMNS, WIDTHS, SCREENS = 80, (390, 1280), (False, True)
@@ -221,56 +221,6 @@ def commands(judge: Judge, place: Path, plant: bool) -> None:
             f"backdrive {' '.join(words[:2])}: code {code}, 80 columns, not cut{rest}",
             fine and not wide and not re.search(r"\S…", text),  # a range has spaces: 0.1 … 4
         )
-
-
-def pictures(judge: Judge, place: Path, short: bool, plant: bool) -> None:
-    """Ask every picture for the boxes of its own texts."""
-    print("pictures")
-    from backdrive import Sweep, identify, read_log, simulate
-    from backdrive.external import estimate_force
-    from backdrive.laws.examples import ELEMENT_EXAMPLES, RATE_EXAMPLES, example
-    from backdrive.report import render, show
-    from backdrive.report.force import render_force
-    from backdrive.report.hand import hand_section
-    from backdrive.report.pictures import canvas, signatures
-    from backdrive.report.pictures.plan import picture
-    from backdrive.simulation.hand_demo import simulate_hand
-    from backdrive.simulation.machines import machine
-
-    plant_of = machine("joint_1").replace(torque_noise=1.0)
-    plan = Sweep(0.35, 2.0, cycles=6)
-    log = simulate(plant_of, plan, seed=0)
-    result = identify(log)
-    model = result.model
-    friction = model.joints[0].law
-
-    def laws() -> None:
-        for name in [*RATE_EXAMPLES, *ELEMENT_EXAMPLES][:: 8 if short else 1]:
-            signatures.draw(example(name))
-
-    kinds: dict[str, Any] = {
-        "report": lambda: render(result, command="x"),
-        "curve of a result": lambda: show.picture(result),
-        "curve of a model": lambda: show.picture(model),
-        "force": lambda: show.picture(estimate_force(model, log)),
-        "report of the force": lambda: render_force(estimate_force(model, log), command="x"),
-        "plan": lambda: picture(plan, "svg"),
-        "hand": lambda: hand_section(simulate_hand("joint_1", friction, plant_of.inertia, 0)),
-        "laws": laws,
-    }
-    if (root := os.environ.get("BACKDRIVE_DATA")) and (emps := Path(root, "emps", "DATA_EMPS.mat")).exists():
-        real = identify(read_log(emps, map="t=t,q=qm,tau=35.15*vir"))
-        kinds["report of a real log"] = lambda: render(real, command="x")
-        (place / "real.html").write_text(render(real, command="x"))
-    for kind, draw in kinds.items():
-        with canvas.house_style(), figures_made() as made:
-            draw()
-            if plant and kind == "plan":
-                made[-1].text(0.5, 0.5, "planted")
-                made[-1].text(0.5, 0.5, "fault")
-            faults = [fault for figure in made for fault in faults_of(figure)]
-        rest = f": {faults[0]}, {len(faults)} in all" if faults else ""
-        judge.that(f"{kind}: {len(made)} pictures without overlaps and cuts{rest}", bool(made) and not faults)
 
 
 def pages(judge: Judge, place: Path, program: str, short: bool, plant: bool) -> None:

@@ -27,6 +27,7 @@ MEANINGS = {
     "DOB": "disturbance observer",
 }
 STARS = "Brackets: test of means against PD; *** p < 0.1 %, ** p < 1 %, * p < 5 %, ns not significant."
+TIERS = "Members of a tier are ties with its first. Costs are on a scale of ratios."
 FAILS = "#b3261e"
 LINE = 1.35  # height of a line by the size of its type
 NARROW = 0.53  # mean width of a letter by the size of its type
@@ -40,7 +41,12 @@ def footer(figure: Any, outcome: Outcome) -> None:
         outcome: that it shows.
     """
     words = texts_of(figure)
-    notes = [(text, LIGHT.muted) for text in (abbreviations(words), signs(words)) if text]
+    told = (
+        abbreviations(words),
+        signs(words),
+        TIERS if any(word.startswith("tier ") for word in words) else "",
+    )
+    notes = [(text, LIGHT.muted) for text in told if text]
     notes += [
         (f"Does not hold here: {c.what.rstrip(chr(46))}.", FAILS) for c in outcome.claims if c.holds is False
     ]

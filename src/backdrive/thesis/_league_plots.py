@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from backdrive.report.pictures import canvas
+from backdrive.report.pictures.canvas import LIGHT
+from backdrive.thesis import _sweep_plots as own
 from backdrive.thesis._league_claims import guiding
 from backdrive.thesis._league_costs import Table
 from backdrive.thesis._league_joints import NOMINAL, SETTINGS
@@ -18,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
+COLORS = (*own.SERIES, "#8a5a2b", LIGHT.muted, LIGHT.ink)
 MARKS = {"direct": "o", "momentum": "s", "extended": "^", "kalman": "D"}
 
 
@@ -27,22 +32,21 @@ def draw(outcome: Outcome) -> Figure:
     Args:
         outcome: of `league.run`.
     """
-    from matplotlib.figure import Figure
-
     table: Table = outcome.data["table"]
     nominal = guiding(table, NOMINAL.name)
     order = sorted(nominal, key=lambda name: float(np.mean(nominal[name])))
-    figure = Figure(figsize=(13.5, 9.5), layout="constrained")
+    figure = canvas.new_figure(LIGHT, 972.0, 700.0)
+    figure.set_layout_engine("constrained", w_pad=6 / 72, h_pad=6 / 72, wspace=0.03, hspace=0.05)
     grid = figure.add_gridspec(2, 3, height_ratios=(1.0, 0.85))
-    _tiers(figure.add_subplot(grid[0, 0]), nominal, "as believed")
-    _tiers(figure.add_subplot(grid[0, 1]), guiding(table), "where the joint is otherwise")
+    _tiers(own.panel(figure, grid[0, 0]), nominal, "as believed")
+    _tiers(own.panel(figure, grid[0, 1]), guiding(table), "where the joint is otherwise")
     joints = list(next(iter(table.values())))
     by_joint = [guiding(table, NOMINAL.name, joint) for joint in joints]
-    _heat(figure.add_subplot(grid[0, 2]), by_joint, order, joints, "cost by joint, as believed")
+    _heat(own.panel(figure, grid[0, 2]), by_joint, order, joints, "cost by joint, as believed")
     by_setting = [guiding(table, s.name) for s in SETTINGS]
     names = [s.name for s in SETTINGS]
-    _heat(figure.add_subplot(grid[1, 0]), by_setting, order, names, "cost by setting (bare joint: 1)")
-    _estimators(figure.add_subplot(grid[1, 1:]), outcome.data["estimators"][0]["rows"])
+    _heat(own.panel(figure, grid[1, 0]), by_setting, order, names, "cost by setting, bare joint: 1")
+    _estimators(own.panel(figure, grid[1, 1:]), outcome.data["estimators"][0]["rows"])
     return figure
 
 
@@ -54,18 +58,18 @@ def _tiers(axes: Axes, costs: dict[str, np.ndarray], words: str) -> None:
             mean = float(np.mean(costs[name]))
             low, high = interval(costs[name])
             label = f"tier {i + 1}" if name == tier[0] else ""
-            axes.plot(mean, at, "o", markersize=6, color=f"C{i % 10}", label=label, zorder=3)
-            axes.plot([low, high], [at, at], color="k", lw=1.2)
+            axes.plot(
+                mean, at, "o", markersize=6, color=own.SERIES[i % len(own.SERIES)], label=label, zorder=3
+            )
+            axes.plot([low, high], [at, at], color=LIGHT.ink, lw=1.2)
             at += 1
-    axes.set_yticks(range(at), [name for tier in tiers(costs) for name in tier], fontsize=8)
+    axes.set_yticks(range(at), [name for tier in tiers(costs) for name in tier])
     axes.invert_yaxis()
     _log_axis(axes.xaxis, [float(np.mean(c)) for c in costs.values()])
-    axes.grid(True, axis="x", color="0.9", lw=0.7)
-    axes.set_axisbelow(True)
-    axes.axvline(1.0, color="k", lw=0.8, ls=":")
-    axes.set_xlabel("cost by the bare joint's [-], scale of ratios; lines: 95 % intervals")
-    axes.set_title(f"tiers, {words}: members of a tier are ties with its first", fontsize=9)
-    axes.legend(fontsize=7, loc="upper right")
+    axes.grid(False, axis="y")
+    axes.axvline(1.0, color=LIGHT.ink, lw=0.8, ls=":")
+    own.name(axes, f"tiers, {words}", "cost by the bare joint's, 95 % intervals")
+    own.key(axes, "upper right")
 
 
 def _log_axis(axis: Axis, values: list[float]) -> None:
@@ -89,14 +93,16 @@ def _heat(
     positive = values[values > 0.0]
     far = max(2.0, float(positive.max(initial=1.0)), 1.0 / float(positive.min(initial=1.0)))
     axes.imshow(values, cmap="RdBu_r", norm=LogNorm(1.0 / far, far), aspect="auto")
-    axes.set_xticks(range(len(columns)), columns, rotation=35, ha="right", fontsize=7)
-    axes.set_yticks(range(len(rows)), rows, fontsize=8)
+    words = ["\n".join(textwrap.wrap(column.replace("_", " "), 9)) for column in columns]
+    axes.set_xticks(range(len(columns)), words, fontsize=own.SMALL - 2.0)
+    axes.set_yticks(range(len(rows)), rows)
+    axes.grid(False)
     for i, row in enumerate(values):
         for j, value in enumerate(row):
             dark = value > 0.0 and abs(np.log(value)) > 0.65 * np.log(far)
-            color = "white" if dark else "black"
-            axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=7, color=color)
-    axes.set_title(title, fontsize=10)
+            color = LIGHT.paper if dark else LIGHT.ink
+            axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=own.SMALL - 1.5, color=color)
+    own.name(axes, title)
 
 
 def _estimators(axes: Axes, rows) -> None:
@@ -109,15 +115,14 @@ def _estimators(axes: Axes, rows) -> None:
                     1e3 * r["delay"],
                     r["rms"],
                     20 + 300 * r["false"],
-                    color=f"C{i}",
+                    color=COLORS[i % len(COLORS)],
                     marker=MARKS[r["method"]],
                     alpha=0.8,
                     label=label,
                 )
     for method, mark in MARKS.items():
-        axes.scatter([], [], color="0.4", marker=mark, label=method)
-    axes.set_xlabel("delay [ms]")
-    axes.set_ylabel("error / force, both root mean square (RMS)")
-    axes.set_ylim(bottom=0.0)
-    axes.set_title("estimators of the external force; size: false contacts without a hand", fontsize=10)
-    axes.legend(fontsize=7, ncols=3, loc="lower right")
+        axes.scatter([], [], color=LIGHT.muted, marker=mark, label=method)
+    title = "estimators of the external force; size: false contacts without a hand"
+    own.name(axes, title, "delay [ms]", "error / force, root mean square")
+    axes.set_ylim(0.0, 1.12 * max(r["rms"] for r in rows))
+    own.key(axes, "lower right", 3)
