@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from numbers import Integral, Real
 from typing import Any, ClassVar, NamedTuple, Self, cast
 
@@ -160,7 +160,7 @@ class WithBounds:
         Raises:
             InvalidInput: names each number outside its bounds, or a word that is none of the choices.
         """
-        declared = {field.name: field for field in fields(cast("Any", self))}
+        declared: dict[str, Any] = cast("Any", type(self)).__dataclass_fields__
         # not `vars`: a decoder leaves out what has its default
         own: dict[str, Any] = {k: getattr(self, k) for k in declared}
         where = f"{type(self).__name__} '{own['name']}'" if "name" in own else type(self).__name__
