@@ -177,6 +177,10 @@ def test_the_version_is_the_packages():
     assert importlib.import_module("backdrive.errors").BackdriveError.exit_code == 4
 
 
+def test_the_package_says_that_it_has_types():
+    assert (SOURCE / "py.typed").is_file()
+
+
 def test_evidence_asks_for_names_that_are_there():
     wanted = {
         (node.module, alias.name)

@@ -1,10 +1,28 @@
-"""Documents of plain values, as JSON holds them."""
+"""Documents of plain values, as JSON holds them.
+
+Of a value that `isinstance` has found to be a list, a type checker does not know what is in it; after `is_list` it does.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, TypeGuard
+
+
+def is_object(value: object) -> TypeGuard[dict[str, Any]]:
+    """Return whether a value is an object."""
+    return isinstance(value, dict)
+
+
+def is_list(value: object) -> TypeGuard[list[Any]]:
+    """Return whether a value is a list."""
+    return isinstance(value, list)
+
+
+def is_several(value: object) -> TypeGuard[list[Any] | tuple[Any, ...]]:
+    """Return whether a value is a list or a tuple."""
+    return isinstance(value, (list, tuple))
 
 
 def numbers_in(value: Any, where: str) -> Iterator[tuple[str, float]]:

@@ -19,7 +19,8 @@ from typing import Any, TypeVar
 
 import numba as nb
 
-F = TypeVar("F", bound=Callable)
+Kernel = Callable[..., Any]
+F = TypeVar("F", bound=Kernel)
 
 KERNEL = b"from backdrive._jit import"
 IMPORT = re.compile(rb"^ *(?:from|import) (backdrive[\w.]*)(?: import \(?([\w, ]+))?", re.MULTILINE)
@@ -68,7 +69,7 @@ def kernel_sources(root: str | Path) -> dict[str, bytes]:
 COMPILED = not nb.config.DISABLE_JIT  # type: ignore[attr-defined]
 
 
-def _bits() -> tuple[Callable, Callable]:
+def _bits() -> tuple[Callable[[float], int], Callable[[int], float]]:
     """Return the two functions that read a double's 64 bits as an integer, and an integer as a double's bits."""
     if not COMPILED:
         return (
@@ -77,7 +78,7 @@ def _bits() -> tuple[Callable, Callable]:
         )
     from numba.extending import intrinsic
 
-    def cast(target: Any) -> Callable:
+    def cast(target: Any) -> Kernel:
         def typing(context, value):
             def generate(context, builder, signature, arguments):
                 return builder.bitcast(arguments[0], context.get_value_type(target))
@@ -119,10 +120,10 @@ def ladder(function: F) -> F:
 
 
 #: What `choice` has made, with the kernels that it chooses among and the one of all other numbers.
-CHOICES: dict[Callable, tuple[Mapping[int, Callable], Callable]] = {}
+CHOICES: dict[Kernel, tuple[Mapping[int, Kernel], Kernel]] = {}
 
 
-def choice(kernels: Mapping[int, Callable], otherwise: Callable) -> Callable:
+def choice(kernels: Mapping[int, Kernel], otherwise: Kernel) -> Kernel:
     """Return `f(number, arguments)`, which hands a tuple of arguments to the kernel of a number, written out as a `ladder` is.
 
     Args:
@@ -139,7 +140,7 @@ def choice(kernels: Mapping[int, Callable], otherwise: Callable) -> Callable:
     return chosen
 
 
-def _four(kernels: list[tuple[int, Callable]], otherwise: Callable, below: Callable) -> Callable:
+def _four(kernels: list[tuple[int, Kernel]], otherwise: Kernel, below: Kernel) -> Kernel:
     """Four at once, for the compiler's work grows with the square of how deep one stands in another."""
     (a, of_a), (b, of_b), (c, of_c), (d, of_d) = (*kernels, *[(-1, otherwise)] * (4 - len(kernels)))
 
@@ -195,7 +196,7 @@ def _compile(function: F, **wanted: Any) -> F:
     return compiled
 
 
-def _stamp_cache(function: Callable):
+def _stamp_cache(function: Kernel):
     try:
         from backdrive._jit_cache import cache_of
 

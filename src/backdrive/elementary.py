@@ -122,7 +122,7 @@ T3, T5, T7, T9, T11, T13, T15, T17 = (
 
 
 @leaf
-def product(a, b):
+def product(a: float, b: float):
     """Return a b as a sum of two doubles, the first of them the rounded product."""
     wide = SPLIT * a
     a1 = wide - (wide - a)
@@ -135,7 +135,7 @@ def product(a, b):
 
 
 @leaf
-def reduce_exponent(x, low):
+def reduce_exponent(x: float, low: float):
     """Return k, the mantissa of a power and t with exp(x + low) = 2^floor(k/N) mantissa (1 + t); SMALLEST <= x <= LARGEST."""
     wide = x * BY_LOG_2 + MAGIC
     count = wide - MAGIC
@@ -149,7 +149,7 @@ def reduce_exponent(x, low):
 
 
 @leaf
-def exponential(x, low):
+def exponential(x: float, low: float):
     """Return a scale S and t with exp(x + low) = S (1 + t), and the factor that S still lacks; SMALLEST <= x <= LARGEST."""
     k, mantissa, t = reduce_exponent(x, low)
     exponent = k >> 7
@@ -160,7 +160,7 @@ def exponential(x, low):
 
 
 @leaf
-def decay(x):
+def decay(x: float):
     """Return e^x for x <= 0, of which less has to be looked at; 0 below -708."""
     k, mantissa, t = reduce_exponent(x if x >= SMALLEST else 0.0, 0.0)
     S = from_bits(mantissa + (((k >> 7) + 1023) << 52))
@@ -171,7 +171,7 @@ def decay(x):
 
 
 @leaf
-def exp(x):
+def exp(x: float):
     """Return e^x; 0 below -708."""
     inside = SMALLEST <= x <= LARGEST
     S, t, rest = exponential(x if inside else 0.0, 0.0)
@@ -184,7 +184,7 @@ def exp(x):
 
 
 @leaf
-def logarithm(x, halvings):
+def logarithm(x: float, halvings: int):
     """Return log(x/2^halvings) as a sum of two doubles, for positive normal x."""
     bits = to_bits(x)
     j = (((bits & MANTISSA) >> 44) + 1) >> 1
@@ -211,7 +211,7 @@ def logarithm(x, halvings):
 
 
 @leaf
-def normal(x):
+def normal(x: float):
     """Return x as a normal number and how often it was doubled for that, or 1 where x is not positive and finite."""
     tiny = x < TINY
     y = x * 18014398509481984.0 if tiny else x  # 2^54
@@ -219,7 +219,7 @@ def normal(x):
 
 
 @leaf
-def log(x):
+def log(x: float):
     """Return the natural logarithm; -inf at 0, NaN below."""
     y, halvings = normal(x)
     value = logarithm(y, halvings)[0]
@@ -229,7 +229,7 @@ def log(x):
 
 
 @leaf
-def pow(x, y):
+def pow(x: float, y: float):
     """Return x^y for x >= 0; NaN for a negative x. Without a branch that does something, for several x in one instruction."""
     base, halvings = normal(x)
     first, second = logarithm(base, halvings)
@@ -252,7 +252,7 @@ def pow(x, y):
 
 
 @leaf
-def tanh(x):
+def tanh(x: float):
     """Return the hyperbolic tangent."""
     size = abs(x)
     if size < NEAR:
@@ -276,7 +276,7 @@ def tanh(x):
 
 
 @leaf
-def quarter_turns(x):
+def quarter_turns(x: float):
     """Return the number of quarter turns nearest to an angle, and the rest of it as a sum of two doubles."""
     count = (x * BY_HALF_PI + MAGIC) - MAGIC
     r = x - count * PI_1  # exact, as is each product
@@ -292,7 +292,7 @@ def quarter_turns(x):
 
 
 @leaf
-def wave(k, r, low):
+def wave(k: int, r: float, low: float):
     """Return the sine of r + low and k quarter turns, |r| <= pi/4."""
     z = r * r
     if k & 1:
@@ -307,7 +307,7 @@ def wave(k, r, low):
 
 
 @leaf
-def sin(x):
+def sin(x: float):
     """Return the sine of an angle; NaN beyond MOST."""
     if not abs(x) <= MOST:
         return nan
@@ -317,7 +317,7 @@ def sin(x):
 
 
 @leaf
-def cos(x):
+def cos(x: float):
     """Return the cosine of an angle; NaN beyond MOST."""
     if not abs(x) <= MOST:
         return nan

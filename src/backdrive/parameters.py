@@ -9,8 +9,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from numbers import Integral, Real
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self, cast
 
+from backdrive._documents import is_several
 from backdrive.errors import InvalidInput
 
 BIG = 1e12  # beyond, no number is meant [SI]
@@ -89,8 +90,8 @@ def fault(name: str, value: Any, bound: Bound) -> str | None:
     """Return what is wrong with a number or an interval, a sentence's part; None where nothing is."""
     if type(value) is float and bound.holds(value):  # nearly always, and in every scene
         return None
-    ends = value if isinstance(value, (list, tuple)) else (value,)
-    if not all(isinstance(x, Real) and not isinstance(x, bool) for x in ends):
+    ends: Sequence[Any] = value if is_several(value) else (value,)
+    if not all(not isinstance(x, bool) and isinstance(x, Real) for x in ends):
         return f"{name} = {value!r}, it has to be a number {bound}"
     inside = all(bound.holds(x) for x in ends)
     if inside and (len(ends) == 1 or list(ends) == sorted(ends)):
@@ -159,8 +160,9 @@ class WithBounds:
         Raises:
             InvalidInput: names each number outside its bounds, or a word that is none of the choices.
         """
-        declared = type(self).__dataclass_fields__  # type: ignore[attr-defined]
-        own = {k: getattr(self, k) for k in declared}  # not `vars`: a decoder leaves out what has its default
+        declared: dict[str, Any] = cast("Any", type(self)).__dataclass_fields__
+        # not `vars`: a decoder leaves out what has its default
+        own: dict[str, Any] = {k: getattr(self, k) for k in declared}
         where = f"{type(self).__name__} '{own['name']}'" if "name" in own else type(self).__name__
         given = {k: own[k] for k in self.BOUNDS if own[k] is not None or declared[k].default is not None}
         check(where, self.BOUNDS, given)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -159,7 +160,7 @@ def lane_loop(rate: int, element: int, place: int, tame: bool, shared: bool) -> 
                             if not tame:
                                 d = kernels.within(v, d, dt)
                             at = start + k if loads else 0
-                            p = (
+                            p: Any = (  # read as the row is
                                 Q[0, j], Q[1, j], Q[2, j], Q[3, j], Q[4, j], Q[5, j], Q[6, j], Q[7, j],
                                 Q[8, j], Q[9, j], Q[10, j], Q[11, j], Q[12, j], Q[13, j], Q[14, j], Q[15, j],
                             )  # fmt: skip

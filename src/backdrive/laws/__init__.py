@@ -90,7 +90,7 @@ class Law:
             )
         if self.growth is None:
             return
-        if not isinstance(self.growth, Growth):
+        if not isinstance(self.growth, Growth):  # pyright: ignore[reportUnnecessaryIsInstance]  (a person gives it)
             what = type(self.growth).__name__
             raise InvalidInput(
                 f"The growth of a law is a {what}.",

@@ -129,7 +129,7 @@ class Rows:
         return np.array([getattr(self, name) for name in self.PARAMETERS], dtype=np.float64)
 
 
-def _plain(value: Any, parameter: Parameter) -> bool:
+def _plain(value: float | tuple[float, ...], parameter: Parameter) -> bool:
     """Return whether a value is what a law holds already, a finite float within its bounds or a tuple of them; no is no verdict."""
     if not parameter.many:
         return type(value) is float and parameter.lower <= value <= parameter.upper and value - value == 0.0
@@ -192,7 +192,7 @@ class Rate(Rows):
         Returns:
             Smallest and largest Coulomb torque [N.m or N] and smallest viscous coefficient [N.m.s/rad or N.s/m], twice.
         """
-        found = []
+        found: list[tuple[float, float, float]] = []
         for curve in self.curves(load, temperature).values():
             bounds = [bound + min(viscous, 0.0) for _, bound, viscous in curve]
             found.append(
@@ -213,7 +213,7 @@ class Rate(Rows):
 
         row = self.row()
         row = np.concatenate([[row.size + self.MARK], row])
-        result = {}
+        result: dict[float, list[tuple[float, float, float]]] = {}
         for way in (1.0, -1.0):
             result[way] = []
             for speed in SPEEDS:

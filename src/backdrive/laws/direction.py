@@ -72,7 +72,7 @@ def law_by_direction(kind: type[Rate]) -> type[ByDirection]:
         raise InvalidInput(
             f"'{kind.NAME}' has numbers for each direction by itself.", remedy="Use it as it is, with both."
         )
-    parameters, members = dict(kind.PARAMETERS), []
+    parameters, members = dict(kind.PARAMETERS), list[tuple[str, type, Any]]()
     defaults = {f.name: f for f in kind.__dataclass_fields__.values()}
     for behind in ("", BACKWARD):
         for name, parameter in kind.PARAMETERS.items():
@@ -131,7 +131,7 @@ def by_direction(forward: R, backward: R) -> ByDirection:
         >>> by_direction(Coulomb(coulomb=5.0), Coulomb(coulomb=4.0)).coulomb_backward
         4.0
     """
-    if type(forward) is not type(backward) or not isinstance(forward, Rate):
+    if type(forward) is not type(backward) or not isinstance(forward, Rate):  # pyright: ignore[reportUnnecessaryIsInstance]  (a person gives it)
         what = " and ".join(type(way).__name__ for way in (forward, backward))
         raise InvalidInput(
             f"The directions of a rate law are {what}.", remedy="Give two rate laws of the same class."

@@ -17,6 +17,7 @@ from typing import ClassVar
 import numpy as np
 
 from backdrive._jit import leaf
+from backdrive._types import Array, Pair
 from backdrive.laws.base import Parameter, Rows
 
 ROW = 3  # numbers, behind those of the rate law
@@ -24,14 +25,14 @@ MARK = 0.5  # added to p[0], the number of parameters before the element, where 
 
 
 @leaf
-def beyond(carried, load):
+def beyond(carried: float, load: Pair):
     """How much more a joint carries than the load `carried`; 0 where the load is unknown."""
     excess = abs(load[1]) - carried
     return 0.0 if np.isnan(excess) else excess
 
 
 @leaf
-def widen(bound, by, weakening):
+def widen(bound: float, by: float, weakening: float):
     """A bound >= 0 grown by `by`, which may be negative, but not to less than the torque that weakens with speed."""
     least = min(bound, weakening)
     after = bound + by
@@ -39,7 +40,7 @@ def widen(bound, by, weakening):
 
 
 @leaf
-def grow_bounds(p, i, v, load, lo, hi, viscous):
+def grow_bounds(p: Array, i: int, v: float, load: Pair, lo: float, hi: float, viscous: float):
     """Bounds of a rate law under a load; p[i:]: mu_d, mu_b, l_0."""
     by = beyond(p[i + 2], load)
     if by == 0.0:

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from backdrive._jit import choice, jit, ladder, leaf, specialise
+from backdrive._types import Array, Pair
 from backdrive.laws import ELEMENTS, RATES, REFERENCE, growth
 from backdrive.laws.base import Element, kernels_of
 from backdrive.laws.elements import none
@@ -28,25 +29,25 @@ FASTEST = 1e100  # beyond this speed [rad/s or m/s] a velocity counts as this on
 
 
 @leaf
-def no_curve(p, v, load, temp):
+def no_curve(p: Array, v: float, load: Pair, temp: float):
     """Rate law of a number that no class has."""
     return np.nan, np.nan, np.nan
 
 
 @leaf
-def no_row(p, e, x, y, lo, hi, dp, dt):
+def no_row(p: Array, e: int, x: Array, y: Array, lo: float, hi: float, dp: float, dt: float):
     """Element of a number that no class has."""
     return np.nan
 
 
 @leaf
-def no_torque(p, e, z, lo, hi, dp, dt):
+def no_torque(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float):
     """Element of a number that no class has."""
     return z, np.nan
 
 
 @leaf
-def no_motion(p, e, z, lo, hi, dp, dt):
+def no_motion(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float):
     """Element of a number that no class has, and the motion under it."""
     return z, np.nan, np.nan
 
@@ -68,19 +69,19 @@ carry_plain = choice(kernels_of(PLAIN, "step"), no_torque)
 
 
 @jit
-def backward(rate, p, place, v, load, temp):
+def backward(rate: int, p: Array, place: int, v: float, load: Pair, temp: float):
     """Rate law of the numbers behind p[place]: (lo, hi, viscous)."""
     return curve(rate, (p[place:], v, load, temp))
 
 
 @ladder
-def limits(rate, p, v, load, temp):
+def limits(rate: int, p: Array, v: float, load: Pair, temp: float):
     """Rate law at velocity v under a load: (lo, hi, viscous)."""
     return limits_of(rate, False, p, v, load, temp)
 
 
 @ladder
-def limits_of(rate, plain, p, v, load, temp):
+def limits_of(rate: int, plain: bool, p: Array, v: float, load: Pair, temp: float):
     """Rate law at velocity v under a load: (lo, hi, viscous); `plain`: it neither grows with the load nor differs by direction."""
     lo, hi, viscous = curve(rate, (p, v, load, temp))
     if not plain:
@@ -98,26 +99,38 @@ def limits_of(rate, plain, p, v, load, temp):
 
 
 @ladder
-def step(rate, element, p, x, dp, dt, load, temp):
+def step(rate: int, element: int, p: Array, x: Array, dp: float, dt: float, load: Pair, temp: float):
     """Friction torque of one tick; `x` is advanced in place."""
     v = slow(dp / dt)
     return step_at(rate, element, False, p, x, x, v, within(v, dp, dt), dt, load, temp)
 
 
 @leaf
-def slow(v):
+def slow(v: float):
     """Velocity v, at most FASTEST."""
     return (FASTEST if v > 0.0 else -FASTEST) if abs(v) > FASTEST else v
 
 
 @leaf
-def within(v, dp, dt):
+def within(v: float, dp: float, dt: float):
     """Increment dp, or that of the largest velocity."""
     return v * dt if abs(v) >= FASTEST else dp
 
 
 @ladder
-def step_at(rate, element, plain, p, x, y, v, dp, dt, load, temp):  # noqa: PLR0913  (a kernel's row)
+def step_at(  # noqa: PLR0913  (a kernel's row)
+    rate: int,
+    element: int,
+    plain: bool,
+    p: Array,
+    x: Array,
+    y: Array,
+    v: float,
+    dp: float,
+    dt: float,
+    load: Pair,
+    temp: float,
+):
     """Friction torque of one tick from the state row x to y at a velocity v = dp/dt that is at most FASTEST."""
     e = 1 + int(p[0])
     if ROWS >> element & 1:
@@ -129,7 +142,19 @@ def step_at(rate, element, plain, p, x, y, v, dp, dt, load, temp):  # noqa: PLR0
 
 
 @ladder
-def step_one(rate, element, plain, p, e, z, v, dp, dt, load, temp):  # noqa: PLR0913  (a kernel's row)
+def step_one(  # noqa: PLR0913  (a kernel's row)
+    rate: int,
+    element: int,
+    plain: bool,
+    p: Array,
+    e: int,
+    z: float,
+    v: float,
+    dp: float,
+    dt: float,
+    load: Pair,
+    temp: float,
+):
     """State and friction torque after one tick of an element whose state is one number z; its row begins at p[e]."""
     lo, hi, viscous = bounds(rate, element, plain, p, v, load, temp)
     if MOVES >> element & 1:
@@ -141,7 +166,7 @@ def step_one(rate, element, plain, p, e, z, v, dp, dt, load, temp):  # noqa: PLR
 
 
 @ladder
-def bounds(rate, element, plain, p, v, load, temp):
+def bounds(rate: int, element: int, plain: bool, p: Array, v: float, load: Pair, temp: float):
     """Bounds of an element at velocity v and the viscous part: what weakens with speed narrows the bounds."""
     lo, hi, viscous = limits_of(rate, plain, p, v, load, temp)
     if not (MOVES | HOLDS) >> element & 1 and viscous * v < 0.0:
@@ -156,7 +181,17 @@ def bounds(rate, element, plain, p, v, load, temp):
 
 
 @jit
-def solve(rate, element, p, x, v_free, dt, dt_over_m, load, temp):  # noqa: PLR0912  (a kernel calls little)
+def solve(  # noqa: PLR0912  (a kernel calls little)
+    rate: int,
+    element: int,
+    p: Array,
+    x: Array,
+    v_free: float,
+    dt: float,
+    dt_over_m: float,
+    load: Pair,
+    temp: float,
+):
     """Velocity at the end of a step of a mass held by this friction, implicit in the friction; `x` stays as it is.
 
     v + dt/m friction(v dt) = v_free, the velocity that the step would end with without friction. Where friction is set-valued,
@@ -213,7 +248,7 @@ def solve(rate, element, p, x, v_free, dt, dt_over_m, load, temp):  # noqa: PLR0
 
 
 @jit
-def _try_step(rate, element, p, x, v, dt, load, temp):
+def _try_step(rate: int, element: int, p: Array, x: Array, v: float, dt: float, load: Pair, temp: float):
     """Friction torque of a step at velocity v that is not taken: what it leads to is written behind the state."""
     dp = v * dt
     v = slow(dp / dt)
@@ -221,7 +256,19 @@ def _try_step(rate, element, p, x, v, dt, load, temp):
 
 
 @jit
-def _excess(rate, element, p, x, speed, toward, v_free, dt, dt_over_m, load, temp):  # noqa: PLR0913  (a kernel's row)
+def _excess(  # noqa: PLR0913  (a kernel's row)
+    rate: int,
+    element: int,
+    p: Array,
+    x: Array,
+    speed: float,
+    toward: float,
+    v_free: float,
+    dt: float,
+    dt_over_m: float,
+    load: Pair,
+    temp: float,
+):
     """How much a trial speed asks for beyond what the step provides, along the direction of motion."""
     v = toward * speed
     if HOLDS >> element & 1:
@@ -236,7 +283,7 @@ def _excess(rate, element, p, x, speed, toward, v_free, dt, dt_over_m, load, tem
 def steady_of(rate: int) -> Callable[..., Any]:
     """Return the steady friction torque of a plain rate law at one velocity, without a load and at 20 degC: f(p, v)."""
 
-    def at(p, v):
+    def at(p: Array, v: float):
         lo, hi, viscous = limits_of(rate, True, p, v, (0.0, 0.0), REFERENCE)
         return none.step(p, 0, 0.0, lo, hi, v, 1.0)[1] + viscous
 
@@ -244,7 +291,7 @@ def steady_of(rate: int) -> Callable[..., Any]:
 
 
 @jit
-def steady(rate, p, v, load, temp, out):
+def steady(rate: int, p: Array, v: Array, load: Array, temp: Array, out: Array):
     """Fill `out` with the steady friction torque at the velocities `v` (n,), under loads (n, 2) or (1, 2); 0 at v = 0."""
     loads, temps = load.shape[0] > 1, temp.size > 1
     for i in range(v.size):

@@ -152,7 +152,8 @@ def _meaning(said: str, symbol: str) -> str:
 
 def partners(kind: Kind) -> tuple[list[str], str]:
     """Return the names of what a law can be combined with, and why not with the others (empty where it can with all)."""
-    good, reason = [], ""
+    good: list[str] = []
+    reason = ""
     others = examples.ELEMENT_EXAMPLES if issubclass(kind, Rate) else examples.RATE_EXAMPLES
     for name, other in others.items():
         own = kind(**kind.EXAMPLE)

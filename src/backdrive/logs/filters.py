@@ -83,7 +83,7 @@ def spectrum_of(x: np.ndarray, pad: int, n: int) -> np.ndarray:
     """
     middle = 0.5 * (x[0] + x[-1])  # what lies between the two continued ends on the circle
     extended = np.concatenate([2 * x[0] - x[pad:0:-1], x, 2 * x[-1] - x[-2 : -pad - 2 : -1]])
-    ramp = np.linspace(extended[-1], extended[0], n - extended.size + 2)[1:-1]
+    ramp = np.linspace(float(extended[-1]), float(extended[0]), n - extended.size + 2)[1:-1]
     return np.fft.rfft(np.concatenate([extended, ramp]) - middle)
 
 

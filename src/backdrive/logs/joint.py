@@ -64,7 +64,7 @@ class Drive:
     """
 
     law: Literal["torque", "velocity", "position", "voltage", "duty"]
-    gains: Mapping[str, float] = field(default_factory=dict)
+    gains: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +87,8 @@ def as_joints(joints: Sequence[Joint | str] | Joint | str) -> tuple[Joint, ...]:
         InvalidInput: something is neither a joint nor a name.
     """
     several = (joints,) if isinstance(joints, (str, Joint)) else tuple(joints)
-    if wrong := [joint for joint in several if not isinstance(joint, (str, Joint)) or joint == ""]:
+    # a person gives them
+    if wrong := [joint for joint in several if not isinstance(joint, (str, Joint)) or joint == ""]:  # pyright: ignore[reportUnnecessaryIsInstance]
         raise InvalidInput(f"A joint is {wrong[0]!r}.", remedy="Give names, or Joint(name=...).")
     return tuple(Joint(name=joint, named=True) if isinstance(joint, str) else joint for joint in several)
 

@@ -111,7 +111,7 @@ class Log:
             self._refuse_beyond(name, value)
         if self.coupling is not None:
             matrix = check_coupling(self.coupling, len(names))
-            object.__setattr__(self, "coupling", tuple(map(tuple, matrix.tolist())))
+            object.__setattr__(self, "coupling", tuple(tuple(row) for row in matrix.tolist()))
         if self.position is None and self.velocity is None:
             raise InvalidInput(
                 "A Log needs position or velocity, and has neither.",
@@ -123,7 +123,7 @@ class Log:
             return
         beyond = np.argwhere((np.abs(values) > LARGEST) & np.isfinite(values))
         if len(beyond):
-            place = tuple(beyond[0])
+            place: tuple[int, ...] = tuple(beyond[0].tolist())
             where = f"{self.sources[0].path}: " if self.sources else ""
             of = "" if channel in ("time", "wrench") else f" of joint '{self.joints[place[1]].name}'"
             raise InvalidInput(
@@ -299,7 +299,7 @@ class Log:
             raise InvalidInput(
                 "The log was brought from coupled motors to its joints already.", remedy="Do it once."
             )
-        rows = tuple(map(tuple, matrix.tolist()))
+        rows = tuple(tuple(row) for row in matrix.tolist())
         if side == "joint":
             return replace(self, coupling=rows)
         moves = {

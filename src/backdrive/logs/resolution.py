@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 
 from backdrive.logs.log import Log
@@ -86,7 +88,7 @@ def _before_rounding(levels: np.ndarray, unit: float) -> float:
         if told.all():
             break
     number = np.concatenate([[0.0], np.cumsum(np.round(apart / step))])
-    slope, start = np.polyfit(number, levels - levels[0], 1)
+    slope, start = cast("np.ndarray", np.polyfit(number, levels - levels[0], 1))
     off = np.abs(levels - levels[0] - start - slope * number)
     return unit * round(float(slope) / unit, 9) if off.max() < 0.75 * unit else 0.0
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from numbers import Real
+from typing import Any, cast
 
 import numpy as np
 
+from backdrive._documents import is_several
 from backdrive.errors import InvalidInput
 from backdrive.logs.joint import Joint, as_joints
 from backdrive.logs.log import CHANNELS, Log
@@ -42,16 +44,16 @@ def log_of_arrays(
     if not given:
         raise InvalidInput("There are no channels.", remedy="Give position and torque, (n,) or (n, J).")
     first = next(iter(given.values()))
-    n, J = first.shape[0], 1 if first.ndim == 1 else first.shape[1]
+    n, J = len(first), 1 if first.ndim == 1 else first.shape[1]
     if (time is None) == (rate is None):
         raise InvalidInput(
             "Time is said by neither or both of `time` and `rate`.",
             remedy="Give instants [s], or samples a second [Hz].",
         )
     if rate is not None:
-        if not isinstance(rate, (int, float, np.integer, np.floating)) or not 0.0 < rate < np.inf:
+        if not isinstance(rate, Real) or not 0.0 < rate < np.inf:
             raise InvalidInput(f"rate = {rate!r} Hz.", remedy="Give samples a second, one positive number.")
-        time = np.arange(n) / rate
+        time = np.arange(n) / float(rate)
     return Log(time=_array("time", time), joints=_joints(joints, unit, J), **given)
 
 
@@ -70,7 +72,8 @@ def log_of_frame(frame: Any, **options: Any) -> Log:
     from backdrive.logs.readers.columns import Columns, plain
     from backdrive.logs.readers.mapping import to_log
 
-    arrays, notes = {}, []
+    arrays: dict[str, np.ndarray] = {}
+    notes: list[str] = []
     for name, value in _columns(frame).items():
         array = _seconds(value)
         array = plain(array) if array is not None else None
@@ -96,13 +99,14 @@ def as_logs(logs: Any) -> list[Log]:
     Raises:
         InvalidInput: there is something else.
     """
-    several = list(logs) if isinstance(logs, (list, tuple)) else [logs]
+    several: list[Any] = list(logs) if is_several(logs) else [logs]
     several = [Log.from_frame(log) if is_table(log) else log for log in several]
     for log in several:
         if not isinstance(log, Log):
+            what = type(log).__name__
             hint = " `read_log` makes one of a file." if isinstance(log, (str, os.PathLike)) else ""
             raise InvalidInput(
-                f"A {type(log).__name__} is no log.{hint}",
+                f"A {what} is no log.{hint}",
                 remedy="Pass a `Log` (`read_log`, `Log.from_arrays`, `Log.from_frame`), or several.",
             )
     return several
@@ -111,7 +115,8 @@ def as_logs(logs: Any) -> list[Log]:
 def _columns(frame: Any) -> dict[str, Any]:
     """Return the columns of a table by name."""
     if isinstance(frame, Mapping):
-        return {str(name): np.asarray(value) for name, value in frame.items()}
+        table = cast("Mapping[Any, Any]", frame)
+        return {str(name): np.asarray(value) for name, value in table.items()}
     if hasattr(frame, "column_names") and hasattr(frame, "column"):  # pyarrow
         return {name: frame.column(name).to_numpy() for name in frame.column_names}
     if not is_table(frame):

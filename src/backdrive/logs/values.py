@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -13,10 +13,10 @@ SHORTEST = 1e-12  # median sampling interval [s]
 
 def read_only(value: Any, name: str) -> np.ndarray:
     """Return the values as read-only float64; what already is, and cannot be written through another array, is not copied."""
-    if isinstance(value, np.ndarray) and value.dtype == np.float64 and not value.flags.writeable:
-        owner = value if value.base is None else value.base
-        if isinstance(owner, np.ndarray) and owner.base is None and not owner.flags.writeable:
-            return value
+    if isinstance(value, np.ndarray):
+        given: np.ndarray = cast("np.ndarray", value)
+        if given.dtype == np.float64 and not given.flags.writeable and _owner_is_read_only(given):
+            return given
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -25,6 +25,13 @@ def read_only(value: Any, name: str) -> np.ndarray:
         ) from error
     array.setflags(write=False)
     return array
+
+
+def _owner_is_read_only(array: np.ndarray) -> bool:
+    owner = array if array.base is None else array.base
+    if not isinstance(owner, np.ndarray):  # pyright: ignore[reportUnnecessaryIsInstance]  (bytes own some; NumPy's stub omits it)
+        return False
+    return owner.base is None and not owner.flags.writeable
 
 
 def check_period(period: float) -> float:

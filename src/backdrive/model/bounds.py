@@ -7,13 +7,13 @@ beyond any machine, or line sections so short that the curve beyond them is made
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from backdrive._documents import numbers_in
+from backdrive._documents import is_list, is_object, is_several, numbers_in
 from backdrive.errors import BackdriveError, ModelFileError
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ AGAIN = "Correct it there, or identify again."
 
 
 @contextmanager
-def error_place(where: str) -> Iterator[None]:
+def error_place(where: str) -> Generator[None, None, None]:
     """Give errors that say nothing of the file the place in it."""
     try:
         yield
@@ -67,7 +67,7 @@ def check_keys(data: bytes, plain: dict[str, Any]) -> None:
 
 def _check_read(written: Any, read: Any, where: str) -> None:
     """Refuse keys of a document that were not read."""
-    if isinstance(written, dict) and isinstance(read, dict):
+    if is_object(written) and is_object(read):
         for key, value in written.items():
             if key not in read:
                 raise ModelFileError(
@@ -75,7 +75,7 @@ def _check_read(written: Any, read: Any, where: str) -> None:
                     remedy=f"{AGAIN} A newer backdrive may have written it: upgrade.",
                 )
             _check_read(value, read[key], f"{where}.{key}")
-    elif isinstance(written, list) and isinstance(read, (list, tuple)):
+    elif is_list(written) and is_several(read):
         for i, (value, inner) in enumerate(zip(written, read, strict=False)):
             _check_read(value, inner, f"{where}[{i}]")
 
@@ -108,7 +108,8 @@ def check_document(document: dict[str, Any]) -> None:
                 remedy=AGAIN,
             )
         for name in ("fitted", "held_out"):
-            for key, number in (joint[name] or {}).items():
+            numbers: dict[str, Any] = joint[name] or {}
+            for key, number in numbers.items():
                 if number is not None and number < 0:
                     raise ModelFileError(
                         f"$.joints[{i}].{name}.{key} is {number:g}, which cannot be negative.", remedy=AGAIN
@@ -121,9 +122,9 @@ def check_document(document: dict[str, Any]) -> None:
 
 def _deeper(value: Any, levels: int) -> bool:
     """Return whether there are lists or objects below the last level; not by recursion, which has an end of its own."""
-    present = [value]
+    present: list[Any] = [value]
     for _ in range(levels):
-        inner = (v for c in present for v in (c.values() if isinstance(c, dict) else c))
+        inner: list[Any] = [v for c in present for v in (c.values() if is_object(c) else c)]
         present = [v for v in inner if isinstance(v, (dict, list, tuple))]
     return bool(present)
 
@@ -139,12 +140,12 @@ def check_errors(value: float | Sequence[float], error: Any, where: str) -> None
     Raises:
         ModelFileError: names the place.
     """
-    errors = error if isinstance(error, list) else [error]
+    errors: list[Any] = error if is_list(error) else [error]
     if any(e is not None and e < 0 for e in errors):
         raise ModelFileError(f"{where}.standard_error is negative.", remedy=AGAIN)
-    if isinstance(error, list) and not (isinstance(value, list) and len(value) == len(error)):
+    if is_list(error) and not (is_list(value) and len(value) == len(error)):
         raise ModelFileError(
-            f"{where}: {len(error)} standard errors of {len(value) if isinstance(value, list) else 1} values.",
+            f"{where}: {len(error)} standard errors of {len(value) if is_list(value) else 1} values.",
             remedy="Give one of each value.",
         )
 

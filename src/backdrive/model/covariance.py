@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from backdrive._documents import is_several
 from backdrive.errors import InvalidInput
 
 MOST_ROWS = 200  # of a matrix; a file of larger ones would not be read
@@ -81,13 +82,13 @@ class Covariance:
         Raises:
             InvalidInput: a standard error is not that of the matrix; the message names the row.
         """
-        kept = []
+        kept: list[int] = []
         for i, (row, own) in enumerate(self.standard_errors().items()):
-            stated = errors.get(row)
+            stated: Any = errors.get(row)
             if indexed := re.fullmatch(r"(\w+)\[(\d{1,5})\]", row, re.ASCII):
                 values, index = errors.get(indexed[1]), int(indexed[2])
-                stated = values[index] if isinstance(values, (list, tuple)) and index < len(values) else None
-            if stated is None or isinstance(stated, (list, tuple)):
+                stated = values[index] if is_several(values) and index < len(values) else None
+            if stated is None or is_several(stated):
                 continue
             if not math.isnan(stated) and abs(stated - own) > ROUNDING * max(stated, own):
                 raise InvalidInput(

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from backdrive import model as m
+from backdrive._documents import is_object, is_several
 from backdrive._files import read_whole, write_whole
 from backdrive.errors import BackdriveError, ModelFileError
 from backdrive.laws import Growth, Law, element, rate_law
@@ -56,13 +57,13 @@ def _nan(x: Number) -> float:
 
 
 def _values(rows: Rows, unit: str, errors: dict[str, Any], at_bound: tuple[str, ...]) -> dict[str, Value]:
-    result = {}
+    result: dict[str, Value] = {}
     for name, parameter in rows.PARAMETERS.items():
         value, error = getattr(rows, name), errors.get(name)
         result[name] = Value(
             value=list(value) if parameter.many else value,
             unit=parameter.unit_for(unit),
-            standard_error=[_null(e) for e in error] if isinstance(error, (list, tuple)) else _null(error),
+            standard_error=[_null(e) for e in error] if is_several(error) else _null(error),
             lower=_null(parameter.lower),
             upper=_null(parameter.upper),
             at_bound=name in at_bound,
@@ -122,9 +123,9 @@ def _encodable(value: Any) -> Any:
     """Replace what UTF-8 cannot hold: a file name need not be text."""
     if isinstance(value, str):
         return value.encode("utf-8", "replace").decode("utf-8")
-    if isinstance(value, dict):
+    if is_object(value):
         return {_encodable(k): _encodable(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
+    if is_several(value):
         return [_encodable(v) for v in value]
     return value
 
@@ -163,7 +164,7 @@ def _errors(values: dict[str, Value]) -> dict[str, Any]:
 
 
 def _dynamics(values: dict[str, Value], where: str) -> dict[str, m.Estimate]:
-    found = {}
+    found: dict[str, m.Estimate] = {}
     for name, v in values.items():
         if isinstance(v.value, list) or isinstance(v.standard_error, list):
             raise ModelFileError(f"{where}.{name}: is a list.", remedy="It must be one number.")
@@ -242,7 +243,7 @@ def decode(data: bytes, name: str = "model file") -> m.FrictionModel:
                 "it is JSON, but not a friction model.",
                 remedy="Name a file made by `identify -o` or `fit -o`.",
             )
-        if head.schema not in (OLDER, SCHEMA) or isinstance(head.schema, bool):
+        if isinstance(head.schema, bool) or head.schema not in (OLDER, SCHEMA):
             raise ModelFileError(
                 f"$.schema is {str(head.schema)[:40]}, this version reads {OLDER} and {SCHEMA}.",
                 remedy="Upgrade backdrive, or identify again.",

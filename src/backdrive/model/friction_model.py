@@ -65,7 +65,7 @@ class FrictionModel(Display):
     joints: tuple[JointFriction, ...]
     arm: ArmModel | None = None
     sources: tuple[Source, ...] = ()
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict[str, Any])
     version: str = ""
     coupling: tuple[tuple[float, ...], ...] | None = None
     coupled: tuple[str, ...] = ()
@@ -234,7 +234,7 @@ class FrictionModel(Display):
         Returns:
             joint name -> {"velocity": (speeds,) [rad/s or m/s], "torque": (speeds,) [N.m or N]}.
         """
-        result = {}
+        result: dict[str, dict[str, np.ndarray]] = {}
         for j in self.joints:
             velocity = np.linspace(*j.validity.velocity, speeds)
             result[j.joint.name] = {"velocity": velocity, "torque": j.law.torque(velocity)}

@@ -103,9 +103,9 @@ class JointFriction:
     joint: Joint
     law: Law
     validity: Validity
-    standard_errors: Mapping[str, Any] = field(default_factory=dict)
+    standard_errors: Mapping[str, Any] = field(default_factory=dict[str, Any])
     at_bound: tuple[str, ...] = ()
-    dynamics: Mapping[str, Estimate] = field(default_factory=dict)
+    dynamics: Mapping[str, Estimate] = field(default_factory=dict[str, Estimate])
     fitted: Quality | None = None
     held_out: Quality | None = None
     method: str = ""

@@ -55,7 +55,7 @@ def draw_laws(friction: JointFriction, n: int, seed: int | Sequence[int] = 0) ->
         draws = np.repeat(mean[None, :], len(missing), axis=0)
         draws[:, free] += random.standard_normal((len(missing), free.size)) @ root.T
         inside = np.all((draws >= low) & (draws <= high), axis=1)
-        left = []
+        left: list[int] = []
         for place, numbers, kept in zip(missing, draws, inside, strict=True):
             laws[place] = _law(law, names, numbers) if kept else None
             if laws[place] is None:

@@ -17,12 +17,13 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from backdrive._jit import leaf
+from backdrive._types import Array
 from backdrive.elementary import decay
 from backdrive.laws.base import Element, Parameter, Rate
 
 
 @leaf
-def step(p, e, x, y, lo, hi, dp, dt):
+def step(p: Array, e: int, x: Array, y: Array, lo: float, hi: float, dp: float, dt: float):
     """Torque of one tick from the states x to y: the two bristles, in torques of the rate law."""
     distance, ratio, overshoot = p[e], p[e + 1], p[e + 2]
     fast, slow = x[0], x[1]

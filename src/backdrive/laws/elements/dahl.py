@@ -13,12 +13,13 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from backdrive._jit import leaf
+from backdrive._types import Array
 from backdrive.elementary import exp
 from backdrive.laws.base import Element, Parameter
 
 
 @leaf
-def relax(z, lo, hi, dp):
+def relax(z: float, lo: float, hi: float, dp: float):
     """Torque z (of unit stiffness) carried towards the bound of the direction of motion over a path dp, exactly."""
     bound = hi if dp > 0.0 else lo
     if dp == 0.0:
@@ -29,7 +30,7 @@ def relax(z, lo, hi, dp):
 
 
 @leaf
-def step(p, e, z, lo, hi, dp, dt):
+def step(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float):
     """State and torque after one tick; the state is the torque."""
     after = relax(z, lo, hi, p[e] * dp)
     return after, after

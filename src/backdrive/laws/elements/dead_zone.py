@@ -15,11 +15,12 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from backdrive._jit import leaf
+from backdrive._types import Array
 from backdrive.laws.base import Element, Parameter
 
 
 @leaf
-def step(p, e, z, lo, hi, dp, dt):
+def step(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float):
     """State, which there is none of, torque, and motion of the viscous part after one tick: both 0 inside the zone."""
     width = p[e] * dt
     if dp > width:

@@ -14,13 +14,14 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from backdrive._jit import leaf
+from backdrive._types import Array
 from backdrive.laws.base import Element, Parameter, Rate
 from backdrive.laws.elements.dahl import STIFFNESS
 from backdrive.laws.elements.hayward_armstrong import between, clip_torque
 
 
 @leaf
-def step(p, e, z, lo, hi, dp, dt):
+def step(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float):
     """State, torque and slider's motion after one tick; the state is K (p - q)."""
     K, alpha = p[e], p[e + 1]
     left, yielding = 1.0 / (1.0 + alpha * dt), 1.0 / K  # in a loop over ticks both divisions are done once

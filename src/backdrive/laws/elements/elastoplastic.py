@@ -18,6 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from backdrive._jit import jit, leaf
+from backdrive._types import Array
 from backdrive.elementary import sin
 from backdrive.laws.base import Parameter
 from backdrive.laws.elements.lugre import LuGre, damping
@@ -26,13 +27,13 @@ SECANTS, STEPS = 40, 100
 
 
 @leaf
-def plastic(w):
+def plastic(w: float):
     """a: share of the motion that slides, w of the way from the elastic limit to full sliding."""
     return 0.5 + 0.5 * sin(np.pi * (w - 0.5))
 
 
 @jit
-def yield_torque(g, R, S, b):
+def yield_torque(g: float, R: float, S: float, b: float):
     """Bristle torque after it was pulled by R >= 0 along its motion: the root u of u = g + R (1 - a(u) u/S)."""
     if g + R <= b * S:
         return g + R
@@ -63,7 +64,7 @@ def yield_torque(g, R, S, b):
 
 
 @leaf
-def step(p, e, z, lo, hi, dp, dt):
+def step(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float):
     """State and torque after one tick; the state is sigma_0 z."""
     sigma_0, sigma_1, v_d, b = p[e], p[e + 1], p[e + 2], p[e + 3]
     if dp > 0.0:

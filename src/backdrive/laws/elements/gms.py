@@ -19,6 +19,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from backdrive._jit import leaf
+from backdrive._types import Array
 from backdrive.laws.base import Parameter, Rate
 from backdrive.laws.elements.maxwell_slip import MANY, MOST, Parallel
 
@@ -28,7 +29,18 @@ ATTRACTION = Parameter(
 
 
 @leaf
-def section(f, regime, way, k, w, s, C, lag, dp, dt):
+def section(
+    f: float,
+    regime: float,
+    way: float,
+    k: float,
+    w: float,
+    s: float,
+    C: float,
+    lag: float,
+    dp: float,
+    dt: float,
+):
     """Torque and regime of one element after a tick dp != 0 along `way` under the bound s; lag = 1 + dt C/|s|."""
     slipped = (f + dt * way * C * w) / lag
     stuck = f + k * dp
@@ -40,7 +52,7 @@ def section(f, regime, way, k, w, s, C, lag, dp, dt):
 
 
 @leaf
-def step(p, e, x, y, lo, hi, dp, dt):
+def step(p: Array, e: int, x: Array, y: Array, lo: float, hi: float, dp: float, dt: float):
     """Torque of one tick from the states x to y: the elements' torques, then their regimes, +1, -1 slipping, 0 sticking."""
     n = int(p[e])
     if e < 0 or n < 0 or n > MOST:  # tells the compiler that no index is negative

@@ -14,19 +14,20 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from backdrive._jit import leaf
+from backdrive._types import Array
 from backdrive.laws.base import Element, Parameter
 from backdrive.laws.elements.dahl import STIFFNESS
 
 
 @leaf
-def clip_torque(f, lo, hi):
+def clip_torque(f: float, lo: float, hi: float):
     """Return f within [lo, hi]; a NaN stays a NaN."""
     f = hi if f > hi else f
     return lo if f < lo else f
 
 
 @leaf
-def between(slid, dp):
+def between(slid: float, dp: float):
     """Slider's motion within that of the joint, beyond which it gets only where the bounds fall; a NaN stays a NaN."""
     if slid * dp < 0.0:
         return 0.0
@@ -36,7 +37,7 @@ def between(slid, dp):
 
 
 @leaf
-def step(p, e, z, lo, hi, dp, dt):
+def step(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float):
     """State, torque and slider's motion after one tick; the state is K (p - q)."""
     K = p[e]
     trial = z + K * dp

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from backdrive._jit import jit, leaf
+from backdrive._types import Array
 from backdrive.elementary import pow
 from backdrive.laws.base import Parameter
 from backdrive.laws.elements.hayward_armstrong import clip_torque
@@ -26,7 +27,7 @@ NOTHING = 1e-150  # of a bound [N.m or N]
 
 
 @leaf
-def pull_bristle(p, e, x, dz, lo, hi):
+def pull_bristle(p: Array, e: int, x: Array, dz: float, lo: float, hi: float):
     """Hysteresis torque after the bristle has moved by dz; `x` stays as it is."""
     n = int(p[e])
     total = 0.0
@@ -37,7 +38,7 @@ def pull_bristle(p, e, x, dz, lo, hi):
 
 
 @jit
-def bristle_travel(p, e, x, way, path, lo, hi):
+def bristle_travel(p: Array, e: int, x: Array, way: float, path: float, lo: float, hi: float):
     """How far the bristle moves, along the motion, while the joint moves by path > 0: the root u of u = path (1 - ...)."""
     N = int(p[e])
     n = p[e + 1 + 2 * N]
@@ -76,13 +77,13 @@ def bristle_travel(p, e, x, way, path, lo, hi):
 
 
 @leaf
-def _sharp(r, n):
+def _sharp(r: float, n: float):
     """sgn(r) |r|^n; r far below -1 is cut, so that nothing overflows."""
     return pow(r, n) if r > 0.0 else -pow(min(-r, FAR), n)
 
 
 @leaf
-def step(p, e, x, y, lo, hi, dp, dt):
+def step(p: Array, e: int, x: Array, y: Array, lo: float, hi: float, dp: float, dt: float):
     """Torque of one tick from the states x to y, the elements' torques."""
     n = int(p[e])
     sigma_1 = p[e + 2 + 2 * n]

@@ -20,6 +20,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from backdrive._jit import leaf
+from backdrive._types import Array
 from backdrive.elementary import decay
 from backdrive.laws.base import Element, Parameter, Rate
 
@@ -27,7 +28,7 @@ CANUDAS = "Canudas de Wit et al., IEEE TAC 40(3), 1995, Table I"
 
 
 @leaf
-def damping(sigma_1, v_d, v):
+def damping(sigma_1: float, v_d: float, v: float):
     """Damping of the bristle at velocity v."""
     if v_d <= 0.0 or sigma_1 == 0.0:
         return sigma_1
@@ -36,7 +37,7 @@ def damping(sigma_1, v_d, v):
 
 
 @leaf
-def step(p, e, z, lo, hi, dp, dt):
+def step(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float):
     """State and torque after one tick; the state is sigma_0 z."""
     sigma_0, sigma_1, v_d = p[e], p[e + 1], p[e + 2]
     reach = sigma_0 * dp

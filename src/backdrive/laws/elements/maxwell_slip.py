@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from backdrive._jit import leaf
+from backdrive._types import Array
 from backdrive.errors import InvalidInput
 from backdrive.laws.base import Element, Parameter
 from backdrive.laws.elements.hayward_armstrong import clip_torque
@@ -23,7 +24,7 @@ MOST = 32  # elements
 
 
 @leaf
-def step(p, e, x, y, lo, hi, dp, dt):
+def step(p: Array, e: int, x: Array, y: Array, lo: float, hi: float, dp: float, dt: float):
     """Torque of one tick from the states x to y, the elements' torques."""
     n = int(p[e])
     total = 0.0

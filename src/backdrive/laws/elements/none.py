@@ -13,11 +13,12 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from backdrive._jit import leaf
+from backdrive._types import Array
 from backdrive.laws.base import Element, Parameter
 
 
 @leaf
-def step(p, e, z, lo, hi, dp, dt):
+def step(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float):
     """State, which there is none of, and torque after one tick, from the limits at its velocity and its increment dp."""
     if dp > 0.0:
         return z, hi

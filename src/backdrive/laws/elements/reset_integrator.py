@@ -15,19 +15,20 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from backdrive._jit import leaf
+from backdrive._types import Array
 from backdrive.laws.base import Element, Parameter
 from backdrive.laws.elements.dahl import STIFFNESS
 
 
 @leaf
-def break_away_share(held, jump, damping, dp, dt):
+def break_away_share(held: float, jump: float, damping: float, dp: float, dt: float):
     """What is added to sliding in the tick of break-away: the jump and the damping, for the share of it that still held."""
     added = held / dp * jump + damping * (held / dt)
     return jump if abs(added) > abs(jump) else added
 
 
 @leaf
-def step(p, e, z, lo, hi, dp, dt):
+def step(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float):
     """State and torque after one tick; the state is K z."""
     stiffness, excess, damping = p[e], p[e + 1], p[e + 2]
     trial = z + stiffness * dp

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from backdrive._jit import jit, leaf
+from backdrive._types import Array
 from backdrive.elementary import tanh
 from backdrive.laws.base import Parameter
 from backdrive.laws.elements.maxwell_slip import MANY, Parallel
@@ -28,14 +29,14 @@ FAR = 1e16  # times a bound: a pull after which the element slips
 
 
 @leaf
-def gate(r, sharp, margin, reversal):
+def gate(r: float, sharp: float, margin: float, reversal: float):
     """m(r) g(r), not yet normalised."""
     held = 1.0 - 0.5 * tanh(sharp * (r + margin)) + 0.5 * tanh(sharp * (r - margin))
     return held * (0.5 + 0.5 * tanh(reversal * r))
 
 
 @jit
-def load_element(r, path, full, sharp, margin, reversal):
+def load_element(r: float, path: float, full: float, sharp: float, margin: float, reversal: float):
     """Where an element at r gets to over a path (in units of its stretch at break-away): u = r + path (1 - h(u) u)."""
     if r >= 1.0:
         low, high = 1.0, r
@@ -75,7 +76,7 @@ def load_element(r, path, full, sharp, margin, reversal):
 
 
 @leaf
-def step(p, e, x, y, lo, hi, dp, dt):
+def step(p: Array, e: int, x: Array, y: Array, lo: float, hi: float, dp: float, dt: float):
     """Torque of one tick from the states x to y, the elements' torques."""
     n = int(p[e])
     sharp, margin, reversal = p[e + 1 + 2 * n], p[e + 2 + 2 * n], p[e + 3 + 2 * n]

@@ -21,6 +21,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from backdrive._jit import leaf
+from backdrive._types import Array
 from backdrive.laws.base import Element, Parameter
 from backdrive.laws.elements.dahl import STIFFNESS
 from backdrive.laws.elements.hayward_armstrong import clip_torque
@@ -30,7 +31,7 @@ ROBOT = "a 7-joint robot simulated with one such element a joint: K = 5000 N.m/r
 
 
 @leaf
-def section(f, k, w, beta, lo, hi, dp, dt):
+def section(f: float, k: float, w: float, beta: float, lo: float, hi: float, dp: float, dt: float):
     """Spring torque and torque of one element after a tick."""
     pull = k * dp
     total = clip_torque(f + pull + beta * (pull / dt), w * lo, w * hi)
@@ -38,7 +39,7 @@ def section(f, k, w, beta, lo, hi, dp, dt):
 
 
 @leaf
-def step(p, e, x, y, lo, hi, dp, dt):
+def step(p: Array, e: int, x: Array, y: Array, lo: float, hi: float, dp: float, dt: float):
     """Torque of one tick from the states x to y: the spring torques K_i a_i, the lagging bounds (0 before the first tick)."""
     n = int(p[e])
     beta, lag = p[e + 1 + 2 * n], p[e + 2 + 2 * n]

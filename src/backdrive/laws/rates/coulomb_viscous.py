@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from backdrive._jit import leaf
+from backdrive._types import Array, Pair
 from backdrive.laws.base import Parameter, Rate
 
 HP3J = "Iwatani 2017, Sec. 3.5.2: joint 0 of a 6-joint arm with harmonic drives"
@@ -22,7 +23,7 @@ EROB = "Rhoban BAM, identified eRob80:100 with a 100:1 harmonic drive, M1"
 
 
 @leaf
-def limits(p, v, load, temp):
+def limits(p: Array, v: float, load: Pair, temp: float):
     """Rate law: lower and upper Coulomb bound and the viscous part at velocity v."""
     F_p, F_n, sigma_p, sigma_n = p[1], p[2], p[3], p[4]
     viscous = sigma_n * v if v < 0.0 else sigma_p * v

@@ -15,13 +15,14 @@ from typing import Any, ClassVar
 import numpy as np
 
 from backdrive._jit import leaf
+from backdrive._types import Array, Pair
 from backdrive.elementary import pow
 from backdrive.laws.base import Parameter, Rate
 from backdrive.laws.rates.coulomb_viscous import HP3J
 
 
 @leaf
-def limits(p, v, load, temp):
+def limits(p: Array, v: float, load: Pair, temp: float):
     """Rate law: -F, F and k |v|^n sgn(v)."""
     F, k, n = p[1], p[2], p[3]
     speed = abs(v)

@@ -18,12 +18,13 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from backdrive._jit import leaf
+from backdrive._types import Array, Pair
 from backdrive.elementary import decay
 from backdrive.laws.base import Parameter, Rate
 
 
 @leaf
-def limits(p, v, load, temp):
+def limits(p: Array, v: float, load: Pair, temp: float):
     """Rate law: lo, hi and K_v v under the transmitted torque -load[1]."""
     F_c, K, S_d, S_b, v_s, K_v = p[1], p[2], p[3], p[4], p[5], p[6]
     size = abs(load[1])

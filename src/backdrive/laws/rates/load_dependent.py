@@ -20,26 +20,27 @@ from typing import Any, ClassVar
 import numpy as np
 
 from backdrive._jit import leaf
+from backdrive._types import Array, Pair
 from backdrive.laws.base import Parameter, Rate
 from backdrive.laws.rates.stribeck import fading
 
 
 @leaf
-def limits(p, v, load, temp):
+def limits(p: Array, v: float, load: Pair, temp: float):
     """Rate law: -F, F and K_v v under the load (tau_m, tau_e)."""
     F_c, F_st, v_s, alpha, K_v = p[1], p[2], p[3], p[4], p[5]
     tau_m, tau_e = load[0], load[1]
     e = fading(v, v_s, alpha)
-    F = F_c + e * F_st
+    f = F_c + e * F_st
     if not p[6] + p[7] + p[8] + p[9] + p[10] + p[11] > 0.0:  # M1, M2: the load may be unknown
-        return -F, F, K_v * v
-    F += abs(p[6] * tau_m - p[7] * tau_e) + e * abs(p[8] * tau_m - p[9] * tau_e)
+        return -f, f, K_v * v
+    f += abs(p[6] * tau_m - p[7] * tau_e) + e * abs(p[8] * tau_m - p[9] * tau_e)
     if tau_m * tau_e < 0.0:
         if abs(tau_e) < abs(tau_m):
-            F += e * p[10] * tau_e * tau_e
+            f += e * p[10] * tau_e * tau_e
         elif abs(tau_e) > abs(tau_m):
-            F += e * p[11] * tau_m * tau_m
-    return -F, F, K_v * v
+            f += e * p[11] * tau_m * tau_m
+    return -f, f, K_v * v
 
 
 BAM = "Rhoban BAM, Dynamixel MX-106, M6"

@@ -15,13 +15,14 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from backdrive._jit import leaf
+from backdrive._types import Array, Pair
 from backdrive.elementary import exp
 from backdrive.laws.base import Parameter, Rate
 from backdrive.laws.rates.stribeck import fading
 
 
 @leaf
-def limits(p, v, load, temp):
+def limits(p: Array, v: float, load: Pair, temp: float):
     """Rate law: -s(v), s(v) and the viscous part under a load at a temperature."""
     F_c0, F_cl, F_sl, v_sl, F_s0, F_sT, v_s0, v_sT, F_v0, F_vT, T_v, delta = (
         p[1],

@@ -12,12 +12,13 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from backdrive._jit import leaf
+from backdrive._types import Array, Pair
 from backdrive.laws.base import Parameter, Rate
 from backdrive.laws.rates.stribeck import COMMON
 
 
 @leaf
-def limits(p, v, load, temp):
+def limits(p: Array, v: float, load: Pair, temp: float):
     """Rate law: -s(v), s(v) and sigma_2 v."""
     F_c, F_s, v_s, sigma_2 = p[1], p[2], p[3], p[4]
     r = v / v_s

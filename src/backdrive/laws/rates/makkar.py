@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from backdrive._jit import leaf
+from backdrive._types import Array, Pair
 from backdrive.elementary import tanh
 from backdrive.laws.base import Parameter, Rate
 
@@ -20,7 +21,7 @@ MAKKAR = "example of this law in the MathWorks System Identification Toolbox (id
 
 
 @leaf
-def limits(p, v, load, temp):
+def limits(p: Array, v: float, load: Pair, temp: float):
     """Rate law: no set-valued part; the whole curve is in the last number."""
     rise, fall, coulomb = tanh(p[2] * v), tanh(p[3] * v), tanh(p[5] * v)
     return 0.0, 0.0, p[1] * (rise - fall) + p[4] * coulomb + p[6] * v

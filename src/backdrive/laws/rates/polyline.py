@@ -15,12 +15,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from backdrive._jit import leaf
+from backdrive._types import Array, Pair
 from backdrive.errors import InvalidInput
 from backdrive.laws.base import Parameter, Rate
 
 
 @leaf
-def limits(p, v, load, temp):
+def limits(p: Array, v: float, load: Pair, temp: float):
     """Rate law: the intercepts -F_n and F_p, and Phi(v)."""
     N, F_p, F_n = int(p[1]), p[2], p[3]
     speed = abs(v)

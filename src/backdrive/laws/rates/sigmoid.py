@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from backdrive._jit import leaf
+from backdrive._types import Array, Pair
 from backdrive.elementary import tanh
 from backdrive.laws.base import Parameter, Rate
 
@@ -20,7 +21,7 @@ GAZ = "Gaz et al., IEEE RA-L 4(4), 2019, joint 1"
 
 
 @leaf
-def limits(p, v, load, temp):
+def limits(p: Array, v: float, load: Pair, temp: float):
     """Rate law: no set-valued part; the whole curve is in the last number."""
     phi_1, phi_2, phi_3 = p[1], p[2], p[3]
     # a/(1 + e^-x) - a/(1 + e^-y) = a/2 (tanh(x/2) - tanh(y/2)): no overflow

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from backdrive._jit import leaf
+from backdrive._types import Array, Pair
 from backdrive.elementary import decay, pow
 from backdrive.laws.base import Parameter, Rate
 
@@ -20,14 +21,14 @@ CANUDAS = "Canudas de Wit et al., IEEE TAC 40(3), 1995, Table I"
 
 
 @leaf
-def fading(v, v_s, delta):
+def fading(v: float, v_s: float, delta: float):
     """exp(-|v/v_s|^delta): 1 at rest, 0 at speed."""
     r = abs(v) * (1.0 / v_s)  # in a loop over ticks the division is done once
     return decay(-pow(r, delta))
 
 
 @leaf
-def limits(p, v, load, temp):
+def limits(p: Array, v: float, load: Pair, temp: float):
     """Rate law: -s(v), s(v) and sigma_2 v."""
     F_c, F_s, v_s, delta, sigma_2 = p[1], p[2], p[3], p[4], p[5]
     s = F_c + (F_s - F_c) * fading(v, v_s, delta)

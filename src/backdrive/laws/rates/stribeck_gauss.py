@@ -12,13 +12,14 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from backdrive._jit import leaf
+from backdrive._types import Array, Pair
 from backdrive.elementary import decay
 from backdrive.laws.base import Parameter, Rate
 from backdrive.laws.rates.stribeck import COMMON
 
 
 @leaf
-def limits(p, v, load, temp):
+def limits(p: Array, v: float, load: Pair, temp: float):
     """Rate law: -s(v), s(v) and sigma_2 v, by one exponential, of which several are evaluated in one instruction."""
     F_c, F_s, v_s, sigma_2 = p[1], p[2], p[3], p[4]
     r = abs(v) * (1.0 / v_s)  # in a loop over ticks the division is done once

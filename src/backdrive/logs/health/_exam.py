@@ -86,7 +86,7 @@ class Exam:
             length = _SAMPLES // _BLOCKS
             starts = np.linspace(0, n - length, _BLOCKS).astype(int)
             wanted = [slice(s, s + length) for s in starts.tolist()]
-        pieces = []
+        pieces: list[slice] = []
         edges = self.gaps
         for block in wanted:
             inside = edges[(edges > block.start) & (edges < block.stop)].tolist()

@@ -73,6 +73,7 @@ class Repair:
 
 
 Mend = Callable[["Exam", Sequence[Finding]], Repair]
+Changes = dict[tuple[str, int], np.ndarray]  # of joints' columns, by channel and column
 
 
 @dataclass(eq=False)
@@ -126,7 +127,7 @@ def without_rows(log: Log, rows: np.ndarray, noun: str, reason: str) -> Repair:
     return keep_rows(log, ~rows, f"{count_of(int(rows.sum()), noun)} {reason}")
 
 
-def with_columns(log: Log, changes: dict[tuple[str, int], np.ndarray], sentences: Sequence[str]) -> Log:
+def with_columns(log: Log, changes: Changes, sentences: Sequence[str]) -> Log:
     """Return the log with some joints' columns (n,) replaced, given by channel and column, with notes."""
     arrays = {channel: np.array(log.channels[channel]) for channel in {channel for channel, _ in changes}}
     for (channel, column), values in changes.items():

@@ -62,7 +62,7 @@ def motion(exam: Exam, j: int, reach: int) -> Motion | None:
     light, heavy = _widths(exam.period)
     every, shifts = heavy // 2, np.arange(-reach, reach + 1)
     each, plain, top = _columns(exam, j)
-    terms, torque, fast, bends = [], [], [], []
+    terms, torque, fast, bends = (list[np.ndarray]() for _ in range(4))
     for number, block in enumerate(exam.blocks):
         v = own[number][1]
         if not v.size:
@@ -73,7 +73,7 @@ def motion(exam: Exam, j: int, reach: int) -> Motion | None:
         raw = exam.log.channels["torque"][block, j]
         smooth = running(running(raw, light), heavy)
         bends.append(np.abs(np.diff(raw, 2)))
-        at = np.arange(reach, filtered.shape[0] - reach, every)
+        at = np.arange(reach, len(filtered) - reach, every)
         terms.append(np.column_stack([filtered[at], *(pull[at] for pull in others)]))
         torque.append(smooth[at[:, None] + shifts])
         fast.append(slow[at] == slow[at + 3 * heavy - 2])  # none of the samples that the means reach
@@ -110,7 +110,8 @@ def _columns(exam: Exam, j: int) -> tuple[list[np.ndarray], int, float]:
     top = max(float(np.quantile(np.abs(all_v), 0.99)), 1e-12)
     middle, span = 0.5 * float(all_q.min() + all_q.max()), float(np.ptp(all_q))
     wide = exam.log.joints[j].unit == "rad" and span > 0.5
-    parts, plain = [], 0
+    parts: list[np.ndarray] = []
+    plain = 0
     for q, v, a in own:
         columns = [a, np.sign(v), v, np.ones_like(v)]
         columns += [np.sin(q - middle), np.cos(q - middle)] if wide else [q - middle] if span > 0 else []
@@ -134,14 +135,15 @@ def lagging(exam: Exam, j: int, reach: int, seconds: float) -> tuple[np.ndarray,
     heavy, gain = _widths(exam.period)[1], -np.expm1(-exam.period / seconds)
     each, _, top = _columns(exam, j)
     others = [path for k, _ in exam if k != j and (path := _path(exam, k)) is not None]
-    parts, forgotten, memory = [], [], round(_FORGOTTEN * seconds / exam.period)
+    parts, forgotten = (list[np.ndarray]() for _ in range(2))
+    memory = round(_FORGOTTEN * seconds / exam.period)
     for number, own in enumerate(each):
         if not own.size:
             continue
         x = np.column_stack([own, *(path[number][2] for path in others)])
         late = lfilter([gain], [1.0, gain - 1.0], x, axis=0, zi=(1.0 - gain) * x[:1])[0]
         filtered = running(late, heavy)
-        at = np.arange(reach, filtered.shape[0] - reach, heavy // 2)
+        at = np.arange(reach, len(filtered) - reach, heavy // 2)
         slow = np.concatenate([[0], np.cumsum(np.abs(x[:, 2]) < SLOW * top)])
         parts.append(filtered[at])
         forgotten.append(slow[np.maximum(at - memory, 0)] == slow[at + 3 * heavy - 2])
@@ -158,7 +160,7 @@ def bent(exam: Exam, j: int, reach: int, widths: np.ndarray) -> np.ndarray:
         widths: distances [rad or m], (w,).
     """
     heavy = _widths(exam.period)[1]
-    parts = []
+    parts: list[np.ndarray] = []
     for q, _, _ in _path(exam, j) or []:
         if not q.size:
             continue
@@ -166,7 +168,7 @@ def bent(exam: Exam, j: int, reach: int, widths: np.ndarray) -> np.ndarray:
         for k, step in enumerate(np.diff(q).tolist(), start=1):
             z[k] = np.minimum(np.maximum(z[k - 1] + step, -widths), widths)
         filtered = running(z / widths, heavy)
-        parts.append(filtered[np.arange(reach, filtered.shape[0] - reach, heavy // 2)])
+        parts.append(filtered[np.arange(reach, len(filtered) - reach, heavy // 2)])
     return np.concatenate(parts)
 
 
@@ -182,7 +184,8 @@ def _path(exam: Exam, j: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]
     if not exam.usable(source, j) or not exam.period > 0:
         return None
     light, heavy = _widths(exam.period)
-    out, none = [], np.empty(0)
+    out: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+    none = np.empty(0)
     for block in exam.blocks:
         if block.stop - block.start < 3 * (light + heavy) + 12:
             out.append((none, none, none))

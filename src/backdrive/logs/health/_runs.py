@@ -77,7 +77,7 @@ def _signal_froze(exam: Exam, channel: str, j: int, x: np.ndarray, start: int, s
     if around.size >= 20:
         alive = around[around != 0]
         turns = np.mean(alive[1:] * alive[:-1] < 0) if alive.size > 10 else 0.0
-        equal = max(np.mean(around == 0), 0.02)
+        equal = max(np.count_nonzero(around == 0) / around.size, 0.02)
         # the chance that noise repeats a value this often in a log this long; noise of a step or less repeats by nature
         lively = np.std(around) > 2 * resolution
         rare = survey.equal[j] * x.size - (stop - start - 1) < 0.02 * x.size

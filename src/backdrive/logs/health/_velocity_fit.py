@@ -78,7 +78,9 @@ def velocity_fit(exam: Exam, j: int) -> VelocityFit | None:
 
 
 def _windows(pieces: Any, window: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    changes, integrals, ends = [], [], []
+    changes: list[np.ndarray] = []
+    integrals: list[np.ndarray] = []
+    ends: list[np.ndarray] = []
     total = sum(len(p[0]) for p in pieces)
     stride = max(1, window // 4, total // _MOST_WINDOWS)
     for q, v, t in pieces:
@@ -95,6 +97,7 @@ def _solve(
 ) -> tuple[float, float, float, float, float]:
     keep = np.ones(change.size, bool)
     power = float(np.mean(change**2))
+    scale, slope, left = 0.0, 0.0, change
     for _ in range(2):  # the second time without what fits worst, such as the windows across a jump
         a, d, e = integral[keep], change[keep], ends[keep]
         matrix = np.array([[a @ a, a @ e], [a @ e, e @ e]])
@@ -103,7 +106,8 @@ def _solve(
         if matrix[1, 1] * matrix[0, 0] - matrix[0, 1] ** 2 <= 1e-9 * matrix[0, 0] * matrix[1, 1]:
             scale, slope = float(a @ d / matrix[0, 0]), 0.0
         else:
-            scale, slope = np.linalg.solve(matrix, [a @ d, e @ d])
+            solution: np.ndarray = np.linalg.solve(matrix, [a @ d, e @ d])
+            scale, slope = solution
         left = change - scale * integral - slope * ends
         keep = np.abs(left) <= 4 * np.sqrt(np.mean(left[keep] ** 2))
     residual = np.sqrt(np.mean(left[keep] ** 2) / power)

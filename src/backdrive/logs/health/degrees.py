@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Finding, Repair, check, columns_of, with_columns
+from backdrive.logs.health._finding import Changes, Finding, Repair, check, columns_of, with_columns
 from backdrive.logs.health._velocity_fit import velocity_fit
 
 #: How far a ratio may be from the ratio of two units [1].
@@ -79,7 +79,8 @@ def _wide(exam: Exam, j: int) -> float:
 @find.mend_with
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Turn the channel that is certainly in the larger unit into SI, with its reference and second encoder if position."""
-    changes, notes = {}, []
+    changes: Changes = {}
+    notes: list[str] = []
     for finding, large, j, _ in columns_of(exam, findings):
         alike = ("position", "reference", "second_encoder") if large == "position" else (large,)
         span = np.ptp(exam.sample(large, j))

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from backdrive.logs.health._exam import Exam
-from backdrive.logs.health._finding import Finding, Repair, check, columns_of, count_of, with_columns
+from backdrive.logs.health._finding import Changes, Finding, Repair, check, columns_of, count_of, with_columns
 from backdrive.logs.health._jumps import Jumps, jumps
 
 CHANNELS = ("position", "second_encoder")
@@ -44,7 +44,8 @@ def find(exam: Exam) -> Iterator[Finding]:
 @find.mend_with
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Add the period back at each wrap; a reference that wraps by the same period is unwrapped with it."""
-    changes, notes = {}, []
+    changes: Changes = {}
+    notes: list[str] = []
     for finding, channel, j, rows in columns_of(exam, findings):
         x, period = exam.column(channel, j), finding.value
         offset = np.zeros(x.size)

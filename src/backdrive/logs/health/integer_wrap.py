@@ -15,6 +15,7 @@ import numpy as np
 
 from backdrive.logs.health._exam import Exam, once
 from backdrive.logs.health._finding import (
+    Changes,
     Finding,
     Repair,
     check,
@@ -68,7 +69,9 @@ def find(exam: Exam) -> Iterator[Finding]:
 @find.mend_with
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Take the period off; drop samples that were interpolated between the two levels."""
-    changes, notes, lost = {}, [], np.zeros(len(exam.log), bool)
+    changes: Changes = {}
+    notes: list[str] = []
+    lost = np.zeros(len(exam.log), bool)
     for finding, channel, j, _ in columns_of(exam, findings):
         wrap = _wrap(exam, channel, j)
         assert wrap is not None
@@ -112,7 +115,7 @@ def _fine(x: np.ndarray, step: float, near: float) -> float:
     fine = resolution(levels)
     if not abs(fine - step) < 0.01 * step:
         return step
-    width = levels[-1] - levels[0]
+    width = float(levels[-1] - levels[0])
     return float(width / np.round(width / fine))
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from backdrive.logs.health._exam import Exam
 from backdrive.logs.health._finding import (
+    Changes,
     Finding,
     Repair,
     check,
@@ -60,7 +61,9 @@ def find(exam: Exam) -> Iterator[Finding]:
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Replace outliers by the mean of their neighbours; drop those at the ends of the log."""
     n = len(exam.log)
-    changes, notes, drop = {}, [], np.zeros(n, bool)
+    changes: Changes = {}
+    notes: list[str] = []
+    drop = np.zeros(n, bool)
     for finding, channel, j, rows in columns_of(exam, findings):
         x = np.array(exam.column(channel, j))
         ends = (rows == 0) | (rows == n - 1)
@@ -153,7 +156,7 @@ def _ends(exam: Exam, channel: str, j: int) -> np.ndarray:
     """Return the first and last row where they lie outside the range of all others by more than that range."""
     x = exam.log.channels[channel][:, j]
     survey = exam.survey(channel)
-    found = []
+    found: list[int] = []
     for row, rest in ((0, x[1:]), (x.size - 1, x[:-1])):
         if x[row] not in (survey.low[j], survey.high[j]):
             continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import cast
 
 import numpy as np
 
@@ -50,7 +51,7 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     if rows.size <= COARSE * n:
         return keep_rows(log, keep, f"{count_of(rows.size, 'sample')} that repeat a stamp were dropped.")
     first = np.flatnonzero(keep)
-    slope, start = np.polyfit(first, log.time[first] - log.time[0], 1)
+    slope, start = cast("np.ndarray", np.polyfit(first, log.time[first] - log.time[0], 1))
     regular = log.time[0] + start + slope * np.arange(n)
     tick = float(np.median(np.diff(log.time[first])))
     if np.abs(regular[first] - log.time[first]).max() < 1.2 * tick:

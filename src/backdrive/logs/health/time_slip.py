@@ -8,7 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from backdrive.logs.health._exam import Exam, once
-from backdrive.logs.health._finding import Finding, Repair, check, columns_of, keep_rows, with_columns
+from backdrive.logs.health._finding import (
+    Changes,
+    Finding,
+    Repair,
+    check,
+    columns_of,
+    keep_rows,
+    with_columns,
+)
 from backdrive.logs.health._motion import bent, jackknife, lagging, motion, normal_equations, solvable
 from backdrive.logs.health.jitter import LIMIT
 from backdrive.logs.resolution import white_noise
@@ -204,7 +212,9 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Shift torque by whole samples; rows that get none, at the ends and at gaps, are dropped."""
     log = exam.log
     n = len(log)
-    keep, changes, notes = np.ones(n, bool), {}, []
+    keep = np.ones(n, bool)
+    changes: Changes = {}
+    notes: list[str] = []
     for finding, _, j, _ in columns_of(exam, findings):
         by = round(finding.value)
         source = np.arange(n) + by

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 
 from backdrive.logs.health._exam import Exam, once
-from backdrive.logs.health._finding import Finding, Repair, check, columns_of, with_columns
+from backdrive.logs.health._finding import Changes, Finding, Repair, check, columns_of, with_columns
 from backdrive.logs.health._motion import jackknife, motion, normal_equations, solvable
 from backdrive.logs.health.time_slip import REACH
 
@@ -88,15 +89,18 @@ def friction(exam: Exam, j: int) -> tuple[float, float, float] | None:
     weight[1], weight[2] = np.mean(x[:, 1] * v), np.mean(x[:, 2] * v)
     weight /= np.mean(np.abs(v))
     total, right = solvable(gram.sum(axis=0)), cross.sum(axis=0)
-    mean = float(weight @ np.linalg.solve(total, right)[:, 0])
-    left = np.linalg.solve(total - gram, right - cross)[:, :, 0] @ weight
+    whole = cast("np.ndarray", np.linalg.solve(total, right))
+    mean = float(weight @ whole[:, 0])
+    without = cast("np.ndarray", np.linalg.solve(total - gram, right - cross))
+    left = without[:, :, 0] @ weight
     return mean, jackknife(left), float(np.std(y))
 
 
 @find.mend_with
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     """Turn the sign of the torque, and of a model torque only if it goes with it."""
-    changes, notes = {}, []
+    changes: Changes = {}
+    notes: list[str] = []
     for finding, _, j, _ in columns_of(exam, findings):
         changes["torque", j] = -exam.column("torque", j)
         notes.append(f"torque of {finding.joint} was multiplied by -1.")

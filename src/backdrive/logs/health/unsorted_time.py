@@ -50,7 +50,7 @@ def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
     del findings
     log, restarts = exam.log, _restarts(exam)
     time = np.array(log.time)
-    notes = []
+    notes: list[str] = []
     if restarts.size:
         for start, stop in zip(restarts, [*restarts[1:], time.size], strict=False):
             run = time[start:stop]
@@ -87,7 +87,7 @@ def _restarts(exam: Exam) -> np.ndarray:
     descents = np.flatnonzero(exam.steps < 0) + 1
     if descents.size > _MOST_RUNS:
         return np.empty(0, np.intp)
-    found = []
+    found: list[np.intp] = []
     begin = 0
     for k, stop in zip(descents, [*descents[1:], time.size], strict=False):
         before, after = time[begin:k], time[k:stop]

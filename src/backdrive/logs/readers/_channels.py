@@ -101,7 +101,7 @@ class Values:
 
     def add_columns(self, channel: str, names: Sequence[str]) -> None:
         """Add a channel by automatic names; columns that do not fit are noted and left out."""
-        parts = []
+        parts: list[np.ndarray] = []
         for name in names:
             value = orient(self.columns.arrays[name], self.n)
             if value is None:

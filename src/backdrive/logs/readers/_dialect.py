@@ -121,7 +121,7 @@ def cells(line: str, delimiter: str) -> list[str]:
             else next(csv.reader([line.strip()], delimiter=" ", skipinitialspace=True))
         )
     elif '"' in line:
-        row = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+        row = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), list[str]())
     else:
         row = line.split(delimiter)
     return [cell.strip() for cell in row]
@@ -161,7 +161,8 @@ def _judge(lines: list[str], delimiter: str) -> tuple[float, str, int, bool, tup
     with_comma = sum(1 for row in rows for cell in row if _COMMA_NUMBER.match(cell))
     comma = with_comma > 0 and dotted == 0
     weight = {"number": 1.0, "commented": 0.4, "empty": 0.1, "text": 0.0}
-    numeric, score = [], 0.0
+    numeric: list[int] = []
+    score = 0.0
     for i in range(width):
         kinds = [_kind(row[i], comma) for row in rows]
         if kinds.count("text") < 0.5 * len(kinds):

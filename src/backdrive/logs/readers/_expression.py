@@ -208,7 +208,7 @@ class _Parser:
         own, where = ((), self.peek()[2]) if chosen is None else (named[chosen][0], named[chosen][2])
         if not all(map(math.isfinite, (*numbers, *each, math.prod(numbers)))):
             self.fail("a factor is not finite", where)
-        factors = []
+        factors: list[tuple[str, bool]] = []
         for i, (columns, divides, place) in enumerate(named):
             if i == chosen:
                 continue

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -49,7 +49,7 @@ def _join(first: Columns, other: Columns, path: str, asked: Mapping[str, Any]) -
     usable = np.flatnonzero(np.isfinite(theirs))
     stamps, where = np.unique(theirs[usable], return_index=True)
     rows = usable[where]
-    notes = []
+    notes: list[str] = []
     if rows.size < theirs.size:
         notes.append(
             f"{theirs.size - rows.size} samples of {path} without a stamp of their own were left out."
@@ -82,7 +82,7 @@ def _join(first: Columns, other: Columns, path: str, asked: Mapping[str, Any]) -
     if clock[0] == theirs[0] == 0.0:
         notes.append(f"Both clocks begin at 0, so {path} is taken to have begun at the same moment.")
     arrays = {name: _rows(value, clock.size, keep) for name, value in first.arrays.items()}
-    units, named = dict(first.units), {}
+    units, named = dict(first.units), dict[str, str]()
     for name, value in other.arrays.items():
         lying = orient(value, theirs.size)
         if name in of_time or lying is None:
@@ -90,7 +90,10 @@ def _join(first: Columns, other: Columns, path: str, asked: Mapping[str, Any]) -
         label = name if name not in arrays else f"{Path(path).stem}/{name}"
         named[name] = label
         arrays[label] = np.column_stack(
-            [np.interp(clock[keep], stamps, column[rows].astype(float)) for column in lying.T]
+            [
+                cast("np.ndarray", np.interp(clock[keep], stamps, column[rows].astype(float)))
+                for column in lying.T
+            ]
         )
         if arrays[label].shape[1] == 1:
             arrays[label] = arrays[label][:, 0]

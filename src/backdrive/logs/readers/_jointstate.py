@@ -240,7 +240,7 @@ def _walk(raw: bytes, ros1: bool) -> _Layout:
     seconds, fraction = struct.unpack_from(order + ("II" if ros1 else "iI"), raw, stamp)
     text()
     names = tuple(text() for _ in range(whole()))
-    spans = []
+    spans: list[tuple[int, int]] = []
     for _ in _CHANNELS:
         count = whole()
         if count and not ros1:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
+from backdrive._documents import is_list
 from backdrive.errors import ReadError
 from backdrive.logs.readers.columns import clean
 
@@ -36,8 +38,8 @@ def read_names(
     Raises:
         ReadError: the rows name different joints, so that no number could be told from another's.
     """
-    first = rows[0] if rows else None
-    if not isinstance(first, list) or not first or not all(isinstance(name, str) and name for name in first):
+    first: Any = rows[0] if rows else None
+    if not is_list(first) or not first or not all(isinstance(name, str) and name for name in first):
         notes.append(f"Column '{column}' is no list of names in every row and was left out.")
         return (), None
     joints = tuple(clean(name) for name in first)
@@ -49,7 +51,7 @@ def read_names(
     known: dict[tuple[str, ...], list[int]] = {}
     order = np.empty((len(rows), len(first)), dtype=np.intp)
     for i, row in enumerate(rows):
-        key = tuple(row) if isinstance(row, list) and all(isinstance(x, str) for x in row) else ()
+        key = tuple(row) if is_list(row) and all(isinstance(x, str) for x in row) else ()
         if key not in known:
             if sorted(key) != sorted(first):
                 raise ReadError(

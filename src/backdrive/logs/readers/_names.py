@@ -90,9 +90,9 @@ class Guess:
         doubt: why nothing was taken, if the names leave a doubt.
     """
 
-    columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
     joints: tuple[str, ...] = ()
-    units: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict[str, str])
     notes: tuple[str, ...] = ()
     doubt: str = ""
 

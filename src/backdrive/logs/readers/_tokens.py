@@ -52,7 +52,7 @@ class Names:
         if len(parts) > MOST_STARS + 1:
             return []
         expression = re.compile("(.+?)".join(map(re.escape, parts)), re.S)
-        found = []
+        found: list[tuple[str, str]] = []
         for name in self.columns:
             match = expression.fullmatch(name) or expression.fullmatch(units.split(name)[0])
             if match and len(name) <= units.LONGEST:

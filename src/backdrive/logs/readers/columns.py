@@ -52,12 +52,12 @@ class Columns:
     """
 
     arrays: Mapping[str, np.ndarray]
-    units: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict[str, str])
     joints: tuple[str, ...] = ()
-    channels: Mapping[str, str] = field(default_factory=dict)
+    channels: Mapping[str, str] = field(default_factory=dict[str, str])
     drive: Drive | None = None
     notes: tuple[str, ...] = ()
-    origin: Mapping[str, float] = field(default_factory=dict)
+    origin: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
 def plain(array: np.ndarray) -> np.ndarray | None:
@@ -148,7 +148,7 @@ def unframe(content: Mapping[str, Any], receive: Callable[[memoryview], None], l
             count *= length
         total += count * dtype.itemsize
     limits.check_size(total, total, "The file")
-    arrays = {}
+    arrays: dict[str, np.ndarray] = {}
     for name, dtype, shape in described:
         value = np.empty(shape, dtype)
         if value.size:

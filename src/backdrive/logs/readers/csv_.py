@@ -46,7 +46,7 @@ def read(path: str, options: ReadOptions) -> Columns:
         table = [np.ascontiguousarray(column) for column in rows.T]
     times = {i: time for i, cells in words.items() if (time := _clock(cells)) is not None}
     joints = constant_names({dialect.names[i]: cells for i, cells in words.items() if i not in times})
-    arrays = {}
+    arrays: dict[str, np.ndarray] = {}
     for i, name in enumerate(dialect.names):
         if i in times:
             arrays[name] = times[i]

@@ -40,6 +40,11 @@ def read(path: str, options: ReadOptions) -> Columns:
     return topics.columns()
 
 
+def _allow(action: int, *_: str | None) -> int:
+    """Allow to read, and nothing else."""
+    return sqlite3.SQLITE_OK if action in _ALLOWED else sqlite3.SQLITE_DENY
+
+
 def _gather(base: sqlite3.Connection, topics: Topics) -> None:
     base.execute("PRAGMA trusted_schema=OFF")
     base.execute("PRAGMA cell_size_check=ON")
@@ -54,7 +59,7 @@ def _gather(base: sqlite3.Connection, topics: Topics) -> None:
         raise ReadError(
             "The database is not a ROS 2 bag: it has no tables of topics and messages.", remedy="Name a bag."
         )
-    base.set_authorizer(lambda action, *_: sqlite3.SQLITE_OK if action in _ALLOWED else sqlite3.SQLITE_DENY)
+    base.set_authorizer(_allow)
     declared = base.execute("SELECT id, name, type, serialization_format FROM topics").fetchmany(
         topics.options.limits.max_columns
     )

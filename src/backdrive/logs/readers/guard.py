@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from backdrive import errors
+from backdrive._documents import is_object
 
 if TYPE_CHECKING:  # numpy is loaded only once the child has been started, so that both load at the same time
     from backdrive.logs.readers.columns import Columns, ReadOptions
@@ -234,7 +235,7 @@ class Guard:
         receive(memoryview(text))
         try:
             answer = json.loads(text)
-            if isinstance(answer, dict):
+            if is_object(answer):
                 return answer
         except (ValueError, RecursionError):
             pass

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from backdrive._documents import is_list, is_object
 from backdrive.errors import IncompleteFile, ReadError
 from backdrive.logs.log import Drive
 from backdrive.logs.readers._labels import holds_names, in_order, read_names
@@ -51,14 +52,12 @@ def read(path: str, options: ReadOptions) -> Columns:
             remedy="Save it again, or say what it is: --format NAME (in Python format=).",
         ) from error
     notes: list[str] = []
-    samples = (
-        content.get("entries", content.get("samples", content.get("data")))
-        if isinstance(content, dict)
-        else content
+    samples: Any = (
+        content.get("entries", content.get("samples", content.get("data"))) if is_object(content) else content
     )
-    if isinstance(samples, list) and samples and all(isinstance(sample, dict) for sample in samples):
+    if is_list(samples) and samples and all(isinstance(sample, dict) for sample in samples):
         table = _of_samples(samples, notes)
-    elif isinstance(content, dict):
+    elif is_object(content):
         table = content
     else:
         raise ReadError(
@@ -67,7 +66,7 @@ def read(path: str, options: ReadOptions) -> Columns:
     options.limits.check_count(len(table), "columns")
     joints: tuple[str, ...] = ()
     order: np.ndarray | None = None
-    for key in [key for key in table if holds_names(key) and isinstance(table[key], list)]:
+    for key in [key for key in table if holds_names(key) and is_list(table[key])]:
         joints, order = read_names(table[key], key, notes)
         table = {k: v for k, v in table.items() if k != key or not joints}
     arrays: dict[str, np.ndarray] = {}
@@ -77,7 +76,7 @@ def read(path: str, options: ReadOptions) -> Columns:
             "The JSON holds no lists of numbers.", remedy="Write a list of objects, or an object of lists."
         )
     if (
-        isinstance(content, dict)
+        is_object(content)
         and {"position", "load", "goal_position", "timestamp"} <= set(arrays)
         and "kp" in content
     ):
@@ -100,12 +99,12 @@ def _numbers(
 ) -> None:
     for key, values in table.items():
         name = f"{prefix}{key}"
-        if isinstance(values, dict) and depth < 4:
+        if is_object(values) and depth < 4:
             _numbers(f"{name}.", values, arrays, notes, depth + 1)
-        elif isinstance(values, list) and values:
+        elif is_list(values) and values:
             try:
                 first = next((v for v in values if v is not None), None)
-                filler = [math.nan] * len(first) if isinstance(first, list) else math.nan
+                filler = [math.nan] * len(first) if is_list(first) else math.nan
                 value = np.array([filler if v is None else v for v in values])
                 if value.dtype.kind not in "biuf" or value.ndim > 2:
                     raise ValueError

@@ -7,13 +7,14 @@ paths and counts is not followed. Episodes stand one after the other on one cloc
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from backdrive._documents import is_list, is_object
 from backdrive._files import read_whole
 from backdrive.errors import BackdriveError, FileTooLarge, ReadError
 from backdrive.logs.readers import parquet
@@ -28,8 +29,14 @@ FEATURES = {
     "observation.torque": "torque",
     "action": "reference",
 }
-ENDINGS = {"pos": "position", "position": "position", "vel": "velocity", "velocity": "velocity"}
-ENDINGS |= {"effort": "torque", "torque": "torque"}
+ENDINGS = {
+    "pos": "position",
+    "position": "position",
+    "vel": "velocity",
+    "velocity": "velocity",
+    "effort": "torque",
+    "torque": "torque",
+}
 
 prepare = parquet.prepare
 
@@ -45,7 +52,7 @@ def read(path: str, options: ReadOptions) -> Columns:
     notes: list[str] = []
     info = _info(path)
     features = info.get("features")
-    if not isinstance(features, dict):
+    if not is_object(features):
         raise ReadError(
             "meta/info.json names no features.", remedy="Name a Parquet file of data/ instead of the folder."
         )
@@ -81,7 +88,7 @@ def _info(path: str) -> dict[str, Any]:
         raise ReadError(
             f"meta/info.json is not JSON ({error}).", remedy="Copy the data set again."
         ) from error
-    if not isinstance(info, dict):
+    if not is_object(info):
         raise ReadError("meta/info.json is no JSON object.", remedy="Copy the data set again.")
     return info
 
@@ -174,7 +181,7 @@ def _channels(
             channel = usual if usual == "reference" else channel or usual
             parts.setdefault(channel, {}).setdefault(joint, value[:, column])
     main = parts.get("position", parts.get("velocity", {}))
-    channels = {}
+    channels: dict[str, str] = {}
     for channel, columns in parts.items():
         if set(columns) != set(main):
             notes.append(f"The {channel} is of other joints ({', '.join(list(columns)[:8])}): left out.")
@@ -186,10 +193,10 @@ def _channels(
 
 def _names(feature: object) -> tuple[str, ...]:
     """Return the names of a feature's columns: a list, or a list in an object (`motors`, `axes`)."""
-    names = feature.get("names") if isinstance(feature, dict) else None
-    if isinstance(names, dict):
-        names = next((value for value in names.values() if isinstance(value, list)), None)
-    if not isinstance(names, Sequence) or isinstance(names, str):
+    listed: Any = feature.get("names") if is_object(feature) else None
+    if is_object(listed):
+        listed = next((value for value in listed.values() if is_list(value)), None)
+    if not is_list(listed):
         return ()
-    names = tuple(clean(name) for name in names if isinstance(name, str))
+    names = tuple(clean(name) for name in listed if isinstance(name, str))
     return names if len(set(names)) == len(names) else ()

@@ -223,7 +223,7 @@ def _width(arrays: Mapping[str, np.ndarray]) -> int:
 
 def _without_zeros(arrays: dict[str, np.ndarray], asked: Mapping[str, Any]) -> list[str]:
     """Drop velocity, torque and temperature that are zero throughout: drivers fill in what they do not measure."""
-    notes = []
+    notes: list[str] = []
     moves = "position" in arrays and np.ptp(arrays["position"], axis=0).max(initial=0.0) > 0
     for channel in ("velocity", "torque", "external_torque", "temperature"):
         if channel in arrays and channel not in asked and not arrays[channel].any():
@@ -250,7 +250,7 @@ def _kinds(units: str | Sequence[str] | None, width: int) -> list[str] | None:
 def _from_degrees(values: Values, kinds: list[str], asked: Mapping[str, Any]) -> list[str]:
     """Convert positions and velocities that state no unit, for the joints that the person says are in degrees."""
     turned = np.array([kind == "deg" for kind in kinds])
-    done = []
+    done: list[str] = []
     for channel in (*_POSITIONS, "velocity"):
         if (
             turned.any()

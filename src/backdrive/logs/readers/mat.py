@@ -13,6 +13,7 @@ import zlib
 
 import numpy as np
 
+from backdrive._documents import is_object
 from backdrive.errors import IncompleteFile, ReadError
 from backdrive.logs.readers.columns import Columns, ReadOptions, plain
 
@@ -69,7 +70,7 @@ def read(path: str, options: ReadOptions) -> Columns:
 
 
 def _walk(name: str, value: object, arrays: dict[str, np.ndarray], left: list[str], depth: int) -> None:
-    if isinstance(value, dict):
+    if is_object(value):
         if depth >= _DEEPEST:
             left.append(name)
             return

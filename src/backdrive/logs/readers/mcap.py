@@ -113,6 +113,7 @@ def _scan(stream: BinaryIO, size: int, topics: Topics) -> tuple[int | None, str]
         if at + 9 + length > size or kind == 0 or _DATA_END < kind < 0x80:
             where, why = at, "an incomplete record"
             break
+        content = b""
         if kind in (_SCHEMA, _CHANNEL, _MESSAGE):
             loose += head + stream.read(length)
         else:

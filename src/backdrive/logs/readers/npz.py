@@ -33,7 +33,8 @@ def read(path: str, options: ReadOptions) -> Columns:
         limits.check_count(len(members), "arrays")
         size = sum(max(info.compress_size, 0) for info in members)
         limits.check_size(sum(info.file_size for info in members), size, "The archive")
-        arrays, notes = {}, []
+        arrays: dict[str, np.ndarray] = {}
+        notes: list[str] = []
         for info in members:
             name = info.filename[: -len(".npy")]
             if info.flag_bits & 1:

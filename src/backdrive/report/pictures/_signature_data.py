@@ -103,7 +103,7 @@ def scene(law: Law) -> Scene:
 
 def _hold(law: Law, at: Condition) -> float:
     """Return the torque at which a joint at rest breaks away [N.m]."""
-    lo, hi, _ = kernels.limits(law.rate.KIND, law.row(), 0.0, np.array(at.load), at.temperature)
+    lo, hi, _ = kernels.limits(law.rate.KIND, law.row(), 0.0, at.load, at.temperature)
     return max(-lo, hi)
 
 
@@ -129,7 +129,7 @@ def run(law: Law, increments: np.ndarray, period: float, at: Condition) -> np.nd
         Friction torque [N.m], (n,).
     """
     rate, element, p, x = law.rate.KIND, law.element.KIND, law.row(), law.state()
-    load, step = np.array(at.load), kernels.step
+    load, step = at.load, kernels.step
     return np.array(
         [step(rate, element, p, x, dp, period, load, at.temperature) for dp in increments.tolist()]
     )
@@ -144,7 +144,7 @@ def steady(law: Law, velocity: np.ndarray, at: Condition) -> np.ndarray:
         at: load and temperature.
     """
     rate, element, p = law.rate.KIND, law.element.KIND, law.row()
-    load, size, out = np.array(at.load), scene(law), np.empty(velocity.size)
+    load, size, out = at.load, scene(law), np.empty(velocity.size)
     for i, v in enumerate(velocity.tolist()):
         x, before, torque = law.state(), np.inf, 0.0
         dt = max(0.25 * size.stretch / abs(v), 5e-3)
@@ -189,7 +189,7 @@ def spring_end(law: Law) -> Curve:
 def pull(law: Law, at: Condition) -> np.ndarray:
     """Return the positions of a mass that a spring draws along [rad], (n,); implicit in all forces."""
     rate, element, p, x = law.rate.KIND, law.element.KIND, law.row(), law.state()
-    size, load = scene(law), np.array(at.load)
+    size, load = scene(law), at.load
     dt, position = size.duration / PULL, np.empty(PULL)
     soft = dt / INERTIA / (1.0 + dt * dt * size.spring / INERTIA)  # the spring's give within the tick
     q = v = 0.0
