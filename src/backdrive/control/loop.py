@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.control import guard
+from backdrive.control import assembly, guard
 from backdrive.control.envelope import PERIOD
 from backdrive.control.joint_loop import BareLoop, JointLoop, rows
 from backdrive.control.loop_kernel import tick
@@ -125,7 +125,8 @@ class Loop:
         self._read_codes = self._codes[:]
         self._read_codes.flags.writeable = False
         self._applied = self._table[APPLIED]
-        self._tick: Any = tick
+        estimates = any(joint.external is not None for joint in self.joints)
+        self._tick: Any = assembly.of_loop(tick, parts[0], parts[4], estimates)
         self.update(np.zeros(J), np.zeros(J))
         self.reset(np.zeros(J))
         self._table[CALLS] = 0.0
