@@ -178,7 +178,11 @@ def _bound(source: FunctionType, changed: Mapping[str, Any]) -> FunctionType:
     """Return a function of the same code in which names stand for something else."""
     names = {n: _module(source.__globals__[n], v) if isinstance(v, dict) else v for n, v in changed.items()}
     made = FunctionType(
-        source.__code__, {**source.__globals__, **names}, source.__name__, source.__defaults__, source.__closure__
+        source.__code__,
+        {**source.__globals__, **names},
+        source.__name__,
+        source.__defaults__,
+        source.__closure__,
     )
     made.__qualname__, made.__module__ = source.__qualname__, source.__module__
     return made

@@ -167,7 +167,9 @@ def _classes(stamp: str) -> type:
                 source_stamp=self._impl.locator.get_source_stamp(),
             )
 
-        def _index_key(self, sig, codegen):  # numba's own differs from process to process where a cell holds a kernel
+        def _index_key(
+            self, sig, codegen
+        ):  # numba's own differs from process to process where a cell holds a kernel
             code, cells = self._py_func.__code__, self._py_func.__closure__ or ()  # type: ignore[attr-defined]
             closed = "\n".join(_label(cell.cell_contents) for cell in cells)
             marks = (hashlib.sha256(part).hexdigest() for part in (code.co_code, closed.encode()))

@@ -12,7 +12,7 @@ import numpy as np
 
 from backdrive.errors import InvalidInput
 from backdrive.logs.log import Drive, Log
-from backdrive.simulation.closed_loop import Scene, prepare
+from backdrive.simulation.closed_loop import Scene, kernel_of, prepare
 from backdrive.simulation.hand import still
 from backdrive.simulation.joint import JointSimulation
 from backdrive.simulation.kernel import COLUMNS
