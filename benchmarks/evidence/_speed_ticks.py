@@ -7,7 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from _speed_laws import LINES, lines
 
+from backdrive._assembly import assemble
 from backdrive._jit import jit
+from backdrive.control import assembly
 from backdrive.control.compensators import compensator
 from backdrive.control.compensators.catalog import alg_fc2
 from backdrive.control.estimators.external import ExternalForce
@@ -53,18 +55,20 @@ def ours(q: np.ndarray, T: float) -> dict[str, Callable[[], np.ndarray]]:
     """Return runs along readings by name: the compensator alone, the guarded loop, and that with an estimator."""
     made = alg_fc2(LINES, STIFFNESS, 2.5 * COUNT / T, SLOW, FAST, SWITCH, share=SHARE)
     law, out = made.friction.law, np.empty(q.size)
+    alone_kernel = assemble(compensated, {compensator.tick: assembly.of_compensators(made.row(T)[None])})
 
     def alone() -> np.ndarray:
-        compensated(made.row(T), law.row(), law.state(), made.start(float(q[0])), q, T, out)
+        alone_kernel(made.row(T), law.row(), law.state(), made.start(float(q[0])), q, T, out)
         return out
 
     def loop(external: ExternalForce | None) -> Callable[[], np.ndarray]:
         joint = JointLoop(compensator=made, external=external, limit=5.0, top_speed=10.0, encoder_count=COUNT)
         one = Loop(joint, interval=T)
+        kernel = assemble(guarded, {tick: one._tick})
 
         def run() -> np.ndarray:
             one.reset(q[:1])
-            guarded(*one._arrays, q, T, out)
+            kernel(*one._arrays, q, T, out)
             return out
 
         return run

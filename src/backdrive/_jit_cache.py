@@ -167,6 +167,14 @@ def _classes(stamp: str) -> type:
                 source_stamp=self._impl.locator.get_source_stamp(),
             )
 
+        def _index_key(
+            self, sig, codegen
+        ):  # numba's own differs from process to process where a cell holds a kernel
+            code, cells = self._py_func.__code__, self._py_func.__closure__ or ()  # type: ignore[attr-defined]
+            closed = "\n".join(_label(cell.cell_contents) for cell in cells)
+            marks = hashlib.sha256(code.co_code).hexdigest(), hashlib.sha256(closed.encode()).hexdigest()
+            return sig, codegen.magic_tuple(), marks
+
         def load_overload(self, sig, target_context):
             try:
                 return super().load_overload(sig, target_context)
@@ -197,6 +205,12 @@ def _classes(stamp: str) -> type:
             note(_reason(error, self._cache_path), outcome)
 
     return Cache
+
+
+def _label(value: Any) -> str:
+    """Return what tells the value of a cell from others, the same in every process."""
+    source = getattr(value, "py_func", None)
+    return repr(value) if source is None else f"{source.__module__}.{source.__qualname__}"
 
 
 def _reason(error: Exception, path: str) -> str:

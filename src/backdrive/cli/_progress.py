@@ -89,7 +89,8 @@ def progress(*, quiet: bool = False) -> Iterator[Callable[..., None]]:
         def say(sentence: str, share: float | None = None) -> None:
             before = heard.value
             known = heard.hear(sentence) if share is None else share
-            at = {} if known == before else {"at": shown.tasks[0].elapsed or 0.0}
-            shown.update(task, description=visible(sentence) + " ...", share=known, **at)
+            if known != before:
+                shown.update(task, at=shown.tasks[0].elapsed or 0.0)
+            shown.update(task, description=visible(sentence) + " ...", share=known)
 
         yield say

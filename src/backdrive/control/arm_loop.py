@@ -108,7 +108,7 @@ class ArmLoop:
             *self._loop._arrays, self._stage, self._table, rows, self._virtual, wanted, self.coupling, back, whole,
         )  # fmt: skip
         g = self._loop._table
-        self._tick: Any = kernel.tick
+        self._tick: Any = self._loop._kernel_of(kernel.tick)
         self._believed = (g, self._table, self.coupling, whole)
         self._frame = force is not None and force.frame is not None
         self._acted, self._passed = self._table[kernel.ACTED], self._table[kernel.STEP]

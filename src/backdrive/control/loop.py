@@ -16,12 +16,12 @@ force in free motion is what the friction model misses.
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 
-from backdrive.control import guard
+from backdrive.control import assembly, guard
 from backdrive.control.envelope import PERIOD
 from backdrive.control.joint_loop import BareLoop, JointLoop, rows
 from backdrive.control.loop_kernel import tick
@@ -44,6 +44,8 @@ from backdrive.control.table import (
 from backdrive.errors import InvalidInput
 from backdrive.parameters import array, check
 from backdrive.status import STATUSES, Status
+
+F = TypeVar("F", bound=Callable)
 
 
 class Row:
@@ -125,10 +127,16 @@ class Loop:
         self._read_codes = self._codes[:]
         self._read_codes.flags.writeable = False
         self._applied = self._table[APPLIED]
-        self._tick: Any = tick
+        self._tick: Any = self._kernel_of(tick)
         self.update(np.zeros(J), np.zeros(J))
         self.reset(np.zeros(J))
         self._table[CALLS] = 0.0
+
+    def _kernel_of(self, kernel: F) -> F:
+        """Return a kernel that advances joints for what runs on those of this loop."""
+        compensators, _, _, _, estimators, *_ = rows(self.joints, np.zeros(len(self.joints)), self.interval)
+        estimates = any(joint.external is not None for joint in self.joints)
+        return assembly.of_loop(kernel, compensators, estimators, estimates)
 
     def _admit(self) -> None:
         """Refuse joints without limits."""

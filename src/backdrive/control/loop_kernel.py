@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from backdrive._jit import jit, ladder
+from backdrive._jit import jit, ladder, leaf
 from backdrive.control import guard, readings
 from backdrive.control.compensators import compensator as compensator_
 from backdrive.control.estimators import external as external_
@@ -121,6 +121,12 @@ def joint(c, i, p, x, s, ce, pe, xe, se, g, j, q, dt):  # noqa: PLR0913  (a kern
             if g[STILL, j] >= STANDING * g[HOLD, j] and abs(level * push) > NOTABLE * g[LIMIT, j]:
                 code = NO_MOTION
     return guard.act(g, j, code, f, T, dt)
+
+
+@leaf
+def absent(c, i, p, x, s, ce, pe, xe, se, g, j, q, dt):  # noqa: PLR0913  (a kernel's row)
+    """Advance nothing: `joint` where nothing runs."""
+    return 0
 
 
 @jit

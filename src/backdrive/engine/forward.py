@@ -15,7 +15,7 @@ from backdrive.engine.cores import spread
 from backdrive.engine.drives import DriveModel
 from backdrive.engine.series import Lanes
 from backdrive.errors import InvalidInput
-from backdrive.laws import REFERENCE, Law
+from backdrive.laws import REFERENCE, Law, kernels
 from backdrive.parameters import ABOVE_ZERO, FINITE, NOT_NEGATIVE, WithBounds, array
 
 
@@ -242,8 +242,10 @@ def forward(  # noqa: PLR0913  (its options are given by keyword)
     out = np.empty((len(axes), n, 3))
     X, C = np.zeros((len(axes), rows.states)), np.zeros((len(axes), drives.STATES))
 
+    run = kernels.of_kinds(lanes, rows.rates, rows.elements)
+
     def work(first: int, last: int) -> None:
-        lanes(
+        run(
             first,
             last,
             J,

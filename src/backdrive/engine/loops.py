@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from backdrive._assembly import put_in
 from backdrive._jit import jit, specialise
 from backdrive.laws import kernels
 
@@ -108,6 +109,7 @@ def one_by_one(rate: int, element: int, plain: bool, knots: int, sections: int, 
                     else:
                         tau[k] += viscous[k]
 
+    lanes = put_in(lanes, kernels.parts([rate], [element]))
     return specialise(lanes, rate, element, int(plain), knots, sections, int(tame))
 
 
@@ -175,4 +177,5 @@ def lane_loop(rate: int, element: int, place: int, tame: bool, shared: bool) -> 
             for j in range(count):
                 X[which[first + j], 0] = Z[j]
 
+    side_by_side = put_in(side_by_side, kernels.parts([rate], [element]), pruned=True)
     return specialise(side_by_side, rate, element, place, int(tame), int(shared))

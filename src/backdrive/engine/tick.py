@@ -84,6 +84,7 @@ class Tick:
         self.codes = np.zeros(len(laws), dtype=np.int64)
         self._states = np.zeros((len(laws), rows.states))
         self._arrays = (rows.rows, self._states, S, self.codes)
+        self._advance = kernels.of_kinds(advance, rows.rates, rows.elements)
         self.tick(np.zeros(len(laws)))
         self.reset()
 
@@ -102,5 +103,5 @@ class Tick:
         Returns:
             tau_f [N.m or N], (J,): `torque`, the same array in every tick.
         """
-        advance(*self._arrays, increments)
+        self._advance(*self._arrays, increments)
         return self.torque

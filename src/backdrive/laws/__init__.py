@@ -164,7 +164,8 @@ class Law:
         loads = np.array([self.usual_load] if loads is None else loads.reshape(-1, 2))
         temps = np.array([REFERENCE] if temps is None else np.ravel(temps))
         out = np.empty(v.size)
-        kernels.steady(self.rate.KIND, self.row(), np.ravel(v), loads, temps, out)
+        steady = kernels.of_kinds(kernels.steady, self.rate.KIND)
+        steady(self.rate.KIND, self.row(), np.ravel(v), loads, temps, out)
         return out.reshape(v.shape)
 
     @property
@@ -178,7 +179,8 @@ class Law:
         """Return F_p and F_n of Iwatani 2017, (3.1): friction at the slowest motion along +q and along -q [N.m or N]."""
         from backdrive.laws import kernels
 
-        lo, hi, _ = kernels.limits(self.rate.KIND, self.row(), 0.0, self.usual_load, REFERENCE)
+        limits = kernels.of_kinds(kernels.limits, self.rate.KIND)
+        lo, hi, _ = limits(self.rate.KIND, self.row(), 0.0, self.usual_load, REFERENCE)
         return float(hi), float(-lo)
 
     def phi(self, velocity: np.ndarray | float) -> np.ndarray:

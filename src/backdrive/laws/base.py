@@ -211,13 +211,13 @@ class Rate(Rows):
         """
         from backdrive.laws import kernels
 
-        row = self.row()
+        limits, row = kernels.of_kinds(kernels.limits, self.KIND), self.row()
         row = np.concatenate([[row.size + self.MARK], row])
         result: dict[float, list[tuple[float, float, float]]] = {}
         for way in (1.0, -1.0):
             result[way] = []
             for speed in SPEEDS:
-                lo, hi, viscous = kernels.limits(self.KIND, row, way * speed, load, temperature)
+                lo, hi, viscous = limits(self.KIND, row, way * speed, load, temperature)
                 result[way].append((speed, float(hi if way > 0.0 else -lo), float(way * viscous)))
         return result
 

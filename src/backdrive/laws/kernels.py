@@ -1,4 +1,4 @@
-"""The ladder: one compiled entry for every law, chosen by an integer.
+"""The ladder: one entry for every law, chosen by an integer, and the kernels of laws that are known (`of_kinds`).
 
 A law is a row `p`: p[0] is the number m of rate-law parameters, p[1:1+m] the rate law's row, p[1+m:] the element's. Where
 friction grows with the load, p[0] is 1/2 more, and the last of the m numbers say how (`growth`). Where the rate law differs by
@@ -13,15 +13,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
+from backdrive._assembly import assemble
 from backdrive._jit import choice, jit, ladder, leaf, specialise
 from backdrive._types import Array, Pair
 from backdrive.laws import ELEMENTS, RATES, REFERENCE, growth
 from backdrive.laws.base import Element, kernels_of
 from backdrive.laws.elements import none
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 STEPS = 60  # of `solve` at most; line sections need a handful
 CLOSE = 1e-14  # of what is left of the balance when `solve` ends to the velocities in it
@@ -279,17 +282,6 @@ def _excess(  # noqa: PLR0913  (a kernel's row)
     return toward * (v + dt_over_m * friction - v_free)
 
 
-@cache
-def steady_of(rate: int) -> Callable[..., Any]:
-    """Return the steady friction torque of a plain rate law at one velocity, without a load and at 20 degC: f(p, v)."""
-
-    def at(p: Array, v: float):
-        lo, hi, viscous = limits_of(rate, True, p, v, (0.0, 0.0), REFERENCE)
-        return none.step(p, 0, 0.0, lo, hi, v, 1.0)[1] + viscous
-
-    return specialise(at, rate)
-
-
 @jit
 def steady(rate: int, p: Array, v: Array, load: Array, temp: Array, out: Array):
     """Fill `out` with the steady friction torque at the velocities `v` (n,), under loads (n, 2) or (1, 2); 0 at v = 0."""
@@ -298,3 +290,51 @@ def steady(rate: int, p: Array, v: Array, load: Array, temp: Array, out: Array):
         j = i if loads else 0
         lo, hi, viscous = limits(rate, p, v[i], (load[j, 0], load[j, 1]), temp[i if temps else 0])
         out[i] = none.step(p, 0, 0.0, lo, hi, v[i], 1.0)[1] + viscous
+
+
+@cache
+def steady_of(rate: int) -> Callable[..., Any]:
+    """Return the steady friction torque of a rate law at one velocity, without a load and at 20 degC: f(p, v)."""
+    steady = of_kinds(steady_at, rate)
+
+    def at(p: Array, v: float):
+        return steady(rate, p, v)
+
+    return specialise(at, rate)
+
+
+@jit
+def steady_at(rate: int, p: Array, v: float):
+    """Return the steady friction torque at one velocity, without a load and at 20 degC."""
+    lo, hi, viscous = limits(rate, p, v, (0.0, 0.0), REFERENCE)
+    return none.step(p, 0, 0.0, lo, hi, v, 1.0)[1] + viscous
+
+
+def parts(rates: Iterable[int], elements: Iterable[int] = ()) -> dict[Any, Any]:
+    """Return what `assemble` puts into a kernel that meets only these kinds of rate laws and elements."""
+    which, sets = sorted({int(kind) for kind in elements}), {"ROWS": ROWS, "MOVES": MOVES, "HOLDS": HOLDS}
+    result: dict[Any, Any] = {curve: tuple(sorted({int(kind) for kind in rates}))}
+    if which:
+        result |= {carry: tuple(which) for carry in (carry_row, carry_moving, carry_plain)}
+        for name, kinds in sets.items():
+            inside = {kinds >> kind & 1 for kind in which}
+            if len(inside) == 1:  # all bits or none, so that nothing has to be looked at
+                result[__name__, name] = -inside.pop()
+    return result
+
+
+def of_kinds(kernel: F, rates: int | Iterable[int], elements: int | Iterable[int] = ()) -> F:
+    """Return a kernel that takes the same arguments and knows only these laws, and so is compiled and runs faster.
+
+    Args:
+        kernel: that calls kernels of this module, or one of them.
+        rates: kind of the rate law, or of several.
+        elements: kind of the element, or of several; none for a kernel that needs none.
+    """
+    sets = ([kinds] if isinstance(kinds, int) else kinds for kinds in (rates, elements))
+    return _of_kinds(kernel, *(tuple(sorted({int(kind) for kind in kinds})) for kinds in sets))
+
+
+@cache
+def _of_kinds(kernel: Any, rates: tuple[int, ...], elements: tuple[int, ...]) -> Any:
+    return assemble(kernel, parts(rates, elements))

@@ -24,6 +24,7 @@ from backdrive.engine.axis import implicit_velocity
 from backdrive.engine.series import stack_rows
 from backdrive.engine.servo import Servo
 from backdrive.errors import InvalidInput, require
+from backdrive.laws import kernels
 from backdrive.simulation.joint import JointSimulation
 from backdrive.simulation.machines import COUNTS, bent_curve, joint_0, joint_1, joint_2
 
@@ -204,6 +205,7 @@ class Arm:
             ]
         )
         self._kinds = np.array([[law.rate.KIND for law in laws], [law.element.KIND for law in laws]])
+        self._advance = kernels.of_kinds(advance, *self._kinds)
         self._P = stack_rows([law.row() for law in laws])
         self._X = np.zeros((J, max(law.state().size for law in laws) + 1))
         self.load, self.load_velocity = np.array(posture, dtype=np.float64), np.zeros(J)
@@ -238,7 +240,7 @@ class Arm:
         Minv, bias = self.rigid(pushed)
         steps = int(np.ceil(period / substep - 1e-9))
         u = np.clip(command, [-j.torque_limit for j in self.joints], [j.torque_limit for j in self.joints])
-        advance(
+        self._advance(
             self._table,
             self._kinds,
             self._P,

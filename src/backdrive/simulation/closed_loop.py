@@ -7,18 +7,21 @@ their sum acts until the next tick, later by the drive's delay. Between ticks th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from backdrive.control import BareLoop, JointLoop, admittance, joint_loop
+from backdrive._assembly import assemble
+from backdrive.control import BareLoop, JointLoop, admittance, assembly, joint_loop, loop_kernel
 from backdrive.control.admittance import Admittance
+from backdrive.engine import axis as axis_
 from backdrive.engine import servo as servo_
 from backdrive.engine.cores import spread
 from backdrive.engine.servo import Servo
 from backdrive.errors import InvalidInput
+from backdrive.laws import kernels
 from backdrive.logs.log import Drive, Log
 from backdrive.parameters import POSITIVE, Bound, WithBounds, check
 from backdrive.simulation.hand import Hand, HandMotion
@@ -155,9 +158,11 @@ def play(scenes: Scene | Sequence[Scene], *, workers: int | None = None) -> Any:
     many = [scenes] if isinstance(scenes, Scene) else list(scenes)
     prepared = [prepare(scene) for scene in many]
 
+    kernels_of = [kernel_of(scene, arguments) for scene, (arguments, _) in zip(many, prepared, strict=True)]
+
     def work(first: int, last: int) -> None:
-        for arguments, _ in prepared[first:last]:
-            run(*arguments)
+        for kernel, (arguments, _) in zip(kernels_of[first:last], prepared[first:last], strict=True):
+            kernel(*arguments)
 
     spread(work, len(prepared), workers)
     records = []
@@ -173,6 +178,26 @@ def play(scenes: Scene | Sequence[Scene], *, workers: int | None = None) -> Any:
             )
         )
     return records[0] if isinstance(scenes, Scene) else records
+
+
+def kernel_of(scene: Scene, arguments: tuple) -> Callable[..., None]:
+    """Return `run` for what stands in a scene.
+
+    Args:
+        scene: to be played.
+        arguments: what `prepare` makes of it.
+    """
+    law, C, E = scene.plant.law, arguments[6], arguments[10]
+    joint = loop_kernel.absent
+    if scene.loop is not None:
+        joint = assembly.of_joints(C[None], E[None], scene.loop.external is not None)
+    return assemble(
+        run,
+        {
+            loop_kernel.joint: joint,
+            axis_.advance: kernels.of_kinds(axis_.advance, law.rate.KIND, law.element.KIND),
+        },
+    )
 
 
 def prepare(scene: Scene) -> tuple[tuple, np.ndarray]:

@@ -36,11 +36,12 @@ PURPOSE = "Friction in a simulation by MuJoCo needs"
 
 def at_rest(law: Law) -> tuple[float, float]:
     """Return stiffness K and damping D against the first motion [N.m/rad, N.m.s/rad]; K is infinite without presliding."""
+    step = kernels.of_kinds(kernels.step, law.rate.KIND, law.element.KIND)
 
     def torque(way: float, time: float) -> float:
         loads = law.usual_load
         return float(
-            kernels.step(law.rate.KIND, law.element.KIND, law.row(), law.state(), way, time, loads, REFERENCE)
+            step(law.rate.KIND, law.element.KIND, law.row(), law.state(), way, time, loads, REFERENCE)
         )
 
     slow, fast = torque(LITTLE, LONG), torque(LITTLE, SHORT)
@@ -205,6 +206,7 @@ class MujocoFriction:
         laws = [d.law for d in self.joints]
         self._q, self._v = np.array([d.q for d in self.joints]), np.array([d.v for d in self.joints])
         self._kinds = np.array([[law.rate.KIND for law in laws], [law.element.KIND for law in laws]])
+        self._torques = kernels.of_kinds(torques, *self._kinds)
         self._sizes = np.array([[law.row().size for law in laws], [law.state().size for law in laws]])
         self._rows = np.zeros((len(laws), self._sizes[0].max()))
         for row, law in zip(self._rows, laws, strict=True):
@@ -242,7 +244,7 @@ class MujocoFriction:
         motor = data.qfrc_actuator[v]
         external = data.qfrc_smooth[v] + data.qfrc_constraint[v] + self.torque - motor
         q = data.qpos[self._q]
-        torques(
+        self._torques(
             self._kinds, self._sizes, self._rows, self._states, q - self._before, dt,
             np.stack([motor, external], axis=1), self._temperature, self.torque,
         )  # fmt: skip

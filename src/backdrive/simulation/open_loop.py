@@ -12,10 +12,10 @@ import numpy as np
 
 from backdrive.errors import InvalidInput
 from backdrive.logs.log import Drive, Log
-from backdrive.simulation.closed_loop import Scene, prepare
+from backdrive.simulation.closed_loop import Scene, kernel_of, prepare
 from backdrive.simulation.hand import still
 from backdrive.simulation.joint import JointSimulation
-from backdrive.simulation.kernel import COLUMNS, run
+from backdrive.simulation.kernel import COLUMNS
 
 SUBSTEP = 5e-4  # longest integration step [s]
 DELAYED = 1e-4  # the same with a delay, which is rounded to whole steps [s]
@@ -121,6 +121,6 @@ def drive(
         seed=seed,
     )
     arguments, _ = prepare(scene)
-    run(*arguments)
+    kernel_of(scene, arguments)(*arguments)
     state, record = arguments[4], arguments[-1]
     return record[:, [COLUMNS.index(name) for name in SEEN]], state

@@ -18,7 +18,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import jit, leaf
 from backdrive.elementary import sin
 from backdrive.parameters import POSITIVE, Bound, WithBounds
 
@@ -44,6 +44,12 @@ def tick(c, i, s, j, stuck, lo, hi, q, dt, t, idle):  # noqa: PLR0913  (a kernel
         s[j] += dt
     share = s[j + 1] if mode == 2.0 else 1.0
     return share * c[i + 1] * (0.5 * (hi - lo) * sin(c[i + 2] * phase) + 0.5 * (hi + lo))
+
+
+@leaf
+def absent(c, i, s, j, stuck, lo, hi, q, dt, t, idle):  # noqa: PLR0913  (a kernel's row)
+    """Return no dither: `tick` where no joint has one."""
+    return 0.0
 
 
 @jit

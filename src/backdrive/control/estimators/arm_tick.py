@@ -10,7 +10,7 @@ import numpy as np
 from backdrive.control.estimators import arm_kernel as k
 from backdrive.engine.series import stack_rows
 from backdrive.errors import InvalidInput
-from backdrive.laws import REFERENCE
+from backdrive.laws import REFERENCE, kernels
 from backdrive.robot import require_pinocchio
 from backdrive.status import Status
 
@@ -102,6 +102,8 @@ class ArmForceTick:
                 settings.bodies.data,
             )
             self._axes, self._jacobian_of = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED, pin.computeFrameJacobian
+        kinds = [law.rate.KIND for law in laws], [law.element.KIND for law in laws]
+        self._after = kernels.of_kinds(k.after, *kinds)
         self._fresh = True
         self.tick(np.zeros(J), np.zeros(J))
         self.reset()
@@ -170,7 +172,7 @@ class ArmForceTick:
         self.bodies_only()
         if temperature is not None:
             self._temperature[:] = temperature
-        k.after(
+        self._after(
             self._c,
             self._s,
             self._io,

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, overload
 
 import numpy as np
 
+from backdrive._assembly import assemble
 from backdrive._jit import choice, jit, ladder, leaf
 from backdrive.control.estimators import friction as friction_
 from backdrive.control.estimators import sliding_mode
@@ -36,7 +37,7 @@ from backdrive.control.estimators.of_model import fields
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.elementary import cos, sin
 from backdrive.errors import InvalidInput
-from backdrive.laws import REFERENCE
+from backdrive.laws import REFERENCE, kernels
 from backdrive.parameters import FINITE, POSITIVE, WithBounds
 
 if TYPE_CHECKING:
@@ -115,6 +116,12 @@ def tick(c, i, p, x, s, j, q, dp, dt, u, known, load, temp, level):  # noqa: PLR
     if c[i + 2] != 0.0 or c[i + 3] != 0.0:
         n -= c[i + 2] * sin(q) + c[i + 3] * cos(q)
     return estimate(int(c[i]), (c, i, s, j, q, dp, dt, n)), tau_f
+
+
+@leaf
+def absent(c, i, p, x, s, j, q, dp, dt, u, known, load, temp, level):  # noqa: PLR0913  (a kernel's row)
+    """Return neither force nor friction: `tick` where no joint has an estimator."""
+    return 0.0, 0.0
 
 
 @jit
@@ -290,7 +297,9 @@ class ExternalForce(WithBounds):
             outside = -carried if told else np.full(1, np.nan)
         begin = (velocity * dt, float(u[0] if velocity else g[0]))
         state = self.start(float(q[0]) - velocity * dt, velocity)
-        along(self.row(dt), law.row(), law.state(), state, q, u, g, outside, warmth, begin, dt, out)
+        row = self.row(dt)
+        parts = kernels.parts([law.rate.KIND], [law.element.KIND]) | {estimate: int(row[0])}
+        assemble(along, parts)(row, law.row(), law.state(), state, q, u, g, outside, warmth, begin, dt, out)
         force, friction = out.T
         return force, friction
 

@@ -20,7 +20,7 @@ from backdrive.identification.dynamic.motion_log import MotionLog
 from backdrive.identification.dynamic.motion_terms import Range, assemble, column
 from backdrive.identification.dynamic.problem import Problem
 from backdrive.identification.dynamic.unknowns import LawShape, Scales, Unknown
-from backdrive.laws import REFERENCE
+from backdrive.laws import REFERENCE, kernels
 
 FLEXIBLE = ("offset", "gravity_sin", "gravity_cos", "drive.delay")  # may be 0: judged by their range
 
@@ -249,8 +249,10 @@ class MotionProblem(Problem):
             supply, enabled, temp = (np.tile(c, (B, 1)) for c in (supply, enabled, temp))
             which = np.arange(B * M)
 
+        run = kernels.of_kinds(lanes, law.rate.KIND, law.element.KIND)
+
         def work(first: int, last: int) -> None:
-            lanes(
+            run(
                 first,
                 last,
                 J,

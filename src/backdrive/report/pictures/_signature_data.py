@@ -103,7 +103,8 @@ def scene(law: Law) -> Scene:
 
 def _hold(law: Law, at: Condition) -> float:
     """Return the torque at which a joint at rest breaks away [N.m]."""
-    lo, hi, _ = kernels.limits(law.rate.KIND, law.row(), 0.0, at.load, at.temperature)
+    limits = kernels.of_kinds(kernels.limits, law.rate.KIND)
+    lo, hi, _ = limits(law.rate.KIND, law.row(), 0.0, at.load, at.temperature)
     return max(-lo, hi)
 
 
@@ -129,7 +130,7 @@ def run(law: Law, increments: np.ndarray, period: float, at: Condition) -> np.nd
         Friction torque [N.m], (n,).
     """
     rate, element, p, x = law.rate.KIND, law.element.KIND, law.row(), law.state()
-    load, step = at.load, kernels.step
+    load, step = at.load, kernels.of_kinds(kernels.step, rate, element)
     return np.array(
         [step(rate, element, p, x, dp, period, load, at.temperature) for dp in increments.tolist()]
     )
@@ -145,11 +146,12 @@ def steady(law: Law, velocity: np.ndarray, at: Condition) -> np.ndarray:
     """
     rate, element, p = law.rate.KIND, law.element.KIND, law.row()
     load, size, out = at.load, scene(law), np.empty(velocity.size)
+    step = kernels.of_kinds(kernels.step, rate, element)
     for i, v in enumerate(velocity.tolist()):
         x, before, torque = law.state(), np.inf, 0.0
         dt = max(0.25 * size.stretch / abs(v), 5e-3)
         for _ in range(SETTLED):
-            torque = kernels.step(rate, element, p, x, v * dt, dt, load, at.temperature)
+            torque = step(rate, element, p, x, v * dt, dt, load, at.temperature)
             if abs(torque - before) <= 1e-9 * abs(torque):
                 break
             before = torque
@@ -190,13 +192,15 @@ def pull(law: Law, at: Condition) -> np.ndarray:
     """Return the positions of a mass that a spring draws along [rad], (n,); implicit in all forces."""
     rate, element, p, x = law.rate.KIND, law.element.KIND, law.row(), law.state()
     size, load = scene(law), at.load
+    solve = kernels.of_kinds(kernels.solve, rate, element)
+    step = kernels.of_kinds(kernels.step, rate, element)
     dt, position = size.duration / PULL, np.empty(PULL)
     soft = dt / INERTIA / (1.0 + dt * dt * size.spring / INERTIA)  # the spring's give within the tick
     q = v = 0.0
     for i, target in enumerate(spring_end(law)[1].tolist()):
         v_free = soft * (INERTIA * v / dt + size.spring * (target - q))
-        v = kernels.solve(rate, element, p, x, v_free, dt, soft, load, at.temperature)
-        kernels.step(rate, element, p, x, v * dt, dt, load, at.temperature)
+        v = solve(rate, element, p, x, v_free, dt, soft, load, at.temperature)
+        step(rate, element, p, x, v * dt, dt, load, at.temperature)
         q += v * dt
         position[i] = q
     return position

@@ -1,0 +1,139 @@
+"""Tests for _assembly.py: an assembled kernel gives the bits of the general one, and the disk remembers it."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from _kinds import of_a_kind
+from backdrive._assembly import assemble
+from backdrive._jit import COMPILED, choice, jit, ladder
+from backdrive.control import BareLoop, assembly, joint_loop, loop_kernel
+from backdrive.control.compensators import compensator as compensator_
+from backdrive.control.compensators.catalog import alg_fc2
+from backdrive.control.estimators import external as external_
+from backdrive.control.estimators.external import ExternalForce
+from backdrive.control.table import TORQUE
+from backdrive.laws import ELEMENTS, RATES, Decaying, Law, LuGre, Polyline, StribeckGauss, kernels
+
+BRISTLE = LuGre(stiffness=1e4, damping=30.0)
+SPRING = Decaying(stiffness=1e4, decay_rate=20.0)
+
+
+def law_of(name: str) -> Law:
+    if name in RATES:
+        return Law(rate=RATES[name](**RATES[name].EXAMPLE), element=BRISTLE)
+    return Law(rate=StribeckGauss(**StribeckGauss.EXAMPLE), element=ELEMENTS[name](**ELEMENTS[name].EXAMPLE))
+
+
+def along(step, rate: int, element: int, law: Law) -> np.ndarray:
+    p, x = law.row(), law.state()
+    increments = 1e-4 * np.random.default_rng(1).standard_normal(300).cumsum()
+    return np.array([step(rate, element, p, x, dp, 1e-3, (0.0, 0.0), 20.0) for dp in increments.tolist()])
+
+
+@pytest.mark.parametrize("name", of_a_kind([*RATES, *ELEMENTS]))
+def test_a_step_of_one_law_gives_the_ladders_bits(name):
+    law = law_of(name)
+    kinds = law.rate.KIND, law.element.KIND
+    known = kernels.of_kinds(kernels.step, *kinds)
+    assert np.array_equal(along(known, *kinds, law), along(kernels.step, *kinds, law))
+
+
+def test_a_step_of_two_laws_chooses_between_them():
+    laws = law_of("lugre"), law_of("decaying")
+    kinds = [law.element.KIND for law in laws]
+    both = kernels.of_kinds(kernels.step, laws[0].rate.KIND, kinds)
+    for law in laws:
+        rate, element = law.rate.KIND, law.element.KIND
+        assert np.array_equal(along(both, rate, element, law), along(kernels.step, rate, element, law))
+
+
+@pytest.mark.parametrize("external", [None, "momentum"])
+def test_a_loop_that_knows_its_joints_gives_the_bits_of_the_general_one(external):
+    rate = Polyline(**Polyline.EXAMPLE)
+    made = alg_fc2(rate, 1e4, 1e-3)
+    estimator = external and ExternalForce(inertia=0.5, friction=made.friction, method=external)
+    joints = [BareLoop(compensator=made, external=estimator, limit=5.0)] * 2
+    position = 1e-3 * np.random.default_rng(2).standard_normal((200, 2)).cumsum(axis=0)
+
+    def run(kernel) -> list[np.ndarray]:
+        *parts, table = joint_loop.rows(joints, np.zeros(2), 1e-3)
+        begins, codes = np.cumsum([0] + [part.shape[1] for part in parts]), np.zeros(2, dtype=np.int64)
+        arrays, seen = (np.concatenate(parts, axis=1), begins, table, codes), []
+        for q in position:
+            kernel(*arrays, q, 1e-3)
+            seen.append(table[TORQUE:].copy())
+        return seen
+
+    C, *_ = parts = joint_loop.rows(joints, np.zeros(2), 1e-3)
+    known = assembly.of_loop(loop_kernel.tick, C, parts[4], external is not None)
+    assert all(
+        np.array_equal(a, b, equal_nan=True) for a, b in zip(run(known), run(loop_kernel.tick), strict=True)
+    )
+
+
+def test_what_leads_to_no_part_stays_as_it_is():
+    parts = kernels.parts([StribeckGauss.KIND], [LuGre.KIND])
+    assert assemble(compensator_.shift, parts) is compensator_.shift
+    assert assemble(external_.restart, parts) is external_.restart
+
+
+@pytest.mark.skipif(not COMPILED, reason="the general kernel is returned")
+def test_a_part_is_put_in_through_what_is_called():
+    def twice(x):
+        return 2.0 * x
+
+    def thrice(x):
+        return 3.0 * x
+
+    which = choice({2: jit(twice), 3: jit(thrice)}, jit(twice))
+    globals()["WHICH"], globals()["inner"] = which, ladder(_inner)
+    outer = jit(_outer)
+    assert outer(2, 1.0) == 3.0
+    assert outer(3, 1.0) == 4.0
+    assert assemble(outer, {which: 3})(2, 1.0) == 4.0
+    assert assemble(outer, {which: (2, 3)})(2, 1.0) == 3.0
+    assert assemble(outer, {(__name__, "ONE"): 10.0})(2, 1.0) == 12.0
+
+
+ONE = 1.0
+
+
+def _inner(number, x):
+    return WHICH(number, (x,))  # noqa: F821  (a test puts it there)
+
+
+def _outer(number, x):
+    return inner(number, x) + ONE  # noqa: F821  (a test puts it there)
+
+
+SCRIPT = """
+from backdrive._assembly import _made
+from backdrive.control import JointLoop, Loop
+from backdrive.control.compensators.catalog import alg_fc
+from backdrive.laws import Coulomb
+Loop(JointLoop(compensator=alg_fc(Coulomb(coulomb=2.0), 1e3), limit=3.0, top_speed=5.0, encoder_count=1e-5), interval=1e-3)
+stats = [kernel.stats for kernel in _made.values() if hasattr(kernel, "stats")]
+print(sum(sum(s.cache_hits.values()) for s in stats), sum(sum(s.cache_misses.values()) for s in stats))
+"""
+
+
+@pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
+def test_another_process_compiles_nothing(tmp_path):
+    def run() -> list[int]:
+        environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+        done = subprocess.run(
+            [sys.executable, "-c", SCRIPT], env=environment, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        return [int(word) for word in done.stdout.split()]
+
+    hits, misses = run()
+    assert hits == 0
+    assert misses > 0
+    hits, misses = run()
+    assert hits > 0
+    assert misses == 0
