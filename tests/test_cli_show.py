@@ -92,8 +92,8 @@ def test_json_is_the_file_and_the_curve(show, model, result):
         assert curve["torque"] == pytest.approx(expected.tolist())
     assert document["curves"]["joint_4"]["torque_unit"] == "N"
     assert document["curves"]["joint_4"]["velocity_unit"] == "m/s"
-    assert document["curves"]["joint_3"]["largest_standard_error"] == [None] * 21
-    assert min(document["curves"]["joint_1"]["largest_standard_error"]) > 0
+    assert document["curves"]["joint_3"]["standard_error"] == [None] * 21
+    assert min(document["curves"]["joint_1"]["standard_error"]) > 0
 
 
 @pytest.mark.parametrize("suffix", ["svg", "png"])

@@ -113,7 +113,7 @@ def _print_presets(as_json: bool) -> None:
 
 def _print_json(model, plot: Path | None) -> None:
     from backdrive.model.file import encode
-    from backdrive.report.pictures.model_curve import largest_error
+    from backdrive.report.pictures.model_curve import error_of
 
     curves = {}
     for friction, (name, curve) in zip(model.joints, model.table(SPEEDS).items(), strict=False):
@@ -122,7 +122,7 @@ def _print_json(model, plot: Path | None) -> None:
             "velocity_unit": f"{friction.joint.unit}/s",
             "torque": curve["torque"],
             "torque_unit": friction.joint.torque_unit,
-            "largest_standard_error": largest_error(friction, curve["velocity"]),
+            "standard_error": error_of(friction)(curve["velocity"]),
             "remarks": list(friction.remarks()),
         }
     document = {"ok": True, "model": json.loads(encode(model)), "curves": curves}
