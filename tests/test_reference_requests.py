@@ -611,7 +611,11 @@ def test_joints_that_cannot_be_identified_are_left_out_with_a_word(asked):
     assert hardly not in identify(still, method="arm", urdf="r").warnings
     steps: list[str] = []
     identify(log, method="motion", progress=steps.append)
-    assert steps == ["Checking the logs", "Identifying a (motion)", "Identifying bad (motion)"]
+    assert steps == [
+        "Checking the logs",
+        "Identifying a (motion), joint 1 of 2",
+        "Identifying bad (motion), joint 2 of 2",
+    ]
 
 
 def test_no_joint_left_is_an_error(asked, monkeypatch):

@@ -37,7 +37,7 @@ def footer(figure: Any, outcome: Outcome) -> None:
     """Write below a figure what its abbreviations and signs mean and which of its claims do not hold; the sheet grows by that.
 
     Args:
-        figure: drawn, with a layout engine.
+        figure: drawn; one without a layout engine stays as it is.
         outcome: that it shows.
     """
     words = texts_of(figure)
@@ -50,7 +50,8 @@ def footer(figure: Any, outcome: Outcome) -> None:
     notes += [
         (f"Does not hold here: {c.what.rstrip(chr(46))}.", FAILS) for c in outcome.claims if c.holds is False
     ]
-    if not notes:
+    engine = figure.get_layout_engine()
+    if not notes or engine is None:
         return
     width, height = figure.get_size_inches()
     letters = int((72.0 * width - 24.0) / (NARROW * SMALL))
@@ -58,7 +59,7 @@ def footer(figure: Any, outcome: Outcome) -> None:
     pitch = LINE * SMALL / 72.0
     below = pitch * len(lines) + 8.0 / 72.0
     figure.set_size_inches(width, height + below)
-    figure.get_layout_engine().set(rect=(0.0, below / (height + below), 1.0, height / (height + below)))
+    engine.set(rect=(0.0, below / (height + below), 1.0, height / (height + below)))
     for i, (line, color) in enumerate(lines):
         at = (pitch * (len(lines) - i - 1) + 6.0 / 72.0) / (height + below)
         figure.text(
