@@ -42,17 +42,18 @@ def assemble(kernel: F, parts: Parts) -> F:
     return _made[key]
 
 
-def put_in(function: FunctionType, parts: Parts, *, pruned: bool = False) -> FunctionType:
+def put_in(function: FunctionType, parts: Parts) -> FunctionType:
     """Return a plain function with parts put in, to be compiled by `specialise`, which names its cache file by what they are.
+
+    Ladders stay ladders, written out in the function: it works on many ticks at once, and the compiler sees more of it.
 
     Args:
         function: that calls kernels.
         parts: as of `assemble`.
-        pruned: branches that are never taken must not be compiled at all, since types do not fit there; slower to compile.
     """
     if not COMPILED:
         return function
-    return _bound(function, _Assembly(parts, pruned).changes(function))
+    return _bound(function, _Assembly(parts, written_out=True).changes(function))
 
 
 class _Assembly:
@@ -60,12 +61,12 @@ class _Assembly:
 
     Args:
         parts: as of `assemble`.
-        pruned: ladders stay ladders.
+        written_out: ladders stay ladders.
     """
 
-    def __init__(self, parts: Parts, pruned: bool = False):
+    def __init__(self, parts: Parts, written_out: bool = False):
         self.parts = {key: _part(key, value) for key, value in parts.items()}
-        self.pruned = pruned
+        self.written_out = written_out
         self.seen: dict[Any, Any] = {}
 
     def anew(self, kernel: Any) -> Any:
@@ -105,15 +106,15 @@ class _Assembly:
     def _make(self, kernel: Any, source: FunctionType, changed: dict[str, Any]) -> Any:
         """Return a kernel of some source in which names stand for something else."""
         words = (f"{name}={_label(value)}" for name, value in sorted(changed.items()))
-        name = f"{source.__name__}_{_digest(_label(kernel), str(self.pruned), *words)}"
+        name = f"{source.__name__}_{_digest(_label(kernel), str(self.written_out), *words)}"
         if (source, name) not in _made:
             made = _bound(source, changed)
             made.__qualname__ = name
             options = kernel.targetoptions
-            written_out = options.get("inline") == "always"
+            was_ladder = options.get("inline") == "always"
             compiler = jit
-            if written_out or options.get("forceinline"):
-                compiler = ladder if written_out and self.pruned else leaf
+            if was_ladder or options.get("forceinline"):
+                compiler = ladder if was_ladder and self.written_out else leaf
             _made[source, name] = compiler(made)
         return _made[source, name]
 

@@ -177,5 +177,5 @@ def lane_loop(rate: int, element: int, place: int, tame: bool, shared: bool) -> 
             for j in range(count):
                 X[which[first + j], 0] = Z[j]
 
-    side_by_side = put_in(side_by_side, kernels.parts([rate], [element]), pruned=True)
+    side_by_side = put_in(side_by_side, kernels.parts([rate], [element]))
     return specialise(side_by_side, rate, element, place, int(tame), int(shared))
