@@ -17,6 +17,7 @@ from backdrive.export.values import (
     BOOL,
     EQUAL,
     INT,
+    LONG,
     OR,
     OR_BITS,
     ORDER,
@@ -63,6 +64,12 @@ MATH = {abs: "fabs", np.sqrt: "sqrt", np.copysign: "copysign"}
 def number_of(value: Value) -> Any:
     """Return the number of a value where it is known, else None."""
     return value.value if isinstance(value, Const) else value.known if isinstance(value, Scalar) else None
+
+
+def beside(value: Value, other: Value) -> Value:
+    """Return a whole number as an integer where it meets one."""
+    whole = isinstance(value, Const) and isinstance(value.value, float) and value.value.is_integer()
+    return Const(int(value.value)) if whole and getattr(other, "kind", REAL) in (INT, LONG) else value
 
 
 class Operators:
@@ -124,6 +131,7 @@ class Operators:
         a, b = number_of(left), number_of(right)
         if a is not None and b is not None:
             return Const(bool(function(a, b)))
+        left, right = beside(left, right), beside(right, left)
         kind = wider(*(v.kind for v in (left, right) if isinstance(v, (Const, Scalar))))
         x, y = self.spelling.scalar(left, kind), self.spelling.scalar(right, kind)
         return self.spelling.join(f"{x.within(PLUS)} {sign} {y.within(PLUS)}", BOOL, level, [x, y])

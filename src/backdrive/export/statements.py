@@ -8,6 +8,7 @@ from typing import Any
 
 from backdrive.export.code import Assign, Branch, Do, Leave, Statement, Store
 from backdrive.export.expressions import BINARY, DEAD, Expressions, number_of
+from backdrive.export.operators import beside
 from backdrive.export.values import (
     REAL,
     Array,
@@ -234,6 +235,7 @@ class Statements(Expressions):
             )
             return
         place, value = self.in_order([target, node.value])
+        value = beside(value, place)
         if not isinstance(place, Scalar) or place.known is not None:
             raise Untranslatable(f"{ast.unparse(target)} is written to, but is a parameter")
         self.writes = True
