@@ -35,12 +35,15 @@ from backdrive.export.values import (
     wider,
 )
 
+from backdrive.laws.rates import polyline
+
 if TYPE_CHECKING:
     from backdrive.export.program import Program
 
 INTERVALS, TIMED = ("dt", "T"), ("loop_kernel", "readings", "guard")
 RARE = ("shift", "restart", "after_jump", "relax", "adapt", "acknowledge", "unusual_power", "solve")
 MOVES = ("by",)  # by which positions are moved: as exact as they are
+ONE_AT_A_TIME = {polyline.section: polyline.section_of_one}  # in place of what is written for vectors
 OF_FLOATS = {getattr(elementary, name): f"{name}f" for name in ("exp", "log", "pow", "tanh", "sin", "cos")}
 OF_FLOATS[elementary.decay] = "expf"
 
@@ -207,6 +210,7 @@ class Body(Loops):
             parts = [self.spelling.scalar(a, REAL) for a in arguments]
             text = f"{name}({', '.join(p.text for p in parts)})"
             return self.spelling.join(text, REAL, PRIMARY, parts)
+        function = ONE_AT_A_TIME.get(function, function)
         source = getattr(function, "py_func", function)
         names = inspect.signature(source).parameters
         arguments = [
