@@ -106,10 +106,10 @@ def reads(statement: Statement) -> frozenset[str]:
 
 
 def prune(block: list[Statement]) -> None:
-    """Take out assignments to variables that nothing reads, and branches in which nothing is left."""
+    """Take out assignments that nothing reads, and branches in which nothing is left."""
     while True:
         used = frozenset().union(*(reads(s) for s in walk(block)))
-        if not _prune(block, used):
+        if not _prune(block, used) and not _prune_overwritten(block):
             return
 
 
@@ -128,6 +128,33 @@ def _prune(block: list[Statement], used: frozenset[str]) -> bool:
             block.remove(statement)
             changed = True
     return changed
+
+
+def _prune_overwritten(block: list[Statement]) -> bool:
+    """Take out assignments to variables that get another value before anything reads them."""
+    changed = False
+    for i, statement in reversed(list(enumerate(block))):
+        for inner in blocks(statement):
+            changed |= _prune_overwritten(inner)
+        if (
+            isinstance(statement, Assign)
+            and not statement.effect
+            and _overwritten(statement.name, block[i + 1 :])
+        ):
+            del block[i]
+            changed = True
+    return changed
+
+
+def _overwritten(name: str, after: list[Statement]) -> bool:
+    for statement in after:
+        if isinstance(statement, Assign) and statement.name == name:
+            return name not in reads(statement)
+        if _speaks(statement, name) or any(
+            isinstance(s, Leave) and s.word != "return" for s in walk([statement])
+        ):
+            return False
+    return False
 
 
 def merge(block: list[Statement]) -> None:

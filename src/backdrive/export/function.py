@@ -22,7 +22,9 @@ class Function:
         parameters: declaration and name of each.
         body: its lines.
         result: type, `void` for none, a structure for several.
-        fields: of that structure: (name, kind), or a number that is always the same.
+        fields: of several results: (type, name, kind) of one in that structure; (None, ...) of one that is not, and behind it a
+            number that is always the same, its place in a table of a parameter, the index of a result that is the same, or
+            None for the only one that is returned.
         kind: of a single result.
         effect: it changes something.
         written: parameters that it writes to.

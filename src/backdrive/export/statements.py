@@ -147,7 +147,10 @@ class Statements(Expressions):
         self.kinds_seen[name] = wider(kind, self.kinds_seen.get(name, kind))
         scalar = self.spelling.scalar(value, kind)
         self.block.append(Assign(name, self.spelling.type_name(kind), scalar, self._effect(scalar)))
-        return Scalar(name, kind, names=frozenset({name}), known=None if carried else number_of(value))
+        known, origin = number_of(value), getattr(value, "origin", "")
+        if carried:
+            known, origin = None, ""
+        return Scalar(name, kind, names=frozenset({name}), known=known, origin=origin)
 
     def _effect(self, value: Scalar) -> bool:
         return False
@@ -160,12 +163,16 @@ class Statements(Expressions):
         self.block.append(Assign(name, type_, value))
         return replace(array, name=name, names=frozenset())
 
+    def do(self, value: Scalar) -> None:
+        """Compute a value for what that changes."""
+        self.block.append(Do(value))
+
     def _expr(self, node: ast.Expr) -> None:
         if isinstance(node.value, ast.Constant):
             return
         value = self.value(node.value)
         if isinstance(value, Scalar) and self._effect(value):
-            self.block.append(Do(value))
+            self.do(value)
 
     def _assign(self, node: ast.Assign) -> None:
         if len(node.targets) == 1:
