@@ -38,7 +38,8 @@ if TYPE_CHECKING:
     from backdrive.export.program import Program
 
 INTERVALS, TIMED = ("dt", "T"), ("loop_kernel", "readings", "guard")
-RARE = ("shift", "restart", "after_jump", "relax", "adapt", "acknowledge", "unusual_power", "solve")
+RARE = ("restart", "jumped", "relax", "adapt", "acknowledge", "unusual_power", "solve")
+APART = ("shift",)  # rare, and called from several places
 MOVES = ("by",)  # by which positions are moved: as exact as they are
 ONE_AT_A_TIME = {polyline.section: polyline.section_of_one}  # in place of what is written for vectors
 OF_FLOATS = {getattr(elementary, name): f"{name}f" for name in ("exp", "log", "pow", "tanh", "sin", "cos")}
@@ -112,9 +113,7 @@ class Body(Results):
     def _finish(self) -> Function:
         made = self.made
         made.title = _title(self.source)
-        made.rare = self.source.__name__ in RARE
-        if self.program.inlines:
-            made.macro = f"{self.program.prefix.upper()}_INLINE"
+        made.macro = self._macro()
         self.results()
         prune(self.block)
         merge(self.block)
@@ -132,6 +131,13 @@ class Body(Results):
         made.written = frozenset(self.written)
         made.effect = bool(self.written)
         return made
+
+    def _macro(self) -> str:
+        """Return by what the function is defined: written out wherever it is called, once for all, or as a compiler likes."""
+        name = self.source.__name__
+        if not self.program.inlines or name in RARE:
+            return "static inline"
+        return f"{self.program.prefix.upper()}_{'APART' if name in APART else 'INLINE'}"
 
     def _type(self, type_: str, name: str) -> str:
         if type_ == "table":

@@ -158,7 +158,7 @@ def _overwritten(name: str, after: list[Statement]) -> bool:
 
 
 def merge(block: list[Statement]) -> None:
-    """Put a call that gives a variable its value where that is all that the next statement reads."""
+    """Put a call that gives a variable its value where that is all that the next statement reads, or what it branches on."""
     counts: dict[str, int] = {}
     for statement in walk(block):
         for name in reads(statement):
@@ -174,6 +174,10 @@ def _merge(block: list[Statement], counts: dict[str, int]) -> None:
     while i + 1 < len(block):
         first, second = block[i], block[i + 1]
         if isinstance(first, Assign) and TEMPORARY.fullmatch(first.name) and counts.get(first.name, 0) == 1:
+            if isinstance(second, Branch) and second.condition.text == first.name:
+                second.condition = first.value
+                del block[i]
+                continue
             value = getattr(second, "value", None)
             if isinstance(second, (Assign, Store, Leave)) and value is not None and value.text == first.name:
                 second.value = first.value

@@ -194,6 +194,8 @@ class Expressions(Operators):
     def field(self, table: Table, row: Value) -> Scalar:
         """Return a field of the table."""
         name, kind, stays = table.fields[number_of(row)]
+        if name in table.dead:
+            return Scalar(DEAD, kind)
         table.used.add(name)
         base = "g" if stays is None else "k"
         text = f"{base}->{name}"

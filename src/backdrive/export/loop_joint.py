@@ -67,6 +67,7 @@ class Joint:
             idle |= set(range(compensator_.S_DITHER, compensator_.S_EXTRA))
         if compensator.extra is None:
             idle |= set(range(compensator_.S_EXTRA, compensator_.STATES))
+        self.timed = compensator.dither is not None
         none = joint.external is None
         self.dead = {
             "s": idle,
@@ -86,12 +87,10 @@ class Joint:
 
     def table(self) -> Table:
         """Return the joint's row of the table as an argument."""
-        return Table(
-            tuple(
-                (name, kind_of(name), float(self.rows[row]) if name in SETTINGS else None)
-                for row, name in FIELDS
-            )
+        fields = (
+            (name, kind_of(name), float(self.rows[row]) if name in SETTINGS else None) for row, name in FIELDS
         )
+        return Table(tuple(fields), dead=frozenset() if self.timed else frozenset({"time"}))
 
 
 def kind_of(field: str) -> str:

@@ -111,4 +111,4 @@ def _describe(value: Value) -> Any:
         content = None if value.content is None else value.content[value.begin :]
         dead = frozenset(i - value.begin for i in value.dead)
         return ("array", value.size, content, value.own - value.begin, dead, places, value.rows, value.kind)
-    return ("table", value.fields)
+    return ("table", value.fields, value.dead)

@@ -79,7 +79,8 @@ class Results(Loops):
 
     def _known(self, columns: list[list[Value]], i: int) -> Value | int | None:
         """Return what a caller knows of a result: a number, its place in a table, or an earlier result that is the same."""
-        first, *others = column = columns[i]
+        column = columns[i]
+        first = column[0]
         if all(isinstance(v, Const) for v in column) and len({repr(number_of(v)) for v in column}) == 1:
             return first
         if not self.inner or not all(isinstance(v, Scalar) and v == first for v in column):

@@ -129,10 +129,12 @@ class Table:
 
     Attributes:
         fields: row -> (name, kind, number where it stays).
+        dead: fields that nothing reads, so that nothing has to be written.
         used: names of the fields that a kernel has read or written, filled as it is translated.
     """
 
     fields: tuple[tuple[str, str, Any], ...]
+    dead: frozenset[str] = frozenset()
     used: set[str] = field(default_factory=set, compare=False, hash=False)
 
 
