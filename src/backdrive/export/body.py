@@ -42,6 +42,7 @@ RARE = ("restart", "jumped", "relax", "adapt", "acknowledge", "unusual_power", "
 APART = ("shift",)  # rare, and called from several places
 MOVES = ("by",)  # by which positions are moved: as exact as they are
 ONE_AT_A_TIME = {polyline.section: polyline.section_of_one}  # in place of what is written for vectors
+CASTS = {elementary.integer_of: LONG, elementary.double_of: WIDE}  # of the last argument, likewise
 OF_FLOATS = {getattr(elementary, name): f"{name}f" for name in ("exp", "log", "pow", "tanh", "sin", "cos")}
 OF_FLOATS[elementary.decay] = "expf"
 
@@ -164,6 +165,10 @@ class Body(Results):
             text = f"{name}({', '.join(p.text for p in parts)})"
             return self.spelling.join(text, REAL, PRIMARY, parts)
         function = ONE_AT_A_TIME.get(function, function)
+        if function in CASTS:
+            kind, number = CASTS[function], number_of(arguments[-1])
+            known = None if number is None else int(number) if kind == LONG else float(number)
+            return replace(self.spelling.scalar(self.spelling.scalar(arguments[-1]), kind), known=known)
         source = getattr(function, "py_func", function)
         names = inspect.signature(source).parameters
         arguments = [
