@@ -72,7 +72,7 @@ class Body(Results):
         self.made = Function("")
         self.block, self.returns, self.env, self.kinds_seen = [], [], {}, {}
         self.temporaries, self.written = 0, set()
-        self.parameters: list[tuple[str, str]] = []
+        self.parameters = []
         names = [a.arg for a in self.tree.args.args]
         if len(names) != len(self.arguments):
             raise Untranslatable(f"{self.source.__name__}: {len(self.arguments)} arguments for {len(names)}")

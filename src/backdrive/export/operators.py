@@ -71,8 +71,13 @@ def number_of(value: Value) -> Any:
 
 def beside(value: Value, other: Value) -> Value:
     """Return a whole number as an integer where it meets one."""
-    whole = isinstance(value, Const) and isinstance(value.value, float) and value.value.is_integer()
-    return Const(int(value.value)) if whole and getattr(other, "kind", REAL) in (INT, LONG) else value
+    if (
+        isinstance(value, Const)
+        and isinstance(value.value, float)
+        and getattr(other, "kind", REAL) in (INT, LONG)
+    ):
+        return Const(int(value.value)) if value.value.is_integer() else value
+    return value
 
 
 class Operators:

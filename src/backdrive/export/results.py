@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from types import FunctionType
+from typing import Any
 
 from backdrive.export.code import Assign, Declare, Store
 from backdrive.export.expressions import number_of
@@ -24,12 +24,14 @@ class Results(Loops):
     Attributes:
         source: the kernel.
         made: its function in C.
+        parameters: declaration and name of each.
         inner: it is called by kernels only, so that its result may be what suits them.
     """
 
-    source: FunctionType
+    source: Any
     made: Function
     inner: bool
+    parameters: list[tuple[str, str]]
 
     def results(self) -> None:
         """Write down what every `return` gives, now that all are known."""
@@ -108,8 +110,8 @@ class Results(Loops):
             leave.value = whole
         self.block.insert(0, Declare(RESULT, ["result"]))
 
-    def received(self, made: Function, call: Scalar, given: dict[str, Scalar]) -> Value | None:
-        """Return the value of a call of a function in C; None where it is none."""
+    def received(self, made: Function, call: Scalar, given: dict[str, Scalar]) -> Value:
+        """Return the value of a call of a function in C."""
         if made.effect:
             self._effectful()
         fields: list[Value] = []
