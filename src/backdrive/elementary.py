@@ -153,8 +153,9 @@ def reduce_exponent(x):
     count = wide - MAGIC
     k = integer_of(wide, count)
     entry = POWERS[k & (N - 1)]
-    lack = double_of(entry >> 52) * LACK
-    return k, entry & MANTISSA, lack, (x - count * STEP_HIGH) - count * STEP_LOW
+    mantissa, lack = entry & MANTISSA, double_of(entry >> 52) * LACK
+    r = (x - count * STEP_HIGH) - count * STEP_LOW
+    return k, mantissa, lack, r
 
 
 @leaf
