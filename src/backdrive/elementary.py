@@ -135,23 +135,41 @@ def product(a: float, b: float):
 
 
 @leaf
-def reduce_exponent(x: float, low: float):
-    """Return k, the mantissa of a power and t with exp(x + low) = 2^floor(k/N) mantissa (1 + t); SMALLEST <= x <= LARGEST."""
+def integer_of(wide: float, count: float):
+    """Return `count`, a whole number, as an integer; from wide = count + MAGIC, for not all vectors have an instruction for it."""
+    return to_bits(wide) - MAGIC_BITS
+
+
+@leaf
+def double_of(whole: int):
+    """Return an integer below 2^51 as a double, the same way."""
+    return from_bits(whole + MAGIC_BITS) - MAGIC
+
+
+@leaf
+def reduce_exponent(x: float):
+    """Return k, the mantissa of a power, what it lacks, and r with exp(x) = 2^floor(k/N) mantissa (1 + lack) e^r."""
     wide = x * BY_LOG_2 + MAGIC
     count = wide - MAGIC
-    k = to_bits(wide) - MAGIC_BITS  # int(count), which has no vector instruction everywhere
+    k = integer_of(wide, count)
     entry = POWERS[k & (N - 1)]
-    lack = (from_bits((entry >> 52) + MAGIC_BITS) - MAGIC) * LACK
-    r = ((x - count * STEP_HIGH) - count * STEP_LOW) + low
+    mantissa, lack = entry & MANTISSA, double_of(entry >> 52) * LACK
+    r = (x - count * STEP_HIGH) - count * STEP_LOW
+    return k, mantissa, lack, r
+
+
+@leaf
+def beyond_one(lack: float, r: float):
+    """Return (1 + lack) e^r - 1 for a small r."""
     square = r * r
-    t = lack + r + square * (0.5 + r * (1.0 / 6.0)) + square * square * (1.0 / 24.0 + r * (1.0 / 120.0))
-    return k, entry & MANTISSA, t
+    return lack + r + square * (0.5 + r * (1.0 / 6.0)) + square * square * (1.0 / 24.0 + r * (1.0 / 120.0))
 
 
 @leaf
 def exponential(x: float, low: float):
     """Return a scale S and t with exp(x + low) = S (1 + t), and the factor that S still lacks; SMALLEST <= x <= LARGEST."""
-    k, mantissa, t = reduce_exponent(x, low)
+    k, mantissa, lack, r = reduce_exponent(x)
+    t = beyond_one(lack, r + low)
     exponent = k >> 7
     rest = 1.0
     if exponent > 1023:
@@ -162,9 +180,9 @@ def exponential(x: float, low: float):
 @leaf
 def decay(x: float):
     """Return e^x for x <= 0, of which less has to be looked at; 0 below -708."""
-    k, mantissa, t = reduce_exponent(x if x >= SMALLEST else 0.0, 0.0)
+    k, mantissa, lack, r = reduce_exponent(x if x >= SMALLEST else 0.0)
     S = from_bits(mantissa + (((k >> 7) + 1023) << 52))
-    value = S + S * t
+    value = S + S * beyond_one(lack, r)
     if x >= SMALLEST:
         return value
     return 0.0 if x < SMALLEST else nan

@@ -104,7 +104,7 @@ def act(g, j, code, wanted, since, interval):
     `code`: of the reading or of what was made of it, `wanted`: torque of the compensator where the reading was believed, `since`:
     time that this reading stands for, `interval`: as it was given.
     """
-    out, limit, passed, cap = g[TORQUE, j], g[LIMIT, j], g[PASSED, j], g[CAP, j]
+    passed = g[PASSED, j]
     good = valid(code) or code == NO_MOTION
     if good:
         g[FAULTY, j] = max(g[FAULTY, j] - FORGIVEN * passed, 0.0)
@@ -112,23 +112,24 @@ def act(g, j, code, wanted, since, interval):
         if watch(g, j, since):
             code = OVERSPEED
     else:
-        late = interval > passed  # not where it is NaN
-        g[FAULTY, j] += min(interval, LONGEST * passed) if late else passed
+        g[FAULTY, j] += min(max(passed, interval), LONGEST * passed)  # `passed` where the interval is NaN
         fading = 1.0 + g[FADE, j] * passed if g[BAD, j] > 0.0 else 1.0  # one bad reading is bridged
         g[BAD, j] += 1.0
-        wanted = out / fading
+        wanted = g[TORQUE, j] / fading
         g[EXTERNAL, j] /= fading
+    out, limit, cap = g[TORQUE, j], g[LIMIT, j], g[CAP, j]
     latched = g[CAUSE, j] != 0.0
     if not latched and (code == OVERSPEED or g[FAULTY, j] > g[PATIENCE, j]):
         g[CAUSE, j] = code
-    if g[CAUSE, j] != 0.0:
-        haste = HASTE if g[CAUSE, j] == OVERSPEED else 1.0
-        cap = max(min(cap, abs(out)) - haste * g[LATCHING, j] * passed, 0.0)
-        wanted = out
-        code = LATCHED if latched else code
-    elif g[STOP, j] != 0.0:
-        cap = max(min(cap, abs(out)) - g[RAMP, j] * passed, 0.0)
-        code = STOPPED if good else code
+    if g[CAUSE, j] != 0.0 or g[STOP, j] != 0.0:
+        fall = g[RAMP, j]
+        if g[CAUSE, j] != 0.0:
+            fall = (HASTE if g[CAUSE, j] == OVERSPEED else 1.0) * g[LATCHING, j]
+            wanted = out
+            code = LATCHED if latched else code
+        elif good:
+            code = STOPPED
+        cap = max(min(cap, abs(out)) - fall * passed, 0.0)
     elif good:
         cap = min(cap + g[RAMP, j] * passed, limit)
     if abs(wanted) > limit and valid(code):

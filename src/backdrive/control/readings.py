@@ -59,11 +59,12 @@ def shift(c, s, ce, se, g, j, by):
     compensator_.shift(c, 0, s, 0, by)
     external_.shift(ce, 0, se, 0, by)
     g[BEFORE, j] += by
+    g[ELSEWHERE, j] = g[BEFORE, j]
     g[ANCHOR, j] += by
     g[OLDER, j] += by
     g[NEWER, j] += by
     g[ZERO, j] += by
-    g[ELSEWHERE, j], g[PENDING, j], g[SINCE, j] = g[BEFORE, j], 0.0, 0.0
+    g[PENDING, j], g[SINCE, j] = 0.0, 0.0
 
 
 @jit
@@ -73,33 +74,42 @@ def possible(g, j, distance, time):
 
 
 @jit
-def after_jump(c, s, ce, se, g, j, q, passed):
-    """Return the status of a reading that comes after a jump."""
-    onward = q - g[ELSEWHERE, j]
-    if possible(g, j, onward, passed):  # first, for the old place is within reach again after a while
-        g[ELSEWHERE, j] = q
-        g[SETTLED, j] += passed
-        if g[SETTLED, j] > 0.5 * g[PATIENCE, j]:
-            shift(c, s, ce, se, g, j, q - g[BEFORE, j])
-        return JUMP
-    if possible(g, j, q - g[BEFORE, j], g[SINCE, j]):
-        return OK
-    speed = onward / passed
-    ratio = speed / g[LEAP, j]
-    g[ELSEWHERE, j], g[LEAP, j], g[SETTLED, j] = q, speed, 0.0
-    return OVERSPEED if 1.0 / ALIKE <= ratio <= ALIKE else JUMP
+def follows(c, s, ce, se, g, j, q, passed):
+    """Return whether a reading is near that of a jump; where many have been, the encoder counts from another zero."""
+    if g[PENDING, j] == 0.0 or not possible(g, j, q - g[ELSEWHERE, j], passed):
+        return False
+    g[ELSEWHERE, j] = q
+    g[SETTLED, j] += passed
+    if g[SETTLED, j] > 0.5 * g[PATIENCE, j]:
+        shift(c, s, ce, se, g, j, q - g[BEFORE, j])
+    return True
+
+
+@jit
+def jumped(g, j, q, way, passed):
+    """Return the status of a reading that is out of reach: a second jump that is like the first is a joint that runs away."""
+    code = JUMP
+    if g[PENDING, j] > 0.0:
+        speed = (q - g[ELSEWHERE, j]) / passed
+        ratio = speed / g[LEAP, j]
+        code = OVERSPEED if 1.0 / ALIKE <= ratio <= ALIKE else JUMP
+    else:
+        speed = way / g[SINCE, j]
+    g[PENDING, j], g[ELSEWHERE, j], g[LEAP, j], g[SETTLED, j] = True, q, speed, 0.0
+    return code
 
 
 @jit
 def judge(c, s, ce, se, g, j, q, dt):
     """Return the status of a joint's input: OK or LATE where it can be believed."""
     nominal = g[NOMINAL, j]
-    timely = FASTEST * nominal <= dt <= SLOWEST * nominal
+    long = dt > SLOWEST * nominal
+    timely = FASTEST * nominal <= dt and not long
     passed = dt if timely else nominal
     g[PASSED, j] = passed
     g[TIME, j] += passed
-    long = SLOWEST * nominal < dt < np.inf  # not believed, but the joint had that time to move
-    g[SINCE, j] += min(dt, LONGEST) if long else passed
+    # a long one is not believed, but the joint had that time to move
+    g[SINCE, j] += min(dt, LONGEST) if long and dt < np.inf else passed
     if g[BEGUN, j] == 0.0 and np.isfinite(q):
         shift(c, s, ce, se, g, j, q - g[BEFORE, j])
         g[BEGUN, j], g[SINCE, j], g[ZERO, j] = True, passed, 0.0
@@ -108,16 +118,12 @@ def judge(c, s, ce, se, g, j, q, dt):
     others = g[APPLIED, j] + g[KNOWN, j] + g[ERROR, j] + g[SLOPE, j] + g[MOTOR, j] + g[LOAD, j]
     if not (np.isfinite(q) and np.isfinite(others + g[TEMPERATURE, j])):
         return NOT_FINITE
-    code = OK
-    if g[PENDING, j] > 0.0:
-        code = after_jump(c, s, ce, se, g, j, q, passed)
-    elif not possible(g, j, q - g[BEFORE, j], g[SINCE, j]):
-        g[PENDING, j], g[ELSEWHERE, j], g[SETTLED, j] = True, q, 0.0
-        g[LEAP, j] = (q - g[BEFORE, j]) / g[SINCE, j]
+    if follows(c, s, ce, se, g, j, q, passed):  # first, for the old place is within reach again after a while
         return JUMP
-    if code == OK and dt > BEHIND * nominal:
-        return LATE
-    return code
+    way = q - g[BEFORE, j]
+    if not possible(g, j, way, g[SINCE, j]):
+        return jumped(g, j, q, way, passed)
+    return LATE if dt > BEHIND * nominal else OK
 
 
 @jit

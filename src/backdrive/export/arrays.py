@@ -21,6 +21,7 @@ from backdrive.errors import InvalidInput
 from backdrive.export.graph import Graph, Node, Row
 from backdrive.export.walk import Walk
 from backdrive.laws import REFERENCE, Law, kernels
+from backdrive.laws.base import Rows
 
 if TYPE_CHECKING:
     from backdrive.model import FrictionModel
@@ -39,6 +40,17 @@ SIGNS = {
 }
 
 
+def one_step(rate, element, p, x, dp, dt, load, temp):
+    """Return the friction torque of one tick; x is advanced in place.
+
+    As `kernels.step`, but what is at most FASTEST here is the increment, by which all else is too: so a compiler of arrays has
+    nothing to keep between the state's loop and the torque's.
+    """
+    reach = kernels.FASTEST * dt
+    dp = reach if dp > reach else (-reach if dp < -reach else dp)
+    return kernels.step_at(rate, element, False, p, x, x, dp / dt, dp, dt, load, temp)
+
+
 class ArrayLaw:
     """The friction torque of a law on arrays: `init` and `step`, without side effects.
 
@@ -54,6 +66,7 @@ class ArrayLaw:
         self.row = law.row()
         self.states = max(law.element.states(), 1)
         graph = Graph()
+        graph.positive = not_negative(law)
         self._program(graph)
 
     def _program(self, graph: Graph) -> None:
@@ -71,7 +84,7 @@ class ArrayLaw:
             graph.node("input", "temperature"),
         ]  # fmt: skip
         walk = Walk(graph, {"p": row})
-        self._torque = walk.call(kernels.step, arguments, memory, True)
+        self._torque = walk.call(one_step, arguments, memory, True)
         self._after = memory["x"][: self.states]
         self._results = [self._torque, *self._after]
         self._needed = graph.live_nodes(self._results)
@@ -101,7 +114,7 @@ class ArrayLaw:
         Args:
             x: state, a tuple of arrays (...).
             dp: increments of the positions [rad or m], (...).
-            dt: time since the tick before [s], a number or (...).
+            dt: time since the tick before [s], a number or (...), above 0.
             load: motor-side and external torque [N.m or N], (..., 2); None: the law's usual one.
             temperature: [degC], a number or (...).
             row: parameters, (..., P), as `sample` draws them; None: the law's.
@@ -225,6 +238,16 @@ def counts(law: Law) -> list[int]:
             places.append(begin)
         if part is law.rate:
             begin = 1 + int(law.row()[0])
+    return places
+
+
+def not_negative(law: Law) -> set[int]:
+    """Return the places in a law's row of numbers that are at least 0, as far as the row is what the parameters are."""
+    places: set[int] = set()
+    begins = (1, 1 + int(law.row()[0]))
+    for part, begin in zip((law.rate, law.element), begins, strict=True):
+        if type(part).row is Rows.row:
+            places |= {begin + i for i, p in enumerate(part.PARAMETERS.values()) if p.lower >= 0.0}
     return places
 
 

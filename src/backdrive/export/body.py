@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import inspect
-import re
 import textwrap
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -14,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from backdrive import elementary
-from backdrive.export.code import Assign, Declare, Do, Store, declare, lines, merge, prune, reads, walk
+from backdrive.export.code import Assign, declare, lines, merge, prune, reads, walk
 from backdrive.export.expressions import DEAD, number_of
-from backdrive.export.function import RESULT, Function
-from backdrive.export.loops import Loops
+from backdrive.export.function import Function
+from backdrive.export.results import Results
 from backdrive.export.statements import c_name
 from backdrive.export.values import (
     LONG,
@@ -32,25 +31,28 @@ from backdrive.export.values import (
     Table,
     Untranslatable,
     Value,
-    wider,
 )
+from backdrive.laws.rates import polyline
 
 if TYPE_CHECKING:
     from backdrive.export.program import Program
 
 INTERVALS, TIMED = ("dt", "T"), ("loop_kernel", "readings", "guard")
-RARE = ("shift", "restart", "after_jump", "relax", "adapt", "acknowledge", "unusual_power", "solve")
+RARE = ("restart", "jumped", "relax", "adapt", "acknowledge", "unusual_power", "solve")
+APART = ("shift",)  # rare, and called from several places
 MOVES = ("by",)  # by which positions are moved: as exact as they are
+ONE_AT_A_TIME = {polyline.section: polyline.section_of_one}  # in place of what is written for vectors
+CASTS = {elementary.integer_of: LONG, elementary.double_of: WIDE}  # of the last argument, likewise
 OF_FLOATS = {getattr(elementary, name): f"{name}f" for name in ("exp", "log", "pow", "tanh", "sin", "cos")}
 OF_FLOATS[elementary.decay] = "expf"
 
 
-class Body(Loops):
+class Body(Results):
     """The translation of one kernel for some arguments."""
 
-    def __init__(self, program: Program, source: FunctionType, arguments: Sequence[Value]):
+    def __init__(self, program: Program, source: FunctionType, arguments: Sequence[Value], inner: bool):
         super().__init__(program.spelling, source.__globals__, {})
-        self.program, self.source, self.arguments = program, source, arguments
+        self.program, self.source, self.arguments, self.inner = program, source, arguments, inner
         tree = ast.parse(textwrap.dedent(inspect.getsource(source))).body[0]
         if not isinstance(tree, ast.FunctionDef):
             raise Untranslatable(source.__name__)
@@ -70,7 +72,7 @@ class Body(Loops):
         self.made = Function("")
         self.block, self.returns, self.env, self.kinds_seen = [], [], {}, {}
         self.temporaries, self.written = 0, set()
-        self.parameters: list[tuple[str, str]] = []
+        self.parameters = []
         names = [a.arg for a in self.tree.args.args]
         if len(names) != len(self.arguments):
             raise Untranslatable(f"{self.source.__name__}: {len(self.arguments)} arguments for {len(names)}")
@@ -112,10 +114,8 @@ class Body(Loops):
     def _finish(self) -> Function:
         made = self.made
         made.title = _title(self.source)
-        made.rare = self.source.__name__ in RARE
-        if self.program.inlines:
-            made.macro = f"{self.program.prefix.upper()}_INLINE"
-        self._results()
+        made.macro = self._macro()
+        self.results()
         prune(self.block)
         merge(self.block)
         while self.block and self.block[-1] and getattr(self.block[-1], "word", "") == "return":
@@ -133,6 +133,13 @@ class Body(Loops):
         made.effect = bool(self.written)
         return made
 
+    def _macro(self) -> str:
+        """Return by what the function is defined: written out wherever it is called, once for all, or as a compiler likes."""
+        name = self.source.__name__
+        if not self.program.inlines or name in RARE:
+            return "static inline"
+        return f"{self.program.prefix.upper()}_{'APART' if name in APART else 'INLINE'}"
+
     def _type(self, type_: str, name: str) -> str:
         if type_ == "table":
             return (
@@ -143,56 +150,6 @@ class Body(Loops):
         if type_ == "settings":
             return f"const {self.program.prefix}_settings *"
         return f"const {type_}" if type_.endswith("*") and name not in self.written else type_
-
-    def _results(self) -> None:
-        made, values = self.made, [v for _, v, _ in self.returns]
-        if not values or all(v is None for v in values):
-            made.result = "void"
-            return
-        if any(isinstance(v, Several) for v in values):
-            self._several()
-            return
-        if all(isinstance(v, Const) for v in values) and len({repr(number_of(v)) for v in values if v}) == 1:
-            made.result, made.fields = "void", [values[0]]
-            return
-        made.kind = wider(*(v.kind for v in values if isinstance(v, (Const, Scalar))))
-        made.result = self.spelling.type_name(made.kind)
-        for leave, value, _ in self.returns:
-            assert value is not None
-            leave.value = self.spelling.scalar(value, made.kind)
-
-    def _several(self) -> None:
-        made = self.made
-        rows = [v.items for _, v, _ in self.returns if isinstance(v, Several)]
-        if len(rows) != len(self.returns) or len({len(r) for r in rows}) != 1:
-            raise Untranslatable(f"{self.source.__name__}: returns of different lengths")
-        taken: set[str] = set()
-        for i in range(len(rows[0])):
-            column = [row[i] for row in rows]
-            if all(isinstance(v, Const) for v in column) and len({repr(number_of(v)) for v in column}) == 1:
-                made.fields.append((None, column[0]))
-                continue
-            kind = wider(*(v.kind for v in column))
-            name = next((n for v in column for n in [_name_of(v)] if n and n not in taken), f"r{i}")
-            taken.add(name)
-            made.fields.append((self.spelling.type_name(kind), name, kind))
-        kept = [i for i, f in enumerate(made.fields) if len(f) == 3]
-        if not kept:
-            made.result = "void"
-            return
-        made.result = "_result"
-        whole = Scalar("result", REAL, names=frozenset({"result"}))
-        for (leave, _, block), row in zip(self.returns, rows, strict=False):
-            at = next(i for i, statement in enumerate(block) if statement is leave)
-            block[at:at] = [
-                Store(
-                    replace(whole, text=f"result.{made.fields[i][1]}"),
-                    self.spelling.scalar(row[i], made.fields[i][2]),
-                )
-                for i in kept
-            ]
-            leave.value = whole
-        self.block.insert(0, Declare(RESULT, ["result"]))
 
     def call(self, function: Callable, arguments: list[Value], hint: str = "") -> Value:
         """Return the value of a call of a kernel, which is translated for these arguments."""
@@ -207,14 +164,20 @@ class Body(Loops):
             parts = [self.spelling.scalar(a, REAL) for a in arguments]
             text = f"{name}({', '.join(p.text for p in parts)})"
             return self.spelling.join(text, REAL, PRIMARY, parts)
+        function = ONE_AT_A_TIME.get(function, function)
+        if function in CASTS:
+            kind, number = CASTS[function], number_of(arguments[-1])
+            known = None if number is None else int(number) if kind == LONG else float(number)
+            return replace(self.spelling.scalar(self.spelling.scalar(arguments[-1]), kind), known=known)
         source = getattr(function, "py_func", function)
         names = inspect.signature(source).parameters
         arguments = [
             a.exact if n in MOVES and isinstance(a, Scalar) and a.exact is not None else a
             for n, a in zip(names, arguments, strict=False)
         ]
-        made = self.program.translate(function, arguments)
-        self.made.calls.append(made)
+        made = self.program.translate(function, arguments, inner=True)
+        if made.result != "void" or made.effect:
+            self.made.calls.append(made)
         return self._call_of(made, arguments, source)
 
     def _call_of(self, made: Function, arguments: list[Value], source: FunctionType) -> Value:
@@ -231,33 +194,7 @@ class Body(Loops):
         names_read = frozenset().union(*(p.names for p in parts))
         kind = made.kind if made.result != "void" else REAL
         call = Scalar(text, kind, PRIMARY, names_read, memory)
-        constant = len(made.fields) == 1 and isinstance(made.fields[0], Const)
-        if made.result == "void":
-            if made.effect:
-                self._effectful()
-                self.block.append(Do(call))
-            if constant:
-                return made.fields[0]
-            return Several(tuple(f[1] for f in made.fields))
-        if made.effect or made.result.endswith("_result"):
-            if made.effect:
-                self._effectful()
-            self.temporaries += 1
-            name = f"t{self.temporaries}"
-            self.block.append(Assign(name, made.result, call, made.effect))
-            if not made.result.endswith("_result"):
-                return Scalar(name, kind, names=frozenset({name}))
-            return Several(
-                tuple(
-                    f[1] if len(f) == 2 else Scalar(f"{name}.{f[1]}", f[2], names=frozenset({name}))
-                    for f in made.fields
-                )
-            )
-        return call
-
-    def _effectful(self) -> None:
-        if self.conditional:
-            raise Untranslatable(f"{self.source.__name__}: a call that changes something within a condition")
+        return self.received(made, call, given)
 
     def _give(
         self, name: str, plain: str, value: Value, given: dict[str, Scalar], parameters: list[tuple[str, str]]
@@ -333,13 +270,6 @@ class Body(Loops):
         full = f"{self.program.prefix}_{name}"
         self.made.helpers.add(name)
         return self.spelling.join(f"{full}({', '.join(p.text for p in parts)})", kind, PRIMARY, parts)
-
-
-def _name_of(value: Value) -> str:
-    if not isinstance(value, Scalar):
-        return ""
-    words = re.findall(r"[A-Za-z_]\w*", value.text)
-    return words[0] if len(words) == 1 else ""
 
 
 def _title(source: FunctionType) -> str:

@@ -106,10 +106,10 @@ def reads(statement: Statement) -> frozenset[str]:
 
 
 def prune(block: list[Statement]) -> None:
-    """Take out assignments to variables that nothing reads, and branches in which nothing is left."""
+    """Take out assignments that nothing reads, and branches in which nothing is left."""
     while True:
         used = frozenset().union(*(reads(s) for s in walk(block)))
-        if not _prune(block, used):
+        if not _prune(block, used) and not _prune_overwritten(block):
             return
 
 
@@ -130,8 +130,35 @@ def _prune(block: list[Statement], used: frozenset[str]) -> bool:
     return changed
 
 
+def _prune_overwritten(block: list[Statement]) -> bool:
+    """Take out assignments to variables that get another value before anything reads them."""
+    changed = False
+    for i, statement in reversed(list(enumerate(block))):
+        for inner in blocks(statement):
+            changed |= _prune_overwritten(inner)
+        if (
+            isinstance(statement, Assign)
+            and not statement.effect
+            and _overwritten(statement.name, block[i + 1 :])
+        ):
+            del block[i]
+            changed = True
+    return changed
+
+
+def _overwritten(name: str, after: list[Statement]) -> bool:
+    for statement in after:
+        if isinstance(statement, Assign) and statement.name == name:
+            return name not in reads(statement)
+        if _speaks(statement, name) or any(
+            isinstance(s, Leave) and s.word != "return" for s in walk([statement])
+        ):
+            return False
+    return False
+
+
 def merge(block: list[Statement]) -> None:
-    """Put a call that gives a variable its value where that is all that the next statement reads."""
+    """Put a call that gives a variable its value where that is all that the next statement reads, or what it branches on."""
     counts: dict[str, int] = {}
     for statement in walk(block):
         for name in reads(statement):
@@ -147,6 +174,10 @@ def _merge(block: list[Statement], counts: dict[str, int]) -> None:
     while i + 1 < len(block):
         first, second = block[i], block[i + 1]
         if isinstance(first, Assign) and TEMPORARY.fullmatch(first.name) and counts.get(first.name, 0) == 1:
+            if isinstance(second, Branch) and second.condition.text == first.name:
+                second.condition = first.value
+                del block[i]
+                continue
             value = getattr(second, "value", None)
             if isinstance(second, (Assign, Store, Leave)) and value is not None and value.text == first.name:
                 second.value = first.value

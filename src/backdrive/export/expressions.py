@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable
+from dataclasses import replace
 from types import ModuleType
 from typing import Any
 
@@ -121,9 +122,11 @@ class Expressions(Operators):
         if isinstance(value, Const):
             return Const(-value.value)
         operand = self.spelling.scalar(value)
-        return self.spelling.join(
+        origin = f"-{operand.origin}" if operand.origin and operand.origin[0] != "-" else ""
+        negative = self.spelling.join(
             f"-{operand.within(PRIMARY)}", operand.kind, UNARY, [operand], None if number is None else -number
         )
+        return replace(negative, origin=origin)
 
     def _binop(self, node: ast.BinOp) -> Value:
         left, right = self.in_order([node.left, node.right])
@@ -191,6 +194,8 @@ class Expressions(Operators):
     def field(self, table: Table, row: Value) -> Scalar:
         """Return a field of the table."""
         name, kind, stays = table.fields[number_of(row)]
+        if name in table.dead:
+            return Scalar(DEAD, kind)
         table.used.add(name)
         base = "g" if stays is None else "k"
         text = f"{base}->{name}"
@@ -247,7 +252,8 @@ class Expressions(Operators):
             text = f"{array.name}_at[{sorted(array.places).index(at)}]"
             names = frozenset({f"{array.name}_at"})
         changes = frozenset() if number is not None or not array.writeable else frozenset({text})
-        return Scalar(text, kind, names=frozenset(names), memory=changes, known=number)
+        origin = text if number is not None and not array.writeable else ""
+        return Scalar(text, kind, names=frozenset(names), memory=changes, known=number, origin=origin)
 
     def _call(self, node: ast.Call) -> Value:
         if node.keywords:

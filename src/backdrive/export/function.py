@@ -22,15 +22,16 @@ class Function:
         parameters: declaration and name of each.
         body: its lines.
         result: type, `void` for none, a structure for several.
-        fields: of that structure: (name, kind), or a number that is always the same.
+        fields: of several results: (type, name, kind) of one in that structure; (None, ...) of one that is not, and behind it a
+            number that is always the same, its place in a table of a parameter, the index of a result that is the same, or
+            None for the only one that is returned.
         kind: of a single result.
         effect: it changes something.
         written: parameters that it writes to.
         calls: functions that it calls.
         tables: tables of numbers that it reads.
         helpers: small functions that it needs.
-        rare: it is called seldom, and is not worth a copy wherever it is called.
-        macro: by which others are defined.
+        macro: by which it is defined.
     """
 
     name: str
@@ -45,7 +46,6 @@ class Function:
     calls: list[Function] = field(default_factory=list)
     tables: set[str] = field(default_factory=set)
     helpers: set[str] = field(default_factory=set)
-    rare: bool = False
     macro: str = "static inline"
 
     def text(self) -> str:
@@ -57,5 +57,4 @@ class Function:
             members = " ".join(f"{f[0]} {f[1]};" for f in self.fields if len(f) == 3)
             struct = f"typedef struct {{ {members} }} {self.result};\n\n"
         body = "\n".join(self.body).replace(RESULT, self.result)
-        inline = f"static inline {self.result}" if self.rare else f"{self.macro} {self.result}"
-        return f"{struct}{comment}{inline} {self.name}({head}) {{\n{body}\n}}\n"
+        return f"{struct}{comment}{self.macro} {self.result} {self.name}({head}) {{\n{body}\n}}\n"

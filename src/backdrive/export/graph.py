@@ -62,9 +62,15 @@ class Row:
 
 
 class Graph:
-    """A program: operations in order, each with the places of what it works on, or numbers."""
+    """A program: operations in order, each with the places of what it works on, or numbers.
+
+    Attributes:
+        operations: name and arguments of each.
+        positive: places of parameters that are never below 0.
+    """
 
     def __init__(self):
+        self.positive: set[int] = set()
         self.operations: list[tuple[str, tuple[Any, ...]]] = []
         self._same: dict[tuple, Node] = {}
 
@@ -117,9 +123,29 @@ class Graph:
             raise Untranslatable(f"{function.__name__} of what is not known")
         if function is operator.eq and self._shortcut(a, b):
             return False
+        if function is operator.lt and not isinstance(b, Node) and b == 0.0 and self._never_negative(a):
+            return False
         if function is operator.truediv:
             b = self.select(path, b, 1.0) if isinstance(b, Node) else b
         return self.node(function.__name__, a, b)
+
+    def _never_negative(self, a: Any) -> bool:
+        """Return whether a number cannot be below 0, whatever the inputs: a square, times what is not."""
+        odd: set[Node] = set()
+        for factor in self._factors(a):
+            if isinstance(factor, Node):
+                name, arguments = self.operations[factor.index]
+                if name not in ("abs", "exp") and not (name == "parameter" and arguments[1] in self.positive):
+                    odd ^= {factor}
+            elif factor < 0.0:
+                return False
+        return not odd
+
+    def _factors(self, a: Any) -> list[Any]:
+        """Return what a number is a product of."""
+        if isinstance(a, Node) and self.operations[a.index][0] == "mul":
+            return [factor for each in self.operations[a.index][1] for factor in self._factors(each)]
+        return [a]
 
     def _shortcut(self, a: Any, b: Any) -> bool:
         """Return whether a parameter is compared with a number other than 0: a shorter way to what the other branch gives as well.

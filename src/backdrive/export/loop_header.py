@@ -9,7 +9,7 @@ from backdrive.control import guard, loop_kernel, readings
 from backdrive.control.joint_loop import JointLoop
 from backdrive.export import prelude
 from backdrive.export.function import Function
-from backdrive.export.loop_joint import FIELDS, PLACES, SETTINGS, Joint
+from backdrive.export.loop_joint import FIELDS, SETTINGS, Joint, kind_of
 from backdrive.export.program import Program
 from backdrive.export.selftest import selftest
 from backdrive.export.values import PLACE, REAL, Const, Scalar, Spelling, number
@@ -121,7 +121,7 @@ class LoopHeader:
 
     def _structures(self) -> str:
         P = self.prefix
-        kinds = {n: "double" if n in PLACES else self.real for _, n in FIELDS}
+        kinds = {n: self.program.spelling.type_name(kind_of(n)) for _, n in FIELDS}
         fields = [f"  {kinds[n]} {n};" + (f" /* {WORDS[n]} */" if n in WORDS else "") for n in self.variables]
         for n in self.states:
             fields.append(f"  {'double' if n.endswith('_at') else self.real} {n}[{self._size(n)}];")
@@ -153,7 +153,7 @@ class LoopHeader:
         order = {n: r for r, n in FIELDS}
         for joint, name in zip(self.joints, self.names, strict=False):
             cells = [
-                f"    {number(float(joint.rows[order[n]]), PLACE if n in PLACES else REAL, self.single)}, /* {n} */"
+                f"    {number(float(joint.rows[order[n]]), kind_of(n), self.single)}, /* {n} */"
                 for n in self.settings
             ] or ["    0.0"]
             rows.append(f"  {{ /* {name} */\n" + "\n".join(cells) + "\n  }")
@@ -171,7 +171,7 @@ class LoopHeader:
         order = {n: r for r, n in FIELDS}
         for joint, name in zip(self.joints, self.names, strict=False):
             cells = [
-                f"    {number(float(joint.rows[order[n]]), PLACE if n in PLACES else REAL, self.single)}, /* {n} */"
+                f"    {number(float(joint.rows[order[n]]), kind_of(n), self.single)}, /* {n} */"
                 for n in self.variables
             ]
             for n in self.states:
@@ -217,7 +217,7 @@ class LoopHeader:
 /* Return to joints at rest, relaxed and without torque, at these positions [rad or m]. */
 static inline void {P}_reset({P}_state *s, const double position[{N}]) {{
   for (int i = 0; i < {N}; i++) {{
-    {real} calls = s->joint[i].calls;
+    int64_t calls = s->joint[i].calls;
     s->joint[i] = {P}_at_rest[i];
     s->joint[i].calls = calls;
     s->code[i] = {ok};
@@ -237,7 +237,7 @@ static inline void {P}_init({P}_state *s) {{
 /* Advance every joint by one tick: encoder readings [rad or m], the torque that acted since the tick before [N.m or N], and the
    time since then [s], {self.interval:g} where it came on time. Returns the worst status; what to add is in joint[i].torque. */
 static inline int {P}_step({P}_state *s, const double position[{N}], const {real} applied[{N}], double interval) {{
-  static const int severity[] = {{{severities}}};
+  static const unsigned char severity[] = {{{severities}}};
   int worst = {ok};
 {ticks}
   for (int i = 0; i < {N}; i++) {{
@@ -248,7 +248,7 @@ static inline int {P}_step({P}_state *s, const double position[{N}], const {real
 
 /* Let the torque ramp down to zero at the slow rate, and stay there until {P}_acknowledge. */
 static inline void {P}_stop({P}_state *s) {{
-  for (int i = 0; i < {N}; i++) s->joint[i].stop = 1.0{"f" if self.single else ""};
+  for (int i = 0; i < {N}; i++) s->joint[i].stop = 1;
 }}
 
 /* Take back latches and a stop; a latch stays where torque is left or the joint is too fast. Returns whether none is left. */

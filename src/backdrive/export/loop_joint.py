@@ -11,7 +11,7 @@ from backdrive.control.estimators import external as external_
 from backdrive.control.estimators.external import ExternalForce
 from backdrive.control.estimators.method import Method
 from backdrive.control.joint_loop import JointLoop
-from backdrive.export.values import PLACE, REAL, Array, Table
+from backdrive.export.values import INT, LONG, PLACE, REAL, Array, Table
 
 FIELDS = sorted(
     ((value, name.lower()) for name, value in vars(table).items() if name.isupper() and name != "TABLE")
@@ -30,6 +30,7 @@ TIMES = {
     "hold",
 }
 PLACES = {"before", "elsewhere", "older", "newer", "anchor", "zero"} | TIMES
+WHOLE = dict.fromkeys(("begun", "pending", "fast", "cause", "stop"), INT) | {"calls": LONG}
 SETTINGS = {"nominal", *(name for value, name in FIELDS if table.TOP <= value <= table.UPPER)}
 INPUTS = ("error", "slope", "known", "motor", "load", "temperature")
 OUTPUTS = ("torque", "external", "friction", "level", "calls", "cause")
@@ -66,6 +67,7 @@ class Joint:
             idle |= set(range(compensator_.S_DITHER, compensator_.S_EXTRA))
         if compensator.extra is None:
             idle |= set(range(compensator_.S_EXTRA, compensator_.STATES))
+        self.timed = compensator.dither is not None
         none = joint.external is None
         self.dead = {
             "s": idle,
@@ -85,12 +87,15 @@ class Joint:
 
     def table(self) -> Table:
         """Return the joint's row of the table as an argument."""
-        return Table(
-            tuple(
-                (name, PLACE if name in PLACES else REAL, float(self.rows[row]) if name in SETTINGS else None)
-                for row, name in FIELDS
-            )
+        fields = (
+            (name, kind_of(name), float(self.rows[row]) if name in SETTINGS else None) for row, name in FIELDS
         )
+        return Table(tuple(fields), dead=frozenset() if self.timed else frozenset({"time"}))
+
+
+def kind_of(field: str) -> str:
+    """Return the kind of a field of the table."""
+    return PLACE if field in PLACES else WHOLE.get(field, REAL)
 
 
 def _positions(estimator: ExternalForce) -> set[int]:

@@ -135,4 +135,4 @@ class Loops(Statements):
             value = self.assign(name, value, always=True)
         assert isinstance(value, Scalar)
         kind = wider(value.kind, self.kinds.get(value.text, value.kind))
-        return replace(value, known=None, kind=kind)
+        return replace(value, known=None, origin="", kind=kind)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import operator
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -17,6 +18,7 @@ from backdrive.export.values import (
     BOOL,
     EQUAL,
     INT,
+    LONG,
     OR,
     OR_BITS,
     ORDER,
@@ -56,6 +58,8 @@ COMPARE: dict[type, tuple[str, int, Callable]] = {
     ast.Eq: ("==", EQUAL, operator.eq),
     ast.NotEq: ("!=", EQUAL, operator.ne),
 }
+LARGEST = float(np.finfo(np.float32).max)
+ZERO = re.compile(r" \+ 0\.0f?$")  # added to a number, which it leaves finite or not
 DEAD = "dead"  # text of a number that is never read
 MATH = {abs: "fabs", np.sqrt: "sqrt", np.copysign: "copysign"}
 
@@ -63,6 +67,17 @@ MATH = {abs: "fabs", np.sqrt: "sqrt", np.copysign: "copysign"}
 def number_of(value: Value) -> Any:
     """Return the number of a value where it is known, else None."""
     return value.value if isinstance(value, Const) else value.known if isinstance(value, Scalar) else None
+
+
+def beside(value: Value, other: Value) -> Value:
+    """Return a whole number as an integer where it meets one."""
+    if (
+        isinstance(value, Const)
+        and isinstance(value.value, float)
+        and getattr(other, "kind", REAL) in (INT, LONG)
+    ):
+        return Const(int(value.value)) if value.value.is_integer() else value
+    return value
 
 
 class Operators:
@@ -124,9 +139,16 @@ class Operators:
         a, b = number_of(left), number_of(right)
         if a is not None and b is not None:
             return Const(bool(function(a, b)))
+        if self.spelling.single and op in (ast.Gt, ast.Lt) and self._beyond(right if op is ast.Gt else left):
+            return Const(False)
+        left, right = beside(left, right), beside(right, left)
         kind = wider(*(v.kind for v in (left, right) if isinstance(v, (Const, Scalar))))
         x, y = self.spelling.scalar(left, kind), self.spelling.scalar(right, kind)
         return self.spelling.join(f"{x.within(PLUS)} {sign} {y.within(PLUS)}", BOOL, level, [x, y])
+
+    def _beyond(self, value: Value) -> bool:
+        """Return whether a number is larger than every float."""
+        return isinstance(value, Const) and isinstance(value.value, float) and value.value > LARGEST
 
     def all_of(self, parts: list[Value]) -> Value:
         """Return whether all hold."""
@@ -192,6 +214,8 @@ class Operators:
             if x.level < PRIMARY:
                 x = self.temporary(x)
             return self.spelling.join(f"{x.text} != {x.text}", BOOL, EQUAL, [x])
+        while x.level == PLUS and ZERO.search(x.text):
+            x = replace(x, text=ZERO.sub("", x.text))
         return self.helper("finite" + ("_wide" if x.kind in (WIDE, PLACE) else ""), BOOL, [x])
 
     def _math(self, function: Any, arguments: list[Value]) -> Value:
@@ -200,7 +224,8 @@ class Operators:
         both = None if None in numbers else float(function(*numbers))
         if all(isinstance(a, Const) for a in arguments):
             return Const(both)
-        kind = kind if kind in (REAL, WIDE, PLACE) else REAL
+        if kind not in (REAL, WIDE, PLACE) or (kind == PLACE and function is abs):  # a size is no position
+            kind = REAL
         parts = [self.spelling.scalar(a, kind) for a in arguments]
         suffix = "f" if self.spelling.type_name(kind) == "float" else ""
         return self.spelling.join(

@@ -23,10 +23,16 @@ GUARD = """\
 """
 
 INLINE = """\
-#if defined(__GNUC__) && defined(__OPTIMIZE__) && !defined(__OPTIMIZE_SIZE__)
+/* What runs every tick is written out wherever it is called for speed; what is rare is there once for size. */
+#if defined(__GNUC__) && defined(__OPTIMIZE_SIZE__)
+#define {P}_INLINE static inline
+#define {P}_APART static __attribute__((noinline, unused))
+#elif defined(__GNUC__) && defined(__OPTIMIZE__)
 #define {P}_INLINE static inline __attribute__((always_inline))
+#define {P}_APART static inline
 #else
 #define {P}_INLINE static inline
+#define {P}_APART static inline
 #endif
 """
 

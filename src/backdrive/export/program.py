@@ -48,8 +48,13 @@ class Program:
         self.tables: dict[str, np.ndarray] = {}
         self._memo: dict[Any, Function] = {}
 
-    def translate(self, kernel: Callable, arguments: Sequence[Value]) -> Function:
+    def translate(self, kernel: Callable, arguments: Sequence[Value], inner: bool = False) -> Function:
         """Return a kernel in C for some arguments.
+
+        Args:
+            kernel: compiled or plain.
+            arguments: what is known of each.
+            inner: only kernels call it, so that its result may be what suits them.
 
         Raises:
             Untranslatable: it uses what the translator does not know.
@@ -57,9 +62,9 @@ class Program:
         source = getattr(kernel, "py_func", kernel)
         if not isinstance(source, FunctionType):
             raise Untranslatable(f"{kernel!r} is no kernel.")
-        key = (source, tuple(_describe(a) for a in arguments))
+        key = (source, inner, tuple(_describe(a) for a in arguments))
         if key not in self._memo:
-            self._memo[key] = self._unique(source, Body(self, source, arguments).function())
+            self._memo[key] = self._unique(source, Body(self, source, arguments, inner).function())
         return self._memo[key]
 
     def reachable(self, roots: Sequence[Function]) -> list[Function]:
@@ -78,7 +83,10 @@ class Program:
         name = f"{self.prefix}_core_{module}_{source.__name__.strip('_')}"
         same = [f for f in self.functions if f.name == name or re.fullmatch(rf"{name}_\d+", f.name)]
         for other in same:
-            if replace(made, name=other.name, result=_rename(made, other.name)).text() == other.text():
+            same_text = (
+                replace(made, name=other.name, result=_rename(made, other.name)).text() == other.text()
+            )
+            if same_text and repr(made.fields) == repr(other.fields):
                 return other
         made.name = name if not same else f"{name}_{len(same) + 1}"
         made.result = _rename(made, made.name)
@@ -103,4 +111,4 @@ def _describe(value: Value) -> Any:
         content = None if value.content is None else value.content[value.begin :]
         dead = frozenset(i - value.begin for i in value.dead)
         return ("array", value.size, content, value.own - value.begin, dead, places, value.rows, value.kind)
-    return ("table", value.fields)
+    return ("table", value.fields, value.dead)

@@ -8,6 +8,7 @@ from typing import Any
 
 from backdrive.export.code import Assign, Branch, Do, Leave, Statement, Store
 from backdrive.export.expressions import BINARY, DEAD, Expressions, number_of
+from backdrive.export.operators import beside
 from backdrive.export.values import (
     REAL,
     Array,
@@ -146,7 +147,10 @@ class Statements(Expressions):
         self.kinds_seen[name] = wider(kind, self.kinds_seen.get(name, kind))
         scalar = self.spelling.scalar(value, kind)
         self.block.append(Assign(name, self.spelling.type_name(kind), scalar, self._effect(scalar)))
-        return Scalar(name, kind, names=frozenset({name}), known=None if carried else number_of(value))
+        known, origin = number_of(value), getattr(value, "origin", "")
+        if carried:
+            known, origin = None, ""
+        return Scalar(name, kind, names=frozenset({name}), known=known, origin=origin)
 
     def _effect(self, value: Scalar) -> bool:
         return False
@@ -159,12 +163,16 @@ class Statements(Expressions):
         self.block.append(Assign(name, type_, value))
         return replace(array, name=name, names=frozenset())
 
+    def do(self, value: Scalar) -> None:
+        """Compute a value for what that changes."""
+        self.block.append(Do(value))
+
     def _expr(self, node: ast.Expr) -> None:
         if isinstance(node.value, ast.Constant):
             return
         value = self.value(node.value)
         if isinstance(value, Scalar) and self._effect(value):
-            self.block.append(Do(value))
+            self.do(value)
 
     def _assign(self, node: ast.Assign) -> None:
         if len(node.targets) == 1:
@@ -234,6 +242,7 @@ class Statements(Expressions):
             )
             return
         place, value = self.in_order([target, node.value])
+        value = beside(value, place)
         if not isinstance(place, Scalar) or place.known is not None:
             raise Untranslatable(f"{ast.unparse(target)} is written to, but is a parameter")
         self.writes = True

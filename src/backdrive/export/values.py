@@ -68,6 +68,7 @@ class Scalar:
         memory: what it reads that a call may change: `array[index]`, `array[]` where the index is not known, or fields.
         known: its number where that is known.
         exact: the way between two places before it is rounded to a real.
+        origin: of a number of a table that stays, where it stands there.
     """
 
     text: str
@@ -77,6 +78,7 @@ class Scalar:
     memory: frozenset[str] = frozenset()
     known: Any = None
     exact: Scalar | None = field(default=None, compare=False)
+    origin: str = field(default="", compare=False)
 
     def within(self, level: int) -> str:
         """Return the text as an operand of an operator of some precedence."""
@@ -127,10 +129,12 @@ class Table:
 
     Attributes:
         fields: row -> (name, kind, number where it stays).
+        dead: fields that nothing reads, so that nothing has to be written.
         used: names of the fields that a kernel has read or written, filled as it is translated.
     """
 
     fields: tuple[tuple[str, str, Any], ...]
+    dead: frozenset[str] = frozenset()
     used: set[str] = field(default_factory=set, compare=False, hash=False)
 
 
@@ -211,7 +215,7 @@ class Spelling:
         if {value.kind, kind} <= {BOOL, INT}:
             return replace(value, kind=kind)
         text = f"({self.type_name(kind)}){value.within(UNARY)}"
-        return replace(value, text=text, kind=kind, level=UNARY)
+        return replace(value, text=text, kind=kind, level=UNARY, origin="")
 
     def join(self, text: str, kind: str, level: int, parts: Sequence[Scalar], known: Any = None) -> Scalar:
         """Return an expression made of others."""

@@ -33,7 +33,7 @@ def damping(sigma_1: float, v_d: float, v: float):
     if v_d <= 0.0 or sigma_1 == 0.0:
         return sigma_1
     r = v * (1.0 / v_d)  # in a loop over ticks the division is done once
-    return sigma_1 * decay(-r * r)
+    return sigma_1 * decay(-(r * r))
 
 
 @leaf

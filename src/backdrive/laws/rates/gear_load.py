@@ -31,7 +31,7 @@ def limits(p: Array, v: float, load: Pair, temp: float):
     if size == 0.0:
         return -F_c, F_c, K_v * v
     ratio = v / v_s
-    e = decay(-ratio * ratio)
+    e = decay(-(ratio * ratio))
     driving = F_c + (K + e * S_d) * size
     driven = F_c + (K + e * S_b) * size
     if load[1] < 0.0:

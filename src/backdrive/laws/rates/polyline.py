@@ -21,20 +21,34 @@ from backdrive.laws.base import Parameter, Rate
 
 
 @leaf
-def limits(p: Array, v: float, load: Pair, temp: float):
-    """Rate law: the intercepts -F_n and F_p, and Phi(v)."""
-    N, F_p, F_n = int(p[1]), p[2], p[3]
-    speed = abs(v)
+def section(p: Array, N: int, speed: float):
+    """Number of knots that a speed has reached: all are counted, so that a compiler can take several velocities at once."""
     i = 0
-    for k in range(
-        6
-    ):  # fixed lengths, which a compiler writes out, so that it can take several velocities at once
+    for k in range(6):  # fixed lengths, which a compiler writes out
         i += 1 if speed >= p[4 + k] else 0
     if N > 6:
         for k in range(6, 12):
             i += 1 if speed >= p[4 + k] else 0
     for k in range(12, N):
         i += 1 if speed >= p[4 + k] else 0
+    return i
+
+
+@leaf
+def section_of_one(p: Array, N: int, speed: float):
+    """Number of knots that a speed has reached: the same for one velocity at a time, for the knots rise."""
+    i = N
+    while i > 0 and not speed >= p[3 + i]:
+        i -= 1
+    return i
+
+
+@leaf
+def limits(p: Array, v: float, load: Pair, temp: float):
+    """Rate law: the intercepts -F_n and F_p, and Phi(v)."""
+    N, F_p, F_n = int(p[1]), p[2], p[3]
+    speed = abs(v)
+    i = section(p, N, speed)
     at = 4 + N + 3 * (i if v > 0.0 else i + N + 1)
     F = p[at + 1] + p[at + 2] * (speed - p[at])
     phi = F - F_p if v > 0.0 else F_n - F
