@@ -86,7 +86,7 @@ def follows(c, s, ce, se, g, j, q, passed):
 
 
 @jit
-def jumped(g, j, q, way, passed):
+def jump_status(g, j, q, way, passed):
     """Return the status of a reading that is out of reach: a second jump that is like the first is a joint that runs away."""
     code = JUMP
     if g[PENDING, j] > 0.0:
@@ -122,7 +122,7 @@ def judge(c, s, ce, se, g, j, q, dt):
         return JUMP
     way = q - g[BEFORE, j]
     if not possible(g, j, way, g[SINCE, j]):
-        return jumped(g, j, q, way, passed)
+        return jump_status(g, j, q, way, passed)
     return LATE if dt > BEHIND * nominal else OK
 
 

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from backdrive.export.program import Program
 
 INTERVALS, TIMED = ("dt", "T"), ("loop_kernel", "readings", "guard")
-RARE = ("restart", "jumped", "relax", "adapt", "acknowledge", "unusual_power", "solve")
+RARE = ("restart", "jump_status", "relax", "adapt", "acknowledge", "unusual_power", "solve")
 APART = ("shift",)  # rare, and called from several places
 MOVES = ("by",)  # by which positions are moved: as exact as they are
 ONE_AT_A_TIME = {polyline.section: polyline.section_of_one}  # in place of what is written for vectors
@@ -194,7 +194,7 @@ class Body(Results):
         names_read = frozenset().union(*(p.names for p in parts))
         kind = made.kind if made.result != "void" else REAL
         call = Scalar(text, kind, PRIMARY, names_read, memory)
-        return self.received(made, call, given)
+        return self.result_of_call(made, call, given)
 
     def _give(
         self, name: str, plain: str, value: Value, given: dict[str, Scalar], parameters: list[tuple[str, str]]

@@ -59,7 +59,7 @@ class Results(Loops):
         columns = [[row[i] for row in rows] for i in range(len(rows[0]))]
         taken: set[str] = set()
         for i, column in enumerate(columns):
-            known = self._known(columns, i)
+            known = self._common_value(columns, i)
             if known is not None:
                 made.fields.append((None, known))
                 continue
@@ -79,7 +79,7 @@ class Results(Loops):
         else:
             self._structure(rows, kept)
 
-    def _known(self, columns: list[list[Value]], i: int) -> Value | int | None:
+    def _common_value(self, columns: list[list[Value]], i: int) -> Value | int | None:
         """Return what a caller knows of a result: a number, its place in a table, or an earlier result that is the same."""
         column = columns[i]
         first = column[0]
@@ -110,7 +110,7 @@ class Results(Loops):
             leave.value = whole
         self.block.insert(0, Declare(RESULT, ["result"]))
 
-    def received(self, made: Function, call: Scalar, given: dict[str, Scalar]) -> Value:
+    def result_of_call(self, made: Function, call: Scalar, given: dict[str, Scalar]) -> Value:
         """Return the value of a call of a function in C."""
         if made.effect:
             self._effectful()
@@ -121,9 +121,9 @@ class Results(Loops):
             if len(made.fields) == 1 and isinstance(made.fields[0], Const):
                 return made.fields[0]
         elif not made.fields:
-            return self._kept(made, call) if made.effect else call
+            return self._temporary(made, call) if made.effect else call
         else:
-            call = self._kept(made, call)
+            call = self._temporary(made, call)
         for field in made.fields:
             if len(field) == 3:
                 _, name, kind = field
@@ -136,7 +136,7 @@ class Results(Loops):
                 fields.append(call if field[1] is None else field[1])
         return Several(tuple(fields))
 
-    def _kept(self, made: Function, call: Scalar) -> Scalar:
+    def _temporary(self, made: Function, call: Scalar) -> Scalar:
         self.temporaries += 1
         name = f"t{self.temporaries}"
         self.block.append(Assign(name, made.result, call, made.effect))

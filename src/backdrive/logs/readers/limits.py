@@ -10,7 +10,7 @@ GIB = 1024**3
 MIB = 1024**2
 
 #: Time that a reader may take beyond honest reading before the file is called hostile [s].
-GRACE = 2.0
+GRACE = 5.0
 
 
 @dataclass(frozen=True, kw_only=True)
