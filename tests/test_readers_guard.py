@@ -159,8 +159,8 @@ def test_a_fifo_is_not_a_file(tmp_path):
 
 
 def test_the_limit_follows_the_size_of_the_file():
-    assert Limits().seconds_for(0) == pytest.approx(2.5)
-    assert Limits().seconds_for(50_000_000) == pytest.approx(12.5)
+    assert Limits().seconds_for(0) == pytest.approx(5.5)
+    assert Limits().seconds_for(50_000_000) == pytest.approx(15.5)
     assert (
         Limits().memory_for(0)
         < Limits().memory_for(10 * MIB)
