@@ -103,10 +103,10 @@ def test_starts_that_make_no_sense():
     ):
         with pytest.raises(InvalidInput, match=match):
             with_plan(log, PLAN, start)
-    with pytest.raises(InvalidInput, match="no plan"):
+    with pytest.raises(InvalidInput, match="without a plan"):
         identify(log, start=1.0)
     noise = log.replace(position=np.random.default_rng(0).standard_normal((len(log), 1)))
-    with pytest.raises(NotIdentifiable, match="does not hold the motion of its plan"):
+    with pytest.raises(NotIdentifiable, match="does not contain the motion of its plan"):
         with_plan(noise, PLAN, "auto")
 
 
@@ -151,7 +151,7 @@ def test_inspect_previews_a_repair_and_makes_it(tmp_path):
     q[50] = np.nan
     file = write(tmp_path / "log.csv", "time,q,tau", log.time, q, log.torque)
     plain = RUN.invoke(app, ["inspect", file])
-    assert "--repair would leave it so" in plain.output and plain.exit_code == 1
+    assert "--repair would do this" in plain.output and plain.exit_code == 1
     told = json.loads(RUN.invoke(app, ["inspect", file, "--json"]).output)
     assert told["logs"][0]["repairs"] and not told["ok"]
     after = json.loads(RUN.invoke(app, ["inspect", file, "--repair", "--json"]).output)
@@ -162,8 +162,8 @@ def test_inspect_does_not_call_a_log_without_torque_fine(tmp_path):
     log = recorded(0.5)
     file = write(tmp_path / "log.csv", "time,q,current_mA", log.time, log.position, 1e3 * log.torque)
     result = RUN.invoke(app, ["inspect", file])
-    assert result.exit_code == 1 and "Nothing is the matter" not in result.output
-    assert "There is no torque" in " ".join(result.output.split())
+    assert result.exit_code == 1 and "No faults found" not in result.output
+    assert "has neither torque" in " ".join(result.output.split())
     taken = RUN.invoke(app, ["inspect", file, "--map", "tau=current_mA"])
-    assert "Nothing is the matter" not in taken.output
+    assert "No faults found" not in taken.output
     assert "its name ends with ma" in " ".join(taken.output.split())

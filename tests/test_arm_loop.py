@@ -309,7 +309,7 @@ def test_what_could_not_hold_is_refused_by_name():
     own = arm_joints()["joint_1"]
     with pytest.raises(InvalidInput, match="largest torque of the motor is inf"):
         ArmJoint(loop=own.loop, limits=JointLimits(name="joint_1"))
-    with pytest.raises(InvalidInput, match="leave nothing of the range"):
+    with pytest.raises(InvalidInput, match="take all of the range"):
         ArmJoint(loop=own.loop, limits=own.limits.overridden(lower=-0.1, upper=0.1), margin=0.1)
     with pytest.raises(InvalidInput, match="margin"):
         ArmJoint(loop=own.loop, limits=own.limits, margin=np.nan)

@@ -32,7 +32,7 @@ def test_a_clean_log_is_shown_and_called_clean(folder):
     done = inspect(folder / "good.npz")
     assert done.returncode == 0, done.stdout + done.stderr
     assert started("inspect", folder / "good.npz").stdout == done.stdout
-    for word in ("10000 samples", "500 Hz", "position", "rad", "torque", "N.m", "Nothing is the matter"):
+    for word in ("10000 samples", "500 Hz", "position", "rad", "torque", "N.m", "No faults found"):
         assert word in done.stdout
 
 

@@ -57,7 +57,7 @@ def test_one_law_shows_equation_parameters_source_and_claims(laws):
 def test_a_smooth_law_says_what_carries_it_and_why_nothing_else(laws):
     _, out, _ = laws("makkar")
     assert "Carried by: none." in out
-    assert "vanishes smoothly at rest" in " ".join(out.split())
+    assert "continuous and zero at rest" in " ".join(out.split())
 
 
 @pytest.mark.parametrize("name", [*RATES, *ELEMENTS])
@@ -98,11 +98,11 @@ def test_json(laws):
         (("polylin+dahl",), "Did you mean 'polyline'?"),
         (("polyline+dalh",), "Did you mean 'dahl'?"),
         (("lugre+polyline",), "polyline+lugre"),
-        (("makkar+lugre",), "vanishes smoothly at rest"),
+        (("makkar+lugre",), "continuous and zero at rest"),
         (("", "--json"), ""),
         (("coulomb", "--plot", "x.pdf"), "'pdf'"),
         (("coulomb", "--plot", "no/such/folder.png"), "Cannot write"),
-        (("--plot", "x.png"), "no law to draw"),
+        (("--plot", "x.png"), "No law was named to draw"),
     ],
 )
 def test_failures_are_one_message(laws, arguments, words):

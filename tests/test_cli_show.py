@@ -60,7 +60,7 @@ def test_tables_show_the_model(show, model, result):
     assert "≥ 0, at its bound" in out
     assert "kg.m^2" in out
     assert f"{friction.held_out.residual:.2f} %" in out
-    assert "holds for" in out
+    assert "valid for" in out
     assert "beyond, it extrapolates" in out
     assert "not judged" in out
     assert "! viscous_negative ended at its lower bound" in out

@@ -491,7 +491,7 @@ def test_the_way_out_of_each_limit_of_a_sweep_is_a_way_out():
     stroke = number_after("smallest stroke that would do is", text)
     assert stroke == pytest.approx(smallest_stroke(2.0, 1.6, 50.0, gravity=30.0), rel=1e-3)
     check_limits(replace(SWEEP, stroke=stroke), JointLimits(effort=50.0), inertia=1.6, gravity=30.0)
-    assert "No stroke helps" in refusal(SWEEP, JointLimits(effort=20.0), inertia=1.6, gravity=30.0)
+    assert "No stroke is sufficient" in refusal(SWEEP, JointLimits(effort=20.0), inertia=1.6, gravity=30.0)
 
 
 def test_the_ways_out_of_the_other_motions_are_ways_out():
@@ -702,7 +702,7 @@ def test_damaged_plans_are_refused(tmp_path, change, error, words):
 def test_a_plan_in_turn_inside_another_is_refused():
     data = plan_to_dict(InTurn((SWEEP,)))
     inner = {k: v for k, v in data.items() if k not in ("format", "schema")}
-    with pytest.raises(ReadError, match="holds another"):
+    with pytest.raises(ReadError, match="contains another"):
         plan_from_dict({**data, "plans": [inner]})
     for plans in (None, [], {}, ["x"], [None]):
         with pytest.raises(ReadError):

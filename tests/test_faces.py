@@ -74,8 +74,8 @@ def test_arrays_and_frames_are_logs(log, model):
     ("arguments", "words"),
     [
         ({}, "no channels"),
-        ({"position": [1.0, 2.0]}, "neither or both"),
-        ({"time": [0.0, 1.0], "rate": 1.0, "position": [1.0, 2.0]}, "neither or both"),
+        ({"position": [1.0, 2.0]}, "exactly one of"),
+        ({"time": [0.0, 1.0], "rate": 1.0, "position": [1.0, 2.0]}, "exactly one of"),
         ({"rate": 0.0, "position": [1.0]}, "rate = 0.0 Hz"),
         ({"rate": "fast", "position": [1.0]}, "'fast'"),
         ({"rate": 1.0, "position": "abc"}, "is a str"),

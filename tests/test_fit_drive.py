@@ -122,7 +122,7 @@ def test_a_drive_whose_numbers_are_missing_is_named(drive, says):
 
 def test_bad_requests_are_answered_in_words(servo_log):
     silent = servo_log.replace(drive=None)
-    with pytest.raises(InvalidInput, match="does not say what its drive"):
+    with pytest.raises(InvalidInput, match="does not name the law of its drive"):
         identify(silent, law="coulomb-viscous")
     with pytest.raises(InvalidInput, match="neither"):
         identify(servo_log, law="coulomb-viscous", bounds={"stiffness_of_mind": (1.0, 2.0)})

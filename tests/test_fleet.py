@@ -205,7 +205,7 @@ def test_a_second_run_on_a_folder_is_told(tmp_path):
     with (
         store.lock((1, 2)),
         store.lock((2, 2)),
-        pytest.raises(InvalidInput, match="Another run is at work"),
+        pytest.raises(InvalidInput, match="Another run is using"),
         store.lock(),
     ):
         pass
@@ -274,7 +274,7 @@ def test_results_of_another_schema(results, tmp_path, monkeypatch):
     with pytest.raises(ModelFileError, match="damaged"):
         Store.open(place)
     (place / "fleet.json").write_text(json.dumps(head | {"schema": 0}))
-    with pytest.raises(ModelFileError, match="states the schema 0"):
+    with pytest.raises(ModelFileError, match="has the schema 0"):
         Store.open(place)
     # an older one, without a column, is migrated
     empty = pa.array([None], pa.string())

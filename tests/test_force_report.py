@@ -88,7 +88,7 @@ def test_the_page_shows_the_estimates_numbers():
     one = found.joints[0]
     assert "Another remark." in text and "A remark" not in text
     for part in (
-        "1 contact, at thresholds for 1 false an hour",
+        "1 contact, at thresholds for a false-alarm rate of 1/h",
         "12.010 s",
         "2.10 N·m",
         "momentum, 60.0 1/s",
@@ -128,7 +128,7 @@ def test_a_wrench_has_a_section_of_its_own():
     )
     text = render_force(replace(found, wrench=at), command="c")
     plain = re.sub(r"<[^>]+>", " ", text)
-    assert "Wrench at" in plain and "<script" not in text and "for 25.0 % of the time" in plain
+    assert "Wrench at" in plain and "<script" not in text and "For 25.0 % of the time" in plain
     assert re.search(r"fx\s+[67]\.\d+ N\s+10\.00 N\s+2\.00 N\s+1\.00 N", plain)
     assert text.count("<svg viewBox") > render_force(found, command="c").count("<svg viewBox")
 

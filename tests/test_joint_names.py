@@ -143,4 +143,4 @@ def test_a_current_taken_for_torque_is_a_warning(tmp_path):
     answer = json.loads(called("identify", *asked, "--json").stdout)
     assert any("was taken as SI" in w for w in answer["warnings"])
     seen = called("inspect", *asked).stdout
-    assert seen.count("was taken as SI") == 1 and "Nothing is the matter" not in seen
+    assert seen.count("was taken as SI") == 1 and "No faults found" not in seen

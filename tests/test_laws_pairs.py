@@ -32,7 +32,7 @@ def test_every_pair(rate, element):
 @pytest.mark.parametrize("rate", [name for name in RATES if RATES[name].SMOOTH])
 @pytest.mark.parametrize("element", [name for name in ELEMENTS if ELEMENTS[name] is not Rigid])
 def test_a_smooth_rate_law_cannot_be_carried(rate, element):
-    with pytest.raises(InvalidInput, match="vanishes smoothly"):
+    with pytest.raises(InvalidInput, match="continuous and zero at rest"):
         Law(rate=RATE_EXAMPLES[rate], element=ELEMENT_EXAMPLES[element])
 
 

@@ -90,7 +90,7 @@ def test_a_factor_and_a_unit_in_the_name_are_not_both_applied():
         assert np.allclose(log_of(f"t={time},q=q", stated, **arrays).time, T), time
     log = log_of('t=T,q=q,tau=0.0025*"i [mA]"', stated, **arrays)
     assert np.allclose(log.torque[:, 0], 0.0025 * RAW["b"])
-    with pytest.raises(MappingError, match=r"stated in deg, and has a factor.*0\.0174533\*"):
+    with pytest.raises(MappingError, match=r"stated in deg and has a factor.*0\.0174533\*"):
         log_of("t=T,q=2*q", stated, **arrays)
     assert np.allclose(log_of("t=T,q=2*deg*q", stated, **arrays).position[:, 0], 2 * np.deg2rad(RAW["a"]))
 

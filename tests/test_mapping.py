@@ -112,7 +112,7 @@ def test_mistakes_of_grammar_say_where(text, match):
         ("q=short", "has shape \\(3,\\), but the time has 5 samples"),
         ("q=pos*pos", "not a single number"),
         ("t=pos,q=pos", "Time has 2 columns"),
-        ("q=pos,tau=amps", "is in A, which is no unit of torque"),
+        ("q=pos,tau=amps", "is in A, which is not a unit of torque"),
         ("t=none,q=pos", "needs a time"),
     ],
 )
@@ -122,7 +122,7 @@ def test_what_does_not_fit_the_file_is_answered_with_its_columns(text, match):
 
 
 def test_a_log_must_move():
-    with pytest.raises(MappingError, match=r"does not say what moves.*Columns: t 5, x 5x2"):
+    with pytest.raises(MappingError, match=r"No position or velocity was found.*Columns: t 5, x 5x2"):
         to_log(Columns(arrays={"t": T, "x": Q}), map="tau=x")
 
 

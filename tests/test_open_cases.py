@@ -146,4 +146,4 @@ def test_friction_that_follows_the_load_is_said_from_one_center(made):
     plain = replace(joint, load_growth=0.0)
     record = made.record(plain, made.sweep(0.9, 0.7, 1.5, 10), made.Logger(rate=500.0, noise=0.03), rng)
     (friction,) = identify(to_log(record)).model.joints
-    assert not any("follows the load" in w for w in friction.warnings)
+    assert not any("depends on the load" in w for w in friction.warnings)

@@ -251,10 +251,10 @@ def test_expected_errors_are_those_that_a_fit_of_white_noise_states(urdf):
         (("--duration", "2"), "too short"),
         (("--friction", "100"), "friction"),
         (("--joint", "j9"), "j9"),
-        (("--joint", "j1", "--joint", "j3"), "carries"),
+        (("--joint", "j1", "--joint", "j3"), "lies before one of them"),
         (("--frame", "flange"), "no frame"),
         (("--packages", "nowhere"), "no folder"),
-        (("--stroke", "1"), "means nothing"),
+        (("--stroke", "1"), "does not apply"),
     ],
 )
 def test_bad_input_names_itself_and_the_way_out(urdf, tmp_path, brief, words, message):
@@ -274,9 +274,7 @@ def test_missing_limits_and_meshes_are_named(tmp_path, brief):
     done = called(*words, "--acceleration-limit", "8")
     assert done.returncode == 0, done.stderr
     told = " ".join(done.stdout.split())
-    assert (
-        "Meshes of l1, l2, l3 were not read: give the folder" in told and "Capsules stand in for them" in told
-    )
+    assert "Meshes of l1, l2, l3 were not read: give the folder" in told and "Capsules replace them" in told
     done = called(*words, "--acceleration-limit", "8", "--packages", tmp_path)
     assert done.returncode != 0
     assert "no mesh 'package://x/y.stl'" in done.stderr

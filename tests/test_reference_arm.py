@@ -610,7 +610,7 @@ def test_remarks_name_what_is_suspect(robot):
     one_way = rows.weight.copy()
     one_way[rows.friction[0][:, :k].sum(axis=1) < 0.0, 0] = 0.0
     one_way[rows.friction[0][:, k : 2 * k].sum(axis=1) < 0.0, 0] = 0.0
-    assert any("one way" in w for w in said(weight=one_way))
+    assert any("one direction" in w for w in said(weight=one_way))
     for share, count in ((0.09, 1), (0.11, 0)):  # of the moving time
         either = np.zeros((rows.weight.shape[0], terms[0].size))
         either[:, 0], either[: round(share * len(either)), 0] = 1.0, 0.0
@@ -623,7 +623,7 @@ def test_remarks_name_what_is_suspect(robot):
                 beta=np.zeros(b), own=[good, other], errors=[good, other], condition=10.0,
                 pushed=[0.0 * good, 0.0 * other], told=np.ones(b),
             )  # fmt: skip
-            assert sum("one way" in w for w in remarks(robot, terms, moved, solution)[0]) == count
+            assert sum("one direction" in w for w in remarks(robot, terms, moved, solution)[0]) == count
     for share, count in ((0.019, 1), (0.021, 0)):
         slow = [replace(terms[0], top=share * terms[1].top), terms[1]]
         assert sum("no more than" in w for w in said(of=slow)) == count

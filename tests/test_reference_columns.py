@@ -440,7 +440,7 @@ def test_terms_of_a_map_are_checked_against_the_columns():
     assert constant[:, 0].tolist() == [3.0] * 6
     with pytest.raises(MappingError, match=r"\[2\] is not there"):
         to_log(columns, map="q=a[2]")
-    with pytest.raises(MappingError, match="which is no unit of torque"):
+    with pytest.raises(MappingError, match="which is not a unit of torque"):
         to_log(columns, map="q=one,tau=a[0]")
     amps = Columns(arrays={"t": T, "q": Q, "i": Q + 1.0}, units={"i": "A"})
     assert to_log(amps, map="q=q,tau=1.5*i").torque == pytest.approx(1.5 * (Q + 1.0))

@@ -466,7 +466,7 @@ def test_a_line_is_given_up_where_an_f_test_says_so():
 
 def test_runs_that_jerk_or_go_one_way_or_feed_energy_are_said():
     one_way, _ = identify_constant_velocity(run_logs(lambda v: 3.0 + v, SPEEDS[:14]), "a")
-    assert any("one way" in w for w in one_way.warnings)
+    assert any("one direction" in w for w in one_way.warnings)
     backwards, _ = identify_constant_velocity(run_logs(lambda v: -np.sign(v) * (3.0 + abs(v)), SPEEDS), "a")
     assert any("inverted" in w for w in backwards.warnings)
     for jerk, uneven in ((0.24, False), (0.26, True)):

@@ -253,7 +253,7 @@ def test_names_are_listed_with_or_without_blanks(tmp_path):
     ("raised", "seen", "words"),
     [
         (MemoryError(), FileTooLarge, "more memory than the limits allow"),
-        (RecursionError(), ForbiddenContent, "nests its content without end"),
+        (RecursionError(), ForbiddenContent, "is nested too deeply"),
         (FileNotFoundError(2, "x", "gone.csv"), ReadError, "gone.csv does not exist"),
         (ValueError("x" * 400), ReadError, f"cannot be read as json (ValueError: {'x' * 300})."),
         (errors.UnknownFormat("as it was", remedy="so"), UnknownFormat, "as it was"),

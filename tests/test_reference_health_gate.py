@@ -95,7 +95,7 @@ def test_the_gate_stops_what_could_be_mended_unless_it_is_asked_to_mend():
             in said
         )
         assert "more." not in said
-        assert stopped.value.remedy == "Use --repair, or --accept nan to go on regardless."
+        assert stopped.value.remedy == "Use --repair, or --accept nan to continue anyway."
         (told,) = stopped.value.data["findings"]
         assert (told["name"], told["where"]) == ("nan", [500])
     assert len(gate(log, repair=True)) == len(screen(log, repair=True)[0]) == 999
@@ -120,17 +120,17 @@ def test_a_remedy_offers_repair_only_where_all_can_be_mended():
     assert {f.channel: f.repairable for f in named(log, "nan")} == {"torque": False, "velocity": True}
     with pytest.raises(UnhealthyLog) as stopped:
         gate(log)
-    assert stopped.value.remedy == "Use --accept nan to go on regardless."
+    assert stopped.value.remedy == "Use --accept nan to continue anyway."
     with pytest.raises(UnhealthyLog) as stopped:
         gate(log, repair=True)
     assert (
-        stopped.value.remedy == "Use --accept nan to go on regardless."
+        stopped.value.remedy == "Use --accept nan to continue anyway."
         and len(stopped.value.data["findings"]) == 1
     )
     jumped = np.sin(3e-3 * np.arange(N)) + (np.arange(N) > 700)
     with pytest.raises(UnhealthyLog) as stopped:
         gate(log_of(N, position=jumped, torque=with_nan(rough(), [5])))
-    assert stopped.value.remedy == "Use --accept nan --accept position-jump to go on regardless."
+    assert stopped.value.remedy == "Use --accept nan --accept position-jump to continue anyway."
 
 
 def test_what_warns_is_handed_on_unless_it_was_accepted_or_mended():
@@ -445,7 +445,7 @@ def test_which_torques_are_taken_to_be_inverted(estimates, inverted):
         assert about(finding) == (finding.joint, "torque", "spoils", value, None, True)
         if estimate is None:
             assert finding.sentence.endswith(
-                "is taken to have the opposite sign like the other joints'; its own motion does not tell."
+                "is assumed to have the opposite sign like the other joints'; its own motion does not show it."
             )
         elif estimate[0] < -0.04:
             push = f"friction would drive it with {-estimate[0]:.3g} N.m (standard error {estimate[1]:.2g})"

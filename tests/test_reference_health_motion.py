@@ -413,7 +413,7 @@ def test_what_is_said_of_a_velocity(fit, severity, value):
     assert [f.severity for f in found] == ([] if severity is None else [severity])
     if found:
         assert about(found[0]) == ("j0", "velocity", severity, value, None, severity != "note")
-        assert ("Nothing need be done" in found[0].remedy) is (severity == "note")
+        assert ("No action is needed" in found[0].remedy) is (severity == "note")
 
 
 @pytest.mark.parametrize(
@@ -443,7 +443,7 @@ def test_units_are_told_by_their_ratio_whatever_the_sign(ratio, unit):
             if said:
                 assert about(found[0]) == ("j0", channel, "spoils", value, None, True)
                 assert found[0].sentence == (
-                    f"{channel} of j0 is in {large}: position changes {off * factor:.4g} times as fast as velocity says, "
+                    f"{channel} of j0 is in {large}: position changes {off * factor:.4g} times as fast as its velocity channel, "
                     f"and {large} over {small} are {factor:.4g}."
                 )
                 assert f"it turns {channel} into {small}" in found[0].remedy

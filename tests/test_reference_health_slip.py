@@ -362,7 +362,7 @@ def test_a_slip_is_told_in_samples_and_milliseconds():
     (found,) = slipped(samples=-7.64, error=0.12, effect=0.1234, period=2e-3)
     assert found.sentence == (
         "torque of j0 comes 7.6 samples (15.3 ms) early against its motion (standard error 0.1); "
-        "that is worth 12.3 % of the torque."
+        "its effect is 12.3 % of the torque."
     )
     assert found.remedy.startswith("Shift torque by 8 samples")
     assert "10.0 samples (10.0 ms) late against" in slipped()[0].sentence
@@ -431,4 +431,6 @@ def test_torque_behind_a_low_pass_is_no_slip_that_a_shift_mends(by, bend):
     assert shifted.repairable and "low pass" not in shifted.sentence
     assert shifted.value == pytest.approx(by * 500.0, abs=0.5)
     (passed,) = time_slip.find(Exam(late_log("low pass", by, bend)))
-    assert not passed.repairable and "low pass" in passed.sentence and "no shift mends it" in passed.remedy
+    assert (
+        not passed.repairable and "low pass" in passed.sentence and "no shift can repair it" in passed.remedy
+    )

@@ -296,4 +296,4 @@ def test_curves_of_a_model_file_have_1000_knots_at_most():
 def test_an_object_that_says_one_thing_twice_is_refused():
     good = encode(FrictionModel(joints=(friction(PLAIN, -1.0, 1.0),)))
     twice = good.replace(b'"unit": "rad",', b'"unit": "m", "unit": "rad",', 1)
-    assert twice != good and "'unit' stands there twice in one object" in refused(twice)
+    assert twice != good and "'unit' occurs twice in one object" in refused(twice)

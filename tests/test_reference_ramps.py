@@ -106,9 +106,9 @@ def test_a_stiffness_is_known_to_half_of_itself_or_none(ratio, spring):
         assert got.stiffness[1] / got.stiffness[0] == pytest.approx((ratio - 1.0) / (ratio + 1.0), rel=0.01)
         assert len(got.branches) == 2
     else:
-        with pytest.raises(NotIdentifiable, match="not as a spring does"):
+        with pytest.raises(NotIdentifiable, match="not like a spring"):
             presliding(logs, 0)
-    with pytest.raises(NotIdentifiable, match="not as a spring does"):
+    with pytest.raises(NotIdentifiable, match="not like a spring"):
         presliding([logged(u, -u / STIFF)], 0)
 
 
@@ -241,7 +241,7 @@ def test_a_direction_that_did_not_break_away_is_bounded_by_the_largest_torque(mo
     assert got.at_bound == ("coulomb_positive",) and np.isnan(got.standard_errors["coulomb_positive"])
     assert got.law.rate.values()["coulomb_positive"] == pytest.approx(7.9)
     assert got.warnings == (
-        "Joint 'a' did not break away along +q up to 8 N.m: its friction is at least what is given.",
+        "Joint 'a' did not break away along +q up to 8 N.m: the value given is a lower bound of its friction.",
     )
     assert "at more than 7.9 N.m along +q and 5.6 N.m along -q." in shown.verdict
     got, shown = identified(monkeypatch, replace(FOUND, break_away=(None, None)))

@@ -665,7 +665,7 @@ def test_methods_that_do_not_judge_are_judged_on_the_logs_held_out(asked):
     assert got.model.joints[0].held_out == wanted and steps[-1] == "Judging on the held-out logs"
     said = got.evidence[0].verdict
     assert said.startswith("So it is. ") and said.endswith(" Indeed.")
-    assert f"all but {wanted.residual:.1f} % of torque it had not seen" in said and "fitted to" not in said
+    assert f"all but {wanted.residual:.1f} % of torque that was held out" in said and "fitted to" not in said
     for method, more in (("motion", {}), ("arm", {"urdf": "r"})):
         assert identify(wave("a"), method=method, held_out=held, **more).model.joints[0].held_out is None
     alone = identify(wave("a"), method="sweep")

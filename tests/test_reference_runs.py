@@ -128,7 +128,7 @@ def test_what_is_said_of_a_bent_curve():
     straight = identify_constant_velocity(runs(uneven_line, noise=0.05), "a")
     assert straight[0].law.rate.NAME == "coulomb-viscous"
     assert straight[1].verdict.endswith(
-        f"predicts left-out runs surely better ({straight[0].held_out.rms:.3g})."
+        f"predicts left-out runs significantly better ({straight[0].held_out.rms:.3g})."
     )
     for n, enough in ((3, False), (4, True)):
         if enough:

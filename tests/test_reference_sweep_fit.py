@@ -190,7 +190,7 @@ def test_three_centers_tell_unequal_directions_from_gravity():
     assert got.noise_gain == pytest.approx(np.sqrt(row @ covariance[:8, :8] @ row) / half_sum)
     assert got.centers == THREE and got.warnings == () and got.tells(5.0)
     assert got.notes == (
-        "Its centers tell the constant difference of the directions from gravity (condition "
+        "Its centers separate the constant difference of the directions from gravity (condition "
         f"{got.condition:.0f}, noise gain {got.noise_gain:.2g}); an offset of the torque signal would look the same as such a "
         "difference.",
     )
@@ -234,11 +234,12 @@ def test_no_gravity_at_distant_centers_is_a_vertical_axis():
         [0.0, 0.0], abs=1e-9
     )
     assert (
-        got.law.positive == pytest.approx(up(SPEEDS) + 0.8) and "tell the constant difference" in got.notes[0]
+        got.law.positive == pytest.approx(up(SPEEDS) + 0.8)
+        and "separate the constant difference" in got.notes[0]
     )
 
 
-SAME = "All centers carry the same weight"
+SAME = "The gravity torque has the same size at all centers"
 
 
 @pytest.mark.parametrize(
@@ -401,9 +402,9 @@ EXPLAINS = "The model explains all but 5.0 % of the torque it was fitted to: goo
 
 def test_the_words_of_a_sweep():
     even = rotary([pairs(up(SPEEDS) + 1.5, up(SPEEDS) - 1.5)])
-    apart = "A constant 1.5 N.m was set apart: gravity, an offset of the torque signal or unequal directions."
+    apart = "A constant 1.5 N.m was separated from friction: gravity, an offset of the torque signal or unequal directions."
     knots = "Its 4 knots have standard errors up to 0.035 N.m."
-    below = "Below 0.5 rad/s nothing is known."
+    below = "Below 0.5 rad/s friction is unknown."
     assert (
         verdict(shown(even), even)
         == f"Friction is 10.5 N.m at 0.5 rad/s and 15 N.m at 2 rad/s. {knots} {below} {apart} {EXPLAINS}"
@@ -413,7 +414,7 @@ def test_the_words_of_a_sweep():
     )
     for constant, said in ((0.44, False), (0.46, True), (-0.46, True)):  # three hundredths of 15
         found = rotary([pairs(up(SPEEDS) + constant, up(SPEEDS) - constant)])
-        assert ("was set apart" in verdict(shown(found), found)) is said
+        assert ("was separated" in verdict(shown(found), found)) is said
     told = rotary(about(THREE, WEIGHT, c=0.8, slopes=0.5))
     (p, a), (n, b) = told.constants()
     said = verdict(shown(told), told)
@@ -423,7 +424,7 @@ def test_the_words_of_a_sweep():
         "known; the first section meets rest at "
         f"9.800 +- {1.96 * a:.3f} N.m along +q and 8.200 +- {1.96 * b:.3f} N.m along -q (95 %)."
     )
-    assert p > n and "was set apart" not in said and said.endswith(f"{told.notes[0]} {EXPLAINS}")
+    assert p > n and "was separated" not in said and said.endswith(f"{told.notes[0]} {EXPLAINS}")
     line = fit([pairs(up(SPEEDS) + 1.5, up(SPEEDS) - 1.5, error=1e-3)], unit="m", name="a")
     said = verdict(shown(line, Joint(name="a", unit="m")), line)
     assert said.startswith("Friction is 12 N along +q and 9 N along -q at 0.5 m/s, 16.5 and 13.5 N at 2 m/s.")

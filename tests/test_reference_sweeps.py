@@ -521,8 +521,8 @@ def test_delays_of_several_sweeps_are_averaged_by_their_errors(monkeypatch):
         delays, errors, said = delays_of(monkeypatch, [(2e-3, error)])
         otherwise = [0.0], [pytest.approx(0.5 / RATE)]  # a command, but it may as well be a sample
         assert (delays, errors) == (([2e-3], [pytest.approx(error)]) if told else otherwise)
-        assert ("does not tell" in said[0]) is not told and len(said) == 1
-    assert "does not tell" in delays_of(monkeypatch, [NONE])[2][0]
+        assert ("does not show" in said[0]) is not told and len(said) == 1
+    assert "does not show" in delays_of(monkeypatch, [NONE])[2][0]
 
 
 def test_a_delay_is_not_told_by_two_cycles_or_without_position():

@@ -57,12 +57,12 @@ def test_a_repair_that_does_not_help_is_undone_and_said(tmp_path):
     result, plain = identify(late, repair=True), identify(late)
     (undone,) = [w for w in result.warnings if "[time-slip]" in w]
     assert "The repair was undone, for it does not help" in undone
-    assert "% of unseen torque is left, without it" in undone
+    assert "% of held-out torque stays unexplained; without it" in undone
     assert not any("shifted" in note or "Accepted" in note for note in result.notes)
     assert result.model.joints[0].law == plain.model.joints[0].law
     np.savez(tmp_path / "late.npz", t=late.time, q=late.position, tau=late.torque)
     preview = called("inspect", tmp_path / "late.npz").stdout
-    assert "--repair would leave it so:" in preview
+    assert "--repair would do this:" in preview
     assert "The repair was undone" in preview
     assert "shifted by" not in preview
     assert "The repair was undone" in called("inspect", tmp_path / "late.npz", "--repair").stdout

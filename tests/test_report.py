@@ -261,7 +261,7 @@ def test_says_what_it_does_not_know(page, result):
     assert "±2 standard errors" in sections[0]
     assert "during a ramp" in sections[3]
     assert "displacement [" in sections[3]
-    assert "Nothing was held out" in sections[4]
+    assert "No data were held out" in sections[4]
     assert "not judged" in sections[5]
     assert "not recorded" in sections[5]
     assert "on the motor side, gear ratio 101" in sections[0]

@@ -190,7 +190,7 @@ DAMAGED = {
     "'j' is ball": BODY.replace('name="j"', 'name="j" type="ball"'),
     "no joint has": BODY.replace('<joint name="j"/>', ""),
     "called 'j'": BODY.format('<joint name="j"/>'),
-    "makes bodies": BODY.format('<composite type="cable"/>'),
+    "generates bodies": BODY.format('<composite type="cable"/>'),
     "closes a chain": BODY.replace("<worldbody>", '<equality><connect body1="b"/></equality><worldbody>'),
     "class 'x'": BODY.format('<geom class="x"/>'),
     "has no length": BODY.replace('name="j"', 'name="j" axis="0 0 0"'),

@@ -329,7 +329,7 @@ def test_what_an_identification_says(log):
     assert len(friction.standard_errors["positive"]) == len(friction.law.rate.velocity) == 6
     assert evidence.samples.time.size <= 4000
     assert np.all(np.isfinite(evidence.curve.standard_error))
-    assert "A constant 29.9 N.m was set apart" in evidence.verdict
+    assert "A constant 29.9 N.m was separated" in evidence.verdict
     assert not friction.warnings
 
 
@@ -340,7 +340,7 @@ def test_several_sweeps_judge_the_last_one_unseen():
     assert friction.held_out.residual < 4.0
     seen = evidence.samples.fitted
     assert 0.6 < seen.mean() < 0.7
-    assert "torque it had not seen" in evidence.verdict
+    assert "torque that was held out" in evidence.verdict
     alone, _ = identify_sweep(logs[:1], "joint_1")
     ratio = np.array(friction.standard_errors["positive"]) / alone.standard_errors["positive"]
     assert np.median(ratio) == pytest.approx(1 / np.sqrt(3), rel=0.25)
@@ -392,7 +392,7 @@ def test_three_centers_tell_unequal_directions_from_gravity():
     assert friction.law.torque(-V_n) == pytest.approx(joint.law.torque(-V_n), abs=0.05)
     assert friction.dynamics["gravity_cos"].value == pytest.approx(30.0, abs=0.02)
     assert friction.dynamics["gravity_sin"].value == pytest.approx(0.0, abs=0.02)
-    assert "tell the constant difference of the directions from gravity" in shown.verdict
+    assert "separate the constant difference of the directions from gravity" in shown.verdict
     assert not friction.warnings
     assert friction.held_out is None  # two centers do not tell the gravity at the third
 

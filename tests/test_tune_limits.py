@@ -107,9 +107,9 @@ def test_what_is_odd_about_limits_is_noted():
     def notes(speed, limit, effort=np.inf, fastest=1.0):
         return " ".join(within(TUNING, speed, limit, effort, fastest).notes)
 
-    assert "no loop can be made" in notes(None, None)
+    assert "is not sufficient for a loop" in notes(None, None)
     assert notes(3.0, None) == ""
-    assert "takes it for a runaway" in notes(3.0, None, fastest=2.8)
+    assert "the loop switches off" in notes(3.0, None, fastest=2.8)
     assert "clips the compensation" in notes(3.0, 2.0)
     assert "1.5 R F(top speed)" in notes(3.0, 100.0)
     assert within(TUNING, 3.0, None, 9.0, 1.0).limit == 9.0

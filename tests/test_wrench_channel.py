@@ -59,7 +59,7 @@ def test_wrong_axes_sign_or_place_are_said_with_what_fits(sensed):
     with pytest.raises(UnknownName, match="axes of a wrench"):
         estimated(sensed, axes="world")
     silent = estimate_force(SLIDING, sensed, robot=ROBOT, bandwidth=60.0)
-    assert any("at which frame" in line for line in silent.remarks)
+    assert any("give the frame at which" in line for line in silent.remarks)
 
 
 def test_a_wrench_of_another_origin_is_brought_over_by_its_lever():

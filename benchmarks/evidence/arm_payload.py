@@ -162,7 +162,7 @@ def light(judge: Judge, seed: int, n: int) -> None:
         except NotIdentifiable:
             silent += 1
             continue
-        silent += e.gains.kind == "none" and any("Nothing is claimed" in r for r in e.remarks)
+        silent += e.gains.kind == "none" and any("gains are not reported" in r for r in e.remarks)
         honest += e.gains.kind != "none" and all(
             abs(g.value - 1) < 4 * g.error + 0.01 for g in e.gains.by_joint.values()
         )

@@ -53,7 +53,7 @@ def knowing(
 def named(warnings: list[str]) -> tuple[int, int, float] | None:
     """Return motor, joint and the matrix' entry that a remark names, or None."""
     for text in warnings:
-        if "seems to turn along with" in text:
+        if "seems to turn with" in text:
             motor, joint = (NAMES.index(text.split("'")[i]) for i in (1, 3))
             return motor, joint, float(text.split("whose matrix has ")[1].split()[0])
     return None

@@ -1,8 +1,8 @@
 """Linear algebra on one thread, so that a result does not depend on how many there are.
 
-A library that splits a product among threads adds up in another order, and the last digits differ. The matrices here are small:
-more threads would only wait for each other. What can be told at run time is OpenBLAS (numpy's and scipy's wheels each bring
-one), MKL and BLIS; for one that is loaded only later, the environment says it.
+A library that splits a product among threads adds in another order, so the last digits differ. The matrices here are small,
+so more threads would not be faster. OpenBLAS (contained in the wheels of numpy and scipy), MKL and BLIS are set at run time;
+for libraries loaded later, environment variables are set.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def _restore() -> None:
 
 
 def _find_libraries() -> list[_Library]:
-    """Return the libraries of linear algebra; sought again only where modules were imported since, for each comes with one."""
+    """Return the libraries of linear algebra; searched again only if modules were imported since, because each may bring one."""
     modules = len(sys.modules)
     if modules not in _known:
         _known.clear()

@@ -1,4 +1,4 @@
-"""Look a name up; an unknown one is answered with the known ones."""
+"""Look up a name in a catalogue; the error for an unknown name lists the known ones."""
 
 from __future__ import annotations
 

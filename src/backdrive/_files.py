@@ -1,9 +1,9 @@
-"""Files: written whole or not at all, read within bounds; nothing but regular files either way.
+"""Files: written atomically, read with a size limit; only regular files are accepted.
 
-A file is written under a temporary name in its own folder, brought to the disk, and then renamed over the old one: whatever
-happens on the way, the old file is whole. The writer holds a lock (flock) on its temporary file as long as it lives, and the
-system drops that lock when the process dies, however it dies. So whoever writes to the folder next can tell what a killed
-process left behind from what a living one is writing, and removes the former.
+A file is written under a temporary name in the same folder, synced to the disk, and then renamed over the old file. So an
+interruption never damages the old file. The writer holds a lock (flock) on its temporary file while its process lives; the
+system releases the lock when the process ends for any reason. So the next writer in the folder can distinguish leftovers of
+killed processes, which it removes, from files in use.
 
 A link is followed: the file that it points to is replaced, and the link stays. A link that leads to no file is refused, as
 are folders, devices, FIFOs, sockets and files that are write-protected. Mode and owner of the old file are kept.
@@ -83,7 +83,7 @@ def write_together(contents: Mapping[str | Path, str | bytes] | Mapping[Path, st
 
 
 def check_writable(path: str | Path, *, make: bool = False) -> None:
-    """Refuse, before anything long begins, what `write_whole` would refuse; the disk may still fill up meanwhile.
+    """Refuse a path that `write_whole` would refuse; called before a long computation. The disk may still become full later.
 
     Args:
         path: of a file that will be written.
@@ -165,7 +165,7 @@ def read_whole(
 
 
 def check_regular(path: str | Path, *, error: type[ReadError] = ReadError) -> os.stat_result:
-    """Return the state of a regular file, or refuse what is none; nothing is opened.
+    """Return the state of a regular file without opening it, or raise an error if it is not a regular file.
 
     Args:
         path: of the file; a link is followed.
@@ -199,7 +199,7 @@ def _reason(error: OSError | ValueError) -> str:
 
 @contextlib.contextmanager
 def _translate_errors(path: str | Path):
-    """Turn what the system says into an error that names the file and a remedy."""
+    """Convert errors of the system to an error that names the file and a remedy."""
     try:
         yield
     except (OSError, ValueError) as error:

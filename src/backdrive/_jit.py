@@ -1,4 +1,4 @@
-"""The only numba decorator, with a disk cache that knows when any kernel has changed.
+"""The package's only numba decorator, with a disk cache that is invalidated when any kernel changes.
 
 Numba's own cache looks at the file of the function it compiled, not at the files of the functions that it calls: after an edit in
 another file it returns the old numbers. Here the cache's stamp is a digest of every file that holds a kernel or is imported by
@@ -105,7 +105,8 @@ def jit(function: F) -> F:
 def leaf(function: F) -> F:
     """Compile as `jit` does, and inline the function wherever it is called: for what is called every tick.
 
-    Not for what calls a ladder of laws more than once, which would grow beyond what a compiler can chew.
+    Do not use it for functions that call the selection of laws more than once, since the code would become too large to
+    compile.
     """
     return _compile(function, forceinline=True)
 
@@ -113,8 +114,8 @@ def leaf(function: F) -> F:
 def ladder(function: F) -> F:
     """Compile as `jit` does, and write the body out wherever it is called, before its types are known.
 
-    Where the caller knows the integers that it branches on, the other branches are gone, and what they call is never
-    compiled.
+    If the integers of its branches are constants of the caller, the other branches are removed, and the functions called
+    there are never compiled.
     """
     return _compile(function, inline="always")
 
@@ -161,9 +162,9 @@ def _four(kernels: list[tuple[int, Kernel]], otherwise: Kernel, below: Kernel) -
 def specialise(function: F, *kinds: int) -> F:
     """Compile a closure over the integers `kinds`, a loop of its own for each of their values.
 
-    The compiler may take it that no array it writes to overlaps another argument: so parameters stay in registers, where a
-    store to the output would otherwise have them read again every tick. `kinds` are part of the name of its cache file, for
-    two processes that fill the cache at once.
+    The compiler may assume that output arrays do not overlap other arguments. So parameters stay in registers; otherwise they
+    would be read again in every tick, after each store to the output. `kinds` are part of the cache file's name, so that two
+    processes can fill the cache at once.
     """
     function.__qualname__ = "_".join([function.__name__, *(str(kind) for kind in kinds)])
     compiled: Any = _compile(function)

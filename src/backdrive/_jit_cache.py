@@ -1,10 +1,10 @@
-"""The compile cache on disk: stamped with the sources of all kernels, sealed against damage, never a reason to fail.
+"""The compile cache on disk: tied to the sources of all kernels, checked for damage, and never a cause of failure.
 
-Every file ends with a digest of what stands before it, which numba's own reader does not look at: a truncated or altered file is
-found out before its content is unpickled or handed to the compiler. Whatever else is wrong with the cache (emptied, a folder
-where a file should be, owned by somebody else, on a full or read-only disk), it is thrown away and filled again, or functions
-are compiled in memory, with one short note a process. The seal finds damage, not malice: that the folder belongs to the
-user is what keeps others out.
+Every file ends with a digest of its content, which numba's own reader ignores. So a truncated or altered file is detected
+before it is unpickled or compiled. Other faults of the cache are an emptied cache, a folder in place of a file, another
+owner, or a full or read-only disk. In all cases the cache is discarded and filled again, or functions are compiled in memory,
+with one short note per process. The digest detects damage, not attacks: access for others is prevented by the ownership of
+the folder.
 """
 
 from __future__ import annotations
@@ -30,7 +30,9 @@ class CacheDamage(Exception):
 
 
 def note(what: str, outcome: str) -> None:
-    """Say once a process, on standard error, that the cache could not be used; never a warning that becomes an error."""
+    """Report once per process, on standard error, that the cache could not be used; not as a Python warning, which could
+    become an error.
+    """
     if not _said:
         _said.append(what)
         with suppress(OSError, ValueError, AttributeError):  # nobody listens
@@ -193,7 +195,7 @@ def _classes(stamp: str) -> type:
                 pass
 
         def _start_anew(self, error: Exception, then: Callable[[], None] = lambda: None) -> None:
-            """Throw away what there is of this function; where that is not enough, leave its cache alone from now on."""
+            """Discard the cache of this function; if that fails, do not use its cache again."""
             outcome = "it is filled again"
             try:
                 self._cache_file.discard()

@@ -1,10 +1,10 @@
-"""Modules and names that have moved: whoever asks for an old one is told the new one."""
+"""Modules and names that have moved: using an old name raises an error that states the new one."""
 
 from __future__ import annotations
 
 import sys
 
-#: Module below `backdrive` as it was -> as it is; what lies below moved with it unless it is named too.
+#: Former module below `backdrive` -> its present name; submodules moved with it unless they have their own entry.
 MODULES = {
     "arm_loop": "simulation.arm_loop",
     "closed_loop": "simulation.closed_loop",
@@ -53,7 +53,7 @@ NAMES = {"fit": "identify(logs, law=...)"}
 
 
 def refuse(name: str) -> None:
-    """Say what an old public name is called now.
+    """Raise an error with the new name of an old public name.
 
     Raises:
         Renamed: it was renamed.
@@ -80,7 +80,7 @@ def new_name(module: str) -> str | None:
 
 
 class _Finder:
-    """Asked last, for what no other finder knows."""
+    """The last finder of the import system, for modules that no other finder knows."""
 
     def find_spec(self, fullname, path=None, target=None):
         new = new_name(fullname) if fullname.startswith("backdrive.") else None

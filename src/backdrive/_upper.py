@@ -1,4 +1,4 @@
-"""The one way to a room above: what a result shows of itself is done there, and opened by name when somebody asks for it."""
+"""Access to a module of a higher layer, by name and on demand: the display of results is defined there."""
 
 from __future__ import annotations
 
@@ -17,10 +17,12 @@ def upper(module: str, name: str) -> Any:
 
 
 class Display:
-    """What shows itself: text by `summary`, a picture by `plot`, a page by `report`, and HTML in a notebook."""
+    """Base class of results that can be displayed: text by `summary`, a picture by `plot`, a page by `report`, and HTML in a
+    notebook.
+    """
 
     def summary(self, width: int = 80) -> str:
-        """Return what there is to say, as plain text.
+        """Return a summary as plain text.
 
         Args:
             width: of a line [characters].

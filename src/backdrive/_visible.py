@@ -1,11 +1,11 @@
-"""Text of others, a file's name, a column's, a person's options, as it may be shown: nothing in it steers the terminal."""
+"""Display of untrusted text (names of files and columns, options): control characters cannot reach the terminal."""
 
 from __future__ import annotations
 
 import re
 
-#: What is not shown as it is: controls (C0, DEL, C1), line and paragraph separators, what formats or turns the direction of
-#: writing, and surrogates, which have no encoding. The spaces, which Python does not call printable, are harmless.
+#: Characters that are escaped: controls (C0, DEL, C1), line and paragraph separators, format and bidirectional characters,
+#: and surrogates, which have no encoding. Spaces that Python does not count as printable are harmless.
 _HIDDEN = re.compile(
     "[\x00-\x1f\x7f-\x9f\xad\u0600-\u0605\u061c\u06dd\u070f\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f"
     "\ud800-\udfff\ufeff\ufff9-\ufffb\U000110bd\U0001bca0-\U0001bca3\U0001d173-\U0001d17a\U000e0000-\U000e007f]"

@@ -1,8 +1,9 @@
 """Elementary functions of kernels: exp, pow, log, tanh, sin and cos with the same bits in plain Python and compiled.
 
-A C library's functions differ from one machine to the next in their last bit, and from numba's, and so would a law that calls
-them. These are plain arithmetic on doubles, rounded operation by operation, so that whatever compiles them without contraction
-gets the same bits, C included. Each is within one unit in the last place of the true value where that is a normal number.
+The functions of C libraries differ in their last bit between machines, and from those of numba; a law that calls them would
+differ too. The functions here use plain arithmetic on doubles, rounded operation by operation. So every compiler without
+contraction gives the same bits, C included. Each is within one unit in the last place of the true value where that is a
+normal number.
 
 `exp` and `log` read a table of 128 powers or logarithms, after P. T. P. Tang (ACM TOMS 15(2), 1989, and 16(4), 1990), made here
 with integers; sums of two doubles follow T. J. Dekker (Numer. Math. 18, 1971). Series are Taylor's.

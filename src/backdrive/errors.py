@@ -1,7 +1,7 @@
 """Every error that backdrive raises on purpose.
 
-Each says in one sentence what is wrong with which value, and in a second one what to do about it. The command
-line turns the class into an exit code, so a script can tell a bad result from a bad file.
+The first sentence of each error names the value and its fault, the second one a remedy. The command line converts the class
+to an exit code, so a script can distinguish a bad result from a bad file.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ class BackdriveError(Exception):
     """The root of all errors of this package.
 
     Args:
-        message: what is wrong, naming the offending value.
-        remedy: what the person can do about it.
+        message: the fault, with the invalid value.
+        remedy: what the user can do about it.
         data: the offending values themselves, for programs.
     """
 
@@ -39,7 +39,7 @@ def _rebuild(cls: type[BackdriveError], message: str, remedy: str, data: dict) -
 
 
 class BackdriveWarning(UserWarning):
-    """Something works, but not as well or as safely as it might; the sentence says what to do."""
+    """A warning that something works, but not optimally or not safely; the sentence names a remedy."""
 
 
 class InvalidInput(BackdriveError, ValueError):
@@ -61,7 +61,7 @@ class MappingError(InvalidInput):
 
 
 class OldName(BackdriveError, ImportError):
-    """A module or name has another name now; the message says which."""
+    """A module or name was renamed; the message states the new name."""
 
     exit_code = 2
 
@@ -142,11 +142,11 @@ class NotIdentifiable(BackdriveError):
 
 
 class LimitWarning(BackdriveWarning):
-    """A limit of torque is so large that no watch stops a runaway in time."""
+    """A torque limit is so large that the watch cannot stop a runaway in time."""
 
 
 class ExtrapolationWarning(BackdriveWarning):
-    """A model was asked for what its data do not cover."""
+    """A model was evaluated outside the range of its data."""
 
 
 class NegativeFrictionWarning(BackdriveWarning):

@@ -1,6 +1,6 @@
-"""A number with unit and bounds, and the refusal that names the one that lies outside.
+"""Numbers with unit and bounds, and the error that names a number out of bounds.
 
-Whoever takes a number from a person or a file checks it here, so that all refuse alike.
+All numbers from users and files are checked here, so that errors are uniform.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from typing import Any, ClassVar, NamedTuple, Self, cast
 from backdrive._documents import is_several
 from backdrive.errors import InvalidInput
 
-BIG = 1e12  # beyond, no number is meant [SI]
+BIG = 1e12  # larger numbers are implausible [SI]
 
 
 class Bound(NamedTuple):
-    """Where a number may lie, in SI; `open_low`, `open_high`: that end is not in it."""
+    """The range of a number, in SI; `open_low`, `open_high`: that end is excluded."""
 
     low: float
     high: float
@@ -155,7 +155,7 @@ class WithBounds:
     CHOICES: ClassVar[Mapping[str, Sequence[str]]] = {}
 
     def __post_init__(self) -> None:
-        """Refuse what the declaration does not allow.
+        """Check all fields against the declaration.
 
         Raises:
             InvalidInput: names each number outside its bounds, or a word that is none of the choices.

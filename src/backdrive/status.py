@@ -1,4 +1,4 @@
-"""Codes of the real-time path, where nothing may be raised."""
+"""Status codes of the real-time code, which must not raise exceptions."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from enum import IntEnum
 
 
 class Status(IntEnum):
-    """What one tick of a torque loop reports; every code has its sentence, and `severity` says which of two counts."""
+    """The status of one tick of a torque loop. Every code has a sentence; of two codes, the one with the higher `severity` is
+    reported.
+    """
 
     sentence: str
     severity: int

@@ -16,7 +16,7 @@ def main() -> None:
     with _interrupt.watch():
         try:
             code = _run()
-            if code == _interrupt.CODE:  # what was done is kept and said
+            if code == _interrupt.CODE:  # the command has kept and reported its partial result
                 _interrupt.leave(said=True)
         except KeyboardInterrupt:
             _interrupt.leave()

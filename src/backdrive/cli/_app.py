@@ -1,4 +1,4 @@
-"""The commands, put together: names, help, and what goes past the parser of the command line."""
+"""The table of commands, with their names and help, and the errors that bypass the command line's parser."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ COMMANDS = (
     "reproduce",
 )
 
-#: Group name -> module that defines `COMMANDS`, name -> command, and `Group`, by which it takes its words.
+#: Group name -> module that defines `COMMANDS` (name -> command) and `Group`, the class that parses the group's arguments.
 GROUPS = ("fleet",)
 
-#: Command as it was -> as it is.
+#: Former name of a command -> its present name.
 RENAMED = {"fit": "identify --law auto"}
 
 app = typer.Typer(
@@ -47,7 +47,7 @@ app = typer.Typer(
 
 
 class Carrier(Exception):
-    """Carries what the parser of the command line would make a message and a code of its own of ("Aborted!" and 1)."""
+    """Carries an error past the command line's parser, which would print "Aborted!" and exit with 1 instead."""
 
     def __init__(self, error: BaseException):
         super().__init__(str(error))
@@ -84,7 +84,7 @@ for _name in GROUPS:
     _group = typer.Typer(
         cls=_module.Group,
         help=_module.HELP,
-        short_help="Identify a fleet's logs; say whose friction changed.",
+        short_help="Identify a fleet's logs; list joints whose friction changed.",
         epilog=_module.EXAMPLE,
         no_args_is_help=True,
         rich_markup_mode=None,
@@ -98,7 +98,7 @@ def _rename(old: str, new: str) -> Callable[[], None]:
     def command() -> None:
         from backdrive.errors import OldName
 
-        raise OldName(f"'backdrive {old}' has another name now.", remedy=f"Use 'backdrive {new}'.")
+        raise OldName(f"'backdrive {old}' has a new name.", remedy=f"Use 'backdrive {new}'.")
 
     return command
 

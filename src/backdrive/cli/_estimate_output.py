@@ -1,4 +1,4 @@
-"""What `backdrive estimate` says: figures as JSON, and tables for a terminal."""
+"""The output of `backdrive estimate`: JSON, and tables for a terminal."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ MOST = 20  # contacts that a terminal lists
 
 
 def document(result: ForceEstimate, remarks: list[str]) -> dict[str, Any]:
-    """Return everything as one JSON object, in SI.
+    """Return all results as one JSON object, in SI units.
 
     Args:
         result: of `estimate_force`.
-        remarks: what is to be said of log and result.
+        remarks: warnings about log and result.
     """
     joints = {j.joint.name: figures(j) for j in result.joints}
     for name, calibration in result.calibrations.items():
@@ -43,7 +43,7 @@ def document(result: ForceEstimate, remarks: list[str]) -> dict[str, Any]:
 
 
 def figures(one: JointForce) -> dict[str, Any]:
-    """Return what the command says of a joint, in SI."""
+    """Return the results for a joint, in SI units."""
     import numpy as np
 
     largest = int(np.argmax(np.abs(one.force)))
@@ -61,7 +61,7 @@ def figures(one: JointForce) -> dict[str, Any]:
 
 
 def wrench_figures(wrench: WrenchEstimate) -> dict[str, Any]:
-    """Return what the command says of a wrench, in SI."""
+    """Return the results for a wrench, in SI units."""
     import numpy as np
 
     error = wrench.rms_error
@@ -127,7 +127,7 @@ def _print_contacts(console: Any, result: ForceEstimate) -> None:
     contacts, units = result.contacts or (), {j.joint.name: j.joint.torque_unit for j in result.joints}
     count = "no contact" if not contacts else f"{len(contacts)} contact{'s' * (len(contacts) > 1)}"
     console.print(
-        f"\n{count}, at thresholds for {result.false_alarms:g} false an hour of all joints together"
+        f"\n{count}, at thresholds for a false-alarm rate of {result.false_alarms:g}/h over all joints"
     )
     if contacts:
         rows = table("begin", "end", "joint", "largest", text=("joint",))

@@ -1,4 +1,4 @@
-"""Commands of `backdrive fleet` that ask its results: trend, drifted, sql, merge, page; and forget and rename."""
+"""Commands of `backdrive fleet` that query or edit its results: trend, drifted, sql, merge, page, forget, rename."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from backdrive.fleet.population import Outlier
 
 Results = Annotated[Path, typer.Option("-o", "--output", help="Folder of the results.")]
-Rate = Annotated[float, typer.Option("--rate", help="Share of false alarms among the named that is allowed.")]
+Rate = Annotated[float, typer.Option("--rate", help="Accepted share of false alarms among the joints named.")]
 SHADES = "▁▂▃▄▅▆▇█"
 LAST = 30  # days in the table of a trend
 
@@ -32,7 +32,7 @@ def trend(
     output: Results,
     as_json: _logs.AsJson = False,
 ) -> None:
-    """Show a joint's friction from day to day, and whether it has changed, tested beside the whole fleet.
+    """Show a joint's friction by day, and whether it has changed. The test takes all joints of the fleet into account.
 
     Example: backdrive fleet trend robot001/q1 -o results/
     """
@@ -62,21 +62,22 @@ def trend(
         rows.add_row(row["day"], *(f"{row[name]:.4g}" for name in ("level", "constant", "viscous")), warm)
     console.print(rows)
     if one.left_out:
-        console.print(f"{one.left_out} results were poor, or of a day that is none, and are left out.")
+        console.print(f"{one.left_out} results were poor or had no valid day, and are left out.")
 
 
 def drift(
     output: Results,
     since: Annotated[
         str | None,
-        typer.Option("--since", metavar="DATE", help="Only changes that may have begun since this day."),
+        typer.Option("--since", metavar="DATE", help="Only changes whose begin may lie after this day."),
     ] = None,
     rate: Rate = 0.05,
     as_json: _logs.AsJson = False,
 ) -> None:
     """Name the joints whose friction has changed, the largest change first, and robots unlike their siblings.
 
-    Of the named, at most the rate is false (Benjamini & Hochberg). Exits with 1 where a joint is named.
+    The expected share of false alarms among the joints named is at most --rate (Benjamini & Hochberg). Exits with 1 if it
+    names a joint.
 
     Example: backdrive fleet drifted --since 2026-03-01 -o results/
     """
@@ -123,10 +124,10 @@ def sql(
         str, typer.Argument(metavar="SELECT", help="Over the tables `results` and `failures`.")
     ],
     output: Results,
-    most: Annotated[int, typer.Option("--most", help="Rows that are printed.")] = 1000,
+    most: Annotated[int, typer.Option("--most", help="Largest number of rows to print.")] = 1000,
     as_json: _logs.AsJson = False,
 ) -> None:
-    """Answer a question in SQL (DuckDB). It sees the tables of the results and nothing else.
+    """Run an SQL query (DuckDB). It can read the tables of the results and nothing else.
 
     Example: backdrive fleet sql "SELECT robot, avg(constant) FROM results GROUP BY robot" -o results/
     """
@@ -152,7 +153,7 @@ def merge(
         Path | None,
         typer.Option("--model", help="Model file of the mean robot; errors are the spread between robots."),
     ] = None,
-    type: Annotated[str, typer.Option("--type", help="Of the robots of --model.")] = "",
+    type: Annotated[str, typer.Option("--type", help="Type of the robots of --model.")] = "",
 ) -> None:
     """Merge robots of a type to a population: the mean robot and the spread between robots.
 
@@ -180,7 +181,8 @@ def page(
     reports: Annotated[
         int,
         typer.Option(
-            "--reports", help="Joints, the worst first, whose last log gets a report beside the page."
+            "--reports",
+            help="Number of joints, the worst first, whose last log gets a report beside the page.",
         ),
     ] = 0,
     rate: Rate = 0.05,
@@ -209,10 +211,10 @@ def page(
 
 
 def forget(
-    robot: Annotated[str, typer.Argument(help="Whose results are removed, under all its names.")],
+    robot: Annotated[str, typer.Argument(help="Robot whose results are removed, under all its names.")],
     output: Results,
 ) -> None:
-    """Remove a robot from the results; the next run does it again where its logs are still listed.
+    """Remove a robot from the results. The next run identifies it again if its logs are still listed.
 
     Example: backdrive fleet forget robot007 -o results/
     """
@@ -229,7 +231,7 @@ def rename(
     ],
     output: Results,
 ) -> None:
-    """Say that a robot has another name now, so that both histories are one.
+    """Record a robot's new name, so that both histories are joined.
 
     Example: backdrive fleet rename robot005=cell3 -o results/
     """
@@ -240,7 +242,7 @@ def rename(
     for pair in pairs:
         old, sign, new = pair.partition("=")
         if not (old and sign and new) or old == new:
-            raise InvalidInput(f"'{pair}' is no pair of names.", remedy="Write OLD=NEW.")
+            raise InvalidInput(f"'{pair}' is not a pair of names.", remedy="Write OLD=NEW.")
         names[old] = new
     with store.lock():
         store.rename(names).save()

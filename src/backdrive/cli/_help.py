@@ -9,8 +9,8 @@ from typer.core import TyperCommand
 #: Command -> what it does, in a line of the list of commands.
 LINES = {
     "demo": "Simulate a joint, identify it, and let a hand move it.",
-    "inspect": "Show what a log holds, and whether it is healthy.",
-    "plan": "Plan a motion that shows friction, within limits.",
+    "inspect": "Show what a log contains, and its faults.",
+    "plan": "Plan a motion for identification, within limits.",
     "identify": "Identify the friction of every joint of a log.",
     "show": "Show a friction model and its curve.",
     "validate": "Compare measured with predicted torque.",
@@ -21,15 +21,15 @@ LINES = {
     "laws": "List the friction laws, or show one.",
     "reproduce": "Run the thesis' experiments in simulation.",
     "run": "Identify every log of a folder or bucket.",
-    "status": "Say what is done and what failed.",
+    "status": "Show what is done and what failed.",
     "trend": "Show a joint's friction over the days.",
     "drifted": "Name the joints whose friction has changed.",
-    "sql": "Ask the results in SQL.",
+    "sql": "Query the results in SQL.",
     "page": "Write one page on the whole fleet.",
-    "merge": "Put the results of several machines together.",
+    "merge": "Merge robots of a type into a mean robot.",
     "rename": "Give a robot another name in the results.",
-    "forget": "Take a robot out of the results.",
-    "simulate": "Write logs of a fleet that never was.",
+    "forget": "Remove a robot from the results.",
+    "simulate": "Write logs of a simulated fleet.",
 }
 
 

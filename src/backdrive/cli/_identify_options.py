@@ -1,4 +1,4 @@
-"""What a person writes behind options of `backdrive identify`, taken apart and checked."""
+"""Values of the options of `backdrive identify`: parsed and checked."""
 
 from __future__ import annotations
 

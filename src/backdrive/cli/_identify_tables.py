@@ -1,4 +1,4 @@
-"""What `backdrive identify` prints: a table of joints, after a search also the laws that were tried and their numbers."""
+"""The output of `backdrive identify`: a table of joints and, after a search, the laws tried with their parameters."""
 
 from __future__ import annotations
 
@@ -86,7 +86,9 @@ def show_tables(result: Identification, written: list[str]) -> None:
             console.print(_numbers(j, result.intervals.get(j.joint.name, {})))
         print_lines(console, (f"  {warning}" for warning in j.warnings), style="yellow")
     if any(e.precision for e in result.evidence):
-        console.print("Standard errors, achieved (expected of the motion); of bodies, achieved by expected:")
+        console.print(
+            "Standard errors: achieved (expected of the motion); for bodies, the ratio achieved / expected:"
+        )
         console.print(_precision(result))
     print_lines(console, result.warnings, style="yellow")
     print_lines(console, result.notes, style="dim")
@@ -94,7 +96,7 @@ def show_tables(result: Identification, written: list[str]) -> None:
 
 
 def _precision(result: Identification) -> Any:
-    """Return achieved beside expected standard errors of an arm as a table; of bodies, the median of their ratio."""
+    """Return a table of an arm's achieved and expected standard errors; for bodies, the median of achieved / expected."""
     names = ("coulomb", "viscous", "offset", "inertia")
     rows = table("joint", "Coulomb", "viscous", "offset", "inertia", "bodies", text=("joint",))
     for e in result.evidence:

@@ -1,8 +1,8 @@
-"""Ctrl-C: within a second the command ends with 130, whatever it is about; a search keeps the best that it has found.
+"""Ctrl-C ends every command with exit code 130 within a second; a search keeps the best result found so far.
 
-Python raises `KeyboardInterrupt` in the main thread, between two of its own instructions. Two things may go wrong with that: a long
-compiled call lets it wait, and a callback from compiled code, as the compiler makes them, may swallow it. So a thread is told of
-the signal at the moment it arrives, and after a grace for the usual way out ends the process itself.
+Python raises `KeyboardInterrupt` in the main thread, between two of its own instructions. A long compiled call delays it, and
+a callback from compiled code may swallow it. So a second thread receives the signal at once. It ends the process itself if
+the usual exit takes longer than a grace period.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import NoReturn
 
-GRACE = 0.5  # for the usual way out, which removes temporary files [s]
-CODE = 130  # 128 and the number of the signal, as shells count
+GRACE = 0.5  # time for the usual exit, which removes temporary files [s]
+CODE = 130  # 128 plus the number of the signal, as in shells
 
 _interrupted = threading.Event()
 
 
 @contextmanager
 def watch() -> Iterator[None]:
-    """End the process soon after a Ctrl-C within this block; elsewhere than in the main thread nothing is changed."""
+    """End the process soon after a Ctrl-C within this block. Outside the main thread this does nothing."""
     if (
         threading.current_thread() is not threading.main_thread()
         or signal.getsignal(signal.SIGINT) is not signal.default_int_handler
@@ -49,7 +49,7 @@ def watch() -> Iterator[None]:
 
 
 def _watch(ears: int) -> None:
-    """Wait for signals; 0 bytes say that the block was left."""
+    """Wait for signals until the pipe closes, which marks the end of the block."""
     heard = 0
     while got := os.read(ears, 1):
         if got[0] == signal.SIGINT:
@@ -61,18 +61,22 @@ def _watch(ears: int) -> None:
 
 
 def signal_came() -> bool:
-    """Return whether a signal has arrived: what fails then, as a compiler that is torn out of its work, is no fault of ours."""
-    return _interrupted.wait(0.02)  # the watch has to come to it
+    """Return whether a signal has arrived. An error after it, such as that of an interrupted compiler, is not a fault of this
+    package.
+    """
+    return _interrupted.wait(0.02)  # gives the watching thread time to see the signal
 
 
 def _keeping() -> bool:
-    """Return whether a fit has something that a first Ctrl-C is to keep."""
+    """Return whether a fit is running whose best result a first Ctrl-C keeps."""
     stopping = sys.modules.get("backdrive.identification.dynamic.stopping")
     return stopping is not None and stopping.keeping()
 
 
 def leave(*, said: bool = False) -> NoReturn:
-    """Say so, unless it was said, and end the process at once, its children included, without waiting for threads."""
+    """Report the interruption, unless it was reported, and end the process and its children at once, without waiting for
+    threads.
+    """
     guard = sys.modules.get("backdrive.logs.readers.guard")
     if guard is not None:
         guard.default_guard().kill()
@@ -87,7 +91,9 @@ def leave(*, said: bool = False) -> NoReturn:
 
 
 def _quiet(hook):
-    """Return a hook that does not speak of an interruption that a callback has swallowed: the watch does what it asked for."""
+    """Return a hook that ignores a `KeyboardInterrupt` that a callback has swallowed: the watching thread ends the process
+    anyway.
+    """
 
     def unraisable(about):
         if not (about.exc_type and issubclass(about.exc_type, KeyboardInterrupt)):

@@ -1,4 +1,4 @@
-"""Options that say a number or an interval of each joint: VALUE of an only joint, JOINT=VALUE of several."""
+"""Options with a number or an interval for each joint: VALUE where there is one joint, JOINT=VALUE where there are several."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from backdrive.errors import InvalidInput
 def by_joint(
     words: Sequence[str] | None, option: str, example: str, names: Sequence[str], *, interval: bool = True
 ) -> dict[str, Any]:
-    """Return what an option says of each joint: one plain value of an only joint, or JOINT=VALUE."""
+    """Return an option's value by joint, from a plain VALUE where there is one joint, or from JOINT=VALUE."""
     found: dict[str, Any] = {}
     for word in words or ():
         name, equals, value = word.rpartition("=")
@@ -24,7 +24,7 @@ def by_joint(
                 if name in found
                 else f"no joint '{name}'"
                 if equals
-                else "it does not say of which joint"
+                else "the joint is missing"
             )
             raise InvalidInput(
                 f"{option} {word}: {wrong}.",
@@ -82,7 +82,7 @@ def numbers_by_name(
 def guards(
     speeds: dict[str, float], limits: dict[str, float], urdf: Path | None, names: Sequence[str]
 ) -> dict[str, dict[str, Any]]:
-    """Return trip speed and limit of torque by joint: as they were given, else of the robot description."""
+    """Return trip speed and torque limit by joint: the given values, or else those of the robot description."""
     described: dict[str, Any] = {}
     if urdf is not None:
         from backdrive.plans.limits import read_limits

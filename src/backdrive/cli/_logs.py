@@ -1,4 +1,4 @@
-"""Options that every command that reads logs shares, and the reading itself."""
+"""The options shared by all commands that read logs, and the code that reads the logs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,9 @@ OF_ONE_CLOCK = "Both clocks begin at 0"  # in a note of a joined log
 
 Logs = Annotated[
     list[Path],
-    typer.Argument(help="Log files, or folders of them; several of the same joints are one identification."),
+    typer.Argument(
+        help="Log files, or folders of them; several logs of the same joints are identified together."
+    ),
 ]
 Map = Annotated[
     str | None,
@@ -41,9 +43,7 @@ Units = Annotated[
 ]
 Gear = Annotated[
     str | None,
-    typer.Option(
-        "--gear", help="Gear ratios; says that the torque is measured on the motor side: 100,224,120."
-    ),
+    typer.Option("--gear", help="Gear ratios of a torque measured on the motor side: 100,224,120."),
 ]
 Counts = Annotated[
     str | None,
@@ -62,7 +62,9 @@ Format = Annotated[
 Topic = Annotated[str | None, typer.Option("--topic", help="Topic of the joint states in a bag.")]
 MotorSide = Annotated[
     str | None,
-    typer.Option("--motor-side", help="Channels that --gear brings to the joint: q,dq,tau.  [default: tau]"),
+    typer.Option(
+        "--motor-side", help="Channels that --gear converts to the joint side: q,dq,tau.  [default: tau]"
+    ),
 ]
 Coupling = Annotated[
     Path | None,
@@ -75,7 +77,8 @@ CouplingSide = Annotated[
     str | None,
     typer.Option(
         "--coupling-side",
-        help="What the log's channels are of: motor, or joint where the controller resolves the coupling.  [default: motor]",
+        help="Side of the coupling that the log's channels refer to: motor, or joint where the controller resolves "
+        "the coupling.  [default: motor]",
     ),
 ]
 Join = Annotated[
@@ -85,10 +88,11 @@ Join = Annotated[
     ),
 ]
 Accept = Annotated[
-    list[str] | None, typer.Option("--accept", help="Go on in spite of this health finding; may be repeated.")
+    list[str] | None,
+    typer.Option("--accept", help="Accept this health finding and continue; may be repeated."),
 ]
 Repair = Annotated[
-    bool, typer.Option("--repair", help="Mend what can be mended honestly; every repair is listed.")
+    bool, typer.Option("--repair", help="Repair faults that have a safe repair; every repair is listed.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
 Rename = Annotated[
@@ -115,14 +119,15 @@ Start = Annotated[
     str | None,
     typer.Option(
         "--start",
-        help="Where in the log its plan begins: seconds after the first sample, or auto, by the motion.  [default: at once]",
+        help="Start of the plan in the log: seconds after the first sample, or auto, found from the motion.  "
+        "[default: 0]",
     ),
 ]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """How logs are read: the options that every command shares which reads them; see `with_reading`."""
+    """How logs are read: the options shared by all commands that read logs; see `with_reading`."""
 
     map: Map = None
     names: Names = None
@@ -162,18 +167,18 @@ class Reading:
         )
 
     def read_apart(self, paths: Sequence[Path]) -> list[Log]:
-        """Return further logs, each with the joined files where these are of its time.
+        """Return further logs, each with those joined files that cover the same time.
 
         Raises:
-            InvalidInput: clocks begin at zero, so that nothing tells which recording a joined file belongs to.
+            InvalidInput: the clocks begin at zero, so a joined file cannot be assigned to a recording.
         """
         return [log for path in paths for log in (self._beside(path) if self.join else self.read([path]))]
 
     def _beside(self, path: Path) -> list[Log]:
-        """Return the logs of a path, with the joined files or without them, whichever its time and columns allow."""
+        """Return the logs of a path, with the joined files if their times and columns match, otherwise without."""
         failure = InvalidInput(
-            f"{path} and the joined files begin at 0 s: nothing tells that they are of one recording.",
-            remedy="Write a clock that goes on from one recording to the next, or hold nothing out.",
+            f"{path} and the joined files begin at 0 s: they may be of different recordings.",
+            remedy="Log a clock that keeps running from one recording to the next, or leave out --hold-out.",
         )
         try:
             joined = self.read([path])
@@ -188,7 +193,7 @@ class Reading:
         raise failure
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what was asked for, as plain values."""
+        """Return the options that were given, as plain values."""
         given = {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name)}
         given |= {"units": given.pop("unit")} if "unit" in given else {}
         given |= {"join": [str(p) for p in self.join]} if self.join else {}
@@ -225,7 +230,7 @@ def with_reading(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def start_from(text: str | None) -> float | Literal["auto"] | None:
-    """Return what a --start option says.
+    """Return the value of a --start option.
 
     Raises:
         InvalidInput: it is neither a number nor `auto`.
@@ -263,7 +268,7 @@ def numbers(text: str | None, option: str) -> list[float] | None:
 def check_targets(
     outputs: Sequence[Path | None], inputs: Sequence[Path | None], *, drawn: Sequence[Path | None] = ()
 ) -> None:
-    """Refuse, before anything long begins, outputs that cannot be written or that would overwrite something.
+    """Refuse outputs that cannot be written or that would overwrite an input; called before any long computation.
 
     Args:
         outputs: files that a command will write; those that end in .png or .svg are pictures.
@@ -296,7 +301,7 @@ def files_of(model: str) -> list[Path]:
 
 
 def check_folder(folder: Path, files: Sequence[str]) -> None:
-    """Refuse, before anything long begins, a folder that cannot be made or in which files cannot be written.
+    """Refuse a folder that cannot be created or written to; called before any long computation.
 
     Args:
         folder: made later where it does not exist.
@@ -310,7 +315,7 @@ def check_folder(folder: Path, files: Sequence[str]) -> None:
 
 
 def check_urdf(urdf: Path | None) -> None:
-    """Refuse, before logs are read, a robot description that is no file, or that nothing can read here.
+    """Refuse a robot description that is not a file or cannot be read on this machine; called before logs are read.
 
     Raises:
         ReadError: it is no file.

@@ -1,6 +1,6 @@
-"""What all commands share: lines, tables or JSON on the way out, and failures as one message with an exit code.
+"""Output shared by all commands: lines, tables or JSON, and one message with an exit code for each failure.
 
-Whatever a file or a person has named may hold escape bytes; on its way to the terminal it is quoted here.
+Names from files and users may hold escape bytes; they are quoted here before they reach the terminal.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def wrap(text: str, stream: Any) -> str:
 
 
 def console(*, stderr: bool = False) -> Any:
-    """Return a console of `rich` that prints text as it stands: no markup, colours of numbers or emoji, nothing that steers."""
+    """Return a `rich` console that prints text unchanged: without markup, coloured numbers, emoji or control characters."""
     from rich.console import Console, RenderHook
 
     class Quoting(RenderHook):
@@ -89,7 +89,7 @@ def print_lines(console: Any, lines: Iterable[str], **how: Any) -> None:
 
 
 class _Quote:
-    """Something that `rich` prints, with the text in it quoted; its own colours and cursor moves are no text."""
+    """A `rich` object whose text is quoted when printed; the colours and cursor moves of `rich` itself are kept."""
 
     def __init__(self, renderable: Any):
         self.renderable = renderable
@@ -103,7 +103,7 @@ class _Quote:
 
 
 def is_usage(error: BaseException) -> bool:
-    """Return whether an error is the command line parser's own, whichever release of it."""
+    """Return whether an error comes from the command line's parser, in any of its releases."""
     return hasattr(error, "format_message") and hasattr(error, "exit_code")
 
 
@@ -119,7 +119,7 @@ def fail(error: Exception, *, as_json: bool) -> int:
     """Print an error and return its exit code.
 
     Args:
-        error: anything; what is not a `BackdriveError` is an internal fault (4).
+        error: any exception; one that is not a `BackdriveError` is an internal fault (exit code 4).
         as_json: print one JSON object on standard output instead of a sentence on standard error.
     """
     code = error.exit_code if isinstance(error, BackdriveError) else 4
@@ -140,6 +140,6 @@ def fail(error: Exception, *, as_json: bool) -> int:
 
 
 def print_json(value: Any) -> None:
-    """Print one JSON document; numbers that are not finite become null, and what would steer a terminal is escaped."""
+    """Print one JSON document; numbers that are not finite become null, and control characters are escaped."""
     text = json.dumps(plain(value), indent=2, ensure_ascii=False)
     typer.echo(text if visible(text, keep="\n") == text else json.dumps(plain(value), indent=2))

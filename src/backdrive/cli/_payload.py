@@ -1,4 +1,4 @@
-"""`backdrive estimate --payload`: what it takes, refuses and prints."""
+"""`backdrive estimate --payload`: its options, checks and output."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def check_options(payload: bool, urdf: Any, own: Mapping[str, Any], others: Mapp
     Args:
         payload: whether --payload was given.
         urdf: the robot description.
-        own: values of the options that go with it alone, by name; None where they were not given.
-        others: of those that do not go with it.
+        own: values of the options that need --payload, by name; None where they were not given.
+        others: values of the options that --payload excludes.
 
     Raises:
         InvalidInput: names the option.
@@ -87,7 +87,7 @@ def print_payload(payload: PayloadEstimate, remarks: list[str], as_json: bool) -
 
 
 def document(payload: PayloadEstimate) -> dict[str, Any]:
-    """Return what the command says of a payload, in SI."""
+    """Return the results for a payload, in SI units."""
     inertia, error = payload.inertia, payload.inertia_error
     return {
         "frame": payload.frame,

@@ -1,4 +1,4 @@
-"""`backdrive plan arm`: a motion of all joints at once, chosen for what it shows, with the standard errors to be expected."""
+"""`backdrive plan arm`: a motion of all joints at once, optimized for small standard errors, which it predicts."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from backdrive.plans.limits import JointLimits, read_limits
 from backdrive.robot import Robot, load_robot
 
 USUAL = ("friction", "inertia", "gravity")
-SIGN = 0.05  # share of the speed limit within which friction changes sign for the search [-]
+SIGN = 0.05  # in the search, friction changes sign smoothly below this share of the speed limit [-]
 _WHAT = ("lower", "upper", "velocity", "acceleration", "torque")
 
 
 def plan_arm(request: Request, progress: Any) -> ArmOutcome:
-    """Return the best motion that a search met.
+    """Return the best motion that the search found.
 
     Args:
         request: the options.
@@ -51,7 +51,7 @@ def plan_arm(request: Request, progress: Any) -> ArmOutcome:
         robot = robot.without_tools(request.joint)
         if set(robot.joints) != set(request.joint):
             raise InvalidInput(
-                f"--joint {', '.join(request.joint)}: a joint that is left out carries one of them.",
+                f"--joint {', '.join(request.joint)}: a joint that is left out lies before one of them in the chain.",
                 remedy="Leave out joints beyond the last one only.",
             )
     limits = _limits(request, robot, known)
@@ -211,7 +211,7 @@ def _center(request: Request, robot: Robot) -> np.ndarray | None:
     missing = [name for name in robot.joints if name not in values]
     if missing:
         raise InvalidInput(
-            f"--around says nothing of {', '.join(missing)}.", remedy="Give a position for every joint."
+            f"--around gives no position for {', '.join(missing)}.", remedy="Give a position for every joint."
         )
     return np.array([values[name] for name in robot.joints])
 
@@ -223,7 +223,7 @@ def _who(links: Sequence[str]) -> str:
 def _clearance(
     request: Request, robot: Robot, limits: Sequence[JointLimits], notes: list[str]
 ) -> Clearance | None:
-    """Return what keeps links apart; None, with a note, where the description has no shapes that could be had."""
+    """Return the collision check of the links; None, with a note, if no shapes of the description could be read."""
     try:
         shapes, without = read_shapes(request.urdf, robot, request.packages)
     except MissingExtra as error:
@@ -235,12 +235,13 @@ def _clearance(
         way = ": give the folder that holds the packages with --packages" if request.packages is None else ""
         if rods:
             notes.append(
-                f"Meshes of {_who(without)} were not read{way}. Capsules stand in for them, from joint to joint and as thick as "
-                "the inertia says: look at the motion in a simulator before it runs."
+                f"Meshes of {_who(without)} were not read{way}. Capsules replace them, from joint to joint, with "
+                f"the thickness that fits the inertia: check the motion in a simulator before you run it."
             )
         if bare:
             notes.append(
-                f"Self-collision of {_who(bare)} was not checked: neither mesh nor inertia tells its shape{way}."
+                f"Self-collision of {_who(bare)} was not checked: its shape is known neither from a mesh nor from "
+                f"its inertia{way}."
             )
     if request.floor is not None:
         shapes = [*shapes, floor_at(request.floor)]
@@ -255,5 +256,7 @@ def _clearance(
         return None
     if found.touching:
         pairs = "; ".join(f"{a} and {b}" for a, b in found.touching)
-        notes.append(f"Links that touch in nearly every posture were not kept apart: {pairs}.")
+        notes.append(
+            f"Links that touch in nearly every posture were left out of the collision check: {pairs}."
+        )
     return found

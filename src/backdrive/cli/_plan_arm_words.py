@@ -1,4 +1,4 @@
-"""What `backdrive plan arm` says of a plan: its motion, the standard errors to be expected, and what it cannot show."""
+"""The output of `backdrive plan arm`: the motion, the expected standard errors, and what the motion cannot identify."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ NOISE, FRICTION = 0.01, 0.05  # of the torque limit, unless they are given [-]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ArmOutcome:
-    """A plan of an arm and what is known of it before anyone moves.
+    """A plan of an arm, with its checks and predictions before the robot moves.
 
     Attributes:
         plan: that was chosen.
         limits: of its joints, without the margin.
         errors: standard errors to be expected.
         peaks: largest share of position, speed, acceleration and torque that each joint uses [-], (4, J).
-        nearest: smallest distance of links beside what they need [m], and which; None: not looked at.
+        nearest: smallest distance of two links beyond the one required [m], and which links; None: not checked.
         notes: what was not checked, and what to watch.
     """
 
@@ -41,34 +41,35 @@ class ArmOutcome:
 
 
 def notes_of(request: Request, errors: Sequence[StandardError]) -> list[str]:
-    """Return what this motion cannot show, and what was taken for granted."""
+    """Return notes on what this motion cannot identify, and on what was assumed."""
     notes = []
     blind = [f"{e.name} of {e.joint}" for e in errors if not e.shows]
     if blind:
         notes.append(
-            f"This motion hardly shows {len(blind)} of {len(errors)} parameters, which will stay near the description's: "
-            f"{', '.join(blind)}."
+            f"This motion hardly excites {len(blind)} of {len(errors)} parameters; their estimates will stay near "
+            f"the description's values: {', '.join(blind)}."
         )
     notes.append(
-        "No motion tells a joint's constant friction difference between directions from an offset of its torque, or single "
-        "masses from their combinations; friction above the planned speeds and at rest, temperature and wear are not shown either."
+        "No motion can separate a constant friction difference between directions from a torque offset, or single "
+        "masses from their combinations. This one does not show friction at rest or above the planned speeds, nor "
+        "temperature or wear."
     )
     if request.noise is None:
         notes.append(
-            f"The noise below 5 Hz was taken to be {100 * NOISE:g} % of the torque limit: with --noise, "
-            "what an earlier identification left, errors are in proportion."
+            f"The torque noise below 5 Hz was assumed to be {100 * NOISE:g} % of the torque limit. The expected "
+            f"errors are proportional to it: give --noise, the residual of an earlier identification."
         )
     if request.friction is None:
-        notes.append(f"Friction was taken to be {100 * FRICTION:g} % of the torque limit: --friction.")
+        notes.append(f"Friction was assumed to be {100 * FRICTION:g} % of the torque limit: give --friction.")
     if request.floor is None:
         notes.append(
-            "Only the arm itself was looked at: keep floor, table and people away, or give --floor HEIGHT."
+            "Collisions were checked within the arm only: keep tables and people away, and give --floor HEIGHT."
         )
     return notes
 
 
 def figures_of(outcome: ArmOutcome) -> list[dict[str, Any]]:
-    """Return what a person wants to know of every joint's motion, SI."""
+    """Return the figures of every joint's motion, in SI units."""
     t = outcome.plan.start + np.linspace(0.0, outcome.plan.duration, 20_000)
     q, dq, ddq = (getattr(outcome.plan, f)(t) for f in ("position", "velocity", "acceleration"))
     return [

@@ -1,4 +1,6 @@
-"""`backdrive plan sweep --centres`: one sweep a center, so that unequal directions can be told from gravity."""
+"""`backdrive plan sweep --centres`: one sweep at each center, which separates friction unequal in its directions from
+gravity.
+"""
 
 from __future__ import annotations
 
@@ -73,11 +75,11 @@ def folders_of(found: Separation, output: Path) -> list[Path]:
 
 
 def notes_of_centres(found: Separation, request: Request) -> list[str]:
-    """Return a note where the noise gain that was sought was not reached."""
+    """Return a note if the noise gain stays above its target."""
     if str(request.centres).strip().lower() != "auto" or found.noise_gain <= MOST_GAIN:
         return []
     return [
-        f"The noise gain of {MOST_GAIN:g} that is sought was missed: within this range {MOST_SWEEPS} sweeps reach "
+        f"The noise gain stays above its target of {MOST_GAIN:g}: within this range {MOST_SWEEPS} sweeps reach "
         f"{found.noise_gain:.3g}. A wider range would help most."
     ]
 
@@ -96,7 +98,7 @@ def _degrees(word: str) -> list[float]:
 
 
 def figures_of_centres(found: Separation) -> dict[str, Any]:
-    """Return what a person wants to know before anyone moves."""
+    """Return the figures of the sweeps, in SI units."""
     return {
         "centers": list(found.centers),
         "noise_gain": found.noise_gain,

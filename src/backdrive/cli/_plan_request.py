@@ -1,4 +1,4 @@
-"""The options of `backdrive plan`, and which of them mean something to which kind of plan."""
+"""The options of `backdrive plan`, and the kinds of plan that each applies to."""
 
 from __future__ import annotations
 
@@ -38,19 +38,19 @@ ARM = (
 
 
 def kinds() -> dict[str, tuple[str, ...]]:
-    """Return the options that mean something to a kind of plan, by kind, beside those that all have."""
+    """Return the options that apply to each kind of plan, beside those common to all kinds."""
     return {plan.kind: (*COMMON[plan.commands], *plan.options) for plan in PLANS} | {"arm": ARM}
 
 
 class Request(SimpleNamespace):
-    """The options of the command by their names, as they were given; None where nothing was."""
+    """The options of the command by name; None where an option was not given."""
 
     def __getattr__(self, name: str) -> Any:  # for those that a program leaves out
         return None
 
 
 def check_options(request: Request) -> None:
-    """Refuse a kind of plan that there is none of, and options that mean nothing to it."""
+    """Refuse an unknown kind of plan, and options that do not apply to the kind."""
     known = kinds()
     lookup(request.kind, known, "kind of plan")
     for name, value in vars(request).items():
@@ -58,6 +58,6 @@ def check_options(request: Request) -> None:
             continue
         others = ", ".join(kind for kind, options in known.items() if name in options)
         raise InvalidInput(
-            f"--{name.replace('_', '-')} means nothing to a plan of the kind {request.kind}.",
+            f"--{name.replace('_', '-')} does not apply to a plan of the kind {request.kind}.",
             remedy=f"It belongs to: {others}.",
         )

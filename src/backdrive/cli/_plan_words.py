@@ -1,4 +1,4 @@
-"""What `backdrive plan` says of a plan: its figures, what was not checked, and what to watch."""
+"""The output of `backdrive plan`: figures of the plan, what was not checked, and what to watch."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from backdrive.plans import inertia_bias, smallest_stroke, stroke_for_bias
 from backdrive.plans.base import phrase, torque_unit
 from backdrive.plans.limits import JointLimits
 
-_BIAS, _SLIP = 0.1, 1e-3  # what `--bias` [N.m or N] and `--time-slip` [s] are unless given
+_BIAS, _SLIP = 0.1, 1e-3  # defaults of `--bias` [N.m or N] and `--time-slip` [s]
 
 
 def figures_of(plan: Any, limits: JointLimits, request: Request) -> dict[str, Any]:
-    """Return what a person wants to know of one joint's plan, SI."""
+    """Return the figures of one joint's plan, in SI units."""
     figures: dict[str, Any] = {
         "joint": plan.joint,
         "unit": plan.unit,
@@ -52,7 +52,8 @@ def notes_of(plan: Any, limits: dict[str, JointLimits], request: Request) -> lis
     single = single_plans(plan)
     if plan.commands == "torque":
         return [
-            "A torque does not bound the motion: begin small, and let the robot's own limits watch position and speed."
+            "A torque command does not bound the motion: begin with a small torque, and set limits of position and "
+            "speed in the robot's controller."
         ]
     notes = []
     if request.inertia is None and any(math.isfinite(limits[p.joint].effort) for p in single):
@@ -85,7 +86,7 @@ def notes_of(plan: Any, limits: dict[str, JointLimits], request: Request) -> lis
 
 
 def table_of(figures: list[dict[str, Any]]) -> list[str]:
-    """Return the lines of a table: of one plan a line a figure; of several a line a plan, and once what they share."""
+    """Return a table: a line per figure for one plan; for several, a line per plan, and the common figures once."""
     if len(figures) == 1:
         return _align(_rows(figures[0]))
     columns = _columns(figures)
@@ -129,7 +130,7 @@ def _rows(f: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def _bias_rows(f: dict[str, Any]) -> list[tuple[str, str]]:
-    """Return labels and values of what inertia falsifies, where it is known."""
+    """Return labels and values of the friction error that inertia causes, where inertia is known."""
     if "stroke_for_bias" not in f:
         return []
     unit, newton, slip = f["unit"], torque_unit(f["unit"]), f"{1e3 * f['time_slip']:g} ms slip"

@@ -60,7 +60,7 @@ def refuse_beyond(
         plan: of one joint, or in turn.
         limits: of its joints.
         request: the options, for inertia, gravity and friction.
-        alternative: the plan is one of several sweeps; what else would do is said where the range forbids it.
+        alternative: the plan is one of several sweeps; where the range forbids it, the message says how to change the plan.
 
     Raises:
         InvalidInput: names the limits that are passed.
@@ -116,7 +116,7 @@ def _joints(request: Request) -> tuple[dict[str, JointLimits], list[str]]:
     else:
         if request.all_joints:
             raise InvalidInput(
-                "--all-joints needs to know the joints.",
+                "--all-joints needs a robot description.",
                 remedy="Give --urdf FILE, or name each with --joint.",
             )
         wanted = wanted or ["joint"]
@@ -185,7 +185,7 @@ class _Options:
 
 
 def center_of(request: Request, limits: JointLimits) -> float | None:
-    """Return where the stroke is asked to lie [rad or m]; None where it is not said."""
+    """Return the center of the stroke as given [rad or m]; None where it was not given."""
     if request.center is None and request.center_deg is None:
         return None
     return _one_of(request, "center", limits)
@@ -215,7 +215,7 @@ def _one_of(request: Request, name: str, limits: JointLimits) -> float:
 
 
 def _refuse_wrong_unit(plan: Any, limits: JointLimits) -> None:
-    """Refuse sizes that only a mistaken unit explains, unless limits say that they are meant."""
+    """Refuse sizes that suggest a mistaken unit, unless the given limits allow them."""
     if plan.commands != "position":
         return
     unit = plan.unit

@@ -1,4 +1,4 @@
-"""A line on standard error that says what is going on, how much of it is done and for how long yet; silent where nobody looks."""
+"""A progress line on standard error: present step, share done and time left. Without a terminal nothing is printed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 from backdrive._visible import visible
 from backdrive.cli._output import console
 
-SOON = 2.0  # before that nothing is said of time [s]
+SOON = 2.0  # no time is printed before that [s]
 _COUNT = re.compile(r"(?:\b(joint|law|part) )?\b(\d+) of (?:at most )?(\d+)\b")
 NESTED = ("joint", "law", "part")  # the first holds the others
 
@@ -46,7 +46,7 @@ class Share:
 
 
 def time_words(elapsed: float | None, share: float | None, since: float = 0.0) -> str:
-    """Return how long it has taken and, where a share is known, about how long it takes yet.
+    """Return the elapsed time in words and, where the share done is known, about how much time is left.
 
     Args:
         elapsed: since the begin [s].

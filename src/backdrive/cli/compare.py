@@ -31,17 +31,17 @@ def command(
         float | None,
         typer.Option(
             "--top-speed",
-            help="Compare up to this lower speed [rad/s or m/s].  [default: as far as both hold]",
+            help="Compare up to this speed only [rad/s or m/s].  [default: as far as both models are valid]",
         ),
     ] = None,
     alarm: Annotated[
-        float, typer.Option("--alarm", help="Probability of calling chance a change, a joint.")
+        float, typer.Option("--alarm", help="Probability of a false alarm, for each joint.")
     ] = 0.01,
     as_json: _logs.AsJson = False,
 ) -> None:
-    """Compare two models joint by joint: distances (2.16) and (2.17) of their curves, and whether chance explains them.
+    """Compare two models joint by joint: distances (2.16) and (2.17) of their curves, and whether noise explains them.
 
-    Exits with 0 where no joint changed, with 1 where one did, with 2 where nothing can be judged.
+    Exits with 0 if no joint changed, with 1 if one did, with 2 if no test is possible.
 
     Example: backdrive compare monday.json friday.json
 
@@ -74,7 +74,9 @@ def command(
     unjudged = None
     if not comparison.is_testable:
         remarks = (r for c in comparison.changes for r in c.remarks if "standard errors" in r)
-        unjudged = InvalidInput("Neither change nor its absence can be told.", remedy=next(remarks, ""))
+        unjudged = InvalidInput(
+            "The test cannot decide whether friction has changed.", remedy=next(remarks, "")
+        )
     if as_json:
         _print_json(comparison, unjudged)
     else:
@@ -96,7 +98,7 @@ def _names(model: FrictionModel, pairs: list[str]) -> dict[str, str]:
 
 
 def _load(name: str) -> FrictionModel:
-    """Return a model; what is wrong with it is said with its name."""
+    """Return a model; an error message names the model."""
     from backdrive import load_model
 
     try:

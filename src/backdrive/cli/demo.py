@@ -1,4 +1,4 @@
-"""`backdrive demo`: the whole way on a simulated joint, with no robot and no data at hand."""
+"""`backdrive demo`: all steps on a simulated joint, without a robot and without data."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SHOWN = (0.1, 0.25, 0.5, 0.75, 1.0)  # shares of the top speed in the table
 
 
 def command(
-    folder: Annotated[Path, typer.Option("--folder", help="Where report, model and log go.")] = Path(
+    folder: Annotated[Path, typer.Option("--folder", help="Folder for report, model and log.")] = Path(
         "backdrive-demo"
     ),
     joint: Annotated[
@@ -109,10 +109,12 @@ def _csv(log) -> str:
 
 
 def _print_next(log: Path, plan: Path, saved: float) -> None:
-    echo("Now as with your own robot, from the log alone:")
+    echo("The same from the log alone, as with your own robot:")
     echo(f"  backdrive identify {shlex.quote(str(log))} --plan {shlex.quote(str(plan))} \\")
     echo("    -o model.json --report report.html")
-    echo(f"What takes {saved:.0f} % off that hand comes next: `backdrive tune` chooses it, and")
+    echo(
+        f"Next comes the compensator that reduces the hand's force by {saved:.0f} %: `backdrive tune` tunes it, and"
+    )
     echo("`backdrive export` writes it as C for your controller.")
 
 

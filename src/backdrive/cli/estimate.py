@@ -33,7 +33,7 @@ def command(
     bandwidth: Annotated[
         float | None,
         typer.Option(
-            "--bandwidth", help="L [1/s]: the estimate follows 1/L late.  [default: by the log's noise]"
+            "--bandwidth", help="Bandwidth L [1/s]; the estimate lags by 1/L.  [default: by the log's noise]"
         ),
     ] = None,
     urdf: Annotated[
@@ -52,7 +52,7 @@ def command(
         str | None,
         typer.Option(
             "--wrench-axes",
-            help="Along which the log's own wrench (--map wrench=) is: frame, those of TOOL, or base.  [default: frame]",
+            help="Axes of the log's own wrench (--map wrench=): frame (those of TOOL) or base.  [default: frame]",
         ),
     ] = None,
     payload: Annotated[
@@ -64,11 +64,13 @@ def command(
     ] = None,
     known_mass: Annotated[
         float | None,
-        typer.Option("--known-mass", metavar="KG", help="Of the payload: calibrates the drives' gains."),
+        typer.Option(
+            "--known-mass", metavar="KG", help="Known mass of the payload [kg]: calibrates the drives' gains."
+        ),
     ] = None,
     at: Annotated[
         str | None,
-        typer.Option("--at", metavar="X,Y,Z", help="Where the payload's center is known to be in TOOL [m]."),
+        typer.Option("--at", metavar="X,Y,Z", help="Known center of the payload in TOOL [m]."),
     ] = None,
     gain_error: Annotated[
         float | None,
@@ -85,7 +87,7 @@ def command(
         ),
     ] = None,
     contact: Annotated[
-        bool, typer.Option("--contact", help="List contacts; needs --free, an hour or more of it at best.")
+        bool, typer.Option("--contact", help="List contacts; needs --free, preferably an hour or more of it.")
     ] = False,
     false_alarms: Annotated[
         float | None,
@@ -119,7 +121,7 @@ def command(
     Bands and contacts are calibrated by a log of free motion, best not the one that the model was identified from.
     A whole arm (`identify --method arm`) needs its description (--urdf); with --frame the table has the wrench there, too.
 
-    With --payload: mass and center of what the arm carries, and what it shows of the drives' gains.
+    With --payload: mass and center of what the arm carries, and the calibration of the drives' gains.
 
     Example: backdrive estimate model.json contact.csv --free free.csv --contact -o force.csv --report force.html
     """
@@ -162,7 +164,7 @@ def command(
         },
     )
     if false_alarms is not None and not contact:
-        raise InvalidInput("--false-alarms is of contacts.", remedy="Add --contact.")
+        raise InvalidInput("--false-alarms applies to contacts only.", remedy="Add --contact.")
     loaded = load_model(model)
     with progress(quiet=as_json) as say:
         say("Reading")

@@ -46,7 +46,9 @@ def command(
     joint: _logs.Joints = None,
     name: Annotated[
         str | None,
-        typer.Option("--name", help="Of the files, and of every name in them.  [default: loop or friction]"),
+        typer.Option(
+            "--name", help="Prefix of the files and of every name in them.  [default: loop or friction]"
+        ),
     ] = None,
     precision: Annotated[
         str, typer.Option("--precision", help="double or float (positions and times stay doubles).")
@@ -55,20 +57,19 @@ def command(
         list[str] | None,
         typer.Option(
             "--top-speed",
-            help="Above which the joint is a runaway, SPEED or JOINT=SPEED [rad/s or m/s].  [default: the tuning's]",
+            help="Trip speed, above which the loop switches off, SPEED or JOINT=SPEED [rad/s or m/s].  [default: "
+            "the tuning's]",
         ),
     ] = None,
     counts: Annotated[
         list[str] | None,
         typer.Option(
-            "--counts", help="Of the encoder per rad or m, COUNTS or JOINT=COUNTS.  [default: the tuning's]"
+            "--counts", help="Encoder counts per rad or m, COUNTS or JOINT=COUNTS.  [default: the tuning's]"
         ),
     ] = None,
     beyond: Annotated[
         bool,
-        typer.Option(
-            "--beyond", help="Export a share of the friction that the model's errors do not support."
-        ),
+        typer.Option("--beyond", help="Export even if the share R exceeds what the model's errors support."),
     ] = False,
     dcmotor: Annotated[
         bool,
@@ -76,7 +77,7 @@ def command(
     ] = False,
     as_json: _logs.AsJson = False,
 ) -> None:
-    """Write C that does what the tuned loop does, bit for bit, or a robot description with the friction identified.
+    """Write the tuned loop as C with bit-identical results, or a robot description with the identified friction.
 
     Example: backdrive export model.json --tuning tuning.json --to c -o firmware/
 
@@ -189,7 +190,7 @@ def _callback(
         print_json({"ok": True, "written": [str(p) for p in written], "timestep": step})
         return
     for each in placed:
-        divided = f", which a step of {each.steps * step:g} s is too long for" if each.steps > 1 else ""
+        divided = f", which needs a step shorter than {each.steps * step:g} s" if each.steps > 1 else ""
         echo(f"{each.name}: {each.law.name}{divided}")
     echo(f"Step: {step:g} s")
     for path in written:
@@ -214,7 +215,7 @@ def _interval(tunings: list[Tuning]) -> float:
 
 
 def _check_share(model: FrictionModel, name: str, loop: JointLoop) -> None:
-    """Refuse a share of the friction that is more than what the model is sure of."""
+    """Refuse a share R that may compensate more than the friction, given the model's error."""
     from backdrive.tuning.facts import coulomb_error
 
     friction: Any = model.joint(name)
@@ -223,7 +224,8 @@ def _check_share(model: FrictionModel, name: str, loop: JointLoop) -> None:
     if error is None or loop.compensator.share <= max(1.0 - error, 0.0):
         return
     raise InvalidInput(
-        f"Joint '{name}': R = {loop.compensator.share:.3g} of the friction is compensated, but the model knows its Coulomb "
-        f"friction to {100 * error:.2g} % only (95 %): up to R = {max(1.0 - error, 0.0):.3g} it is sure not to push.",
-        remedy="Identify from more data, tune with a larger --friction-error, or say --beyond.",
+        f"Joint '{name}': the loop compensates R = {loop.compensator.share:.3g} of the friction, but the model's "
+        f"Coulomb friction is uncertain by {100 * error:.2g} % (95 %). Only up to R = {max(1.0 - error, 0.0):.3g} "
+        f"is overcompensation excluded.",
+        remedy="Identify from more data, tune with a larger --friction-error, or give --beyond.",
     )

@@ -1,4 +1,4 @@
-"""`backdrive fleet`: many logs, and whose friction is changing."""
+"""`backdrive fleet`: identify many logs and find the joints whose friction is changing."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ HELP = "Identify the logs of a fleet, and tell whose friction is changing: backd
 
 
 class Group(TyperGroup):
-    """Takes what is no name of a command for the logs of a run: `backdrive fleet DIR -o results/`."""
+    """Treats a first argument that is not a command as the logs of a run: `backdrive fleet DIR -o results/`."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Put `run` in front where no command is named."""
@@ -53,13 +53,13 @@ def run(
     tls_key: Annotated[str | None, typer.Option("--tls-key", help="Key of this client (PEM).")] = None,
     insecure: Annotated[bool, typer.Option("--insecure", help="Allow plain tcp to another host.")] = False,
     shard: Annotated[
-        str, typer.Option("--shard", help="Only part i of n of the logs, for job arrays: 3/16.")
+        str, typer.Option("--shard", help="Only shard i of n shards of the logs, for job arrays: 3/16.")
     ] = "1/1",
-    batch: Annotated[int, typer.Option("--batch", help="Logs that one task does at most.")] = 64,
-    retry: Annotated[bool, typer.Option("--retry", help="Do logs that failed once more.")] = False,
+    batch: Annotated[int, typer.Option("--batch", help="Largest number of logs in one task.")] = 64,
+    retry: Annotated[bool, typer.Option("--retry", help="Try again the logs that failed.")] = False,
     again: Annotated[
         list[str] | None,
-        typer.Option("--again", metavar="ROBOT", help="Do this robot again; may be repeated."),
+        typer.Option("--again", metavar="ROBOT", help="Identify this robot again; may be repeated."),
     ] = None,
     reading: _logs.Reading = _logs.USUAL,
     law: Annotated[str | None, typer.Option("--law", help="As in `backdrive identify`.")] = None,
@@ -74,7 +74,7 @@ def run(
 ) -> None:
     """Identify every log that is not done yet; `run` may be left out.
 
-    Failed logs are kept apart with their reason. Run again at any time, also after Ctrl-C: what was done is kept.
+    Logs that fail are listed with the reason. Run the command again at any time, also after Ctrl-C: finished logs are kept.
 
     Example: backdrive fleet logs/ -o results/
     """
@@ -132,7 +132,7 @@ def _shard(text: str) -> tuple[int, int]:
 
 
 def status(output: answers.Results, as_json: _logs.AsJson = False) -> None:
-    """Tell what the results hold: robots, logs, days, and what failed why.
+    """Summarize the results: robots, logs, days, and the failed logs with their reasons.
 
     Example: backdrive fleet status -o results/
     """
@@ -159,7 +159,7 @@ def simulate(
     days: Annotated[int, typer.Option("--days", help="Length of the history.")] = 60,
     seconds: Annotated[float, typer.Option("--seconds", help="Length of a log [s].")] = 20.0,
     rate: Annotated[float, typer.Option("--rate", help="Samples a second [Hz].")] = 200.0,
-    seed: Annotated[int, typer.Option("--seed", help="Of everything that is drawn.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of all random numbers.")] = 0,
 ) -> None:
     """Write the logs of a simulated fleet to try things on: wear, a new gear, a payload, a broken and a renamed robot.
 

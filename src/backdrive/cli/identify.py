@@ -42,14 +42,15 @@ def command(
         list[Path] | None,
         typer.Option(
             "--hold-out",
-            help="Log to judge on, not fitted; may be repeated.  [default: parts of the fitted ones]",
+            help="Log for judging the model, not used in the fit; may be repeated.  [default: parts of the fitted "
+            "ones]",
         ),
     ] = None,
     symmetric: Annotated[
         bool | None,
         typer.Option(
             "--symmetric/--by-direction",
-            help="One curve for both directions, or one each.  [default: by data]",
+            help="One curve for both directions, or one for each.  [default: by data]",
         ),
     ] = None,
     gravity: Annotated[
@@ -66,7 +67,8 @@ def command(
         str | None,
         typer.Option(
             "--torque-timing",
-            help="The sweep's torque is a command (held from its sample on) or a sample (taken with the position).  "
+            help="Timing of the sweep's torque: command (applied from its sample on) or sample (measured with the "
+            "position).  "
             "[default: as the motion tells]",
         ),
     ] = None,
@@ -75,8 +77,9 @@ def command(
         typer.Option(
             "--payload",
             metavar="SIN:COS,...",
-            help="Gravity of a known payload in each log, SIN sin q + COS cos q [N.m], 0 for none: 0,0,0,0:20,0:20,0:20.  Sweeps "
-            "then tell friction where the motor lifts from friction where it is driven back.",
+            help="Gravity of a known payload in each log, SIN sin q + COS cos q [N.m], 0 for none: "
+            "0,0,0,0:20,0:20,0:20.  Sweeps then separate friction when the motor lifts the load from friction when "
+            "the load drives the motor.",
         ),
     ] = None,
     cutoff: Annotated[
@@ -100,7 +103,9 @@ def command(
     ] = None,
     known: Annotated[
         str | None,
-        typer.Option("--known", help="What is known and not sought: inertia=0.5,offset=0."),
+        typer.Option(
+            "--known", help="Parameters with known values, which are not fitted: inertia=0.5,offset=0."
+        ),
     ] = None,
     interval: Annotated[
         str, typer.Option("--interval", help="Kind of the 95 % intervals: covariance, profile or bootstrap.")
@@ -112,10 +117,10 @@ def command(
             "--step", help="Longest integration step of a fit with --drive [s].  [default: by the drive]"
         ),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of the starts of a search.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of a search's starting points.")] = 0,
     gate: Annotated[
         float,
-        typer.Option("--gate", help="Exit with 1 where the unseen residual of a joint is above this [%]."),
+        typer.Option("--gate", help="Exit with 1 if a joint's residual on held-out data is above this [%]."),
     ] = 50.0,
     accept: _logs.Accept = None,
     repair: _logs.Repair = False,
@@ -195,7 +200,9 @@ def command(
 
 
 def failing(result: Identification, gate: float) -> list[str]:
-    """Return the joints that are not credible, or whose unseen (or else fitted) residual is above the gate [%]."""
+    """Return the joints that are not credible, or whose residual is above the gate [%]; held-out data decide where there are
+    any.
+    """
     from backdrive.identification.quality import credible
 
     bad = []

@@ -1,4 +1,4 @@
-"""`backdrive inspect`: what a log holds, and what is the matter with it."""
+"""`backdrive inspect`: the contents of a log and its faults."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 BARS = "▁▂▃▄▅▆▇█"
 PLAIN = "_.-~=+*#"
 WIDTH = 32  # characters of a small plot
-MOST = 12  # logs shown one by one; of more, only what is the matter with them
+MOST = 12  # up to so many logs are shown in full; of more, only the faults
 
 
 @_logs.with_reading
@@ -33,7 +33,8 @@ def command(
     repair: _logs.Repair = False,
     as_json: _logs.AsJson = False,
 ) -> None:
-    """Show joints, channels, units, rate, gaps and ranges of a log, and its health; exit with 1 where a result would be spoiled.
+    """Show joints, channels, units, rate, gaps and ranges of a log, and its faults; exit with 1 if a fault would spoil the
+    result.
 
     Example: backdrive inspect log.csv
     """
@@ -76,7 +77,7 @@ def command(
             }
         )
     else:
-        title = "Of --repair:" if repair else "--repair would leave it so:"
+        title = "Of --repair:" if repair else "--repair would do this:"
         for log, found, lines in zip(read, findings, repairs, strict=False):
             _print(log, found, accepted, (title, lines), brief=len(read) > MOST)
         if len(read) > MOST:
@@ -88,7 +89,7 @@ def command(
 
 
 def previews(log: Log, accepted: list[str]) -> list[str]:
-    """Return what --repair would do to a log, and what it would undo again, in sentences."""
+    """Return sentences on what --repair would do to a log, and which repairs it would undo again."""
     from backdrive.identification.repairs import apply_repairs
 
     after, undone = apply_repairs(log, accepted)
@@ -96,13 +97,14 @@ def previews(log: Log, accepted: list[str]) -> list[str]:
 
 
 def doubts(log: Log) -> list[str]:
-    """Return why a healthy log may be of no use all the same, in sentences."""
+    """Return sentences on why a log without faults may still be useless."""
     from backdrive.logs.log import AS_SI
 
     found = [note for note in log.notes if AS_SI in note]
     if log.torque is None and log.drive_input is None:
         found.append(
-            "There is no torque, and no input of a drive: friction cannot be identified. Name it, for example --map tau=COLUMN."
+            "The log has neither torque nor drive input, so friction cannot be identified. Map a column, for "
+            "example --map tau=COLUMN."
         )
     return found
 
@@ -217,4 +219,4 @@ def _print(
         print_lines(console, (f"    {sentence}" for sentence in lines))
     print_lines(console, unsure, style="yellow")
     if not findings and not unsure:
-        console.print("Nothing is the matter with this log.", style="green")
+        console.print("No faults found in this log.", style="green")

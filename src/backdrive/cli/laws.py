@@ -29,14 +29,14 @@ def command(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the same as JSON.")] = False,
 ) -> None:
-    """List the friction laws, or show one: its equation, its parameters with units and bounds, and what it promises.
+    """List the friction laws, or show one: its equation, its parameters with units and bounds, and its proven properties.
 
     Example: backdrive laws stribeck-gauss+lugre --plot lugre.png
     """
     if name is None:
         if plot is not None:
             raise InvalidInput(
-                "There is no law to draw.", remedy="Name one: backdrive laws lugre --plot lugre.png"
+                "No law was named to draw.", remedy="Name one: backdrive laws lugre --plot lugre.png"
             )
         if as_json:
             print_json(_catalogue())

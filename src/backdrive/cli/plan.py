@@ -1,4 +1,4 @@
-"""`backdrive plan`: a motion that shows friction, checked against the joint's limits, as files a robot can be given."""
+"""`backdrive plan`: a motion for identifying friction, checked against the joint's limits and written for a robot."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from backdrive.cli import _logs
 from backdrive.cli._output import echo, print_json, wrap
 from backdrive.errors import InvalidInput, MissingExtra
 
-_OUTPUT = ("output", "rate", "ros_rate", "draw", "as_json")  # options that say nothing of the motion
+_OUTPUT = ("output", "rate", "ros_rate", "draw", "as_json")  # options that do not affect the motion
 
 
 # Panels of the help, by kind of plan
@@ -27,7 +27,7 @@ MULTISINE = "Only multisine"
 TORQUE = "A torque over time: sine-torque, sawtooth-torque, ramp"
 ARM = "Only arm: all joints at once"
 LIMITS = "Limits"
-CHECK = "Check of the torque, and of the error by inertia"
+CHECK = "Check of the torque, and of the error due to inertia"
 
 
 def _option(panel: str, help: str, *names: str) -> Any:
@@ -58,7 +58,7 @@ def command(
     unit: Annotated[str | None, _option(EVERY, "rad or m, without --urdf.  [default: rad]")] = None,
     hold: Annotated[
         list[str] | None,
-        _option(POSITION, "NAME=POSITION where a joint waits or is held [rad or m]; may be repeated."),
+        _option(POSITION, "NAME=POSITION at which a joint is held [rad or m]; may be repeated."),
     ] = None,
     stroke: Annotated[float | None, _option(POSITION, "Full stroke, peak to peak [rad or m].")] = None,
     stroke_deg: Annotated[float | None, _option(POSITION, "The same in degrees.")] = None,
@@ -72,7 +72,7 @@ def command(
         int | None,
         _option(
             SWEEP,
-            "Cycles before the first of a sweep, each half as fast as the next, for the Stribeck range.",
+            "Extra slow cycles at the start of a sweep, each half as fast as the next, for the Stribeck range.",
         ),
     ] = None,
     center: Annotated[
@@ -83,7 +83,8 @@ def command(
         str | None,
         _option(
             SWEEP,
-            "Several sweeps, to tell unequal directions from gravity: auto, how many, or centers in degrees: -60,0,60.",
+            "Several sweeps, to separate unequal directions from gravity: auto, a number, or centers in degrees: "
+            "-60,0,60.",
             "--centres",
             "--centers",
         ),
@@ -108,7 +109,7 @@ def command(
         str | None, _option(MULTISINE, "Lowest and highest frequency of a multisine: 0.1,2 [Hz].")
     ] = None,
     period: Annotated[float | None, _option(MULTISINE, "Period of a multisine [s].")] = None,
-    seed: Annotated[int | None, _option(MULTISINE, "Of the phases of a multisine.  [default: 0]")] = None,
+    seed: Annotated[int | None, _option(MULTISINE, "Seed of a multisine's phases.  [default: 0]")] = None,
     amplitude: Annotated[float | None, _option(TORQUE, "Amplitude of a torque [N.m or N].")] = None,
     offset: Annotated[
         float | None, _option(TORQUE, "Torque about which it swings [N.m or N].  [default: 0]")
@@ -130,7 +131,7 @@ def command(
         float | None, _option(LIMITS, "Greatest torque, on the joint side [N.m or N].")
     ] = None,
     inertia: Annotated[
-        float | None, _option(CHECK, "About the joint, to check the torque [kg.m^2 or kg].")
+        float | None, _option(CHECK, "Inertia about the joint, to check the torque [kg.m^2 or kg].")
     ] = None,
     gravity: Annotated[
         float | None, _option(CHECK, "Largest gravity torque on the stroke [N.m or N].")
@@ -139,16 +140,18 @@ def command(
         float | None, _option(CHECK, "Friction expected at the top speed [N.m or N].")
     ] = None,
     bias: Annotated[
-        float | None, _option(CHECK, "Error by inertia that is bearable [N.m or N].  [default: 0.1]")
+        float | None, _option(CHECK, "Accepted friction error due to inertia [N.m or N].  [default: 0.1]")
     ] = None,
     time_slip: Annotated[
-        float | None, _option(CHECK, "Between torque and velocity in the log [s].  [default: 0.001]")
+        float | None,
+        _option(CHECK, "Time shift between torque and velocity in the log [s].  [default: 0.001]"),
     ] = None,
     purpose: Annotated[
         str | None,
         _option(
             ARM,
-            "What a motion of the whole arm is to show: friction,inertia,gravity,payload,force.  [default: the first three]",
+            "What a motion of the whole arm has to identify: friction,inertia,gravity,payload,force.  [default: the "
+            "first three]",
             "--for",
         ),
     ] = None,
@@ -181,7 +184,7 @@ def command(
     duration: Annotated[float | None, _option(ARM, "Of the arm's motion [s].  [default: 60]")] = None,
     noise: Annotated[
         str | None,
-        _option(ARM, "Torque that a model will leave below 5 Hz: a number or JOINT=NUMBER,... [N.m or N]."),
+        _option(ARM, "Expected torque residual below 5 Hz: a number or JOINT=NUMBER,... [N.m or N]."),
     ] = None,
     frame: Annotated[
         str | None, _option(ARM, "Of the description, where a force acts.  [default: the last]")
@@ -198,7 +201,7 @@ def command(
     ] = "png",
     as_json: _logs.AsJson = False,
 ) -> None:
-    """Plan a motion that shows friction, check it against the joint's limits, and write it for the robot.
+    """Plan a motion for identifying friction, check it against the joint's limits, and write it for the robot.
 
     Writes plan.json (keep it beside the log), plan.csv, plan.npz, trajectory.yaml (ROS 2 JointTrajectory) and a picture.
 
@@ -300,7 +303,7 @@ def _plan_arm(
 def _contents(
     plan: Any, limits: dict[str, Any], rate: float, ros_rate: float, draw: str
 ) -> dict[str, str | bytes]:
-    """Return all files by name, so that nothing is written before everything is there."""
+    """Return all files by name, so that nothing is written before all of them are computed."""
     from backdrive.plans import plan_to_dict
     from backdrive.plans.tables import csv_text, npz_bytes, sample, trajectory_yaml
 

@@ -1,4 +1,4 @@
-"""`backdrive reproduce`: every experiment of the thesis again, judged, drawn and bound into a book."""
+"""`backdrive reproduce`: repeat the experiments of the thesis, judge and draw them, and bind them into an HTML book."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from backdrive.thesis.run import Result
 
 BOOK = "index.html"
-WIDE = 120  # columns from which claims stand in a table of five columns
+WIDE = 120  # terminal width from which claims are printed as a table of five columns [characters]
 
 
 def command(
@@ -27,17 +27,17 @@ def command(
         list[str] | None,
         typer.Argument(metavar="[NAME]...", help="fig-3.8, table-2.2, chapter-3, or all (the default)."),
     ] = None,
-    folder: Annotated[Path, typer.Option("--folder", help="Where the book and its pictures go.")] = Path(
+    folder: Annotated[Path, typer.Option("--folder", help="Folder for the book and its pictures.")] = Path(
         "backdrive-book"
     ),
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of everything random.")] = 0,
     list_only: Annotated[bool, typer.Option("--list", help="List the experiments and run none.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
-    """Run experiments of the thesis in simulation, print what it states beside what came out, and bind an HTML book.
+    """Run experiments of the thesis in simulation, print its statements beside the results, and write an HTML book.
 
-    Ctrl-C keeps what is done. The exit code is 1 when a check of our own falls short, or a statement
-    of the thesis comes out otherwise than docs/theory/claims.md says.
+    Ctrl-C keeps the finished experiments. The exit code is 1 if one of this package's own checks fails, or if a statement of
+    the thesis comes out differently from docs/theory/claims.md.
 
     Example: backdrive reproduce fig-2.12
     """

@@ -50,7 +50,7 @@ def command(
         ),
     ] = None,
 ) -> None:
-    """Show a friction model: its laws with errors and bounds, where it holds, how good it is, where it comes from.
+    """Show a friction model: its laws with errors and bounds, its range of validity, its quality and its origin.
 
     Example: backdrive show model.json --joint elbow --plot elbow.png
 

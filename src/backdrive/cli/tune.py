@@ -32,7 +32,8 @@ def command(
         str,
         typer.Option(
             "--wish",
-            help="Of the person who moves the joint, for --goal backdrive: light, touch, calm, or even, some of each.",
+            help="Preference of the person who moves the joint, for --goal backdrive: light, touch, calm, or even "
+            "(some of each).",
         ),
     ] = "even",
     output: Annotated[Path | None, typer.Option("-o", "--output", help="File to write (JSON).")] = None,
@@ -51,36 +52,37 @@ def command(
         list[str] | None,
         typer.Option(
             "--inertia",
-            help="Motor and load, LOW:HIGH or JOINT=LOW:HIGH [kg.m^2 or kg].  [default: the model's]",
+            help="Inertia of motor and load, LOW:HIGH or JOINT=LOW:HIGH [kg.m^2 or kg].  [default: the model's]",
         ),
     ] = None,
     motor_share: Annotated[
         list[str] | None,
         typer.Option(
             "--motor-share",
-            help="Of the inertia, on the motor's side, SHARE or JOINT=SHARE.  [default: 0.15]",
+            help="Share of the inertia on the motor side, SHARE or JOINT=SHARE.  [default: 0.15]",
         ),
     ] = None,
     counts: Annotated[
         list[str] | None,
         typer.Option(
             "--counts",
-            help="Of the encoder per rad or m at the joint, COUNTS or JOINT=COUNTS.  [default: the model's]",
+            help="Encoder counts per rad or m at the joint, COUNTS or JOINT=COUNTS.  [default: the model's]",
         ),
     ] = None,
     top_speed: Annotated[
         list[str] | None,
         typer.Option(
             "--top-speed",
-            help="Above which the loop takes the joint for a runaway and latches, SPEED or JOINT=SPEED [rad/s or m/s].  "
-            "[default: of --urdf; without either the loop asks]",
+            help="Trip speed, above which the loop switches off until reset, SPEED or JOINT=SPEED [rad/s or m/s].  "
+            "[default: of --urdf; without either the loop requires it]",
         ),
     ] = None,
     limit: Annotated[
         list[str] | None,
         typer.Option(
             "--limit",
-            help="Of the compensating torque, LIMIT or JOINT=LIMIT [N.m or N].  [default: 1.25 R F(top speed), at most the effort "
+            help="Limit of the compensating torque, LIMIT or JOINT=LIMIT [N.m or N].  [default: 1.25 R F(top "
+            "speed), at most the effort "
             "of --urdf]",
         ),
     ] = None,
@@ -88,14 +90,14 @@ def command(
         Path | None, typer.Option("--urdf", help="Robot description, for top speed and limit by joint.")
     ] = None,
     noise: Annotated[
-        float, typer.Option("--noise", help="Of a reading, standard deviation in counts.")
+        float, typer.Option("--noise", help="Standard deviation of an encoder reading [counts].")
     ] = 0.0,
     interval: Annotated[
         float, typer.Option("--interval", help="Sampling time of the torque loop [s].")
     ] = 1e-3,
     delay: Annotated[
         float | None,
-        typer.Option("--delay", help="Longest, from command to torque [s].  [default: one interval]"),
+        typer.Option("--delay", help="Longest delay from command to torque [s].  [default: one interval]"),
     ] = None,
     friction_error: Annotated[
         float | None,
@@ -108,17 +110,19 @@ def command(
     ] = None,
     stroke: Annotated[
         float | None,
-        typer.Option("--stroke", help="Of the hand, end to end [rad or m].  [default: 0.15 or 0.06]"),
+        typer.Option("--stroke", help="Stroke of the hand, end to end [rad or m].  [default: 0.15 or 0.06]"),
     ] = None,
-    duration: Annotated[float, typer.Option("--duration", help="Of a stroke [s].")] = 0.5,
+    duration: Annotated[float, typer.Option("--duration", help="Duration of a stroke [s].")] = 0.5,
     dither: Annotated[
         bool, typer.Option("--dither/--no-dither", help="Propose dither where it is safe.")
     ] = True,
-    joints: Annotated[int, typer.Option("--joints", help="Drawn from the intervals for the check.")] = 200,
-    seed: Annotated[int, typer.Option("--seed", help="Of the search and of the draw.")] = 0,
+    joints: Annotated[
+        int, typer.Option("--joints", help="Number of joints drawn from the intervals for the check.")
+    ] = 200,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the search and of the drawn joints.")] = 0,
     as_json: _logs.AsJson = False,
 ) -> None:
-    """Choose K, R, decay rates, dither, filter and admittance for a joint, and say how far they are from breaking.
+    """Choose K, R, decay rates, dither, filter and admittance for a joint, and report their stability margins.
 
     Example: backdrive tune preset:thesis/hp3j --joint joint_0 --stiffness 8e4:1.2e5 --inertia 0.6:0.8 --top-speed 3 -o tuning.json
     """
@@ -225,7 +229,7 @@ def _print_controller(model: str, output: Path | None) -> None:
         "from backdrive.tuning import load_tunings",
         f"loop = load_model({model!r}).loop(load_tunings({str(output)!r}))",
         "loop.reset(position)            # once, at rest: one number a joint",
-        "loop.update(position, applied)  # every period: the encoders, the torques given",
+        "loop.update(position, applied)  # every period: the encoders, the torques applied",
         "torque = loop.torque            # what to add to the controller's own",
     ):
         echo(f"  {line}")
@@ -236,7 +240,7 @@ def _print_controller(model: str, output: Path | None) -> None:
 
 
 def _refuse(refused: dict[str, BackdriveError], as_json: bool) -> None:
-    """Raise the error of the only joint, or print those of all but the last, which is raised."""
+    """Raise the error of a single joint; of several, print all errors but the last and raise that one."""
     *others, last = refused.values()
     for error in others:
         if not as_json and str(error) != str(last):
@@ -248,7 +252,7 @@ def _print(tuning: Tuning) -> None:
     console = new_console()
     title = f"{tuning.joint}, for {tuning.goal}"
     rows = table("number", "value", "unit", text=("number", "unit"), no_wrap=True, title=title)
-    rows.add_column("why, and what it respects")
+    rows.add_column("reason, and constraints")
     for number in tuning.numbers.values():
         why = f"{number.reason} {number.bound}".strip()
         rows.add_row(number.symbol, f"{number.value:.4g}", number.unit, why)
@@ -268,7 +272,8 @@ def _print(tuning: Tuning) -> None:
     if tuning.trip_speed is not None:
         force = "N.m" if tuning.unit == "rad" else "N"
         console.print(
-            f"In the loop it gives at most {tuning.limit:.3g} {force}, and nothing any more once the joint is faster than "
+            f"In the loop the compensator gives at most {tuning.limit:.3g} {force}, and switches off once the joint "
+            f"is faster than "
             f"{tuning.trip_speed:.3g} {tuning.unit}/s."
         )
     print_lines(console, tuning.notes, style="yellow")
@@ -279,8 +284,8 @@ def _margins(tuning: Tuning) -> Sequence[str]:
     m, unit = tuning.margins, tuning.unit
     if "cycle" not in m:
         return (
-            f"Over {m['joints']} joints of the intervals (a quarter of --joints, at least 8) it shows "
-            f"{m['left_over']:.2g} of what is allowed at rest.",
+            f"Over {m['joints']} joints of the intervals (a quarter of --joints, at least 8) the loop at rest "
+            f"reaches {m['left_over']:.2g} times the allowed value.",
         )
     force = "N.m" if unit == "rad" else "N"
     share = (
@@ -298,15 +303,16 @@ def _margins(tuning: Tuning) -> Sequence[str]:
     switching = ()
     if "switching_at_rest" in m:
         switching = (
-            f"With algFC2 (`compensator(switching=True)`), which the test above does not play, "
+            f"With algFC2 (`compensator(switching=True)`), which the test above does not include, "
             f"{100 * m['switching_at_rest']:.0f} % of them come to rest after a knock.",
         )
     return (
-        f"Over {m['joints']} joints of the intervals, without dither: {100 * m['at_rest']:.0f} % come to rest; largest amplitude "
-        f"there {m['cycle']:.2g} {unit} ({m['cycle_counts']:.2g} counts, {100 * m['cycle_by_bound']:.2g} % of the bound); "
+        f"Over {m['joints']} joints of the intervals, without dither: {100 * m['at_rest']:.0f} % come to rest; "
+        f"largest amplitude at rest {m['cycle']:.2g} {unit} ({m['cycle_counts']:.2g} counts, "
+        f"{100 * m['cycle_by_bound']:.2g} % of the bound); "
         f"energy put in {m['energy']:.2g} J.",
         *(dither if "dither_motor" in m else ()),
-        f"Without dither it breaks at {share}, and at {delay}. Break-away left over"
+        f"Without dither the joint first fails to come to rest at: {share}; {delay}. Remaining break-away torque"
         f"{', with the dither' if 'dither_motor' in m else ''}: {m['breakaway']:.3g} {force} "
         f"(worst {m['breakaway_worst']:.3g}, bare {m['breakaway_bare']:.3g}).",
         *switching,

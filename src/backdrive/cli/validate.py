@@ -36,7 +36,8 @@ def command(
     repair: _logs.Repair = False,
     as_json: _logs.AsJson = False,
 ) -> None:
-    """Compare measured with predicted torque, joint by joint; without torque, motion under the drive's input.
+    """Compare measured with predicted torque, joint by joint; for logs without torque, compare the motion under the drive's
+    input.
 
     Example: backdrive validate model.json other_log.csv
     """

@@ -1,4 +1,4 @@
-"""What runs in a torque loop: compensation and estimation of joints or of a whole arm in one tick, admittance control."""
+"""The parts of a torque loop: compensation and estimation for joints or a whole arm in one tick, and admittance control."""
 
 from backdrive.control.admittance import Admittance as Admittance
 from backdrive.control.arm_joint import ArmJoint as ArmJoint

@@ -1,4 +1,4 @@
-"""What runs on one joint of an arm and on the motor that drives it, and within which limits."""
+"""Settings of one joint of an arm and of its motor: compensation, admittance and limits."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from backdrive.errors import InvalidInput
 from backdrive.parameters import FINITE, NOT_NEGATIVE, Bound, WithBounds
 from backdrive.plans.limits import JointLimits
 
-MARGIN = {"rad": 0.15, "m": 0.05}  # depth of a wall where nobody gives one
-NARROW = 0.1  # share of the range that it takes at most
+MARGIN = {"rad": 0.15, "m": 0.05}  # default depth of a wall
+NARROW = 0.1  # largest default depth, as a share of the range
 DAMPING = 1.0  # damping ratio of a joint against its wall
 STIFFEST = 50.0  # angular frequency of a joint on its wall, at most [rad/s]
 SAMPLED = 0.06  # the same, times the period [-]
@@ -22,7 +22,7 @@ EFFORT = Bound(1e-6, 1e5, "N.m or N")
 
 @dataclass(frozen=True, kw_only=True)
 class ArmJoint(WithBounds):
-    """What runs on one joint, within which limits.
+    """Settings of one joint of an arm: compensation, admittance and limits.
 
     Where motors are coupled, `loop`, `effort` of the limits, `inertia` and `gravity` are those of the motor of the same number, the
     rest of the joint.
@@ -30,8 +30,8 @@ class ArmJoint(WithBounds):
     Attributes:
         loop: compensation of friction within its own limits.
         limits: range of the joint, and the largest torque (`effort`) of everything together.
-        inertia: that the motor adds to the rigid bodies [kg.m^2 or kg].
-        offset: torque that is always there beside gravity, and is held with it [N.m or N].
+        inertia: inertia of the motor, added to the rigid bodies [kg.m^2 or kg].
+        offset: constant torque beside gravity, compensated together with it [N.m or N].
         admittance: virtual mass that the estimated external torque moves; None: the joint is guided.
         threshold: external torque that does not move the virtual mass [N.m or N].
         margin: depth of the soft walls before the ends of the range [rad or m]; None: 0.15 rad or 0.05 m, at most a tenth of the
@@ -66,7 +66,7 @@ class ArmJoint(WithBounds):
             )
         if 2.0 * self.depth >= self.limits.upper - self.limits.lower:
             raise InvalidInput(
-                f"Joint '{self.limits.name}': walls of {self.depth:g} {self.limits.unit} leave nothing of the range from "
+                f"Joint '{self.limits.name}': walls of {self.depth:g} {self.limits.unit} take all of the range from "
                 f"{self.limits.lower:g} to {self.limits.upper:g}.",
                 remedy="Give a smaller `margin`.",
             )
@@ -85,7 +85,8 @@ class ArmJoint(WithBounds):
     ) -> tuple[float, float, float]:
         """Return the largest torque of walls and admittance, and stiffness and lead time of the walls.
 
-        A wall is as stiff as its torque and depth make it, and no stiffer than a sampled spring may be against the least inertia.
+        The stiffness of a wall follows from its torque and depth. It is limited to the value at which a sampled spring is
+        stable against the least inertia.
 
         Args:
             gravity: largest torque against gravity [N.m or N].
@@ -96,7 +97,8 @@ class ArmJoint(WithBounds):
             Limit [N.m or N], stiffness [N.m/rad or N/m], lead time [s].
 
         Raises:
-            InvalidInput: at the end of the range a wall has not more than the compensation may give, so that it could not hold.
+            InvalidInput: at the end of the range a wall's torque does not exceed the limit of the compensation, so that the
+                wall could not stop the joint.
         """
         left = self.limits.effort - gravity - self.loop.limit
         limit = left if self.wall is None else self.wall

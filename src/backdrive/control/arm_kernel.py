@@ -1,13 +1,13 @@
-"""One tick of a whole arm in compiled time: what is believed of its posture, and the torque that its motors are given.
+"""One tick of a whole arm in compiled code: the accepted posture, and the torque of the motors.
 
     torque = gravity + compensation + drive,      |torque| <= effort
 
 Motors may drive several joints: q = C p, and a torque tau on the joints asks C' tau of the motors. Compensation is that of
-`control.loop`, motor by motor. The drive holds what acts on the joints: soft walls before their limits, and the position
-controller of an admittance. It passes the same output stage as the compensation (`control.guard`), with a table of its own. Gravity
-is what the rigid bodies weigh where the arm was last believed to be; what a fault does to it is in `carry`.
+`control.loop`, motor by motor. The drive torque acts on the joints: soft walls before their limits, and the position
+controller of an admittance. It passes through the same output stage as the compensation (`control.guard`), with its own
+table. Gravity is the torque of the rigid bodies at the last accepted posture; `carry` describes it during faults.
 
-A wall pushes inwards only, begins before its place where the joint comes fast, and never more than its limit:
+A wall pushes inwards only, starts earlier for a fast joint, and never exceeds its limit:
 
     tau = -min(max(K (q - w + t q'), 0), limit)        above, and likewise below
 """
@@ -42,20 +42,20 @@ from backdrive.status import Status
 
 OK, NOT_FINITE = int(Status.OK), int(Status.NOT_FINITE)
 SATURATED, OVERSPEED = int(Status.SATURATED), int(Status.OVERSPEED)
-VELOCITY = 3e-3  # time constant of the velocity that walls and Coriolis torque see [s]
-COASTING = 0.02  # time constant in which a motor whose readings are not believed is taken to stop [s]
-HASTE = 0.02  # in which gravity that drives a runaway is let go [s]
+VELOCITY = 3e-3  # time constant of the velocity filter for walls and Coriolis torque [s]
+COASTING = 0.02  # time constant with which a motor is assumed to stop while its readings are rejected [s]
+HASTE = 0.02  # time in which gravity torque that drives a runaway is ramped down [s]
 
 (
     # settings
     EFFORT, WEIGHT, OFFSET, RISE, BRAKE, LOW, HIGH, STIFFNESS, LEAD, WALL, FOLLOWS, DEAD, FASTEST, TOGETHER,
-    # of a motor: position since the first reading's zero, velocity
+    # of a motor: position relative to the encoder zero at the start, velocity
     P, W,
     # of a joint
     Q, V,
-    # output, and the share of gravity that is given; how long latched
+    # output, share of gravity that is applied, time since the latch
     TOTAL, GRAVITY, DRIVE, TAU_E, SHARE, AGE,
-    # what the estimate is given: torque of the motors that acted, and the time that has passed
+    # input of the estimate: torque of the motors that acted, and elapsed time
     ACTED, STEP,
 ) = range(26)  # fmt: skip
 ROWS = 26
@@ -63,10 +63,11 @@ ROWS = 26
 
 @jit
 def locate(g, h, C, whole, read, dt):
-    """Write where motors and joints are believed to be, how fast, and what torque acted; return whether the estimate begins anew.
+    """Write the accepted positions and velocities of motors and joints, and the torque that acted; return whether the
+    estimate restarts.
 
-    A reading that is not possible changes nothing: the motor is taken to go on, and to stop within some 20 ms. `whole`: the
-    estimate of the tick before.
+    A rejected reading is ignored: the motor is assumed to move on and to stop within about 20 ms. `whole`: estimate of the
+    previous tick.
     """
     J, begins = read.size, False
     for j in range(J):
@@ -111,7 +112,7 @@ def wall(h, i):
 
 @jit
 def follow(h, c, s, i, T, rests):
-    """Return the torque of a joint's admittance; `c`: its row, `s`: its state, `rests`: it begins anew where the joint is."""
+    """Return the torque of a joint's admittance; `c`: its row, `s`: its state, `rests`: restart it at the joint's position."""
     if rests:
         s[0], s[1], s[2] = h[Q, i], 0.0, h[Q, i]
         return 0.0
@@ -130,10 +131,11 @@ def follow(h, c, s, i, T, rests):
 
 @jit
 def carry(g, h, j, weight):
-    """Write what a motor gives against gravity: whole within the rise time of the start, and held through faults and stops.
+    """Write a motor's torque against gravity. It reaches its full value within the rise time after the start, and is held
+    through faults and stops.
 
-    A latched motor holds it for the brakes' time, then lets go within the rise time; where gravity's torque drives a runaway,
-    within 20 ms.
+    A latched motor holds this torque for the time of the brakes and then ramps it down within the rise time. If gravity's
+    torque drives a runaway, it is ramped down within 20 ms.
     """
     passed, share, before = g[PASSED, j], h[SHARE, j], h[GRAVITY, j]
     if g[CAUSE, j] != 0.0:
@@ -147,7 +149,7 @@ def carry(g, h, j, weight):
         h[AGE, j] = 0.0
         share += passed / h[RISE, j]
     h[SHARE, j] = share = min(max(share, 0.0), 1.0)
-    if not np.isfinite(weight):  # the arm is nowhere that numbers hold: what was given stays
+    if not np.isfinite(weight):  # the posture is not finite: the torque stays as it was
         weight, share = before, 1.0
     step = h[WEIGHT, j] / HASTE * passed
     wanted = share * min(max(weight, -h[WEIGHT, j]), h[WEIGHT, j])

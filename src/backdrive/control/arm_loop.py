@@ -3,8 +3,8 @@
     q, u -> torque of the motors, tau_e (external), tau_f (friction), wrench
 
 `Loop` compensates each motor's friction within its limits; rigid bodies come from the robot's description by pinocchio, once a
-tick, at the position that is believed. Nothing is raised in a tick; every joint has a `Status`. Stops and latches take away all but
-what holds gravity (docs/decisions/0010-arm-loop.md).
+tick, at the position that is believed. Nothing is raised in a tick; every joint has a `Status`. Stops and latches remove all
+torque except that against gravity (docs/decisions/0010-arm-loop.md).
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ HOLDING = {"rise": Bound(0.15, 60.0, "s"), "brake": Bound(0.0, 10.0, "s")}
 class ArmLoop:
     """Friction, gravity, walls and external force of an arm, tick by tick.
 
-    A loop that nobody calls cannot change the torque that the drives were last given: have them time out, or an outer watchdog look
-    at `count`. Copies (`copy`, `deepcopy`, `pickle`) are loops of their own in the same state.
+    A loop that is not called cannot change the last torque command of the drives: use drives with a timeout, or a watchdog
+    that monitors `count`. Copies (`copy`, `deepcopy`, `pickle`) are loops of their own in the same state.
 
     Attributes:
         torque: of the motors, all of it [N.m or N], read-only as all of these, changed by `update`, (J,).
@@ -68,18 +68,18 @@ class ArmLoop:
 
         Args:
             robot: rigid bodies.
-            joints: what runs on each joint of the robot, by its name.
+            joints: settings of each joint of the robot, by name.
             interval: period [s].
             parameters: of the rigid bodies, as identified [kg, kg.m, kg.m^2], (10 J,); None: the description's.
             force: estimator of the external torque of the whole arm, with the same coupling; None: each joint's own
                 (`JointLoop.external`), without wrench.
             coupling: C of q_joint = C q_motor; None: each motor drives its own joint, (J, J).
-            rise: time in which gravity's torque comes and goes [s].
-            brake: time for which a latched motor holds gravity: until then the brakes have to hold [s].
+            rise: time in which gravity's torque is ramped up and down [s].
+            brake: time for which a latched motor holds gravity; the brakes have to engage within it [s].
             together: a motor that latches stops the others.
 
         Raises:
-            InvalidInput: joints are missing or not the robot's, or a number lies outside what the promises hold for.
+            InvalidInput: joints are missing or not the robot's, or a number lies outside the envelope (`control.envelope`).
         """
         self.robot, self.joints = robot, arm_rows.in_order(robot, joints)
         J = len(robot.joints)
@@ -133,14 +133,14 @@ class ArmLoop:
         together: bool = True,
         **options: Any,
     ) -> ArmLoop:
-        """Return the loop of an identified arm: friction, offsets, motors' inertia, rigid bodies and coupling come along.
+        """Return the loop of an identified arm, with its friction, offsets, motor inertias, rigid bodies and coupling.
 
         Args:
             model: of a whole arm.
             robot: path of its description, or the robot, with limits of range, speed and torque.
             interval: period [s].
             changes: fields of `ArmJoint` by joint, such as its `admittance`.
-            rise: time in which gravity's torque comes and goes [s].
+            rise: time in which gravity's torque is ramped up and down [s].
             brake: time for which a latched motor holds gravity [s].
             together: a motor that latches stops the others.
             **options: of `control.arm_of_model.joints_of`: `limits`, `share`, `dither`, `bend`, `encoder_count`,
@@ -196,7 +196,7 @@ class ArmLoop:
 
     @property
     def singular(self) -> bool:
-        """Whether the posture is singular for the wrench: the damping has a share in it."""
+        """Whether the posture is singular for the wrench, so that damping affects it."""
         return self._force is not None and self._frame and self._force.singular
 
     @property
@@ -206,12 +206,12 @@ class ArmLoop:
 
     @property
     def count(self) -> int:
-        """How often `update` was called: it stands still where nobody calls the loop any more."""
+        """Number of calls of `update`; a watchdog sees from it that the loop has stopped."""
         return self._loop.count
 
     @property
     def causes(self) -> tuple[Status, ...]:
-        """What latched each motor, OK where it is not latched."""
+        """Cause of each motor's latch; OK if it is not latched."""
         return self._loop.causes
 
     def reset(self, positions: np.ndarray, *, gravity: float = 0.0) -> None:
@@ -219,7 +219,7 @@ class ArmLoop:
 
         Args:
             positions: of the motors, where they rest [rad or m], (J,).
-            gravity: share of gravity's torque that acts already, 1 where a controller that held the arm hands it over [-].
+            gravity: share of gravity's torque that is applied at once; 1 if another controller held the arm before [-].
 
         Raises:
             InvalidInput: a position is not finite, or there are more or fewer than motors, or the share lies outside 0 to 1.
@@ -240,12 +240,12 @@ class ArmLoop:
         self._table[kernel.TOTAL] = self._table[kernel.GRAVITY]
 
     def acknowledge(self) -> bool:
-        """Take back latches and a stop: the torque comes back at the slow rate.
+        """Clear latches and a stop; the torque then returns at the slow rate.
 
-        A latch stays where torque beside gravity's is left or the joint is still faster than its top speed.
+        A motor stays latched while it still has torque beside gravity's, or while the joint is faster than its top speed.
 
         Returns:
-            Whether no motor is latched any more.
+            Whether no motor is latched now.
         """
         g, d, free = self._loop._table, self._stage, True
         for j in range(len(self.joints)):
@@ -258,7 +258,7 @@ class ArmLoop:
         return free
 
     def stop(self) -> None:
-        """Let all but what holds gravity ramp down to zero at the slow rate, and stay there until `acknowledge`."""
+        """Ramp all torque except that against gravity down to zero at the slow rate, until `acknowledge`."""
         self._loop.stop()
 
     def update(self, position: np.ndarray, applied: np.ndarray, interval: float | None = None) -> Status:
@@ -281,7 +281,7 @@ class ArmLoop:
                 if begins:
                     force.reset()
                 force.tick(self._p, self._acted, float(self._passed[0]))
-        except Exception:  # it weighs what it weighed
+        except Exception:  # gravity stays as it was
             read[:] = np.nan
         return STATUSES[self._tick(*self._arrays, read, dt, bodies.weight, bodies.bias)]
 

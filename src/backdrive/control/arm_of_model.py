@@ -1,4 +1,4 @@
-"""What runs on the joints of an arm, from its identified model and the robot's description."""
+"""Settings of an arm's joints, from its identified model and the robot's description."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from backdrive.model import FrictionModel, JointFriction
 from backdrive.plans.limits import JointLimits
 from backdrive.robot import Robot
 
-SOFTER = 0.5  # stiffness of the compensator's contact by the model's own, which must not yield later [-]
+SOFTER = 0.5  # stiffness of the compensator's contact relative to the model's; the compensator must not be stiffer [-]
 
 
 def joints_of(
@@ -37,7 +37,7 @@ def joints_of(
     bandwidth: float = 50.0,
     frame: str | None = None,
 ) -> tuple[dict[str, ArmJoint], ArmForce]:
-    """Return what runs on each joint of an identified arm, and the estimator of the external torque.
+    """Return the settings of each joint of an identified arm, and the estimator of the external torque.
 
     Args:
         model: of a whole arm.
@@ -45,8 +45,8 @@ def joints_of(
         limits: of joints by name, instead of the description's.
         share: R, of the friction that is compensated; 0: nothing is [-].
         dither: at rest; None: none.
-        bend: of the contacts of compensator and estimator until they slide [rad or m]; None: twice that of the model's own, or
-            1 mrad, 0.1 mm. One that bends less than the real joint feeds on itself.
+        bend: deflection at which the contacts of compensator and estimator slide [rad or m]; None: twice that of the model,
+            or 1 mrad or 0.1 mm. With less deflection than the real joint has, the compensation is a positive feedback.
         encoder_count: step of the encoders [rad or m]; None: the model's.
         method: of the estimate of the external torque.
         bandwidth: of the estimate [1/s].
@@ -69,7 +69,7 @@ def joints_of(
         for what in ("velocity", "effort"):
             if not math.isfinite(getattr(own, what)):
                 raise InvalidInput(
-                    f"Joint '{name}': nobody knows its largest {'speed' if what == 'velocity' else 'torque'}.",
+                    f"Joint '{name}': unknown largest {'speed' if what == 'velocity' else 'torque'}.",
                     remedy=f"Give `limits` with `JointLimits({what}=...)`, or write it into the description.",
                 )
         K, inertia = _stiffness(friction, count, bend), force.inertia[k]
@@ -110,7 +110,9 @@ def _count(friction: JointFriction, count: float | None) -> float:
 
 
 def _stiffness(friction: JointFriction, count: float, bend: float | None) -> float:
-    """Return the stiffness of the compensator's contact: half of the model's, or friction over a bend that few joints exceed."""
+    """Return the stiffness of the compensator's contact: half of the model's, or friction divided by a deflection that few
+    joints exceed.
+    """
     own = getattr(friction.law.element, "stiffness", None)
     F = max(at_rest(friction.law), 1e-9)
     K = SOFTER * own if isinstance(own, float) else F / BEND[friction.joint.unit]

@@ -1,4 +1,4 @@
-"""The tables of an arm's loop before the first tick: ranges, largest torques, and what they may be given for."""
+"""The tables of an arm's loop before the first tick: ranges, largest torques and their allocation."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from backdrive.control.table import FADE, LATCHING, LIMIT, NOMINAL, PATIENCE, RA
 from backdrive.errors import InvalidInput
 from backdrive.robot import Robot
 
-POSTURES = 300  # random ones, over which gravity and inertia are looked at
-HEAVIER = 1.25  # limit of gravity by the most of these [-]
-SLOWER = 0.8  # of the top speed, up to which a virtual mass moves [-]
-BRISK = 0.05  # in which walls and admittance go from zero to their limit [s]
+POSTURES = 300  # random postures for the extremes of gravity and inertia
+HEAVIER = 1.25  # limit of gravity relative to its largest value over these [-]
+SLOWER = 0.8  # largest speed of a virtual mass relative to the top speed [-]
+BRISK = 0.05  # time in which walls and admittance may go from zero to their limit [s]
 
 
 def limits(
@@ -38,7 +38,7 @@ def limits(
         settings: the same for all joints, by row.
 
     Raises:
-        InvalidInput: what a motor can give beside gravity and friction is too little for walls that hold.
+        InvalidInput: a motor's torque beside gravity and friction compensation is too small for the walls.
     """
     table = np.zeros((kernel.ROWS, len(joints)))
     for row, value in settings.items():
@@ -87,11 +87,11 @@ def output_stage(joints: Sequence[ArmJoint], table: np.ndarray, interval: float)
 
 
 def in_order(robot: Robot, joints: Mapping[str, ArmJoint]) -> dict[str, ArmJoint]:
-    """Return what runs on each joint in the robot's order; refuse joints that are missing or not the robot's."""
+    """Return the joints' settings in the robot's order; refuse joints that are missing or not the robot's."""
     if missing := [name for name in robot.joints if name not in joints]:
         raise InvalidInput(
             f"Nothing runs on {', '.join(missing)}, and {robot.name} has {len(robot.joints)} joints: {', '.join(robot.joints)}.",
-            remedy="Give an `ArmJoint` for each by name, with a compensator `nothing()` where none is meant.",
+            remedy="Give an `ArmJoint` for each joint by name; use the compensator `nothing()` for no compensation.",
         )
     if unknown := [str(name) for name in joints if name not in robot.joints]:
         raise InvalidInput(
@@ -103,7 +103,7 @@ def in_order(robot: Robot, joints: Mapping[str, ArmJoint]) -> dict[str, ArmJoint
 def matching(
     force: ArmForce | None, robot: Robot, coupling: np.ndarray, interval: float
 ) -> ArmForceTick | None:
-    """Return what estimates the external torque in the loop; refuse an estimator of other joints or motors."""
+    """Return the loop's estimator of the external torque; refuse an estimator of other joints or motors."""
     if force is None:
         return None
     if force.joints != robot.joints:

@@ -1,4 +1,4 @@
-"""Rigid bodies at one posture a tick: what an arm weighs, what its motion asks for, and its inertia matrix, by pinocchio."""
+"""Rigid-body terms at one posture per tick, by pinocchio: gravity, Coriolis torque and the inertia matrix."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Bodies:
     """
 
     def __init__(self, robot: Robot, parameters: Sequence[float] | None = None):
-        """Take a robot's model for its own.
+        """Copy a robot's model.
 
         Args:
             robot: the description.

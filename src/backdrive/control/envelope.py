@@ -1,4 +1,4 @@
-"""Within what the promises of the torque loop hold. Outside, construction refuses.
+"""The ranges of parameters for which the guarantees of the torque loop are valid. Construction refuses values outside.
 
 | | from | to | |
 |---|---|---|---|
@@ -35,14 +35,14 @@ FADE = Bound(10.0, 1e4, "1/s")
 PATIENCE = Bound(0.005, 1.0, "s")
 #: What a joint's parts may be.
 OF_PARTS = {"share": SHARE, "friction": FRICTION, "inertia": INERTIA}
-COARSEST = 0.1  # speed of one encoder step in the shortest window of speeds, by the top speed [-]
+COARSEST = 0.1  # largest ratio to the top speed of one encoder step per shortest measuring window [-]
 
 
 def check_contact(where: str, stiffness: Sequence[float] | float, count: float, friction: float) -> None:
-    """Refuse a contact so stiff that one encoder step moves its torque by more than all of the friction.
+    """Refuse a contact so stiff that one encoder step changes its torque by more than the whole friction.
 
     Args:
-        where: what the message begins with.
+        where: first words of the message.
         stiffness: of the contact, of elements side by side [N.m/rad or N/m].
         count: encoder step [rad or m].
         friction: F [N.m or N].

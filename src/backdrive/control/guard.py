@@ -1,18 +1,18 @@
-"""What stands between a joint's compensation and its motor: the watch, the limit of torque and that of its rate.
+"""The output stage between a joint's compensation and its motor: speed watch, torque limit and rate limit.
 
 The watch latches a joint that is faster than its top speed v_top over a window of 10 to 15 ms,
 
     |q_k - q_i| > v_top (t_k - t_i),
 
-and one whose readings could not be believed for longer than the patience; good ticks make up for bad ones four to one. A latched
-joint gives no torque until it is acknowledged. The output f of every call, whatever came before, is
+and a joint whose readings were rejected for longer than the patience; four good ticks offset one bad tick. A latched joint
+gives no torque until it is acknowledged. The output f of every call satisfies
 
     |f| <= cap <= limit,     |f - f_before| <= rate T
 
-where the cap is the torque that the loop may give at present: it grows from zero at the slow rate when the loop starts and after a
-fault, falls at the slow rate after a stop, and when latched at limit/0.15 s, for a runaway at limit/0.02 s. Towards zero only the
-normal rate counts. Where rules meet, the order is: a latch before a stop, a stop before a fault, a fault before the compensator;
-then cap and limit, and the rate has the last word.
+The cap is the present limit of the torque. It grows from zero at the slow rate after the start and after a fault, and falls
+at the slow rate after a stop. In a latch it falls at limit/0.15 s, for a runaway at limit/0.02 s. Towards zero only the
+normal rate applies. The order of precedence is: latch, stop, fault, compensator; then cap and limit, and finally the rate
+limit.
 """
 
 from __future__ import annotations
@@ -49,10 +49,10 @@ from backdrive.status import Status
 
 SATURATED, NO_MOTION = int(Status.SATURATED), int(Status.NO_MOTION)
 STOPPED, LATCHED = int(Status.STOPPED), int(Status.LATCHED)
-LONGEST = 20.0  # periods that one call counts for at most as fault time
-WINDOW = 0.01  # in which a speed is measured [s]
-HASTE = 7.5  # of a latch for a runaway: what is given past the top speed has to be braked by friction
-FORGIVEN = 0.25  # fault time that a good tick takes off, by its own
+LONGEST = 20.0  # largest fault time that one call adds [period]
+WINDOW = 0.01  # shortest window of a speed measurement [s]
+HASTE = 7.5  # factor on the latch rate for a runaway, since friction has to dissipate the energy added above the top speed [-]
+FORGIVEN = 0.25  # fault time that a good tick removes, relative to its own length [-]
 ROUNDING = 1e-9  # of the distance in a window, of numbers
 
 
@@ -64,7 +64,7 @@ def window(period):
 
 @jit
 def watch(g, j, since):
-    """Return whether a joint is faster than its top speed; `since`: time since the last reading that was believed."""
+    """Return whether a joint is faster than its top speed; `since`: time since the last accepted reading."""
     span, q = window(g[NOMINAL, j]), g[BEFORE, j]
     g[OLDER_AGE, j] += since
     g[NEWER_AGE, j] += since
@@ -87,7 +87,7 @@ def forget_speed(g, j):
 
 
 def acknowledge(g: np.ndarray, j: int) -> bool:
-    """Take back a joint's latch and stop, unless torque is still left or the joint is still too fast; return whether it was."""
+    """Clear a joint's latch and stop, unless it still has torque or is still too fast; return whether they were cleared."""
     if g[CAUSE, j] != 0.0 and (g[TORQUE, j] != 0.0 or g[FAST, j] != 0.0):
         return False
     if g[CAUSE, j] != 0.0 or g[STOP, j] != 0.0:
@@ -101,8 +101,8 @@ def acknowledge(g: np.ndarray, j: int) -> bool:
 def act(g, j, code, wanted, since, interval):
     """Write the joint's output and return its status.
 
-    `code`: of the reading or of what was made of it, `wanted`: torque of the compensator where the reading was believed, `since`:
-    time that this reading stands for, `interval`: as it was given.
+    `code`: status of the reading or of its processing, `wanted`: torque of the compensator if the reading was accepted,
+    `since`: time that this reading covers, `interval`: the given interval.
     """
     passed = g[PASSED, j]
     good = valid(code) or code == NO_MOTION
@@ -113,7 +113,9 @@ def act(g, j, code, wanted, since, interval):
             code = OVERSPEED
     else:
         g[FAULTY, j] += min(max(passed, interval), LONGEST * passed)  # `passed` where the interval is NaN
-        fading = 1.0 + g[FADE, j] * passed if g[BAD, j] > 0.0 else 1.0  # one bad reading is bridged
+        fading = (
+            1.0 + g[FADE, j] * passed if g[BAD, j] > 0.0 else 1.0
+        )  # a single bad reading changes no output
         g[BAD, j] += 1.0
         wanted = g[TORQUE, j] / fading
         g[EXTERNAL, j] /= fading

@@ -1,4 +1,4 @@
-"""What runs on one joint of a torque loop, and within which limits."""
+"""Settings of one joint of a torque loop: compensator, estimator and limits."""
 
 from __future__ import annotations
 
@@ -45,15 +45,15 @@ from backdrive.laws import REFERENCE, Law
 from backdrive.parameters import ABOVE_ZERO, BIG, NOT_NEGATIVE, Bound, WithBounds, check
 
 LATCH_TIME = 0.15  # from the limit to zero when latched [s]
-BRISK, LEAST_BRISK = 1000.0, 50.0  # normal rate by F, and the least that may be asked for [1/s]
-LARGEST = 1.5  # limit by R F(top speed) up to which a runaway is stopped in time [-]
-USUAL = 1.25  # the same, where nothing else is asked for [-]
+BRISK, LEAST_BRISK = 1000.0, 50.0  # default rate relative to F, and its least allowed value [1/s]
+LARGEST = 1.5  # largest limit relative to R F(top speed) with which a runaway is stopped in time [-]
+USUAL = 1.25  # default of the same [-]
 
 
 def friction_of(law: Law, top_speed: float) -> tuple[float, float]:
     """Return F, the friction at rest of a law, and that at a speed in the easier direction.
 
-    A law that has none at rest is asked for its largest, from 1e-4 of the speed on.
+    For a law without friction at rest, F is the largest friction from 1e-4 of the speed on.
 
     Args:
         law: of friction.
@@ -69,14 +69,14 @@ def friction_of(law: Law, top_speed: float) -> tuple[float, float]:
 
 
 def torque_limit(compensator: Compensator, top_speed: float) -> float:
-    """Return the limit to take where nobody knows a better one: 1.25 R F(v_top), with the dither at most 1.5 R F(v_top).
+    """Return the default torque limit: 1.25 R F(v_top), increased by the dither to at most 1.5 R F(v_top).
 
     Args:
         compensator: whose friction law and share R.
         top_speed: v_top [rad/s or m/s].
 
     Returns:
-        Limit [N.m or N]: a joint whose friction is no less than half of what the law says cannot be driven on for long.
+        Limit [N.m or N]: with it, the loop cannot drive a joint for long whose friction is at least half of the law's.
     """
     rest, fast = friction_of(compensator.friction.law, top_speed)
     waves = 0.0 if compensator.dither is None else compensator.dither.share * rest
@@ -86,21 +86,22 @@ def torque_limit(compensator: Compensator, top_speed: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class JointLoop(WithBounds):
-    """What runs on one joint, within which limits.
+    """Settings of one joint of a torque loop: compensator, estimator and limits.
 
     Attributes:
         compensator: of friction.
         external: estimator of the external force; None for none.
-        adaptation: of the level of the friction, compensated and taken off alike; None: it stays 1.
-        limit: of the compensator's output [N.m or N]; `torque_limit` has one where nobody knows better.
-        top_speed: faster than which the joint is a runaway, from the robot's description or a person, never the fastest of a log
-            [rad/s or m/s].
+        adaptation: of the friction level, for both compensation and estimate; None: it stays 1.
+        limit: of the compensator's output [N.m or N]; `torque_limit` returns a default.
+        top_speed: speed above which the joint counts as a runaway, from the robot's description or the user, never the
+            fastest of a log [rad/s or m/s].
         encoder_count: step of the encoder [rad or m].
         rate: of the output, the normal one [N.m/s or N/s]; None: the larger of limit/0.15 s and 1000 F/s.
         ramp: from zero to the limit after the start, a fault or an acknowledgement, and back after `stop` [s].
-        hold: time within which the push on a joint that stands still is below 5 % [s].
-        fade: rate at which the output fades while readings are not believed [1/s].
-        patience: fault time after which the joint is latched; half of it makes a jump the encoder's new zero [s].
+        hold: time after which the compensating torque of a standing joint has fallen below 5 % [s].
+        fade: rate at which the output decays while readings are rejected [1/s].
+        patience: fault time after which the joint is latched; after half of it, a jump is accepted as the encoder's new zero
+            [s].
 
     Raises:
         InvalidInput: a number lies outside the envelope (`control.envelope`), more than the whole friction would be compensated,
@@ -141,14 +142,15 @@ class JointLoop(WithBounds):
             envelope.check_contact("JointLoop", stiffness, self.encoder_count, self.friction[0])
         self._check_resolution()
         least = max(self.limit / LATCH_TIME, LEAST_BRISK * self.friction[0])
-        if self.rate is not None:  # a slower one is felt by the hand and stops too late
+        if self.rate is not None:  # a slower output is noticeable to the hand and stops too late
             check("JointLoop", {"rate": Bound(least, BIG, "N.m/s or N/s")}, {"rate": self.rate})
         most = LARGEST * self.compensator.share * self.friction[1]
         if most > 0.0 and self.limit > most * (1.0 + 1e-9):
             usual = torque_limit(self.compensator, self.top_speed)
             warnings.warn(
-                f"JointLoop: limit = {self.limit:g} exceeds 1.5 R F(top speed) = {most:.4g} N.m or N: if the model is much too "
-                f"large, no watch stops the joint in time. `torque_limit` gives {usual:.4g}.",
+                f"JointLoop: limit = {self.limit:g} exceeds 1.5 R F(top speed) = {most:.4g} N.m or N: if the "
+                f"model's friction is much too large, the watch cannot stop the joint in time. `torque_limit` gives "
+                f"{usual:.4g}.",
                 LimitWarning,
                 stacklevel=3,
             )
@@ -169,7 +171,7 @@ class JointLoop(WithBounds):
         self.adaptation.row(self.external.friction.law)
 
     def _highest(self) -> float:
-        """Return the largest factor on the friction that anything may learn [-]."""
+        """Return the largest factor on the friction that adaptation can reach [-]."""
         extra = self.compensator.extra
         if isinstance(extra, BristleObserver) and extra.adaptation > 0.0:
             return extra.highest
@@ -181,7 +183,7 @@ class JointLoop(WithBounds):
         if least > self.top_speed * (1.0 + 1e-9):
             raise InvalidInput(
                 f"JointLoop: one encoder step of {self.encoder_count:g} in {1e3 * guard.WINDOW:g} ms is more than a tenth of the "
-                f"top speed of {self.top_speed:g}: a runaway could not be told from a motion.",
+                f"top speed of {self.top_speed:g}: the encoder is too coarse to detect a runaway.",
                 remedy=f"Give a top speed of {least:.4g} or more, or use a finer encoder.",
             )
 
@@ -222,13 +224,13 @@ class JointLoop(WithBounds):
 
 @dataclass(frozen=True, kw_only=True)
 class BareLoop(JointLoop):
-    """Compensator and estimator alone, for simulation: what they do where nothing holds them. A `Loop` refuses it.
+    """Compensator and estimator without guards, for simulation only. A `Loop` refuses it.
 
     Attributes:
-        limit: as of a `JointLoop`; here each guard is off where it is not given.
+        limit: as in a `JointLoop`; here each guard is off unless it is given.
         top_speed: likewise.
         encoder_count: likewise.
-        ramp: likewise; 0: the output may be all of the limit at once.
+        ramp: likewise; 0: the output may jump to the limit.
         hold: likewise.
         patience: likewise.
     """

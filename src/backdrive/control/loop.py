@@ -2,15 +2,16 @@
 
     q, u -> f (torque to add), tau_e (external force), tau_f (friction)
 
-Nothing is raised, and no memory is kept from call to call. In every tick, joint by joint: readings (`control.readings`), then
-compensation and estimate, then the watch, the limit of torque and that of its rate (`control.guard`). Every joint has a `Status`,
-and none notices what is wrong with another. A late tick is run with the time that really passed.
+`update` raises no exception and keeps no allocated memory. In every tick each joint passes: readings (`control.readings`),
+compensation and estimate, then the speed watch and the limits of torque and rate (`control.guard`). Every joint has its own
+`Status`; a fault of one does not affect the others. A late tick uses the time that really elapsed.
 
-Without counts there is no push: while the encoder stands still, what the compensator gives beside its dither fades below 5 %
-within the hold time, and what integrates stops. A frozen encoder and a person who leans on the arm look the same.
+Without new encoder counts the compensation decays: while the encoder stands still, its torque beside the dither falls below 5
+% within the hold time, and integrators stop. The reason is that a frozen encoder and a person leaning on the arm look the
+same.
 
-The level of the friction that is compensated and taken off may be learned meanwhile (`Adaptation`): what is estimated as external
-force in free motion is what the friction model misses.
+The level of the friction may be adapted meanwhile (`Adaptation`): in free motion, the estimated external force is the error
+of the friction model.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ F = TypeVar("F", bound=Callable)
 
 
 class Row:
-    """A row of a loop's table as the attribute of a loop: what is assigned is written into it.
+    """A row of a loop's table as an attribute of the loop: an assignment writes into the row.
 
     Args:
         rows: of the table: one, which is (J,), or a slice of k, which is (J, k).
@@ -80,20 +81,20 @@ class Row:
 class Loop:
     """Compensation and estimation of several joints, tick by tick.
 
-    A loop that nobody calls cannot change the torque that the drive was last given: have the drive time out, or an outer
-    watchdog look at `count`. Copies (`copy`, `deepcopy`, `pickle`) are loops of their own in the same state.
+    A loop that is not called cannot change the last torque command of the drive: use a drive with a timeout, or a watchdog
+    that monitors `count`. Copies (`copy`, `deepcopy`, `pickle`) are loops of their own in the same state.
 
     Attributes:
         torque: to add to what drives the joints [N.m or N], changed by `update`, read-only (J,).
         external: estimated external force [N.m or N], changed by `update`, read-only (J,).
         friction: estimated [N.m or N], changed by `update`, read-only (J,).
         level: of the friction, learned [-], changed by `update`, read-only (J,).
-        error: how far the reference is ahead, to be written before `update` [rad or m], (J,).
+        error: reference minus position, to be written before `update` [rad or m], (J,).
         slope: rate of `error`, to be written before `update` [rad/s or m/s], (J,).
-        known: gravity and the other joints' pull, to be written before `update` [N.m or N], (J,). Where it is not 0, it is the
-            load of laws that grow with it and are given none.
+        known: gravity and the coupling torque of other joints, to be written before `update` [N.m or N], (J,). If it is not
+            0, it is also the load of laws that grow with the load and have no `load`.
         load: motor-side and external torque for laws that depend on load, to be written before `update` [N.m or N], (J, 2).
-            Where both are 0, that of a law that grows with the load is what is `known`, or the one under which it was identified.
+            If both are 0, a law that grows with the load uses `known`, or the load under which it was identified.
         temperature: for laws that depend on it, to be written before `update` [degC], (J,).
     """
 
@@ -107,7 +108,8 @@ class Loop:
             interval: period [s].
 
         Raises:
-            InvalidInput: there is no joint, one is without its guards, or the period lies outside what the promises hold for.
+            InvalidInput: there is no joint, a joint has no guards, or the period lies outside the envelope
+                (`control.envelope`).
         """
         self.joints = (joints,) if isinstance(joints, JointLoop) else tuple(joints)
         if not self.joints:
@@ -118,7 +120,7 @@ class Loop:
         J = len(self.joints)
         *parts, self._table = rows(self.joints, np.zeros(J), self.interval)
         self._codes = np.zeros(J, dtype=np.int64)
-        # in one array, for an argument more costs as much as a friction law
+        # in one array, since each further argument costs as much time as a friction law
         begins = np.cumsum([0] + [part.shape[1] for part in parts])
         self._rows = np.concatenate(parts, axis=1)
         self._arrays = (self._rows, begins, self._table, self._codes)
@@ -163,12 +165,12 @@ class Loop:
 
     @property
     def count(self) -> int:
-        """How often `update` was called: it stands still where nobody calls the loop any more."""
+        """Number of calls of `update`; a watchdog sees from it that the loop has stopped."""
         return int(self._table[CALLS, 0])
 
     @property
     def causes(self) -> tuple[Status, ...]:
-        """What latched each joint, OK where it is not latched."""
+        """Cause of each joint's latch; OK if it is not latched."""
         return tuple(STATUSES[int(cause)] for cause in self._table[CAUSE])
 
     def reset(self, positions: np.ndarray) -> None:
@@ -187,21 +189,21 @@ class Loop:
         self._codes[:] = int(Status.OK)
 
     def acknowledge(self) -> bool:
-        """Take back latches and a stop: the torque comes back at the slow rate.
+        """Clear latches and a stop; the torque then returns at the slow rate.
 
-        A latch stays where torque is still left or the joint is still faster than its top speed.
+        A joint stays latched while it still has torque, or while it is faster than its top speed.
 
         Returns:
-            Whether no joint is latched any more.
+            Whether no joint is latched now.
         """
         return all([guard.acknowledge(self._table, j) for j in range(len(self.joints))])
 
     def stop(self) -> None:
-        """Let the torque ramp down to zero at the slow rate, and stay there until `acknowledge`."""
+        """Ramp the torque down to zero at the slow rate, until `acknowledge`."""
         self._table[STOP] = True
 
     def update(self, position: np.ndarray, applied: np.ndarray, interval: float | None = None) -> Status:
-        """Advance every joint by one tick; nothing is raised, and what a call allocates it has freed when it returns.
+        """Advance every joint by one tick, without exceptions; memory allocated in a call is freed when it returns.
 
         Args:
             position: encoder readings [rad or m], (J,).
@@ -228,7 +230,7 @@ def take(
     acted: np.ndarray,
     period: float,
 ) -> float:
-    """Copy what a tick was given into `read` and `acted`, (J,) each; `read` is NaN where that is no reading.
+    """Copy the inputs of a tick into `read` and `acted`, (J,) each; `read` is NaN where the input is not a valid reading.
 
     Returns:
         The interval, or the period where none was given [s].
@@ -241,7 +243,7 @@ def take(
             read[:] = np.nan
         else:
             read[:], acted[:] = position, applied
-    except Exception:  # whatever was given, it is no reading
+    except Exception:  # the input is not a valid reading
         read[:] = np.nan
     return dt
 

@@ -1,4 +1,4 @@
-"""One tick of the fused loop in compiled time: readings, compensation and estimate, watch, limits."""
+"""One tick of the fused loop in compiled code: readings, compensation and estimate, watch, limits."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ from backdrive.status import Status
 OK, NOT_FINITE, NO_MOTION = int(Status.OK), int(Status.NOT_FINITE), int(Status.NO_MOTION)
 SEVERITY = tuple(status.severity for status in Status)
 STANDING = 0.1  # share of the hold time after which a joint stands still
-MOVED = 2.5  # encoder steps from where it stood beyond which a joint has moved: noise of one step to either side has not
-NOTABLE = 0.01  # share of the limit from which a torque is one
+MOVED = 2.5  # encoder steps from the position of rest beyond which a joint has moved; noise of one step does not count
+NOTABLE = 0.01  # share of the limit above which a torque counts as nonzero
 
 
 @jit
 def restart(c, x, s, ce, xe, se, g, j, q):
-    """Forget what a joint has run into: it rests at q."""
+    """Reset a joint's state to rest at q."""
     for k in range(x.size):
         x[k] = 0.0
     for k in range(xe.size):
@@ -69,7 +69,9 @@ def restart(c, x, s, ce, xe, se, g, j, q):
 
 @jit
 def standing(c, x, s, g, j, q, T):
-    """Return the share of the push that is left while the encoder stands still; past the hold time the contact is relaxed."""
+    """Return the remaining share of the compensating torque while the encoder stands still; after the hold time the contact
+    is relaxed.
+    """
     hold = g[HOLD, j]
     if abs(q - g[ANCHOR, j]) > MOVED * g[COUNT, j]:
         g[ANCHOR, j], g[STILL, j] = q, 0.0
@@ -96,7 +98,7 @@ def joint(c, i, p, x, s, ce, pe, xe, se, g, j, q, dt):  # noqa: PLR0913  (a kern
     if readings.valid(code):
         dp, u, level = q - g[BEFORE, j], g[APPLIED, j], g[LEVEL, j]
         load, temp = (g[MOTOR, j], g[LOAD, j]), g[TEMPERATURE, j]
-        if g[GROWS, j] > 0.0 and load[0] == 0.0 and load[1] == 0.0:  # nobody has given one
+        if g[GROWS, j] > 0.0 and load[0] == 0.0 and load[1] == 0.0:  # no load was given
             load = (u, -g[KNOWN, j] if g[KNOWN, j] != 0.0 else np.nan)
         left = standing(c, x, s, g, j, q, T)
         push, dither = compensator_.tick(
@@ -108,7 +110,7 @@ def joint(c, i, p, x, s, ce, pe, xe, se, g, j, q, dt):  # noqa: PLR0913  (a kern
         tau_e, tau_f = 0.0, 0.0
         if g[ESTIMATES, j] > 0.0:
             tau_e, tau_f = external_.tick(ce, 0, pe, xe, se, 0, q, dp, T, u, g[KNOWN, j], load, temp, level)
-        if not np.isfinite(f + tau_e + tau_f):  # finite, but beyond what numbers hold
+        if not np.isfinite(f + tau_e + tau_f):  # finite inputs, but the result overflows
             restart(c, x, s, ce, xe, se, g, j, q)
             code = NOT_FINITE
         else:
@@ -133,7 +135,7 @@ def absent(c, i, p, x, s, ce, pe, xe, se, g, j, q, dt):  # noqa: PLR0913  (a ker
 def tick(A, o, g, codes, q, dt):
     """Advance every joint by one tick and return the worst status.
 
-    `A[j]`: what `rows` returns of a joint, one after the other, `o`: where each begins (9,), `g`: table.
+    `A[j]`: the arrays of `rows` for a joint, concatenated, `o`: begin of each (9,), `g`: table.
     """
     worst = OK
     for j in range(codes.size):

@@ -1,13 +1,13 @@
-"""Whether a reading can be believed: finite, timely, possible. The first of a loop's defences.
+"""Acceptance of encoder readings: a reading must be finite, timely and physically possible. This is a loop's first check.
 
-A reading is possible when the joint can have come there from the last one that was believed,
+A reading is possible if the joint can have moved there from the last accepted one,
 
     |q - q_before| <= v_top (t + T) + 2 delta
 
-t: time since then, T: period, delta: encoder step, v_top: top speed. Otherwise it is a jump, and what follows decides: a reading
-near the old place was preceded by a wild one; readings that follow one another at the new place for half the patience mean that the
-encoder counts from another zero, by which everything that is a position is moved, so that neither torque nor estimate sees it;
-a second jump of the same direction and a similar speed is no fault of the encoder but a joint that runs away.
+t: time since then, T: period, delta: encoder step, v_top: top speed. Otherwise it is a jump, and the next readings decide. If
+they return to the old position, the jump was an outlier. If they stay near the new position for half the patience, the
+encoder's zero has changed: all positions are shifted, so that torque and estimate are not affected. A second jump in the same
+direction with a similar speed means a runaway, not an encoder fault.
 """
 
 from __future__ import annotations
@@ -47,15 +47,15 @@ from backdrive.status import Status
 
 OK, NOT_FINITE, BAD_INTERVAL = int(Status.OK), int(Status.NOT_FINITE), int(Status.BAD_INTERVAL)
 JUMP, LATE, OVERSPEED = int(Status.JUMP), int(Status.LATE), int(Status.OVERSPEED)
-SLOWEST, FASTEST = 20.0, 0.05  # intervals by the nominal one that are believed
-LONGEST = 1.0  # time that an interval which is not believed counts for at most [s]
-BEHIND = 1.5  # the same, above which a tick is late
-ALIKE = 2.0  # ratio of speeds up to which two jumps are one motion
+SLOWEST, FASTEST = 20.0, 0.05  # accepted intervals relative to the nominal one
+LONGEST = 1.0  # largest time that a rejected interval counts for [s]
+BEHIND = 1.5  # interval relative to the nominal one above which a tick is late
+ALIKE = 2.0  # largest ratio of speeds at which two jumps count as one motion
 
 
 @jit
 def shift(c, s, ce, se, g, j, by):
-    """Move everything of a joint that is a position: the encoder counts from another zero."""
+    """Shift all positions of a joint, after a change of the encoder's zero."""
     compensator_.shift(c, 0, s, 0, by)
     external_.shift(ce, 0, se, 0, by)
     g[BEFORE, j] += by
@@ -69,7 +69,7 @@ def shift(c, s, ce, se, g, j, by):
 
 @jit
 def possible(g, j, distance, time):
-    """Return whether a joint can have moved that far in a time."""
+    """Return whether a joint can have moved a distance in a given time."""
     return abs(distance) <= g[TOP, j] * (time + g[NOMINAL, j]) + 2.0 * g[COUNT, j]
 
 
@@ -101,14 +101,14 @@ def jump_status(g, j, q, way, passed):
 
 @jit
 def judge(c, s, ce, se, g, j, q, dt):
-    """Return the status of a joint's input: OK or LATE where it can be believed."""
+    """Return the status of a joint's input: OK or LATE if it is accepted."""
     nominal = g[NOMINAL, j]
     long = dt > SLOWEST * nominal
     timely = FASTEST * nominal <= dt and not long
     passed = dt if timely else nominal
     g[PASSED, j] = passed
     g[TIME, j] += passed
-    # a long one is not believed, but the joint had that time to move
+    # a long interval is rejected, but the joint may have moved during that time
     g[SINCE, j] += min(dt, LONGEST) if long and dt < np.inf else passed
     if g[BEGUN, j] == 0.0 and np.isfinite(q):
         shift(c, s, ce, se, g, j, q - g[BEFORE, j])
@@ -128,5 +128,5 @@ def judge(c, s, ce, se, g, j, q, dt):
 
 @jit
 def valid(code):
-    """Return whether a status is that of a reading that was believed."""
+    """Return whether a status belongs to an accepted reading."""
     return code in (OK, LATE)

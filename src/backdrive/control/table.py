@@ -1,6 +1,6 @@
 """Rows of the table that a tick of the torque loop reads and writes, one number a joint.
 
-Inputs are written before the tick, outputs after it; settings stay; the rest is what the tick remembers.
+Inputs are written before the tick, outputs after it; settings are constant; the other rows are the state of the tick.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from __future__ import annotations
     # settings
     TOP, LIMIT, RATE, RAMP, LATCHING, HOLD, FADE, PATIENCE, COUNT, ESTIMATES, GROWS,
     LEARNS, CREEP, SETTLE, FLOOR, DEAD, LOWER, UPPER,
-    # readings: the last that was believed, where a jump has led, and by how much the encoder's zero has moved since the first
+    # readings: the last accepted one, the position after a jump, and the total shift of the encoder's zero
     BEGUN, BEFORE, ELSEWHERE, LEAP, SETTLED, PENDING, ZERO,
     # watch: fault time, two points of the window of speeds with their ages, cause of the latch, stop
     FAULTY, OLDER, OLDER_AGE, NEWER, NEWER_AGE, FAST, CAUSE, STOP, CAP, BAD,

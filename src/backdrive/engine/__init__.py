@@ -1,4 +1,6 @@
-"""The engine: any law along given motions, and single axes driven through it, many parameter sets in one compiled call."""
+"""The engine: friction of any law along given motions, and forward dynamics of single axes, with many parameter sets in one
+compiled call.
+"""
 
 from backdrive.engine.drives import DriveModel as DriveModel
 from backdrive.engine.forward import Axis as Axis

@@ -1,4 +1,4 @@
-"""One axis in motion: motor and load, a transmission that may yield, gravity, and friction that truly sticks.
+"""The dynamics of one axis: motor and load, an elastic or rigid transmission, gravity, and friction with true sticking.
 
     M w' = u - c - [friction]            c = K_c (p - q) + D_c (w - v)
     L v' = c - a sin q - b cos q - o - [friction]
@@ -7,10 +7,11 @@ p, w: position and velocity on the motor's side, where the encoder is; q, v: on 
 one side or on the other (Iwatani 2017, Fig. 3.2: on the load's). A rigid transmission makes the two one mass.
 Gravity is (2.10), which has a = 0, b = M L g for a joint angle measured from the horizontal; o is a constant torque.
 
-A step drifts half a step, kicks, and drifts half a step again; the kick is implicit in the friction
-(`laws.kernels.solve`), so that a held mass rests exactly. Laws that see the load, and those that grow with it (`laws.growth`),
-get the motor's torque and the negative of c, which for a rigid axis is gravity and what accelerates the load. Beside any law the
-axis itself may have Coulomb friction mu |c|, of the same growth, which in an implicit step is a shrinkage of the free velocity.
+A step consists of half a step of drift, a velocity update, and another half step of drift. The velocity update is implicit in
+the friction (`laws.kernels.solve`), so that a held mass rests exactly. Laws that depend on the load or grow with it
+(`laws.growth`) get the motor's torque and the negative of c. For a rigid axis, c is the torque of gravity and of the load's
+inertia. Beside any law the axis itself may have Coulomb friction mu |c|, with the same growth. In an implicit step this
+shrinks the free velocity.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Compiled work spread over the cores: threads, since kernels release the interpreter's lock."""
+"""Distribution of compiled work over the cores by threads, since kernels release the interpreter's lock."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def spread(work: Callable[[int, int], None], count: int, workers: int | None = N
     try:
         for done in [pool.submit(work, a, b) for a, b in zip(edges, edges[1:], strict=False)]:
             done.result()
-    except KeyboardInterrupt:  # what is under way ends by itself, into arrays that nobody reads any more
+    except KeyboardInterrupt:  # running pieces finish by themselves, in arrays that are no longer read
         wait = False
         raise
     finally:

@@ -1,4 +1,4 @@
-"""Drives: what turns a drive's input into torque on the motor's side.
+"""Drives: from a drive's input to the torque on the motor side.
 
     controller   open:      y = gain r
                  position:  y = K_p (r - q) + K_d (r' - v) + K_i integral(r - q), |y| <= limit
@@ -6,10 +6,10 @@
     actuator     torque:    u = y
                  motor:     i = (U y - k_t v)/(R + R_s y^2),   u = k_t i/(1 + c |i|)
 
-r: input of the drive; q, v: position and velocity of the motor's side. For a motor U is the supply voltage [V], so that y is a
-duty, or 1 where y is a voltage. k_t: torque constant on the joint's side, which is the back-EMF constant too [N.m/A]. R:
-resistance [ohm]; R_s: of the supply, which sags under the current drawn [ohm]. c: saturation, by which the torque constant falls
-with current [1/A]. The input comes late by `delay`; it is interpolated between samples, or held.
+r: input of the drive; q, v: position and velocity of the motor's side. For a motor, U is the supply voltage [V] if y is a
+duty, or 1 if y is a voltage. k_t: torque constant on the joint's side, which is the back-EMF constant too [N.m/A]. R:
+resistance [ohm]; R_s: resistance of the supply [ohm]. c: saturation, the relative decrease of the torque constant with
+current [1/A]. The input is delayed by `delay`, and interpolated between samples or held.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ NOT_BELOW_ZERO = Bound(0.0, np.inf)
 
 @jit
 def input_at(r, t, hold):
-    """Input at the time t in samples: interpolated, or held; its ends go on for ever."""
+    """Input at the time t in samples: interpolated, or held; constant beyond its ends."""
     last = r.size - 1
     if t <= 0.0:
         return r[0]
@@ -45,7 +45,7 @@ def input_at(r, t, hold):
 
 @jit
 def torque(d, s, r, supply, q, v, h):
-    """Torque of one step h for the input r; `s` is advanced in place. A NaN supply stands for the drive's own."""
+    """Torque of one step h for the input r; `s` is advanced in place. If the supply is NaN, the drive's own is used."""
     kind, limit = int(d[0]), d[6]
     before, s[3] = s[3], r
     if kind == 0:
@@ -86,7 +86,7 @@ class DriveModel(WithBounds):
     """A drive in the loop.
 
     Attributes:
-        controller: what the input is: `open`, `position` or `velocity`.
+        controller: kind of controller: `open`, `position` or `velocity`.
         actuator: `torque`, or `motor` for one that a voltage or a duty is put on.
         gain: of the open controller [output/input].
         proportional: K_p [output/rad, output/m, or per unit of velocity].
@@ -99,7 +99,7 @@ class DriveModel(WithBounds):
         resistance: R [ohm].
         supply_resistance: R_s [ohm].
         saturation: c, fall of the torque constant with current [1/A].
-        delay: by which the input comes late [s].
+        delay: delay of the input [s].
         hold: the input is held between samples, not interpolated.
     """
 

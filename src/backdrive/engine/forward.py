@@ -75,7 +75,7 @@ class Axis(WithBounds):
         law: its friction.
         inertia: of the motor's side, or of the whole axis where nothing yields [kg.m^2 or kg].
         drive: what turns the input into torque.
-        load_inertia: of the load's side [kg.m^2 or kg]; what accelerates it is load for laws that depend on it.
+        load_inertia: of the load's side [kg.m^2 or kg]; its inertial torque is part of the load for laws that depend on it.
         stiffness: K_c of the transmission [N.m/rad or N/m]; infinite for a rigid one.
         damping: D_c of the transmission [N.m.s/rad or N.s/m].
         gravity_sin: a of gravity a sin q + b cos q [N.m or N].
@@ -113,9 +113,7 @@ class Axis(WithBounds):
     def __post_init__(self):
         super().__post_init__()
         if np.isfinite(self.stiffness) and self.load_inertia == 0.0:
-            raise InvalidInput(
-                "Axis: a transmission that yields carries no load.", remedy="Give load_inertia > 0."
-            )
+            raise InvalidInput("Axis: an elastic transmission needs a load.", remedy="Give load_inertia > 0.")
 
     def row(self) -> np.ndarray:
         """Return the row that `engine.axis.advance` reads, (10,)."""
@@ -173,7 +171,7 @@ def forward(  # noqa: PLR0913  (its options are given by keyword)
     substeps: int = 1,
     workers: int | None = None,
 ) -> Motions:
-    """Return how axes move under the inputs of their drives, friction implicit: what is held rests exactly.
+    """Return the motion of axes under the inputs of their drives. Friction is implicit, so a stuck axis rests exactly.
 
     Args:
         axes: one axis a lane.

@@ -1,12 +1,12 @@
 """Compiled loops of one law along motions: one lane at a time in blocks of ticks, or sixteen lanes interleaved.
 
-A loop that knows its law is as fast as one written for it by hand; a loop that chooses among all of them every tick takes up to
-four times as long. The compiler meets a law when it is first rolled out, and the disk remembers. Both loops give the bits of
-`kernels.step` tick by tick.
+A loop compiled for one law is as fast as hand-written code; a loop that selects among all laws in every tick takes up to four
+times as long. A law's loop is compiled at its first use and cached on disk. Both kinds of loop give bit-identical results to
+`kernels.step`.
 
-In a block the limits of many ticks are evaluated first, several in one instruction, then the element's state follows them tick by
-tick. Where there are enough lanes, sixteen stand side by side instead (structure of arrays), and every instruction works on
-several of them. Work arrays are the caller's: compiled code allocates nothing.
+In a block, the limits of many ticks are evaluated first with vector instructions; then the element's state is advanced tick
+by tick. If there are enough lanes, sixteen are interleaved instead (structure of arrays), so that every instruction works on
+several lanes. The caller supplies the work arrays, since compiled code does not allocate.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def one_by_one(rate: int, element: int, plain: bool, knots: int, sections: int, 
         plain: the law neither grows with the load nor differs by direction.
         knots: sections of the rate law's row; 0 for a loop that looks.
         sections: of the element's row.
-        tame: no velocity is beyond `kernels.FASTEST`, so that none has to be looked at.
+        tame: no velocity exceeds `kernels.FASTEST`, so velocities need no check.
     """
 
     def lanes(which, P, X, motion, dp, dt, load, temp, W, Q, Z, T, out):  # noqa: PLR0913, PLR0912  (a kernel's row)
@@ -69,7 +69,7 @@ def one_by_one(rate: int, element: int, plain: bool, knots: int, sections: int, 
             p, x = P[i], X[i]
             place = 1 + int(p[0])
             if (knots and int(p[1]) != knots) or (sections and int(p[place]) != sections):
-                continue  # which says to the compiler how often its loops run
+                continue  # tells the compiler the number of loop rounds
             for start in range(0, dp.shape[1], BLOCK):
                 stop = min(start + BLOCK, dp.shape[1])
                 tau, moved = out[i, start:stop], dp[m, start:stop]
@@ -121,7 +121,7 @@ def lane_loop(rate: int, element: int, place: int, tame: bool, shared: bool) -> 
         rate: kind of the rate law, whose rows are of one length.
         element: kind of the element.
         place: where the row of the element begins.
-        tame: no velocity is beyond `kernels.FASTEST`, so that none has to be looked at.
+        tame: no velocity exceeds `kernels.FASTEST`, so velocities need no check.
         shared: all lanes are on the same motion.
     """
 

@@ -80,7 +80,7 @@ class Lanes:
         """Return the torque of every lane.
 
         Args:
-            motion: which motion a lane runs on, (L,).
+            motion: number of the motion of each lane, (L,).
             dp: position increments of the motions [rad or m], (M, n).
             dt: sampling time [s].
             load: motor-side and external torque [N.m or N], (M, n, 2) or (M, 1, 2); None: the usual one of each law.
@@ -151,7 +151,7 @@ def increments(q: np.ndarray | None, dq: np.ndarray | None, dt: float) -> np.nda
     if not np.all(np.isfinite(motion)):
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(motion))[0])
         raise InvalidInput(
-            f"{name}{list(where)} = {motion[where]}.", remedy="Mend or cut the motion: it must be finite."
+            f"{name}{list(where)} = {motion[where]}.", remedy="Repair or cut the motion: it must be finite."
         )
     motion = motion.reshape(len(motion), -1)
     return np.diff(motion, axis=0, prepend=motion[:1]) if q is not None else motion * dt
@@ -176,8 +176,8 @@ def rollout(
         dt: sampling time [s].
         q: joint positions [rad or m], (n,) or (n, J); either these or `dq`.
         dq: joint velocities, held over a step [rad/s or m/s], the same shapes.
-        load: motor-side and external torque, for laws that depend on load or grow with it [N.m or N], (n, 2) or (n, J, 2). None:
-            none, and for laws that grow, that under which their curve was identified.
+        load: motor-side and external torque, for laws that depend on load or grow with it [N.m or N], (n, 2) or (n, J, 2).
+            None: no load; for laws that grow, the load under which their curve was identified.
         temperature: [degC], one number or (n,); 20 when not given.
         workers: threads; None: one a core. The numbers do not depend on it.
 

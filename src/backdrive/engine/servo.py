@@ -2,8 +2,8 @@
 
     u_k = K_p e_k + K_d (dr_k - v_k) + K_i T sum(e_j),   e_k = r_k - p_k
 
-r is the reference, p the encoder's position and v the backward difference of p behind a first-order low pass. The
-integral stands still while the torque is at its limit.
+r is the reference, p the encoder's position and v the backward difference of p behind a first-order low pass. The integral is
+frozen while the torque is at its limit.
 """
 
 from __future__ import annotations

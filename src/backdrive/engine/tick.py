@@ -4,8 +4,8 @@ For J joints with laws f_j, states x_j and increments dp_j of the period dt, eve
 
     tau_f,j = f_j(x_j, dp_j, dt, load_j, temp_j),   x_j advanced,
 
-and nothing is allocated: the rows are set up and the kernel is compiled by the constructor. A joint whose increment is not
-finite keeps its torque and its state, the others do not notice; what it did meanwhile is missed, as if it had stood still.
+without allocation: the constructor sets up the rows and compiles the kernel. A joint with an increment that is not finite
+keeps its torque and its state, as if it had not moved; other joints are not affected.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from backdrive.status import Status
 OK, NOT_FINITE = int(Status.OK), int(Status.NOT_FINITE)
 
 
-#: Rows of what a tick reads and writes, one number a joint: few arrays, for a call costs more with each than a joint does.
+#: Rows of the table that a tick reads and writes, one number per joint; each further array argument would cost more time than
+#: a joint.
 RATE, ELEMENT, DT, MOTOR, EXTERNAL, TEMPERATURE, TORQUE = range(7)
 
 

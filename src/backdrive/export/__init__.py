@@ -1,4 +1,4 @@
-"""Out of Python: what was identified and tuned, for firmware, simulators and arrays, generated from the kernels' own source."""
+"""Export of identified and tuned results for firmware, simulators and array libraries, generated from the kernels' source."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Friction laws as pure functions on arrays: for batches, for `jit` and `vmap`, and for gradients.
+"""Friction laws as pure functions on arrays, for batches, `jit`, `vmap` and gradients.
 
     f = law(model, "elbow", xp=jax.numpy)
     x = f.init((4096,))
@@ -57,8 +57,8 @@ class ArrayLaw:
     Attributes:
         law: friction law.
         xp: array library: `numpy`, `jax.numpy` or `torch`.
-        row: the law's parameters as the kernels read them, (P,); those that count knots or elements must stay as they are.
-        states: numbers that a joint remembers.
+        row: the law's parameters as the kernels read them, (P,); numbers of knots or elements must not be changed.
+        states: number of state variables of a joint.
     """
 
     def __init__(self, law: Law, xp: ModuleType | Any = np):
@@ -72,7 +72,7 @@ class ArrayLaw:
     def _program(self, graph: Graph) -> None:
         """Walk through the kernel once."""
         law, row = self.law, self.row.tolist()
-        # what counts knots, elements or parameters decides about the program; the rest may differ from set to set
+        # numbers of knots, elements or parameters determine the program; the other parameters may vary
         fixed = set(counts(law))
         memory = {
             "p": [value if i in fixed else graph.node("parameter", "p", i) for i, value in enumerate(row)],
@@ -91,7 +91,7 @@ class ArrayLaw:
         self._operations = [(i, *graph.operations[i]) for i in self._needed]
 
     def init(self, shape: Sequence[int] | int = ()) -> tuple[Any, ...]:
-        """Return the state of joints at rest and relaxed: a tuple of arrays, one for each number that a joint remembers.
+        """Return the state of joints at rest and relaxed: a tuple with one array for each state variable.
 
         Args:
             shape: of the batch.
@@ -114,7 +114,7 @@ class ArrayLaw:
         Args:
             x: state, a tuple of arrays (...).
             dp: increments of the positions [rad or m], (...).
-            dt: time since the tick before [s], a number or (...), above 0.
+            dt: time since the previous tick [s], a number or (...), above 0.
             load: motor-side and external torque [N.m or N], (..., 2); None: the law's usual one.
             temperature: [degC], a number or (...).
             row: parameters, (..., P), as `sample` draws them; None: the law's.
@@ -123,12 +123,12 @@ class ArrayLaw:
             tau_f [N.m or N], (...), and the state, a tuple of arrays (...).
 
         Raises:
-            InvalidInput: the state is not one array for each number that a joint remembers.
+            InvalidInput: the state does not have one array for each state variable.
         """
         if not isinstance(x, (tuple, list)) or len(x) != self.states:
             raise InvalidInput(
                 f"The state of '{self.law.name}' is a tuple of {self.states} arrays.",
-                remedy="Begin with init(shape), and hand on what step returns.",
+                remedy="Begin with init(shape), and pass on the state that step returns.",
             )
         motor, external = self.law.usual_load if load is None else (load[..., 0], load[..., 1])
         inputs = {"dp": dp, "dt": dt, "motor": motor, "external": external, "temperature": temperature}
@@ -191,7 +191,7 @@ def _operation(xp: Any, name: str, given: list[Any]) -> Any:
 
 
 def _pick(xp: Any, index: Any, places: tuple[int, ...], *numbers: Any) -> Any:
-    """Return one of some numbers, by an index that is one of some places."""
+    """Return one of several numbers, selected by an index."""
     if not hasattr(index, "shape"):
         return numbers[places.index(index)]
     if all(isinstance(n, float) for n in numbers):

@@ -1,4 +1,4 @@
-"""The translation of one kernel for what is known of its arguments."""
+"""The translation of one kernel for given knowledge of its arguments."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 INTERVALS, TIMED = ("dt", "T"), ("loop_kernel", "readings", "guard")
 RARE = ("restart", "jump_status", "relax", "adapt", "acknowledge", "unusual_power", "solve")
 APART = ("shift",)  # rare, and called from several places
-MOVES = ("by",)  # by which positions are moved: as exact as they are
+MOVES = ("by",)  # shifts of positions, with the same precision as positions
 ONE_AT_A_TIME = {polyline.section: polyline.section_of_one}  # in place of what is written for vectors
 CASTS = {elementary.integer_of: LONG, elementary.double_of: WIDE}  # of the last argument, likewise
 OF_FLOATS = {getattr(elementary, name): f"{name}f" for name in ("exp", "log", "pow", "tanh", "sin", "cos")}
@@ -61,7 +61,7 @@ class Body(Results):
         self.globals = {**source.__globals__, **closure}
 
     def function(self) -> Function:
-        """Translate twice: the first time shows of which kind every variable is."""
+        """Translate twice: the first pass determines the kind of every variable."""
         for _ in range(2):
             self._begin()
             self.run(self.tree.body)
@@ -106,7 +106,7 @@ class Body(Results):
         return Scalar(name, kind, names=frozenset({name}), known=value.known)
 
     def _kind(self, name: str, value: Value) -> str:
-        """Return the kind of a parameter: times add up in doubles where a fault is timed, and count as reals elsewhere."""
+        """Return the kind of a parameter: times that measure a fault are summed in doubles, other times are reals."""
         kind = getattr(value, "kind", REAL)
         apart = self.source.__module__.rsplit(".", 1)[-1] in TIMED
         return REAL if kind == PLACE and name in INTERVALS and not apart else kind
@@ -252,7 +252,7 @@ class Body(Results):
         return value
 
     def array(self, name: str, value: Any) -> Array:
-        """Return a table of numbers that the program then holds."""
+        """Return a table of numbers and add it to the program."""
         numbers = np.asarray(value)
         whole = numbers.dtype.kind == "i"
         full = f"{self.program.prefix}_{name}"

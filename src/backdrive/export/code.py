@@ -1,4 +1,6 @@
-"""Statements in C as a tree: what is never read is left out, variables are declared where they begin, and the rest is printed."""
+"""Statements in C as a tree: unused statements are removed, variables are declared at their first use, and the rest is
+printed.
+"""
 
 from __future__ import annotations
 
@@ -106,7 +108,7 @@ def reads(statement: Statement) -> frozenset[str]:
 
 
 def prune(block: list[Statement]) -> None:
-    """Take out assignments that nothing reads, and branches in which nothing is left."""
+    """Remove assignments to variables that are never read, and empty branches."""
     while True:
         used = frozenset().union(*(reads(s) for s in walk(block)))
         if not _prune(block, used) and not _prune_overwritten(block):
@@ -158,7 +160,7 @@ def _overwritten(name: str, after: list[Statement]) -> bool:
 
 
 def merge(block: list[Statement]) -> None:
-    """Put a call that gives a variable its value where that is all that the next statement reads, or what it branches on."""
+    """Inline a call whose result only the next statement reads."""
     counts: dict[str, int] = {}
     for statement in walk(block):
         for name in reads(statement):
@@ -189,7 +191,7 @@ def _merge(block: list[Statement], counts: dict[str, int]) -> None:
 
 
 def declare(block: list[Statement], parameters: set[str]) -> None:
-    """Declare each variable where it begins, in the innermost block that holds all that speaks of it.
+    """Declare each variable at its first use, in the innermost block that contains all its uses.
 
     Args:
         block: a function's body.

@@ -1,4 +1,4 @@
-"""Expressions of kernels in C, with everything that is known at the time of translation decided."""
+"""Expressions of kernels in C; everything known at translation time is evaluated."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Expressions(Operators):
         return method(node)
 
     def in_order(self, nodes: list[ast.expr]) -> list[Value]:
-        """Return values that are computed in this order, also where a later one changes what an earlier one has read."""
+        """Return values that are computed in this order, even if a later one changes the inputs of an earlier one."""
         values: list[Value] = []
         for node in nodes:
             at = len(self.block)

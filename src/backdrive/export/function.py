@@ -31,7 +31,7 @@ class Function:
         calls: functions that it calls.
         tables: tables of numbers that it reads.
         helpers: small functions that it needs.
-        macro: by which it is defined.
+        macro: by which others are defined.
     """
 
     name: str

@@ -1,9 +1,9 @@
-"""Kernels as straight-line programs of array operations: both ways of every branch are computed, and one is selected.
+"""Kernels as straight-line programs of array operations: both sides of every branch are computed, and one is selected.
 
-A kernel's syntax tree is walked once with symbols for what it is called with; what is known (kinds, sizes, counts of loops) is
-decided on the way. What remains is a list of operations that any array library can run on whole batches. Denominators, and
-arguments of functions that have a pole, are 1 where the path that they stand on is not taken, so that gradients of what is not
-selected are finite too.
+A kernel's syntax tree is walked once with symbols for its arguments. Known values (kinds, sizes, numbers of loop rounds) are
+evaluated on the way. The result is a list of operations that any array library can run on whole batches. On a path that is
+not taken, denominators and arguments of functions with a pole are set to 1, so that gradients of unselected values are finite
+too.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Row:
 
 
 class Graph:
-    """A program: operations in order, each with the places of what it works on, or numbers.
+    """A program: operations in order, each with the places of its operands, or with numbers.
 
     Attributes:
         operations: name and arguments of each.
@@ -75,7 +75,7 @@ class Graph:
         self._same: dict[tuple, Node] = {}
 
     def node(self, name: str, *arguments: Any) -> Node:
-        """Return the result of an operation, the same one where it was there before."""
+        """Return the result of an operation; an existing node is reused."""
         key = (name, *((type(a), repr(a)) for a in arguments))
         if key not in self._same:
             self.operations.append((name, arguments))
@@ -148,9 +148,10 @@ class Graph:
         return [a]
 
     def _shortcut(self, a: Any, b: Any) -> bool:
-        """Return whether a parameter is compared with a number other than 0: a shorter way to what the other branch gives as well.
+        """Return whether a parameter is compared with a number other than 0.
 
-        Taken, it would hide from gradients that the parameter counts (a square root for the power of 0.5).
+        Such a branch is only a faster form of the other one, for example a square root for the power 0.5. Using it would hide
+        the parameter from gradients.
         """
         return (
             isinstance(a, Node)

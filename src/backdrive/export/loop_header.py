@@ -1,4 +1,4 @@
-"""The defended torque loop as a C header: the same tick that runs in Python, for as many joints as it has."""
+"""The torque loop with all its guards as a C header: the same tick as in Python, for all its joints."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from backdrive.status import STATUSES, Status
 INPUTS = ("error", "slope", "known", "motor", "load", "temperature")
 OUTPUTS = ("torque", "external", "friction", "level", "calls", "cause")
 WORDS = {
-    "error": "how far the reference is ahead [rad or m], to be written before a step",
+    "error": "reference minus position [rad or m], to be written before a step",
     "slope": "rate of it [rad/s or m/s], to be written before a step",
-    "known": "gravity and the other joints' pull [N.m or N], to be written before a step",
+    "known": "gravity and coupling torque of other joints [N.m or N], to be written before a step",
     "motor": "motor-side torque for laws that depend on load [N.m or N], to be written before a step",
     "load": "external torque for the same [N.m or N], to be written before a step",
     "temperature": "for laws that depend on it [degC], to be written before a step",
@@ -28,7 +28,7 @@ WORDS = {
     "external": "estimated external force [N.m or N]",
     "friction": "estimated [N.m or N]",
     "level": "of the friction, learned [-]",
-    "calls": "steps so far: it stands still where nobody calls the loop any more",
+    "calls": "number of steps so far; a watchdog sees from it that the loop has stopped",
     "cause": "status that has latched the joint, 0 where it is not latched",
 }
 
@@ -84,7 +84,7 @@ class LoopHeader:
                     self.states.append(name)
 
     def _numbers(self, joint: Joint, name: str) -> list[float]:
-        """Return what an array of a joint's state begins with."""
+        """Return the initial content of an array of a joint's state."""
         n = name.removesuffix("_at")
         numbers = joint.initial[n].tolist() if n in joint.initial else []
         return [numbers[i] for i in sorted(joint.places.get(n, ()))] if name != n else numbers

@@ -60,7 +60,7 @@ class Joint:
         if isinstance(compensator.extra, DisturbanceObserver):
             places |= {compensator_.S_EXTRA + i for i in _positions(compensator.extra.estimator())}
         self.places = {"s": places, "se": _positions(estimator)}
-        idle: set[int] = set()  # of the compensator, what nothing reads
+        idle: set[int] = set()  # parts of the compensator's state that are never read
         if compensator.friction.fast_decay is None:
             idle.add(0)
         if compensator.dither is None:

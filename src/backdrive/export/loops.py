@@ -1,4 +1,4 @@
-"""Loops of kernels in C: what a loop changes has a variable before it begins."""
+"""Loops of kernels in C: everything that a loop changes is stored in a variable before the loop."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ class Loops(Statements):
         self.block.append(Assign(was.text, self.spelling.type_name(was.kind), scalar))
 
     def _loosen(self, name: str, value: Value) -> Value:
-        """Return a variable that a loop may change: it has a name in C, and its number is not known."""
+        """Return a variable that a loop may change: it has a name in C and an unknown value."""
         if isinstance(value, Several):
             return Several(tuple(self._loosen(f"{name}_{i}", v) for i, v in enumerate(value.items)))
         if isinstance(value, (Array, Table)):

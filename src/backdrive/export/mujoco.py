@@ -1,7 +1,8 @@
-"""Any friction law in MuJoCo at the speed of C: a passive-force callback around the generated header, and an MJCF made for it.
+"""Any friction law in MuJoCo, in C: a passive-force callback around the generated header, and an MJCF file prepared for it.
 
-The callback computes the torque once a step, by the way since the step before, and holds it, as `MujocoFriction` does in Python.
-What it remembers lies in `mjData.userdata`: copies, threads and resets of a simulation are each by themselves.
+The callback computes the torque once per step, from the displacement since the previous step, and holds it, as
+`MujocoFriction` does in Python. Its state is in `mjData.userdata`, so copies, threads and resets of a simulation are
+independent.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from backdrive.simulation.mujoco_friction import PURPOSE, Dof, dofs
 if TYPE_CHECKING:
     from backdrive.model import FrictionModel
 
-HEAD = 2  # numbers in userdata before those of the joints: whether they are ours, and the time of the last torque
+HEAD = 2  # numbers in userdata before those of the joints: a mark of this callback, and the time of the last torque
 EACH = 4  # of each joint, beside the state of its law: places in qpos and qvel, position before, torque
 
 
@@ -43,14 +44,14 @@ def export_mujoco(
     Args:
         model: of friction; joints are matched by name.
         robot: MJCF file.
-        folder: to write to, made where it is not there.
+        folder: folder to write to, created if absent.
         joints: names; None: all of the model.
         name: of header and callback, and the beginning of every name in them.
         temperature: of the joints [degC].
         source: where the numbers come from, for the comment.
 
     Returns:
-        Files written (header, callback, MJCF); the joints as they run; the step that the MJCF is given [s].
+        Files written (header, callback, MJCF); the joints with their laws; the time step written into the MJCF [s].
 
     Raises:
         InvalidInput: a joint is not there, or too stiff for the step of the MJCF.
@@ -104,7 +105,7 @@ def export_mujoco(
 
 
 def _prepare(root: Any, model: FrictionModel, placed: Sequence[Dof], numbers: int, step: float) -> None:
-    """Make room for what the callback remembers, and take MuJoCo's own friction away from the joints."""
+    """Reserve memory for the callback's state, and remove MuJoCo's own friction from the joints."""
     for tag, key, value in (("size", "nuserdata", str(numbers)), ("option", "timestep", repr(step))):
         nodes = root.findall(tag)
         node = nodes[-1] if nodes else ElementTree.SubElement(root, tag)
@@ -240,7 +241,7 @@ void {prefix}_passive(const mjModel *m, mjData *d) {{
 
 
 def _magic(comment: str) -> str:
-    """Return a number that tells these files from others."""
+    """Return a number that identifies these files."""
     import hashlib
 
     return f"{int(hashlib.sha256(comment.encode()).hexdigest()[:12], 16)}.0"

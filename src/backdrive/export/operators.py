@@ -1,4 +1,4 @@
-"""Operators and functions on what a translator knows: numbers are computed, the rest is written in C."""
+"""Operators and functions on a translator's values: known numbers are computed, the rest is written in C."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ class Operators:
         self.block: list[Statement] = []
         self.conditional = 0  # within what C may not evaluate
         self.temporaries = 0
-        self.angle = 0  # within the argument of a sine, which keeps what a time has grown to
+        self.angle = 0  # within the argument of a sine, where a long time needs full precision
 
     def temporary(self, value: Scalar, name: str = "") -> Scalar:
         """Put a value into a variable of its own."""
@@ -121,7 +121,7 @@ class Operators:
         kinds = {v.kind for v in (left, right) if isinstance(v, Scalar)}
         if (
             op in (ast.Mult, ast.Div) and kinds == {REAL, PLACE} and not self.angle
-        ):  # no position or time any more
+        ):  # the result is no longer a position or a time
             kind = REAL
         x, y = self.spelling.scalar(left), self.spelling.scalar(right)
         way = op is ast.Sub and x.kind == y.kind == PLACE

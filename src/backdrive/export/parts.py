@@ -1,4 +1,4 @@
-"""Single parts as a C header, for a controller that has a loop of its own: law, compensator, estimator, filter, admittance."""
+"""Single parts as a C header, for a controller with its own loop: law, compensator, estimator, filter, admittance."""
 
 from __future__ import annotations
 
@@ -30,22 +30,22 @@ WORDS = {
     "dp": "its increment since the tick before [rad or m]",
     "dt": "time since then [s]",
     "t": "time [s]",
-    "error": "how far the reference is ahead [rad or m]",
+    "error": "reference minus position [rad or m]",
     "slope": "its rate [rad/s or m/s]",
     "u": "torque that acted since the tick before [N.m or N]",
-    "known": "torque of gravity and of other joints beyond what the part knows [N.m or N]",
+    "known": "torque of gravity and of other joints that the part does not model [N.m or N]",
     "load_motor": "motor-side torque [N.m or N]",
     "load_external": "external torque [N.m or N]",
     "temp": "temperature [degC]",
     "level": "factor on the friction [-]",
-    "idle": "1: what is extra rests",
+    "idle": "1: the extra torque is off",
     "tau_e": "estimated external force [N.m or N]",
 }
 
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """A kernel, what it is called with, and what it remembers.
+    """A kernel with its arguments and its state.
 
     Attributes:
         kernel: of one tick.
@@ -151,7 +151,7 @@ def of_compensator(compensator: Compensator, interval: float) -> Part:
         states=states | {"s": compensator.start(0.0)},
         places={"s": frozenset(places)},
         own=own,
-        title="Torque to add of one tick in two parts: what pushes, and the dither [N.m or N].",
+        title="Torque to add in one tick, in two parts: compensation, and dither [N.m or N].",
     )
 
 
@@ -281,7 +281,7 @@ class PartsHeader:
         )
 
     def _move(self, part: Part, arrays: Sequence[tuple[str, str, list[float], str]]) -> str:
-        """Return what moves the positions of a part at rest; times among them stay 0."""
+        """Return code that shifts the positions of a part at rest; times stay 0."""
         lines = []
         for n, indices in part.places.items():
             for rank, i in enumerate(sorted(indices)):

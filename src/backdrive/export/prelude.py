@@ -1,4 +1,4 @@
-"""What every header begins with: refusals of compilers' options that change numbers, and functions of a line or two."""
+"""The begin of every header: errors for compiler options that change results, and small functions."""
 
 from __future__ import annotations
 

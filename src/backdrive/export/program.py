@@ -1,7 +1,7 @@
-"""A program in C of the kernels that are called, each by what is known of its arguments.
+"""A C program of the kernels that are called, each specialized for its known arguments.
 
-Every function is translated from the syntax tree of a kernel; one that is called with other things known is translated again, and
-where that gives the same text it is the same function.
+Every function is translated from the syntax tree of a kernel. A kernel called with other known arguments is translated again;
+if the text is the same, the function is shared.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Program:
     Attributes:
         prefix: of every name outside a function.
         spelling: how numbers are written.
-        inlines: what is called every tick is written out wherever it is called, as far as a compiler takes that.
+        inlines: functions called every tick are inlined, if the compiler supports it.
         functions: translated so far, each after those that it calls.
         tables: name -> numbers that kernels read.
         symbols: constants of kernels that have a name in C.
@@ -99,7 +99,7 @@ def _rename(function: Function, name: str) -> str:
 
 
 def _describe(value: Value) -> Any:
-    """Return what a translation depends on of an argument."""
+    """Return the properties of an argument that a translation depends on."""
     if isinstance(value, Const):
         return ("const", type(value.value), repr(value.value))
     if isinstance(value, Scalar):

@@ -1,7 +1,8 @@
-"""Vectors that a header brings along: 64 ticks with faults, and what the loop gave here.
+"""Test vectors in a header: 64 ticks with faults, and the outputs of the Python loop.
 
-`NAME_selftest()` runs them on the target. 0: every bit is the same. 1: the numbers are within a tolerance, as where the compiler
-contracts products and sums, or reals are floats. Below 0: minus the number of the first vector that is wrong, from 1 on.
+`NAME_selftest()` runs them on the target. 0: all results are bit-identical. 1: the results agree within a tolerance, for
+example because the compiler contracts products and sums, or because reals are floats. Negative: minus the number of the first
+wrong vector, counted from 1.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from backdrive.control.joint_loop import JointLoop
 from backdrive.control.loop import Loop
 from backdrive.export.values import PLACE, REAL, number
 
-TICKS, SLOW = 64, 40  # vectors, and how many of the first come late, so that the ramp is over
+TICKS, SLOW = 64, 40  # number of vectors, and number of late ones at the start, which complete the ramp
 LATE = 15.0  # periods of these
 NOT_FINITE, JUMP, BAD, STOP, GO = (
     44,
@@ -30,7 +31,7 @@ TOLERANCE = {False: 1e-9, True: 2e-4}  # of the largest output, in doubles and i
 
 
 def vectors(joints: Sequence[JointLoop], interval: float) -> dict[str, np.ndarray]:
-    """Return what goes in and what comes out, tick by tick.
+    """Return inputs and outputs of all ticks.
 
     Args:
         joints: of the loop.

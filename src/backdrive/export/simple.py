@@ -1,10 +1,10 @@
-"""What a robot description can say of a joint's friction: the nearest Coulomb and viscous friction, or LuGre as MuJoCo has it.
+"""A joint's friction in a robot description: the nearest Coulomb and viscous friction, or MuJoCo's LuGre model.
 
     tau = F sgn(v) + B v
 
-F and B >= 0 are fitted by least squares to the identified curve over the velocities that the data covered. MuJoCo 4 has LuGre
-as a passive `dcmotor`: Coulomb, viscous or Gauss-Stribeck friction on a LuGre bristle, equal in both directions, is expressed
-whole but for a damping that fades.
+F and B >= 0 are fitted by least squares to the identified curve over the velocities that the data covered. MuJoCo 4 contains
+LuGre as a passive `dcmotor`. It represents Coulomb, viscous or Gauss-Stribeck friction on a LuGre bristle exactly, if both
+directions are equal and the bristle's damping does not fade.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ SPEEDS = 200  # velocities of a fit, in each direction
 
 @dataclass(frozen=True, kw_only=True)
 class Simple:
-    """What a description says of a joint's friction, and what it leaves out.
+    """A joint's friction in a description, and the effects that it leaves out.
 
     Attributes:
         joint: name.
         friction: F [N.m or N].
         damping: B [N.m.s/rad or N.s/m].
-        armature: inertia of the motor as the joint sees it [kg.m^2 or kg]; None where the model does not know it.
+        armature: inertia of the motor on the joint side [kg.m^2 or kg]; None if the model does not contain it.
         velocity: smallest and largest velocity of the fit [rad/s or m/s].
         largest_error: of the torque, against the identified curve [N.m or N].
         rms_error: of the same [N.m or N].

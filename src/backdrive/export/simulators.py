@@ -1,8 +1,8 @@
-"""Friction into robot descriptions: MJCF and URDF, with what they cannot express said in numbers.
+"""Export of friction to robot descriptions, MJCF and URDF, with a report of the remaining errors.
 
-Both know Coulomb and viscous friction alone, the same in both directions (`simple`); what is left, the largest and the
-root-mean-square torque error over the velocities that the data covered, is written beside the description. Presliding, a Stribeck
-peak, unlike directions, growth with the load and temperature are lost.
+Both formats contain Coulomb and viscous friction only, equal in both directions (`simple`). The largest and the RMS torque
+error over the velocities of the data are written to a file beside the description. Presliding, a Stribeck peak, differences
+between directions, and dependence on load and temperature are lost.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ def export_description(
     name: str | None = None,
     dcmotor: bool = False,
 ) -> tuple[list[Path], list[Simple]]:
-    """Write a robot description with the friction that was identified, and beside it what it cannot express.
+    """Write a robot description with the identified friction, and a file with the effects that it cannot represent.
 
     Args:
         model: of friction.
         robot: URDF or MJCF file; joints are found by their names.
-        folder: to write to, made where it is not there.
+        folder: folder to write to, created if absent.
         joints: names; None: all of the model.
         name: of the file to write; None: that of `robot`.
         dcmotor: write LuGre as a passive `dcmotor` of MuJoCo 4, where the law is one.
@@ -53,7 +53,7 @@ def export_description(
     Raises:
         InvalidInput: a joint is not in the description; a `dcmotor` in a URDF.
         ReadError: the description cannot be read.
-        WriteError: the description itself would be replaced, or a file is there that is not ours.
+        WriteError: the description itself would be overwritten, or a file exists that was not exported.
     """
     robot, folder = Path(robot), Path(folder)
     data = read_whole(robot, MAX_BYTES, error=ReadError, remedy="Name a URDF or MJCF file.")
@@ -131,7 +131,7 @@ def joints_of(root: Any) -> dict[str, Any]:
 
 
 def relocate(root: Any, old: Path, new: Path) -> None:
-    """Let a description find its meshes, textures and included files from another folder.
+    """Change the paths of a description's meshes, textures and included files for another folder.
 
     Args:
         root: of the description, changed in place.

@@ -194,7 +194,7 @@ class Statements(Expressions):
             raise Untranslatable(ast.unparse(node))
         items = list(value.items)
         plain = [c_name(t.id) for t in targets if isinstance(t, ast.Name)]
-        for i, item in enumerate(items):  # whatever a target before it changes is read first
+        for i, item in enumerate(items):  # everything that an earlier target changes is read first
             if not isinstance(item, Scalar):
                 continue
             before = {c_name(t.id) for t in targets[:i] if isinstance(t, ast.Name)}
@@ -307,7 +307,7 @@ class Statements(Expressions):
     def _join(
         self, name: str, a: Value, b: Value, before: Value | None, branch: Branch, early: list[Statement]
     ) -> Value:
-        """Return what a variable is after a branch: in both ways it gets the same name in C."""
+        """Return a variable after a branch; it has the same name in C on both sides."""
         if a == b:
             return a
         if isinstance(a, Several) and isinstance(b, Several):

@@ -1,7 +1,7 @@
-"""What a translator knows of a value: a number, the text of an expression in C, or several of them.
+"""Values of the translator: a number, the text of an expression in C, or several of them.
 
-A `Scalar` is an expression. Where its number is known at the time of translation (`known`), what branches on it is decided then,
-and the text stands where the number is needed: so a table of parameters stays a table, and code for what it does not hold is gone.
+A `Scalar` is an expression. If its number is known at translation time (`known`), branches on it are decided then, while its
+text is used in the code. So a table of parameters stays a table, and code for other values of the parameters is removed.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Untranslatable(Exception):
 
 
 class Mixture(Untranslatable):
-    """An index that is not known, of an array whose elements are not of one type."""
+    """An unknown index into an array with elements of different types."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +65,10 @@ class Scalar:
         kind: one of KINDS.
         level: precedence of its outermost operator.
         names: of variables, parameters and arrays that it reads.
-        memory: what it reads that a call may change: `array[index]`, `array[]` where the index is not known, or fields.
+        memory: memory that it reads and that a call may change: `array[index]`, `array[]` with an unknown index, or fields.
         known: its number where that is known.
-        exact: the way between two places before it is rounded to a real.
-        origin: of a number of a table that stays, where it stands there.
+        exact: the difference of two places before it is rounded to a real.
+        origin: of a number of a constant table, its place there.
     """
 
     text: str
@@ -101,8 +101,8 @@ class Array:
         size: how many there are behind the pointer.
         begin: index at which the kernel's array begins.
         content: its numbers; None: they change.
-        own: index of a number of them that changes, which stands apart, or -1.
-        dead: indices of what nothing reads, so that nothing has to be written.
+        own: index of a number that changes and is stored separately, or -1.
+        dead: indices of numbers that are never read, so that they need not be written.
         places: indices of positions, counted from the pointer.
         names: that its own text reads.
         rows: length of a row, where the array has two dimensions.

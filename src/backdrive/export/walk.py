@@ -16,7 +16,7 @@ from backdrive.export.graph import BINARY, COMPARE, ELEMENTARY, NUMPY, Graph, No
 from backdrive.export.values import Untranslatable
 
 LONGEST = 200  # rounds of a loop that is written out
-SEARCH = 24  # rounds of a search for a root that stops by itself: secants have met the last digit by then
+SEARCH = 24  # rounds of a root search with its own stop; by then the secant method has reached full precision
 
 
 @dataclass
@@ -172,7 +172,7 @@ class _Frame:
         return self.rounds(node, state, [{} for _ in range(LONGEST)])
 
     def rounds(self, node: ast.For | ast.While, state: State, each: list[dict[str, Any]]) -> State:
-        """Walk through a loop round by round; what leaves it early waits until it ends."""
+        """Walk through a loop round by round; paths that leave it early are joined after its end."""
         entry, live = state.path, state
         left: list[State] = []
         self.breaks.append([])

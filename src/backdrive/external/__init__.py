@@ -1,4 +1,4 @@
-"""From a log to the external torque on each joint, and of a whole arm to the wrench at a frame, without a force sensor."""
+"""Estimate the external torque on each joint from a log, and for a whole arm the wrench at a frame, without a force sensor."""
 
 from backdrive.external.estimate import estimate_force as estimate_force
 from backdrive.external.payload import PayloadEstimate as PayloadEstimate

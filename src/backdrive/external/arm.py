@@ -1,9 +1,9 @@
-"""The external torque on all joints of an arm along a log: rigid bodies couple them, so they are estimated together.
+"""The external torque on all joints of an arm along a log. The rigid bodies couple the joints, so they are estimated together.
 
     tau_e = M(q) ddq + h(q, dq) + g(q) + tau_f + offset - tau,        Iwatani 2017, (4.4)
 
-One method and one bandwidth hold for all joints, so that their torques are of one instant and make a wrench: of what the noise of
-each joint would ask for, the median.
+All joints use the same method and bandwidth, so that their torques refer to the same instant and give a wrench. The bandwidth
+is the median of those that suit the joints' noise.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ from backdrive.logs.log import Log
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.robot import Robot
 
-EXPLAINED = 0.3  # share of a joint's torque in motion that a model of this robot explains at least [-]
-LONGEST = 0.5  # over which what a model leaves of the torque is alike, at most [s]
-SIMPLEST = "momentum"  # observer, which settles at every bandwidth that is chosen
-UNSETTLED = 10.0  # times the force without smoothing, from which on an observer has run away [-]
+EXPLAINED = 0.3  # least share of a joint's torque in motion that a model of the same robot explains [-]
+LONGEST = 0.5  # longest correlation time of the torque residual [s]
+SIMPLEST = "momentum"  # observer that is stable at every bandwidth chosen
+UNSETTLED = 10.0  # ratio to the unsmoothed force above which an observer counts as unstable [-]
 REST = STATES.index("rest")
 
 
@@ -52,7 +52,7 @@ class ArmEstimate:
     """Estimates along logs of one arm."""
 
     def __init__(self, model: FrictionModel, robot: str | Path | Robot, frame: str | None = None):
-        """Take what the model knows of the arm.
+        """Take the arm's parameters from the model.
 
         Args:
             model: of a whole arm.
@@ -77,7 +77,7 @@ class ArmEstimate:
             log: with position and torque of all joints.
             method: of the estimator; `auto`: by the noise of the log.
             bandwidth: L [1/s]; None: by the noise of the log.
-            least: bandwidth that is chosen at least [1/s].
+            least: smallest bandwidth to choose [1/s].
 
         Raises:
             InvalidInput: a joint is missing or in another unit, positions are in degrees, or the log is of another robot.
@@ -119,8 +119,8 @@ class ArmEstimate:
         for j, friction in enumerate(self.frictions):
             if friction.verdict is not None and friction.verdict.grade in ("poor", "unknown"):
                 remarks.append(
-                    f"Joint '{friction.joint.name}': its model was not credible, or poor, when it was identified: the force is no "
-                    "better."
+                    f"Joint '{friction.joint.name}': its model was graded as not credible or poor, "
+                    f"so the force is equally unreliable."
                 )
             lower, upper = band(
                 friction, force[:, j], taken[:, j], state[:, j], remarks, warm[:, j], carried[:, j]
@@ -149,7 +149,7 @@ class ArmEstimate:
     def _load_at_rest(
         self, arm: ArmLog, time: np.ndarray, force: np.ndarray, state: np.ndarray
     ) -> np.ndarray:
-        """Return what each joint carries where it rests [N.m or N], 0 elsewhere, (n, J): friction at rest grows with it."""
+        """Return the load of each joint at rest [N.m or N], 0 elsewhere, (n, J): friction at rest grows with it."""
         clock = np.concatenate([s[0].time for s in arm.stretches])
         carried = np.zeros_like(force)
         rest = np.flatnonzero((state == 2).any(axis=1))
@@ -189,10 +189,10 @@ class ArmEstimate:
         return estimate, [*estimate.remarks(), *([] if said is None else [said])]
 
     def widen(self, joints: Sequence[JointForce]) -> list[JointForce]:
-        """Return the torques with bands that also hold what is not known of the friction's growth with the load."""
+        """Return the torques with bands that include the uncertainty of the friction's growth with the load."""
         results = []
         for one, friction in zip(joints, self.frictions, strict=True):
-            moving = one.state != REST  # at rest the band knows of it
+            moving = one.state != REST  # the band at rest includes it already
             more = WIDTH * growth_of(friction)[1] * np.where(moving, np.abs(one.force), 0.0)
             lower, upper = (
                 one.force + side * np.hypot(side * (end - one.force), more)
@@ -261,7 +261,7 @@ class ArmEstimate:
     def _choose(
         self, plain: Sequence[tuple[np.ndarray, ...]], arm: ArmLog, method: str | None
     ) -> tuple[str, float]:
-        """Return the method that most joints ask for by their noise, and the median of their bandwidths [1/s]."""
+        """Return the method that suits the noise of most joints, and the median of their bandwidths [1/s]."""
         longest = max(range(len(plain)), key=lambda i: plain[i][0].size)
         inertia = np.diag(self.estimator.inertia_at(self._middle(arm)))
         force = plain[longest][1]
@@ -277,10 +277,10 @@ class ArmEstimate:
         return most, float(np.median([L for _, L in picks]))
 
     def _check_robot(self, arm: ArmLog, results: Sequence[JointForce]) -> None:
-        """Refuse a log whose torques the model does not explain at all.
+        """Refuse a log whose torques the model does not explain.
 
         Raises:
-            InvalidInput: of most joints it explains less than `EXPLAINED`.
+            InvalidInput: for most joints it explains less than `EXPLAINED`.
         """
         shares = {}
         for j, one in enumerate(results):
@@ -288,7 +288,7 @@ class ArmEstimate:
             clock = np.concatenate([s[j].time for s in arm.stretches])
             moving = one.state != 2
             if moving.sum() < LEAST or not at_rest(self.frictions[j].law) > 0.0:
-                continue  # a model that leaves friction out on purpose explains little of it
+                continue  # a model without friction, if that is intended, explains little of the torque
             measured = np.interp(one.time[moving], clock, torque)
             size = float(np.mean(measured**2))
             shares[one.joint.name] = 1.0 - float(np.mean(one.force[moving] ** 2)) / max(size, 1e-12)
@@ -296,20 +296,23 @@ class ArmEstimate:
         if len(poor) > 0.5 * max(len(shares), 1):
             told = ", ".join(f"{name} {100 * max(share, 0.0):.0f} %" for name, share in poor.items())
             raise InvalidInput(
-                f"The model explains next to nothing of the torque in motion ({told}): this is the log of another robot, of other "
-                "joints, or of another order or sign of them.",
-                remedy="Check --names, the unit and the sign of the torque, and that model and log are of one arm.",
+                f"The model explains almost none of the torque in motion ({told}): the log belongs to another robot "
+                f"or to other joints, or their order or sign differs.",
+                remedy="Check --names, the unit and the sign of the torque, and that model and log belong to the "
+                "same arm.",
             )
 
 
 def _settles(parts: Sequence[tuple[np.ndarray, ...]], plain: Sequence[tuple[np.ndarray, ...]]) -> bool:
-    """Return whether the forces of an observer stay about as large as those without smoothing."""
+    """Return whether an observer's forces stay bounded, compared with the unsmoothed ones."""
     largest, usual = (max(float(np.abs(p[1]).max(initial=0.0)) for p in each) for each in (parts, plain))
     return largest <= UNSETTLED * usual
 
 
 def _in_motion(noise: Noise, friction: JointFriction) -> Noise:
-    """Return the noise by what the model leaves in motion: an arm's is judged at rest too, where friction may be anything."""
+    """Return the noise from the residual in motion, since an arm's model is also judged at rest, where friction is
+    undetermined.
+    """
     band = None if friction.bands is None else friction.bands.moving
     if band is None:
         return noise

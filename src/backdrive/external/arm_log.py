@@ -1,4 +1,4 @@
-"""What an arm's estimate needs of a log: signals of all joints on one clock, or of the motors where these drive several joints."""
+"""Signals of a log for an arm's estimate: of all joints on one clock, or of the motors if these drive several joints."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from backdrive.identification.signals import Signals, prepare
 from backdrive.logs.log import Log
 from backdrive.model import JointFriction
 
-DEGREES = 20.0  # speeds by the model's top speed, from which on positions are no radians [-]
+DEGREES = 20.0  # ratio of speed to the model's top speed above which positions cannot be radians [-]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ArmLog:
-    """What an arm's estimate needs of a log: stretches of all joints, on one clock, in the estimator's order.
+    """Signals of a log for an arm's estimate: stretches of all joints, on one clock, in the estimator's order.
 
     Attributes:
         log: with finite rows of the joints only.
@@ -56,7 +56,7 @@ def arm_log(estimator: ArmForce, frictions: Sequence[JointFriction], log: Log) -
         good &= np.isfinite(values[:, columns]).all(axis=1)
     whole = at_motors(
         estimator, replace(log, external_torque=None)
-    )  # what is sought is no part of the motors' torque
+    )  # the external torque to estimate must not be in the motors' torque
     whole = whole if good.all() else whole.rows(good)
     by_joint = [prepare(whole, name) for name in estimator.joints]
     for friction, signals in zip(frictions, by_joint, strict=True):
@@ -85,7 +85,7 @@ def at_motors(estimator: ArmForce, log: Log) -> Log:
 
 
 def coupling_notes(estimator: ArmForce) -> list[str]:
-    """Return what is to be said where motors drive several joints."""
+    """Return remarks for motors that drive several joints."""
     if estimator.coupling is None:
         return []
     tied = (np.array(estimator.coupling) != 0.0) & ~np.eye(len(estimator.joints), dtype=bool)
@@ -93,6 +93,6 @@ def coupling_notes(estimator: ArmForce) -> list[str]:
         n for n, row, column in zip(estimator.joints, tied, tied.T, strict=True) if row.any() or column.any()
     ]
     return [
-        f"Motors of {', '.join(names)} drive several joints: torques, bands and contacts are those of the motors, at which "
-        "friction acts; the wrench is of the arm."
+        f"Motors of {', '.join(names)} drive several joints: torques, bands and contacts refer to the motors, where "
+        f"friction acts; the wrench acts on the arm."
     ]

@@ -1,4 +1,4 @@
-"""The 95 % band about an estimate, by state of motion, as the model alone tells it."""
+"""The 95 % band about an estimate, by state of motion, from the model alone."""
 
 from __future__ import annotations
 
@@ -9,18 +9,16 @@ from backdrive.identification.bands import REVERSAL, states
 from backdrive.identification.signals import Signals
 from backdrive.model import JointFriction
 
-SPREAD = (
-    0.05  # of the friction: standard deviation of break-away where the model holds no band, and at most [-]
-)
-ONE_SIDED = 1.645  # standard deviations to the end of a 95 % band that is left by one end only, as friction at rest does
-BLUR = 2.0  # lags after a reversal, in which what an estimator makes of it fades to a twentieth
+SPREAD = 0.05  # standard deviation of break-away relative to friction: default without a band, and largest value [-]
+ONE_SIDED = 1.645  # standard deviations to the end of a one-sided 95 % band, such as that of friction at rest
+BLUR = 2.0  # time after a reversal in which the estimator's response to it decays to 5 % [lag]
 
 
 def states_along(friction: JointFriction, s: Signals, bandwidth: float) -> np.ndarray:
     """Return the state of every sample of an estimate, 0 moving, 1 reversing, 2 at rest, (n,).
 
-    A joint that starts, stops or creeps counts as reversing, for as long as an estimator remembers it; so does the end of a
-    stretch, since nobody knows whether it turns right after.
+    A joint that starts, stops or creeps counts as reversing, for the settling time of the estimator. So does the end of a
+    stretch, since the joint may reverse right after it.
 
     Args:
         friction: of the model.
@@ -43,15 +41,15 @@ def band(
     temperature: np.ndarray | None = None,
     carried: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the ends of the 95 % band, (n,) each; a state that the model has no band of has the widest that it has.
+    """Return the ends of the 95 % band, (n,) each; a state without a band in the model gets the widest band of the model.
 
-    In motion: within it the model held 95 % of the measured torque. At rest: friction may be anything up to break-away, which is
-    known as well as friction in motion, and its growth with the load.
+    In motion, the band contained 95 % of the measured torque in the identification. At rest, friction is undetermined up to
+    break-away; the uncertainty of break-away is that of friction in motion and of its growth with the load.
 
     Args:
         friction: of the model.
         force: external torque [N.m or N], (n,).
-        taken: friction that was taken off [N.m or N], (n,).
+        taken: friction that was subtracted [N.m or N], (n,).
         state: of motion, (n,).
         remarks: list that a sentence is added to where the model holds no band.
         temperature: for laws that depend on it [degC], (n,); None: 20.
@@ -64,8 +62,8 @@ def band(
     ]
     if np.isnan(widths).all():
         remarks.append(
-            f"Joint '{friction.joint.name}': the model holds no bands: identify it again for bands in motion, or give free "
-            "motion (--free)."
+            f"Joint '{friction.joint.name}': the model has no bands: identify it again for bands in motion, or give "
+            f"free motion (--free)."
         )
     else:
         widths = [np.nanmax(widths) if np.isnan(w) else w for w in widths]
@@ -85,7 +83,7 @@ def band(
 
 
 def growth_of(friction: JointFriction) -> tuple[float, float]:
-    """Return by how much friction grows with the load, and the standard error of that, as far as known [-]."""
+    """Return the growth of friction with the load and its standard error, as far as known [-]."""
     growth, error = friction.law.growth, friction.standard_errors.get("load_driving", 0.0)
     return 0.0 if growth is None else max(growth.mean, 0.0), error if np.isfinite(error) else 0.0
 

@@ -1,16 +1,17 @@
-"""Bands from the estimator's own output on free motion: where nobody touches the joint, what it says is its error.
+"""Bands from the estimator's output on free motion: without contact, the estimate is its own error.
 
-The raw torque's residual is not what an estimator lets through. Calibrated is by state of motion, at the method and the bandwidth
-that the estimate uses: half the band is the quantile of |estimate| that holds 95 % of one more independent event,
+The estimator filters the torque residual, so bands are calibrated on its output, for each state of motion and for the method
+and bandwidth of the estimate. Half the band is the quantile of |estimate| that contains one further independent event with 95
+% probability,
 
     half = Q(0.95 (1 + 1/n)),      n = p (1 - p) N^2 / Var(sum over N samples of 1{|estimate| > half}),   p = 0.05
 
-so that few events give a wider band (as in split conformal prediction, Lei et al., JASA 113, 2018). At rest friction may be
-anything within its bounds whatever free motion showed: that band stays.
+so that few events give a wider band (as in split conformal prediction, Lei et al., JASA 113, 2018). At rest friction is
+undetermined within its bounds, whatever free motion showed, so that band is kept.
 
-A joint that moves faster than free motion did, by a factor r of its top speed, has a band r^2 times as wide: what is wrong of the
-viscous part grows with the speed, of the bodies with its square, and nothing was seen there. Bodies couple the joints of an arm:
-the largest r of all of them holds for each.
+A joint that moves faster than free motion did, by a factor r of its top speed, has a band r^2 times as wide. The reason:
+errors of the viscous part grow with the speed, errors of the bodies with its square, and there are no data at such speeds.
+Since bodies couple the joints of an arm, the largest r of all joints is used for each.
 """
 
 from __future__ import annotations
@@ -26,11 +27,11 @@ from backdrive.identification.regression import long_run
 
 SHARE = 0.95  # of the samples, that a band holds
 ERRORS = 2.0  # standard errors of the share, to the ends of a half width's interval
-FEW = 20.0  # independent events, below which a band is remarked on
-LEAST = 20  # samples, below which a state has no band
-FOLDS = 5  # contiguous parts of the free motion, each of which judges a band of the others
-MEMORY = 2.0  # over which errors may be alike, at least [s]
-FASTER = 1.02  # of the free motion's top speed, from which on a log is remarked [-]
+FEW = 20.0  # number of independent events below which a band gets a remark
+LEAST = 20  # number of samples below which a state has no band
+FOLDS = 5  # contiguous parts of the free motion for cross-validation of the bands
+MEMORY = 2.0  # least correlation time of the errors [s]
+FASTER = 1.02  # ratio to the free motion's top speed above which a log gets a remark [-]
 JUMP = 3.5  # sampling intervals from which on a series is broken [-]
 
 
@@ -42,9 +43,9 @@ class StateBand:
         half_width: half the 95 % band [N.m or N].
         interval: of the half width, by two standard errors of the share [N.m or N].
         samples: of free motion in this state.
-        events: how many independent ones they are worth.
-        held_out: lowest and highest share that a band of four fifths of the free motion held of the fifth left out [-]; NaN where
-            there is too little.
+        events: equivalent number of independent events.
+        held_out: lowest and highest share of a held-out fifth of the free motion within the band of the other four fifths
+            [-]; NaN if there are too few data.
     """
 
     half_width: float
@@ -56,7 +57,7 @@ class StateBand:
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """What free motion tells of an estimator on one joint.
+    """Calibration of an estimator on one joint by free motion.
 
     Attributes:
         joint: name.
@@ -83,8 +84,8 @@ class Calibration:
 
         Args:
             one: estimate.
-            faster: speed by the free motion's top speed, (n,): of an arm the largest of all joints, which its bodies couple; None:
-                the joint's own.
+            faster: speed relative to the free motion's top speed, (n,): for an arm the largest of all joints, since bodies
+                couple them; None: the joint's own.
 
         Raises:
             InvalidInput: it is of another joint, method or bandwidth.
@@ -100,29 +101,30 @@ class Calibration:
         return _with_bands(one, self.moving, self.reversing, faster)
 
     def faster(self, one: JointForce) -> list[str]:
-        """Return a sentence where a joint is faster than in the free motion, by more than `FASTER`."""
+        """Return a sentence if a joint is faster than in the free motion by more than the factor `FASTER`."""
         if one.speed is None or not one.speed.max() > FASTER * self.top_speed:
             return []
         share, unit = float(np.mean(one.speed > self.top_speed)), one.joint.unit
         return [
             f"Joint '{self.joint}': {one.speed.max():.3g} {unit}/s, and free motion reached {self.top_speed:.3g} {unit}/s: "
-            f"{100 * share:.2g} % of the time bands and thresholds are extrapolated, wider with the square of the speed. Log free "
-            "motion as fast as this."
+            f"{100 * share:.2g} % of the time bands and thresholds are extrapolated, and grow with the square of "
+            f"the speed. Record free motion at this speed."
         ]
 
     def remarks(self) -> list[str]:
-        """Return what the free motion cannot tell, in sentences."""
+        """Return sentences on what the free motion does not determine."""
         lines = []
         for name, state in (("moving", self.moving), ("reversing", self.reversing)):
             start = f"Joint '{self.joint}', {name}: "
             if state is None:
                 lines.append(
-                    start + "the free motion does not show it, and the band is that of the other state."
+                    start
+                    + "the free motion does not contain this state; the band of the other state is used."
                 )
             elif state.events < FEW:
                 lines.append(
                     start
-                    + f"the free motion is worth {state.events:.0f} independent events: its 95 % band is rough, "
+                    + f"the free motion contains only {state.events:.0f} independent events: its 95 % band is rough, "
                     f"half of it {state.interval[0]:.3g} to {state.interval[1]:.3g}."
                 )
         return lines
@@ -205,7 +207,9 @@ def _state_band(free: Sequence[JointForce], state: int) -> StateBand | None:
 
 
 def _events(free: Sequence[JointForce], state: int, half: float) -> float:
-    """Return how many independent events the samples of a state are worth, by how often |estimate| leaves a half width."""
+    """Return the equivalent number of independent events of a state's samples, from how often |estimate| exceeds a half
+    width.
+    """
     samples, variance, windows = 0, 0.0, 0.0
     for f in free:
         inside = (f.state == state) & np.isfinite(f.force)
@@ -217,12 +221,14 @@ def _events(free: Sequence[JointForce], state: int, half: float) -> float:
             variance += float(long_run(part[None], min(width, part.size))[0, 0])
         samples += int(np.count_nonzero(inside))
         windows += np.count_nonzero(inside) / width
-    variance *= windows / max(windows - 1.0, 1e-9)  # the share within is these samples' own
+    variance *= windows / max(windows - 1.0, 1e-9)  # the share within the band is that of these samples
     return float(np.clip(SHARE * (1.0 - SHARE) * samples**2 / max(variance, 1e-12), 1.0, samples))
 
 
 def _cross_check(pooled: np.ndarray) -> tuple[float, float]:
-    """Return the lowest and the highest share of a fifth that the quantile of the others holds, fifths in order of time."""
+    """Return the lowest and the highest share of a fifth within the quantile of the others; the fifths are contiguous in
+    time.
+    """
     parts = np.array_split(pooled, FOLDS)
     if min(part.size for part in parts) < LEAST:
         return np.nan, np.nan

@@ -1,10 +1,10 @@
-"""Which method with which bandwidth: the one whose expected error over this log is least, as of a Wiener filter.
+"""The choice of method and bandwidth: the smallest expected error over this log, as for a Wiener filter.
 
     error^2 = integral |1 - H|^2 S_f + |H|^2 S_n  df,        S_f = S - S_n where S > 4 S_n, else 0
 
-H is the response of an estimator whose lag is taken out, S the spectrum of the force estimated without any smoothing, S_n that of
-what disturbs it: white noise of the torque, what the model leaves of it (a first-order noise of the same size and long-run
-variance, and about reversals one that is over sooner), and steps of the encoder, differenced twice. So a slow and weak force is
+H is the response of an estimator with its lag removed. S is the spectrum of the force estimated without smoothing, S_n that
+of its noise. The noise has three parts: white noise of the torque; the torque residual, as first-order noise with the same
+size and long-run variance (shorter near reversals); and encoder steps, differentiated twice. So a slow and weak force is
 smoothed, and an abrupt one is not.
 """
 
@@ -23,26 +23,26 @@ from backdrive.model import JointFriction
 BANDS = 40  # of frequency, equal in its logarithm
 STEPS = 33  # bandwidths that are tried
 SLOWEST, FASTEST = 5.0, 0.5  # the lowest [1/s], the highest by the sampling rate [-]
-SIMPLER = 1.02  # an error by which the first method in the list may be worse [-]
-SEEN = 4.0  # power by what disturbs it, from which on it is taken for a force's [-]
-ABRUPT = 0.01  # over which what is left about a reversal is alike [s]
+SIMPLER = 1.02  # relative error by which a simpler method may be worse and is still chosen [-]
+SEEN = 4.0  # ratio of power to noise above which power counts as that of a force [-]
+ABRUPT = 0.01  # correlation time of the residual near a reversal [s]
 HIGHEST = 0.4  # frequency that is looked at, by the sampling rate [-]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Noise:
-    """What disturbs the estimate.
+    """The noise of the estimate.
 
     Attributes:
         count: step of the encoder, 0 where it has none [rad or m].
-        inertia: M, by which it becomes a force [kg.m^2 or kg].
+        inertia: M, which converts acceleration to force [kg.m^2 or kg].
         torque: standard deviation of the noise of the torque from sample to sample [N.m or N].
-        misfit: standard deviation of what the model leaves of the torque beyond that [N.m or N].
-        correlation: time over which that is alike [s].
+        misfit: standard deviation of the model's torque residual beyond that [N.m or N].
+        correlation: correlation time of that residual [s].
         cutoff: corner of the low pass on the position [Hz].
         rate: sampling frequency [Hz].
-        turning: what the model leaves about reversals beyond that, as spread over the log: a law that is fitted and judged where a
-            joint slides tells nothing of it [N.m or N].
+        turning: additional residual near reversals, averaged over the log, which a law fitted and judged in sliding does not
+            contain [N.m or N].
     """
 
     count: float
@@ -91,7 +91,7 @@ LIKE = {"direct": "momentum", "disturbance": "momentum"}  # of other methods
 
 
 def turning_of(friction: JointFriction, stretches: Sequence[Signals]) -> float:
-    """Return what the model leaves of the torque about reversals, as spread over the whole log, RMS [N.m or N].
+    """Return the RMS torque residual near reversals, averaged over the whole log [N.m or N].
 
     Args:
         friction: of a model.

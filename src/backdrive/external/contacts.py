@@ -1,9 +1,10 @@
-"""Contacts: where the estimate leaves what free motion does, at a stated rate of false alarms.
+"""Contacts: instants at which the estimate exceeds its level in free motion, with a stated rate of false alarms.
 
-The score of an instant is how many bands zero lies from the estimate: in motion |estimate| by half the band, at rest the torque
-that holds the joint by the friction's interval. Its threshold, by joint and state of motion, is the level that free motion passes
-at the joint's share of the false alarms (`tail`), so much an hour in each state, so that whatever mixture of states a log has,
-all joints together have the stated rate. It is at least one band: within one, nothing tells a force from none.
+The score is the distance of the estimate from zero, in units of the band: in motion |estimate| divided by half the band, at
+rest the holding torque divided by the friction's interval. The threshold, by joint and state of motion, is the level that
+free motion exceeds at the joint's share of the false-alarm rate (`tail`). Each state has the same rate per hour, so that all
+joints together have the stated rate for any mixture of states. The threshold is at least one band, since a force within the
+band cannot be detected.
 """
 
 from __future__ import annotations
@@ -19,13 +20,13 @@ from backdrive.external.result import STATES, Contact, ForceEstimate, JointForce
 from backdrive.external.tail import clusters, tail
 
 APART = 0.25  # time below the threshold, after which another contact begins [s]
-ACROSS = 1.0  # time in which nothing but a reversal separates two contacts, that are one [s]
+ACROSS = 1.0  # longest reversal between two contacts that are joined into one [s]
 HOUR = 3600.0
 REST, TURNS = STATES.index("rest"), STATES.index("reversing")
 
 
 def score(one: JointForce) -> np.ndarray:
-    """Return how many bands zero lies from the estimate, (n,); NaN where there is no band."""
+    """Return the distance of the estimate from zero in bands, (n,); NaN where there is no band."""
     middle = np.where(one.state == REST, one.force - one.friction, one.force)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(middle >= 0.0, middle / (middle - one.lower), middle / (middle - one.upper))
@@ -87,7 +88,9 @@ def thresholds_of(calibration: Calibration, false_alarms: float) -> tuple[Thresh
 
 
 def _at_rest(calibration: Calibration, motion: Threshold) -> Threshold:
-    """Return the threshold where free motion hardly rests: beyond friction's interval by as much as motion's beyond its band."""
+    """Return the threshold for rest if free motion contains little rest. It exceeds friction's interval by the same torque as
+    the threshold in motion exceeds its band.
+    """
     half = max(b.half_width for b in (calibration.moving, calibration.reversing) if b is not None)
     rests = [(f.upper - f.lower)[f.state == REST] for f in calibration.forces]
     width = float(np.median(np.concatenate([*rests, np.full(1, 2.0 * half)])))
@@ -116,10 +119,10 @@ def with_contacts(estimate: ForceEstimate, false_alarms: float) -> ForceEstimate
         except NotIdentifiable as error:
             if len(known) == 1:
                 raise
-            remarks.append(f"{error} It takes no part in contacts.")
+            remarks.append(f"{error} Contacts are not detected on it.")
     if not thresholds:
         raise NotIdentifiable(
-            "No joint's free motion supports a threshold of contacts.",
+            "The free motion of no joint is sufficient for a contact threshold.",
             remedy="Give longer free motion of the same joints (--free).",
         )
     every = tuple(t for of_joint in thresholds.values() for t in of_joint)
@@ -128,7 +131,7 @@ def with_contacts(estimate: ForceEstimate, false_alarms: float) -> ForceEstimate
 
 
 def mark_contacts(estimate: ForceEstimate, thresholds: Sequence[Threshold]) -> ForceEstimate:
-    """Return an estimate with its contacts, by thresholds that are known; a joint without one takes no part.
+    """Return an estimate with its contacts, from given thresholds; joints without a threshold are left out.
 
     Args:
         estimate: with the bands that the thresholds belong to.
@@ -147,14 +150,16 @@ def mark_contacts(estimate: ForceEstimate, thresholds: Sequence[Threshold]) -> F
 
 
 def _mark(one: JointForce, levels: np.ndarray) -> tuple[JointForce, list[tuple[float, float, str, float]]]:
-    """Return an estimate with what is beyond its thresholds, and begin, end, joint and largest force of each contact."""
+    """Return an estimate with the samples above its thresholds marked; and begin, end, joint and largest force of each
+    contact.
+    """
     z = score(one) / levels[one.state]
     z = np.where(np.isfinite(z), z, 0.0)
     groups: list[list[int]] = []
     for first, last in clusters(z, one.time, 1.0, APART).tolist():
         if groups and one.time[first] - one.time[groups[-1][1] - 1] < ACROSS:
             between = one.state[groups[-1][1] : first]
-            if np.all(between == TURNS):  # a hand that pushes on while the joint turns
+            if np.all(between == TURNS):  # a hand that keeps pushing while the joint reverses
                 groups[-1][1] = last
                 continue
         groups.append([first, last])
@@ -182,15 +187,17 @@ def _merge(spans: list[tuple[float, float, str, float]]) -> tuple[Contact, ...]:
 
 
 def _support_warnings(thresholds: Sequence[Threshold], false_alarms: float) -> list[str]:
-    """Return what the free motion cannot support, a sentence for all joints and one for states that it does not show."""
+    """Return warnings on insufficient free motion: one for all joints, and one for states that it does not contain."""
     lines = []
     stretched = [t for t in thresholds if 1.0 < t.extrapolation < np.inf and t.bands > 1.0]
     if stretched:
         worst = max(stretched, key=lambda t: t.extrapolation)
         lines.append(
-            f"The free motion is too short to show a rate of {false_alarms:g} false an hour: thresholds are extrapolated, most for "
-            f"joint '{worst.joint}', {worst.state}: {worst.hours * 60.0:.3g} min, {worst.extrapolation:.3g} times too short; its "
-            f"threshold of {worst.bands:.3g} bands may as well be {worst.interval[0]:.3g} to {worst.interval[1]:.3g}."
+            f"The free motion is too short for a rate of {false_alarms:g} false alarms per hour: thresholds are "
+            f"extrapolated, most for "
+            f"joint '{worst.joint}', {worst.state}: {worst.hours * 60.0:.3g} min, {worst.extrapolation:.3g} times "
+            f"too short; the interval of its threshold of {worst.bands:.3g} bands is {worst.interval[0]:.3g} to "
+            f"{worst.interval[1]:.3g}."
         )
     absent = [f"'{t.joint}' {t.state}" for t in thresholds if t.extrapolation == np.inf]
     if absent:

@@ -2,9 +2,9 @@
 
     tau_e = M ddq + offset + g(q) + tau_f - tau
 
-M, g, offset, friction and the torque's delay are the model's. In motion the band is that of the estimate on free motion, where some
-is given (`calibrate`), else that within which the model held 95 % of the torque of motion without contact; at rest friction may
-be anything within its bounds, and the band is as wide as they are.
+M, g, offset, friction and the torque's delay are the model's. In motion the band is calibrated by free motion if that is
+given (`calibrate`). Otherwise it is the band that contained 95 % of the torque in the identification. At rest friction is
+undetermined within its bounds, and the band is as wide as they are.
 """
 
 from __future__ import annotations
@@ -35,10 +35,12 @@ from backdrive.model import FrictionModel, JointFriction
 from backdrive.robot import Robot
 
 AUTO = "auto"
-CONTACTS = 60.0  # bandwidth at which a step of 1.5 thresholds is noticed within 50 ms; contacts are sought at least so fast [1/s]
+CONTACTS = 60.0  # least bandwidth for contacts: a step of 1.5 thresholds is detected within 50 ms [1/s]
 LEAST = 16  # samples of an estimate
-NO_FRAME = "The log's wrench is not compared: say at which frame of the arm it was measured (--urdf ROBOT --frame TOOL)."
-SETTLED = 5.0  # lags from the beginning of a stretch, in which an estimate is not given
+NO_FRAME = (
+    "The log's wrench is not compared: give the frame at which it was measured (--urdf ROBOT --frame TOOL)."
+)
+SETTLED = 5.0  # settling time at the start of a stretch, without an estimate [lag]
 
 
 def estimate_force(
@@ -59,15 +61,15 @@ def estimate_force(
     Args:
         model: of friction and the rest of each joint's dynamics.
         log: with position and torque.
-        joints: names; None: all that both have and whose inertia the model knows.
+        joints: names; None: all joints of both with a known inertia in the model.
         method: `direct`, `momentum`, `disturbance`, `extended` or `kalman`; `auto`: by the noise of the log.
         bandwidth: L [1/s]; None: by the noise of the log, with contacts at least 60.
-        free: logs of motion that nothing touched, best not those that the model was fitted to: bands and thresholds are calibrated
-            by them.
-        false_alarms: contacts are sought, with so many false ones of all joints together [1/h]; None: they are not.
+        free: logs of motion without contact, for calibrating bands and thresholds; preferably not those that the model was
+            fitted to.
+        false_alarms: rate of false contacts over all joints [1/h]; None: contacts are not sought.
         robot: description (URDF or MJCF) that a model of a whole arm was identified with, or the robot read from it.
         frame: of the robot, at which the wrench is wanted: a link, a fixed tool or a site; None: no wrench.
-        wrench_axes: along which the log's own wrench is, which is compared: `frame`, those of `frame`, or `base`.
+        wrench_axes: axes of the log's own wrench, with which the estimate is compared: `frame` (those of `frame`) or `base`.
 
     Raises:
         InvalidInput: model and log share no joint, or differ in its unit; a bandwidth or a rate that is not positive; a model of a
@@ -129,17 +131,18 @@ def estimate_force(
 
 
 def _of_free_motion(model: FrictionModel, log: Log, free: Sequence[Log]) -> list[str]:
-    """Return what is to be said of the logs of free motion."""
+    """Return warnings on the logs of free motion."""
     said = []
     seen = {source.sha256 for source in model.sources}
     for source in {source.path: source for one in free for source in one.sources}.values():
         if source.sha256 in seen:
             said.append(
-                f"{source.path}: the model was fitted to this free motion, so that bands and thresholds by it are too narrow; "
-                "log another one."
+                f"{source.path}: the model was fitted to this free motion, so its bands are too narrow; record another one."
             )
     if any(source in log.sources for one in free for source in one.sources):
-        said.append("The log is free motion by its own: within its bands nothing can be told from it.")
+        said.append(
+            "The log itself was given as free motion: it lies within its own bands, and shows no contact."
+        )
     return said
 
 
@@ -161,7 +164,7 @@ def _arm(  # noqa: PLR0913  (what one door hands to the other)
 
     if robot is None:
         raise InvalidInput(
-            "The model is of a whole arm: its joints move each other."
+            "The model is that of a whole arm, whose joints are coupled."
             if model.arm is not None
             else f"A wrench at '{frame}' needs the arm's description.",
             remedy="Give its description (--urdf ROBOT, URDF or MJCF).",
@@ -200,7 +203,7 @@ def _arm(  # noqa: PLR0913  (what one door hands to the other)
 
 
 def _calibration(friction: JointFriction, free: Sequence[Log], like: JointForce) -> Calibration:
-    """Return what free motion tells of a joint's estimate, by its method and bandwidth."""
+    """Return the calibration of a joint's estimate by free motion, for its method and bandwidth."""
     name = friction.joint.name
     logs = [log for log in free if name in log.names]
     if not logs:
@@ -214,7 +217,7 @@ def _calibration(friction: JointFriction, free: Sequence[Log], like: JointForce)
 def _joint(
     friction: JointFriction, log: Log, method: str, bandwidth: float | None, least: float = 0.0
 ) -> tuple[JointForce, list[str]]:
-    """Return the external torque on one joint, and what is to be said of it; a bandwidth that is chosen is at least `least`."""
+    """Return the external torque on one joint, and warnings on it; a bandwidth chosen by noise is at least `least`."""
     name = friction.joint.name
     one = log.select(name)
     if one.joints[0].unit != friction.joint.unit:
@@ -225,9 +228,9 @@ def _joint(
     remarks = []
     if friction.verdict is not None and friction.verdict.grade in ("poor", "unknown"):
         remarks.append(
-            f"Joint '{name}': its model was not credible, or poor, when it was identified: the force is no better."
+            f"Joint '{name}': its model was graded as not credible or poor, so the force is equally unreliable."
         )
-    if one.external_torque is not None:  # what is sought is no part of the motor's torque
+    if one.external_torque is not None:  # the external torque to estimate must not be in the motor's torque
         one = replace(one, external_torque=None)
     stretches = prepare(one, 0)
     warmth = along_stretches(friction, stretches, remarks)
@@ -284,7 +287,7 @@ def _forces(
         if "model_torque" in value:
             if s.model_torque is None:
                 raise InvalidInput(
-                    f"Joint '{friction.joint.name}': the model needs a torque known from elsewhere.",
+                    f"Joint '{friction.joint.name}': the model needs a known torque (tau_model).",
                     remedy="Map it (--map tau_model=COLUMN).",
                 )
             known = value["model_torque"] * s.model_torque
@@ -304,13 +307,13 @@ def _forces(
 
 
 def delay_of(friction: JointFriction) -> float:
-    """Return how late the torque acts, as a model holds it [s]."""
+    """Return the delay of the torque in a model [s]."""
     value = sum(friction.dynamics[t].value for t in ("delay", "time_slip") if t in friction.dynamics)
     return float(value)
 
 
 def noise_of(friction: JointFriction, log: Log, stretches: Sequence[Signals], inertia: float) -> Noise:
-    """Return what disturbs the estimate: by the model, and where that does not say, by the log."""
+    """Return the noise of the estimate, from the model or, if it has no value, from the log."""
     channel = friction.torque_channel
     white = None if channel is None else channel.noise
     if not white:

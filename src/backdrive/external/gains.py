@@ -1,7 +1,8 @@
-"""Which gains of an arm's drives a payload shows: each, where its mass is known; their ratios, where it is not.
+"""Gains of an arm's drives from a payload: each gain if the mass is known, their ratios if it is not.
 
-A gain is what the log's torque must be divided by. With an unknown mass, all gains and the mass may grow together: only ratios can
-be told, to what most of three joints or more agree on, since of two that differ nobody knows which one is off.
+The log's torque has to be divided by the gain. With an unknown mass, a common factor of all gains and the mass is not
+identifiable. Only ratios are, relative to the value on which most of at least three joints agree. With two joints it is
+unknown which one is wrong.
 """
 
 from __future__ import annotations
@@ -15,9 +16,12 @@ import numpy as np
 from backdrive.external.payload_fit import PayloadFit
 from backdrive.identification.regression import NORMAL
 
-CLAIMED = 0.05  # half width of the 95 % interval of a gain that is stated [-]
-FEWEST = 3  # joints whose ratios are stated
-OFF = (0.02, 3.0)  # by which a gain differs from 1: so much, and so many standard errors
+CLAIMED = 0.05  # largest half width of the 95 % interval of a gain that is reported [-]
+FEWEST = 3  # least number of joints for ratios
+OFF = (
+    0.02,
+    3.0,
+)  # a gain differs from 1 if both limits are exceeded: difference [-], and difference in standard errors
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +29,7 @@ class Gain:
     """The gain of one drive.
 
     Attributes:
-        value: by which the log's torque is too large; divide by it [-].
+        value: factor by which the log's torque is too large; divide the torque by it [-].
         error: standard error [-].
     """
 
@@ -35,7 +39,7 @@ class Gain:
 
 @dataclass(frozen=True, kw_only=True)
 class Gains:
-    """What a payload shows of the drives' gains.
+    """The drives' gains, identified from a payload.
 
     Attributes:
         kind: `absolute` by a known mass, `ratio` to the mean of the joints that are stated, or `none`.
@@ -83,7 +87,8 @@ def gain_ratios(joints: Sequence[str], fit: PayloadFit) -> Gains:
             kind="none",
             by_joint={},
             remarks=(
-                f"Nothing is claimed of the drives' gains: the payload does not load {FEWEST} joints enough to compare them to "
+                f"The drives' gains are not reported: the payload loads fewer than {FEWEST} joints enough to "
+                f"compare their gains to "
                 f"{100 * CLAIMED:.0f} %.",
             ),
         )
@@ -98,7 +103,8 @@ def gain_ratios(joints: Sequence[str], fit: PayloadFit) -> Gains:
     }
     remarks = _remarks(gains, "the others")
     remarks.append(
-        "The gains are ratios between joints: a factor that all have in common goes with the mass, and only a known mass tells it."
+        "The gains are ratios between joints. A common factor of all gains cannot be separated from the mass; only "
+        "a known mass determines it."
     )
     return Gains(kind="ratio", by_joint=gains, remarks=tuple(remarks))
 

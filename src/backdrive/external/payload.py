@@ -1,9 +1,9 @@
 """`estimate_payload`: mass and center of what an arm carries, with intervals, and the gains of its drives.
 
-A payload at a frame is a body of ten inertial parameters that the joints' torques are linear in. The motion shows its inertia only
-where it is brisk enough. How exactly torque is measured, the drives' gains, often limits the mass more than the data do: both are
-stated. A known mass turns the question round and calibrates the gains; an unknown one shows their ratios, where it loads three
-joints or more. Gains and payload together: Gautier & Briot, J. Dyn. Sys. Meas. Control 136, 2014.
+A payload at a frame is a body of ten inertial parameters that the joints' torques are linear in. Its inertia is identifiable
+only from large accelerations. The accuracy of the drives' gains often limits the mass more than the data do, so both errors
+are reported. A known mass calibrates the gains instead. An unknown mass gives their ratios, if it loads three joints or more.
+Gains and payload together: Gautier & Briot, J. Dyn. Sys. Meas. Control 136, 2014.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from backdrive.logs.log import Log
 from backdrive.model import FrictionModel
 from backdrive.robot import Robot
 
-GAIN_ERROR = 0.05  # standard deviation of a drive's gain: torque constants are told to 10 % [-]
-OPEN = 0.3  # of a gain that is sought [-]
-TOLD = 0.8  # share of what was expected of the inertia that the data must take away, to state it [-]
+GAIN_ERROR = 0.05  # standard deviation of a drive's gain: torque constants are specified to 10 % [-]
+OPEN = 0.3  # standard deviation of a gain that is fitted [-]
+TOLD = 0.8  # the inertia is reported if the data reduce its prior variance by at least this share [-]
 FOREIGN = (
     3.0,
     0.2,
-)  # a residual so many times the model's, and above this share of the torque, is another robot's
-SLIGHT = 3.0  # standard errors below which a mass is not told from none
+)  # a residual this many times the model's, and above this share of the torque, suggests another robot
+SLIGHT = 3.0  # standard errors below which a mass is not significant
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,12 +43,12 @@ class PayloadEstimate:
         frame: of the center and the inertia.
         mass: [kg].
         mass_error: standard error, gains included [kg].
-        mass_error_of_data: standard error were the gains exact [kg].
+        mass_error_of_data: standard error if the gains were exact [kg].
         center: of mass in the frame [m], (3,).
         center_error: standard errors [m], (3,).
         inertia: about the center, along the frame's axes [kg.m^2], (3, 3); None where the motion does not show it.
         inertia_error: standard errors [kg.m^2], (3, 3); None likewise.
-        limited_by: what the mass is uncertain by, `gains` or `data`; `nothing` where the mass was given.
+        limited_by: main cause of the mass's uncertainty: `gains`, `data`, or `nothing` if the mass was given.
         gains: of the drives.
         lever: torque of the payload by joint, root mean square [N.m or N].
         remarks: what a reader should know, in sentences.
@@ -69,11 +69,11 @@ class PayloadEstimate:
 
     @property
     def mass_interval(self) -> tuple[float, float]:
-        """Within which the mass lies with 95 % [kg]."""
+        """95 % interval of the mass [kg]."""
         return self.mass - NORMAL * self.mass_error, self.mass + NORMAL * self.mass_error
 
     def center_interval(self) -> np.ndarray:
-        """Return the lower and the upper ends within which the center lies with 95 % each [m], (2, 3)."""
+        """Return the lower and upper ends of the center's 95 % intervals [m], (2, 3)."""
         return self.center + NORMAL * np.array([[-1.0], [1.0]]) * self.center_error
 
 
@@ -88,22 +88,22 @@ def estimate_payload(
     at: Sequence[float] | None = None,
     gain_error: float | None = None,
 ) -> PayloadEstimate:
-    """Return mass and center of the payload that an arm moves, and what that shows of its drives' gains.
+    """Return mass and center of an arm's payload, and the gains of its drives.
 
     Args:
         model: of the whole arm without the payload.
-        log: with the payload, of a lively motion with position and torque of all joints.
+        log: with the payload, position and torque of all joints, in a motion with large accelerations.
         robot: path of the robot description that the model was identified with, or the robot.
         frame: link or site that the payload is fixed to; None: the last one of the last joint.
         unloaded: a log without the payload; the model's bodies and friction are then fitted anew, along with the payload.
         known_mass: of the payload, which then calibrates the gains [kg].
-        at: where its center is known to be in the frame [m], (3,).
+        at: known center of the payload in the frame [m], (3,).
         gain_error: standard deviation of each drive's relative gain error [-]; None: 0.05.
 
     Raises:
         InvalidInput: model, log and robot do not fit, or a number is out of range.
         UnknownName: no such frame.
-        NotIdentifiable: too little motion, or no payload that the torques tell from none.
+        NotIdentifiable: too little motion, or the payload's mass is not significant.
     """
     known = _prior_knowledge(known_mass, at, gain_error)
     arm, body = arm_of(model, robot)
@@ -131,13 +131,13 @@ def estimate_payload(
     remarks = _foreign(body, fit)
     if arm.covariance is None and unloaded is None:
         remarks.append(
-            "The model does not state how sure its bodies are, and the interval leaves that out: identify it again, or give "
-            "an unloaded log."
+            "The model contains no uncertainty of its bodies, so the interval does not include it: identify the "
+            "model again, or give an unloaded log."
         )
     mass, error = float(fit.payload[0]), float(np.sqrt(fit.covariance[0, 0]))
     if known_mass is None and mass < SLIGHT * error:
         raise NotIdentifiable(
-            f"No payload is to be told from none: {mass:.3g} +- {NORMAL * error:.2g} kg.",
+            f"The payload's mass is not significant: {mass:.3g} +- {NORMAL * error:.2g} kg.",
             remedy="Give a log in which the arm carries more, or moves its wrist and elbow up and down further.",
         )
     if known_mass is None:
@@ -149,7 +149,8 @@ def estimate_payload(
     limited = "nothing" if known_mass is not None else "gains" if error**2 > 2.0 * of_data**2 else "data"
     if limited == "gains":
         remarks.append(
-            f"The drives' gains limit the mass, not the data: with exact gains it were known to {NORMAL * of_data:.2g} kg. A "
+            f"The drives' gains limit the accuracy of the mass, not the data: with exact gains the error would be "
+            f"{NORMAL * of_data:.2g} kg. A "
             "known mass calibrates them."
         )
     if inertia[0] is None:
@@ -173,7 +174,7 @@ def estimate_payload(
 def _prior_knowledge(
     mass: float | None, at: Sequence[float] | None, gain_error: float | None
 ) -> PriorKnowledge:
-    """Return what is known, checked."""
+    """Return the prior knowledge after checking it."""
     if mass is not None and not 0.0 < mass < np.inf:
         raise InvalidInput(f"A known mass of {mass:g} kg.", remedy="Give a positive number [kg].")
     if gain_error is not None and not 0.0 <= gain_error < 1.0:
@@ -187,7 +188,7 @@ def _prior_knowledge(
 
 
 def _frame(robot: Robot, name: str | None) -> tuple[str, np.ndarray, int]:
-    """Return a frame's name, its place in the link that carries it, (4, 4), and which that is."""
+    """Return a frame's name, its placement in the link that carries it, (4, 4), and the number of that link."""
     carried = [(n, robot.model.frames[robot.frame(n)]) for n in robot.frames]
     by_link = [(n, f, f.parentJoint if hasattr(f, "parentJoint") else f.parent) for n, f in carried]
     if name is None:
@@ -204,7 +205,7 @@ def _frame(robot: Robot, name: str | None) -> tuple[str, np.ndarray, int]:
 
 
 def _foreign(robot: Robot, fit: PayloadFit) -> list[str]:
-    """Return a sentence where a payload does not explain the log, as of another robot."""
+    """Return a warning if a payload does not explain the log, for example because the robot is another one."""
     times, share = FOREIGN
     worse = [
         f"{name} {100 * left:.0f} %, {100 * stated:.0f} % when it was identified"
@@ -214,7 +215,8 @@ def _foreign(robot: Robot, fit: PayloadFit) -> list[str]:
     if not worse:
         return []
     return [
-        f"A payload does not explain the log ({'; '.join(worse)} of the torque is left): another robot, another tool, or a contact."
+        f"A payload does not explain the log ({'; '.join(worse)} of the torque remains unexplained): another robot, "
+        f"another tool, or a contact."
     ]
 
 

@@ -1,13 +1,14 @@
-"""Least squares for a payload and the gains of the drives, beside what an unloaded arm's model says.
+"""Least squares for a payload and the gains of the drives, based on the model of the unloaded arm.
 
     tau_j = (1 + e_j) Y_j (beta + B phi) + own_j        of a log with the payload, and with phi = 0 of one without
 
 Y_j are the base columns of the rigid bodies, beta the unloaded arm's base parameters, phi the payload's ten inertial ones in its
-frame, B what they add to beta, e_j the error of a drive's gain. `own` is what `identify` found of the joint, in the drive's own
-unit, free to have changed as friction does from day to day: offset, motor inertia, level of the curve, its sign, a viscous part,
-growth with the load. Without an unloaded log, beta has the covariance that the model states, and the gains scale the payload's part
-alone: the model was identified through the same gains. Where gains are sought, products of unknowns are met by Gauss and Newton's
-steps; elsewhere their error is carried through. Residuals are correlated: standard errors are long-run ones (Newey and West).
+frame, B what they add to beta, e_j the error of a drive's gain. `own` are the joint's other terms from `identify`, in the
+drive's own unit. They may change as friction does from day to day: offset, motor inertia, level of the curve, its sign, a
+viscous part, growth with the load. Without an unloaded log, beta has the covariance in the model, and the gains scale the
+payload's part alone, since the model was identified with the same gains. If gains are fitted, products of unknowns are
+linearized in Gauss-Newton steps; otherwise the error of the gains is propagated. Residuals are correlated: standard errors
+are long-run ones (Newey and West).
 """
 
 from __future__ import annotations
@@ -27,25 +28,25 @@ from backdrive.model import ArmModel, JointFriction
 from backdrive.robot import PER_LINK, Robot
 
 ROUNDS = 8  # of Gauss and Newton's steps, reweighting and the load, at most
-SETTLED = 1e-4  # of the payload's torque by its noise, that ends them
-MODEL = 9.0  # variance of an arm's bodies by that which is stated, on simulated arms whose friction follows no curve [-]
-MISFIT = 2.5  # of residuals, likewise, by their long-run variance [-]
+SETTLED = 1e-4  # change of the payload's torque relative to its noise that ends the iteration [-]
+MODEL = 9.0  # true variance of an arm's bodies relative to the stated one, from simulated arms whose friction follows no curve [-]
+MISFIT = 2.5  # the same for residuals, relative to their long-run variance [-]
 BLOCKS = 8  # of a log that residuals are taken to be independent from, at most
 WILD = 2.0  # residuals beyond so many standard deviations count less (Huber)
-FREE = 1e3  # standard deviation of what nothing is known of [kg, kg.m]
-EXACT = 1e-3  # relative standard deviation of a mass that is known; of a place [m]
+FREE = 1e3  # prior standard deviation of unknown quantities [kg, kg.m]
+EXACT = 1e-3  # relative standard deviation of a known mass [-]; standard deviation of a known center [m]
 GYRATION = 0.2  # expected radius of a payload [m]
-DRIFT = 0.03  # share of that of an offset, where nothing states how sure it is [-]
+DRIFT = 0.03  # relative standard deviation of an offset without a stated error [-]
 SURE = 1e-4  # of the bodies, likewise [-]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PriorKnowledge:
-    """What is known before the logs are looked at.
+    """Prior knowledge, independent of the logs.
 
     Attributes:
         gain_error: standard deviation of each drive's relative gain error [-].
-        seek: whether the gains are sought, or taken as they are with that error.
+        seek: whether the gains are fitted; otherwise they are fixed, with that error.
         mass: of the payload [kg]; None: nothing.
         center: of its mass in the frame [m], (3,); None: nothing.
     """
@@ -64,11 +65,11 @@ class PayloadFit:
         payload: m, m c and inertia about the frame's origin [kg, kg.m, kg.m^2], (10,).
         gains: relative gain errors e [-], (J,).
         covariance: of payload and gains, (10 + J, 10 + J).
-        of_data: covariance of the payload were the gains exact, (10, 10).
-        told: share of the prior variance of the payload's inertia that the data took away [-], (6,).
+        of_data: covariance of the payload if the gains were exact, (10, 10).
+        told: share of the prior variance of the payload's inertia that the data removed [-], (6,).
         lever: torque of the payload on each joint, root mean square [N.m or N], (J,).
-        residual: that is left, by the torque, root mean squares of the loaded log [-], (J,).
-        expected: the same of the model on its own data, where it says so [-], (J,).
+        residual: relative residual of the loaded log, RMS divided by the RMS torque [-], (J,).
+        expected: the same of the model on its own data, if known [-], (J,).
     """
 
     payload: np.ndarray
@@ -166,7 +167,7 @@ class PayloadProblem:
         fixed = np.setdiff1d(np.arange(x.size), gain)
         exact = _sandwich(gram, meat, fixed)
         covariance = _sandwich(gram, meat, np.arange(x.size)) if known.seek else exact.copy()
-        if not known.seek:  # what an error of the gains does to all others
+        if not known.seek:  # effect of an error of the gains on all other coefficients
             follow = np.zeros((x.size, J))
             follow[fixed] = -regression.invert(gram[np.ix_(fixed, fixed)], 1e-15) @ gram[np.ix_(fixed, gain)]
             follow[gain] = np.eye(J)
@@ -188,7 +189,7 @@ class PayloadProblem:
         return list(zip(self._rows, (True, False), strict=False))
 
     def _start(self, known: PriorKnowledge) -> tuple[np.ndarray, np.ndarray]:
-        """Return what is expected of all coefficients, and its precision; the payload's comes with every round."""
+        """Return the prior mean of all coefficients and its precision; the payload's prior is added in every round."""
         J, b = len(self.terms), self.beta.size
         x = np.zeros(b + PER_LINK + J + OWN * J)
         inverse = np.zeros((x.size, x.size))
@@ -207,7 +208,7 @@ class PayloadProblem:
         for j, friction in enumerate(self.frictions):
             own = np.arange(OWN) + b + PER_LINK + J + OWN * j
             x[own], spread = own_prior(friction)
-            if not self.both:  # the model states how sure the offset is
+            if not self.both:  # the model contains the offset's standard error
                 spread[0] = FREE if self.stated is not None else DRIFT * spread[0]
             inverse[own, own] += spread**-2.0
         mass = known.mass or 1.0
@@ -289,7 +290,7 @@ def _sandwich(gram: np.ndarray, meat: np.ndarray, kept: np.ndarray) -> np.ndarra
 
 
 def _payload_prior(payload: np.ndarray, known: PriorKnowledge) -> tuple[np.ndarray, np.ndarray]:
-    """Return what a payload is expected to be, and how far from that, (10,) each: a body of some size about its center."""
+    """Return the prior mean and standard deviation of a payload, (10,) each: a body of some size about its center."""
     mean, spread = np.zeros(PER_LINK), np.full(PER_LINK, FREE)
     mass = known.mass if known.mass is not None else max(payload[0], 0.0)
     if known.mass is not None:

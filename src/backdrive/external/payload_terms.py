@@ -1,4 +1,4 @@
-"""What may have changed of a joint since its model was identified, beside the payload that it moves."""
+"""Terms of a joint that may have changed since its identification, beside the payload."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from backdrive.laws import Law
 from backdrive.model import JointFriction
 
 OWN = 6  # columns of a joint beside the bodies
-AGAIN = 0.3  # by which friction may differ from the model's [-]
-GROWTH = 0.03  # friction by load that a model without any may have missed [-]
+AGAIN = 0.3  # relative standard deviation of friction from the model's [-]
+GROWTH = 0.03  # growth of friction with load that a model without growth may have missed [-]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Corrections(Terms):
-    """Columns of what may have changed of one joint since the model was identified.
+    """Regression columns of one joint's terms that may have changed since its identification.
 
     Attributes:
         law: friction without load.
@@ -46,7 +46,7 @@ def corrections(friction: JointFriction) -> Corrections:
 
 
 def own_prior(friction: JointFriction) -> tuple[np.ndarray, np.ndarray]:
-    """Return what is expected of a joint's own coefficients, and how far from that, (6,) each."""
+    """Return the prior mean and standard deviation of a joint's own coefficients, (6,) each."""
     top = max(abs(v) for v in friction.validity.velocity)
     mean = float(np.mean(np.abs(friction.law.torque(np.linspace(-top, top, 21))))) or 1.0
     value = {term: friction.dynamics[term].value for term in ("offset", "inertia")}

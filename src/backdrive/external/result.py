@@ -1,4 +1,4 @@
-"""What `estimate_force` returns: the external torque on each joint over time, with its band, contacts, and a table of it."""
+"""The result of `estimate_force`: the external torque on each joint over time, with its band, contacts, and a table."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ class JointForce:
         joint: whose it is.
         time: [s], (n,).
         force: external torque, positive along +q [N.m or N], (n,).
-        friction: that was taken off [N.m or N], (n,).
-        lower: lower end of the 95 % band [N.m or N], (n,); NaN where nothing tells it.
+        friction: that was subtracted [N.m or N], (n,).
+        lower: lower end of the 95 % band [N.m or N], (n,); NaN if unknown.
         upper: upper end, (n,).
         state: 0 moving, 1 reversing, 2 at rest, (n,).
         method: of the estimator.
         bandwidth: L [1/s].
-        lag: of the estimator on a ramp, which was taken out of `force` [s]; NaN where it is not known, and was not.
+        lag: lag of the estimator on a ramp, which was removed from `force` [s]; NaN if it is unknown and was not removed.
         known: external torque that the log holds [N.m or N], (n,); None where it holds none.
         contact: True where the estimate is beyond its threshold, (n,); None where contacts were not sought.
         speed: of the joint [rad/s or m/s], (n,); None where it is not known.
@@ -77,17 +77,18 @@ class JointForce:
 
 @dataclass(frozen=True, kw_only=True)
 class Threshold:
-    """From how many bands on an estimate is a contact, for one joint in one state of motion.
+    """The threshold of a contact, in bands, for one joint in one state of motion.
 
     Attributes:
         joint: name.
         state: `moving`, `reversing` or `rest`.
         bands: the threshold by half the band; at rest by the friction's interval [-].
-        interval: in which it lies with nine chances in ten [-].
-        peaks: of free motion that tell of the tail; 0 where the threshold is that of another state.
+        interval: 90 % interval of the threshold [-].
+        peaks: peaks of free motion in the fitted tail; 0 if the threshold is that of another state.
         highest: of them [bands].
         hours: of free motion in this state.
-        extrapolation: time in which one false contact is to be expected, by the free motion's [-]; 1 where that is longer.
+        extrapolation: expected time per false contact, divided by the length of the free motion [-]; 1 if the free motion is
+            longer.
     """
 
     joint: str
@@ -127,10 +128,10 @@ class ForceEstimate(Display):
     Attributes:
         joints: one a joint, on one clock.
         remarks: what a reader should know, in sentences.
-        calibrations: by joint, what free motion told of the bands; empty without free motion.
+        calibrations: calibration of the bands by free motion, by joint; empty without free motion.
         contacts: in order of time; None where they were not sought.
         thresholds: of contacts, by joint and state.
-        false_alarms: that the thresholds stand for, of all joints together [1/h].
+        false_alarms: rate of false contacts of the thresholds, over all joints [1/h].
         wrench: at a frame of a whole arm; None where none was asked for.
     """
 

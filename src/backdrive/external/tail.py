@@ -1,4 +1,4 @@
-"""How often a score passes a level that it has seldom or never reached: peaks over a threshold.
+"""The rate at which a score exceeds a level that it has seldom or never reached, by the peaks-over-threshold method.
 
 Over a high u the peaks of clusters, lambda a second, have a generalised Pareto distribution (Pickands, Annals of Statistics 3,
 1975; Davison & Smith, J. R. Statist. Soc. B 52, 1990):
@@ -6,8 +6,8 @@ Over a high u the peaks of clusters, lambda a second, have a generalised Pareto 
     rate(x) = lambda (1 + xi (x - u)/sigma)^(-1/xi)
 
 xi > 0 is a heavy tail. xi and sigma have a posterior on a grid, flat in log sigma, with xi about 0.2 +- 0.2 beforehand, lambda
-that of Jeffreys' prior. The level of a rate is where the EXPECTED rate equals it, averaged over all that the peaks leave open: few
-peaks give a higher level.
+that of Jeffreys' prior. The level of a rate is that with this EXPECTED rate, averaged over the posterior. So few peaks give a
+higher level.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from scipy.stats import gamma
 from backdrive.errors import NotIdentifiable
 
 FEWEST = 10  # clusters that a tail is fitted to
-ENOUGH = 100  # clusters, to which the highest threshold is sought that leaves them
+ENOUGH = 100  # number of clusters that the highest threshold should leave
 SHARES = (0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 0.9995)  # of the samples below the threshold
 SHAPES = np.linspace(-0.5, 1.0, 61)
 SCALES = np.geomspace(0.1, 10.0, 81)  # by the mean excess [-]
 USUAL, SPREAD = 0.2, 0.2  # shape beforehand
 EXCESSES = np.r_[0.0, np.geomspace(1e-3, 1e6, 500)]  # at which a rate is looked up, by the mean scale [-]
-LIKELY = 1e-6  # weight by the largest, below which a point of the posterior is left out [-]
+LIKELY = 1e-6  # weight relative to the largest below which a point of the posterior is left out [-]
 ENDS = (0.05, 0.95)  # of an interval
 RATES = np.array([0.1, 0.3, 0.5, 0.7, 0.9])  # quantiles of lambda
 
@@ -59,16 +59,16 @@ class Tail:
         return float((self.peaks + 0.5) / self.exposure * (self.weight @ beyond))
 
     def level(self, rate: float) -> float:
-        """Return where the expected rate is a given one [1/s], at least the tail's beginning."""
+        """Return the level with a given expected rate [1/s], at least the tail's beginning."""
         excess = float(self.scale @ self.weight) * EXCESSES
         rates = np.array([self.rate(self.start + x) for x in excess.tolist()])
         if rates[0] <= rate:
             return self.start
-        shown = rates > 0.0  # a tail that ends, ends there
+        shown = rates > 0.0  # the end of a tail of finite length
         return self.start + float(np.interp(-np.log(rate), -np.log(rates[shown]), excess[shown]))
 
     def interval(self, rate: float) -> tuple[float, float]:
-        """Return between which ends the level of a rate [1/s] lies with nine chances in ten."""
+        """Return the 90 % interval of the level of a rate [1/s]."""
         clusters = gamma.ppf(RATES, self.peaks + 0.5) / self.exposure
         odds = np.maximum(clusters[:, None] / rate, 1.0)
         thin = np.where(np.abs(self.shape) < 1e-9, 1e-9, self.shape)
@@ -123,7 +123,7 @@ def tail(parts: list[tuple[np.ndarray, np.ndarray]], exposure: float, apart: flo
     excess = peaks - start
     if excess.size < FEWEST or not excess.mean() > 0.0:
         raise NotIdentifiable(
-            f"Only {excess.size} peaks tell of the tail.",
+            f"Only {excess.size} peaks are available for the tail.",
             remedy=f"Record longer: at least {FEWEST} are needed.",
         )
     shape, scale = (x.ravel() for x in np.meshgrid(SHAPES, SCALES * excess.mean(), indexing="ij"))

@@ -1,4 +1,4 @@
-"""The temperature that a law of temperature is run at along a log: its own channel, and what is taken where there is none."""
+"""The temperature along a log for a law that depends on it: from the log's channel, or a default."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ def along_stretches(
 ) -> list[np.ndarray | None]:
     """Return the temperature of every stretch [degC], (n,); None for a law that does not depend on it.
 
-    Holes in the channel are interpolated. Without one it is the middle of what the model was identified at, else 20 degC.
+    Holes in the channel are interpolated. Without a channel it is the middle of the model's temperature range, or 20 degC.
 
     Args:
         friction: of a model.
         stretches: of the log.
-        remarks: list that a sentence is added to where a temperature is assumed, or leaves what the model covers.
+        remarks: list to which a sentence is added if a temperature is assumed, or leaves the model's range.
     """
     if "temperature" not in friction.law.rate.NEEDS:
         return [None] * len(stretches)
@@ -38,7 +38,7 @@ def along_stretches(
             series.append(np.full(s.time.size, usual))
     if without:
         source = (
-            "at which nothing says that it was identified"
+            "although the temperature of the identification is unknown"
             if covered is None
             else "at which it was identified"
         )

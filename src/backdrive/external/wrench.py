@@ -2,9 +2,9 @@
 
     (P + J S^-1 J') w = J S^-1 tau_e,        cov w = (P + J S^-1 J')^-1
 
-S: variances of the joints' torques, by the bands of their states, so that a joint at rest, whose friction may be anything, counts
-less. P damps what no joint feels in this posture (`ArmForce.damping`); where it has a share in the wrench, the posture counts as
-singular. Force before moment, along the axes of the base, the moment about the frame's origin.
+S: variances of the joints' torques, from the bands of their states, so that a joint at rest, whose friction is undetermined,
+has a lower weight. P damps directions that no joint observes in this posture (`ArmForce.damping`). If it affects the wrench,
+the posture counts as singular. Force before moment, along the axes of the base, the moment about the frame's origin.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ class WrenchEstimate:
         time: [s], (n,).
         wrench: force [N] and moment about the frame's origin [N.m], along the axes of the base, (n, 6).
         covariance: of it, (n, 6, 6).
-        singular: True where the posture hides a direction, which is damped, (n,).
-        known: the wrench that the log holds (`measured_along`), or else that which explains the external torques that it holds,
-            weighted alike, (n, 6); None where it holds neither.
+        singular: True where a direction is unobservable in the posture, and damped, (n,).
+        known: the log's wrench (`measured_along`), or else the wrench that explains the log's external torques with the same
+            weights, (n, 6); None without either.
         joints: of the arm.
     """
 
@@ -66,18 +66,19 @@ class WrenchEstimate:
         return table | {f"{self.frame}_singular": self.singular.astype(np.int8)}
 
     def remarks(self) -> list[str]:
-        """Return what the postures cannot tell, in sentences."""
+        """Return remarks on unobservable components of the wrench."""
         if not self.singular.any():
             return []
         if self.joints < FULL:
             return [
-                f"Wrench at '{self.frame}': {self.joints} joints feel no more than {self.joints} of its {FULL} components at a "
-                "time; the rest is taken for zero, and standard deviations tell which it is."
+                f"Wrench at '{self.frame}': {self.joints} joints can observe at most {self.joints} of its {FULL} "
+                f"components at a time; the rest is set to zero, with a large standard deviation."
             ]
         first, share = float(self.time[np.argmax(self.singular)]), float(np.mean(self.singular))
         return [
-            f"Wrench at '{self.frame}': {100 * share:.0f} % of the time (first at {first:.4g} s) a direction of it is hidden, "
-            "by the posture or by joints at rest; it is damped there, and its standard deviation is large."
+            f"Wrench at '{self.frame}': {100 * share:.0f} % of the time (first at {first:.4g} s) the posture, or "
+            f"joints at rest, make a direction unobservable; the estimate is damped along it, and its standard "
+            f"deviation is large."
         ]
 
 

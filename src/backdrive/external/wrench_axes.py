@@ -1,12 +1,12 @@
-"""A measured wrench beside the estimate: brought to the axes of the base, and doubted where other axes or places fit better.
+"""Conversion of a measured wrench to the axes of the base for comparison, with a warning if other axes or frames fit better.
 
-A sensor has axes and an origin of its own. Stated is at which frame it sits, and along whose axes it measures. With the rotation
+A sensor has its own axes and origin. The user states its frame and the axes of its components. With the rotation
 R_s and the origin p_s of a frame s, and the estimate at the origin p of another,
 
     f = R_s f_s,       m = R_s m_s + (p_s - p) x f
 
-Of all frames of the arm, axes of each or of the base, and both signs, that which leaves least of the measured wrench unexplained,
-by the covariance of the estimate, is compared with what was stated.
+All conventions are tried: each frame of the arm, its axes or those of the base, and both signs. The convention with the
+smallest unexplained part of the measured wrench, weighted by the covariance of the estimate, is compared with the stated one.
 """
 
 from __future__ import annotations
@@ -20,15 +20,13 @@ from backdrive.robot import Robot
 
 AXES = ("frame", "base")
 SAMPLES = 400  # that the conventions are compared on
-SHARE = (
-    0.5  # of the measured wrench that the stated convention leaves at least, before another is spoken of [-]
-)
-CLEARER = 0.5  # share of that which another leaves at most [-]
+SHARE = 0.5  # least unexplained share of the measured wrench before another convention is reported [-]
+CLEARER = 0.5  # largest ratio of another convention's unexplained part to that of the stated one [-]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Convention:
-    """How a wrench is measured.
+    """The convention of a measured wrench.
 
     Attributes:
         frame: at whose origin.
@@ -41,7 +39,7 @@ class Convention:
     sign: float = 1.0
 
     def __str__(self) -> str:
-        """Say it in words."""
+        """Describe the convention in words."""
         along = "its own axes" if self.axes == "frame" else "those of the base"
         return f"at '{self.frame}' along {along}{', its sign turned round' if self.sign < 0.0 else ''}"
 
@@ -71,7 +69,7 @@ def wrench_at(
 def doubt(
     estimate: WrenchEstimate, measured: np.ndarray, robot: Robot, q: np.ndarray, stated: Convention
 ) -> str | None:
-    """Return what is to be said where another convention fits the estimate far better than the stated one.
+    """Return a warning if another convention fits the estimate much better than the stated one.
 
     Args:
         estimate: at the stated frame.
@@ -83,7 +81,7 @@ def doubt(
     good = np.flatnonzero(np.isfinite(measured).all(axis=1) & np.any(measured != 0.0, axis=1))
     good = good[:: max(1, good.size // SAMPLES)]
     if not good.size:
-        return "The log's wrench is zero or missing throughout: nothing is compared with it."
+        return "The log's wrench is zero or missing throughout, so it is not compared."
     at, raw, wrench = q[good], measured[good], estimate.wrench[good]
     weight = np.linalg.pinv(estimate.covariance[good])
 
@@ -105,7 +103,7 @@ def doubt(
     ]
     shares = [relative_error(one) for one in others]
     best = int(np.argmin(shares))
-    start = f"The log's wrench, taken {stated}, leaves {100 * np.sqrt(own):.0f} % of itself unexplained"
+    start = f"The log's wrench, taken {stated}, leaves {100 * np.sqrt(own):.0f} % of its size unexplained"
     if shares[best] > CLEARER * own:
         return f"{start}, and no frame of the description explains it much better: check its unit, its zero, the tool's weight."
     return (

@@ -1,11 +1,11 @@
-"""A fleet: many joint logs identified on Dask, results in Parquet, questions by DuckDB, and whose friction is changing."""
+"""A fleet: many joint logs identified with Dask, results in Parquet, queries with DuckDB, and tests for changes of friction."""
 
 from __future__ import annotations
 
 import importlib
 from typing import Any
 
-#: Public name -> module of this room; opened when first used, so that a command loads what it needs.
+#: Public name -> module of this package; imported on first use, so that a command loads only what it needs.
 _HOMES = {
     "LogEntry": "sources",
     "list_logs": "sources",

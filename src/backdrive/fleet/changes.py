@@ -1,12 +1,12 @@
-"""A change in a series whose neighbours are alike: whether there is one, of which shape, and since when.
+"""Detection of a change in an autocorrelated series: its significance, its shape and its begin.
 
     y = X b + h z_tau(t) + e,   e_i = rho^(t_i - t_(i-1)) e_(i-1) + w_i
 
-with X a constant and the temperature, z_tau a step at tau or a ramp from tau on, and e the correlation of neighbouring days, which
-makes ordinary p-values far too small. The series is whitened with rho; then for every tau the t-statistic of h. The largest
-of them over all tau and both shapes is compared with what it is for series that have no change: the residuals of this and
-of all other joints with the signs of whole blocks of days flipped at random (wild bootstrap by blocks: Liu 1988; Shao 2010), so
-that what is left of the correlation after whitening (Andrews & Monahan 1992) is in the comparison too.
+with X a constant and the temperature, z_tau a step at tau or a ramp from tau on, and e a noise correlated from day to day,
+for which ordinary p-values are far too small. The series is whitened with rho; then the t-statistic of h is computed for
+every tau. Its largest value over all tau and both shapes is compared with that of series without a change. These are the
+residuals of this and all other joints, with the signs of whole blocks of days flipped at random (wild bootstrap by blocks:
+Liu 1988; Shao 2010). So the comparison includes the correlation that remains after whitening (Andrews & Monahan 1992).
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ import numpy as np
 BLOCK = 5  # days whose signs are flipped together
 EDGE = 4  # days before the first and after the last tau
 GRID = 60  # taus that are searched
-LEAST = 14  # days of a history that is judged
+LEAST = 14  # least length of a history that is tested [day]
 OUTLIER = 5.0  # robust standard deviations from its neighbours at which a day is cut [-]
 NEIGHBOURS = 7  # days of a running median
 MOST = 0.97  # of rho
-TRUE, DRAWN = 15, 400  # correlations, and series of each, by which the bias of their estimate is known
-FEW = 20  # joints from which the second day is heeded
-CLEAR = 4.0  # variances by which one shape must fit better than the other [-]
+TRUE, DRAWN = 15, 400  # grid of correlations, and series for each, that measure the bias of the estimate
+FEW = 20  # least number of joints for using the correlation over two days
+CLEAR = 4.0  # difference of fit, in variances, that decides between the shapes [-]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class Series:
         return self.day.size - self.base.shape[1] - 1
 
     def residual(self) -> np.ndarray:
-        """Return what constant and temperature leave, (n, P)."""
+        """Return the residual of constant and temperature, (n, P)."""
         return self.y - self.base @ (self.base.T @ self.y)
 
 
@@ -61,7 +61,7 @@ class Onset:
 
     Attributes:
         shape: `ramp` or `step`.
-        sure: whether the other shape explains it clearly worse.
+        sure: whether the other shape fits clearly worse.
         day: of its begin, since 1970-01-01.
         interval: 95 % of it, days since 1970-01-01.
         size: of the change until the last day, in the unit of the series.
@@ -77,7 +77,7 @@ class Onset:
 
 
 def cut_outliers(values: np.ndarray) -> np.ndarray:
-    """Return the values with single days far from their neighbours brought near, (n, P)."""
+    """Return the values with outlying single days clipped towards their neighbours, (n, P)."""
     n = values.shape[0]
     padded = np.pad(values, ((NEIGHBOURS // 2,) * 2, (0, 0)), mode="reflect") if n > NEIGHBOURS else values
     if n > NEIGHBOURS:
@@ -91,7 +91,8 @@ def cut_outliers(values: np.ndarray) -> np.ndarray:
 
 
 def correlation(day: np.ndarray, values: np.ndarray, design: np.ndarray) -> np.ndarray:
-    """Return correlations of what constant, temperature and a slow curve leave, one and two days apart [-], (2, c); biased low.
+    """Return the autocorrelations of the residuals of constant, temperature and a slow curve at one and two days [-], (2, c);
+    biased low.
 
     Args:
         day: of the values, (n,).
@@ -111,7 +112,7 @@ def correlation(day: np.ndarray, values: np.ndarray, design: np.ndarray) -> np.n
 
 
 def persistence(correlations: np.ndarray) -> float:
-    """Return what is carried from day to day where noise of single days lies on top, c_2 / c_1 of the medians of (2, c) [-]."""
+    """Return the day-to-day correlation without the noise of single days: c_2 / c_1 of the medians of (2, c) [-]."""
     one, two = np.median(correlations, axis=1)
     return float(np.clip(two / one, 0.0, MOST)) if one > 0.05 else 0.0
 
@@ -119,16 +120,15 @@ def persistence(correlations: np.ndarray) -> float:
 def true_correlation(
     found: np.ndarray, day: np.ndarray, design: np.ndarray, sizes: np.ndarray, seed: int
 ) -> np.ndarray:
-    """Return the correlation of every joint, free of bias, drawn to what all have in common, (m,).
+    """Return the unbiased correlation of every joint, shrunk towards the fleet's value, (m,).
 
-    Both are known from series drawn with known correlations, as the estimates of this very program
-    (Andrews, Econometrica 61, 1993). From `FEW` joints on noise of single days,
-    as of a thermometer, is told from what is carried
-    over by the second day.
+    Bias and scatter are measured on simulated series with known correlations and the same estimator (Andrews, Econometrica
+    61, 1993). With at least `FEW` joints, the correlation over two days separates the noise of single days, such as that of a
+    thermometer, from the noise that persists.
 
     Args:
         found: of `correlation`, (2, m).
-        day: of a history that stands for the fleet, (n,).
+        day: days of a typical history of the fleet, (n,).
         design: its constant and temperature, (n, k).
         sizes: days of every joint, (m,).
         seed: of the drawn series.
@@ -156,7 +156,7 @@ def true_correlation(
 
 
 def shrink(estimates: np.ndarray, chance: np.ndarray) -> np.ndarray:
-    """Return correlations drawn to the median of the fleet, by how much chance alone scatters them (empirical Bayes), (m,).
+    """Return correlations shrunk towards the fleet's median, according to their random scatter (empirical Bayes), (m,).
 
     Args:
         estimates: of each joint, free of bias, (m,).
@@ -209,7 +209,7 @@ def directions(one: Series, taus: np.ndarray) -> np.ndarray:
     length = np.linalg.norm(Z, axis=0)
     Z -= one.base @ (one.base.T @ Z)
     left = np.linalg.norm(Z, axis=0)
-    keep = left > 0.05 * length  # what temperature explains almost wholly says nothing
+    keep = left > 0.05 * length  # directions that temperature explains almost completely are excluded
     return Z[:, keep] / left[keep]
 
 
@@ -268,7 +268,7 @@ def date_change(one: Series, part: int) -> Onset:
     clear = CLEAR * min(best) / freedom
     kind = int(
         best[1] + clear < best[0]
-    )  # a ramp may be as steep as a step: a step it is only where that is clearly better
+    )  # a ramp may be as steep as a step, so a step is chosen only if it fits clearly better
     rest, amount, squares = fits[kind]
     at = int(np.argmin(rest))
     variance = best[kind] / freedom

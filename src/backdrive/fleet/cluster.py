@@ -1,8 +1,8 @@
-"""Where the work is done: worker processes of this machine, or a Dask scheduler that is there already.
+"""The workers: processes of this machine, or an existing Dask scheduler.
 
-Left alone, Dask sets `MALLOC_TRIM_THRESHOLD_` to 64 KiB in its workers, which switches off glibc's growing threshold for mapped
+By default, Dask sets `MALLOC_TRIM_THRESHOLD_` to 64 KiB in its workers, which switches off glibc's growing threshold for mapped
 memory: every array above 128 kB is then mapped anew and its pages fault in, which costs a factor of two on joint logs.
-Both thresholds are set here, and linear algebra is kept on one thread a worker.
+Both thresholds are set here, and linear algebra uses one thread per worker.
 """
 
 from __future__ import annotations
@@ -81,7 +81,9 @@ def local_client(workers: int) -> Iterator[Client]:
 
 
 def _security_here(distributed: Any) -> Any:
-    """Return certificates for this run, so that nobody else on the machine reaches the workers; none without `cryptography`."""
+    """Return certificates for this run, so that other users of the machine cannot reach the workers; none without
+    `cryptography`.
+    """
     try:
         return distributed.Security.temporary()
     except ImportError:
@@ -94,11 +96,11 @@ def remote_client(address: str, credentials: Credentials, *, insecure: bool = Fa
 
     Args:
         address: of it, `tls://host:port`.
-        credentials: for TLS; what is absent is as Dask's own configuration says.
-        insecure: allow plain tcp to another host, where whoever reaches the port runs what he likes.
+        credentials: for TLS; missing entries are taken from Dask's configuration.
+        insecure: allow plain tcp to another host; anyone who can reach the port can then run any code.
 
     Raises:
-        InvalidInput: the address is none, would not be encrypted, or nobody answers there.
+        InvalidInput: the address is invalid or not encrypted, or no scheduler answers there.
     """
     check_address(address, insecure=insecure)
     _quiet()
@@ -126,7 +128,9 @@ def remote_client(address: str, credentials: Credentials, *, insecure: bool = Fa
 
 
 async def _call(distributed: Any, address: str, security: Any) -> None:
-    """Ask a scheduler who it is, within `WAIT`; a client that is refused would leave its threads behind."""
+    """Ask a scheduler for its identity within `WAIT`, before a client is created, since a refused client leaves threads
+    behind.
+    """
     arguments = security.get_connection_args("client")
     if address.startswith("tls://") and arguments.get("ssl_context") is None:
         raise InvalidInput(
@@ -139,7 +143,7 @@ async def _call(distributed: Any, address: str, security: Any) -> None:
 
 
 def check_address(address: str, *, insecure: bool) -> None:
-    """Refuse an address of a scheduler that is none, or that is plain tcp to another host.
+    """Refuse an invalid address of a scheduler, or plain tcp to another host.
 
     Raises:
         InvalidInput: as said.
@@ -155,13 +159,13 @@ def check_address(address: str, *, insecure: bool) -> None:
         )
     if parts.scheme == "tcp" and parts.hostname not in LOOPBACK and not insecure:
         raise InvalidInput(
-            f"--cluster {address} is not encrypted: whoever reaches it runs what he likes on the workers.",
-            remedy="Use tls://, or say --insecure in a network that you trust.",
+            f"--cluster {address} is not encrypted: anyone who can reach it can run any code on the workers.",
+            remedy="Use tls://, or give --insecure in a network that you trust.",
         )
 
 
 def check_workers(client: Any, folder: Path) -> None:
-    """Refuse a cluster whose workers cannot do the work: none, without this version, or without the folder of results.
+    """Refuse a cluster without workers, or with workers that lack this version or the folder of results.
 
     Raises:
         InvalidInput: as said.
@@ -189,7 +193,7 @@ def check_workers(client: Any, folder: Path) -> None:
 
 
 def probe(folder: str, version: str) -> str:
-    """Return what keeps this process from working, or nothing; run by a worker.
+    """Return the reason why this worker process cannot work, or None; run by a worker.
 
     Args:
         folder: of the results.
@@ -204,7 +208,7 @@ def probe(folder: str, version: str) -> str:
 
 
 def _quiet() -> Any:
-    """Return dask, its log of reconnections and dying workers silenced: what matters of them is told by the run."""
+    """Return dask, without its log messages on reconnections and dying workers; the run reports the relevant ones."""
     dask = require("dask", "A fleet needs", "fleet")
     require("distributed", "A fleet needs", "fleet")
     for name in ("distributed", "tornado", "asyncio"):

@@ -1,4 +1,6 @@
-"""Whose friction has changed: every joint tested against chance, false alarms held by Benjamini and Hochberg, each change dated."""
+"""Joints whose friction has changed: a significance test of every joint, with false alarms limited by Benjamini and Hochberg,
+and the date of each change.
+"""
 
 from __future__ import annotations
 
@@ -12,32 +14,32 @@ from backdrive.errors import InvalidInput
 from backdrive.fleet import changes
 from backdrive.fleet.history import PARTS, History, date_of, number_of
 
-RATE = 0.05  # share of false among the named that is allowed [-]
+RATE = 0.05  # accepted share of false alarms among the named joints [-]
 FEWEST = 100_000  # draws without a change, of all joints together, at most `MOST` a joint
 LEAST = 20  # of a joint: with m joints the smallest p-value is 1 / (20 m), what the rate of 0.05 needs
 MOST = 400
 WARMTH = 1.0  # span of temperature from which it is regressed out [degC]
-SIBLINGS = 8  # whose common motion stands for a temperature that nobody measured
+SIBLINGS = 8  # least number of siblings whose common course replaces an unmeasured temperature
 
 
 @dataclass(frozen=True, kw_only=True)
 class Drift:
-    """What is known of a joint's change.
+    """The test result on a joint's change.
 
     Attributes:
         history: of the joint.
-        p: probability of a change as clear by chance [-]; NaN where the history is too short.
+        p: probability of such a change by chance [-]; NaN if the history is too short.
         q: smallest rate of false alarms at which it would be named (Benjamini & Hochberg 1995) [-].
-        named: whether it is, at the rate that was allowed.
-        part: that shows it best: level, constant or viscous.
+        named: whether it is named at the accepted rate.
+        part: the part with the clearest change: level, constant or viscous.
         shape: `ramp` or `step`; empty where it is not named.
-        sure: whether ramp and step are clearly told apart.
+        sure: whether the data clearly decide between ramp and step.
         onset: day on which it began.
         interval: 95 % interval of it.
         size: relative change until the last day [-].
         error: its standard error [-].
-        season: what stood for the season: `temperature`, `siblings` or nothing.
-        warmth: relative change of the level by temperature [1/degC], as if nothing else had changed it; NaN where it is not known.
+        season: regressor for the season: `temperature`, `siblings` or an empty string.
+        warmth: relative change of the level with temperature [1/degC], if temperature is the only cause; NaN if unknown.
     """
 
     history: History
@@ -60,7 +62,7 @@ class Drift:
         if not np.isfinite(self.p):
             return f"too short to tell: {self.history.day.size} days, {changes.LEAST} needed"
         if not self.named or self.interval is None:
-            return f"not changed beyond chance (p = {self.p:.2g})"
+            return f"no significant change (p = {self.p:.2g})"
         how = {"ramp": "growing" if self.size > 0 else "falling", "step": "stepped"}[self.shape]
         amount = f"{100 * self.size:+.1f} +- {196 * self.error:.1f} %"
         when = f"{self.onset} ({self.interval[0]} to {self.interval[1]})"
@@ -85,7 +87,7 @@ def drifts(
     Args:
         joints: their histories.
         rate: share of false alarms among the named that is allowed [-].
-        since: name only changes whose interval reaches beyond this day.
+        since: name only changes whose interval of the begin extends beyond this day.
         seed: of the flipped signs.
 
     Returns:
@@ -95,7 +97,9 @@ def drifts(
         InvalidInput: the rate is none.
     """
     if not 0.0 < rate < 1.0:
-        raise InvalidInput(f"--rate {rate:g} is no share of false alarms.", remedy="Give one such as 0.05.")
+        raise InvalidInput(
+            f"--rate {rate:g} is not a share of false alarms.", remedy="Give one such as 0.05."
+        )
     long = [i for i, one in enumerate(joints) if _fit_for_test(one)]
     result = [Drift(history=one, p=float("nan")) for one in joints]
     if not long:
@@ -134,7 +138,7 @@ def drifts(
 
 
 def key_of(one: History) -> tuple[str, str]:
-    """Return what siblings share: type and joint."""
+    """Return the key of a group of siblings: type and joint."""
     return one.type, one.joint
 
 
@@ -149,7 +153,7 @@ def _logarithms(one: History) -> np.ndarray:
 
 
 def _design(one: History, common: dict[float, float] | None) -> tuple[np.ndarray, str]:
-    """Return constant and season as columns (n, k), and what stands for the season."""
+    """Return constant and season as columns (n, k), and the kind of the season's regressor."""
     T = one.temperature
     known = np.isfinite(T)
     ones = np.ones(one.day.size)
@@ -212,7 +216,7 @@ def _warmth(one: changes.Series, season: str) -> float:
 
 
 def _date_change(known: Drift, one: changes.Series, part: int, since: date | None) -> Drift:
-    """Return a change with its shape and begin; not named where it was over before `since`."""
+    """Return a change with its shape and begin; not named if its interval ends before `since`."""
     change = changes.date_change(one, part)
     low, high = change.interval
     return replace(

@@ -1,4 +1,4 @@
-"""The friction of each joint from day to day, as the results tell it: one value a day, what cannot be believed left out."""
+"""The friction of each joint by day, from the results: one value per day, without implausible results."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class History:
 
     Attributes:
         robot: its name.
-        type: of the robot; empty where nobody said.
+        type: of the robot; empty if unknown.
         joint: name of the joint.
         unit: `rad` or `m`.
         day: days since 1970-01-01, increasing, (n,).
@@ -46,7 +46,7 @@ class History:
         temperature: [degC], (n,); NaN where unknown.
         speed: at which the level is taken [rad/s or m/s].
         path: log of each day, the last of several, (n,).
-        left_out: rows that were not believed: poor ones.
+        left_out: number of rows left out because the result was poor.
     """
 
     robot: str
@@ -89,7 +89,7 @@ def number_of(day: date) -> int:
 def histories(table: pa.Table, *, today: int | None = None) -> list[History]:
     """Return the history of every joint, in the order of robots and joints.
 
-    Several logs of a day are one value, their median. Poor results, and days that no recording can have, are left out.
+    Several logs of a day are one value, their median. Poor results and impossible dates are left out.
 
     Args:
         table: of `Store.table`.

@@ -1,4 +1,4 @@
-"""One row a joint of a log, whatever was written twice."""
+"""Removal of duplicate results: one row for each joint of a log."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ORDER = ("robot", "joint", "day", "path")
 
 
 def once(table: pa.Table, tag: str, names: Mapping[str, str], *, failures: bool) -> pa.Table:
-    """Return each log once: by the present options and version or else by the newest, and of copies the first path.
+    """Return each log once: the result of the present options and version, or else the newest; of copies the first path.
 
     Args:
         table: rows of all batches.
@@ -59,7 +59,7 @@ def _codes(column: Any) -> np.ndarray:
 
 
 def copies(table: pa.Table) -> list[tuple[str, str]]:
-    """Return pairs of paths whose files have the same content: the one that counts, and its copy."""
+    """Return pairs of paths whose files have the same content: the path that is used, and its copy."""
     pairs = sorted(
         set(zip(table.column("digest").to_pylist(), table.column("path").to_pylist(), strict=True))
     )

@@ -1,4 +1,4 @@
-"""Logs in object stores, through fsspec: listed by address, fetched one by one to a file that a guarded reader may open."""
+"""Logs in object stores, through fsspec: listed by address, and copied one by one to a local file for the guarded reader."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import Any
 from backdrive.errors import FileTooLarge, MissingExtra, ReadError, require
 from backdrive.logs.readers._formats import SUFFIXES
 
-#: Protocols that reach logs; what fsspec chains or caches (`simplecache::`, `zip::`, `reference::`) is refused.
+#: Accepted protocols; chained or caching protocols of fsspec (`simplecache::`, `zip::`, `reference::`) are refused.
 PROTOCOLS = ("s3", "s3a", "gs", "gcs", "az", "abfs", "abfss", "memory")
 BLOCK = 1 << 20  # read at once [B]
 
@@ -116,7 +116,7 @@ def fetch(address: str, most: int) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _explain_errors(address: str) -> Iterator[None]:
-    """Turn what a store's client raises, which may be of any class, into one error that names the address."""
+    """Convert errors of a store's client, which may be of any class, into one error that names the address."""
     try:
         yield
     except (ReadError, FileTooLarge, MemoryError):

@@ -1,4 +1,6 @@
-"""One HTML page of a fleet, without a network: a small picture a joint, the worst first, its history on a click."""
+"""One HTML page of a fleet, without a network: a small picture of each joint, the worst first, which opens its history on a
+click.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,7 @@ def write_page(
 
     Args:
         path: of the file.
-        drifts: every joint with what is known of its change.
+        drifts: the test result of every joint.
         outliers: joints that are unlike their siblings.
         sentences: on the whole fleet.
         reports: of joints by `ROBOT/JOINT`: path of a report relative to the page.

@@ -1,4 +1,4 @@
-"""Robots of one type as a population: which is unlike its siblings, and what the next one will be like."""
+"""Robots of one type as a population: outliers among siblings, and the prediction for a further robot."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from backdrive.fleet.history import History, histories
 from backdrive.fleet.population_file import Member, Pair, Population
 from backdrive.fleet.store import Store
 
-FEWEST = 5  # robots of a type among which one can be unlike the others
+FEWEST = 5  # least number of robots of a type for detecting outliers
 LEAST = 3  # robots of a population
-ROUNDS = 4  # in which those that are unlike are taken out of the comparison
-TOGETHER = 5.0  # days of a robot that count as one, for neighbouring days are alike
-APART = 0.01  # probability below which they are, of the whole type [-]
+ROUNDS = 4  # rounds in which outliers are removed from the comparison
+TOGETHER = 5.0  # days of a robot that count as one sample, since neighbouring days are correlated
+APART = 0.01  # probability below which robots count as outliers, over the whole type [-]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outlier:
-    """A joint that is unlike the same joint of its siblings.
+    """A joint that differs from the same joint of its siblings.
 
     Attributes:
         robot: its name.
@@ -52,10 +52,10 @@ class Outlier:
 
 
 def outliers(joints: Sequence[History], *, rate: float = RATE) -> list[Outlier]:
-    """Return the joints that are unlike their siblings, the clearest first.
+    """Return the joints that differ from their siblings, the clearest first.
 
-    Compared are logarithms at one temperature, by Student's t of each robot against those that are not themselves apart
-    (externally studentised, in rounds), all joints and parts together by Benjamini and Hochberg.
+    Logarithms at one temperature are compared, by Student's t of each robot against the others that are not outliers
+    (externally studentised, in rounds). Benjamini and Hochberg's method limits false alarms over all joints and parts.
 
     Args:
         joints: their histories.
@@ -108,7 +108,7 @@ def _typical(group: Sequence[History]) -> np.ndarray:
 def _at_one_temperature(group: Sequence[History]) -> list[np.ndarray]:
     """Return the logarithms of constant and viscous part of each robot and day, (n, 2); NaN where a part is not positive.
 
-    Where the temperature is known they are brought to the group's median temperature by the slope within robots that all share.
+    If the temperature is known, they are converted to the group's median temperature with a common slope within robots.
     """
     known = [np.isfinite(one.temperature) for one in group]
     warm = np.concatenate([one.temperature[ok] for one, ok in zip(group, known, strict=True)])
@@ -131,14 +131,14 @@ def _at_one_temperature(group: Sequence[History]) -> list[np.ndarray]:
 
 
 def _against_siblings(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return each robot's probability by chance against the others that are not apart, and how many these are, (n,) each."""
+    """Return each robot's p-value against the others that are not outliers, and the number of these, (n,) each."""
     from scipy.special import stdtr
 
     regular = np.ones(y.size, dtype=bool)
     p, count = np.ones(y.size), np.zeros(y.size)
     center = np.median(y)
     scale = 1.4826 * np.median(np.abs(y - center))
-    if scale > 0:  # the first round: what is far beyond the rest would hide others
+    if scale > 0:  # the first round, since extreme outliers would hide others
         regular = np.abs(y - center) < 5.0 * scale
     for _ in range(ROUNDS):
         for i in range(y.size):
@@ -160,8 +160,9 @@ def _against_siblings(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def merge(folder: str | os.PathLike) -> Population:
     """Return the population of every type and joint: the mean robot, and the spread between robots.
 
-    By the method of moments for random effects (DerSimonian & Laird 1986): what the robots' means scatter is the spread between
-    robots and what each scatters about its mean. All in logarithms of the constant and the viscous part at the median temperature.
+    By the method of moments for random effects (DerSimonian & Laird 1986): the scatter of the robots' means is the spread
+    between robots plus the error of each mean. All values are logarithms of the constant and the viscous part at the median
+    temperature.
 
     Args:
         folder: of the results.

@@ -1,4 +1,4 @@
-"""A population as a document: what robots of a type have in common, robots drawn from it, and what it says of the next one."""
+"""A population as a document: the statistics of a type of robot, random robots drawn from it, and its use as a prior."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Member(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One joint of one type.
 
     Attributes:
-        type: of the robots; empty where nobody said.
+        type: of the robots; empty if unknown.
         joint: its name.
         unit: `rad` or `m`.
         robots: number of robots.
@@ -48,7 +48,8 @@ class Member(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def posterior(
         self, constant: float, viscous: float, covariance: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return constant and viscous part of a robot after one log, the population being its prior, (2,), and covariance, (2, 2).
+        """Return constant and viscous part of a robot after one log, with the population as prior, (2,), and covariance, (2,
+        2).
 
         Args:
             constant: of the log [N.m or N].
@@ -107,7 +108,7 @@ class Population:
         return _model(members, [np.array(one.mean) for one in members])
 
     def sample(self, count: int, *, type: str = "", seed: int = 0) -> list[FrictionModel]:
-        """Return robots of a type as the population has them.
+        """Return random robots of a type, drawn from the population.
 
         Args:
             count: number of robots.

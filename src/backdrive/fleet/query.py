@@ -1,4 +1,4 @@
-"""Questions in SQL about the results: tables in memory, and a database that reaches nothing else."""
+"""SQL queries of the results: tables in memory, in a database without access to anything else."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def run_query(folder: str | os.PathLike, sql: str, *, most: int = 1000) -> Answe
         most: rows that are returned.
 
     Raises:
-        InvalidInput: it is no single SELECT, is wrong, or asks for something outside the tables.
+        InvalidInput: it is not a single SELECT, is invalid, or reads something outside the tables.
     """
     duckdb = require("duckdb", "SQL needs", "fleet")
     store = Store.open(folder)
@@ -59,7 +59,7 @@ def run_query(folder: str | os.PathLike, sql: str, *, most: int = 1000) -> Answe
         statements = database.extract_statements(sql)
         if len(statements) != 1 or statements[0].type != duckdb.StatementType.SELECT:
             raise InvalidInput(
-                "That is not one SELECT.", remedy="Ask one question: the results are not changed by SQL."
+                "That is not one SELECT.", remedy="Write a single SELECT; SQL cannot change the results."
             )
         cursor = database.execute(sql)
         names = tuple(column[0] for column in cursor.description or ())
@@ -67,7 +67,8 @@ def run_query(folder: str | os.PathLike, sql: str, *, most: int = 1000) -> Answe
     except duckdb.Error as error:
         raise InvalidInput(
             f"{type(error).__name__}: {str(error).strip()[:500]}",
-            remedy="Only the tables `results` and `failures` can be asked; DESCRIBE is: SELECT * FROM results LIMIT 1.",
+            remedy="Only the tables `results` and `failures` can be queried. Instead of DESCRIBE, use: SELECT * FROM results "
+            "LIMIT 1.",
         ) from error
     finally:
         database.close()

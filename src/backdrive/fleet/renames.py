@@ -9,7 +9,7 @@ from backdrive.fleet.store import Store
 
 
 def recognise_renames(store: Store, entries: Sequence[LogEntry]) -> tuple[Store, list[str]]:
-    """Recognise robots that were renamed: all their logs are there under another name, and none under the former one."""
+    """Recognise robots that were renamed: all their logs exist under a new name, and none under the former one."""
     known = store.raw(["digest", "path", "robot"])
     here = {entry.path for entry in entries}
     owners: dict[str, set[tuple[str, bool]]] = {}

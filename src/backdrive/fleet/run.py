@@ -1,4 +1,4 @@
-"""A run over a fleet: what is new is cut into batches, done by workers, and told; what is there is left alone."""
+"""A run over a fleet: new logs are cut into batches, processed by workers and reported; existing results are kept."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from backdrive.fleet.work import Batch, do_batch, failure, tag_of
 
 BYTES = 8 << 20  # of logs in a batch, about a second and a half of work [B]
 LOGS = 64  # in a batch at most
-IN_FLIGHT = 4  # batches a worker that the scheduler knows of at a time, and as many again
+IN_FLIGHT = 4  # batches in flight: so many per worker, and as many more
 NOBODY = clusters.Credentials()
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What a run did.
+    """The outcome of a run.
 
     Attributes:
         logs: that the source holds.
         done: of them in this run.
         failed: of those.
-        kept: that were done before.
+        kept: logs with results from earlier runs.
         seconds: wall time [s].
-        work: processor's time of the workers in batches [s].
-        sentences: what a person should know.
+        work: processor time of the workers in batches [s].
+        sentences: remarks for the user.
     """
 
     logs: int
@@ -48,7 +48,7 @@ class Outcome:
 
 @dataclass
 class Tally:
-    """What is done so far, for a line of progress."""
+    """The progress so far, for a progress line."""
 
     total: int
     done: int = 0
@@ -105,12 +105,12 @@ def run_fleet(  # noqa: PLR0913  (its options are given by keyword)
         credentials: for that.
         insecure: allow plain tcp to another host.
         shard: i of n: only this part of the logs, for job arrays.
-        batch: logs that one task does at most.
-        retry: do logs that failed once more.
+        batch: largest number of logs in one task.
+        retry: try again the logs that failed.
         progress: called with a sentence now and then.
 
     Raises:
-        BackdriveError: source, output, options or cluster cannot be used; what was done is kept.
+        BackdriveError: source, output, options or cluster cannot be used; finished results are kept.
     """
     say = progress or (lambda sentence: None)
     begun = monotonic()
@@ -163,7 +163,7 @@ def _version() -> str:
 
 
 def cut(entries: Sequence[LogEntry], tag: str, most: int = LOGS) -> Iterator[Batch]:
-    """Yield batches of about equal work, each of one month; the same for the same logs, however many workers there are.
+    """Yield batches of about equal work, each of one month. They depend on the logs only, not on the number of workers.
 
     Args:
         entries: in the order of their paths.
@@ -192,7 +192,7 @@ def _batch(month: str, entries: Sequence[LogEntry], tag: str) -> Batch:
 
 
 def _pending(store: Store, entries: Sequence[LogEntry], retry: bool) -> list[LogEntry]:
-    """Return the logs that are not done; rows of a file as it was before it changed are removed."""
+    """Return the logs without results; rows of a file that has changed since are removed."""
     import numpy as np
 
     stamps = {entry.path: entry.stamp for entry in entries}
@@ -228,7 +228,9 @@ def _work(
     tally: Tally,
     say: Callable[[str], None],
 ) -> None:
-    """Do the batches, at most some in flight; a batch that kills its worker is done log by log, and the log is named."""
+    """Process the batches, with a limited number in flight. A batch that kills its worker is repeated log by log, and the log
+    at fault is named.
+    """
     distributed = require("distributed", "A fleet needs", "fleet")
     folder = str(store.folder.resolve())
     queue = iter(batches)
@@ -259,7 +261,7 @@ def _work(
         else:  # cancelled or lost
             raise InvalidInput(
                 "The scheduler is gone, or has forgotten its work.",
-                remedy="Run again: what was done is kept.",
+                remedy="Run again: finished results are kept.",
             )
         future.release()
         say(str(tally))
@@ -273,7 +275,7 @@ def _counts(result: Mapping[str, Any]) -> dict[str, Any]:
 def _again(
     error: BaseException, batch: Batch, store: Store, tally: Tally, submit: Callable[[Batch], None]
 ) -> None:
-    """Deal with a batch that has failed as a whole: its logs one by one, and of a single one a row that says why.
+    """Handle a batch that failed as a whole: repeat its logs one by one; for a single log, write a row with the reason.
 
     Raises:
         WriteError: nothing can be written any more.

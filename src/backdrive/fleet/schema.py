@@ -1,4 +1,4 @@
-"""The columns of a fleet's results, their version, and how older results become current ones."""
+"""The columns of a fleet's results, their version, and the conversion of older results."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 VERSION = 1
 KEY = b"backdrive.fleet.schema"
 
-#: Schema version -> what makes the next one of a table. The first version has none before it.
+#: Schema version -> function that converts a table to the next version.
 MIGRATIONS: Mapping[int, Callable[[Any], Any]] = {}
 
 TEXTS = ("digest", "path", "stamp", "tag", "version", "robot", "type", "joint", "unit", "method", "law", "grade",
@@ -66,7 +66,7 @@ def check_version(version: object, place: object) -> int:
     """
     if not isinstance(version, int) or isinstance(version, bool) or version < min([VERSION, *MIGRATIONS]):
         raise ModelFileError(
-            f"{place} states the schema {version!r}, which is none of a fleet's results.",
+            f"{place} has the schema {version!r}, which is not one of a fleet's results.",
             remedy="Name the folder that `backdrive fleet ... -o` wrote.",
         )
     if version > VERSION:

@@ -1,12 +1,12 @@
-"""A fleet to try things on: joints that wear, warm with the seasons, carry payloads, get new gears, break and change names.
+"""A simulated fleet for tests: joints wear, warm with the seasons, carry payloads, get new gears, break and change names.
 
 The friction of a joint on a day is
 
     tau_f = g(day) exp(-k (T - 25)) (1 + e(day)) (F_c sign(v) + F_v v)
 
-with g the wear (1 before its onset, then a ramp or a step), k from the season's amplitude, T the temperature of the day in degC,
-and e an AR(1) noise from day to day. a log is a multisine with the torque of the inverse dynamics. Nothing of this package
-identifies or simulates here, so that the numbers are a truth to test against.
+with g the wear (1 before its onset, then a ramp or a step), k from the season's amplitude, T the temperature of the day in
+degC, and e an AR(1) noise from day to day. A log is a multisine with the torque of the inverse dynamics. This module uses no
+identification or simulation of the package, so its numbers are an independent ground truth.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ MEAN = 25.0  # temperature over the year [degC]
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Something that happens to a robot or to one of its joints.
+    """An event in the life of a robot or of one of its joints.
 
     Attributes:
         kind: `wear` grows friction by `size` over `length` days, `exchange` multiplies it at once by 1 + `size`, `payload` adds
@@ -54,17 +54,17 @@ class Event:
 
 @dataclass(frozen=True, kw_only=True)
 class FleetSimulation:
-    """A fleet whose every number is known.
+    """A simulated fleet with known parameters.
 
     Attributes:
         robots: number of robots, all of one type.
         joints: joints of each.
         days: length of the history.
         first: its first day.
-        seed: of everything that is drawn.
+        seed: of all random numbers.
         repeatability: standard deviation of a day's friction about its truth [-].
         correlation: of that from one day to the next [-].
-        season: share by which friction falls from the coldest to the warmest time of the year, half of it [-].
+        season: half of the relative decrease of friction from the coldest to the warmest time of the year [-].
         spread: standard deviation of friction from robot to robot [-].
         events: what happens.
     """
@@ -93,7 +93,7 @@ class FleetSimulation:
             )
 
     def draws(self, *place: int) -> np.random.Generator:
-        """Return the generator of a place in the fleet, the same whatever was drawn before."""
+        """Return the random generator of one part of the fleet, independent of other draws."""
         return np.random.default_rng([self.seed, *place])
 
     def day(self, number: int) -> date:
@@ -101,13 +101,13 @@ class FleetSimulation:
         return self.first + timedelta(days=number)
 
     def name(self, robot: int, day: int) -> str:
-        """Return what a robot is called on a day."""
+        """Return a robot's name on a day."""
         new = any(e.kind == "rename" and e.robot == robot and day >= e.day for e in self.events)
         return f"robot{robot:03d}{'-new' if new else ''}"
 
     @cached_property
     def temperature(self) -> np.ndarray:
-        """Temperature of every robot on every day [degC], (robots, days): the season, the weather, and where the robot stands."""
+        """Temperature of every robot on every day [degC], (robots, days): the season, the weather, and the robot's location."""
         turn = np.array([2.0 * np.pi * self.day(d).timetuple().tm_yday / 365.25 for d in range(self.days)])
         weather = self.ar1_noise(self.draws(1), (self.days,), 0.7) * WEATHER
         places = self.draws(2).normal(0.0, 2.0, (self.robots, 1))
@@ -123,7 +123,7 @@ class FleetSimulation:
         return noise
 
     def growth(self, robot: int, joint: int) -> np.ndarray:
-        """Return by which factor wear and exchanges have changed a joint's friction [-], (days,)."""
+        """Return the factor by which wear and exchanges have changed a joint's friction [-], (days,)."""
         days, factor = np.arange(self.days), np.ones(self.days)
         for e in self.events:
             if e.robot != robot or e.joint not in (-1, joint):
@@ -203,7 +203,9 @@ class FleetSimulation:
 
 
 def example(*, robots: int = 20, joints: int = 1, days: int = 120, seed: int = 0) -> FleetSimulation:
-    """Return a fleet in which everything happens once: wear, a new gear, a payload, a robot that breaks and one that is renamed."""
+    """Return a fleet in which each kind of event occurs once: wear, a new gear, a payload, a robot that breaks and one that
+    is renamed.
+    """
     third, half = days // 3, days // 2
     kinds: tuple[Event, ...] = (
         Event(kind="wear", robot=1, joint=0, day=half, size=0.2, length=max(1, days - half)),

@@ -1,4 +1,4 @@
-"""Which logs a fleet has: a folder, a pattern, a manifest or an object store, with the robot, type and day of each."""
+"""The logs of a fleet, from a folder, a pattern, a manifest or an object store, with robot, type and day of each."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MOST_MANIFEST = 4 << 30  # [B]
 
 @dataclass(frozen=True, slots=True)
 class LogEntry:
-    """A log that is there to be identified.
+    """A log to be identified.
 
     Attributes:
         path: of the file, or its address in an object store.
@@ -58,8 +58,8 @@ def list_logs(
         shard: i of n: only every log whose path falls into this part.
 
     Raises:
-        ReadError: there is no such source, it holds no log, or a manifest names what is not there.
-        InvalidInput: a manifest's columns or cells are none that it may have.
+        ReadError: there is no such source, it contains no log, or a manifest names a missing file.
+        InvalidInput: a manifest has invalid columns or cells.
     """
     several = [source] if isinstance(source, (str, os.PathLike)) else list(source)
     every: dict[str, LogEntry] = {}
@@ -138,7 +138,7 @@ def _entry(
     type: str = "",
     day: str = "",
 ) -> LogEntry:
-    """Return an entry, what is not known taken from its path below the source, or from the time of its last change."""
+    """Return an entry; unknown fields follow from its path below the source, or from the time of its last change."""
     parts = PurePosixPath(inside.replace(os.sep, "/")).parts
     dates = [*DATE.finditer(inside)]  # the last one counts: folders may name the year before
     if not robot:
@@ -165,7 +165,7 @@ def _day(text: str, place: str) -> date:
 
 
 def _is_manifest(path: str) -> bool:
-    """Return whether a table's header has a column `path`: what has none is a log."""
+    """Return whether a table's header has a column `path`; a table without one is a log."""
     if Path(path).suffix.lower() == ".manifest":
         return True
     try:

@@ -1,4 +1,4 @@
-"""What a folder of results holds, in numbers and sentences."""
+"""Summary of a folder of results, in numbers and sentences."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any
 from backdrive.fleet.merging import copies
 from backdrive.fleet.store import Store
 
-EARLIEST = date(2000, 1, 1)  # a day before is that of a clock that was not set
+EARLIEST = date(2000, 1, 1)  # earlier days come from a clock that was not set
 LISTED = 5  # names in a sentence
 
 
 def status(folder: str | os.PathLike) -> dict[str, Any]:
-    """Return counts, failures by kind with an example of each, and sentences on what is remarkable.
+    """Return counts, failures by kind with an example of each, and remarks.
 
     Args:
         folder: of the results.
@@ -45,11 +45,11 @@ def status(folder: str | os.PathLike) -> dict[str, Any]:
     sentences += [f"{failures.num_rows} logs failed."] if failures.num_rows else []
     if same:
         pairs = "; ".join(f"{copy} as {first}" for first, copy in same[:LISTED])
-        sentences.append(f"{len(same)} logs have the content of another one and count once: {pairs}.")
+        sentences.append(f"{len(same)} logs are copies of others and count once: {pairs}.")
     if wrong:
         names = "; ".join(f"{robot} on {day}" for robot, day in wrong[:LISTED])
         sentences.append(
-            f"{len(wrong)} days are none (a clock that was not set): {names}; left out of trends."
+            f"{len(wrong)} dates are impossible (a clock that was not set): {names}; left out of trends."
         )
     sentences += [f"Robot '{old}' is now '{new}'." for old, new in store.names.items()]
     return {
@@ -68,7 +68,7 @@ def status(folder: str | os.PathLike) -> dict[str, Any]:
 
 
 def odd_days(table: Any) -> list[tuple[str, date | None]]:
-    """Return robots and days that no recording can have: before 2000, or after tomorrow."""
+    """Return robots and impossible dates: before 2000, or after tomorrow."""
     latest = datetime.now(UTC).date() + timedelta(days=1)
     rows = set(zip(table.column("robot").to_pylist(), table.column("day").to_pylist(), strict=True))
     odd = [(robot, day) for robot, day in rows if day is None or not EARLIEST <= day <= latest]

@@ -1,11 +1,11 @@
-"""The results of a fleet: Parquet in a folder a month, one file a batch, each whole or not there, read as one table.
+"""The results of a fleet: Parquet files in a folder per month, one file per batch, written atomically and read as one table.
 
     results/fleet.json                          schema, options, names that robots had before
     results/logs/month=2026-03/BATCH.parquet    rows of `schema.schema()`
     results/torn/                               files that were no whole Parquet, set aside
 
-The same log may be there twice: done by two clients at once, copied, or done again by another version. Read is one of them: by
-the present options and version, or else the newest, and of copies the one whose path comes first. So nothing is doubled.
+A log may have several results: from two clients at once, from a copy, or from another version. Only one of them is read: that
+of the present options and version, or else the newest; of copies the one with the first path.
 """
 
 from __future__ import annotations
@@ -91,13 +91,13 @@ class Store:
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise ModelFileError(
                 f"{head} is damaged ({error}).",
-                remedy="Remove it; the next run writes it again, without names.",
+                remedy="Remove it; the next run writes it again, without the recorded renames.",
             ) from error
         schema.check_version(content.get("schema"), head)
         return cls(place, names=names, **known)
 
     def save(self) -> None:
-        """Write what `fleet.json` holds."""
+        """Write `fleet.json`."""
         content = {"kind": KIND, "schema": schema.VERSION, "tag": self.tag, "version": self.version}
         content |= {"options": self.options, "names": dict(sorted(self.names.items()))}
         write_whole(self.folder / HEAD, json.dumps(content, indent=1) + "\n")
@@ -135,8 +135,8 @@ class Store:
             if isinstance(error, ModelFileError):
                 raise
             raise IncompleteResults(
-                f"{part} is no whole Parquet file ({str(error)[:200]}).",
-                remedy="The next run sets it aside and does its logs again.",
+                f"{part} is not a complete Parquet file ({str(error)[:200]}).",
+                remedy="The next run moves it aside and identifies its logs again.",
             ) from error
         table = schema.current(table, version) if whole else table
         return table.select(list(columns)) if columns is not None else table
@@ -151,7 +151,9 @@ class Store:
         return pa.concat_tables(tables)
 
     def table(self, *, failures: bool = False) -> pa.Table:
-        """Return one row a joint of a log, or the failures, nothing doubled, under present names, by robot, joint, day and path."""
+        """Return one row for each joint of a log, or the failures, without duplicates, with present names, sorted by robot,
+        joint, day and path.
+        """
         from backdrive.fleet.merging import once
 
         return once(self.raw(), self.tag, self.names, failures=failures)
@@ -165,7 +167,9 @@ class Store:
             except IncompleteResults:
                 folder = make_folder(self.folder / "torn", "-o")
                 set_aside(part, folder)
-                sentences.append(f"{part.name} was torn: set aside in {folder}, its logs are done again.")
+                sentences.append(
+                    f"{part.name} was incomplete: it was moved to {folder}, and its logs are identified again."
+                )
         return sentences
 
     def drop(self, condition: Callable[[pa.Table], Any]) -> int:
@@ -210,7 +214,8 @@ class Store:
 
     @contextmanager
     def lock(self, shard: tuple[int, int] = (1, 1)) -> Iterator[None]:
-        """Hold the folder, or a shard of it, against a second run; shards do not stop each other. Gone with the process.
+        """Lock the folder, or a shard of it, against a second run; different shards do not exclude each other. The lock ends
+        with the process.
 
         Raises:
             InvalidInput: another run holds it.
@@ -232,8 +237,8 @@ class Store:
                     fcntl.flock(handle, kind | fcntl.LOCK_NB)
                 except BlockingIOError as error:
                     raise InvalidInput(
-                        f"Another run is at work on {self.folder}.",
-                        remedy="Wait for its end; what it does is kept.",
+                        f"Another run is using {self.folder}.",
+                        remedy="Wait until it ends; its results are kept.",
                     ) from error
             yield
         finally:

@@ -1,4 +1,6 @@
-"""What a worker does: a batch of logs through reading, health, identification and validation, to one file of rows."""
+"""The work of one worker: reading, health checks, identification and validation of a batch of logs, with one file of rows as
+result.
+"""
 
 from __future__ import annotations
 
@@ -19,13 +21,13 @@ if TYPE_CHECKING:
     from backdrive.identification import Identification
 
 LINE = 20  # speeds at which the line through a curve is taken
-SLOWEST = 0.05  # share of the top speed below which it is not [-]
+SLOWEST = 0.05  # lower end of these speeds, as a share of the top speed [-]
 MOST_TEXT = 2000  # of a message or a warning [characters]
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Logs of one month that one task does.
+    """Logs of one month that one task processes.
 
     Attributes:
         name: of its file, the same for the same logs and options.
@@ -39,7 +41,7 @@ class Batch:
 
 
 def tag_of(options: Mapping[str, Any]) -> str:
-    """Return the digest of options, version and schema by which a result is known."""
+    """Return the digest of options, version and schema that identifies a result."""
     import hashlib
 
     from backdrive import __version__
@@ -58,7 +60,7 @@ def do_batch(batch: Batch, options: Mapping[str, Any], folder: str) -> dict[str,
         folder: of the results.
 
     Returns:
-        How many logs were done and how many failed, and the processor's time [s].
+        Number of logs with results, number of failed logs, and processor time [s].
 
     Raises:
         WriteError: the rows cannot be written.
@@ -77,7 +79,7 @@ def do_batch(batch: Batch, options: Mapping[str, Any], folder: str) -> dict[str,
 
 
 def do_log(entry: LogEntry, options: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the rows of a log: one a joint, or one that says why there is none."""
+    """Return the rows of a log: one for each joint, or one with the reason of the failure."""
     digest = ""
     try:
         with local_copy(entry) as path, warnings.catch_warnings():
@@ -91,7 +93,7 @@ def do_log(entry: LogEntry, options: Mapping[str, Any]) -> list[dict[str, Any]]:
         ]
     except BackdriveError as error:
         return [failure(entry, type(error).__name__, error.message, error.remedy, digest)]
-    except Exception as error:  # a fault of ours in one log must not stop the others
+    except Exception as error:  # an internal fault in one log must not stop the others
         return [
             failure(entry, "InternalError", f"{type(error).__name__}: {error}", "Please report it.", digest)
         ]
@@ -127,7 +129,7 @@ def local_copy(entry: LogEntry) -> Iterator[str]:
 
 
 def check_for_changes(entry: LogEntry) -> None:
-    """Refuse a local file that has changed since it was listed: somebody is still writing it.
+    """Refuse a local file that has changed since it was listed: it is still being written.
 
     Raises:
         ReadError: it has.
@@ -151,14 +153,14 @@ def _digest(path: str) -> str:
 
 
 def _identify_log(path: str, options: Mapping[str, Any]) -> Identification:
-    """Return what a log gives; its reader is a process of its own, which a failure ends."""
+    """Return the result of a log; it is read in a separate process, which ends after a failure."""
     from backdrive.identification import identify
     from backdrive.logs.readers import guard, read_log
 
     try:
         log = read_log(path, **options.get("reading", {}))
     except BackdriveError:
-        guard.default_guard().close()  # what a damaged file did to its reader must not reach the next one
+        guard.default_guard().close()  # a damaged file's effect on its reader must not affect the next one
         raise
     return identify(log, **options.get("identification", {}))
 
@@ -230,7 +232,7 @@ def _number(value: Any) -> float | None:
 
 
 def _error(errors: Mapping[str, Any], name: str) -> float | None:
-    """Return the standard error of the mean of both directions, whose errors go together at worst."""
+    """Return the standard error of the mean of both directions, for fully correlated errors, the worst case."""
     both = [errors.get(f"{name}_{way}") for way in ("positive", "negative")]
     values = [v for v in map(_number, both) if v is not None]
     return sum(values) / len(values) if values else None

@@ -1,4 +1,4 @@
-"""Where in a log its plan begins, as a person says or by the lag at which planned and measured motion fit best; how fast it ran."""
+"""The instant in a log at which its plan begins, given or found by correlation; and the speed at which the plan was run."""
 
 from __future__ import annotations
 
@@ -14,24 +14,27 @@ from backdrive.identification.sweep_windows import turning_points
 from backdrive.logs.log import Log
 
 ALIKE = 0.8  # least correlation of planned and measured velocity [-]
-APART, EQUAL = 0.05, 0.98  # another begin that fits lies so far away by the plan, and is so much alike [-]
+APART, EQUAL = (
+    0.05,
+    0.98,
+)  # a second begin is reported if it lies further away (share of the plan) and correlates as well (share of the best) [-]
 MOST = 1 << 19  # samples of the lag's grid
 
 FEWEST_REVERSALS = 4  # in the motion and in its plan alike
-OVERLAP = 0.7  # of the reversals that both have [-]
-STROKES = (0.1, 0.2, 0.3)  # of the travel: shorter ways back are no reversals [-]
-UNEVEN = 0.1  # of the way between two reversals, by which these may lie elsewhere [-]
+OVERLAP = 0.7  # least share of matching reversals, of those in both [-]
+STROKES = (0.1, 0.2, 0.3)  # share of the travel: shorter motions back are not reversals [-]
+UNEVEN = 0.1  # tolerance of a reversal's place, by the distance between two reversals [-]
 
 Start = float | Literal["auto"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tempo:
-    """A motion by its plan.
+    """The ratio of a motion to its plan.
 
     Attributes:
-        duration: of the motion, by the log's clock, over that of the plan [-].
-        stroke: of the motion over that of the plan [-]; negative where it goes the other way.
+        duration: duration of the motion by the log's clock, divided by the plan's [-].
+        stroke: stroke of the motion divided by the plan's [-]; negative if the motion has the opposite direction.
     """
 
     duration: float
@@ -39,7 +42,7 @@ class Tempo:
 
 
 def with_plan(log: Log, plan: Any, start: Start) -> Log:
-    """Return a log linked to its plan, which begins where in the log it was run.
+    """Return a log linked to its plan, shifted to the instant at which the plan was run.
 
     Args:
         log: with position or velocity.
@@ -48,12 +51,10 @@ def with_plan(log: Log, plan: Any, start: Start) -> Log:
 
     Raises:
         InvalidInput: the start is no time within the log, or the plan is not one of positions.
-        NotIdentifiable: no lag makes the planned motion like the measured one.
+        NotIdentifiable: the planned motion correlates with the measured one at no lag.
     """
     if plan is None:
-        raise InvalidInput(
-            "--start, and no plan that could begin there.", remedy="Give --plan (in Python plan=)."
-        )
+        raise InvalidInput("--start was given without a plan.", remedy="Give --plan (in Python plan=).")
     if start == "auto":
         lag, alike, other = best_lag(log, plan)
         told = f"by the motion (correlation {alike:.3f})"
@@ -77,10 +78,10 @@ def with_plan(log: Log, plan: Any, start: Start) -> Log:
 def best_lag(log: Log, plan: Any) -> tuple[float, float, float | None]:
     """Return the time from a log's first sample to the begin of its plan [s], and the correlation of the velocities there [-].
 
-    The third is another such time at which the plan fits as well, None where there is none: the log may hold it twice.
+    The third value is another time at which the plan fits as well, or None. The log may contain the motion twice.
 
-    The lag is where the cross-correlation of planned and measured velocity is largest, summed over the joints of the plan; with
-    a plan of one joint that the log does not name, over the joint that fits best.
+    The lag maximizes the cross-correlation of planned and measured velocity, summed over the joints of the plan. If the plan
+    has one joint and the log does not name it, the joint that correlates best is used.
 
     Raises:
         InvalidInput: the plan is not one of positions, or the log has no clock.
@@ -90,7 +91,7 @@ def best_lag(log: Log, plan: Any) -> tuple[float, float, float | None]:
 
     if getattr(plan, "commands", "") != "position":
         raise InvalidInput(
-            "The start of a plan of torques does not show in the motion.", remedy="Give --start SECONDS."
+            "The start of a torque plan cannot be found from the motion.", remedy="Give --start SECONDS."
         )
     step = max(log.period, (log.duration + plan.duration) / MOST) if len(log) > 1 else 0.0
     if not step > 0.0:
@@ -124,14 +125,15 @@ def best_lag(log: Log, plan: Any) -> tuple[float, float, float | None]:
             other = (rival - (instants.size - 1)) * step if equal else None
     if not best[1] >= ALIKE:
         raise NotIdentifiable(
-            f"The log does not hold the motion of its plan: their velocities correlate by {max(best[1], 0.0):.2f} at best.",
+            f"The log does not contain the motion of its plan: the velocities correlate by {max(best[1], 0.0):.2f} "
+            f"at most.",
             remedy="Link the log to the plan that was run, give --start SECONDS, or leave the plan out.",
         )
     return (*best, other)
 
 
 def tempo(log: Log, joint: str, plan: Any) -> Tempo | None:
-    """Return how a joint's motion compares with its plan; None where its reversals are not those of the plan.
+    """Return the ratio of a joint's motion to its plan; None if the reversals of the two do not match.
 
     Reversals are compared one by one, whatever the delay; where one side has some more, the overlap that fits best counts.
 

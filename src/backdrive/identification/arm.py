@@ -1,7 +1,7 @@
 """A whole arm at once: rigid bodies by their base parameters, and every joint's friction beside them.
 
-What is fitted is in `arm_terms`, how in `arm_solve`, and what makes it suspect in `arm_checks`. Torque is judged where it is
-measured, rests included; it is fitted only while a joint moves, since friction at rest may be anything.
+What is fitted is in `arm_terms`, how in `arm_solve`, and what makes it suspect in `arm_checks`. All measured torque is
+evaluated, rests included. Only the torque of a moving joint is fitted, since friction at rest is undetermined.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from backdrive.logs.log import Joint, Log
 from backdrive.model import Actuator, ArmModel, Covariance, JointFriction, Validity
 from backdrive.robot import Robot, load_robot
 
-SIGNIFICANT = 2.0  # load friction of fewer standard errors is taken to be none
+SIGNIFICANT = 2.0  # load friction smaller than this is set to zero [standard error]
 
 __all__ = ["identify_arm", "predict_arm", "validate_arm"]
 
@@ -60,14 +60,14 @@ def identify_arm(
         urdf: path of the robot description, or the robot read from it; joints are matched by name.
         held_out: logs to judge on, not fitted; without any, a quarter of `logs` in contiguous blocks.
         cutoff: low pass of the position before differentiation [Hz]; None: 20.
-        load_friction: estimate friction in proportion to the torque that the bodies ask for.
+        load_friction: estimate friction proportional to the torque that the bodies require.
 
     Returns:
         Friction and evidence by joint, in the log's order; and the bodies, in the URDF's. `dynamics` of a joint holds
         `inertia` that the motor adds, `offset` of the torque, `transition`, the velocity within which friction changes
-        sign, and `time_slip` of the torque where one is told from none; friction per transmitted torque is the growth of its
-        law, zero with its error where it cannot be told from that.
-        The evidence's torques are low-passed at 5 Hz, as they are judged.
+        sign, and `time_slip` of the torque if one is significant. Friction per transmitted torque is the growth of its law;
+        if it is not significant, it is zero with its standard error. The evidence's torques are low-passed at 5 Hz, as they
+        are judged.
 
     Raises:
         InvalidInput: joints, units or channels do not fit.
@@ -115,7 +115,9 @@ def identify_arm(
     found = np.array(
         [own[-1] > SIGNIFICANT * e[-1] for own, e in zip(solution.own, solution.errors, strict=True)]
     )
-    if np.any(loaded & ~found):  # what cannot be told from zero is left out, and the rest fitted again
+    if np.any(
+        loaded & ~found
+    ):  # terms that are not significant are left out, and the others are fitted again
         loaded &= found
         solution = solve_arm(rows, robot, terms, refill, loaded)
     theta, distance = standard_parameters(robot, solution.beta, spread_of(robot), solution.bodies)
@@ -176,8 +178,8 @@ def _friction(
 ) -> JointFriction:
     """Put one joint's coefficients into its law; a last, level section holds the curve constant beyond the top speed.
 
-    Growth with the load that cannot be told from zero is zero, with the standard error that it has: under loads that the motion
-    did not show, it is unknown, not absent.
+    A growth with the load that is not significant is set to zero but keeps its standard error: under larger loads than in
+    this motion it is unknown, not absent.
     """
     own, error, k = solution.own[j], solution.errors[j], terms.knots.size
     values = {"positive": own[:k], "negative": own[k : 2 * k]}

@@ -1,4 +1,4 @@
-"""What makes an arm's result suspect: torque of inverted sign, too little motion, terms at a bound."""
+"""Checks of an arm's result: inverted torque, too little motion, terms at a bound."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from backdrive.identification.arm_terms import Rows, Terms
 from backdrive.identification.evidence import sentences
 from backdrive.robot import PER_LINK, Robot
 
-TELLING = 0.05  # friction below this share of a joint's torque does not tell the torque's sign [-]
+TELLING = 0.05  # friction below this share of a joint's torque is too small to show the torque's sign [-]
 ILL = 1000.0  # condition number above which the motion is called poor [-]
-GUESSED = 0.5  # a base parameter is guessed when the data took away less than this of its prior variance [-]
+GUESSED = 0.5  # a base parameter counts as undetermined if the data reduce its prior variance by less than this share [-]
 SLOW = (
     0.02  # a joint whose top speed is below this share of the fastest of its kind shows little friction [-]
 )
-SURE = 3.0  # a bound that the data pull at by fewer standard errors is not worth a remark
+SURE = 3.0  # a term at a bound gets a remark if its free estimate lies beyond the bound by more than this [standard error]
 ONE_WAY = 0.1  # a direction with less than this share of the moving time is hardly seen [-]
 LARGE_OFFSET = 0.3  # of the mean friction; beyond it, the offset is worth a remark [-]
 
 
 def refuse_inversion(rows: Rows, robot: Robot, terms: Sequence[Terms]) -> None:
-    """Raise where friction would feed a joint: the torque points the other way.
+    """Raise an error if friction would drive a joint, which shows that the torque's sign is inverted.
 
-    Each joint is fitted alone, with its bodies free in sign, so that a joint with inverted torque cannot spoil the verdict on
-    the others. A motion too poor for that refuses nobody.
+    Each joint is fitted alone, with bodies of either sign, so that a joint with inverted torque does not affect the check of
+    the others. If the motion is too poor for that fit, no joint is refused.
 
     Args:
         rows: filtered and thinned.
@@ -68,15 +68,15 @@ def refuse_inversion(rows: Rows, robot: Robot, terms: Sequence[Terms]) -> None:
 
 
 def impossible(distance: float) -> tuple[str, ...]:
-    """Return what is to be said where no bodies have the base parameters that fit best, nor any within their errors.
+    """Return a warning if no physical bodies have base parameters within the errors of the fitted ones.
 
     Args:
         distance: of possible ones, squared, by the errors' 95 % [-].
     """
     sentence = (
-        f"No bodies of positive mass give the arm's torques (the nearest are {np.sqrt(distance):.1f} times beyond the errors): a "
-        "term is missing, such as friction that lags or torque that is late. Torques are predicted as they fit best; single "
-        "masses and inertias mean nothing."
+        f"No bodies of positive mass give the arm's torques (the nearest ones deviate by {np.sqrt(distance):.1f} "
+        f"times the errors). The model lacks a term, such as frictional lag or a delay of the torque. Predicted "
+        f"torques are still those of the best fit; single masses and inertias have no meaning."
     )
     return sentences((distance > 1.0, sentence))
 
@@ -104,15 +104,15 @@ def _remarks_of(
         (top < SLOW * fastest, f"It moves at no more than {top:.2g} {unit}/s: the curve ends there."),
         (
             ways.min() < ONE_WAY * ways.sum(),
-            "It moves almost only one way: the curve of the other is taken from that one.",
+            "It moves almost only in one direction: the curve of the other direction was copied from that one.",
         ),
         (
             np.any(pushed[: 2 * k] > SURE),
-            "Its friction came out zero at some speed: another term may have taken its place.",
+            "Its friction is zero at some speed: another term may have absorbed it.",
         ),
         (
             pushed[2 * k + 1] > SURE,
-            "The motor's inertia ended at zero: friction that lags behind the velocity, or torque that is late, hides it.",
+            "The motor's inertia was estimated as zero: frictional lag or a delay of the torque may hide it.",
         ),
         (
             abs(offset) > LARGE_OFFSET * mean,
@@ -121,7 +121,8 @@ def _remarks_of(
         ),
         (
             bodiless,
-            "The description gives its link no mass or inertia: what the motion does not tell of it is taken for nothing.",
+            "The description gives its link no mass or inertia: values that the motion does not determine were set "
+            "to zero.",
         ),
         (
             guessed,
@@ -129,7 +130,8 @@ def _remarks_of(
         ),
         (
             solution.condition > ILL and j == 0,
-            f"The motion excites the bodies poorly (condition number {solution.condition:.0f}): record a livelier one.",
+            f"The motion excites the bodies poorly (condition number {solution.condition:.0f}): record a motion "
+            f"with larger accelerations and more postures.",
         ),
-        (own[-1] >= 1.0, "Load friction ended at 100 %: check the torque's unit and the URDF."),
+        (own[-1] >= 1.0, "Load friction reached its bound of 100 %: check the torque's unit and the URDF."),
     )

@@ -1,15 +1,15 @@
-"""Motors that drive several joints, seen in the residual of a fit that took each to drive one.
+"""Detect motors that drive several joints, from the residual of a fit that assumes one motor per joint.
 
 Where motor k turns with dq_k + d dq_l, its friction F_k acts on joint l as well, d times, and reverses when the motor does:
 
     tau = Y theta + D' (F(D dq) + J D ddq),     D = 1 + d e_k e_l' = C^-1 of q_joint = C q_motor
 
-So the residual of joint l follows F_k. For every ordered pair of joints, the part of F_k that joint l's own columns do not explain
-is regressed on l's residual in all blocks of the log but one; by what that takes off the squared residual of the block left out,
-the most suspicious pairs are chosen. For these, and for each the other way round, that d is sought which makes the residuals of
-both joints least, the bodies' and friction's columns fitted anew. The best of them is tested: the squared residuals of blocks that
-the columns were not fitted on must be less than without the coupling, by Student's distribution over the blocks, at a level that
-all pairs share. Blocks are long beside any correlation of the residual.
+So the residual of joint l follows F_k. For every ordered pair of joints, the residual of l is regressed on the part of F_k
+that l's own columns do not explain. Cross-validation over blocks of the log selects the pairs that lower the squared residual
+most. For these pairs, in both orders, the search finds the d with the smallest residuals of both joints; the columns of
+bodies and friction are fitted anew. The best d is tested: on held-out blocks, the squared residuals must be smaller than
+without the coupling. The test uses Student's distribution over the blocks, at a level corrected for the number of pairs.
+Blocks are longer than the correlation of the residual.
 """
 
 from __future__ import annotations
@@ -31,12 +31,15 @@ from backdrive.logs.filters import low_pass
 FALSE = 0.01  # probability that an arm without couplings gets a remark
 BLOCKS = 10  # of the log
 RIDGE = 1e-6  # of a joint's own columns at unit length, which are many
-LEAST = 0.03  # d that is worth a remark [-]
-LARGEST, STEPS = 1.6, (0.2, 0.02)  # d that is looked for, and steps: the loss has many small valleys [-]
-WIDE = 0.05  # step of derivatives by it, beyond the small valleys [-]
-PAIRS, SUSPECT = 2, 2.0  # that are looked at closely, and from how many standard errors on
+LEAST = 0.03  # smallest d that gets a remark [-]
+LARGEST, STEPS = (
+    1.6,
+    (0.2, 0.02),
+)  # largest d in the search, and its steps: the loss has many local minima [-]
+WIDE = 0.05  # step of numerical derivatives with respect to d, wider than the local minima [-]
+PAIRS, SUSPECT = 2, 2.0  # number of pairs that are searched, and least gain of a pair [standard error]
 FLOOR = 0.01  # error of d where friction follows no curve, as on simulated arms [-]
-WILD = 3.0  # standard deviations beyond which a residual counts no more in the test
+WILD = 3.0  # residuals are limited to so many standard deviations in the test
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,8 +68,9 @@ class CouplingGuess:
         """Return a remark for people."""
         motor, joint = names[self.motor], names[self.joint]
         return (
-            f"The motor of '{motor}' seems to turn along with '{joint}', by {self.value:.2f} +- {NORMAL * self.error:.2g} of its "
-            f"motion: the residual follows that friction (false in {100 * FALSE:.0f} % of arms without). Read the log with "
+            f"The motor of '{motor}' seems to turn with '{joint}' as well, by {self.value:.2f} +- "
+            f"{NORMAL * self.error:.2g} of its motion: the residual follows that motor's friction "
+            f"({100 * FALSE:.0f} % false alarms). Read the log with "
             f"--coupling FILE --coupling-side joint, whose matrix has {-self.value:.3g} in the row of '{motor}' and the column of "
             f"'{joint}', ones on its diagonal."
         )
@@ -131,7 +135,7 @@ def _blocks(n: int) -> np.ndarray:
 
 
 def _unseen(error: np.ndarray, shape: np.ndarray) -> float:
-    """Return by how many standard errors `shape` lowers the squared error of blocks that its factor was not fitted on."""
+    """Return the reduction of the squared error on held-out blocks by `shape` [standard error]."""
     block = _blocks(error.size)
     product = np.bincount(block, shape * error, BLOCKS)
     power = np.bincount(block, shape**2, BLOCKS)
@@ -212,7 +216,7 @@ class Search:
         return _certainty(gain)
 
     def error(self, d: float) -> float:
-        """Return the standard error of d by the scatter of the blocks' slopes, and what no block tells [-]."""
+        """Return the standard error of d, from the scatter of the blocks' slopes and a lower limit (`FLOOR`) [-]."""
         block = _blocks(self.used.size)
         size = [np.mean(e**2) for e in self.errors(d)]
         low, high, here = (

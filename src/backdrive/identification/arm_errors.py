@@ -1,16 +1,16 @@
-"""How sure the coefficients of an arm are: what leaving out a few seconds of the log does to them.
+"""Standard errors of an arm's coefficients, from their change when a few seconds of the log are left out.
 
-Residuals of an arm are no white noise: friction wanders, flexible joints answer to every reversal. What counts is whether they go
-along with a column, and for how long, so that each coefficient has its own errors. With total normal equations G, priors H, those
-of a block G_b and its score s_b (columns times weighted residuals, summed), the fit without the block is
+Residuals of an arm are not white noise: friction varies slowly, and flexible joints oscillate after every reversal. The error
+of a coefficient depends on how residuals correlate with its column. With total normal equations G, priors H, those of a block
+G_b and its score s_b (columns times weighted residuals, summed), the fit without the block is
 
     x_b - x = -(G + H - G_b)^-1 s_b,       D = f^2 (B - 1)/B sum_b (x_b - x) (x_b - x)'
 
 D is the delete-a-block jackknife (Shao & Wu, Annals of Statistics 17, 1989; CR3 of Cameron & Miller, J. Human Resources 50, 2015):
 the cluster-robust sandwich, with what each block took of its own residuals put back; f widens it as Student's distribution is
-(`regression.few`). Few blocks say nothing of some directions among many coefficients. D is therefore mixed with what residuals
-would make that no column goes along with, as large as D on the whole (Ledoit & Wolf, J. Multivariate Analysis 88, 2004, with a
-fixed share):
+(`regression.few`). A few blocks do not determine D in all directions of many coefficients. D is therefore mixed with the
+covariance for uncorrelated residuals, scaled to the size of D (Ledoit & Wolf, J. Multivariate Analysis 88, 2004, with a fixed
+share):
 
     cov x = (1 - a) D + a c V G V + V H V,       V = (G + H)^-1,       c = tr(V^-1 D) / tr(V G)
 """
@@ -56,7 +56,7 @@ class FitErrors:
 def errors_of_fit(
     blocks: regression.Blocks, held: np.ndarray, pull: np.ndarray, free: np.ndarray
 ) -> FitErrors:
-    """Return how sure a fit is.
+    """Return the covariance of a fit.
 
     Args:
         blocks: weighted normal equations of the residuals at the solution; their moments are the scores.

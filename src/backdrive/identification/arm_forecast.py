@@ -1,7 +1,7 @@
-"""Standard errors of an arm's parameters: those to be expected of a motion before anyone moves, beside those that a fit achieved.
+"""Standard errors of an arm's parameters: those expected of a planned motion, and those that a fit achieved.
 
-Expected ones come from the rows that the fit itself would make of the motion, with white noise in the place of what a model
-leaves of the torque. `noise` is its standard deviation below 5 Hz, where the fit looks: ten independent values a second.
+Expected errors come from the rows that the fit would build from the motion, with white noise in place of the torque residual.
+`noise` is its standard deviation below 5 Hz, the band of the fit, which gives ten independent values per second.
 
     Coulomb and viscous friction: the straight line through the knots of the curve, least squares, mean of both directions
 """
@@ -23,13 +23,13 @@ from backdrive.plans.arm import ArmPlan
 from backdrive.robot import PARAMETERS, PER_LINK, Robot
 
 RATE = 100.0  # of the motion that is looked at [Hz]
-TOLD = 0.5  # a parameter hardly shows where noise makes less than this share of its variance, priors the rest [-]
+TOLD = 0.5  # a parameter is hardly identifiable if noise makes less than this share of its variance, and priors make the rest [-]
 UNITS = ("kg", *["kg.m"] * 3, *["kg.m^2"] * 6)
 
 
 @dataclass(frozen=True, kw_only=True)
 class StandardError:
-    """How exactly one parameter is known.
+    """The standard error of one parameter.
 
     Attributes:
         name: `coulomb`, `viscous`, `offset`, `inertia` of the motor, or a base parameter of the joint's link: `mx` and what
@@ -38,7 +38,8 @@ class StandardError:
         unit: of the parameter.
         expected: standard error by the motion and the noise; None: not computed.
         achieved: as the fit states it; None: nothing was fitted.
-        shows: whether it is the noise that limits it, and not what priors say where the motion tells nothing.
+        shows: whether the error comes from the noise; False if it comes from the prior, because the motion does not determine
+            the parameter.
     """
 
     name: str
@@ -93,8 +94,8 @@ def forecast_errors(
     Args:
         signals: of the motion; where they have no torque, the description's is taken.
         robot: the description.
-        noise: what the model will leave of the torque below 5 Hz [N.m or N], (J,).
-        friction: about as large as it will be [N.m or N], (J,).
+        noise: expected torque residual below 5 Hz [N.m or N], (J,).
+        friction: approximate friction [N.m or N], (J,).
         terms: of every joint; None: by the speeds of the motion.
     """
     own = terms or terms_along(signals, len(robot.joints))
@@ -135,8 +136,8 @@ def compare_errors(
 ) -> list[StandardError]:
     """Return expected beside achieved standard errors of a fit.
 
-    What is expected comes from the plan of the log, its motion and its noise; without one, from the log's motion and the noise
-    that the fit left, taken to be white.
+    Expected errors use motion and noise of the log's plan. Without a plan they use the log's motion and the residual of the
+    fit, taken as white noise.
 
     Args:
         logs: that were fitted, linked to their plans where they have them.

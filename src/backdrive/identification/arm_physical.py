@@ -1,14 +1,14 @@
-"""Inertial parameters that bodies can have, among all those which give the same torques.
+"""Physically consistent inertial parameters, chosen among all those with the same torques.
 
-Joint torques tell only the base parameters beta = R theta. Where the nearest theta by least squares has a negative mass, or an
-inertia that no body has, another one with the same beta is taken, so that every prediction stays as it is: of all theta whose links
-have positive definite pseudo-inertias P_k, that with the least divergence from the description's P_k0,
+Joint torques determine only the base parameters beta = R theta. The least-squares theta may have a negative mass or an
+impossible inertia. Then another theta with the same beta is used, so that all predictions stay the same. Among all theta
+whose links have positive definite pseudo-inertias P_k, it has the least divergence from the description's P_k0,
 
     minimise  sum_k tr(P_k0^-1 P_k) - log det P_k     subject to R theta = beta
 
-(Lee, Wensing & Park, T-RO 36, 2020: the same in any unit and frame). It is convex and its own barrier; a first search, for the
-largest s with P_k - s 1 > 0, finds where to begin, or that no bodies have these base parameters. Then the possible ones nearest to
-beta by its covariance C are looked for,
+(Lee, Wensing & Park, T-RO 36, 2020: the same in any unit and frame). The problem is convex, and its objective is its own
+barrier. A first search, for the largest s with P_k - s 1 > 0, finds a starting point, or shows that no bodies have these base
+parameters. In that case the consistent parameters nearest to beta, by its covariance C, are computed,
 
     minimise  (R theta - beta)' C^-1 (R theta - beta) / 2 + mu sum_k (tr(P_k0^-1 P_k) - log det P_k),     mu small
 """
@@ -42,7 +42,7 @@ def possible(theta: np.ndarray, spread: np.ndarray) -> np.ndarray:
 def standard_parameters(
     robot: Robot, beta: np.ndarray, spread: np.ndarray, covariance: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Return standard parameters with these base parameters, such that bodies can have them if there are any.
+    """Return standard parameters with these base parameters, physically consistent if such parameters exist.
 
     Args:
         robot: the description, whose bodies the parameters shall be near.
@@ -52,8 +52,8 @@ def standard_parameters(
 
     Returns:
         theta, (10 J,), and the share of its base parameters' squared distance from beta in that within which 95 % of all errors
-        lie [-]. It is 0, and relation @ theta = beta, where bodies can have these. Above 1, the errors do not explain that none
-        can; theta is then the nearest to the description by least squares, with relation @ theta = beta.
+        lie [-]. It is 0, and relation @ theta = beta, where bodies can have these. Above 1, errors do not explain the
+        inconsistency; theta is then nearest to the description by least squares, with relation @ theta = beta.
     """
     nearest = robot.base.standard(beta, robot.parameters, spread)
     if possible(nearest, spread).all():

@@ -1,4 +1,4 @@
-"""The torque that the model of a whole arm expects along a motion, and how far measured torque is from it."""
+"""The torque that the model of a whole arm predicts along a motion, and its deviation from measured torque."""
 
 from __future__ import annotations
 

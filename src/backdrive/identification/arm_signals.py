@@ -20,7 +20,7 @@ WORK_RATE = 125.0  # signals are thinned to at most this, well above the cut-off
 SHORTEST_TIME = 1.0  # a stretch between gaps that is shorter is left out [s]
 REST = 0.01  # below this share of its top speed a joint is taken to rest [-]
 REST_TIME = 0.2  # when it does so for longer than this [s]
-SETTLE = 0.1  # around a rest the filtered torque still shows it [s]
+SETTLE = 0.1  # margin about a rest in which the filtered torque is still affected [s]
 BLOCKS = 8  # a log without a held-out companion is parted into so many blocks ...
 EVERY = 4  # ... of which the last of every four is held out
 SEAM = 0.5  # neither side of a block's border is fitted for this long, as filters look across it [s]
@@ -181,7 +181,7 @@ def hold_out_blocks(stretches: Sequence[ArmSignals]) -> list[ArmSignals]:
 
 
 def resting(velocity: np.ndarray, top: np.ndarray, rate: float) -> np.ndarray:
-    """Mark where joints rest so long that their friction may be anything, with a margin for the filter, (n, J).
+    """Mark where joints rest so long that their friction is undetermined, with a margin for the filter, (n, J).
 
     Args:
         velocity: [rad/s or m/s], (n, J).

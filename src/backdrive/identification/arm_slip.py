@@ -2,11 +2,11 @@
 
     tau(t) = bodies(t - d) + rest  ~  bodies - d bodies' + rest
 
-What weighs and has inertia tells d, where a joint slides; friction does not: it lags by itself after reversals. Of the logged
-torque of each joint and of the derivative of its bodies' torque, what the joint's own columns explain is taken off (Frisch, Waugh,
-Lovell); what is left gives d by joint, and weighted by the noise one d for all. Its error is the larger of what blocks of time and
-what the joints disagree by: some milliseconds on arms with gears, so that one sample is seldom told and a filter of the torque is.
-Torque is shifted by d, and again, until nothing is left of it.
+The bodies' torque determines d while a joint slides. Friction does not: it lags by itself after reversals. For each joint,
+the part explained by its own columns is removed from the logged torque and from the derivative of the bodies' torque (Frisch,
+Waugh, Lovell). The remainders give d by joint, and a mean weighted by the noise. Its standard error is the larger of the
+scatter between blocks of time and the scatter between joints. On arms with gears this is some milliseconds, so that a filter
+of the torque is detected, but seldom a delay of one sample. The torque is shifted by d, repeatedly, until no delay remains.
 """
 
 from __future__ import annotations
@@ -48,12 +48,12 @@ class ArmSlip:
 
     @property
     def is_significant(self) -> bool:
-        """Whether it is told from none."""
+        """Whether the delay differs significantly from zero."""
         return abs(self.delay) > SURE * self.error and self.error < EXACT and abs(self.delay) < LONGEST
 
 
 def seek_slip(regressor: Regressor, terms: Sequence[Terms], beta: np.ndarray) -> ArmSlip | None:
-    """Return the delay that the bodies tell; None where fewer than three joints tell any.
+    """Return the delay that the bodies' torque determines; None if it does so for fewer than three joints.
 
     Args:
         regressor: of the stretches.

@@ -1,10 +1,9 @@
 """Weighted, bounded, robust least squares for a whole arm, with weak priors and honest standard errors.
 
 Coefficients: the base parameters of the bodies, then every joint's own terms. Joints share the bodies, so each is weighted
-by its noise. What the motion does not determine is held by wide priors: bodies as in the description, curves smooth and
-alike in both directions. The constant part of a difference between the directions is the same as an offset of the torque in
-every sample but those at a reversal. By convention it is offset: over its knots, a curve is the same in both directions on
-average.
+by its noise. Wide priors hold what the motion does not determine: bodies near the description, curves smooth and nearly equal
+in both directions. Except at reversals, a constant difference between the directions cannot be separated from a torque
+offset. By convention it counts as offset: averaged over its knots, a curve is equal in both directions.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ ROUGH = 0.3  # expected bend of a friction curve, as a share of the joint's torq
 UNLIKE = 0.05  # expected difference of the two directions [the same]
 LEVEL = 3.0  # expected friction [the same]
 LOAD = 0.3  # expected load friction [-]
-STRONG = 1e4  # how many times the data's own weight a convention has [-]
+STRONG = 1e4  # weight of a convention relative to the data [-]
 NONE = 1e-12  # stands for zero where a bound above zero is needed
 MEMORY = 2.0  # residuals are taken to be correlated over this long [s]
 
@@ -40,9 +39,9 @@ class Solution:
         beta: base parameters [kg, kg.m, kg.m^2], (b,).
         own: coefficients of each joint's terms, J arrays (2 k + 3,).
         errors: their standard errors in the same order, at a bound as if it were let go, J arrays.
-        pushed: how strongly the data ask for less than a lower bound, in standard errors [-]; 0 for what is free,
+        pushed: how far the free estimate lies below a lower bound [standard error]; 0 for free coefficients,
             J arrays (2 k + 3,).
-        told: share of each base parameter's prior variance that the data took away [-], (b,).
+        told: share of each base parameter's prior variance that the data removed [-], (b,).
         condition: of the rigid-body columns at unit length [-].
         joint: covariance of all coefficients, bodies first, zero for what is at a bound, (p, p).
         noise: of the filtered torque [N.m or N], (J,).
@@ -85,7 +84,7 @@ class Solution:
         return self.joint[own, own]
 
     def with_bodies(self, beta: np.ndarray) -> Solution:
-        """Return what is to be expected if the base parameters are these, (b,), bounds being kept."""
+        """Return the conditional estimate of all coefficients for given base parameters, (b,), within the bounds."""
         b, own = self.beta.size, []
         change = np.linalg.solve(self.bodies, beta - self.beta)
         for j, before in enumerate(self.own):

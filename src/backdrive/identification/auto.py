@@ -1,4 +1,4 @@
-"""Which method fits what a log holds, and which of its joints move."""
+"""The choice of the method from the contents of the logs, and of the joints that move."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def moving_joints(logs: Sequence[Log], wanted: Sequence[str] | None) -> tuple[li
 
 
 def _travel(log: Log) -> np.ndarray:
-    """Distance travelled by each joint, with single samples not counting [rad or m], (J,)."""
+    """Distance travelled by each joint, without single outliers [rad or m], (J,)."""
     if log.position is not None:
         low, high = np.nanpercentile(log.position, [0.5, 99.5], axis=0)
         return high - low
@@ -58,7 +58,7 @@ def _travel(log: Log) -> np.ndarray:
 
 
 def own_turn(log: Log, joint: str) -> Log:
-    """Return a log with the plan of one joint, cut to its turn where the joints move one after another."""
+    """Return a log with the plan of one joint; if the joints move one after another, the log is cut to this joint's motion."""
     if log.plan is not None and log.plan.kind == "arm" and joint in getattr(log.plan, "joints", ()):
         return log.replace(plan=log.plan.plan_of(joint))
     if log.plan is None or log.plan.kind != "in-turn" or joint not in [p.joint for p in log.plan.plans]:

@@ -1,4 +1,4 @@
-"""How far measured torque lies from the predicted one: bands by state of motion, and the noise of long means."""
+"""Deviation of measured from predicted torque: bands by state of motion, and the noise of long means."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""The torque at which a joint breaks away on a torque ramp: the friction that it overcomes while it begins to slide.
+"""The break-away torque of a joint on a torque ramp: the friction that it overcomes when it begins to slide.
 
-What holds a joint yields before it slides: the speed grows out of creeping, and the torque at which it passes some limit says when
-that began, not what held the joint. What did is the torque u0 = u(t0) of a slide from rest that goes as the one that is seen,
+A joint creeps before it slides, so the torque at which its speed passes a threshold is not the break-away torque. That is the
+torque u0 = u(t0) at the begin t0 of a slide from rest that fits the measured one,
 
     J a + B v = u - u0 = k (t - t0),   J (x - x0) + B integral of (x - x0) = k (t - t0)^3 / 6,
 
-with the slope k of the ramp: for any t0 a regression on the position, and t0 is where that leaves least.
+with the slope k of the ramp. Each t0 gives a linear regression on the position, and the t0 with the smallest residual is used.
 """
 
 from __future__ import annotations
@@ -18,16 +18,18 @@ from scipy.optimize import minimize_scalar, nnls
 
 from backdrive.identification.noise import covariance_of_fit
 
-SETTLED = 2.0  # displacements before the slip after which what yields has yielded [-]
+SETTLED = 2.0  # the joint slides after so many times its displacement before the slip [-]
 COUNTED = 20.0  # and encoder steps [-]
-RISE = 0.1  # growth of the torque over which the slide is looked at, by the torque [-]
-FEWEST = 12  # samples of a slide that tells its friction
-MISFIT = 5.0  # share of the friction that is uncertain, by what the equation of the slide leaves of it [-]
-EARLY = 1.0  # by which a slide may have begun before it is seen [s]
+RISE = 0.1  # relative growth of the torque over which the slide is evaluated [-]
+FEWEST = 12  # least number of samples of a slide
+MISFIT = 5.0  # relative uncertainty of the friction per relative residual of the slide's equation [-]
+EARLY = 1.0  # longest time between the begin of a slide and its detection [s]
 EDGE = 0.1  # ends of a ramp that may be round [s]
-BENDS = 4  # degree of the polynomial that shows how far off its line a ramp is, whatever its noise [-]
-STRAIGHT = 0.01  # how far off its line a ramp may be, by its range [-]
-LINE = 0.3  # share of a ramp before a slip by whose curve the torque is read where the ramp is no line [-]
+BENDS = (
+    4  # degree of the polynomial that measures a ramp's deviation from a line, independent of its noise [-]
+)
+STRAIGHT = 0.01  # largest deviation of a ramp from its line, by its range [-]
+LINE = 0.3  # share of a ramp before a slip that is fitted to read the torque if the ramp is not a line [-]
 SHORTEST = 8  # samples of it, at least
 ROOT_3 = np.sqrt(3.0)
 
@@ -128,7 +130,7 @@ def overcome(
 def onset(
     torque: np.ndarray, velocity: np.ndarray, at: int, rate: float, cutoff: float
 ) -> tuple[float, float]:
-    """Return the torque when a slip began, by the line of the ramp before it, and the uncertainty of that.
+    """Return the torque at which a slip began, from the line of the ramp before it, and its uncertainty.
 
     Under a rising torque the speed grows with the square of the time since the slip began where inertia holds it back, and with
     that time itself where viscous friction does: the time lies between one and two times the speed over the acceleration.

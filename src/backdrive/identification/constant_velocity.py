@@ -23,8 +23,8 @@ from backdrive.model import Covariance, JointFriction, Quality, Validity
 from backdrive.model.covariance import errors_by_parameter
 
 SECTIONS = (1, 2, 3, 4, 5, 6)  # line sections per direction that are tried
-CHANCE = 0.01  # that noise alone makes a line look bent, at most [-]
-ROUNDING = 1e-20  # share of the torque's mean square that is no misfit [-]
+CHANCE = 0.01  # largest probability that noise alone makes a line look bent [-]
+ROUNDING = 1e-20  # share of the torque's mean square below which a misfit is ignored [-]
 
 
 def _knots(speed: np.ndarray, sections: int) -> np.ndarray:
@@ -125,13 +125,13 @@ def identify_constant_velocity(
     form, X, left_out = tried[sections]
     theta = regression.solve(X.T @ X, X.T @ y)
     covariance = regression.classical(X, y - X @ theta)
-    if gravity:  # its error is common to all runs
+    if gravity:  # gravity's error is common to all runs
         common = regression.invert(X.T @ X) @ X.T @ pulls
         covariance = covariance + common @ gravity[1] @ common.T
     r = form.spread.shape[1]
     curve_values, apart, rest = theta[:r], np.eye(r, theta.size), np.eye(theta.size)[r:]
     if theta.size == r and not form.symmetric and curve_values.min() < 0.0:
-        # friction cannot push: what does is gravity or a bias
+        # friction cannot drive the joint: a driving torque is gravity or a bias
         row, apart = curves.constant_apart(form.knots.size)
         curve_values, rest = apart @ theta, row[None]
     found = curves.to_law(form, curve_values)
@@ -178,13 +178,13 @@ def identify_constant_velocity(
 def _choose(tried: dict[int, tuple], y: np.ndarray, pulls: np.ndarray) -> tuple[int, str]:
     """Return the number of sections and a sentence on the straight line.
 
-    A curve is taken where it predicts left-out runs better and an F test against the line within it says that noise would hardly do
-    as well; with several curves tried, each must be so much less likely.
+    A curve is chosen if it predicts left-out runs better than a line, and an F test rejects the line. The level of the test
+    is divided by the number of curves.
 
     Args:
         tried: form, regressor and errors of left-out runs by the number of sections.
         y: torque of the runs [N.m or N], (n,).
-        pulls: sin q and cos q where gravity was taken out of it, whose error no curve is to follow, otherwise 0, (n, 2).
+        pulls: sin q and cos q if gravity was subtracted, so that no curve follows gravity's error; otherwise 0, (n, 2).
     """
     rms = {k: float(np.sqrt(np.mean(error**2))) for k, (_, _, error) in tried.items()}
     if 1 not in rms:
@@ -197,7 +197,8 @@ def _choose(tried: dict[int, tuple], y: np.ndarray, pulls: np.ndarray) -> tuple[
     if not bent:
         return (
             1,
-            f"A straight line per direction suffices: no curve predicts left-out runs surely better ({rms[1]:.3g}).",
+            f"A straight line per direction suffices: no curve predicts left-out runs significantly better "
+            f"({rms[1]:.3g}).",
         )
     best = min(bent, key=lambda k: rms[k])
     return best, (
@@ -230,7 +231,7 @@ def _warnings(runs: list[Run], both: bool, directional: bool, apart: bool, joint
             f"{len(uneven)} runs at up to {max(uneven, default=0.0):.3g} {joint.unit}/s did not keep their speed (stick-slip): "
             "their mean torque is not the friction at their mean velocity.",
         ),
-        (not both, "All runs go one way: friction and a constant torque cannot be told apart."),
+        (not both, "All runs have one direction: friction and a constant torque cannot be separated."),
         (
             both and directional and apart,
             "Friction at rest was taken as equal in both directions, and the constant torque that is left (gravity, bias) as "
@@ -239,7 +240,7 @@ def _warnings(runs: list[Run], both: bool, directional: bool, apart: bool, joint
         (
             both and directional and not apart,
             "A constant bias torque (gravity, cable, current offset) cannot be told from friction that differs by "
-            "direction; what there is of it is in the friction.",
+            "direction; it is part of the identified friction.",
         ),
         (
             sum(r.torque * r.velocity for r in runs) < 0,

@@ -28,7 +28,7 @@ COARSE: dict[str, tuple[int, ...]] = {
 
 
 def from_speed(knots: np.ndarray, slowest: float) -> dict[str, tuple[int, ...]]:
-    """Return the candidates of `COARSE` with no knot below the slowest speed that data tell of; a line goes from rest.
+    """Return the candidates of `COARSE` without knots below the slowest speed in the data; a line begins at rest.
 
     Args:
         knots: of the fine basis [rad/s or m/s], (K,).
@@ -193,7 +193,7 @@ def knot_names(count: int) -> tuple[str, ...]:
 
 
 def constant_apart(k: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return how a constant is taken out of two curves, so that both directions have the same friction at rest.
+    """Return the linear maps that remove a constant from two curves, so that both have the same friction at rest.
 
     Args:
         k: knots of each curve; the curves' coefficients stand one after the other, positive direction first.
@@ -224,19 +224,17 @@ def error_of_curve(form: Form, covariance: np.ndarray) -> Callable[[np.ndarray],
     return standard_error
 
 
-PEAK = (
-    0.25  # standard deviation of what friction at rest may be above that of the slowest sliding [share of it]
-)
+PEAK = 0.25  # standard deviation of friction at rest above that of the slowest sliding [share of the latter]
 
 
 def widen_below(
     law: Law, slowest: float, standard_error: Callable[[np.ndarray], np.ndarray]
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the same error of a curve, but wider below the slowest sliding, where there may be a Stribeck peak.
+    """Return the error of a curve, widened below the slowest sliding, where a Stribeck peak is possible.
 
     Args:
         law: that was fitted.
-        slowest: below which nothing was seen of sliding [rad/s or m/s].
+        slowest: slowest speed of sliding in the data [rad/s or m/s].
         standard_error: of the curve by its coefficients.
     """
 

@@ -1,4 +1,4 @@
-"""A series some time before, and what depends on it: the motion that a delayed torque belongs to."""
+"""Series shifted in time: the motion that belongs to a delayed torque."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def earlier(x: np.ndarray, samples: float, linear: bool = False) -> np.ndarray:
 
 
 def delay_signals(signals: Signals, delay: float) -> Signals:
-    """Return signals whose motion and load are those of some time before [s]; torque and what is known from elsewhere stay."""
+    """Return signals with motion and load shifted back by a time [s]; torque and the known torque are not shifted."""
     if not delay:
         return signals
     samples = delay * signals.rate

@@ -14,13 +14,11 @@ from backdrive.identification.terms import GRAVITY
 
 #: Columns before the friction basis, in this order.
 COLUMNS = ("inertia", "jerk", "offset", "gravity_sin", "gravity_cos", "model_torque")
-LARGEST_SLIP = 0.02  # a longer delay of the torque is no slip of the clock but something else [s]
+LARGEST_SLIP = 0.02  # longest delay of the torque that is sought; a longer one has another cause [s]
 TOLERANCE = 1.01  # a simpler model is kept while its left-out loss is within this factor of the best [-]
 GAIN = 1.5  # or within so many standard errors of the sum over blocks
-UNSOUND = (
-    2.0  # so much more loss is put up with for a curve that dissipates and an inertia that is positive [-]
-)
-VAGUE = 0.05  # a knot with a standard error above this share of the largest friction is not worth having [-]
+UNSOUND = 2.0  # factor of loss accepted for a curve that dissipates and a positive inertia [-]
+VAGUE = 0.05  # a knot is left out if its standard error exceeds this share of the largest friction [-]
 ROUNDING = 1e-12  # a smaller loss is rounding [share of the torque's power]
 MEAGRE = 1e-9  # a column with less than this share of the mean weight is not determined [-]
 
@@ -127,7 +125,7 @@ def candidates(
     for form in curves.forms(knots, coarse, both_directions):
         if symmetric is not None and form.symmetric != symmetric and both_directions:
             continue
-        # by direction, a constant cannot be told from the curves
+        # with a curve for each direction, a constant is not identifiable
         constant = ("offset",) if form.symmetric and both_directions else ()
         for pull in pulls:
             terms = (*head, *pull, *known, *constant)
@@ -161,7 +159,7 @@ def choose(blocks: regression.Blocks, options: list[Candidate]) -> Choice:
         fits.append((float(loss) / total, option, mapped, theta))
     if not fits:
         raise NotIdentifiable(
-            "No friction curve is determined by these data: the joint hardly moves.",
+            "These data do not determine a friction curve: the joint hardly moves.",
             remedy="Record a motion with both directions and several speeds (see `backdrive plan`).",
         )
     best = min(loss for loss, *_ in fits)
@@ -191,7 +189,7 @@ def refit(choice: Choice, blocks: regression.Blocks) -> Choice:
 
 
 def _tie(worse: np.ndarray) -> bool:
-    """Say whether the losses of blocks, less those of the best model, are within their scatter of zero."""
+    """Return whether the blocks' losses exceed those of the best model by no more than their scatter."""
     return bool(worse.sum() <= GAIN * math.sqrt(worse.size) * float(worse.std(ddof=1)))
 
 
@@ -208,10 +206,11 @@ def _plausible(option: Candidate, theta: np.ndarray) -> bool:
 
 
 def offset_apart(choice: Choice) -> Choice:
-    """Take the constant out of curves that differ by direction where it is more likely a bias torque than friction.
+    """Remove the constant from curves that differ by direction if it is more likely a bias torque than friction.
 
-    The data cannot tell the two apart. With gravity beside it a constant is more likely what gravity left over, and
-    friction cannot push. Both directions then have the same friction at rest, and the constant is the term `offset`.
+    The data cannot separate the two. A constant beside a gravity term is more likely a remainder of gravity, and a constant
+    with which friction would drive the joint cannot be friction. Both directions then have the same friction at rest, and the
+    constant is the term `offset`.
     """
     candidate = choice.candidate
     t = len(candidate.terms)

@@ -1,8 +1,8 @@
-"""The rest of a joint's inverse dynamics, by term, and the torque that it all adds up to.
+"""The terms of a joint's inverse dynamics other than friction, and the total torque.
 
     tau = inertia ddq + offset + gravity_sin sin q + gravity_cos cos q + model_torque tau_model + tau_f(dq, l)
 
-l = g(q) + inertia ddq is the load that the joint carries, under which friction grows where its law knows how (`laws.growth`).
+l = g(q) + inertia ddq is the load that the joint carries, with which friction grows if its law describes it (`laws.growth`).
 `time_slip` is the delay of the measured torque behind the motion as a regression estimates it, `delay` the same as a search
 does: all of the motion, in friction, inertia and gravity, is that of a moment before.
 """
@@ -69,9 +69,9 @@ def load_torque(friction: JointFriction, signals: Signals) -> np.ndarray | None:
 
 
 def growth_with_load(friction: JointFriction) -> tuple[float, float] | None:
-    """Return by how much friction grows with the load, lifting and driven back alike [-], and the load of its curve [N.m or N].
+    """Return the growth of friction with the load, equal for lifting and lowering [-], and the load of its curve [N.m or N].
 
-    None where the model does not say.
+    None if the model does not contain it.
     """
     growth = friction.law.growth
     return None if growth is None else (growth.mean, growth.load_carried)
@@ -121,7 +121,7 @@ def increments(position: np.ndarray | None, velocity: np.ndarray, dt: float) -> 
 
 
 def _then(friction: JointFriction, signals: Signals) -> Signals:
-    """Return the motion and the load that the torque of each sample belongs to; what is known from elsewhere stays."""
+    """Return the motion and the load that belong to the torque of each sample; the known torque is not shifted."""
     return delay_signals(
         signals, sum(friction.dynamics[t].value for t in ("delay", "time_slip") if t in friction.dynamics)
     )

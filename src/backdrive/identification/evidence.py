@@ -1,4 +1,4 @@
-"""What a report shows of one joint: thinned samples, the curve with its band, and a verdict in words."""
+"""The evidence for one joint in a report: thinned samples, the curve with its band, and a verdict in words."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST = 4000  # samples kept for pictures
 
 
 def sentences(*table: tuple[Any, str]) -> tuple[str, ...]:
-    """Return what applies of a table of conditions and sentences."""
+    """Return the sentences whose conditions are true."""
     return tuple(sentence for applies, sentence in table if applies)
 
 
@@ -70,7 +70,7 @@ def curve(
 ) -> Curve:
     """Return the friction curve over the validity range; zero velocity is left out, where it jumps.
 
-    The speeds of which the result speaks are among its points: below the slowest the error grows at once.
+    The points include the slowest speed of sliding, below which the standard error jumps.
     """
     low, high = friction.validity.velocity
     top = max(abs(low), abs(high))
@@ -105,5 +105,5 @@ def describe_fit(friction: JointFriction) -> str:
     """Say in a sentence how much of the torque the model explains, and the grade."""
     quality = friction.held_out or friction.fitted
     residual = quality.residual if quality else float("nan")
-    what = "torque it had not seen" if friction.held_out else "the torque it was fitted to"
+    what = "torque that was held out" if friction.held_out else "the torque it was fitted to"
     return f"The model explains all but {residual:.1f} % of {what}: {grade(friction).word}."

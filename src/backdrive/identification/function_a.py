@@ -1,8 +1,8 @@
 """FunctionA: from the cycles of a sweep to velocity-friction pairs (Iwatani 2017, (2.7)), as printed and corrected.
 
-Corrected means: torque and velocity on the same instant; both directions, each with its own velocity; windows without
-enough samples left out; and what inertia, gravity and the bend of the curve leave in a window's mean taken out, by a
-regression that sees only how the torque varies inside the windows. See `docs/theory/sweep.md`.
+Corrected means: torque and velocity on the same instant; both directions, each with its own velocity; windows without enough
+samples left out. The contributions of inertia, gravity and the curve's bend to a window's mean are removed, by a regression
+on the variation of the torque inside the windows. See `docs/theory/sweep.md`.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ def correct_pairs(
     gram = sum((z[1:] @ z[1:].T for z in inside.values()), np.zeros((k, k)))
     moment = sum((z[1:] @ z[0] for z in inside.values()), np.zeros(k))
     theta = regression.solve(gram, moment)
-    # by the acceleration as it was: what the servo answers to noise is in torque and acceleration alike
+    # with the measured acceleration, since the servo's response to noise is in both torque and acceleration
     noise = noise_of([x[2, g] - theta @ both[:, g] for g in used], [x[1, g] for g in used])
     spread = sum((noise.covariance(inside[id(g)][1:], i) for i, g in enumerate(used)), np.zeros((k, k)))
     errors = {

@@ -6,8 +6,9 @@ With a growth mu_d of the friction where the motor lifts and mu_b where the weig
     along -q:  -F_n(V) + g - mu |g|  + delta g        delta = (mu_d - mu_b) / 2
 
 since friction sgn(v) mu_d |g| where v g > 0 and sgn(v) mu_b |g| where v g < 0 is sgn(v) mu |g| + delta g. So mu is even in the
-direction: it shows in the half difference, once the posture changes |g|. delta is a factor on gravity and nothing else: no
-posture of the same arm shows it, only a weight that is known (`payload_growth`), which seems to weigh 1 + delta of itself.
+direction: it shows in the half difference, once the posture changes |g|. delta acts exactly like a factor on gravity, so no
+posture of the same arm shows it. Only a known payload (`payload_growth`) does, whose apparent weight is 1 + delta times its
+true one.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from backdrive.identification.sweep_equations import LOAD, WORST_CONDITION, Equa
 from backdrive.identification.sweep_knots import SweepKnots
 from backdrive.identification.terms import GRAVITY
 
-SIGNIFICANT = 4.0  # standard errors from which on a growth is taken to be there [-]
+SIGNIFICANT = 4.0  # least significance of a growth [standard error]
 LEAST = 0.01  # and by how much friction must change with it from sweep to sweep [share of the friction]
 MOST = 0.5  # growth that a gear has at most [-]
 ROUNDS = 4  # the size of gravity is that of the round before
@@ -47,7 +48,7 @@ class Growth:
         value, error = self.slope
         return (
             f"Friction grows by {value:.4f} +- {error:.4f} of the load that the joint carries; the curve is "
-            f"that under {self.carried:.3g} N.m. Lifting and being driven back are told apart only by a known payload."
+            f"that under {self.carried:.3g} N.m. Only a known payload can separate lifting from lowering the load."
         )
 
 
@@ -133,8 +134,8 @@ def payload_growth(
     if not np.ptp(weights, axis=0).any():
         raise InvalidInput(
             f"Joint '{name}': all sweeps carry the same payload.",
-            remedy="Repeat one without it, or with another one; without a known change of weight, lifting and being driven "
-            "back look like one friction and more gravity.",
+            remedy="Repeat one without it, or with another one; without a known change of weight, a difference "
+            "between lifting and lowering looks like a change of gravity.",
         )
     eqs = equations(knots)
     K, n = eqs.V.size, eqs.levels

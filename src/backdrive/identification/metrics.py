@@ -1,4 +1,4 @@
-"""Numbers with units from curves and torques; no opinion on them."""
+"""Metrics of curves and torques, with units and without grades."""
 
 from __future__ import annotations
 

@@ -3,8 +3,8 @@
     tau = inertia (ddq - slip dddq) + offset + gravity + tau_model + tau_f(dq)
 
 Torque and every regressor are averaged over the same short bins, which filters both sides alike. The curve is line sections or
-Coulomb and viscous, equal in both directions or not; the data choose by blocked cross-validation. Huber's weights keep single wild
-samples from mattering.
+Coulomb and viscous, equal in both directions or not; the data choose by blocked cross-validation. Huber's weights limit the
+influence of outliers.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ from backdrive.logs.resolution import encoder_step
 from backdrive.model import Covariance, JointFriction, Validity
 from backdrive.model.covariance import errors_by_parameter
 
-SHORT, FEW_TURNS = 4.0, 4  # less motion [s], or fewer reversals, is remarked on
+SHORT, FEW_TURNS = 4.0, 4  # less motion [s], or fewer reversals, gets a remark
 LONG_ENOUGH = 0.25  # a joint must have slid near a speed for so long [s]
 MOVE = 0.1  # a move lasts so long at least [s]
-LEAST_FREEDOM = 3  # with fewer degrees of freedom nothing is told of errors
+LEAST_FREEDOM = 3  # with fewer degrees of freedom, standard errors are unknown
 LEAST_MOVES = 6  # and with fewer moves
 SPAN_FOR_GRAVITY = 0.15  # a rotary joint must travel so far before gravity is looked for [rad]
 
@@ -95,7 +95,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     full = design.candidates(knots, sections, **given)[-1].with_term("jerk")
     few = (
         moves(stretches) < LEAST_MOVES
-    )  # no delay and no errors can be told, and nothing spared: reversals take part
+    )  # too few data for a delay or for standard errors, so reversals are fitted too
     seconds = BIN_TIME if few else bin_time(stretches, smooth.cutoff or default_cutoff(stretches[0].rate))
     allowed = {name: knots[list(keep)] for name, keep in curves.of_law(law, shapes).items()}
     slow = float(SLOW * (min(-speeds.min(), speeds.max()) if both else top))
@@ -120,7 +120,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
             stretches, knots, simpler.with_term("jerk"), seconds, slip.delay, near=math.isfinite(slip.error)
         )
     if not slip.is_fitted:
-        # whitened residuals ask for a model that is right at all frequencies: no more than that for what is not known anyway
+        # whitening requires a model that is valid at all frequencies, so it is not used if errors are unknown anyway
         slip = replace(slip, delay=0.0, correlation=0.0)
     bins = average(slip.delay)
     if simpler is not None:
@@ -143,7 +143,8 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         (smooth.warning, smooth.warning),
         (
             duration < SHORT or turns < FEW_TURNS,
-            f"Only {duration:.2g} s of motion with {turns} reversals: too little to separate friction from the rest surely.",
+            f"Only {duration:.2g} s of motion with {turns} reversals: too little to separate friction reliably from "
+            f"the other terms.",
         ),
         (open_, f"No standard errors are stated: {'; '.join(open_)}."),
     )
@@ -196,7 +197,7 @@ def _choose(
     if choice.candidate.form.knots[0] == 0.0 and slowest < slow:
         lines = [option for option in options if option.form.knots[0] == 0.0]
         faster = raw.faster(slow).whiten(correlation)
-        with suppress(NotIdentifiable):  # where hardly anything is faster, the slow motion is kept
+        with suppress(NotIdentifiable):  # if hardly any motion is faster, slow motion is kept
             choice = design.choose(faster.equations(), lines)
             bins, slowest = faster, slow
     choice = design.refit(choice, bins.equations(false))
@@ -234,7 +235,7 @@ def moves(stretches: Sequence[Signals]) -> int:
 
 
 def reasons(bins: Bins, friction: JointFriction, stretches: Sequence[Signals], slip: Slip) -> tuple[str, ...]:
-    """Return why nothing can be told of the errors; none where it can."""
+    """Return the reasons why standard errors are unknown; empty if they are known."""
     unknowns = len(friction.standard_errors) + len(friction.dynamics)
     freedom, count, error = int(np.count_nonzero(bins.used)) - unknowns, moves(stretches), slip.error
     if "time_slip" in friction.dynamics:
@@ -308,7 +309,7 @@ def with_warnings(friction: JointFriction, choice: design.Choice, both_direction
         (
             not symmetric and not apart,
             "A constant bias torque (cable, current offset, gravity) cannot be told from friction that differs by "
-            "direction; what there is of it is in the friction.",
+            "direction; it is part of the identified friction.",
         ),
         (
             choice.condition > 1e4,

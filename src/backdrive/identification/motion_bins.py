@@ -44,7 +44,7 @@ class Bins:
         return replace(self, used=self.used & (self.speed >= speed))
 
     def whiten(self, correlation: float) -> Bins:
-        """Return the same, each bin less what its predecessor tells of its noise, an AR(1), and noise of the same size.
+        """Return bins whitened by an AR(1) model of their noise, scaled to keep the size of the noise.
 
         Args:
             correlation: of the noise of neighbouring bins [-].
@@ -64,8 +64,8 @@ class Bins:
         """Return the robustly weighted normal equations of all columns, by block of neighbouring samples.
 
         Args:
-            noise: mean square of what is noise in the first column, the acceleration, and would draw its coefficient to zero: it
-                is taken off, up to half of the column's (Fuller, Measurement Error Models, 1987).
+            noise: mean square of the noise in the first column, the acceleration, which biases its coefficient towards zero.
+                It is subtracted, up to half of the column's mean square (Fuller, Measurement Error Models, 1987).
         """
         w = regression.robust_weights(self.X, self.y, self.used.astype(float))
         block = regression.block_index(len(self.y), self.blocks)
@@ -79,7 +79,7 @@ class Bins:
 
 
 def bin_time(stretches: Sequence[Signals], cutoff: float) -> float:
-    """Return over how long to average [s]: a period of the low pass's corner, whose ringing about reversals that takes away.
+    """Return the length of a bin [s]: a period of the low pass's corner frequency, which removes the ringing about reversals.
 
     Args:
         stretches: of one joint.

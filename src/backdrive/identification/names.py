@@ -1,4 +1,4 @@
-"""Joints of two sides are the same where their names are; names that were made up tell nothing but an order."""
+"""Matching of joints by name. Default names, given in column order, show only the order."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from backdrive.logs.log import Joint
 
 
 def same_names(first: Iterable[Joint], second: Iterable[Joint], *sides: str) -> list[str]:
-    """Return a remark where joints are matched by names that were made up in their order.
+    """Return a remark if joints are matched by default names, that is, by their order.
 
     Args:
         first: joints of one side.
@@ -18,7 +18,8 @@ def same_names(first: Iterable[Joint], second: Iterable[Joint], *sides: str) -> 
         sides: what the two are called.
 
     Raises:
-        InvalidInput: names were made up, and the sides do not have the same ones: an order tells nothing then.
+        InvalidInput: a side has default names, and the names of the two sides differ, so that the order does not match the
+            joints.
     """
     mine, theirs = (list(dict.fromkeys((j.name, j.named) for j in side)) for side in (first, second))
     if all(named is not False for _, named in (*mine, *theirs)):
@@ -27,8 +28,8 @@ def same_names(first: Iterable[Joint], second: Iterable[Joint], *sides: str) -> 
     listed = f"{sides[0]}: {', '.join(left)}; {sides[1]}: {', '.join(right)}"
     if set(left) != set(right):
         raise InvalidInput(
-            f"Joints cannot be matched: names are missing in the data, and those made up differ ({listed}).",
-            remedy="Name the joints as they are meant (--names when reading, or --rename A=B).",
+            f"Joints cannot be matched: names are missing in the data, and the default names differ ({listed}).",
+            remedy="Name the joints (--names when reading, or --rename A=B).",
         )
     return (
         []

@@ -1,13 +1,13 @@
-"""How the noise of neighbouring samples hangs together, and what that makes of the errors of sums.
+"""Autocorrelation of noise, and the resulting errors of weighted sums.
 
 A regression leaves residuals in runs of neighbouring samples. The variance of a sum of them with weights z is z' G z, with the
 autocovariance G of the noise; all runs together tell its shape, each its own size.
 
 The weights of the lags are one up to the last lag at which a correlation is seen, and then fall in a straight line (Politis &
-Romano, J. Time Series Analysis 16, 1995; the lag nearly as in Politis, J. Nonparametric Statistics 15, 2003): weights that fall
-from the first lag on mix what is noisy at a high frequency, such as an acceleration, into the level at zero. The residuals of a
-run have lost what was fitted in it, a line or a polynomial of the velocity: with Q the orthonormal columns of these and
-P = 1 - Q Q', their autocovariance is that of P G P, and what is missing is put back.
+Romano, J. Time Series Analysis 16, 1995; the lag nearly as in Politis, J. Nonparametric Statistics 15, 2003): weights that
+fall from the first lag on would mix high-frequency noise, such as that of an acceleration, into the level at zero frequency.
+The residuals of a run have lost what was fitted in it, a line or a polynomial of the velocity: with Q the orthonormal columns
+of these and P = 1 - Q Q', their autocovariance is that of P G P, and what is missing is put back.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def noise_of(residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], 
 def _shrunk(size: np.ndarray, runs: Sequence[np.ndarray], correlation: np.ndarray) -> np.ndarray:
     """Return the sizes of noise of runs, those of few independent samples nearer to that of all runs together, (R,).
 
-    Few samples of a run look quieter than its noise is as often as not, and a sum over it would be stated as too sure.
+    With few samples, the noise of a run is often underestimated, and the standard error of a sum would be too small.
 
     Args:
         size: standard deviation by each run alone, (R,).

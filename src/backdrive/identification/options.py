@@ -1,4 +1,4 @@
-"""What is asked of an identification, checked before anything long begins, and remembered in the model: options and logs."""
+"""The options and logs of an identification: checked before any long computation, and recorded in the model."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ class Options:
                 )
 
     def record(self, method: str, plan: Any, held_out: Sequence[Log], **others: Any) -> dict[str, Any]:
-        """Return what was asked, as plain values for a model's options; what is the default is left out.
+        """Return the options that differ from their defaults, as plain values for the model.
 
         Args:
             method: that ran.
@@ -163,7 +163,7 @@ def settings_of(model: FrictionModel, joint: str) -> dict[str, Any]:
 
 
 def moments_without_drive(logs: Sequence[Log]) -> list[str]:
-    """Say where a log has moments without a drive, which a fit through its input would take for driven ones."""
+    """Return sentences on logs in which the drive was off for a time: a fit through the drive's input would treat it as on."""
     return [
         f"{note} A fit takes the drive to be on throughout: cut those stretches out."
         for log in logs
@@ -194,7 +194,7 @@ def in_order(log: Log, first: Log) -> Log:
 
 
 def coupling_of(logs: Sequence[Log], names: Sequence[str]) -> dict[str, Any]:
-    """Return what a model holds of the matrix that brought all logs from coupled motors to their joints; empty without one.
+    """Return the model's entry for the coupling matrix, which converted all logs from motors to joints; empty without a matrix.
 
     Joints that are not identified keep their rows: without them nobody could bring the others back to their motors.
 
@@ -220,7 +220,9 @@ def coupling_of(logs: Sequence[Log], names: Sequence[str]) -> dict[str, Any]:
 
 
 def apart(logs: Sequence[Log], held_out: Sequence[Log]) -> None:
-    """Refuse to judge on a file that is fitted, and to fit a part of a file twice; a file that was joined to several is neither."""
+    """Refuse a held-out file that is also fitted, and a file that is fitted twice. Files that were joined to several logs do
+    not count.
+    """
     fitted: dict[str, str] = {}
     spans: dict[str, list[tuple[float, float]]] = {}
     for log in logs:
@@ -229,7 +231,7 @@ def apart(logs: Sequence[Log], held_out: Sequence[Log]) -> None:
             if any(begin < e and b < end for b, e in spans.get(source.sha256, [])):
                 raise InvalidInput(
                     f"{source.path} and {fitted[source.sha256]} are the same log.",
-                    remedy="Name it once; a repetition is no new measurement.",
+                    remedy="Name it once: a copy of a log adds no information.",
                 )
             fitted[source.sha256] = source.path
             spans.setdefault(source.sha256, []).append((begin, end))
@@ -277,7 +279,7 @@ def slow_clock(logs: Sequence[Log]) -> list[str]:
 
 
 def external_torque_notes(logs: Sequence[Log], method: str) -> list[str]:
-    """Say where a torque known from elsewhere is in the logs and the method does not look at it."""
+    """Return sentences on known torques in the logs that the method does not use."""
     if method == "motion" or all(log.model_torque is None for log in logs):
         return []
     return [
@@ -287,7 +289,7 @@ def external_torque_notes(logs: Sequence[Log], method: str) -> list[str]:
 
 
 def move_together(logs: Sequence[Log], names: Sequence[str]) -> bool:
-    """Say whether joints move at the same time and no torque known from elsewhere takes their pull away."""
+    """Return whether joints move at the same time without a known torque that accounts for their coupling."""
     together = 0
     for log in logs:
         if len(names) < 2 or log.model_torque is not None or len(log) < 2:

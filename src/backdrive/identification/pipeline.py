@@ -1,4 +1,6 @@
-"""`identify`: from logs to a friction model with its evidence; the method by what the logs hold, or the law by what is asked."""
+"""`identify`: from logs to a friction model with its evidence. The method follows from the logs, or from the law that was
+asked for.
+"""
 
 from __future__ import annotations
 
@@ -79,10 +81,10 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
 ) -> Identification:
     """Identify the friction of every joint that moves.
 
-    Without a law the method follows from what the logs hold, and the curve is what the data ask for. With a law, or several, or
-    `auto`, every one is searched (the method `dynamic`): fitted without every third window of time, on which it is judged (or
-    on `held_out` logs), and the chosen one again on everything; inertia, a constant torque and, where asked for, gravity are
-    sought along. Logs without torque are fitted through forward dynamics with the drive in the loop: the law is judged by the
+    Without a law, the method follows from the logs, and the data determine the form of the curve. With a law, several laws or
+    `auto`, the method is `dynamic`: every law is fitted without every third window of time, and judged on these windows or on
+    the `held_out` logs. The chosen law is then fitted to all data. Inertia, a constant torque and, if asked for, gravity are
+    fitted too. Logs without torque are fitted through forward dynamics with the drive in the loop: the law is judged by the
     position that it predicts from the drive's input.
 
     Args:
@@ -117,12 +119,12 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
         payloads: s and c of the gravity s sin q + c cos q of a known payload in each log, (0, 0) without [N.m]: sweeps then
             tell friction where the motor lifts from friction where it is driven back.
         accept: names of health findings to accept.
-        repair: mend the log where an honest repair exists; each is noted, and undone where unseen blocks are not explained better.
+        repair: repair the log where a safe repair exists; each is noted, and undone if it does not lower the held-out error.
         seed: of the starts of a search.
         reading: how the logs were read (map, unit, ...), to be remembered in the model file.
         progress: called with a sentence before every step that may take long.
 
-    An interruption (Ctrl-C) ends a search with the best that it had found, once it has something; the result says so.
+    An interruption (Ctrl-C) ends a search with its best result so far, if there is one; the result says so.
 
     Returns:
         The model, the evidence for every joint, which method ran and why; after a search the table of laws with the reason for
@@ -188,7 +190,8 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
         warnings += [f"Joint '{name}' hardly moves and was left out." for name in idle]
     if method == "motion" and move_together(logs, names):
         warnings.append(
-            "Several joints move at once and pull on each other; the single-axis model does not know that pull. Pass the robot's "
+            "Several joints move at once and exert torques on each other, which the single-axis model does not "
+            "contain. Pass the robot's "
             "description (--urdf), or torques known from elsewhere (--map tau_model=...)."
         )
     more: dict[str, Any] = {}
@@ -251,7 +254,7 @@ def _limits(urdf: str | None) -> dict[str, JointLimits]:
 
 
 def _searches(logs: Sequence[Log], options: Options) -> bool:
-    """Return whether what is asked, or what the logs hold, is for a search and for no regression."""
+    """Return whether the options or the logs require a search instead of a regression."""
     if options.method != "auto":
         return options.method == "dynamic"
     if options.law is not None or options.drive is not None:
@@ -333,7 +336,7 @@ def _validate_on(
 def _with_verdicts(
     model: FrictionModel, evidence: Sequence[JointEvidence], logs: Sequence[Log]
 ) -> tuple[FrictionModel, list[JointEvidence]]:
-    """Return model and evidence with what the rules of plausibility have to say."""
+    """Return model and evidence with the remarks of the plausibility rules."""
     joints = tuple(with_verdict(j, e, logs) for j, e in zip(model.joints, evidence, strict=True))
     return replace(model, joints=joints), _describe_fit(evidence, model.joints, joints)
 

@@ -1,7 +1,7 @@
-"""Is a result plausible? The rules that every method's results pass, and the one verdict that follows.
+"""Plausibility of a result: rules applied to the results of every method, and the verdict that follows.
 
-Physics comes before the residual: what it forbids is not credible however little torque is left. Each rule looks at a joint's
-numbers with their errors, or at what the model leaves of the torque, and says in a sentence with numbers what is the matter.
+Physics comes before the residual: a result that violates it is not credible, however small the residual. Each rule checks a
+joint's parameters with their errors, or the torque residual, and states the fault in a sentence with numbers.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Rules of plausibility that look beside a joint's own channels: at the plan that it was run along, and at other joints."""
+"""Plausibility rules on data beside a joint's own channels: the plan of the motion, and other joints."""
 
 from __future__ import annotations
 
@@ -47,7 +47,9 @@ def plan(case: Case) -> Remark | None:
 
 
 def other_joints(case: Case) -> Iterator[tuple[np.ndarray, str]]:
-    """Yield what the motion of other joints may add to the torque while this one slides, (n, k), and its cause in words."""
+    """Yield columns by which other joints' motion may affect the torque while this joint slides, (n, k), and the cause in
+    words.
+    """
     res = case.residual
     if res is None or not case.logs:
         return

@@ -30,8 +30,8 @@ def direction(case: Case) -> Remark | None:
         return None
     return Remark(
         severity="poor",
-        sentence=f"Friction is negative between {ends[0]:.4g} and {ends[1]:.4g} {unit}: there it feeds energy in instead of "
-        "dissipating it. The torque's sign is inverted, or torques act that the model does not know.",
+        sentence=f"Friction is negative between {ends[0]:.4g} and {ends[1]:.4g} {unit}: there it adds energy "
+        f"instead of dissipating it. Either the torque's sign is inverted, or the model lacks a torque.",
     )
 
 
@@ -42,7 +42,8 @@ def inertia(case: Case) -> Remark | None:
         return None
     return Remark(
         severity="poor",
-        sentence=f"The inertia came out negative ({value:.4g} {case.friction.dynamics['inertia'].unit}): torque sign, or other "
+        sentence=f"The estimated inertia is negative ({value:.4g} {case.friction.dynamics['inertia'].unit}): torque "
+        f"sign, or other "
         "axes' pull.",
     )
 
@@ -91,8 +92,8 @@ def directions(case: Case) -> Remark | None:
         return None
     return Remark(
         severity="care",
-        sentence=f"Friction is {forth:.3g} {case.unit} forwards and {back:.3g} {case.unit} backwards: rather a constant "
-        "torque (gravity, a bias) than friction is unequal so much.",
+        sentence=f"Friction is {forth:.3g} {case.unit} forwards and {back:.3g} {case.unit} backwards: so large a "
+        f"difference is more likely a constant torque (gravity, a bias) than friction.",
     )
 
 
@@ -119,7 +120,7 @@ def vague_terms(case: Case) -> Remark | None:
             worst = max(worst, error * column)
     if not vague:
         return None
-    sentence = f"The data do not tell {', '.join(vague)}: no larger than the error."
+    sentence = f"The data do not determine {', '.join(vague)}: the value is no larger than its error."
     if worst > float(np.sqrt(np.mean(res.torque**2))):
         return Remark(
             severity="care",
@@ -144,7 +145,7 @@ def certainty(case: Case) -> Remark | None:
 
 
 def delay_range(case: Case) -> Remark | None:
-    """A delay longer than a clock slips: one that is known is remarked, one that is not may be longer still."""
+    """A delay too long for a clock offset. A known delay gets a remark; an unknown one may be longer still."""
     value, error = case.value("time_slip")
     spread = 2.0 * error if math.isfinite(error) else 0.0
     shift = delay(case)
@@ -156,7 +157,8 @@ def delay_range(case: Case) -> Remark | None:
         return Remark(
             severity="note",
             sentence=f"The torque comes {1e3 * abs(value):.3g} ± {1e3 * error:.2g} ms {'later' if value > 0.0 else 'earlier'} than "
-            "the motion: that was sought and taken out. Record both from one message, or look for a filter in one of them.",
+            "the motion: this delay was estimated and corrected. Record both from one message, or look for a filter "
+            "in one of them.",
         )
     return Remark(
         severity="care",
@@ -166,7 +168,7 @@ def delay_range(case: Case) -> Remark | None:
 
 
 def external_share(case: Case) -> Remark | None:
-    """A share of known torque other than one."""
+    """A scale factor of the known torque other than one."""
     value, error = case.value("model_torque")
     sure = math.isfinite(error)
     if sure and error > HALF_KNOWN:
@@ -193,7 +195,7 @@ def external_share(case: Case) -> Remark | None:
 
 
 def break_away(case: Case) -> Remark | None:
-    """Break-away below Coulomb friction: far below it is no joint's, and a little below was not seen."""
+    """Break-away below Coulomb friction: far below is impossible, and slightly below means that it was not measured."""
     rate = case.friction.law.rate
     ways = (rate.forward, rate.backward) if isinstance(rate, ByDirection) else (rate,)
     levels = [(getattr(way, "breakaway", math.nan), getattr(way, "coulomb", math.nan)) for way in ways]
@@ -205,7 +207,7 @@ def break_away(case: Case) -> Remark | None:
         return Remark(
             severity="care",
             sentence=sentence
-            + "no joint slides so easily from rest. The law follows the crossing of zero, or its peak is not "
-            "seen: choose another law (--law coulomb-viscous), or add slow motion.",
+            + "this is physically impossible. The law was fitted to the zero crossing, or the motion does not show "
+            "its peak: choose another law (--law coulomb-viscous), or add slow motion.",
         )
     return Remark(severity="note", sentence=sentence + "slow motion did not show it.")

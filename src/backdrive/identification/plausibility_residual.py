@@ -1,4 +1,4 @@
-"""Rules of plausibility on what a model leaves of the torque, and on how torque, position and time were recorded."""
+"""Plausibility rules on the torque residual, and on the recording of torque, position and time."""
 
 from __future__ import annotations
 
@@ -14,11 +14,9 @@ from backdrive.identification.residual import MEAN, Explanation, Residual
 from backdrive.identification.terms import GRAVITY, columns
 
 CHANCE = 1e-5  # noise explains a residual so well once in so many times [-]
-STRUCTURE = 0.015  # of the friction: what of the residual has a cause is remarked on from here on [-]
-GRAVE = 0.25  # of the friction: from here on a remark lowers the grade [-]
-MOST = (
-    1.5  # of the friction: more than this is no structure, but terms that the motion does not tell apart [-]
-)
+STRUCTURE = 0.015  # share of the friction: an explained part of the residual above this gets a remark [-]
+GRAVE = 0.25  # share of the friction: above this a remark lowers the grade [-]
+MOST = 1.5  # share of the friction: above this, the cause is not structure but terms that the motion does not separate [-]
 LEFT = 0.1  # of the friction: so much slow torque may be left [-]
 LATE = 0.015  # torque that comes so much later than motion is remarked on [s]
 WORTH = 0.96  # and the residual falls to less than this by it [-]
@@ -93,14 +91,14 @@ def wild_samples(case: Case) -> Remark | None:
 
 
 def structure(case: Case) -> Remark | None:
-    """What explains most of the residual: time, load or position; or that nothing does, where much is left."""
+    """The variable that explains most of the residual: time, load or position; or a remark on a large unexplained residual."""
     if case.residual is None or not case.residual.size > 0.0:
         return None
     res = case.residual.slides
     way, size = np.sign(res.velocity), case.residual.size
     load = np.abs(res.torque - res.friction)
     share, wave = "{share:.0%} of the friction", "every {wave:.2g} " + case.friction.joint.unit
-    follows_load = f"Friction follows the load, by {share}: a law of load says how (--law m3)."
+    follows_load = f"Friction depends on the load, by {share}: use a law with load (--law m3)."
     tests: list[tuple[Explanation | None, str]] = []
     for time in _times(res):
         late = np.sign(time)
@@ -129,7 +127,9 @@ def structure(case: Case) -> Remark | None:
     ):  # the motion of other joints is costly to look up
         for motion, cause in other_joints(case):
             pull = res.explain(*motion.T)
-            if pull is not None:  # what this joint's own motion could hold of it is no pull
+            if (
+                pull is not None
+            ):  # the part that this joint's own motion explains does not count as a coupling torque
                 tests.append(
                     (replace(pull, size=pull.beyond), f"Torque follows {cause}, by {share}: its pull.")
                 )
@@ -176,6 +176,6 @@ def slow_torque(case: Case) -> Remark | None:
         return None
     return Remark(
         severity="note",
-        sentence=f"{slow:.3g} {case.unit} of slow torque is left in motion, {slow / res.size:.0%} of the friction: something "
-        "acts that the model does not hold.",
+        sentence=f"{slow:.3g} {case.unit} of slow torque remains in motion, {slow / res.size:.0%} of the friction: "
+        f"the model lacks a torque.",
     )

@@ -129,19 +129,20 @@ def _warnings(
         *(
             (
                 side in missing,
-                f"{name} did not break away along {way} up to {peak:.3g} {unit}: its friction is at least what is given.",
+                f"{name} did not break away along {way} up to {peak:.3g} {unit}: the value given is a lower bound "
+                f"of its friction.",
             )
             for side, (way, peak) in peaks.items()
         ),
         (
             not missing and not untried and abs(apart) > max(4.0 * np.hypot(up[1], down[1]), NAMED * least),
-            f"{name}: the break-away torques differ by {abs(apart):.3g} {unit}; unequal friction and a constant pull (gravity, "
-            "offset of the torque signal) look the same to a ramp.",
+            f"{name}: the break-away torques differ by {abs(apart):.3g} {unit}; a ramp cannot separate unequal "
+            f"friction from a constant torque (gravity, offset of the torque signal).",
         ),
         (
             abs(found.rest) > NAMED * least,
-            f"{name}: the torque of {found.rest:.3g} {unit} before the ramp was taken for gravity or offset; as far as friction "
-            "held the joint then, the two directions are shifted by it.",
+            f"{name}: the torque of {found.rest:.3g} {unit} before the ramp was taken for gravity or offset; if "
+            f"friction carried a part of it, the break-away torques of the two directions are shifted by that part.",
         ),
     )
 

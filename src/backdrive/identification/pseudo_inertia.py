@@ -1,4 +1,4 @@
-"""The ten inertial parameters of a body as one symmetric matrix, which is positive definite where a body can have them.
+"""The ten inertial parameters of a body as a symmetric matrix, which is positive definite exactly for physical bodies.
 
     P = [[S, h], [h', m]],     S = tr(I)/2 - I,     h = m c
 

@@ -1,4 +1,4 @@
-"""How well a model explains measured torque, pooled over stretches, files or left-out blocks; and that in one word."""
+"""The residual of a model, pooled over stretches, files or left-out blocks; and the grade in one word."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from backdrive.logs.filters import low_pass
 from backdrive.model import JointFriction, Quality
 
 JUDGED_BELOW = 5.0  # corner of the zero-phase low pass on both torques [Hz]
-LEAST_SHARE = 0.2  # of the low pass within the mask that is made up for [-]
+LEAST_SHARE = 0.2  # least share of the low pass's weight inside the mask that is compensated [-]
 GOOD, FAIR = 15.0, 35.0  # residual up to which a result is called good, or usable with care [%]
 
 
@@ -66,7 +66,7 @@ def assess(friction: JointFriction, stretches: Iterable[Signals]) -> Quality:
 
 @dataclass(frozen=True, kw_only=True)
 class Grade:
-    """A joint's result in one word; the only home of what counts as good.
+    """A joint's grade in one word; the limits of the grades are defined here only.
 
     Attributes:
         level: for programs and colours.
@@ -78,7 +78,7 @@ class Grade:
 
 
 def credible(friction: JointFriction) -> bool:
-    """Say whether friction opposes motion at every velocity that the data tell of, and the inertia is positive."""
+    """Return whether friction opposes motion at every velocity in the data, and the inertia is positive."""
     inertia = friction.dynamics.get("inertia")
     dissipates = friction.driving(friction.validity.lowest_speed or 0.0) is None
     if inertia is None:

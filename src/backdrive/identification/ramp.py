@@ -1,7 +1,7 @@
 """What torque ramps show before a joint slides: stiffness, hysteresis and break-away (Iwatani 2017, 3.2.2, Fig. 3.3).
 
-Below break-away a joint only stretches. How far, tells the stiffness of what lies between encoder and friction, provided that the
-encoder resolves it; where it does not, only a lower bound of the stiffness can be given, torque over counts.
+Below break-away a joint only deflects. The deflection gives the stiffness between encoder and friction, if the encoder
+resolves it. Otherwise only a lower bound of the stiffness is known: torque divided by counts.
 """
 
 from __future__ import annotations
@@ -101,7 +101,8 @@ def presliding(logs: Sequence[Log], joint: str | int) -> Presliding:
     resolved, stiffness, elastic = _elastic(branches, count)
     if not elastic:
         raise NotIdentifiable(
-            f"Joint '{joint}': it moves by {displacement:.3g} before it slides, and not as a spring does: this is no torque ramp.",
+            f"Joint '{joint}': it moves by {displacement:.3g} before it slides, but not like a spring: this is not "
+            f"a torque ramp.",
             remedy="Record it along `backdrive plan ramp`, slowly, from rest; or use --method motion.",
         )
     width, area = hysteresis_loop(singles, [speed for _, speed, _ in found])

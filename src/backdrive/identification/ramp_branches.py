@@ -1,4 +1,4 @@
-"""Stretches of torque ramps in which a joint sticks: how it yields in each, and the torque at which it begins to slip."""
+"""Parts of torque ramps in which a joint sticks: the compliance in each, and the torque at which it begins to slip."""
 
 from __future__ import annotations
 
@@ -75,8 +75,8 @@ def branches_of(log: Log, count: float) -> tuple[list[Branch], float, float]:
     stuck = np.abs(velocity) < slips
     for start, stop in spans(~stuck):
         if np.ptp(position[start:stop]) < RESOLVED * count:
-            stuck[start:stop] = True  # a count that flickers is no slip
-    settle = round(rate / cutoff)  # as long as the low pass lets a slip shine into its neighbourhood
+            stuck[start:stop] = True  # a toggling count is not a slip
+    settle = round(rate / cutoff)  # time over which the low pass spreads a slip
     result = []
 
     def slip_of(begin: int, at: int, turn: int, stuck: slice) -> tuple[float, float]:

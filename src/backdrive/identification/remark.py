@@ -1,4 +1,4 @@
-"""One joint's result as the rules of plausibility look at it, and a remark that a rule makes."""
+"""The input of the plausibility rules for one joint, and the remark that a rule returns."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from backdrive.model import JointFriction
 SURE = 3.0  # standard errors by which something differs
 EARLY = 0.8  # of Coulomb friction: no joint breaks away below it [-]
 SHARE = 0.05  # and by so much of it, or of the friction [-]
-ONE_WAY_ONLY = "The joint moved in one direction only: friction and a constant torque cannot be told apart."
+ONE_WAY_ONLY = "The joint moved in one direction only: friction and a constant torque cannot be separated."
 Severity = Literal["poor", "unknown", "care", "note"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Remark:
-    """What a rule has to say.
+    """The result of a rule.
 
     Attributes:
         severity: the grade that it allows; a `note` leaves the grade as it is.

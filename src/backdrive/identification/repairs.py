@@ -1,8 +1,9 @@
-"""Which repairs of a log are kept: those with which it explains itself better on unseen blocks, and those it cannot do without.
+"""The choice of the repairs of a log that are kept: those that lower the held-out error, and those without which the log is
+refused.
 
-A false finding whose repair spoils a good log so does no harm. A repair that claims samples to be wrong, or late, is left out once,
-with all others made, and the motion of the joints that it is about is identified both ways. Of a sign, a unit, a number that ran
-over or a clock that goes back no residual tells: those repairs rest on the channels themselves, and are made.
+So a false finding cannot spoil a good log. Repairs of wrong or late samples are tested one at a time: the joints concerned
+are identified with and without the repair, with all other repairs made. A residual cannot show a wrong sign, unit, number
+overflow or clock that runs back. Those repairs follow from the channels themselves and are always made.
 """
 
 from __future__ import annotations
@@ -14,18 +15,18 @@ from backdrive.errors import BackdriveError, UnhealthyLog
 from backdrive.logs import health
 from backdrive.logs.log import Log
 
-#: Checks whose repairs unseen blocks can tell to be right.
+#: Checks whose repairs can be tested on held-out blocks.
 COMPARED = ("stuck", "outlier", "time-slip")
 TIE = 0.02  # share by which residuals with and without a repair must differ to tell them apart [-]
 
 
 def healthy(log: Log, accept: Sequence[str], repair: bool, warnings: list[str]) -> Log:
-    """Pass a log through the health gate; what is suspect joins the warnings, and the error names its file.
+    """Pass a log through the health gate; suspect findings are added to the warnings, and an error names the file.
 
     Args:
         log: any.
         accept: names of checks whose findings are taken as they are.
-        repair: mend what can be mended honestly, as far as that helps; see `useless`.
+        repair: make the safe repairs that help; see `useless`.
         warnings: sentences are added to it.
 
     Raises:
@@ -48,7 +49,9 @@ def healthy(log: Log, accept: Sequence[str], repair: bool, warnings: list[str]) 
 
 
 def apply_repairs(log: Log, accept: Sequence[str] = ()) -> tuple[Log, list[str]]:
-    """Return a log with the repairs that help, whether it would then pass or not, and why others were undone."""
+    """Return a log with the repairs that help, even if it would still be refused, and the reasons why other repairs were
+    undone.
+    """
     undone = useless(log, accept)
     return health.mend(log, [*accept, *undone]), list(undone.values())
 
@@ -80,12 +83,13 @@ def useless(log: Log, accept: Sequence[str] = ()) -> dict[str, str]:
         if own < others * (1.0 - TIE) or (spoils and own <= others * (1.0 + TIE)):
             continue
         left = (
-            f"with it {own:.3g} % of unseen torque is left"
+            f"with it, {own:.3g} % of held-out torque stays unexplained"
             if math.isfinite(own)
-            else "with it nothing is left"
+            else "with it, friction cannot be identified"
         )
         result[name] = (
-            f"[{name}] {findings[0].sentence} The repair was undone, for it does not help: {left}, without it {others:.3g} %."
+            f"[{name}] {findings[0].sentence} The repair was undone, for it does not help: {left}; without it, "
+            f"{others:.3g} %."
         )
     return result
 

@@ -1,8 +1,9 @@
-"""What a model leaves of the measured torque, in short means, and whether something explains it: position, load, time, delay.
+"""The torque residual of a model, in short means, and tests of what explains it: position, load, time, delay.
 
 A column explains the residual where its coefficient differs from zero by an F test whose covariance comes from the scores of blocks
-of neighbouring means (Liang & Zeger 1986), so that noise may be coloured. What any single-axis model may hold (inertia, gravity,
-a line and a constant by direction) is taken out of column and residual before: a term that a model rightly lacks does not count.
+of neighbouring means (Liang & Zeger 1986), so that noise may be coloured. The terms of any single-axis model (inertia,
+gravity, a line and a constant for each direction) are removed from column and residual first. So a term that the model omits
+for good reason does not count.
 """
 
 from __future__ import annotations
@@ -24,10 +25,10 @@ BLOCK = 0.4  # length of a block of means [s]
 FEWEST_BLOCKS = 8  # more than there are columns, for a test
 SECTIONS = 6  # of the curve that a delay is sought beside
 WILD = 8.0  # a sample farther off than so many standard deviations is wild
-FEWEST_MOVES = 6  # with fewer there and back no delay is told
+FEWEST_MOVES = 6  # with fewer moves in each direction, no delay is estimated
 LATEST = 0.15  # longest delay that is sought [s]
 FINEST = 60.0  # waves a radian or metre by 2 pi, at most [rad/rad or rad/m]
-APART = 0.05  # share of a column that the rest of the dynamics cannot hold, at least [-]
+APART = 0.05  # least share of a column that the other dynamics cannot explain [-]
 MOST = 4_000_000  # numbers looked at in search of a wave
 Part = tuple[Signals, np.ndarray, np.ndarray, bool]  # as `evidence` takes it
 
@@ -37,10 +38,11 @@ class Explanation:
     """What some columns explain of a residual.
 
     Attributes:
-        size: root mean square of what these add to the torque, what the rest could hold of it included [N.m or N].
+        size: root mean square of the columns' contribution to the torque, with the part that other dynamics could explain
+            [N.m or N].
         chance: probability that noise explains as much [-].
         coefficients: of the columns, in the order of these.
-        beyond: the same without what the rest of the dynamics could hold of it [N.m or N].
+        beyond: the same without the part that other dynamics could explain [N.m or N].
         wave: of a position, where one was sought [rad/rad or rad/m].
     """
 
@@ -222,7 +224,7 @@ class Residual:
             powers.append(float(rest @ rest))
         best = int(np.argmin(powers))
         if best in (0, 2 * reach):
-            return None  # no minimum: something slow is missing, and any shift is better than none
+            return None  # no minimum: the model lacks a slow effect, and any shift lowers the residual
         return (best - reach) * self.period, float(np.sqrt(powers[best] / max(powers[reach], 1e-300)))
 
 

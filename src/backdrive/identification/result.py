@@ -1,4 +1,4 @@
-"""What an identification returns: the model, and the evidence that a report shows."""
+"""The result of an identification: the model, and the evidence for the report."""
 
 from __future__ import annotations
 

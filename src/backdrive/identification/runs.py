@@ -1,4 +1,4 @@
-"""Constant-velocity runs: where a log keeps its velocity, and what each stretch says of friction and gravity."""
+"""Constant-velocity runs: parts of a log with constant velocity, and their friction and gravity."""
 
 from __future__ import annotations
 
@@ -17,11 +17,9 @@ LEAST_RUNS = 4  # fewer runs do not make a curve
 LEAST_TIME = 0.3  # a plateau inside a longer log lasts at least so long [s]
 STEADY = 0.08  # and stays this close to its level [share of the level]
 SMOOTH = 0.05  # means over so long tell where a run starts and stops [s]
-STARTING = (
-    0.5  # a log starts, or stops, where its first, or last, moment is slower than this share of its level [-]
-)
+STARTING = 0.5  # a log contains a start (or stop) if its first (or last) moment is slower than this share of its level [-]
 UP_TO_SPEED = 0.95  # and has started where this share is reached [-]
-LEAST_SHARE = 0.5  # of a log that is left without start and stop, if it is one run [-]
+LEAST_SHARE = 0.5  # least share of a log that is one run, without start and stop [-]
 SEEN = 0.25  # gravity must explain so much of the torque's variance within the runs [-]
 SURE = 10.0  # or be so many standard errors [-]
 UNEVEN = 0.25  # standard deviation of the velocity by its mean, beyond which a run did not keep its speed [-]
@@ -105,7 +103,7 @@ def find_runs(log: Log, joint: str | int) -> list[Run]:
 
 
 def _uneven(velocity: np.ndarray, period: float, encoder: float) -> bool:
-    """Say whether a velocity surely varies by more than `UNEVEN` of its mean, beyond what the encoder's noise makes.
+    """Return whether a velocity varies significantly by more than `UNEVEN` of its mean, beyond the encoder's noise.
 
     Args:
         velocity: of a run [rad/s or m/s], (n,).
@@ -201,7 +199,7 @@ def _plateaus(velocity: np.ndarray, period: float) -> list[tuple[int, int]]:
 
 
 def gravity_of(runs: Sequence[Run]) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return gravity as seen inside the runs, where nothing else changes with position.
+    """Return gravity from the torque inside the runs, where only gravity changes with position.
 
     Returns:
         The coefficients of sin q and cos q [N.m], (2,), and their covariance, (2, 2); None where position is unknown, or explains

@@ -1,7 +1,7 @@
-"""How far a joint goes after a reversal before its friction is that of sliding.
+"""The distance that a joint travels after a reversal before its friction is that of sliding.
 
-What is elastic in it has to bend first: until then friction is smaller than that of sliding at the same speed. Where the torque
-just after reversals is surely smaller than what the fit says of sliding, so long a way is left out.
+Elastic parts deflect first; until then friction is smaller than at the same speed in sliding. If the torque just after
+reversals is significantly smaller than the fit predicts, samples within that distance are left out.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ SHARES = (
     0.04,
     0.08,
     0.16,
-)  # of the median way between two reversals that are asked for [-]
-SURE = 2.5  # standard errors by which torque there is smaller [-]
-FEWEST = 8  # means that tell [-]
+)  # tested distances, as shares of the median distance between two reversals [-]
+SURE = 2.5  # significance of a smaller torque there [standard error]
+FEWEST = 8  # least number of means for the test
 
 
 def drop_build_up(
     raw: Bins, stretches: Sequence[Signals], spread: np.ndarray, correlation: float, seconds: float
 ) -> Bins:
-    """Return bins of which those are not used in which friction still builds up.
+    """Return bins without those in which friction still builds up.
 
     Args:
         raw: bins, not whitened.
@@ -53,7 +53,7 @@ def drop_build_up(
 
 
 def _lags(raw: Bins, column: np.ndarray, spread: np.ndarray, correlation: float) -> bool:
-    """Say whether the torque is surely smaller by a column than a candidate says."""
+    """Return whether the torque along a column is significantly smaller than a candidate predicts."""
     more = replace(raw, X=np.column_stack([raw.X @ spread, column])).whiten(correlation)
     theta = fit(more, np.eye(more.X.shape[1]))
     covariance = noise.covariance_of_fit(more.X, more.y - more.X @ theta, more.used)

@@ -17,15 +17,15 @@ REST = 0.002  # below this share of the top speed a joint is taken to rest [-]
 REST_TIME = 0.25  # when it does so for longer than this [s]
 SLOW = 0.08  # below this share of the top speed a joint slides only where it keeps its velocity [-]
 SUSTAINED = 0.1  # for so long, at its acceleration [s]
-BEGUN = 0.02  # and where it has travelled this share of the way between two reversals: until then it may still break away [-]
+BEGUN = 0.02  # and after this share of the distance between two reversals, since it may break away before that [-]
 REVERSAL = (
     0.03,
     0.05,
-)  # a joint reverses for a period of the low pass's corner before and after its velocity changes sign, within these [s]
-BLURRED = 0.5  # and for such a part of that period at least [-]
-CONTINUED = 2.0  # nor does it at the ends of a stretch, for so many of them [-]
+)  # a reversal lasts one period of the low pass's corner before and after the velocity changes sign, within these limits [s]
+BLURRED = 0.5  # and at least this part of that period [-]
+CONTINUED = 2.0  # so many such periods at the ends of a stretch do not count as sliding [-]
 OF_A_MOVE = 0.25  # but for no larger share of the time between two reversals [-]
-SURELY = 0.1  # share of the top speed from which on what is left of the torque is asked for its cause [-]
+SURELY = 0.1  # share of the top speed above which residuals are tested for their cause [-]
 SURELY_AFTER = 0.05  # and so long after and before reversals [s]
 
 
@@ -43,8 +43,8 @@ class Signals:
         position: low-passed like the velocity [rad or m], (n,); None for a velocity-only log.
         model_torque: torque known from elsewhere [N.m or N], (n,); None if absent.
         moving: False where the joint rests so long that its friction may be anything, (n,).
-        sliding: True where it moves, reverses neither just before nor just after, and is not slow but in passing, (n,): there the
-            friction is that of sliding; empty: where it moves.
+        sliding: True where the joint moves, does not reverse just before or after, and is not briefly slow, (n,): there
+            friction is that of sliding; empty: same as `moving`.
         load: motor-side and external torque, for laws that depend on load [N.m or N], (n, 2); None if absent.
         temperature: [degC], (n,); None if absent.
     """
@@ -75,7 +75,8 @@ class Signals:
 def default_cutoff(rate: float) -> float:
     """Return the corner frequency that motion is low-passed at before differentiation [Hz].
 
-    A tenth of the rate, or 0.15 of it up to `BLUNT`: with less the rise of a servo's move is lost, and passes for friction.
+    A tenth of the rate, or 0.15 of it up to `BLUNT`: a lower corner would blur a servo's acceleration, which would look like
+    friction.
     """
     return min(max(0.1 * rate, min(0.15 * rate, BLUNT)), 100.0)
 
@@ -219,7 +220,7 @@ def _sliding(
     until = np.repeat(bounds[1:], length) - 1 - index if turns.size else velocity.size + index
     since[: bounds[1]] = velocity.size  # neither end of a log is a reversal
     until[bounds[-2] :] = velocity.size
-    from_end = np.minimum(index, index[::-1])  # but the low pass does not know what lies beyond
+    from_end = np.minimum(index, index[::-1])  # but the low pass has no data beyond the end
     return steady & (since >= reach) & (until >= reach) & (from_end >= CONTINUED / cutoff * rate)
 
 
@@ -237,7 +238,7 @@ def way_since_reversal(s: Signals) -> tuple[np.ndarray, float]:
 
 
 def surely_sliding(s: Signals, top: float) -> np.ndarray:
-    """Return which samples slide beyond doubt, (n,): what is left of the torque there is due to something else than reversals.
+    """Return the samples that certainly slide, (n,), where reversals do not contribute to the torque residual.
 
     A fit may spare short moves a part of the time about their reversals (`OF_A_MOVE`); here nothing is spared.
 

@@ -1,8 +1,8 @@
-"""The delay of the measured torque behind the motion, sought by fitting the motion of a moment before again and again.
+"""The delay of the measured torque behind the motion, found by repeated fits with shifted motion.
 
-To first order a delay shows as jerk times inertia. That column alone tells it: what friction and gravity would add is taken for
-granted and not seen, so that a delay is known only where inertia is felt. A jerk with errors of the encoder in it shows less than
-there is: by how much, the change of its coefficient from one delay to another tells, and the delay is where that is zero.
+To first order, a delay appears as jerk times inertia. Only that column is used; the effects of friction and gravity are
+neglected. So the delay is known only where inertia is significant. Encoder errors in the jerk reduce its coefficient; the
+change of the coefficient from one delay to another shows by how much. The delay is where the coefficient is zero.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from backdrive.logs.filters import low_pass
 
 ROUNDS = 10  # of fits, each along the motion of some delay
 STEP = 0.01  # longest change of the delay from one to the next [s]
-LEVER = 0.002  # distance of two delays from which is told how much of it the jerk shows [s]
-SHARES = 0.3, 1.5  # of a delay that jerk is taken to show while it is sought [-]
-KNOWN = 2.0  # a delay is known that has a standard error of at most so many intervals [-]
+LEVER = 0.002  # distance of two delays that measures the reduced response of the jerk [s]
+SHARES = 0.3, 1.5  # limits of that response during the search [-]
+KNOWN = 2.0  # a delay is known if its standard error is at most so many sampling intervals [-]
 MOST = 0.99  # correlation of the noise of neighbouring bins that is reckoned with [-]
-FELT = 3.0  # inertia is felt that is so many standard errors above zero [-]
-SHOWN = 0.05  # share of a delay that jerk shows, at least [-]
+FELT = 3.0  # inertia is significant if it is so many standard errors above zero [-]
+SHOWN = 0.05  # least response of the jerk to a delay [-]
 CORNERS, OF_JERK = (
     (50.0, 100.0),
     (30.0, 40.0),
@@ -38,7 +38,7 @@ class Slip:
     """A delay of the torque.
 
     Attributes:
-        delay: of the torque behind the motion [s]; that from which on it was sought where nothing tells it.
+        delay: of the torque behind the motion [s]; the start value if the data do not determine it.
         error: its standard error [s]; infinite where nothing tells it.
         period: sampling interval [s].
         correlation: of the noise of neighbouring bins [-].
@@ -109,10 +109,10 @@ def seek_slip(
 
 
 def _next(tried: list[tuple[float, float]]) -> tuple[float, float, bool]:
-    """Return the delay to try next, how much of a delay the jerk shows there [-], and whether that is it.
+    """Return the next delay to try, the response of the jerk there [-], and whether the search has converged.
 
-    Where the jerk shows too little on one side and too much on the other, the delay is between. It does not show it evenly: the
-    share is that between two delays near to it.
+    If the jerk's coefficient changes sign between two delays, the delay lies between them. The response is not constant, so
+    it is taken between two delays close to the solution.
 
     Args:
         tried: delays, and what the jerk showed to be left of them [s].
@@ -130,7 +130,7 @@ def _next(tried: list[tuple[float, float]]) -> tuple[float, float, bool]:
     delay = low + more / share
     if high - low <= 1.5 * LEVER:
         return delay, share, True
-    if delay - low < high - delay:  # a little beyond, so that the delay will lie between the two
+    if delay - low < high - delay:  # a little beyond, so that the two delays enclose the solution
         return min(delay + 0.5 * LEVER, 0.5 * (delay + high)), share, False
     return max(delay - 0.5 * LEVER, 0.5 * (delay + low)), share, False
 
@@ -158,7 +158,7 @@ def _smooth(s: Signals, corner: float, of_jerk: float) -> Signals:
 
 
 def with_slip(choice: design.Choice, change: np.ndarray, slip: Slip) -> design.Choice:
-    """Return a choice with the delay that its motion was taken at as one of its terms, and the error of that in all others.
+    """Return a choice with the delay of its motion as one of its terms, and with the delay's error added to all others.
 
     Args:
         choice: without a delay.

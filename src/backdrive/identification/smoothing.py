@@ -1,9 +1,9 @@
 """The low pass of the motion before a fit: low enough that an encoder's steps do not drown the acceleration.
 
-A step of the encoder is an error of the position, white over the band. Twice differentiated it grows with the fifth power of the
-cutoff, and acceleration with errors in it draws the inertia, and all that trades against it, to zero: by the share of the error in
-its mean square. So the cutoff is lowered until that share is small. Where the motion itself is lost before, the best of the two
-is taken and said to be suspect.
+A step of the encoder is an error of the position, white over the band. After two differentiations its mean square grows with
+the fifth power of the cutoff. Errors in the acceleration bias the inertia, and all correlated terms, towards zero, by the
+share of the error in the mean square. So the cutoff is lowered until that share is small. If this would remove the motion
+itself, the best compromise is used, with a warning.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from backdrive.logs.filters import fft_length, power_gain, spectrum_of
 from backdrive.logs.log import Log
 from backdrive.logs.resolution import encoder_step
 
-SHARE = 0.1  # of the encoder's error in acceleration that is borne: one hundredth of the inertia [-]
-SUSPECT = 0.3  # share of what is wrong with it, error and what is lost, from which on a person is warned [-]
+SHARE = 0.1  # accepted share of the encoder's error in the acceleration: a bias of 1 % of the inertia [-]
+SUSPECT = 0.3  # share of the acceleration that is error or lost motion, above which a warning is given [-]
 CLEAR = 0.1  # share of the power that an error may be where the motion is told from it [-]
 LOWEST = 3.0  # cutoff [Hz]
 FACTOR = 0.8  # from one cutoff to the next lower one
@@ -34,7 +34,7 @@ class Smoothing:
     Attributes:
         cutoff: corner frequency [Hz]; None: the usual one.
         note: why it is lower than that, in a sentence; empty where it is not.
-        warning: what no cutoff mends, in a sentence; empty where there is nothing.
+        warning: a sentence on errors that no cutoff removes; empty if there are none.
     """
 
     cutoff: float | None = None
@@ -79,8 +79,9 @@ def _of_log(log: Log) -> Smoothing:
     unit = log.joints[0].unit
     usual = f"{cutoffs[0]:.3g} Hz"
     note = (
-        f"{log.joints[0].name}: encoder steps of {step:.2g} {unit} would be {_percent(error[0], signal[0])} of the acceleration at "
-        f"the usual low pass of {usual}, so that the motion was low-passed at {cutoffs[k]:.3g} Hz (--cutoff)."
+        f"{log.joints[0].name}: encoder steps of {step:.2g} {unit} would be {_percent(error[0], signal[0])} of the "
+        f"acceleration at the usual low pass of {usual}, so the motion was low-passed at {cutoffs[k]:.3g} Hz "
+        f"(--cutoff)."
     )
     warning = ""
     if share > SUSPECT:

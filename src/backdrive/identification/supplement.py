@@ -1,4 +1,4 @@
-"""What a model holds of a joint beside law and dynamics: from the logs, the evidence and the robot's description."""
+"""Data of a joint in a model beside law and dynamics: from the logs, the evidence and the robot's description."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def supplement(
         friction: as the method gives it; all methods bring torque to the joint's side.
         evidence: of the same joint.
         logs: that were fitted.
-        limits: by joint, as the robot's description states them; its greatest speed is where a loop takes the joint for a runaway.
+        limits: by joint, from the robot's description; the greatest speed is the loop's trip speed.
     """
     name, validity, actuator = friction.joint.name, friction.validity, friction.actuator
     singles = [log.select(name).on_joint_side() for log in logs]
@@ -64,7 +64,7 @@ def _channel(
     return TorqueChannel(
         delay=None if delay is None else delay.value,
         delay_error=None if delay is None else _number(delay.standard_error),
-        noise=_number(noise) or None,  # a channel in coarse steps shows none
+        noise=_number(noise) or None,  # in a channel with coarse steps, noise cannot be measured
         long_run=_number(evidence.long_run),
     )
 

@@ -99,7 +99,7 @@ def identify_sweep(
 ) -> tuple[JointFriction, JointEvidence]:
     """Identify one joint's friction from sweeps.
 
-    With several sweeps the last one is judged by the fit to the others, where these tell the gravity at its center, before all
+    With several sweeps, the last one is judged by a fit to the others, if these determine the gravity at its center. Then all
     are fitted together.
 
     Args:
@@ -107,9 +107,9 @@ def identify_sweep(
         joint: name.
         literal: the procedure as printed, without corrections and standard errors.
         symmetric: True: one curve for both directions; False: one each; None: one unless they plainly differ.
-        timing: the torque is a `command`, held from its sample on, or a `sample`, taken with the position; None: as the
-            motion tells, be it neither: then the delay of the drive is estimated. A command, with a warning, where the motion
-            does not tell.
+        timing: the torque is a `command`, held from its sample on, or a `sample`, taken with the position; None: found from
+            the motion. If the motion shows neither, the delay of the drive is estimated; if it does not determine the timing,
+            a command is assumed, with a warning.
 
     Raises:
         InvalidInput: no log, or one without torque.

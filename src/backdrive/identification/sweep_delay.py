@@ -5,10 +5,10 @@ A torque that acts d later than it was commanded leaves -I d dddq in the frictio
 the windows hold is regressed together: a curve for each direction, inertia, gravity, I d and, where it shows, friction in
 proportion to the load.
 
-The noise of the drive moves the joint, and the servo answers it: acceleration and jerk as measured go along with the error of
-the torque, and least squares would take the loop's own lag for a delay (by 1 ms on a simulated joint). The motion that was
-wanted does not know the noise. It is nearly what a low pass above the frequency of the last cycle leaves of the position,
-and that is the instrument here.
+The noise of the drive moves the joint, and the servo responds. So measured acceleration and jerk are correlated with the
+error of the torque, and least squares would mistake the loop's lag for a delay (1 ms on a simulated joint). The desired
+motion is not correlated with that noise. A low pass above the frequency of the last cycle gives nearly this motion, which
+serves as the instrument.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def drive_delays(
     timing: Timing | None,
     literal: bool,
 ) -> tuple[list[float], list[float], list[str]]:
-    """Return each log's delay from the middle of a command's interval to the torque's effect [s], its error, and what to say."""
+    """Return each log's delay from the middle of a command's interval to the torque's effect [s], its error, and a remark."""
     told: list[str | None] = [timing or "command"] * len(stretches)
     if timing is None and not literal:
         told = [torque_timing(s)[0] for s in stretches]
@@ -116,13 +116,14 @@ def drive_delays(
     error = float(1.0 / np.sqrt(weight.sum())) if weight.any() else float("inf")
     if not error < TOLD * period:
         for i in open_:
-            errors[i] = 0.5 * period  # it may as well be a sample
+            errors[i] = 0.5 * period  # a sampled torque is equally likely
         return (
             delays,
             errors,
             [
-                "The motion does not tell whether the torque was commanded or sampled with the position; it was taken as "
-                "commanded. If that is wrong, the curve is off by up to 1.9 I V^3 T / A^2 (--torque-timing sample)."
+                "The motion does not show whether the torque was commanded or sampled with the position; it was "
+                "taken as commanded. If that is wrong, the curve is off by up to 1.9 I V^3 T / A^2 (--torque-timing "
+                "sample)."
             ],
         )
     delay = float(weight @ np.nan_to_num([d for d, _ in found]) / weight.sum())
@@ -132,9 +133,9 @@ def drive_delays(
         delays,
         errors,
         [
-            f"The torque acts {1e3 * delay:.2f} +- {1e3 * error:.2f} ms later than a command that is held for one interval "
-            "(the logged torque goes before the motion by half an interval more); this delay was estimated from the motion "
-            "and taken out."
+            f"The torque acts {1e3 * delay:.2f} +- {1e3 * error:.2f} ms later than a command that is held for one "
+            f"interval (the logged torque precedes the motion by half an interval more); this delay was estimated "
+            f"from the motion and corrected."
         ],
     )
 

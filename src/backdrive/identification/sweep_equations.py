@@ -12,7 +12,7 @@ from backdrive.identification.sweep_knots import MERGED, SweepKnots
 from backdrive.identification.terms import GRAVITY
 from backdrive.plans.centres import UNSEEN
 
-# condition number beyond which gravity and a constant difference of the directions are not told apart [-]
+# condition number above which gravity and a constant difference of the directions are not separated [-]
 WORST_CONDITION = 500.0
 DETERMINED = 1e-4  # of the largest singular value, above which unknowns are determined [-]
 TERMS = (*GRAVITY, "offset")
@@ -88,8 +88,8 @@ class Equations:
     def condition(self, curves: str, terms: Sequence[str]) -> float:
         """Return the condition number of the mean torques' equations [-].
 
-        A direction of gravity that the centers do not show, as with two of them half a turn apart, does not count: nothing
-        has to be told from it.
+        A component of gravity that is zero at all centers, as with two centers half a turn apart, does not count, since it
+        need not be separated.
         """
         X = self.X[: self.levels] @ self.spread(curves, terms)
         both = [i for i, term in enumerate(terms, X.shape[1] - len(terms)) if term in GRAVITY]

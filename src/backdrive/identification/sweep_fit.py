@@ -1,8 +1,8 @@
-"""From the velocity-torque pairs of one or several sweeps to a friction curve and what is not friction.
+"""From the velocity-torque pairs of one or several sweeps to a friction curve and the other terms.
 
 Beside the friction, the pairs hold gravity at the center of their stroke and any offset of the torque signal. The half sum of the
-two directions shows these together with whatever differs between the directions. Only sweeps about several centers tell gravity
-from a constant difference, and nothing tells an offset of the torque signal from one. See `docs/theory/asymmetry.md`.
+two directions shows these together with whatever differs between the directions. Only sweeps about several centers separate
+gravity from a constant difference. No sweep separates an offset of the torque signal from it. See `docs/theory/asymmetry.md`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from backdrive.identification.sweep_knots import SweepKnots, polyline_through
 from backdrive.identification.terms import GRAVITY
 from backdrive.laws import Polyline
 
-SIGNIFICANT = 4.0  # standard errors from which on something is taken to be there [-]
+SIGNIFICANT = 4.0  # least significance of a term [standard error]
 UNEQUAL = 0.03  # share of the friction from which on the directions are taken to differ [-]
 NEAR = 0.05  # centers that differ by less are the same [rad or m]
 REMEDY = (
@@ -37,7 +37,7 @@ REMEDY = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SweepFit:
-    """What the pairs of one or several sweeps say.
+    """The fit to the pairs of one or several sweeps.
 
     Attributes:
         law: the friction curve.
@@ -45,7 +45,7 @@ class SweepFit:
         error_pos: standard errors at the law's knots along +q [N.m or N], (m,).
         error_neg: standard errors along -q [N.m or N], (m,).
         terms: of `TERMS`, as far as found: value and standard error [N.m or N].
-        condition: of telling gravity from a constant difference of the directions [-]; infinite without gravity.
+        condition: for separating gravity from a constant difference of the directions [-]; infinite without gravity.
         warnings: in sentences.
         notes: the same of what is as it should be.
         centers: of the sweeps [rad or m].
@@ -72,7 +72,7 @@ class SweepFit:
     load: tuple[float, float, float] | None = None
 
     def tells(self, center: float) -> bool:
-        """Say whether the torque about a center follows from what was found: gravity is told, or the center was swept."""
+        """Return whether the fit predicts the torque about a center: gravity is identified, or the center was swept."""
         near = any(abs(center - c) < NEAR for c in self.centers)
         return near or self.condition <= WORST_CONDITION or not set(GRAVITY) & set(self.terms)
 
@@ -141,13 +141,13 @@ def fit(  # noqa: PLR0912, PLR0915  (the steps of one method in a row)
     told = condition <= WORST_CONDITION
     if symmetric and not asked and known and not told:
         said.append(
-            f"Joint '{name}' has one curve for both directions, for its sweeps do not tell a constant difference of the "
-            f"directions from gravity. {REMEDY}"
+            f"Joint '{name}' has one curve for both directions, since its sweeps do not separate a constant "
+            f"difference of the directions from gravity. {REMEDY}"
         )
     if told and known and load is None and _same_weight(eqs, theta):
         notes.append(
-            "All centers carry the same weight, so that friction which grows with it would be a part of the curve; a third center "
-            "between them would show it."
+            "The gravity torque has the same size at all centers, so friction that grows with it would be part of "
+            "the curve; a third center between them would show it."
         )
     if symmetric:
         kept = _with_constant(eqs, "equal", terms)
@@ -200,8 +200,8 @@ def fit(  # noqa: PLR0912, PLR0915  (the steps of one method in a row)
 def _with_constant(eqs: Equations, curves: str, terms: tuple[str, ...]) -> tuple[str, ...]:
     """Return the terms with a constant beside gravity, where the equations show one.
 
-    Without it a constant that is there sets the level of gravity at several centers against its slopes inside the strokes,
-    and the curve bends between them.
+    Without this term, a real constant would make gravity's level at several centers inconsistent with its slopes inside the
+    strokes, and would distort the curve.
     """
     if terms != GRAVITY or eqs.levels == len(eqs.y):
         told = terms == GRAVITY and eqs.condition(curves, TERMS) <= WORST_CONDITION
@@ -250,7 +250,7 @@ def _attribution(
     torque = "N.m" if unit == "rad" else "N"
     if np.isfinite(condition) and curves == "own":
         return (
-            f"Its centers tell the constant difference of the directions from gravity (condition "
+            f"Its centers separate the constant difference of the directions from gravity (condition "
             f"{condition:.0f}, noise gain {gain:.2g}); an offset of the torque signal would look the same as such a difference."
         )
     if curves == "own":

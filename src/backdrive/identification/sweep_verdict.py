@@ -18,8 +18,8 @@ NAMED = 0.03  # share of the friction from which on a constant beside it is ment
 def error_of_curve(friction: JointFriction) -> Callable[[np.ndarray], np.ndarray]:
     """Return a function from velocities to the curve's standard error.
 
-    The knots' errors are independent. Between and beyond the knots comes what a straight section misses of a bent curve,
-    f'' (v - V_n) (v - V_n+1) / 2, with the curvature of the neighbouring knots.
+    The knots' errors are independent. Between and beyond the knots, the deviation of a bent curve from a straight section is
+    added, f'' (v - V_n) (v - V_n+1) / 2, with the curvature of the neighbouring knots.
     """
     rate = friction.law.rate
     assert isinstance(rate, Polyline)
@@ -65,7 +65,7 @@ def verdict(friction: JointFriction, found: SweepFit) -> str:
     if friction.standard_errors:
         worst = np.max([found.error_pos, found.error_neg])
         said += f" Its {len(rate.velocity)} knots have standard errors up to {worst:.2g} {unit}."
-        said += f" Below {slowest:.3g} {speed} nothing is known"
+        said += f" Below {slowest:.3g} {speed} friction is unknown"
         if np.isfinite(found.noise_gain) and not found.symmetric:
             (up, a), (down, b) = found.constants()
             said += (
@@ -75,5 +75,8 @@ def verdict(friction: JointFriction, found: SweepFit) -> str:
         said += "."
     offset = found.terms.get("offset", (0.0, 0.0))[0]
     if found.symmetric and abs(offset) > NAMED * fast.mean():
-        said += f" A constant {offset:.3g} {unit} was set apart: gravity, an offset of the torque signal or unequal directions."
+        said += (
+            f" A constant {offset:.3g} {unit} was separated from friction: gravity, an offset of the torque signal or "
+            "unequal directions."
+        )
     return " ".join([said, *found.notes, describe_fit(friction)])

@@ -1,4 +1,4 @@
-"""Where the cycles of a sweep lie in a log: by the plan it was recorded with, or found in the motion.
+"""The windows of a sweep's cycles in a log: from its plan, or found in the motion.
 
 A sweep has cycles of one stroke whose peak speeds grow by equal steps (Iwatani 2017, (2.2)-(2.4)). The turning points of the
 position give the strokes; equal strokes in a row, of sine shape and growing speed, give the cycles. What precedes, follows or

@@ -1,8 +1,8 @@
-"""Of which instant a log's torque is: sampled with the position, or commanded from that sample on.
+"""The timing of a log's torque: sampled with the position, or commanded from that sample on.
 
 A command u_k acts from t_k to t_k+1, so on average half an interval later than position and velocity of t_k; a measured torque is
-of t_k itself. Taking one for the other biases a sweep's curve by up to -1.9 I V^3 T / A^2. The inertia tells which it is: a torque
-that is d late shows as -I d times the jerk (`design`).
+of t_k itself. Taking one for the other biases a sweep's curve by up to -1.9 I V^3 T / A^2. The inertia shows which one it is:
+a torque with the delay d adds -I d times the jerk (`design`).
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ SURE = 0.15  # with a standard error of at most this [interval]
 
 
 def torque_timing(stretches: Sequence[Signals]) -> tuple[Timing | None, float, float]:
-    """Tell from the motion whether the torque was commanded or sampled.
+    """Find from the motion whether the torque was commanded or sampled.
 
     Args:
         stretches: of one joint, at one rate.
 
     Returns:
-        `command`, `sample`, or None where inertia does not tell; the delay of the torque behind the motion and its standard
-        error [s].
+        `command`, `sample`, or None if the inertia does not determine it; the delay of the torque behind the motion and its
+        standard error [s].
     """
     speeds = np.concatenate([np.abs(s.velocity[s.moving]) for s in stretches])
     if not speeds.size or not speeds.max() > 0:

@@ -72,7 +72,8 @@ def validate(
         pairs = [pair for pairs, _ in each for pair in pairs]
         if not pairs:
             raise NotIdentifiable(
-                f"Joint '{name}': nothing to judge on.", remedy="Give a log in which it moves."
+                f"Joint '{name}': the logs contain no motion to judge.",
+                remedy="Give a log in which it moves.",
             )
         result[name] = judge(pairs)
         beyond = friction.extrapolation(np.concatenate([v for _, moved in each for v in moved]))
@@ -86,7 +87,7 @@ def validate(
 
 
 def _of_identification(friction: JointFriction) -> list[str]:
-    """Return what the identification itself held against a joint's numbers, in a sentence."""
+    """Return a sentence with the identification's own warnings on a joint."""
     grade = None if friction.verdict is None else friction.verdict.grade
     if grade not in ("poor", "unknown"):
         return []
@@ -157,7 +158,7 @@ def _predictions(
         friction.method == "constant-velocity"
         and log.position is None
         and not friction.dynamics.get("inertia")
-    ):  # speaks of mean torques: one of each run
+    ):  # compares mean torques, one for each run
         runs = find_runs(log, name)
         velocity = np.array([r.velocity for r in runs])
         offset = friction.dynamics["offset"].value if "offset" in friction.dynamics else 0.0

@@ -53,21 +53,21 @@ from backdrive.laws.rates.stribeck_gauss import StribeckGauss as StribeckGauss
 RATES: dict[str, type[Rate]] = by_name(globals(), Rate)
 ELEMENTS: dict[str, type[Element]] = by_name(globals(), Element)
 
-#: Element as it was called -> as it is called: models and commands of before go on working.
+#: Former name of an element -> its present name, so that older models and commands keep working.
 FORMER = {"smoothed-gms": "smoothed-maxwell-slip"}
 SmoothedGMS = SmoothedMaxwellSlip
 
-REFERENCE = 20.0  # degC, of curves that are asked for without a temperature
+REFERENCE = 20.0  # degC, for curves evaluated without a temperature
 
 
 @dataclass(frozen=True, kw_only=True)
 class Law:
-    """A friction law: motion into torque.
+    """A friction law: the friction torque for a given motion.
 
     Attributes:
-        rate: what the joint resists with at a velocity.
-        element: how that torque builds up and lets go.
-        growth: with the load that the joint carries, beside a rate law that does not depend on it itself; None for none.
+        rate: the friction torque at a velocity.
+        element: how that torque builds up and relaxes at reversals.
+        growth: growth of friction with the joint's load, for rate laws that do not depend on load; None without growth.
     """
 
     rate: Rate
@@ -84,8 +84,8 @@ class Law:
                 raise InvalidInput(f"The {name} of a law is a {what}.", remedy=remedy)
         if self.rate.SMOOTH and not isinstance(self.element, Rigid):
             raise InvalidInput(
-                f"'{self.rate.NAME}' cannot be carried by '{self.element.NAME}': it vanishes smoothly at rest, so that "
-                "there is no Coulomb torque that a presliding element could build up to.",
+                f"'{self.rate.NAME}' cannot be carried by '{self.element.NAME}': it is continuous and zero at rest, so it has "
+                f"no Coulomb torque for a presliding element.",
                 remedy="Use element 'none' with it, or a Stribeck rate law with this element.",
             )
         if self.growth is None:
@@ -99,7 +99,7 @@ class Law:
         if "load" in self.rate.NEEDS:
             raise InvalidInput(
                 f"'{self.rate.NAME}' grows with the load by itself.",
-                remedy="Leave `growth` out, or give it to a law that does not know the load.",
+                remedy="Leave `growth` out, or use a rate law without load.",
             )
 
     @property
@@ -109,11 +109,11 @@ class Law:
 
     @property
     def parts(self) -> tuple[Rows, ...]:
-        """Return what holds the law's numbers: rate law, element, and its growth where it has one."""
+        """Return the parts with the law's parameters: rate law, element, and growth if there is one."""
         return (self.rate, self.element) if self.growth is None else (self.rate, self.element, self.growth)
 
     def state(self) -> np.ndarray:
-        """Return the state of a joint at rest and relaxed, with as much room for `solve`, (2 S,)."""
+        """Return the state of a joint at rest and relaxed, followed by equal space for `solve`, (2 S,)."""
         return np.zeros(2 * max(self.element.states(), 1))
 
     def row(self) -> np.ndarray:
@@ -127,7 +127,7 @@ class Law:
 
     @property
     def usual_load(self) -> tuple[float, float]:
-        """Return the pair that stands where no load is given: none; of a law that grows, an unknown one, that of its curve."""
+        """Return the default pair of loads: zero; for a law that grows, NaN, which stands for the load of its curve."""
         return (0.0, 0.0) if self.growth is None else (0.0, float("nan"))
 
     def torque(
@@ -184,7 +184,7 @@ class Law:
         return float(hi), float(-lo)
 
     def phi(self, velocity: np.ndarray | float) -> np.ndarray:
-        """Return Phi(v) of Iwatani 2017, (3.1): what friction has beyond F_p or F_n; continuous, 0 at rest.
+        """Return Phi(v) of Iwatani 2017, (3.1): friction minus F_p or F_n; continuous, 0 at rest.
 
         Args:
             velocity: joint velocity [rad/s or m/s], any shape.
@@ -207,7 +207,7 @@ def rate_law(name: str) -> type[Rate]:
 
     Raises:
         UnknownName: no such law; the message names the known ones.
-        InvalidInput: a law that has both directions by itself is asked for by direction.
+        InvalidInput: the law already has parameters for each direction.
     """
     if name.endswith(BEHIND):
         return law_by_direction(lookup(name.removesuffix(BEHIND), RATES, "rate law"))
@@ -215,5 +215,5 @@ def rate_law(name: str) -> type[Rate]:
 
 
 def element(name: str) -> type[Element]:
-    """Return the class of a presliding element; an unknown name is answered with the known ones."""
+    """Return the class of a presliding element; the error for an unknown name lists the known ones."""
     return lookup(FORMER.get(name, name), ELEMENTS, "presliding element")

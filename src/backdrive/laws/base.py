@@ -1,4 +1,4 @@
-"""What every rate law and element has in common: parameters with unit and bounds, and a row of float64."""
+"""Base classes of all rate laws and elements: parameters with unit and bounds, and a row of float64."""
 
 from __future__ import annotations
 
@@ -11,14 +11,17 @@ import numpy as np
 
 from backdrive.errors import InvalidInput
 
-SPEEDS = (1e-12, *np.geomspace(1e-9, 1e6, 61).tolist())  # [rad/s or m/s], where a rate law is looked at
+SPEEDS = (
+    1e-12,
+    *np.geomspace(1e-9, 1e6, 61).tolist(),
+)  # speeds at which a rate law is evaluated [rad/s or m/s]
 
 R = TypeVar("R", bound="Rows")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sizes:
-    """What data tell of friction before a law is fitted.
+    """Rough sizes of friction from data, before a law is fitted.
 
     Attributes:
         coulomb: Coulomb torque [N.m or N].
@@ -58,7 +61,7 @@ class Parameter:
         source: where the typical value was published.
         log: whether values span orders of magnitude, so that a search should step in their logarithm.
         start: where a fit begins, a number or a function of the `Sizes` of the data.
-        peak: it may not pass the largest friction in the data: where no motion is slow enough, nothing else holds it.
+        peak: it must not exceed the largest friction in the data; without slow motion, only this bound limits it.
     """
 
     symbol: str
@@ -82,11 +85,11 @@ class Parameter:
 
 @dataclass(frozen=True, kw_only=True)
 class Rows:
-    """Base of the dataclasses above the kernels: values in, checked, and out as a row.
+    """Base of the dataclasses above the kernels: parameter values are checked and converted to a row.
 
-    NAME is what files and commands call it, KIND the integer that the kernels choose by; classes of one KIND share a
-    kernel and differ in which of its numbers are free. CLAIMS are sentences that the contract tests hold it to. WORDS is what
-    a report calls it where that is not its name, EXAMPLE one of a joint that resists with about 5 N.m.
+    NAME is used in files and commands. KIND is the integer by which kernels are selected; classes of one KIND share a kernel
+    and differ in the free parameters. CLAIMS are sentences that the contract tests verify. WORDS is the name in reports if it
+    differs from NAME. EXAMPLE is an instance for a joint with a friction of about 5 N.m.
     """
 
     NAME: ClassVar[str]
@@ -130,7 +133,9 @@ class Rows:
 
 
 def _plain(value: float | tuple[float, ...], parameter: Parameter) -> bool:
-    """Return whether a value is what a law holds already, a finite float within its bounds or a tuple of them; no is no verdict."""
+    """Return whether a value is already a finite float within its bounds, or a tuple of such floats; otherwise it needs the
+    full check.
+    """
     if not parameter.many:
         return type(value) is float and parameter.lower <= value <= parameter.upper and value - value == 0.0
     low, high = parameter.lower, parameter.upper
@@ -138,7 +143,7 @@ def _plain(value: float | tuple[float, ...], parameter: Parameter) -> bool:
 
 
 def by_name(names: Mapping[str, Any], base: type[R]) -> dict[str, type[R]]:
-    """Return the laws among what a module has imported by NAME, in the order of KIND.
+    """Return the laws in a module's namespace by NAME, in the order of KIND.
 
     Args:
         names: of the module.
@@ -152,7 +157,7 @@ def kernels_of(classes: Iterable[type[Rows]], name: str) -> dict[int, Callable[.
     """Return the kernels of laws by KIND: the functions of this name in their files.
 
     Raises:
-        ValueError: two laws with kernels of their own have one number, or a number is none from 0 to 62.
+        ValueError: two laws with different kernels have the same number, or a number is not from 0 to 62.
     """
     kernels: dict[int, Callable[..., Any]] = {}
     for law in classes:
@@ -164,14 +169,15 @@ def kernels_of(classes: Iterable[type[Rows]], name: str) -> dict[int, Callable[.
 
 @dataclass(frozen=True, kw_only=True)
 class Rate(Rows):
-    """Base of rate laws: what a joint resists with at a velocity.
+    """Base of rate laws: the friction torque at a velocity.
 
     Attributes:
         SMOOTH: the law vanishes continuously at rest; it has no Coulomb torque that a presliding element could carry.
-        SYMMETRIC: both directions resist alike, whatever the parameters.
-        TIES: parameters that a constant torque makes up for, and what they are taken to equal where one is sought too.
+        SYMMETRIC: friction is equal in both directions for all parameters.
+        TIES: parameters that cannot be separated from a constant torque, and the parameters that they are set equal to if one
+            is fitted.
         NEEDS: channels beyond the velocity, of `load` and `temperature`.
-        MARK: what is added to p[0], the size of the row, for the kernels to know it by.
+        MARK: fraction added to p[0], the size of the row, as a mark for the kernels.
     """
 
     SMOOTH: ClassVar[bool] = False
@@ -183,7 +189,7 @@ class Rate(Rows):
     def span(
         self, load: tuple[float, float] = (0.0, 0.0), temperature: float = 20.0
     ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-        """Return what a presliding element meets along +q and along -q, over all speeds.
+        """Return the extremes of a rate law over all speeds along +q and along -q, as a presliding element sees them.
 
         Args:
             load: motor-side and external torque [N.m or N].
@@ -224,15 +230,15 @@ class Rate(Rows):
 
 @dataclass(frozen=True, kw_only=True)
 class Element(Rows):
-    """Base of presliding elements: how the torque of a rate law builds up and lets go.
+    """Base of presliding elements: how the torque of a rate law builds up and relaxes at reversals.
 
     Attributes:
-        SLIDER: the viscous part of the rate law sees the slider's velocity, not the joint's. Where it is the joint's, what
-            weakens with speed in it (falling sections of a polyline) narrows the bounds instead.
-        DRIFTS: a vibration below break-away moves the element on, cycle by cycle.
+        SLIDER: the viscous part of the rate law uses the slider's velocity, not the joint's. If it uses the joint's, its
+            falling part (falling sections of a polyline) narrows the bounds instead.
+        DRIFTS: a vibration below break-away lets the element drift, cycle by cycle.
         STEADY: at constant velocity the torque is that of the rate law.
-        ZONE: in a zone of low velocity there is no torque at all, the viscous one neither.
-        SET_VALUED: at rest the torque is whatever holds the joint; `step` gives 0 there and `solve` holds.
+        ZONE: in a zone of low velocity the torque is zero, including the viscous part.
+        SET_VALUED: at rest the torque balances all others; `step` returns 0 there, and `solve` holds the joint.
         STATE_ROW: the state is a row, so that the kernel is `step(p, e, x, y, lo, hi, dp, dt) -> torque`, from the row x to the row
             y, which may be the same. Otherwise it is one number z: `step(p, e, z, lo, hi, dp, dt) -> z, torque`. Where SLIDER or
             ZONE is set, the motion that the viscous part sees is returned behind the torque.
@@ -250,7 +256,7 @@ class Element(Rows):
         return 0
 
     def advice(self, rate: Rate, load: tuple[float, float] = (0.0, 0.0), temperature: float = 20.0) -> str:
-        """Return what is wrong with this element on that rate law in a sentence, empty if nothing is.
+        """Return a warning on this element with that rate law, or an empty string.
 
         Not an error: the law is defined, but it may create energy.
 

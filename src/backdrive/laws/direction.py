@@ -1,9 +1,10 @@
-"""A rate law that differs by direction: the same equation twice, each direction with numbers of its own.
+"""A rate law that differs by direction: the same equation with separate parameters for each direction.
 
     hi = hi_p,   lo = lo_n,   viscous = viscous_p where v >= 0,   viscous_n where v < 0
 
 p, n: bounds and viscous part of the rate law with the numbers of motion along +q and along -q. Those along -q have the names of the
-law's parameters and `_backward` behind them. A rate law that has both directions by itself (`coulomb-viscous`) is left as it is.
+law's parameters and `_backward` behind them. A rate law that already has parameters for both directions (`coulomb-viscous`)
+is not changed.
 """
 
 from __future__ import annotations
@@ -63,14 +64,14 @@ class ByDirection(Rate):
 
 @cache
 def law_by_direction(kind: type[Rate]) -> type[ByDirection]:
-    """Return the class of a rate law of which each direction has numbers of its own.
+    """Return the class of a rate law with separate parameters for each direction.
 
     Raises:
-        InvalidInput: the law's directions have numbers of their own already.
+        InvalidInput: the law already has parameters for each direction.
     """
     if not kind.SYMMETRIC:
         raise InvalidInput(
-            f"'{kind.NAME}' has numbers for each direction by itself.", remedy="Use it as it is, with both."
+            f"'{kind.NAME}' already has parameters for each direction.", remedy="Use it as it is, with both."
         )
     parameters, members = dict(kind.PARAMETERS), list[tuple[str, type, Any]]()
     defaults = {f.name: f for f in kind.__dataclass_fields__.values()}

@@ -1,12 +1,12 @@
-"""Growth with the load, which any rate law may carry: what the gears transmit presses them together.
+"""Growth of friction with the load, for any rate law: the torque that gears transmit presses their teeth together.
 
     hi += mu (|l| - l_0),   lo -= mu (|l| - l_0),   mu = mu_d where l v > 0,   mu_b elsewhere
 
-l: load that the joint carries, gravity and what accelerates it: the negative of the external torque of the pair `load` [N.m or N].
-mu_d: growth where the motor drives the load, mu_b: where the load drives the motor back [-]. l_0: load under which the curve was
-identified, and which holds where nobody knows the load (NaN): then nothing grows. Less load narrows the bounds, but never so far
-that friction would drive. Friction in proportion to the transmitted torque: Dohring, Lee, Newman, ICRA 1993; two directions of
-power: Wang, Kim, ICRA 2015.
+l: load of the joint, that is, its torque of gravity and inertia: the negative of the external torque of the pair `load` [N.m
+or N]. mu_d: growth where the motor drives the load, mu_b: where the load drives the motor back [-]. l_0: load under which the
+curve was identified; an unknown load (NaN) counts as l_0, without growth. A smaller load narrows the bounds, but never so far
+that friction would drive the joint. Friction in proportion to the transmitted torque: Dohring, Lee, Newman, ICRA 1993; two
+directions of power: Wang, Kim, ICRA 2015.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ MARK = 0.5  # added to p[0], the number of parameters before the element, where 
 
 @leaf
 def beyond(carried: float, load: Pair):
-    """How much more a joint carries than the load `carried`; 0 where the load is unknown."""
+    """The joint's load minus the load `carried`; 0 if the load is unknown."""
     excess = abs(load[1]) - carried
     return 0.0 if np.isnan(excess) else excess
 
 
 @leaf
 def widen(bound: float, by: float, weakening: float):
-    """A bound >= 0 grown by `by`, which may be negative, but not to less than the torque that weakens with speed."""
+    """A bound >= 0 plus `by`, which may be negative; the result is at least the part of the torque that decreases with speed."""
     least = min(bound, weakening)
     after = bound + by
     return least if after < least else after
@@ -76,7 +76,7 @@ class Growth(Rows):
 
     @property
     def mean(self) -> float:
-        """Mean of lifting and being driven back [-]."""
+        """Mean of both directions of power [-]."""
         return 0.5 * (self.load_driving + self.load_driven)
 
     def scale(self, factor: float) -> Growth:

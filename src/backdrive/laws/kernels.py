@@ -1,12 +1,11 @@
-"""The ladder: one entry for every law, chosen by an integer, and the kernels of laws that are known (`of_kinds`).
+"""One compiled entry for all laws, selected by integers, and the kernels of known laws (`of_kinds`).
 
-A law is a row `p`: p[0] is the number m of rate-law parameters, p[1:1+m] the rate law's row, p[1+m:] the element's. Where
-friction grows with the load, p[0] is 1/2 more, and the last of the m numbers say how (`growth`). Where the rate law differs by
-direction, p[0] is 1/4 more, and its row is there twice (`direction`). A rate law reads its row from p[1] on, an element from
-p[e] on: a slice would cost more than the law. `rate` and `element` are the integers of their
-classes; `x` is the element's state, followed by as much room for what `solve`'s trial steps lead to; `load` is the pair
-of motor-side and external torque, a tuple, `temp` the temperature. `limits`, `step` and `solve` are the three kernels that a
-law offers.
+A law is a row `p`: p[0] is the number m of rate-law parameters, p[1:1+m] the rate law's row, p[1+m:] the element's. If
+friction grows with the load, p[0] is larger by 1/2, and the last of the m numbers are those of `growth`. If the rate law
+differs by direction, p[0] is larger by 1/4, and its row occurs twice (`direction`). A rate law reads its row from p[1] on, an
+element from p[e] on: a slice would take more time than the law. `rate` and `element` are the integers of their classes; `x`
+is the element's state, followed by equal space for the trial steps of `solve`; `load` is the pair of motor-side and external
+torque, a tuple, `temp` the temperature. `limits`, `step` and `solve` are the three kernels that a law offers.
 """
 
 from __future__ import annotations
@@ -27,13 +26,13 @@ from backdrive.laws.elements import none
 F = TypeVar("F", bound=Callable[..., Any])
 
 STEPS = 60  # of `solve` at most; line sections need a handful
-CLOSE = 1e-14  # of what is left of the balance when `solve` ends to the velocities in it
-FASTEST = 1e100  # beyond this speed [rad/s or m/s] a velocity counts as this one, so that nothing overflows
+CLOSE = 1e-14  # relative residual of the balance at which `solve` ends
+FASTEST = 1e100  # velocities are limited to this speed, so that nothing overflows [rad/s or m/s]
 
 
 @leaf
 def no_curve(p: Array, v: float, load: Pair, temp: float):
-    """Rate law of a number that no class has."""
+    """Rate law of an unused number."""
     return np.nan, np.nan, np.nan
 
 
@@ -195,11 +194,11 @@ def solve(  # noqa: PLR0912  (a kernel calls little)
     load: Pair,
     temp: float,
 ):
-    """Velocity at the end of a step of a mass held by this friction, implicit in the friction; `x` stays as it is.
+    """Velocity at the end of a step of a mass under this friction, implicit in the friction; `x` is not changed.
 
-    v + dt/m friction(v dt) = v_free, the velocity that the step would end with without friction. Where friction is set-valued,
-    v + dt/m (gsgn(lo, v, hi) + viscous(v)) contains v_free; where friction jumps at rest (a slipping element of GMS, a bristle
-    of the reset integrator that has given) v may be next to the jump. A `step` over v dt then advances the state.
+    v + dt/m friction(v dt) = v_free, the velocity that the step would end with without friction. If friction is set-valued, v
+    + dt/m (gsgn(lo, v, hi) + viscous(v)) contains v_free. If friction jumps at rest (a slipping element of GMS, a bristle of
+    the reset integrator after break-away), v may lie next to the jump. A `step` over v dt then advances the state.
     """
     if not np.isfinite(v_free):
         return np.nan
@@ -252,7 +251,7 @@ def solve(  # noqa: PLR0912  (a kernel calls little)
 
 @jit
 def _try_step(rate: int, element: int, p: Array, x: Array, v: float, dt: float, load: Pair, temp: float):
-    """Friction torque of a step at velocity v that is not taken: what it leads to is written behind the state."""
+    """Friction torque of a trial step at velocity v; the resulting state is written behind the state."""
     dp = v * dt
     v = slow(dp / dt)
     return step_at(rate, element, False, p, x, x[x.size // 2 :], v, within(v, dp, dt), dt, load, temp)
@@ -272,7 +271,7 @@ def _excess(  # noqa: PLR0913  (a kernel's row)
     load: Pair,
     temp: float,
 ):
-    """How much a trial speed asks for beyond what the step provides, along the direction of motion."""
+    """Residual of the balance at a trial speed, along the direction of motion."""
     v = toward * speed
     if HOLDS >> element & 1:
         lo, hi, viscous = limits(rate, p, v, load, temp)

@@ -1,7 +1,7 @@
-"""What there is to say of a law, taken from the law: its equation, parameters, claims and partners, as text.
+"""The documentation of a law, generated from the law: equation, parameters, claims and partners, as text.
 
-The docstring of a law's file is the only place where its equation is explained; this file takes it apart for the docs
-and for `backdrive laws`.
+The docstring of a law's file is the only place where its equation is explained. This module parses it for the docs and for
+`backdrive laws`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Entry:
     Attributes:
         name: argument of the class.
         symbol: as in the paper.
-        meaning: what the class says of it, empty where the name says all.
+        meaning: description in the class; empty if the name is sufficient.
         unit: of a rotary joint, and of a linear one where that differs.
         bounds: smallest and largest admissible value.
         typical: a published value, or empty.
@@ -49,7 +49,7 @@ class Entry:
 
 
 def find(name: str) -> Kind:
-    """Return the class of a rate law or an element; an unknown name is answered with near ones."""
+    """Return the class of a rate law or an element; the error for an unknown name lists similar ones."""
     return (
         rate_law(name)
         if name.endswith(BEHIND)
@@ -58,7 +58,7 @@ def find(name: str) -> Kind:
 
 
 def summary(kind: Kind) -> str:
-    """Return what a law is, in one sentence."""
+    """Return a one-sentence summary of a law."""
     return (inspect.getdoc(kind) or "").split("\n\n")[0].replace("\n", " ")
 
 
@@ -128,7 +128,7 @@ def _number(value: float | tuple[float, ...] | None) -> str:
 
 
 def _meanings(kind: type[Rows]) -> dict[str, str]:
-    """Return what a class and those that it extends say of their attributes, by name."""
+    """Return the descriptions of attributes in a class and its base classes, by name."""
     said: dict[str, str] = {}
     for ancestor in reversed(kind.__mro__):
         name = None
@@ -151,7 +151,7 @@ def _meaning(said: str, symbol: str) -> str:
 
 
 def partners(kind: Kind) -> tuple[list[str], str]:
-    """Return the names of what a law can be combined with, and why not with the others (empty where it can with all)."""
+    """Return the names of possible partners of a law, and the reason that excludes others (empty if none is excluded)."""
     good: list[str] = []
     reason = ""
     others = examples.ELEMENT_EXAMPLES if issubclass(kind, Rate) else examples.RATE_EXAMPLES
@@ -168,7 +168,7 @@ def partners(kind: Kind) -> tuple[list[str], str]:
 
 
 def facts(kind: Kind) -> list[str]:
-    """Return sentences on how a law behaves, first what the tests hold it to."""
+    """Return sentences on the behaviour of a law, first those that the tests verify."""
     said = list(kind.CLAIMS)
     if issubclass(kind, Rate):
         if kind.SMOOTH:

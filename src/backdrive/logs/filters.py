@@ -1,7 +1,7 @@
 """Zero-phase filters and differentiation on a uniform clock. Torque and every regressor get the same filter.
 
-Filtering both sides of a linear model with one linear filter leaves its parameters unchanged, so the filter may take away
-what the sampling cannot resolve without biasing the fit.
+Filtering both sides of a linear model with the same linear filter does not change its parameters. So the filter may remove
+what the sampling cannot resolve, without bias of the fit.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ def low_pass(x: np.ndarray, cutoff: float, rate: float, order: int = 4) -> np.nd
     """Filter with a Butterworth low pass as if forwards and backwards, along axis 0.
 
     The squared gain 1 / (1 + (tan(pi f T) / tan(pi f_c T))^(2 order)) of the two passes is applied in the frequency
-    domain: zero phase, no transient but that of the continued ends.
+    domain: it has zero phase, and a transient only from the continued ends.
 
     Args:
         x: uniform samples, (n, ...).
@@ -38,7 +38,7 @@ def low_pass(x: np.ndarray, cutoff: float, rate: float, order: int = 4) -> np.nd
         raise InvalidInput(f"cutoff = {cutoff} Hz at rate = {rate} Hz.", remedy="Both must be positive.")
     if not cutoff > 1e-12 * rate:
         raise InvalidInput(
-            f"cutoff = {cutoff:g} Hz at rate = {rate:g} Hz: nothing would be left.",
+            f"cutoff = {cutoff:g} Hz at rate = {rate:g} Hz: the filter would remove everything.",
             remedy="Give a higher one.",
         )
     if cutoff >= 0.45 * rate:
@@ -53,7 +53,7 @@ def low_pass(x: np.ndarray, cutoff: float, rate: float, order: int = 4) -> np.nd
 
 
 def power_gain(frequency: np.ndarray, cutoff: float, order: int = 4) -> np.ndarray:
-    """Return what `low_pass` leaves of an amplitude [-].
+    """Return the gain of `low_pass` at a frequency [-].
 
     Args:
         frequency: by the sampling rate [-], any shape.
@@ -74,7 +74,7 @@ def _filter_column(x: np.ndarray, gain: np.ndarray, pad: int, n: int) -> np.ndar
 def spectrum_of(x: np.ndarray, pad: int, n: int) -> np.ndarray:
     """Return the transform of a series whose ends are continued by point reflection, (n // 2 + 1,).
 
-    The middle between its two ends is taken off before.
+    The mean of the two end values is subtracted first.
 
     Args:
         x: uniform samples, (m,).

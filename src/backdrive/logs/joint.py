@@ -1,4 +1,4 @@
-"""What a log says of each joint, of the drive that moved it, and of the file that it comes from."""
+"""Metadata of a log: its joints, the drive and the source files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from backdrive.errors import InvalidInput
 
 @dataclass(frozen=True, kw_only=True)
 class Joint:
-    """What a log knows of one joint.
+    """Metadata of one joint.
 
     Attributes:
         name: as in the robot's description.
@@ -22,7 +22,7 @@ class Joint:
         torque_side: side of the gear that the torque channel is measured on.
         gear_ratio: motor turns per joint turn [1]; with `torque_side="motor"`, joint torque = ratio * torque.
         encoder_counts: counts per rad or per m at the joint [1/rad or 1/m], if known.
-        named: the name is the data's or a person's; False: it was made up. None: nobody knows.
+        named: the name is from the data or the user; False: it is a default name. None: unknown.
     """
 
     name: str
@@ -101,7 +101,7 @@ def check_coupling(coupling: Sequence[Sequence[float]] | np.ndarray, size: int) 
         size: number of joints J.
 
     Raises:
-        InvalidInput: it is no invertible matrix of the joints.
+        InvalidInput: it is not an invertible matrix of the joints' size.
     """
     try:
         matrix = np.array(coupling, dtype=np.float64)

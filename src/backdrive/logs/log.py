@@ -1,9 +1,9 @@
-"""`Log`: what a robot's joints did, in SI units, on one clock.
+"""`Log`: recorded motion and torque of a robot's joints, in SI units, on one clock.
 
 Positive torque, position and velocity all point along +q. Arrays are time first, joint second. A log may hold
 anything that a real file holds (NaN, gaps, unsorted time): `backdrive.logs.health` says what is wrong with it, and
 the identification refuses what would spoil a result. Only shapes are checked here, and that no number is so large that its
-square could not be told from infinity.
+square overflows.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from backdrive.errors import InvalidInput
 from backdrive.logs.joint import Drive, Joint, Source, as_joints, check_coupling
 from backdrive.logs.values import check_period, read_only
 
-#: Beyond, a number is no measurement in any unit, and products of a few of them overflow; an infinity is a hole in a log.
+#: Larger numbers are not measurements in any unit, and products of a few of them overflow; an infinity counts as a missing
+#: sample.
 LARGEST = 1e60
 AS_SI = "was taken as SI"  # in a note of a doubt
 WRENCH = 6  # numbers of a wrench
@@ -49,18 +50,19 @@ class Log:
         velocity: joint velocity [rad/s or m/s], (n, J).
         torque: actuator torque on the joint side [N.m or N], (n, J).
         reference: commanded position [rad or m], (n, J).
-        drive_input: what the drive was given, in the unit of `drive`'s law, (n, J).
+        drive_input: input of the drive, in the unit of `drive`'s law, (n, J).
         second_encoder: link-side position [rad or m], (n, J).
         external_torque: torque of the environment on the robot [N.m or N], (n, J).
-        model_torque: torque of the other axes' pull and gravity, known from elsewhere [N.m or N], (n, J).
+        model_torque: known torque of gravity and of the coupling to other axes [N.m or N], (n, J).
         load: transmitted load [N.m or N], (n, J).
         temperature: of the joint [degC], (n, J).
-        wrench: of the environment on the robot, as a sensor has it: force [N], then moment [N.m], (n, 6). It is of no joint.
+        wrench: of the environment on the robot, as measured by a sensor: force [N], then moment [N.m], (n, 6). It belongs to
+            no joint.
         drive: the law behind `drive_input`.
         plan: the motion plan it was recorded with (an object of `backdrive.plans`), if known.
         sources: files it came from.
         notes: what a reader or a repair did to the data, in sentences.
-        coupling: C of q_joint = C q_motor, by which the channels were brought from coupled motors to the joints, (J, J).
+        coupling: C of q_joint = C q_motor, with which the channels were converted from coupled motors to the joints, (J, J).
     """
 
     time: np.ndarray
@@ -127,7 +129,7 @@ class Log:
             where = f"{self.sources[0].path}: " if self.sources else ""
             of = "" if channel in ("time", "wrench") else f" of joint '{self.joints[place[1]].name}'"
             raise InvalidInput(
-                f"{where}the {channel}{of} is {values[place]:g} at sample {place[0]}, beyond what can be reckoned with "
+                f"{where}the {channel}{of} is {values[place]:g} at sample {place[0]}, beyond the largest valid number "
                 f"({LARGEST:g}).",
                 remedy="Mark missing samples as NaN, drop them, or correct the factor of --map.",
             )
@@ -152,7 +154,7 @@ class Log:
             channels: `position`, `torque` and the other channels of a log, (n,) or (n, J).
 
         Raises:
-            InvalidInput: an array is no array of numbers, shapes do not fit, or nobody says the time.
+            InvalidInput: an array is no array of numbers, shapes do not fit, or the time is not given.
         """
         from backdrive.logs.tables import log_of_arrays
 
@@ -160,14 +162,14 @@ class Log:
 
     @classmethod
     def from_frame(cls, frame: Any, **options: Any) -> Log:
-        """Return a log of a data frame, its columns taken by their names as those of a file are.
+        """Return a log of a data frame; its columns are recognized by their names, as those of a file are.
 
         Args:
             frame: of pandas, polars or pyarrow, or a mapping from names to arrays.
             options: `map`, `names`, `units`, `gear`, `counts`, ..., as `read_log` takes them.
 
         Raises:
-            MappingError: the columns do not say what they are; the message lists them.
+            MappingError: columns are not recognized by their names; the message lists them.
             InvalidInput: it is no table, or an option does not fit.
         """
         from backdrive.logs.tables import log_of_frame
@@ -240,7 +242,7 @@ class Log:
 
     @property
     def driving_torque(self) -> np.ndarray:
-        """What drives the joints: actuator torque plus the environment's, where that is known [N.m or N], (n, J).
+        """Driving torque of the joints: actuator torque plus external torque, if that is known [N.m or N], (n, J).
 
         Raises:
             InvalidInput: the log holds no torque.
@@ -253,7 +255,7 @@ class Log:
         return replace(self, **changes)
 
     def with_note(self, sentence: str) -> Log:
-        """Return a copy that remembers `sentence` among its notes."""
+        """Return a copy with `sentence` added to its notes."""
         return replace(self, notes=(*self.notes, sentence))
 
     def select(self, joints: str | int | Sequence[str | int]) -> Log:
@@ -289,7 +291,8 @@ class Log:
 
         Args:
             coupling: C, a row a joint and a column a motor, (J, J).
-            side: that the channels are of. Those of the joints stay as they are, and the log remembers C: friction acts at motors.
+            side: side that the channels refer to. Channels of the joint side are not converted; C is recorded, since friction
+                acts at the motors.
 
         Raises:
             InvalidInput: it is no invertible matrix of the joints, or the log is coupled already.

@@ -1,4 +1,4 @@
-"""In which steps a channel comes, and how much noise it has: the only home of encoder steps."""
+"""Quantisation step and noise of a channel; encoder steps are computed here only."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 
 from backdrive.logs.log import Log
 
-COARSE = 3.0  # units of the last decimal from which on a grid can be told from its rounding
-FEWEST_LEVELS = 6  # differences of levels that tell a grid
+COARSE = 3.0  # least step, in units of the last decimal, that can be distinguished from rounding
+FEWEST_LEVELS = 6  # least number of level differences to detect a step
 MOST_ROUNDS = 8
 
 
@@ -17,7 +17,7 @@ def encoder_step(log: Log) -> float:
     """Return the smallest step of the positions of a log's only joint [rad or m].
 
     Args:
-        log: of one joint; its count counts where it is known, else the readings tell, of the finite of them.
+        log: of one joint; the step follows from its encoder counts if known, otherwise from the finite readings.
 
     Returns:
         The step; 0 where the readings come in no steps, or there are none.
@@ -58,7 +58,7 @@ def resolution(values: np.ndarray) -> float:
         multiples = apart / step
         left = np.abs(multiples - np.round(multiples))
         broken = left > 0.02 * np.minimum(multiples, 5)
-        # differences of a continuous signal are whole multiples of anything only by chance
+        # for a continuous signal, the differences have a common divisor only by chance
         if np.mean(broken) < 0.02:
             return step
         step *= float(left[broken].min())
@@ -67,7 +67,7 @@ def resolution(values: np.ndarray) -> float:
 
 
 def _before_rounding(levels: np.ndarray, unit: float) -> float:
-    """Return the step of a grid that levels were on before they were rounded to a unit; 0 where they were on none.
+    """Return the step that levels had before they were rounded to a unit; 0 if they had none.
 
     Args:
         levels: ascending, multiples of the unit apart, (m,).

@@ -1,4 +1,4 @@
-"""Logs from what is in memory: arrays, and tables of pandas, polars or pyarrow."""
+"""Logs from data in memory: arrays, and tables of pandas, polars or pyarrow."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def log_of_arrays(
     n, J = len(first), 1 if first.ndim == 1 else first.shape[1]
     if (time is None) == (rate is None):
         raise InvalidInput(
-            "Time is said by neither or both of `time` and `rate`.",
+            "Give exactly one of `time` and `rate`.",
             remedy="Give instants [s], or samples a second [Hz].",
         )
     if rate is not None:
@@ -58,7 +58,7 @@ def log_of_arrays(
 
 
 def log_of_frame(frame: Any, **options: Any) -> Log:
-    """Return a log of a table in memory, its columns taken by their names as those of a file are.
+    """Return a log of a table in memory; its columns are recognized by their names, as those of a file are.
 
     Args:
         frame: of pandas, polars or pyarrow, or a mapping from names to arrays. An index of pandas that has a name, or holds

@@ -35,7 +35,7 @@ def _owner_is_read_only(array: np.ndarray) -> bool:
 
 
 def check_period(period: float) -> float:
-    """Return a sampling interval [s], unless nothing samples so fast.
+    """Return a sampling interval [s] after checking it.
 
     Raises:
         InvalidInput: it is above zero and below a picosecond.

@@ -1,4 +1,4 @@
-"""Friction models: what was identified of a robot's joints, as an object, as a file, and as presets from publications."""
+"""Friction models: the results of an identification as an object and as a file, and presets from publications."""
 
 from backdrive.model.covariance import Covariance as Covariance
 from backdrive.model.friction_model import ArmModel as ArmModel

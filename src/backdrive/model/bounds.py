@@ -1,7 +1,7 @@
-"""What no model file may hold, though every number in it has the right type; each refusal names the place.
+"""Checks of a model file beyond the types of its values; each error names the place.
 
-A model file may come from anywhere. Its numbers become the torque of a motor, so those that no joint has are refused here:
-beyond any machine, or line sections so short that the curve beyond them is made of rounding.
+A model file may come from an untrusted source, and its numbers determine the torque of a motor. So impossible values are
+refused: numbers beyond any machine, and line sections so short that rounding errors determine the curve beyond them.
 """
 
 from __future__ import annotations
@@ -20,9 +20,7 @@ if TYPE_CHECKING:
     from backdrive.model import Covariance, JointFriction
 
 BIG = 1e12  # of any number but those below, in SI
-MOST_ERROR = (
-    1e100  # of a standard error or a quality: what the data do not determine may be as good as infinite
-)
+MOST_ERROR = 1e100  # of a standard error or a quality; that of an undetermined value may be nearly infinite
 MOST_SPEED = 1e6  # of the validity range [rad/s or m/s]
 MOST_TORQUE = 1e7  # of friction at rest and in the validity range [N.m or N]
 COLDEST = -273.15  # [degC]
@@ -34,7 +32,7 @@ AGAIN = "Correct it there, or identify again."
 
 @contextmanager
 def error_place(where: str) -> Generator[None, None, None]:
-    """Give errors that say nothing of the file the place in it."""
+    """Add the place in the file to errors that do not name it."""
     try:
         yield
     except BackdriveError as error:
@@ -44,11 +42,11 @@ def error_place(where: str) -> Generator[None, None, None]:
 
 
 def check_keys(data: bytes, plain: dict[str, Any]) -> None:
-    """Refuse an object that says one thing twice, for readers differ in which of them they believe; and what nobody reads.
+    """Refuse duplicate keys of an object, since readers differ in which one they use; and unknown keys.
 
     Args:
         data: a model file that has been read already.
-        plain: what was read of it, as plain values.
+        plain: the decoded file, as plain values.
 
     Raises:
         ModelFileError: names the key.
@@ -59,7 +57,7 @@ def check_keys(data: bytes, plain: dict[str, Any]) -> None:
         if len(members) < len(pairs):
             keys = [key for key, _ in pairs]
             twice = next(key for i, key in enumerate(keys) if key in keys[:i])
-            raise ModelFileError(f"'{twice[:100]}' stands there twice in one object.", remedy=AGAIN)
+            raise ModelFileError(f"'{twice[:100]}' occurs twice in one object.", remedy=AGAIN)
         return members
 
     _check_read(json.loads(data, object_pairs_hook=once), plain, "$")
@@ -81,7 +79,7 @@ def _check_read(written: Any, read: Any, where: str) -> None:
 
 
 def check_document(document: dict[str, Any]) -> None:
-    """Refuse numbers beyond any machine, by the places that they stand in.
+    """Refuse numbers beyond any machine, according to their place in the document.
 
     Args:
         document: a model file as plain values of the right types.
@@ -121,7 +119,7 @@ def check_document(document: dict[str, Any]) -> None:
 
 
 def _deeper(value: Any, levels: int) -> bool:
-    """Return whether there are lists or objects below the last level; not by recursion, which has an end of its own."""
+    """Return whether there are lists or objects below the last level; without recursion, whose depth is limited."""
     present: list[Any] = [value]
     for _ in range(levels):
         inner: list[Any] = [v for c in present for v in (c.values() if is_object(c) else c)]
@@ -130,7 +128,7 @@ def _deeper(value: Any, levels: int) -> bool:
 
 
 def check_errors(value: float | Sequence[float], error: Any, where: str) -> None:
-    """Refuse standard errors that are negative or not of their values.
+    """Refuse standard errors that are negative or do not match their values.
 
     Args:
         value: one number or one a knot.
@@ -151,7 +149,7 @@ def check_errors(value: float | Sequence[float], error: Any, where: str) -> None
 
 
 def check_law(friction: JointFriction, where: str) -> None:
-    """Refuse a curve that is made of rounding or beyond any machine.
+    """Refuse a curve that rounding errors determine, or that is beyond any machine.
 
     Args:
         friction: of one joint.
@@ -167,7 +165,7 @@ def check_law(friction: JointFriction, where: str) -> None:
             i = int(np.argmax(short))
             raise ModelFileError(
                 f"{where}.parameters.velocity: knots {i} and {i + 1} are {knots[i + 1] - knots[i]:.3g} apart at "
-                f"{knots[i + 1]:g}; a section that short says nothing of the curve beyond it.",
+                f"{knots[i + 1]:g}; so short a section does not determine the curve beyond it.",
                 remedy="Merge them.",
             )
     low, high = friction.validity.velocity
@@ -199,6 +197,6 @@ def check_rows(covariance: Covariance | None, friction: JointFriction, where: st
         for i, name in enumerate(covariance.names):
             if name not in kept:
                 raise ModelFileError(
-                    f"{where}.covariance.names[{i}] is '{name[:100]}', which neither law nor dynamics have.",
+                    f"{where}.covariance.names[{i}] is '{name[:100]}', which exists neither in the law nor in the dynamics.",
                     remedy=AGAIN,
                 )

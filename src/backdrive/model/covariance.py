@@ -1,4 +1,4 @@
-"""The covariance of what was identified: one matrix of a joint's law and dynamics, with the names of its rows."""
+"""The covariance of the identified parameters: one matrix for a joint's law and dynamics, with the names of its rows."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from backdrive._documents import is_several
 from backdrive.errors import InvalidInput
 
 MOST_ROWS = 200  # of a matrix; a file of larger ones would not be read
-MOST_VARIANCE = 1e60  # what varies more the data do not determine: it has no row
+MOST_VARIANCE = 1e60  # a parameter with a larger variance is undetermined and has no row
 ROUNDING = 1e-6  # of correlations, and of standard errors beside the matrix [-]
 AGAIN = "Correct it there, or identify again."
 
@@ -47,7 +47,7 @@ class Covariance:
 
     @classmethod
     def of(cls, names: Sequence[str], matrix: np.ndarray) -> Covariance | None:
-        """Return the covariance of the numbers whose variance is known; None where no such matrix of a model is left.
+        """Return the covariance of the parameters with a known variance; None if no valid matrix remains.
 
         Args:
             names: of the rows.
@@ -59,7 +59,7 @@ class Covariance:
             return None
         part = matrix[np.ix_(known, known)]
         part = 0.5 * (part + part.T)
-        with suppress(InvalidInput):  # what rounding made of a matrix that is nearly singular
+        with suppress(InvalidInput):  # rounding errors of a nearly singular matrix
             return cls(
                 names=tuple(names[i] for i in known.tolist()),
                 matrix=tuple(tuple(row) for row in part.tolist()),
@@ -103,7 +103,7 @@ class Covariance:
 
 
 def check_covariance(matrix: np.ndarray) -> None:
-    """Refuse what no numbers vary by.
+    """Refuse an invalid covariance matrix.
 
     Raises:
         InvalidInput: it is not finite, not symmetric, or not positive semidefinite beyond rounding.

@@ -1,4 +1,4 @@
-"""The shape of a model file, field by field; `model.schema.json` is made of it."""
+"""The structure of a model file, field by field; `model.schema.json` is generated from it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from backdrive.model.joint_friction import Validity
 from backdrive.model.quality import Bands, Verdict
 
 FORMAT, SCHEMA = "backdrive-friction-model", 2
-OLDER = 1  # of which every field is one of today's
+OLDER = 1  # older versions whose fields all exist in the present one
 
 Number = float | None  # null stands for "unknown" and for an infinite bound
 Word = Annotated[str, Meta(max_length=500)]
@@ -55,7 +55,7 @@ Values = Annotated[dict[Word, Value], Meta(max_length=100)]
 
 
 class JointEntry(msgspec.Struct, forbid_unknown_fields=True):
-    """The friction of one joint; null stands for what nobody knows."""
+    """The friction of one joint; null stands for an unknown value."""
 
     name: Annotated[str, Meta(min_length=1, max_length=500)]
     unit: Literal["rad", "m"]
@@ -114,7 +114,7 @@ class SourceEntry(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class Provenance(msgspec.Struct, forbid_unknown_fields=True):
-    """What made the model, of what, and how it was asked for."""
+    """The origin of the model: program, files and options."""
 
     backdrive: Word
     sources: Annotated[list[SourceEntry], Meta(max_length=100_000)] = []
@@ -122,7 +122,7 @@ class Provenance(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class Header(msgspec.Struct):
-    """What a file is read as."""
+    """The header that identifies a file."""
 
     format: Any = None
     schema: Any = None

@@ -120,7 +120,7 @@ def encode(model: m.FrictionModel) -> bytes:
 
 
 def _encodable(value: Any) -> Any:
-    """Replace what UTF-8 cannot hold: a file name need not be text."""
+    """Replace characters that UTF-8 cannot encode, since file names may contain any bytes."""
     if isinstance(value, str):
         return value.encode("utf-8", "replace").decode("utf-8")
     if is_object(value):
@@ -234,7 +234,7 @@ def decode(data: bytes, name: str = "model file") -> m.FrictionModel:
     """Return the model that the bytes of a model file describe.
 
     Raises:
-        ModelFileError: says at which place what is wrong.
+        ModelFileError: the message names the fault and its place.
     """
     try:
         head = msgspec.json.decode(data, type=Header)

@@ -1,4 +1,4 @@
-"""What former model files said otherwise, in today's words."""
+"""Conversion of entries of former model files to the present schema."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from backdrive.laws.base import Rate
 if TYPE_CHECKING:
     from backdrive.model import Estimate
 
-#: Growth of friction with the load stood among the dynamics: term -> where it holds.
+#: Growth of friction with the load was an entry of the dynamics: term -> its direction of power.
 BOTH_WAYS = ("load_dependence", "load_friction")
 TERMS = (*BOTH_WAYS, "load_carried", "load_driving", "load_driven")
 
 
 def beside_the_law(rate: Rate, dynamics: Mapping[str, Estimate]) -> bool:
-    """Return whether growth among the dynamics is the law's.
+    """Return whether a growth in the dynamics belongs to the law.
 
     It is the axis' own in a model of a drive, which is judged by motion with it, and where the law sees the load by itself.
     """

@@ -1,4 +1,4 @@
-"""`FrictionModel`: the joints of a robot as they were identified. `model.file` writes and reads it."""
+"""`FrictionModel`: the identified joints of a robot. `model.file` writes and reads it."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class FrictionModel(Display):
         joints: one `JointFriction` a joint.
         arm: rigid-body parameters, when a whole arm was identified.
         sources: files it came from, with digests.
-        options: how it was asked for.
+        options: options of the identification.
         version: backdrive that made it.
         coupling: C of q_joint = C q_motor, where motors drive several joints, rows in the order of the joints, (J, J).
         coupled: names of the joints that the rows of `coupling` are of, where the matrix holds more joints than the model.
@@ -112,9 +112,9 @@ class FrictionModel(Display):
         Args:
             joint: name or position.
             dq: joint velocity [rad/s or m/s], any shape.
-            load: that the joint carries, gravity and what accelerates it, positive along +q [N.m or N], one number or the shape of
-                `dq`; or pairs of motor-side and external torque, that shape and (2,). None: the load under which the curve was
-                identified, or none where the model does not know how friction grows with it.
+            load: load of the joint, that is, its torque of gravity and inertia, positive along +q [N.m or N], one number or
+                the shape of `dq`; or pairs of motor-side and external torque, that shape and (2,). None: the load under which
+                the curve was identified, or no load if the model has no growth with it.
             temperature: for laws that depend on it [degC], one number or the shape of `dq`; None: 20.
 
         Returns:
@@ -159,14 +159,14 @@ class FrictionModel(Display):
     def _scalars(
         self,
     ) -> dict[str | int, tuple[Callable[[np.ndarray, float], float], np.ndarray, float, float]]:
-        """Compiled curve, its row and the validity range of the joints whose torque at one velocity was computed before."""
+        """Cache of compiled curve, row and validity range, for joints whose torque at a single velocity was computed before."""
         return {}
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "_scalars"}
 
     def sample(self, n: int, seed: int = 0, joint: str | int | None = None) -> np.ndarray:
-        """Return draws of a joint's friction law from the covariance that was identified, within the bounds of its parameters.
+        """Return random draws of a joint's friction law from the identified covariance, within the bounds of its parameters.
 
         Args:
             n: how many.
@@ -177,7 +177,7 @@ class FrictionModel(Display):
             Rows of parameters as kernels and arrays read them (`Law.row`), (n, P).
 
         Raises:
-            InvalidInput: the model has several joints and none is named, or it knows no errors of the joint's law.
+            InvalidInput: the model has several joints and none is named, or it has no errors of the joint's law.
         """
         from backdrive.model.sample import draw_laws
 
@@ -188,14 +188,14 @@ class FrictionModel(Display):
         return np.array([law.row() for law in draw_laws(self.joint(0 if joint is None else joint), n, seed)])
 
     def draw(self, n: int, seed: int = 0) -> list[FrictionModel]:
-        """Return models that the data left as likely as this one: the law of every joint drawn as `sample` draws it.
+        """Return random models that are consistent with the data: the law of every joint is drawn as in `sample`.
 
         Args:
             n: how many.
             seed: the same one gives the same models.
 
         Raises:
-            InvalidInput: the model knows no errors of a joint's law.
+            InvalidInput: the model has no errors of a joint's law.
         """
         from backdrive.model.sample import draw_laws
 
@@ -252,8 +252,8 @@ def load_model(path: str | os.PathLike[str]) -> FrictionModel:
         path: of the file; or `preset:NAME`, such as `preset:mx106/m6`.
 
     Raises:
-        ModelFileError: the file is absent, no regular file, damaged, of another kind or of a newer schema, or holds numbers that
-            no joint has; the message says where and why.
+        ModelFileError: the file is absent, not a regular file, damaged, of another kind or of a newer schema, or contains
+            impossible numbers; the message names place and reason.
         UnknownName: there is no such preset; the message lists them.
     """
     preset = upper("model.presets", "preset_name")(path)

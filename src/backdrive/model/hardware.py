@@ -1,4 +1,4 @@
-"""What a model knows of the channel that measured its torque, and of the actuator behind it; None where nobody knows."""
+"""Data on the torque channel and on the actuator in a model; None where unknown."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class TorqueChannel(WithBounds):
         delay: by which torque was recorded later than motion [s]; negative for a command that acts after its sample.
         delay_error: standard error of it [s].
         noise: standard deviation of the noise from sample to sample [N.m or N].
-        long_run: standard deviation of the mean, over one second, of what the model leaves of the torque [N.m or N]; over many
-            seconds T it is this by the root of T.
+        long_run: standard deviation of the torque residual averaged over one second [N.m or N]; averaged over T seconds it is
+            this divided by the root of T.
     """
 
     BOUNDS: ClassVar[Bounds] = {
@@ -35,12 +35,12 @@ class TorqueChannel(WithBounds):
 
 @dataclass(frozen=True, kw_only=True)
 class Actuator(WithBounds):
-    """What drives the joint, all on the joint side.
+    """The actuator of the joint, with all values on the joint side.
 
     Attributes:
         torque_limit: largest torque of the actuator [N.m or N].
-        trip_speed: above which the robot's own protection stops it [rad/s or m/s].
-        gain: of the drive, torque at rest by its input [N.m or N per unit of the input]; negative where the signs differ.
+        trip_speed: speed above which the robot's own protection stops the joint [rad/s or m/s].
+        gain: of the drive: torque at rest divided by the input [N.m or N per unit of the input]; negative if the signs differ.
         motor_inertia: of the motor with its gear's input side [kg.m^2 or kg].
     """
 

@@ -1,4 +1,4 @@
-"""`JointFriction`: what was identified of one joint, how sure it is, and where it holds."""
+"""`JointFriction`: the identified friction of one joint, with its errors and its range of validity."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from backdrive.model.hardware import Actuator, TorqueChannel
 from backdrive.model.quality import Bands, Quality, Verdict
 from backdrive.parameters import NOT_NEGATIVE, Bounds, WithBounds
 
-EDGE = 1e-9  # share of its end by which a validity range is wider when a velocity is looked at: rounding [-]
+EDGE = 1e-9  # relative tolerance of the validity range's ends, for rounding errors [-]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,13 +43,14 @@ class Validity(WithBounds):
         velocity: smallest and largest velocity seen [rad/s or m/s].
         load: smallest and largest transmitted torque seen [N.m or N], if known.
         temperature: smallest and largest temperature seen [degC], if known.
-        lowest_speed: below which the data hold no sustained motion, and the curve is extrapolated [rad/s or m/s], if known.
-        nominal_load: mean size of the load under which the curve was identified, at which it holds [N.m or N], if known.
+        lowest_speed: speed below which the data contain no sustained motion, so that the curve is extrapolated [rad/s or
+            m/s], if known.
+        nominal_load: mean size of the load under which the curve was identified and is valid [N.m or N], if known.
     """
 
     BOUNDS: ClassVar[Bounds] = dict.fromkeys(("lowest_speed", "nominal_load"), NOT_NEGATIVE)
     LOW: ClassVar[float] = (
-        0.02  # "low speed" as a share of the top speed, where nothing slower is out of sight [-]
+        0.02  # "low speed" as a share of the top speed, unless the data end at a higher speed [-]
     )
 
     velocity: tuple[float, float]
@@ -70,7 +71,7 @@ class Validity(WithBounds):
 
     @property
     def speeds(self) -> tuple[float, float]:
-        """Low and top speed at which friction is told in words and tables [rad/s or m/s]."""
+        """Low and top speed at which friction is reported in texts and tables [rad/s or m/s]."""
         top = max(abs(v) for v in self.velocity)
         return min(max(self.LOW * top, self.lowest_speed or 0.0), top), top
 
@@ -94,9 +95,9 @@ class JointFriction:
         covariance: of law and dynamics; its diagonal holds the squares of the standard errors, and rows of numbers that the joint
             does not have are left out.
         torque_channel: delay and noise of the torque that was measured.
-        actuator: limits, gain and inertia of what drives the joint.
+        actuator: limits, gain and inertia of the actuator.
         friction_side: of the gear that the numbers refer to, `joint` or `motor`.
-        verdict: grade of the result, and the result in words.
+        verdict: grade of the result, and its summary in words.
         bands: how far measured torque lay from the predicted one, by state of motion.
     """
 
@@ -120,7 +121,7 @@ class JointFriction:
     def __post_init__(self):
         if self.friction_side not in (None, "joint", "motor"):
             raise InvalidInput(
-                f"Joint '{self.joint.name}': the friction is that of the side '{self.friction_side}'.",
+                f"Joint '{self.joint.name}': the friction refers to the unknown side '{self.friction_side}'.",
                 remedy="It is joint or motor.",
             )
         if self.covariance is not None:
@@ -136,13 +137,13 @@ class JointFriction:
         return errors
 
     def driving(self, above: float = 0.0) -> tuple[float, float] | None:
-        """Return where in the validity range friction drives the motion, as negative friction does.
+        """Return the part of the validity range in which friction is negative and so drives the motion.
 
-        Friction resists where tau_f v >= 0. Looked at 201 velocities, and at the knots, between which line sections are
-        straight.
+        Friction resists motion where tau_f v >= 0. This is checked at 201 velocities and at the knots, between which line
+        sections are straight.
 
         Args:
-            above: slower velocities are not looked at [rad/s or m/s].
+            above: slower velocities are not checked [rad/s or m/s].
 
         Returns:
             Lowest and highest such velocity [rad/s or m/s]; None where there is none.
@@ -174,7 +175,7 @@ class JointFriction:
         )
 
     def remarks(self) -> tuple[str, ...]:
-        """Return what the numbers alone say against the model, in sentences."""
+        """Return warnings that follow from the parameters alone."""
         ends, unit = self.driving(), f"{self.joint.unit}/s"
         if ends is None:
             return ()

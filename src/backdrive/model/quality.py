@@ -30,7 +30,7 @@ class Quality:
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """What the identification itself made of its result.
+    """The identification's own assessment of its result.
 
     Attributes:
         grade: in a word for programs.
@@ -47,7 +47,7 @@ class Verdict:
 
 @dataclass(frozen=True, kw_only=True)
 class Band(WithBounds):
-    """A band about the predicted torque that held 95 % of the measured one.
+    """A band about the predicted torque that contained 95 % of the measured torque.
 
     Attributes:
         half_width: of it [N.m or N].
@@ -71,7 +71,7 @@ class Bands:
     Attributes:
         moving: in motion, away from reversals.
         reversing: close to a change of direction.
-        rest: at rest for a while, where friction may be anything within its break-away torque.
+        rest: at rest for a while, where friction is undetermined within its break-away torque.
     """
 
     moving: Band | None = None

@@ -1,8 +1,8 @@
-"""Draws of a joint's friction law from the covariance of what was identified: domain randomisation from the fit.
+"""Random draws of a joint's friction law from the identified covariance, for domain randomisation.
 
-Numbers are drawn from a normal distribution with the stated mean and covariance; numbers without a row of it have their standard
-error alone, and without that they stay. A draw outside a parameter's bounds is drawn again: so mean and covariance are reproduced
-where bounds are far, and no draw leaves them where they are near.
+Parameters are drawn from a normal distribution with the stated mean and covariance. A parameter without a row in the
+covariance has its standard error alone; without a standard error it is constant. A draw outside a parameter's bounds is
+repeated. So the draws reproduce mean and covariance if the bounds are far, and respect the bounds if they are near.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from backdrive.laws.base import Rows
 if TYPE_CHECKING:
     from backdrive.model.joint_friction import JointFriction
 
-ROUNDS = 200  # draws of what fell outside its bounds
+ROUNDS = 200  # most repetitions of draws outside the bounds
 MOST = 10**7  # sets that are drawn at once
 
 
@@ -43,7 +43,7 @@ def draw_laws(friction: JointFriction, n: int, seed: int | Sequence[int] = 0) ->
     free = np.flatnonzero(np.diag(spread) > 0.0)
     if not free.size:
         raise InvalidInput(
-            f"Joint '{friction.joint.name}': the model knows no errors of '{law.name}' to draw from.",
+            f"Joint '{friction.joint.name}': the model has no errors of '{law.name}' to draw from.",
             remedy="Identify it from a log; presets hold published values without errors.",
         )
     values, vectors = np.linalg.eigh(spread[np.ix_(free, free)])
@@ -100,7 +100,7 @@ def _covariance(friction: JointFriction, names: list[str]) -> np.ndarray:
 
 
 def _law(law: Law, names: list[str], numbers: np.ndarray) -> Law | None:
-    """Return the law with other numbers; None where they make none."""
+    """Return the law with other parameters; None if they are invalid."""
     given: dict[str, Any] = {}
     for name, number in zip(names, numbers.tolist(), strict=True):
         indexed = re.fullmatch(r"(\w+)\[\d+\]", name)

@@ -1,4 +1,4 @@
-"""Motions that make friction visible inside a joint's limits, and the plan that a log is later linked to."""
+"""Motions for identifying friction within a joint's limits, and the plan objects that logs are linked to."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ class Pieces:
     def through(cls, knots: Sequence[tuple[float, float, float, float]]) -> Pieces:
         """Return quintics through knots (t, y, dy, ddy): y is continuous to its second derivative.
 
-        Knots that a straight line joins are joined by a straight line, so rest stays rest and constant speed constant.
+        Knots on a straight line are joined by a straight line, so rest and constant speed are preserved.
         """
         t, y, v, a = np.array(knots, dtype=np.float64).T
         keep = np.concatenate([[True], np.diff(t) > 0])  # a piece of no duration is none

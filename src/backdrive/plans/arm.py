@@ -3,9 +3,9 @@
     q_j(s) = center_j + sum_k sine_jk sin(w_k s) + cosine_jk cos(w_k s),      w_k = 2 pi k / period
 
 The path q(s) is closed (Swevers, Ganseman, Tuekel, De Schutter, Van Brussel, IEEE Trans. Robotics and Automation 13, 1997).
-How fast it is run is a matter of the path's time s alone: ds/dt rises from 0 to 1, stays there for whole periods, falls to
-`slow` so that friction shows at low speed and about slow reversals, and falls to 0 where the path closes. So no part of the plan
-leaves the path of one period, at full pace or below it.
+The speed along the path depends on its time s alone. The pace ds/dt rises from 0 to 1 and stays there for whole periods. It
+then falls to `slow`, for friction at low speed and near slow reversals, and falls to 0 where the path closes. So the plan
+never leaves the path of one period.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ class ArmPlan:
         slow_time: duration of the slow part [s].
         ramp: duration of each change of pace [s].
         start: instant at which it begins, on the log's clock [s].
-        noise: what it was chosen to expect of the torque's noise below 5 Hz [N.m or N], (J,); empty: not stated.
-        purpose: what it was chosen to show.
+        noise: assumed noise of the torque below 5 Hz [N.m or N], (J,); empty: not stated.
+        purpose: purposes of the plan.
     """
 
     joints: tuple[str, ...]
@@ -89,14 +89,14 @@ class ArmPlan:
             array("ArmPlan.noise", self.noise, (J,), bound=POSITIVE)
         if self.slow > 1.0 or self._full < 0.0:
             raise InvalidInput(
-                f"ArmPlan: {self.periods} periods of {self.period:g} s do not hold a slow part of {self.slow_time:g} s at "
+                f"ArmPlan: {self.periods} periods of {self.period:g} s are too short for a slow part of {self.slow_time:g} s at "
                 f"{self.slow:g} of the pace, and changes of {self.ramp:g} s.",
                 remedy="Give a pace of at most 1, a shorter slow part, or more periods.",
             )
 
     @property
     def _full(self) -> float:
-        """Time at full pace [s]: what the ramps and the slow part leave of the path."""
+        """Time at full pace [s]: the part of the path without ramps and slow part."""
         return self.period * self.periods - self.ramp - self.slow * (self.ramp + self.slow_time)
 
     @cached_property
@@ -164,7 +164,7 @@ class ArmPlan:
         return self._motion(t, 2)
 
     def plan_of(self, joint: str) -> JointOfArm:
-        """Return what one joint does.
+        """Return the motion of one joint.
 
         Raises:
             UnknownName: there is no such joint.

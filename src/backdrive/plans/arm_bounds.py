@@ -1,4 +1,4 @@
-"""The limits that a motion of an arm keeps: how far it passes them, smoothly for a search, strictly for a check."""
+"""The limits of an arm's motion: violations as a smooth penalty for the search, and a strict check."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from backdrive.plans.base import torque_unit
 from backdrive.plans.limits import JointLimits
 from backdrive.robot import Robot
 
-NEAR = 0.06  # distance beyond the needed one at which a search begins to look [m]
-SHORT = 0.05  # missing distance that counts like a limit passed by all of itself [m]
+NEAR = 0.06  # distance above the required one at which the penalty begins [m]
+SHORT = 0.05  # missing distance whose penalty equals that of exceeding a limit by 100 % [m]
 CHECKED = 1e-3  # longest time between the instants of a strict check [s]
 MOST_CHECKED = 60_000
 SIDES = 4000  # instants of the path at which distances are checked
@@ -24,7 +24,7 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ArmBounds:
-    """What every joint keeps, less the margin, and what the links keep of each other.
+    """The limits of all joints, reduced by the margin, and the distances between links.
 
     Attributes:
         robot: the description.
@@ -34,7 +34,7 @@ class ArmBounds:
         acceleration: [rad/s^2 or m/s^2], (J,).
         effort: of the actuator on the joint side [N.m or N], (J,).
         friction: expected at most, beside the rigid bodies' torque [N.m or N], (J,).
-        clearance: of the links; None: not looked at.
+        clearance: of the links; None: not checked.
     """
 
     robot: Robot
@@ -114,7 +114,7 @@ class ArmBounds:
     def penalty(
         self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, torque: np.ndarray, by_state: np.ndarray
     ) -> tuple[float, np.ndarray]:
-        """Return the sum of squares of what passes a limit, as a share of it, and its gradient by q, dq, ddq, (3, n, J).
+        """Return the sum of squares of relative limit violations, and its gradient by q, dq, ddq, (3, n, J).
 
         Args:
             q: positions [rad or m], (n, J).
@@ -141,7 +141,8 @@ class ArmBounds:
         return total, slope
 
     def violations(self, plan: ArmPlan) -> list[str]:
-        """Return a sentence for every limit that a plan passes, or else for links that come too near; every millisecond.
+        """Return a sentence for every limit that a plan exceeds, or otherwise for links that come too close; checked every
+        millisecond.
 
         Args:
             plan: of the robot's joints, in its order.
@@ -152,14 +153,12 @@ class ArmBounds:
         share = self.shares(q, dq, ddq, self.robot.inverse_dynamics(q, dq, ddq)).max(axis=1)
         names = ("position", "speed", "acceleration", "torque with friction")
         sentences = [
-            f"Joint '{self.robot.joints[j]}': its {names[i]} reaches {100 * share[i, j]:.4g} % of what the limit leaves."
+            f"Joint '{self.robot.joints[j]}': its {names[i]} reaches {100 * share[i, j]:.4g} % of the limit after the margin."
             for i, j in zip(*np.nonzero(share > 1.0 + _ROUNDING), strict=True)
         ]
         if not sentences and self.clearance is not None:
             path = plan.series(np.linspace(0.0, plan.period, SIDES, endpoint=False), 0)
             spare, links = self.clearance.narrowest(path)
             if spare < 0.0:
-                sentences.append(
-                    f"{links[0]} and {links[1]} come {-1e3 * spare:.3g} mm nearer than they may."
-                )
+                sentences.append(f"{links[0]} and {links[1]} come {-1e3 * spare:.3g} mm closer than allowed.")
         return sentences

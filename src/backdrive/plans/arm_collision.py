@@ -1,4 +1,4 @@
-"""How far the links of an arm are from each other along a motion, and how that changes with the joints.
+"""Distances between the links of an arm along a motion, and their gradients by the joint positions.
 
 Links that share a joint touch by construction and are left out, and so are those that touch in nearly every posture. Distances are
 signed: overlap counts below zero. With p_1 and p_2 the nearest points and n from one to the other,
@@ -17,7 +17,7 @@ import numpy as np
 from backdrive.plans.arm_shapes import Shape, require_coal
 from backdrive.robot import Robot, require_pinocchio
 
-POSTURES = 300  # at random, that show which links touch in nearly every one
+POSTURES = 300  # number of random postures that show which links touch in nearly all of them
 NEARLY_ALL = 0.95  # of them
 
 
@@ -30,7 +30,7 @@ class Clearance:
         shapes: of its links.
         pairs: of shapes, by number, (k, 2).
         needed: distance that each pair keeps [m], (k,).
-        touching: links that touch in nearly every posture and are not looked at, pairs of names.
+        touching: links that touch in nearly every posture and are not checked, pairs of names.
     """
 
     robot: Robot
@@ -50,7 +50,7 @@ class Clearance:
             shapes: of its links.
             lower: lowest positions [rad or m], (J,).
             upper: highest positions [rad or m], (J,).
-            clearance: distance to keep [m]; neighbours that are never much farther apart keep half of what they have.
+            clearance: distance to keep [m]; neighbours that are always close keep half of their usual distance.
         """
         parents = list(robot.model.parents)
         pairs = [
@@ -95,7 +95,7 @@ class Clearance:
         return self._along(q, near, slope), slope
 
     def narrowest(self, q: np.ndarray) -> tuple[float, tuple[str, str]]:
-        """Return by how much the pair that is nearest beside what it needs is farther than that [m], and its links.
+        """Return the smallest distance of a pair beyond its required one [m], and the links of that pair.
 
         Args:
             q: positions [rad or m], (n, J).

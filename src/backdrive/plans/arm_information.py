@@ -1,14 +1,14 @@
-"""How much a motion of an arm tells of what is asked: the logarithm of a determinant, and its gradient by the motion.
+"""The information of an arm's motion on the wanted parameters: the logarithm of a determinant, and its gradient.
 
     tau = Y(q, dq, ddq) theta + F sign(dq) + B dq + I ddq + o + (load on the last link or the tool)
     information = sum over samples of  Z' W Z,      Z: columns of all coefficients,  W = 1 / noise^2
 
-What is asked is weighed with what must be estimated beside it (D_s-optimality):  log det(information) - log det(its part
-that was not asked for), per coefficient asked for. A payload, or a constant force at the tool, is told by comparing a log with
-it and one without it of the same motion; each adds the rows of such a log.
+The criterion takes into account the other parameters that must be estimated too (D_s-optimality): log det(information) - log
+det(its part for the other parameters), per wanted coefficient. A payload, or a constant force at the tool, is identified by
+comparing logs of the same motion with and without it. Each of them adds the rows of such a log.
 
-Gradients by position, velocity and acceleration come from regressors at neighbouring states, contracted with the gradient by
-the columns, 2 W Z (information^-1 - inverse of the part not asked for).
+Gradients by position, velocity and acceleration are finite differences of regressors at neighbouring states, contracted with
+the gradient by the columns, 2 W Z (information^-1 - inverse of the part for the other parameters).
 """
 
 from __future__ import annotations
@@ -23,26 +23,26 @@ from backdrive._catalog import lookup
 from backdrive.errors import InvalidInput
 from backdrive.robot import PER_LINK, Robot
 
-#: What may be asked for: friction of every joint; inertias of bodies and motors; masses and first moments that gravity shows; mass
+#: Possible purposes: friction of every joint; inertias of bodies and motors; masses and first moments that gravity shows; mass
 #: and center of a payload; a constant force and moment at the tool.
 PURPOSES = {name: name for name in ("friction", "inertia", "gravity", "payload", "force")}
 OWN = ("coulomb", "viscous", "inertia", "offset")  # columns of every joint
 LOAD = 4  # numbers of a payload: mass and first moments
 WRENCH = 6
-PRIOR = 3.0  # how far a coefficient may be off from the description's, in sizes of a link [-]
+PRIOR = 3.0  # prior standard deviation of a coefficient from the description's, relative to the size of a link [-]
 STEP = 1e-6  # of a difference quotient [rad, rad/s or rad/s^2]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Information:
-    """What the motion of an arm is weighed by.
+    """The criterion for the motion of an arm.
 
     Attributes:
         robot: the description.
         noise: of the torque [N.m or N], (J,).
         transition: velocity within which friction changes sign [rad/s or m/s], (J,).
         purpose: names of `PURPOSES`, at least one.
-        frame: at which a force is told; None: the last of the description.
+        frame: frame at which a force is identified; None: the last of the description.
     """
 
     robot: Robot
@@ -53,7 +53,7 @@ class Information:
 
     def __post_init__(self):
         if not self.purpose:
-            raise InvalidInput("Nothing is asked for.", remedy=f"Name some of {', '.join(PURPOSES)}.")
+            raise InvalidInput("No purpose is given.", remedy=f"Name some of {', '.join(PURPOSES)}.")
         for name in self.purpose:
             lookup(name, PURPOSES, "purpose of a motion")
         if self.frame is not None:
@@ -81,7 +81,7 @@ class Information:
 
     @cached_property
     def targets(self) -> np.ndarray:
-        """Coefficients that are asked for, (P,)."""
+        """Wanted coefficients, (P,)."""
         J, b = len(self.robot.joints), self.robot.base.columns.size
         of_gravity = self._gravity_parameters
         bodies = np.where(of_gravity, "gravity" in self.purpose, "inertia" in self.purpose)
@@ -91,7 +91,7 @@ class Information:
 
     @cached_property
     def _prior(self) -> np.ndarray:
-        """Precision that keeps the determinant finite where a coefficient does not show, (P, P)."""
+        """Prior precision that keeps the determinant finite if a coefficient is not identifiable, (P, P)."""
         robot, J = self.robot, len(self.robot.joints)
         sizes = np.abs(robot.parameters).reshape(J, PER_LINK).max(axis=0)
         sizes[1:4], sizes[4:] = max(sizes[1:4].max(), 1e-3 * sizes[0]), max(sizes[4:].max(), 1e-4 * sizes[0])
@@ -111,7 +111,7 @@ class Information:
         return precision
 
     def value(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, weight: float) -> float:
-        """Return the criterion per coefficient asked for, and so the logarithm of a variance, less is better.
+        """Return the criterion per wanted coefficient, which is the logarithm of a variance; less is better.
 
         Args:
             q: positions [rad or m], (n, J).

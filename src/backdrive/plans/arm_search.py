@@ -1,7 +1,7 @@
-"""The motion of an arm that tells most of what is asked within its limits: a search over Fourier series.
+"""Search over Fourier series for the motion of an arm with the most information on the wanted parameters, within the limits.
 
-Several starts at random, then the best is refined; each by L-BFGS with exact gradients, limits as quadratic penalties. What a
-penalty leaves open is closed in the end: the motion shrinks about its center until a strict check passes.
+Several random starts are optimized, then the best is refined, by L-BFGS with exact gradients and quadratic penalties for the
+limits. Since penalties allow small violations, the motion finally shrinks about its center until a strict check passes.
 
 Swevers et al. 1997 (trajectory); Gautier, Khalil, Int. J. Robotics Research 11, 1992 (excitation); Fedorov 1972 (D-optimality).
 """
@@ -29,7 +29,7 @@ SLOW, SLOW_SHARE, RAMP = (
 STARTS, FIRST, LAST = 3, 30, 250  # starts, and rounds of a first and of the last search
 SAMPLES = 20  # of the path per period of its fastest sine
 WEAK, STRONG = 10.0, 200.0  # weight of what passes a limit
-TRIES = 400  # postures at random among which a center is looked for
+TRIES = 400  # number of random postures among which a center is chosen
 SHRINK = 0.99  # of the amplitudes, until a strict check passes [-]
 SHORTEST = 8.0  # s
 GOOD = 0.5  # share of a limit that a random start uses
@@ -37,11 +37,11 @@ GOOD = 0.5  # share of a limit that a random start uses
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Search:
-    """What a search has to do.
+    """The settings of a search.
 
     Attributes:
-        information: what is asked.
-        bounds: what is kept.
+        information: criterion.
+        bounds: limits.
         duration: from rest to rest [s].
         center: about which the arm moves [rad or m], (J,); None: chosen.
         harmonics: sines a joint.
@@ -58,11 +58,11 @@ class Search:
     progress: Callable[[str], None] = lambda sentence: None
 
     def run(self) -> ArmPlan:
-        """Return the best plan that was met.
+        """Return the best plan found.
 
         Raises:
             InvalidInput: the duration is too short, or the center is beyond a limit.
-            NotIdentifiable: no motion within the limits was met.
+            NotIdentifiable: no motion within the limits was found.
         """
         timed = timing(self.duration)
         random = np.random.default_rng(self.seed)
@@ -96,17 +96,17 @@ class Search:
             good &= np.all(distance > 1.5 * needed, axis=1)
         if not good.any():
             raise NotIdentifiable(
-                f"None of {TRIES} postures at random keeps torque and distances.",
+                f"None of {TRIES} random postures keeps the limits of torque and distance.",
                 remedy="Name one with --around, or correct the limits.",
             )
         return q[good][:STARTS]
 
     def _refuse_center(self, center: np.ndarray) -> None:
-        """Raise where the arm could not even rest."""
+        """Raise an error for a center at which the arm cannot rest."""
         still = np.zeros((1, center.size))
         torque = self.bounds.robot.inverse_dynamics(center[None], still, still)
         share = self.bounds.shares(center[None], still, still, torque)[:, 0]
-        for row, what in ((0, "is outside its range, less the margin"), (3, "asks for more than its torque")):
+        for row, what in ((0, "is outside its range, less the margin"), (3, "needs more than its torque")):
             for j in np.flatnonzero(share[row] >= 1.0):
                 raise InvalidInput(
                     f"Joint '{self.bounds.robot.joints[j]}': {center[j]:.4g} {what}.",
@@ -211,7 +211,7 @@ class Search:
         )
 
     def _shrunk(self, plan: ArmPlan) -> ArmPlan:
-        """Return the plan, as much smaller about its center as the limits ask for."""
+        """Return the plan, reduced about its center until it keeps the limits."""
         for _ in range(300):
             if not (passed := self.bounds.violations(plan)):
                 return plan
@@ -220,7 +220,7 @@ class Search:
             )
             plan = replace(plan, sine=sine, cosine=cosine)
         raise NotIdentifiable(
-            f"No motion within the limits was met. {passed[0]}",
+            f"No motion within the limits was found. {passed[0]}",
             remedy="Give another posture with --around, another --seed, or wider limits.",
         )
 

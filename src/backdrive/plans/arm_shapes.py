@@ -1,8 +1,9 @@
 """The shapes of an arm's links by its URDF or MJCF, for self-collision: primitives, and convex hulls of a URDF's meshes.
 
-Meshes are opened only where a folder of packages is given, and only below it (or beside the URDF): a description may come from
-anywhere. A hull holds its mesh, so what keeps hulls apart keeps the links apart. Where meshes are not opened, a capsule may stand
-in for a link: from its joint to the next one, as thick as a rod that resists turning about that line as the link's inertia does.
+Meshes are opened only where a folder of packages is given, and only below it (or beside the URDF): a description may come
+from an untrusted source. A hull contains its mesh, so if hulls do not touch, neither do the links. If meshes are not opened,
+a capsule may replace a link. It extends from the link's joint to the next one; its thickness is that of a rod with the link's
+inertia about this line.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from backdrive.robot.xml import numbers, parse
 
 MESH_BYTES = 100_000_000
 MOST_SHAPES = 200
-THINNEST = 0.02  # radius of a capsule that stands in for a link, at least [m]
+THINNEST = 0.02  # least radius of a capsule that replaces a link [m]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,7 +36,7 @@ class Shape:
         joint: number of the joint that carries it in pinocchio's model, 0 for the base.
         placement: in that joint's frame, (4, 4).
         geometry: of coal.
-        middle: of a ball that holds it, in the joint's frame [m], (3,).
+        middle: of a ball that contains it, in the joint's frame [m], (3,).
         radius: of that ball [m].
     """
 
@@ -62,7 +63,7 @@ def require_coal() -> Any:
 def read_shapes(
     urdf: str | Path, robot: Robot, packages: str | Path | None = None
 ) -> tuple[list[Shape], list[str]]:
-    """Return the shapes of all links, and the links whose meshes could not be had.
+    """Return the shapes of all links, and the links whose meshes could not be read.
 
     Args:
         urdf: path of the description, URDF or MJCF.
@@ -110,7 +111,7 @@ def read_shapes(
 
 
 def capsules(robot: Robot, links: Sequence[str]) -> tuple[list[Shape], list[str]]:
-    """Return capsules that stand in for links, and those for which the description tells too little.
+    """Return capsules that replace links, and the links with too little data for one.
 
     Args:
         robot: the description.

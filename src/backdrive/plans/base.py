@@ -1,4 +1,4 @@
-"""What all motion plans share: how their numbers are checked, and how a quantity is said to a person."""
+"""Common parts of all motion plans: checks of their numbers, and quantities in words."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ DEGREE = math.pi / 180.0
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What every plan of one joint has, and what it offers besides: `duration` [s] and `windows()`, where the identification
-    takes its samples, begin and end [s], (k, 2).
+    """Base class of the plans of one joint. Each plan has `duration` [s] and `windows()`, begin and end of the parts from
+    which the identification takes samples [s], (k, 2).
 
     Attributes:
         start: instant at which the plan begins, on the log's clock [s].
@@ -42,7 +42,7 @@ class Plan:
         unit: `rad` or `m`.
         kind: name of the kind of plan.
         commands: what it commands, `position` or `torque`.
-        options: of `backdrive plan` that mean something to it, beside those that all kinds have.
+        options: options of `backdrive plan` that apply to it, beside those common to all kinds.
     """
 
     start: float = 0.0
@@ -64,7 +64,7 @@ class Plan:
 
         Args:
             options: as given.
-            common: fields that all plans of what it commands have: joint, unit, and of a motion center and lead-in.
+            common: fields common to all plans with the same command: joint and unit, and for a motion center and lead-in.
         """
         known = {f.name: f.default for f in fields(cls) if f.init and f.name in cls.options}
         must = {name: options.need(name) for name, default in known.items() if default is MISSING}
@@ -79,7 +79,7 @@ class MotionPlan(Plan):
     Attributes:
         stroke: full stroke, peak to peak [rad or m].
         center: middle of the stroke [rad or m].
-        lead_in: duration of the way to where its windows begin [s]; None: a gentle one.
+        lead_in: duration of the motion to the begin of its windows [s]; None: a gentle default.
     """
 
     stroke: float
@@ -140,7 +140,7 @@ def settle(
     not_negative: tuple[str, ...] = (),
     finite: tuple[str, ...] = (),
 ) -> None:
-    """Turn fields of a frozen plan into floats and check them, its joint and its unit.
+    """Convert fields of a frozen plan to floats, and check them, the joint and the unit.
 
     Args:
         plan: under construction.
@@ -210,7 +210,7 @@ def phrase(value: float, unit: str, toward: float = 0.0) -> str:
     Args:
         value: the quantity [unit].
         unit: `rad`, `rad/s`, `rad/s^2`, or any other.
-        toward: +1 rounds up and -1 down, so that a limit taken from the text is kept; 0 rounds to the nearest.
+        toward: +1 rounds up and -1 down, so that a limit copied from the text is valid; 0 rounds to the nearest.
     """
     text = f"{round_digits(value, toward):.4g} {unit}"
     if not unit.startswith("rad"):
@@ -219,7 +219,7 @@ def phrase(value: float, unit: str, toward: float = 0.0) -> str:
 
 
 def between(edges: np.ndarray) -> np.ndarray:
-    """Return begin and end of what lies between neighbouring edges (k + 1,) [s], (k, 2)."""
+    """Return begin and end of the intervals between neighbouring edges (k + 1,) [s], (k, 2)."""
     return np.column_stack([edges[:-1], edges[1:]])
 
 

@@ -1,18 +1,18 @@
-"""About which centers to sweep, so that unequal directions can be told from gravity.
+"""Choice of the centers of several sweeps, which separate friction unequal in its directions from gravity.
 
 About a center c the half sum of the two directions is S = a sin c + b cos c + a_0: gravity, and half the constant difference of
-the directions. With weights w_i on the centers, sum w_i S_i is a_0 whatever a and b where
+the directions. With weights w_i on the centers, sum w_i S_i equals a_0 for any a and b if
 
     sum w_i = 1,   sum w_i sin c_i = 0,   sum w_i cos c_i = 0,
 
-and its standard error is sqrt(sum w_i^2 / n_i) times that of one sweep's S: the noise gain. Gravity turned by an angle is
-gravity again, so only the distances of the centers matter. Inside a range of half width w about its middle the least of
-(sum |w_i|)^2, which is the noise gain squared for one sweep in all, is reached with the two ends and the middle,
+and its standard error is sqrt(sum w_i^2 / n_i) times that of one sweep's S: the noise gain. Gravity rotated by an angle has
+the same form, so only the distances of the centers matter. Inside a range of half width w, the two ends and the middle give
+the least (sum |w_i|)^2, which is the squared noise gain for the effort of one sweep,
 
     w_end = 1 / (2 (1 - cos w)),   w_middle = -cos w / (1 - cos w),   sum |w_i| = cot^2(w/2)   for w <= pi/2
 
 (Elfving, Annals of Mathematical Statistics 23, 1952: the constant lies on the boundary of the hull of what the centers show),
-and with two centers half a turn apart, w = 1/2 each, from w = pi/2 on. Small ranges pay with 4/w^2.
+and with two centers half a turn apart, w = 1/2 each, from w = pi/2 on. For small ranges the noise gain grows as 4/w^2.
 """
 
 from __future__ import annotations
@@ -29,29 +29,31 @@ from backdrive.plans.limits import JointLimits
 from backdrive.plans.sweep import Sweep
 
 SHARE = 0.8  # samples faster than this share of a cycle's peak speed are used [-]
-MOST_GAIN = 2.0  # noise gain that is sought when the centers are chosen [-]
-WORST_GAIN = 20.0  # and the one from which on centers are called too near [-]
+MOST_GAIN = 2.0  # target of the noise gain for the choice of centers [-]
+WORST_GAIN = 20.0  # noise gain above which centers count as too close [-]
 MOST_SWEEPS = 9
-TIE = 1e-9  # relative difference of noise gains that is rounding [-]
+TIE = 1e-9  # relative difference of noise gains that counts as rounding [-]
 UNSEEN = (
-    0.02  # a direction of gravity that the centers show by less than this share of the other is left out [-]
+    0.02  # a component of gravity smaller than this share of the other one at the centers is left out [-]
 )
-_INWARD = 1e-9  # centers are kept as far from the ends of the range, so that rounding passes no limit [rad]
+_INWARD = (
+    1e-9  # distance of centers from the ends of the range, so that rounding does not exceed a limit [rad]
+)
 WHAT_ELSE = (
-    "What would do: more range (another posture of the arm, if other joints limit this one); a second center half a turn "
-    "from the first; or a posture in which the axis is vertical and the half sum is the constant itself."
+    "Possible remedies: a wider range (another posture of the arm, if other joints limit this one); a second center half a "
+    "turn from the first; or a posture with a vertical axis, in which the half sum is the constant itself."
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Separation:
-    """Sweeps about several centers, and how well they tell the constant difference of the directions from gravity.
+    """Sweeps about several centers, and how well they separate the constant difference of the directions from gravity.
 
     Attributes:
         plans: one sweep a center.
-        noise_gain: standard error of half the constant difference by that of one sweep's half sum [-].
+        noise_gain: ratio of the standard error of half the constant difference to that of one sweep's half sum [-].
         condition: condition number of the equations that the identification will solve [-].
-        duration: of all sweeps, without the ways between them [s].
+        duration: of all sweeps, without the motions between them [s].
     """
 
     plans: tuple[Sweep, ...]
@@ -66,16 +68,16 @@ class Separation:
 
 
 def noise_gain(centers: Sequence[float] | np.ndarray) -> float:
-    """Return the standard error of half the constant difference by that of one sweep's half sum [-].
+    """Return the ratio of the standard error of half the constant difference to that of one sweep's half sum [-].
 
-    Two centers within 2 degrees of half a turn count as half a turn apart: the little gravity that they share is known from its
-    slope inside the strokes.
+    Two centers within 2 degrees of half a turn count as half a turn apart, since the slope inside the strokes determines the
+    remaining gravity.
 
     Args:
         centers: middles of the strokes, one entry a sweep [rad].
 
     Returns:
-        Infinite where the centers do not tell the constant from gravity.
+        Infinite if the centers do not separate the constant from gravity.
     """
     X = np.column_stack(
         [np.ones(len(centers)), _observable_columns(np.column_stack([np.sin(centers), np.cos(centers)]))]
@@ -110,7 +112,7 @@ def condition(centers: Sequence[float] | np.ndarray, cycles: int, stroke: float)
 
 
 def _observable_columns(gravity: np.ndarray) -> np.ndarray:
-    """Return the columns of gravity, without the direction that the centers hardly show, if there is one."""
+    """Return the columns of gravity, without a component that is nearly zero at all centers."""
     left, size, _ = np.linalg.svd(gravity, full_matrices=False)
     return gravity if size.size > 1 and size[1] >= UNSEEN * size[0] else left[:, :1] * size[0]
 
@@ -129,16 +131,16 @@ def sweeps_about(sweep: Sweep, centers: Sequence[float] | np.ndarray) -> Separat
     """Return the sweeps about given centers.
 
     Args:
-        sweep: what is swept; its own center does not matter.
+        sweep: the sweep; its own center is ignored.
         centers: middles of the strokes [rad].
 
     Raises:
-        InvalidInput: the joint is linear, a center is not finite, or they do not tell the constant from gravity.
+        InvalidInput: the joint is linear, a center is not finite, or the centers do not separate the constant from gravity.
     """
     _refuse_linear(sweep)
     if len(centers) < 2 or not np.all(np.isfinite(centers)):
         raise InvalidInput(
-            f"{len(centers)} centers do not tell unequal directions from gravity.",
+            f"{len(centers)} centers do not separate unequal directions from gravity.",
             remedy=f"Give at least three, or two half a turn apart. {WHAT_ELSE}",
         )
     gain = noise_gain(centers)
@@ -150,7 +152,7 @@ def sweeps_about(sweep: Sweep, centers: Sequence[float] | np.ndarray) -> Separat
 
 
 def _too_little(centers: Sequence[float] | np.ndarray, gain: float) -> InvalidInput:
-    """Return why centers do not do, and which would."""
+    """Return why centers are insufficient, and a remedy."""
     least = (
         f"Three centers within {math.degrees(2 * width_for(WORST_GAIN)):.0f} deg are the least. {WHAT_ELSE}"
     )
@@ -159,7 +161,7 @@ def _too_little(centers: Sequence[float] | np.ndarray, gain: float) -> InvalidIn
         apart = math.degrees(abs(math.remainder(float(np.ptp(at)), 2 * math.pi)))
         which = f"Two centers {apart:.4g} deg apart" if at.size == 2 else "Sweeps about one center"
         return InvalidInput(
-            f"{which} never tell the constant difference of the directions from gravity.",
+            f"{which} cannot separate the constant difference of the directions from gravity.",
             remedy="Add a third center between them, or take two that are half a turn (180 deg) apart."
             if math.radians(apart) >= 2 * width_for(WORST_GAIN)
             else least,
@@ -190,11 +192,11 @@ def width_for(gain: float) -> float:
 def choose_centers(
     sweep: Sweep, limits: JointLimits, *, sweeps: int | None = None, gain: float = MOST_GAIN
 ) -> Separation:
-    """Choose the centers of as few sweeps as tell the constant from gravity within a noise gain.
+    """Choose the smallest number of sweeps, with their centers, that separates the constant from gravity within a noise gain.
 
-    Every sweep takes the same time, so the fewest sweeps take the least. They stand at the ends of the range and in its middle,
-    as often as gives the least gain (other places gain less than 5 % over that); at two places half a turn apart where the range
-    allows it.
+    All sweeps take the same time, so the smallest number is the fastest. They are placed at the ends of the range and in its
+    middle, in the proportion with the least noise gain; other places improve it by less than 5 %. If the range permits it,
+    they are placed half a turn apart.
 
     Args:
         sweep: what is swept; the centers lie about its own center where the range is wider than half a turn.
@@ -235,8 +237,8 @@ def choose_centers(
 
 
 def _best(arrangements: list[list[float]]) -> tuple[float, list[float]]:
-    """Return the least noise gain and its centers; of those that only rounding tells apart the most even one,
-    and of two that mirror each other the one with fewer at the lower end.
+    """Return the least noise gain and its centers. Among arrangements equal up to rounding, the most even one is chosen, and
+    of two mirror images the one with fewer centers at the lower end.
     """
     gains = [noise_gain(c) for c in arrangements]
     alike = [c for c, g in zip(arrangements, gains, strict=True) if g <= min(gains) * (1.0 + TIE)]
@@ -258,6 +260,7 @@ def _arrangements(middle: float, half: float, count: int) -> list[list[float]]:
 def _refuse_linear(sweep: Sweep) -> None:
     if sweep.unit != "rad":
         raise InvalidInput(
-            f"Joint '{sweep.joint}' is linear: gravity does not change along it, so no centers tell it from unequal directions.",
-            remedy="Sweep once; a horizontal axis has no gravity to tell apart.",
+            f"Joint '{sweep.joint}' is linear: gravity does not change along it, so no centers can separate it from unequal "
+            f"directions.",
+            remedy="Sweep once; a horizontal axis has no gravity to separate.",
         )

@@ -1,4 +1,4 @@
-"""Is a plan within the limits of its joint? If not: which limit, by how much, and what would do."""
+"""Check of a plan against the limits of its joint; the error names the limit, the excess and a remedy."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def check_limits(
         friction: friction torque at the top speed [N.m or N].
 
     Raises:
-        InvalidInput: names every limit that is passed, by how much, and the way out.
+        InvalidInput: names every limit that is exceeded, the excess and a remedy.
         UnknownName: there are limits by name, and none for a joint of the plan.
     """
     single = plan.plans if isinstance(plan, InTurn) else (plan,)
@@ -121,7 +121,7 @@ def _motion(
 
 
 def _stroke_for(plan: Any, acceleration: float) -> str:
-    """Say which stroke keeps the acceleration at a limit [rad/s^2 or m/s^2]."""
+    """Return a sentence on the stroke that keeps the acceleration at a limit [rad/s^2 or m/s^2]."""
     if isinstance(plan, Multisine):
         largest = plan.stroke * acceleration / plan.peak_acceleration
         return f"The largest stroke that would do is {phrase(largest, plan.unit, -1)}; so would a lower band."

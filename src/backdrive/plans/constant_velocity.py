@@ -23,9 +23,9 @@ MOST_SPEEDS = 1000
 class ConstantVelocity(MotionPlan):
     """For each speed one run up and one run down the stroke, with a stretch of constant velocity in the middle.
 
-    The classical way to a friction curve (the procedures that Iwatani 2017, 2.2 compares with). The speed rises and
-    falls along a cubic, so the acceleration is continuous and at most `ramp_acceleration`; the faster the run, the less of the
-    stroke is left at constant speed, which is why the sweep needs less range.
+    The classical method for a friction curve, with which Iwatani 2017, 2.2 compares. The speed rises and falls along a cubic,
+    so the acceleration is continuous and at most `ramp_acceleration`. The faster the run, the smaller the part of the stroke
+    at constant speed, so a sweep needs less range.
 
     Attributes:
         stroke: full stroke, peak to peak [rad or m].
@@ -59,7 +59,7 @@ class ConstantVelocity(MotionPlan):
             speeds = [top * n / count for n in range(1, count + 1)]
         elif options.subset("cycles", "top_speed", "top_speed_deg"):
             raise InvalidInput(
-                "--speeds stands beside --top-speed or --cycles.", remedy="Give one or the other."
+                "--speeds cannot be combined with --top-speed or --cycles.", remedy="Give one or the other."
             )
         return cls(stroke, tuple(speeds), **options.subset("ramp_acceleration", "pause"), **common)
 

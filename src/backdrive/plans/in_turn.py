@@ -17,7 +17,7 @@ from backdrive.plans.base import check_name, instants, settle
 
 @dataclass(frozen=True, kw_only=True)
 class Hold:
-    """A joint that stays where it is throughout.
+    """A joint that does not move.
 
     Attributes:
         joint: its name.
@@ -35,9 +35,9 @@ class Hold:
 
 @dataclass(frozen=True)
 class InTurn:
-    """Plans of single joints, one after the other; who has no turn is held by its position controller.
+    """Plans of single joints, one after the other; the position controllers hold the other joints.
 
-    Every plan begins and ends at rest at its `home`, so that is where its joint waits before and after its turn.
+    Every plan begins and ends at rest at its `home`, where its joint waits before and after its turn.
     Arrays have one column a joint: those of the plans in order, then those that are held throughout.
 
     Attributes:
@@ -113,7 +113,7 @@ class InTurn:
         """Where each joint waits [rad or m], (J,)."""
         if self.commands == "torque":
             raise InvalidInput(
-                "A plan of torques does not say where the joints wait.", remedy="Use `torque(t)`."
+                "A torque plan has no positions at which the joints wait.", remedy="Use `torque(t)`."
             )
         return np.array([*(p.home for p in self.plans), *(h.position for h in self.held)])
 
@@ -154,7 +154,8 @@ class InTurn:
 
 
 def plan_of(plan: Any, joint: str) -> Any:
-    """Return what a plan has for one joint: itself if it is of a single joint, whatever that joint is called in the log.
+    """Return the part of a plan for one joint. A plan of a single joint is returned itself, whatever the joint's name in the
+    log.
 
     Args:
         plan: of a single joint, an `InTurn` or an `ArmPlan`.

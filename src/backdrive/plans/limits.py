@@ -1,4 +1,4 @@
-"""What a joint can do: range, speed, acceleration and torque, from arguments or from a robot description (URDF)."""
+"""Limits of a joint: range, speed, acceleration and torque, from arguments or from a robot description (URDF)."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ MAX_BYTES = 20_000_000
 _KINDS: dict[str, Literal["rad", "m"]] = {"revolute": "rad", "continuous": "rad", "prismatic": "m"}
 
 
-SMALLEST = 1e-12  # limit that is no mistake [SI]
+SMALLEST = 1e-12  # largest plausible limit [SI]
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointLimits:
-    """Limits of one joint; infinite where nothing is known.
+    """Limits of one joint; infinite if unknown.
 
     Attributes:
         name: of the joint.
@@ -55,7 +55,7 @@ class JointLimits:
             )
 
     def overridden(self, **given: float | None) -> JointLimits:
-        """Return the limits with those given put in the place of the old ones; None keeps the old one."""
+        """Return the limits, with given ones replaced; None keeps the old one."""
         return replace(self, **{name: value for name, value in given.items() if value is not None})
 
     def narrow(self, margin: float) -> JointLimits:
@@ -92,8 +92,8 @@ def read_limits(path: str | Path) -> dict[str, JointLimits]:
     """Read the limits of every joint that moves from a URDF or MJCF file.
 
     Follows the URDF specification: `lower`, `upper`, `velocity`, `effort` and (newer) `acceleration` of `<limit>`, and
-    the tighter range of `<safety_controller>`. Fixed, floating, planar and mimicking joints are left out. A range or a
-    limit of zero, which many exporters write for "not known", counts as not stated: such a joint could not move at all.
+    the tighter range of `<safety_controller>`. Fixed, floating, planar and mimicking joints are left out. A range or a limit
+    of zero counts as unknown: many exporters write it for unknown limits, and such a joint could not move.
 
     Args:
         path: of the file.

@@ -1,4 +1,4 @@
-"""A multisine: a band of frequencies at once, periodic, with phases that use stroke and speed well."""
+"""A periodic multisine: a band of frequencies, with phases for low crest factors of position and velocity."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ _MARGIN = 1.0 / (
 class Multisine(MotionPlan):
     """Sines at all multiples of 1/period inside a band, with equal velocity amplitudes, as large as the stroke allows.
 
-    The joint visits many speeds and accelerations in one run, which suits the identification from any motion. The
-    phases are drawn from a seed and then improved for low crest factors: clip the signal, keep its phases, restore the
-    amplitudes (Van der Ouderaa, Schoukens, Renneboog, IEEE Trans. Instrum. Meas. 37, 1988). They are part of the plan,
-    so a stored plan is the same motion everywhere. The motion swells from rest at the center before the first period
-    and ebbs away after the last.
+    The joint passes many speeds and accelerations in one run, which suits the identification from any motion. The phases are
+    drawn from a seed and then improved for low crest factors: clip the signal, keep its phases, restore the amplitudes (Van
+    der Ouderaa, Schoukens, Renneboog, IEEE Trans. Instrum. Meas. 37, 1988). They are part of the plan, so a stored plan is
+    the same motion everywhere. The amplitude grows from rest at the center before the first period, and decays after the
+    last.
 
     Attributes:
         stroke: full stroke, peak to peak [rad or m].
@@ -180,8 +180,9 @@ class Multisine(MotionPlan):
 def _low_crest(harmonics: np.ndarray, seed: int) -> tuple[float, ...]:
     """Return phases with low crest factors of position and velocity: random ones, clipped and restored many times.
 
-    Position alone would be squeezed into a square wave that rests at the ends of the stroke, where no friction shows.
-    Three of four rounds clip the velocity, and the least product of both crest factors wins.
+    Clipping the position alone would lead to a square wave that rests at the ends of the stroke and contains no information
+    on friction. So three of four rounds clip the velocity, and the phases with the least product of both crest factors are
+    used.
     """
     size = 1 << int(np.ceil(np.log2(8 * harmonics[-1] + 1)))
     phases = np.random.default_rng(seed).uniform(-np.pi, np.pi, harmonics.size)

@@ -1,4 +1,4 @@
-"""Plans as JSON: written beside what a robot is given, read when its log comes back."""
+"""Plans as JSON: written beside the files for the robot, and read again with the log."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def plan_from_dict(data: Mapping[str, Any]) -> Any:
         bound = POSITIVE if key in DIVISORS and number else NOT_NEGATIVE
         if not bound.holds(abs(number)) and key != "seed":
             raise ReadError(
-                f"{where} is {str(number)[:40]}, which no plan holds.",
+                f"{where} is {str(number)[:40]}, which is not valid in a plan.",
                 remedy="Make it again with `backdrive plan`.",
             )
     return _build({k: v for k, v in data.items() if k not in ("format", "schema")}, nested=False)
@@ -79,12 +79,12 @@ def _build(data: Any, *, nested: bool) -> Any:
         given = {k: v for k, v in data.items() if k != "kind"}
         if cls in (InTurn, ArmPlan) and nested:
             raise InvalidInput(
-                "A plan in turn holds another one of several joints.",
+                "A plan in turn contains another plan of several joints.",
                 remedy="Make it again with `backdrive plan`.",
             )
         unknown = sorted(set(given) - {f.name for f in fields(cls) if f.init})
         if unknown:
-            raise InvalidInput(f"Unknown field '{unknown[0]}'.", remedy="Is the file of a newer version?")
+            raise InvalidInput(f"Unknown field '{unknown[0]}'.", remedy="The file may be of a newer version.")
         if cls is InTurn:
             plans, held = given.get("plans"), given.get("held", [])
             if not isinstance(plans, list) or not isinstance(held, list) or len(plans) + len(held) > 1000:

@@ -1,4 +1,4 @@
-"""How small the stroke of a sweep may be: what the torque allows, and what inertia does to the curve."""
+"""The smallest stroke of a sweep, limited by the torque and by the friction error due to inertia."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def smallest_stroke(
     if left <= 0:
         raise InvalidInput(
             f"Friction {abs(friction):g} and gravity {abs(gravity):g} take up the whole torque limit {torque_limit:g}.",
-            remedy="No stroke helps: choose a posture with less gravity, or a lower top speed.",
+            remedy="No stroke is sufficient: choose a posture with less gravity, or a lower top speed.",
         )
     return 2.0 * inertia * top_speed**2 / left
 
@@ -45,13 +45,13 @@ def smallest_stroke(
 def inertia_bias(
     stroke: float, top_speed: float, inertia: float, time_slip: float, share: float = SHARE
 ) -> float:
-    """Return by how much inertia falsifies the friction at the top speed when torque and velocity are not simultaneous.
+    """Return the friction error at the top speed due to inertia when torque and velocity are not simultaneous.
 
-    If each torque is compared with the velocity of a moment tau earlier (later for tau < 0), then around a velocity peak
+    If each torque is paired with the velocity at an instant tau earlier (later for tau < 0), then around a velocity peak
 
         mean of I ddq(t + tau) over sin >= c  =  -k I (2 V^2 / A) sin(2 V tau / A),   k = sqrt(1 - c^2) / (pi/2 - asin c),
 
-    and the half difference of both directions keeps it, while without a slip it vanishes by symmetry (Iwatani 2017,
+    which remains in the half difference of both directions, while without a time slip it vanishes by symmetry (Iwatani 2017,
     (2.14)). To first order -4 k I V^3 tau / A^2, with c = 0.8: -3.73 I V^3 tau / A^2. Backward differences beside commanded
     torques slip by one sampling interval.
 
@@ -76,15 +76,15 @@ def inertia_bias(
 def stroke_for_bias(
     top_speed: float, inertia: float, bias: float, time_slip: float, share: float = SHARE
 ) -> float:
-    """Return the stroke from which on inertia falsifies the friction by less than a given torque.
+    """Return the stroke above which the friction error due to inertia is below a given torque.
 
-    A = sqrt(4 k I V^3 |tau| / bias), the first order of `inertia_bias`, which the exact one never exceeds. It holds at the top
-    speed; slower cycles are falsified less, by the cube of n / N.
+    A = sqrt(4 k I V^3 |tau| / bias), the first order of `inertia_bias`, which the exact one never exceeds. This is the error
+    at the top speed; that of slower cycles is smaller by the factor (n / N)^3.
 
     Args:
         top_speed: V [rad/s or m/s].
         inertia: I [kg.m^2 or kg].
-        bias: torque that is bearable [N.m or N].
+        bias: accepted error of the friction [N.m or N].
         time_slip: tau, between torque and velocity [s]; one sampling interval if nothing is aligned.
         share: c, of the top speed, above which samples are taken [-].
 

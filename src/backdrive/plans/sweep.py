@@ -1,4 +1,4 @@
-"""The sweep: sines of one stroke and growing speed, which show friction inside a small range (Iwatani 2017, 2.3)."""
+"""The sweep: sines of equal stroke and growing speed, for identifying friction inside a small range (Iwatani 2017, 2.3)."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from backdrive.plans.base import MotionPlan, Options, between, round_digits, set
 #: Share of a cycle's top speed above which the motion is the sine of (2.4) itself. At 0.5 the glides between the cycles
 #: stay below the peak acceleration of the last cycle, and windows from 0.8 on have room for a lagging joint.
 PURE = 0.5
-#: Slow cycles that a sweep has at most: the slowest of eight takes 256 times as long as its first.
+#: Largest number of slow cycles: the slowest of eight takes 256 times as long as the first regular cycle.
 MOST_SLOW = 8
-#: Mean of a cubic step's first half, as a share of the whole step: how a glide divides at the turning point.
+#: Mean of a cubic step's first half, as a share of the whole step, which divides a glide at the turning point.
 _HALF = 3.0 / 16.0
 
 
@@ -41,10 +41,10 @@ class Sweep(MotionPlan):
         top_speed: V, speed that the last cycle reaches [rad/s or m/s].
         cycles: N, number of cycles, one a speed.
         lead_in: from `start` to the first cycle [s]: the way from the center to the lower turning point (literal: rest
-            there). By default 1 s, longer where that would be hasty; literal: 0.
+            there). By default 1 s, or longer if the motion would be too fast; literal: 0.
         smooth: False for the motion as printed.
-        slow: number of cycles before the first, each half as fast as the next: they show what friction does below V / N, such as a
-            Stribeck peak.
+        slow: number of cycles before the first, each half as fast as the next, for friction below V / N, such as a Stribeck
+            peak.
     """
 
     stroke: float

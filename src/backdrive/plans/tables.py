@@ -87,7 +87,7 @@ def npz_bytes(table: Table) -> bytes:
 def trajectory_yaml(table: Table) -> str:
     """Return a table as a ROS 2 `trajectory_msgs/msg/JointTrajectory` in YAML.
 
-    Every number is written with a point and, where it has one, a signed exponent: YAML 1.1 readers take 1e-5 for a text.
+    Every number is written with a point and, where it has one, a signed exponent: YAML 1.1 readers parse 1e-5 as text.
     """
     fields = {
         "position": "positions",
@@ -121,7 +121,7 @@ def _round_clean(value: np.ndarray) -> np.ndarray:
 
 
 def yaml_number(x: float) -> str:
-    """Return a finite float so that every YAML reader takes it for one."""
+    """Return a finite float in a form that every YAML reader parses as a float."""
     mantissa, e, exponent = repr(float(x)).partition("e")
     if "." not in mantissa:
         mantissa += ".0"

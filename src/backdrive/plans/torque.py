@@ -1,4 +1,4 @@
-"""Torque commands that swing: a sine and a saw-tooth. They show friction at many speeds, but do not bound the motion."""
+"""Periodic torque commands: a sine and a saw-tooth. They excite many speeds, but do not bound the motion."""
 
 from __future__ import annotations
 
@@ -78,8 +78,7 @@ class Swinging(TorquePlan):
 class SineTorque(Swinging):
     """A sinusoidal torque, tau = offset + amplitude sin(2 pi f (t - start)).
 
-    How far the joint moves is left to its inertia and friction, so the amplitude must be chosen with care (Iwatani 2017,
-    2.2): begin small.
+    The travel of the joint depends on its inertia and friction, so begin with a small amplitude (Iwatani 2017, 2.2).
     """
 
     kind: ClassVar[str] = "sine-torque"
@@ -120,7 +119,7 @@ class SawtoothTorque(Swinging):
         if not 0.01 <= self.rise <= 0.99:
             raise InvalidInput(
                 f"SawtoothTorque.rise is {self.rise:g}.",
-                remedy="Give a share from 0.01 to 0.99: a torque that jumps shakes the joint.",
+                remedy="Give a share from 0.01 to 0.99, since a torque step would shake the joint.",
             )
 
     def _torque(self, t: np.ndarray) -> np.ndarray:
@@ -151,8 +150,8 @@ class TorqueRamp(TorquePlan):
     stiffness (Iwatani 2017, 3.2.2, Fig. 3.3); the first rise is the virgin curve, the following cycles close the loop.
 
     Attributes:
-        peak: largest torque, above the break-away torque if that is to be seen [N.m or N].
-        rate: of change; slow, so that inertia plays no part [N.m/s or N/s].
+        peak: largest torque; it must exceed the break-away torque to identify that [N.m or N].
+        rate: rate of change; slow, so that inertia is negligible [N.m/s or N/s].
         cycles: times up and down.
         lead_in: time at the offset before the first rise, to see the noise [s].
     """

@@ -1,4 +1,4 @@
-"""The report: one self-contained HTML file with the result, the evidence for it, and what speaks against it.
+"""The report: one self-contained HTML file with the result, the evidence for it, and the warnings.
 
 It names no network address, runs no script, and escapes every name that came from a file. The same result gives the same
 bytes.
@@ -26,9 +26,9 @@ def render(
 
     Args:
         result: what `identify` returned.
-        command: the command line that made it, to be copied.
+        command: the command line that made the result; the report prints it for copying.
         title: of the report; by default it names the joint or the number of joints.
-        compare: joint name -> a true curve, drawn and measured against the identified one.
+        compare: joint name -> a true curve; it is drawn, and its distance from the identified curve is stated.
         more: further sections, as functions of `report` return them.
 
     Raises:
@@ -42,8 +42,9 @@ def render(
     names = result.model.names
     if tuple(e.joint for e in result.evidence) != names:
         raise InvalidInput(
-            f"The evidence is of joints {[e.joint for e in result.evidence]}, the model of {list(names)}.",
-            remedy="Give one evidence a joint, in the model's order.",
+            f"The evidence belongs to joints {[e.joint for e in result.evidence]}, the model to joints "
+            f"{list(names)}.",
+            remedy="Give one evidence for each joint, in the model's order.",
         )
     truths = dict(compare or {})
     if strange := sorted(set(truths) - set(names)):

@@ -1,4 +1,4 @@
-"""The report's pictures as inline SVG, each with the caption that says what it shows."""
+"""The report's pictures as inline SVG, each with its caption."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def drawing(
 
     Args:
         prefix: of identifiers, unique in the page.
-        label: what it shows, for those who do not see it.
+        label: description of the picture for screen readers.
         draw: on axes.
         size: width and height [pt].
     """
@@ -64,7 +64,7 @@ def _sample_keys(samples: Samples, fitted: str, held_out: str) -> str:
 
 
 def torque_course(friction: JointFriction, evidence: JointEvidence, prefix: str) -> str:
-    """Return measured and predicted torque over time, or nothing where the samples are no course of time."""
+    """Return measured and predicted torque over time, or nothing if the samples are not a time series."""
     samples, joint = evidence.samples, friction.joint
     if not torque.has_course(samples):
         return ""
@@ -178,7 +178,10 @@ def residual_row(friction: JointFriction, evidence: JointEvidence, prefix: str) 
         median = median or told
     caption = _sample_keys(samples, "fitted", "held out")
     caption += key("curve", "median of equal intervals") if median else ""
-    caption += "<br>Measured minus predicted torque. A good model leaves noise around zero; a bend is what it misses."
+    caption += (
+        "<br>Measured minus predicted torque. A good model leaves noise around zero; a curved median line shows friction "
+        "that the model misses."
+    )
     if scale.beyond:
         caption += (
             f" {esc(count_of(scale.beyond, 'sample lies', 'samples lie'))} beyond the scale, "
@@ -188,15 +191,15 @@ def residual_row(friction: JointFriction, evidence: JointEvidence, prefix: str) 
     if "position" in absent:
         caption += " The log holds no position."
     if "time" in absent:
-        caption += " Each sample stands for a whole log, so there is no course of time to show."
+        caption += " Each sample summarizes a whole log, so there is no time series to show."
     return f'<h3>Residual</h3><div class="grid residuals">{"".join(pictures)}</div><p class="legend">{caption}</p>'
 
 
-CHANCE = 1e-3  # by which noise may explain a wave that is named [-]
+CHANCE = 1e-3  # largest probability that noise alone explains a wave that is reported [-]
 
 
 def _period(friction: JointFriction, evidence: JointEvidence) -> str:
-    """Return a sentence on the period of position that shows in the residual, or that none does."""
+    """Return a sentence on the position period found in the residual, or on its absence."""
     wave = None if evidence.residual is None else evidence.residual.wave()
     if wave is None or not wave.wave:
         return ""
@@ -220,7 +223,5 @@ def presliding(friction: JointFriction, loop: np.ndarray, prefix: str) -> str:
     picture, _ = drawing(
         prefix, f"Torque against displacement before sliding, joint {friction.joint.name}", draw
     )
-    words = (
-        "Before it slides: torque against displacement during a ramp. The slope is the presliding stiffness."
-    )
+    words = "Torque against displacement during a ramp, before the joint slides. The slope is the presliding stiffness."
     return figure(picture, words)

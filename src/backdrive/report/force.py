@@ -20,16 +20,19 @@ from backdrive.report.sheet import page
 from backdrive.report.words import NOTHING, count_of, esc, number, percent, quantity
 from backdrive.report.wrench import wrench_section
 
-MOST = 200  # contacts that the page lists
-BESIDE = 1.0  # that the picture of a contact shows before and after it, at least [s]
+MOST = 200  # largest number of contacts in the page's list
+BESIDE = 1.0  # least time that a contact's picture shows before and after it [s]
 WORDS = {"moving": "moving", "reversing": "turning, starting, creeping", "rest": "at rest"}
 TERMS = {
-    "External torque": "What the environment, such as a hand, does to the joint; positive along +q.",
-    "Band": "Holds the true torque 95 % of the time. At rest a joint carries any torque up to its break-away friction, and no "
-    "encoder shows how much of that a hand gives: the band is as wide as the friction of both directions, and a tenth more.",
-    "Threshold": "From how many bands on an estimate is a contact. Free motion passes it at the stated rate, as far as its length "
-    "can tell; the interval holds it with nine chances in ten.",
-    "Independent events": "Neighbouring samples are alike; so many unrelated ones would tell as much.",
+    "External torque": "Torque of the environment on the joint, for example of a hand; positive along +q.",
+    "Band": "Contains the true torque 95 % of the time. At rest, friction balances any external torque up to the "
+    "break-away torque, and the encoder does not show how much. So the band at rest is as wide as the friction of "
+    "both directions together, plus 10 %.",
+    "Threshold": "An estimate above this multiple of half the band counts as a contact. Free motion exceeds the "
+    "threshold at the stated rate, as far as its length permits an estimate. The interval contains the threshold "
+    "with 90 % confidence.",
+    "Independent events": "Neighbouring samples are correlated; so many independent samples would give the same "
+    "information.",
     "Acted on": "Share of the time in which zero lies outside the band. Where nothing touches the joint expect up to 5 %.",
 }
 
@@ -96,7 +99,7 @@ def _header(estimate: ForceEstimate, title: str, remarks: tuple[str, ...]) -> st
 
 
 def _lead(estimate: ForceEstimate) -> str:
-    """Return in a sentence or two what acted."""
+    """Return one or two sentences on the torque that acted."""
     most = max(estimate.joints, key=lambda one: float(np.mean(one.outside)))
     acted = (
         f"Zero lies outside the 95 % band for {percent(100.0 * float(np.mean(most.outside)))} of the time"
@@ -105,9 +108,7 @@ def _lead(estimate: ForceEstimate) -> str:
     if estimate.contacts is None:
         return acted
     count = count_of(len(estimate.contacts), "contact") if estimate.contacts else "No contact"
-    return (
-        f"{count}, at thresholds for {estimate.false_alarms:g} false an hour of all joints together. {acted}"
-    )
+    return f"{count}, at thresholds for a false-alarm rate of {estimate.false_alarms:g}/h over all joints. {acted}"
 
 
 def _summary(estimate: ForceEstimate) -> str:
@@ -170,7 +171,7 @@ def _joint(estimate: ForceEstimate, one: JointForce, index: int) -> str:
         draw_friction(axes, canvas.CSS, one)
 
     friction = drawing(f"j{index}-friction", f"Friction taken off, {name}", draw)[0]
-    pictures.append(figure(friction, key("curve", "friction that was taken off, by the model")))
+    pictures.append(figure(friction, key("curve", "friction by the model, which was subtracted")))
     side = "".join(pictures[1:])
     return (
         f'<section class="joint" id="joint-{index}"><div class="head"><h2><bdi>{esc(name)}</bdi></h2></div>'
@@ -195,7 +196,7 @@ def _rows(one: JointForce, rows: np.ndarray) -> JointForce:
 
 
 def _figures(estimate: ForceEstimate, one: JointForce) -> str:
-    """Return what is known of a joint by state of motion, as a table."""
+    """Return a joint's error figures by state of motion, as a table."""
     unit, calibration = one.joint.torque_unit, estimate.calibrations.get(one.joint.name)
     thresholds = {t.state: t for t in estimate.thresholds if t.joint == one.joint.name}
     halves = half_bands(one)
@@ -233,7 +234,7 @@ def _of_calibration(calibration: Calibration) -> list[list[str]]:
         else " to ".join(f"{100.0 * x:.0f} %" for x in b.held_out)
         for b in bands
     ]
-    return [["Independent events", *events, NOTHING], ["A fifth left out, within", *shares, NOTHING]]
+    return [["Independent events", *events, NOTHING], ["Held-out fifth, within the band", *shares, NOTHING]]
 
 
 def _rms(x: np.ndarray) -> float:

@@ -18,7 +18,7 @@ Line = tuple[str, str, np.ndarray, float]  # kind of key, words, ordinates (n,),
 
 
 def hand_section(demo: HandDemo) -> str:
-    """Return the section: two pictures and what they say in numbers.
+    """Return the section: two pictures and their figures.
 
     Raises:
         MissingExtra: matplotlib is not installed.
@@ -41,8 +41,8 @@ def hand_section(demo: HandDemo) -> str:
         '<section class="joint" id="guided"><div class="head"><h2>A hand moves the joint</h2></div>'
         f'<p class="lead">The hand needs {number(without)} {unit} (root mean square) to move the bare joint and '
         f"{number(with_)} {unit} with friction compensated: {saved:.0f} % less.</p>"
-        f"<p>Without any force sensor, the hand's force is estimated from encoder and motor torque; what is wrong with "
-        f"it is {100 * demo.error:.0f} % of the force itself.</p>{pictures}"
+        f"<p>Without any force sensor, the hand's force is estimated from encoder and motor torque; the error of "
+        f"the estimate is {100 * demo.error:.0f} % of the force.</p>{pictures}"
         f'<p class="muted">Simulated: friction beyond a transmission that yields, an encoder with counts, a hand that varies '
         f"from stroke to stroke. Compensator: {esc('algFC with dither')}, R = 0.9, Iwatani 2017, (3.27).</p></section>"
     )

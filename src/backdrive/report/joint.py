@@ -47,7 +47,7 @@ def table(caption: str, head: list[str], rows: list[list[str]]) -> str:
 
 
 def warnings_box(sentences: tuple[str, ...], heading: str) -> str:
-    """Return what makes a result suspect as a box, or nothing."""
+    """Return the warnings on a result as a box, or nothing if there are none."""
     if not sentences:
         return ""
     items = "".join(f"<li>{esc(prose(sentence))}</li>" for sentence in sentences)
@@ -83,7 +83,7 @@ def joint_section(
         f'<section class="joint" id="joint-{index}">'
         f'<div class="head"><h2><bdi>{esc(friction.joint.name)}</bdi></h2>{chip(friction)}</div>'
         f'<p class="lead">{esc(prose(evidence.verdict))}</p>'
-        f"{warnings_box(friction.warnings, 'Remarks' if good else 'What makes this joint suspect')}"
+        f"{warnings_box(friction.warnings, 'Remarks' if good else 'Warnings on this joint')}"
         f'<div class="grid pair"><div class="tables">{left}</div><div class="tables">{right}</div></div>'
         f"{figures.residual_row(friction, evidence, f'{prefix}-r')}</section>"
     )
@@ -104,12 +104,16 @@ def _quality(friction: JointFriction) -> str:
         row("RMS, raw", rms),
         row("Samples", lambda q: _thousands(q.samples)),
     ]
-    note = "" if held else '<p class="muted"><small>Nothing was held out: the fit judges itself.</small></p>'
+    note = (
+        ""
+        if held
+        else '<p class="muted"><small>No data were held out: the residual is that of the fitted data.</small></p>'
+    )
     return f"<div>{table('How well it explains torque', ['', 'Fitted', 'Held out'], rows)}{note}</div>"
 
 
 def _laws(choice: Choice | None) -> str:
-    """Return the laws that were tried, the one in use first in bold, with their errors on data fitted and held out."""
+    """Return the laws that were tried, with their errors on fitted and on held-out data; the chosen law comes first, in bold."""
     if choice is None:
         return ""
     rows = []
@@ -186,7 +190,7 @@ def _dynamics(friction: JointFriction) -> str:
                 f'<span class="n muted">{esc(unit)}</span>',
             ]
         )
-    return table("The rest of the dynamics, found beside it", ["Term", "Value ± standard error"], rows)
+    return table("Other dynamics, estimated together with friction", ["Term", "Value ± standard error"], rows)
 
 
 def _validity(friction: JointFriction) -> str:
@@ -206,4 +210,4 @@ def _validity(friction: JointFriction) -> str:
         rows.append(["Torque measured", f"on the motor side, gear ratio {number(joint.gear_ratio, 5)}"])
     if joint.encoder_counts:
         rows.append(["Encoder", f"{_thousands(joint.encoder_counts)} counts per {joint.unit}"])
-    return table("Where it holds; beyond, it extrapolates", ["", "Seen in the data"], rows)
+    return table("Range of validity; beyond it the model extrapolates", ["", "Range of the data"], rows)

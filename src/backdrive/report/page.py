@@ -1,4 +1,4 @@
-"""The report's first page, with the verdict and all joints at a glance, and its last, with where it comes from."""
+"""The report's first page, with verdict and overview of all joints, and its last page, with command, files and options."""
 
 from __future__ import annotations
 
@@ -26,15 +26,16 @@ from backdrive.report.words import (
     with_error,
 )
 
-#: What the words of the report mean.
+#: Terms in the report and their meaning.
 TERMS = {
-    "Residual": "100 |measured − predicted torque| / |measured torque|, in 2-norms over the samples judged, both low-passed "
-    "without phase shift at 5 Hz where the sampling allows. The raw one has no low pass.",
+    "Residual": "100 |measured − predicted torque| / |measured torque|, in 2-norms over the evaluated samples. Both "
+    "torques are low-passed at 5 Hz without phase shift if the sampling rate permits; the raw residual is not "
+    "filtered.",
     "Held out": "Data that the fit did not see: contiguous blocks or other files.",
-    "± and the band": "One standard error in the tables, two in the pictures. They cover the noise of the data, not a wrong "
-    "model: look for structure in the residual.",
-    "Verdict": f"Good up to {GOOD:g} % residual, usable with care up to {FAIR:g} %, poor above; held-out data decide where "
-    "there are any.",
+    "± and the band": "One standard error in the tables, two in the pictures. They cover the noise of the data, not "
+    "errors of the model's form: those show as structure in the residual.",
+    "Verdict": f"Good up to {GOOD:g} % residual, usable with care up to {FAIR:g} %, poor above; held-out data "
+    f"decide if there are any.",
     "Signs": "Friction is positive for positive velocity and resists motion. Units are SI.",
 }
 
@@ -61,7 +62,7 @@ def overall(result: Identification) -> str:
 
 
 def header(result: Identification, title: str) -> str:
-    """Return title, verdict, warnings on the whole, and the facts that every reader asks for."""
+    """Return title, verdict, warnings on the whole result, and the basic facts."""
     model = result.model
     logs = count_of(len(model.sources), "log file") if model.sources else "not recorded"
     facts = {
@@ -72,7 +73,7 @@ def header(result: Identification, title: str) -> str:
     }
     items = "".join(f"<div><dt>{esc(k)}</dt><dd>{esc(v)}</dd></div>" for k, v in facts.items())
     good = all(grade(j).level == "good" for j in model.joints)
-    heading = "Remarks on the whole" if good else "What makes the whole result suspect"
+    heading = "Remarks on the whole" if good else "Warnings on the whole result"
     reason = f'<p class="muted">{esc(prose(sentence(result.reason)))}</p>' if result.reason else ""
     return (
         f'<header><h1><bdi>{esc(title)}</bdi></h1><p class="lead">{esc(overall(result))}</p>'
@@ -155,7 +156,7 @@ def _short(name: str, most: int = 60) -> str:
 
 
 def provenance(result: Identification, command: str) -> str:
-    """Return the command, the files with their digests, the options, the model itself and what the words mean."""
+    """Return the command, the files with their digests, the options, the model itself and the glossary."""
     model = result.model
     files = [[f"<code>{esc(s.path)}</code>", f"<code>{esc(s.sha256)}</code>"] for s in model.sources]
     where = table("", ["File", "sha256"], files) if files else '<p class="muted">No file is recorded.</p>'
@@ -191,7 +192,7 @@ def _model_file(model: FrictionModel) -> str:
     try:
         text = encode(model).decode()
     except (UnicodeEncodeError, TypeError):  # a path or an option that JSON cannot hold
-        return '<p class="muted">The model holds a name or an option that no model file can hold.</p>'
+        return '<p class="muted">The model contains a name or an option that cannot be written to a model file.</p>'
     return (
         '<details class="screen"><summary>The model file: copy it, save it as model.json</summary>'
         f'<pre class="file copy">{esc(text)}</pre></details>'

@@ -1,4 +1,4 @@
-"""What results show of themselves: text for a terminal, a picture, and HTML for a notebook.
+"""The display of results: text for a terminal, a picture, and HTML for a notebook.
 
 One `Face` a kind of result; text and HTML are made of it.
 """
@@ -34,14 +34,14 @@ WORDS = ("moving", "reversing", "at rest")
 
 @dataclass(frozen=True, kw_only=True)
 class Face:
-    """What there is to show of a result.
+    """The parts of a result that can be displayed.
 
     Attributes:
         title: what it is.
         lead: the answer in a sentence or two.
         head: of the table.
         rows: of the table.
-        warnings: what a reader should know, the most important first.
+        warnings: warnings and remarks, the most important first.
         figure: returns the picture; None: there is none.
     """
 
@@ -54,7 +54,7 @@ class Face:
 
 
 def face(result: Any) -> Face:
-    """Return what there is to show of a result.
+    """Return the parts of a result that can be displayed.
 
     Raises:
         InvalidInput: it is no result.
@@ -184,7 +184,7 @@ TEXT = ("joint", "verdict", "why", "unit", "parameter", "symbol", "method")  # c
 
 
 def _some(sentences: Sequence[str]) -> list[str]:
-    """Return the first sentences, and how many more there are."""
+    """Return the first sentences, and the number of the others."""
     unique = list(dict.fromkeys(sentences))
     more = len(unique) - WARNINGS
     return [*unique[:WARNINGS], *([f"{count_of(more, 'more remark')} in the report."] if more > 0 else [])]
@@ -233,7 +233,7 @@ def _of_comparison(comparison: Comparison) -> Face:
     truth = {f.joint.name: model_curve(f) for f in second.joints if f.joint.name in joints}
     return Face(
         title=f"Two models, {count_of(len(comparison.changes), 'joint')}",
-        lead=lead if comparison.is_testable else "Neither change nor its absence can be told.",
+        lead=lead if comparison.is_testable else "The test cannot decide whether friction has changed.",
         head=("joint", "up to", "distance +q", "distance -q", "verdict"),
         rows=[
             [c.joint, f"{c.top_speed:.3g}", *(quantity(d, c.unit) for d in c.distance), c.verdict]
@@ -248,10 +248,11 @@ def _of_comparison(comparison: Comparison) -> Face:
 
 def _of_tuning(tuning: Tuning) -> Face:
     force = "N.m" if tuning.unit == "rad" else "N"
-    lead = "Nobody said a top speed: the loop will ask for it."
+    lead = "No trip speed was given; the loop requires one."
     if tuning.trip_speed is not None and tuning.limit is not None:
         lead = (
-            f"At most {tuning.limit:.3g} {force}, and nothing any more once the joint is faster than "
+            f"The compensator gives at most {tuning.limit:.3g} {force}, and switches off once the joint is faster "
+            f"than "
             f"{tuning.trip_speed:.3g} {tuning.unit}/s."
         )
     return Face(

@@ -25,7 +25,7 @@ from backdrive.report.words import (
 
 
 def joint_tables(friction: JointFriction, *, width: int = 80, unicode: bool = True) -> Iterator[Any]:
-    """Yield what there is to say of one joint, as objects that `rich` prints.
+    """Yield tables and plot of one joint, as objects that `rich` prints.
 
     Args:
         friction: of the joint.
@@ -116,10 +116,10 @@ def _validity(friction: JointFriction) -> str:
     ranges += [(validity.load, friction.joint.torque_unit, "load ")] if validity.load else []
     ranges += [(validity.temperature, "degC", "temperature ")] if validity.temperature else []
     said = [f"{what}{number(pair[0])} to {number(pair[1])} {u}" for pair, u, what in ranges if pair]
-    return f"holds for {', '.join(said)}; beyond, it extrapolates"
+    return f"valid for {', '.join(said)}; beyond, it extrapolates"
 
 
-#: What a model may hold beside law and dynamics: owner and field of it, what it is called, its unit.
+#: Values that a model may hold beside law and dynamics: owner, field, label, unit.
 BESIDE = (
     ("validity", "lowest_speed", "lowest speed known", "speed"),
     ("validity", "nominal_load", "load of identification", "force"),

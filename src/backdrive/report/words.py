@@ -1,4 +1,4 @@
-"""Numbers, units, names and grades as a person reads them."""
+"""Numbers, units, names and grades in readable form."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TERMS = {
     "offset": "constant offset",
     "gravity_sin": "gravity, sin q part",
     "gravity_cos": "gravity, cos q part",
-    "model_torque": "share of the modelled torque",
+    "model_torque": "scale factor of the modelled torque",
     "load_carried": "load at which the curve holds",
     "load_driving": "friction per carried load, lifting",
     "load_driven": "friction per carried load, driven back",
@@ -49,13 +49,13 @@ _GREEK = {
 
 
 def plain(text: object) -> str:
-    """Return text that can be shown anywhere: what does not print or has no encoding becomes U+FFFD."""
+    """Return text that can be displayed anywhere: characters that cannot be printed or encoded become U+FFFD."""
     encodable = str(text).encode("utf-8", "replace").decode("utf-8")
     return "".join(c if c.isprintable() or c in _BLANKS else "\ufffd" for c in encodable)
 
 
 def prose(text: str) -> str:
-    """Return a sentence with the units in it as they are printed, held to their numbers."""
+    """Return a sentence with its units in printed form, joined to their numbers by spaces that do not break."""
     return _HELD.sub("\u00a0", _UNITS.sub(lambda match: pretty_unit(match.group()), text))
 
 
@@ -93,7 +93,7 @@ def with_error(value: float, error: float | None, *, signed: bool = False) -> st
 
     Args:
         value: the estimate [any].
-        error: its standard error [the same]; None or NaN is said to be unknown by leaving ± out; 0 means fixed.
+        error: its standard error [the same]; ± is left out if it is None or NaN (unknown); 0 means fixed.
         signed: write a plus, too.
     """
     plus = "+" if signed and value > 0 else ""

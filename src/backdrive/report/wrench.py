@@ -17,7 +17,7 @@ KEYS = ("line", "bare", "curve")  # of x, y and z
 
 
 def wrench_section(wrench: WrenchEstimate) -> str:
-    """Return what a wrench was over time, and in figures.
+    """Return the section on a wrench: its course over time, and a table.
 
     Args:
         wrench: at a frame.
@@ -42,8 +42,9 @@ def wrench_section(wrench: WrenchEstimate) -> str:
     hidden = percent(100.0 * float(np.mean(wrench.singular))) if wrench.singular.size else NOTHING
     return (
         f'<section class="joint" id="wrench"><div class="head"><h2>Wrench at <bdi>{esc(wrench.frame)}</bdi></h2></div>'
-        "<p>Force and moment about the frame's origin, along the axes of the base. The posture, or joints at rest, hide a "
-        f'direction for {hidden} of the time; it is damped there.</p><div class="grid pair">{pictures}</div>'
+        "<p>Force and moment about the frame's origin, along the axes of the base. For "
+        f"{hidden} of the time the posture, or joints at rest, make a direction unobservable; the estimate is damped along it.</p>"
+        f'<div class="grid pair">{pictures}</div>'
         f"{table('By component', heads, rows)}</section>"
     )
 

@@ -1,4 +1,4 @@
-"""Base parameters: the combinations of inertial parameters that joint torques can tell (Gautier & Khalil 1990)."""
+"""Base parameters: the combinations of inertial parameters that joint torques determine (Gautier & Khalil 1990)."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ INDEPENDENT = 1e-9  # a column whose remainder is smaller than this share of the
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BaseParameters:
-    """The combinations of standard parameters that joint torques can tell: beta = relation @ theta.
+    """The combinations of standard parameters that joint torques determine: beta = relation @ theta.
 
-    Found by a QR factorisation with column pivoting of the regressor at random states. With its columns parted into
-    independent ones Y_1 and dependent ones Y_2 = Y_1 X, Y theta = Y_1 (theta_1 + X theta_2): so `relation` is the
-    identity on `columns` and X on the others (Gautier 1991).
+    Found by a QR factorisation with column pivoting of the regressor at random states. With its columns divided into
+    independent ones Y_1 and dependent ones Y_2 = Y_1 X, Y theta = Y_1 (theta_1 + X theta_2): so `relation` is the identity on
+    `columns` and X on the others (Gautier 1991).
 
     Attributes:
         columns: the independent columns of the regressor, (b,).
@@ -46,7 +46,7 @@ class BaseParameters:
         Args:
             beta: base parameters, (b,).
             nominal: standard parameters to stay near, (10 J,).
-            spread: how far each may be expected to be off, in its unit, (10 J,).
+            spread: expected deviation of each, in its unit, (10 J,).
 
         Returns:
             theta with relation @ theta = beta and the least sum of ((theta - nominal) / spread)^2, (10 J,).

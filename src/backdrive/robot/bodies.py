@@ -3,9 +3,9 @@
     tau = M(q) ddq + h(q, dq) + g(q) = Y(q, dq, ddq) theta
 
 theta holds ten numbers a link, in pinocchio's order: mass m, first moment (mx, my, mz), and the inertia about the joint's
-frame (Ixx, Ixy, Iyy, Ixz, Iyz, Izz). Joint torques see only some combinations of them, the base parameters
-(Gautier & Khalil 1990); see `BaseParameters`. Gravity is 9.81 m/s^2 along -z of the root link: an arm on a wall or ceiling
-has its root turned by a fixed joint in the URDF, or states its gravity in the MJCF.
+frame (Ixx, Ixy, Iyy, Ixz, Iyz, Izz). Joint torques depend only on some combinations of them, the base parameters
+(Gautier & Khalil 1990); see `BaseParameters`. Gravity is 9.81 m/s^2 along -z of the root link. For an arm on a wall or
+ceiling, rotate the root by a fixed joint in the URDF, or state gravity in the MJCF.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from backdrive.robot.base import BaseParameters
 PER_LINK = 10
 #: Names of a link's ten parameters.
 PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
-POSTURES = 40  # random states that show which parameters a robot can feel, times the joints
+POSTURES = 40  # number of random states per joint that determine the base parameters
 
 
 @dataclass(frozen=True, kw_only=True)
 class Range:
-    """What a description allows a joint; infinite where it does not say.
+    """Limits of a joint in a description; infinite if not stated.
 
     Attributes:
         lower: lowest position [rad or m].
@@ -55,7 +55,7 @@ class Robot:
         sha256: digest of the description.
         model: pinocchio's model.
         ranges: of the joints, (J,); empty where nothing was read.
-        remarks: what the description leaves open, in sentences.
+        remarks: remarks on missing data in the description.
     """
 
     name: str
@@ -86,7 +86,7 @@ class Robot:
 
     @cached_property
     def frames(self) -> tuple[str, ...]:
-        """Names of what a wrench may be asked for at: links, fixed tools among them, and sites."""
+        """Names of the frames for wrenches: links, including fixed tools, and sites."""
         return tuple(self._frames)
 
     @cached_property
@@ -115,7 +115,7 @@ class Robot:
         """Return the columns of a log that hold this robot's joints, in this robot's order, (J,).
 
         Args:
-            names: of the log's joints; joints that the robot does not have are passed over.
+            names: of the log's joints; joints that the robot does not have are ignored.
 
         Raises:
             InvalidInput: a joint of the robot is not among them; both lists are named.
@@ -128,19 +128,19 @@ class Robot:
                 remedy="Name the log's columns as in the description, in the log's order: "
                 f"--names {','.join(self.joints)} where that is the order."
                 if len(names) >= len(self.joints)
-                else "Record all joints, or make those that stand still `fixed` in the description.",
+                else "Record all joints, or make the joints without motion `fixed` in the description.",
             )
         return np.array([list(names).index(joint) for joint in self.joints])
 
     def without_tools(self, names: Sequence[str]) -> Robot:
         """Return the robot with joints beyond the logged ones held, such as a gripper's fingers.
 
-        What they carry becomes part of the last logged link, whose parameters are identified anyway: so it does not
-        matter at which position they are held, as long as they keep it.
+        Their links become part of the last logged link, whose parameters are identified. So the position of the held joints
+        does not matter, as long as it is constant.
 
         Args:
-            names: of the log's joints. Unless all of them are the robot's, or where a missing joint carries one of
-                them, nothing is held (and `order_in` will complain).
+            names: of the log's joints. Nothing is held if one of them is not the robot's, or if a missing joint carries one
+                of them; `order_in` then raises an error.
         """
         pin = require_pinocchio()
         missing = [i for i, joint in enumerate(self.joints, start=1) if joint not in names]
@@ -159,7 +159,7 @@ class Robot:
         )
 
     def for_model(self, names: Sequence[str], sha256: str, parameters: int) -> Robot:
-        """Return the robot that a model of an arm describes: joints that the model lacks held.
+        """Return the robot of an arm's model, with joints that are not in the model held.
 
         Args:
             names: of the model's joints.
@@ -213,7 +213,7 @@ class Robot:
             ddq: accelerations [rad/s^2 or m/s^2], (n, J).
 
         Returns:
-            Regressor, (n, J, 10 J): 560 bytes a joint and sample for seven joints, so mind the chunk.
+            Regressor, (n, J, 10 J): 560 bytes per joint and sample for seven joints, so process long motions in chunks.
         """
         shape = (len(self.joints), PER_LINK * len(self.joints))
         return self._evaluate("computeJointTorqueRegressor", shape, q, dq, ddq)
@@ -256,7 +256,7 @@ class Robot:
     def jacobian(self, q: np.ndarray, frame: str) -> np.ndarray:
         """Return the Jacobian of a frame: velocity of its origin, then angular velocity, along the axes of the base.
 
-        Its transpose turns a wrench (force, then moment about the frame's origin) into torques of the joints.
+        Its transpose converts a wrench (force, then moment about the frame's origin) to joint torques.
 
         Args:
             q: positions [rad or m], (n, J).

@@ -70,7 +70,7 @@ def parse_robot(content: bytes | str, where: str = "the robot description") -> R
 
 
 def massless(model) -> list[str]:
-    """Return a sentence that names the joints that move nothing heavy, neither on their link nor beyond it."""
+    """Return a sentence that names the joints without mass on their link and beyond it."""
     names = list(model.names)
     empty = [
         names[i]
@@ -80,6 +80,6 @@ def massless(model) -> list[str]:
     if not empty:
         return []
     return [
-        f"No link that {', '.join(empty)} moves has an <inertial>: by the description alone it weighs nothing; "
-        "an identified model brings its own bodies."
+        f"No link that {', '.join(empty)} moves has an <inertial>, so the description contains no mass there; an identified "
+        f"model has its own bodies."
     ]

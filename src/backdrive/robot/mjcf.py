@@ -1,8 +1,8 @@
 """MJCF, MuJoCo's robot description, read as a tree of rigid bodies with hinges and slides.
 
-Only compiler, defaults, bodies, joints, inertias, shapes, frames and sites are read, here and not by pinocchio's own parser: no
-file is opened, and any pinocchio that reads a URDF will do. Springs, dampers, armatures, tendons and contacts are no rigid bodies
-and are passed over: an identified model brings the motor's inertia and the friction.
+Only compiler, defaults, bodies, joints, inertias, shapes, frames and sites are read. This module does not use pinocchio's own
+MJCF parser, so it opens no further file and works with any version of pinocchio that reads URDF. Springs, dampers, armatures,
+tendons and contacts are ignored; an identified model contains the motor's inertia and the friction.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from backdrive.robot.mjcf_pose import Angles, about, pose, unit
 from backdrive.robot.xml import MAX_JOINTS, numbers
 
 MAX_BODIES = 2000
-BRANCHES = ("composite", "flexcomp", "replicate", "attach")  # elements that make bodies by themselves
-#: Attributes of <compiler> that change inertias behind what is written.
+BRANCHES = ("composite", "flexcomp", "replicate", "attach")  # elements that generate bodies
+#: Attributes of <compiler> that change the written inertias.
 ALTERING = {"settotalmass": "-1", "boundmass": "0", "boundinertia": "0", "balanceinertia": "false"}
 
 
 @dataclass(kw_only=True)
 class Compiler:
-    """What `<compiler>` says: how angles, limits and inertias are meant."""
+    """The settings of `<compiler>` for angles, limits and inertias."""
 
     angles: Angles = field(default_factory=Angles)
     from_shapes: str = "auto"
@@ -61,7 +61,7 @@ def build(root: Any, where: str) -> tuple[Any, dict[str, Range], list[str]]:
     branching = next((node for node in root.iter() if node.tag in BRANCHES), None)
     if branching is not None:
         raise ReadError(
-            f"{where}: <{branching.tag}> makes bodies that are not written.",
+            f"{where}: <{branching.tag}> generates bodies that are not in the file.",
             remedy="Save the compiled model as one file (mj_saveLastXML in MuJoCo).",
         )
     loops = [n for e in root.findall("equality") for n in e if n.tag in ("connect", "weld")]
@@ -204,7 +204,7 @@ class Builder:
         return Range(**limits, **({"effort": most} if most > 0.0 else {}))
 
     def inertia(self, node: Any, parent: int, placed: np.ndarray, style: str | None, where: str) -> None:
-        """Give a body's mass to the joint that moves it; what the world holds has none."""
+        """Add a body's mass to the joint that moves it; bodies fixed to the world are ignored."""
         if parent == 0:
             return
         written, angles = node.find("inertial"), self.compiler.angles
@@ -280,7 +280,7 @@ def compiler_of(root: Any, where: str) -> Compiler:
     """Return what `<compiler>` says; later ones add to earlier ones.
 
     Raises:
-        ReadError: it changes inertias, or names a way that is not known.
+        ReadError: it changes inertias, or has an unknown setting.
     """
     x: dict[str, str] = {}
     for node in root.findall("compiler"):

@@ -1,4 +1,4 @@
-"""Defaults of MJCF: what an element of a class is, where it does not say."""
+"""Defaults of MJCF: attributes of an element that come from its class."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where MJCF puts things: positions and the five ways to write an orientation, as homogeneous matrices."""
+"""Poses in MJCF: positions and the five notations of an orientation, as homogeneous matrices."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""A URDF from anywhere, reduced to what rigid bodies need: links with inertias, and joints in one tree.
+"""An untrusted URDF, reduced to rigid bodies: links with inertias, and joints in one tree.
 
-No meshes; the tree is checked here because the parser behind pinocchio recurses along it. What that parser insists on and many
-files leave out is filled in: a parent called `world` that is declared nowhere, and the limits of a joint. A joint without limits
-is handed on as one with very wide ones, so that its position is one number, as that of all others.
+Meshes are ignored. The tree is checked here because pinocchio's parser is recursive. Elements that this parser requires but
+many files omit are added: an undeclared parent called `world`, and the limits of a joint. A joint without limits gets very
+wide ones, so that its position is one number, as for all other joints.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ def _check_tree(names: list[str], parent_of: dict[str, str], where: str) -> None
 
 
 def _range(joint: Any, where: str) -> Range:
-    """Return the limits of a joint; those of zero, which exporters write for what they do not know, are none."""
+    """Return the limits of a joint; limits of zero count as missing, since exporters write them for unknown limits."""
     limit = joint.find("limit")
     stated = {} if limit is None else {key: limit.get(key) for key in LIMITS if limit.get(key) is not None}
     value = {key: numbers(text, (1,), f"{where}: {key}")[0] for key, text in stated.items()}
@@ -121,7 +121,7 @@ def _range(joint: Any, where: str) -> Range:
 
 
 def _check_numbers(element: Any, where: str) -> None:
-    """Refuse what the parser would pass over: it drops an inertia that it cannot read, and the link weighs nothing."""
+    """Refuse invalid numbers that the parser would ignore: it drops an unreadable inertia, and the link has no mass."""
     for node in element.iter():
         for attribute, count in NUMBERS.items():
             text = node.get(attribute)

@@ -1,4 +1,4 @@
-"""XML from anywhere: no document type, no entities, no other files."""
+"""Parsing of untrusted XML, without document types, entities and other files."""
 
 from __future__ import annotations
 

@@ -1,12 +1,12 @@
-"""A six-axis arm with real joints: rigid bodies by MuJoCo; motors, transmissions that yield, and friction by the laws.
+"""A six-axis arm with realistic joints: rigid bodies by MuJoCo; motors, elastic transmissions, and friction by the laws.
 
     link side:    M(q) q'' + h(q, q') + g(q) + tau_f = c + tau_e
     motor side:   M_m p'' = u - c,      c = K_c (p - q) + D_c (p' - q')
 
-The rigid bodies change little within a tick, so their mass matrix, h + g and what a hand does come from MuJoCo once a tick; in
-between, all motors, transmissions and frictions are integrated together in compiled steps of 20 us. Friction is implicit: one
-joint after another is solved by the law's own `solve` with the inertia that it sees through the mass matrix, (M^-1)_jj, and its
-impulse is passed on to the others (Gauss and Seidel's order).
+The rigid bodies change little within a tick, so MuJoCo computes their mass matrix, h + g and the hand's torques once per
+tick. In between, all motors, transmissions and frictions are integrated together in compiled steps of 20 us. Friction is
+implicit: one joint after another is solved by the law's own `solve`, with the effective inertia 1/(M^-1)_jj. Its impulse is
+then applied to the other joints (Gauss-Seidel order).
 
 The kinematics are those of a small arm of the HP3J's kind: 290 mm from the base to the shoulder, 260 mm of upper arm, 270 mm to
 the wrist, 90 mm to the flange; 27 kg. Masses of the links, wrist frictions and stiffnesses are assumed.
@@ -48,7 +48,7 @@ GRIP = (0.04, 1.0)  # place of grip and force sensor in the flange [m], their ma
 
 @jit
 def spread_impulse(Minv, v, j, impulse):
-    """Add what an impulse on joint j does to all velocities."""
+    """Add the effect of an impulse on joint j to all velocities."""
     for i in range(v.size):
         v[i] += Minv[i, j] * impulse
 
@@ -122,7 +122,7 @@ def mjcf() -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ArmRecord:
-    """What happened: arrays (n, J), SI.
+    """The record of a simulation: arrays (n, J), SI.
 
     Attributes:
         time: of the ticks [s], (n,).
@@ -130,7 +130,7 @@ class ArmRecord:
         command: torque of the motors.
         compensation: of friction, a part of it.
         estimate: of the external torque.
-        hand: torque of the hand on every joint, true.
+        hand: true torque of the hand on every joint.
         force: of the hand on the grip, true [N], (n, 3).
         load: true positions of the links.
         moment: of the hand on the grip, true [N.m], (n, 3); None where the hand gives none.
@@ -169,7 +169,7 @@ class Arm:
         posture: Sequence[float] = (0.0, 0.5, -1.0, 0.0, 0.5, 0.0),
         model: str | None = None,
     ):
-        """Build the rigid bodies and let the joints rest, each transmission bearing its weight.
+        """Build the rigid bodies with all joints at rest, each transmission loaded by its weight.
 
         Args:
             joints: one a hinge of the model; None: those of the thesis.
@@ -275,7 +275,7 @@ class Arm:
 
 
 def local_servos(joints: Sequence[JointSimulation], bandwidth: float = 60.0) -> list[Servo]:
-    """Return position controllers that hold joints, as the thesis holds those that are not looked at.
+    """Return position controllers that hold joints, as the thesis does for joints that it does not examine.
 
     Args:
         joints: to hold.

@@ -1,4 +1,4 @@
-"""A simulated arm guided by a hand at its grip: compensated joints move, the others are held by position controllers of their own.
+"""A simulated arm guided by a hand at its grip: compensated joints move, and position controllers hold the others.
 
 The hand is a spring and a damper between its own path and the grip, in space: F = K_h (x_h - x) + B_h (x_h' - x'), on the joints
 J(q)' F. Every tick of every compensated joint is the kernel of `control.loop`, in one fused call.
@@ -20,7 +20,7 @@ from backdrive.simulation.hand import Hand, minimum_jerk
 
 
 class _Loop(Loop):
-    """A loop that no robot hangs on: its joints may go without guards, as in `closed_loop`."""
+    """A loop for simulation only: its joints may have no guards, as in `closed_loop`."""
 
     def _admit(self) -> None:
         pass
@@ -39,8 +39,8 @@ def polygon(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return a hand's path along a polygon, a minimum-jerk stroke a side: positions [m] and velocities [m/s], (n, 3) each.
 
-    A hand that varies ends a stroke beside the corner, and begins and lasts otherwise from stroke to stroke, as
-    `hand.strokes` does.
+    With variation, a hand ends a stroke beside the corner, and begin and duration vary from stroke to stroke, as in
+    `hand.strokes`.
 
     Args:
         corners: relative to where the grip begins, the first of them the begin itself [m].
@@ -82,7 +82,7 @@ def guide(
     period: float = 1e-3,
     delay: int = 0,
 ) -> ArmRecord:
-    """Let a hand move the arm's grip along a path, and return what happened.
+    """Let a hand move the arm's grip along a path, and return the record.
 
     Args:
         arm: advanced in place.
@@ -95,7 +95,7 @@ def guide(
         delay: ticks until a command acts.
 
     Raises:
-        InvalidInput: a joint has neither or both, or the path has another shape.
+        InvalidInput: a joint has neither a loop nor a servo, or has both, or the path has another shape.
     """
     J, n = len(arm.joints), len(path)
     if (
@@ -105,7 +105,7 @@ def guide(
     ):
         raise InvalidInput(
             f"loops for {sorted(loops)}, servos for {sorted(servos)}, path {np.shape(path)}.",
-            remedy=f"Give every joint of 0 to {J - 1} the one or the other, and a path (n, 3).",
+            remedy=f"Give every joint of 0 to {J - 1} either a loop or a servo, and a path (n, 3).",
         )
     free, fixed = sorted(loops), sorted(servos)
     loop = _Loop([loops[j] for j in free], interval=period)
@@ -160,9 +160,9 @@ def guide_whole(
     delay: int = 1,
     sensor: Callable[[int, np.ndarray], np.ndarray] | None = None,
 ) -> ArmRecord:
-    """Let a hand move the grip of an arm on which a loop runs as a whole, and return what happened.
+    """Let a hand move the grip of an arm under an `ArmLoop`, and return the record.
 
-    The loop takes over an arm that a controller has held until then.
+    Before, a controller has held the arm.
 
     Args:
         arm: advanced in place.
@@ -173,7 +173,8 @@ def guide_whole(
         loop: what runs on the arm.
         grip: 1 where the hand holds the grip, 0 where it has let go, (n,); None: it always does.
         delay: ticks until a command acts.
-        sensor: gives what the loop reads of a tick's number and the encoders' readings; None: these.
+        sensor: function of the tick's number and the encoders' readings that returns the loop's readings; None: the encoders'
+            readings.
 
     Raises:
         InvalidInput: the path has another shape, or the loop is of another number of joints.

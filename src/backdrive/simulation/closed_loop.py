@@ -1,8 +1,9 @@
-"""A joint, a hand, a controller and what runs in its loop, together in compiled time: true motion beside what a robot would see.
+"""Compiled simulation of a joint, a hand, a controller and a torque loop. The record contains the true motion and the robot's
+measurements.
 
 At tick k the encoder is read, the loop's kernel (`control.loop`) gives compensation and estimates, the controller its torque;
-their sum acts until the next tick, later by the drive's delay. Between ticks the joint (`engine.axis`) is integrated in steps of
-10 to 20 us under the hand's force on its load, friction implicit. The kernel of the loop is the one that a real robot would run.
+their sum acts until the next tick, shifted by the drive's delay. Between ticks the joint (`engine.axis`) is integrated in
+steps of 10 to 20 us under the hand's force on its load, friction implicit. The loop's kernel is the same as on a real robot.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ SUBSTEP = 2e-5  # longest integration step [s]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scene(WithBounds):
-    """A joint, what runs on it, and a hand.
+    """A joint with its loop and controller, and a hand.
 
     Attributes:
         plant: the joint.
@@ -50,8 +51,8 @@ class Scene(WithBounds):
         encoder_noise: standard deviation of the reading beside its counts [rad or m].
         encoder_phase: where the zero lies within a count, -0.5 to 0.5; None: anywhere, by the seed.
         substep: longest integration step [s].
-        fault: what a fault adds to the encoder's reading [rad or m] (NaN for no reading), and 1 where the loop misses its
-            tick, (n, 2); None for none. The controller takes what is no number for the reading before.
+        fault: error added to the encoder's reading [rad or m] (NaN for no reading), and 1 where the loop misses its tick, (n,
+            2); None: no fault. For NaN the controller uses the previous reading.
         seed: of noises and of the phase of the encoder's counts.
     """
 
@@ -91,7 +92,7 @@ class Scene(WithBounds):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Record:
-    """What happened in a scene: every column (n,), SI units of the joint.
+    """The record of a scene: every column (n,), SI units of the joint.
 
     Attributes:
         scene: what was played.
@@ -100,7 +101,7 @@ class Record:
         command: torque of the motor.
         compensation: of friction, a part of the command.
         estimate: of the external force.
-        friction: as the estimator takes it.
+        friction: friction according to the estimator.
         force: of the hand on the joint, true.
         sensed: the same by a force sensor.
         motor: true position of the motor's side.
@@ -146,7 +147,7 @@ class Record:
 
 
 def play(scenes: Scene | Sequence[Scene], *, workers: int | None = None) -> Any:
-    """Play scenes and return what happened in each.
+    """Simulate scenes and return their records.
 
     Args:
         scenes: one, or many, which are spread over the cores.

@@ -2,9 +2,9 @@
 
     tau_h = grip (K_h (x_h - q) + B_h (x_h' - q')) + push
 
-x_h: where the hand wants the joint. A stroke from x_0 to x_1 in the time D is x_0 + (x_1 - x_0)(10 s^3 - 15 s^4 + 6 s^5), s = t/D
-(T. Flash, N. Hogan, J. Neuroscience 5(7), 1985). People vary: each stroke has a length, a duration and a start of its own. Arms of
-people show 100 to 1000 N/m and 5 to 60 N.s/m; a prescribed motion is a hand of great stiffness.
+x_h: position that the hand aims at. A stroke from x_0 to x_1 in the time D is x_0 + (x_1 - x_0)(10 s^3 - 15 s^4 + 6 s^5), s =
+t/D (T. Flash, N. Hogan, J. Neuroscience 5(7), 1985). Since people vary, length, duration and start differ from stroke to
+stroke. Human arms have 100 to 1000 N/m and 5 to 60 N.s/m; a hand of large stiffness gives a prescribed motion.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Hand(WithBounds):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HandMotion:
-    """What a hand does, sampled at the ticks.
+    """The motion of a hand, sampled at the ticks.
 
     Attributes:
         position: x_h [rad or m], (n,).
@@ -77,7 +77,7 @@ def along(position: np.ndarray, velocity: np.ndarray, marks: tuple[float, ...] =
 
 
 def still(n: int, position: float = 0.0) -> HandMotion:
-    """Return no hand at all: n ticks beside a joint at a position [rad or m]."""
+    """Return the motion of an absent hand: n ticks without grip, at a position [rad or m]."""
     return replace(along(np.full(n, position), np.zeros(n)), grip=np.zeros(n))
 
 

@@ -1,4 +1,6 @@
-"""The demo after its identification: a hand moves the joint, with and without compensation, and is felt without a sensor."""
+"""The demo after its identification: a hand moves the joint, with and without compensation, and its force is estimated
+without a sensor.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +50,7 @@ class HandDemo:
 
 
 def simulate_hand(name: str, law: Law, inertia: float, seed: int = 0) -> HandDemo:
-    """Let a hand move a machine of the thesis with what was identified of it.
+    """Let a hand move a machine of the thesis, with its identified friction.
 
     Args:
         name: of the machine, `joint_1` for example.

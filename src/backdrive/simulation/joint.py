@@ -1,4 +1,4 @@
-"""A simulated joint to try things on: an axis of `backdrive.engine.axis` with an encoder, a servo and noise."""
+"""A simulated joint for tests: an axis of `backdrive.engine.axis` with an encoder, a servo and noise."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from backdrive.laws import Law
 from backdrive.logs.log import Joint
 from backdrive.parameters import ABOVE_ZERO, NOT_NEGATIVE, WithBounds
 
-#: What joint and axis name alike.
+#: Names common to joint and axis.
 MECHANICS = (
     "load_inertia", "stiffness", "damping", "gravity_sin", "gravity_cos", "friction_side", "load_dependence",
 )  # fmt: skip
@@ -24,7 +24,7 @@ MECHANICS = (
 
 @dataclass(frozen=True, kw_only=True)
 class JointSimulation(WithBounds):
-    """A joint to try things on, with everything that is true about it known.
+    """A simulated joint with known parameters.
 
     Attributes:
         name: of the joint.
@@ -39,7 +39,7 @@ class JointSimulation(WithBounds):
         friction_side: which mass the friction acts on.
         load_dependence: mu, growth of the Coulomb bounds with the magnitude of the transmitted torque [-].
         encoder_count: smallest step of the motor-side encoder [rad or m]; 0 for a perfect one.
-        torque_noise: standard deviation of what the actuator gives beyond its command, new every tick [N.m or N].
+        torque_noise: standard deviation of the actuator's torque noise, drawn anew every tick [N.m or N].
         torque_limit: of the actuator [N.m or N].
         delay: time from the command to the torque [s].
         unit: `rad` or `m`.

@@ -6,12 +6,12 @@ behind the ratio, the ball screw's lead of 0.02 m and 4000 counts, a moving mass
 
 - Motor side: rotor inertia of the motors' size class (Yaskawa Sigma-II manual: 3.64e-6 kg.m^2 at 100 W, 1.06e-5 at
   200 W) times the ratio squared, plus wave generator or pulley.
-- Load side: what the links of a 27 kg arm of this size weigh at their distance. Joint 1 together: 1.6 kg.m^2, so that a
-  stroke of 5 degrees at 2 rad/s nearly asks for its whole torque, as the thesis reports.
+- Load side: inertia of the links of a 27 kg arm of this size. Joint 1 has 1.6 kg.m^2 in total, so that a stroke of 5 degrees
+at 2 rad/s needs nearly its whole torque, as the thesis reports.
 - Transmission: stiffer than the 5e4 N.m/rad that the thesis compensates with (1.2e6 N/m on Setup A), which would otherwise be
   unstable; damping ratio 0.05.
-- Friction's growth with speed: 5, 7 and 2.5 N.m up to 2 rad/s, in the range that drives of this kind show, bent so
-  that the slope is smaller at high speed, as Fig. 2.7 shows. Setup A: 12 and 8 N by direction and 20 N.s/m, as Fig. 3.4(a) shows
+- Growth of friction with speed: 5, 7 and 2.5 N.m up to 2 rad/s, typical of such drives, with a smaller slope at high speed,
+as in Fig. 2.7. Setup A: 12 and 8 N by direction and 20 N.s/m, as Fig. 3.4(a) shows
   unequal directions and a nearly straight curve.
 - Gravity: none on Setup A (horizontal) and Joint 0 (vertical axis); 30 and 12 N.m on Joints 1 and 2.
 

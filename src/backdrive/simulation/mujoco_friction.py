@@ -2,13 +2,13 @@
 
     q'' = M^-1 (... - tau_f),     tau_f: of the law, by the way from q(t - h) to q(t), held until t + h
 
-Friction that is held for a step is a spring and a damper to the joint while it sticks. It rests well where
+While the joint sticks, friction held for a step acts on it like a spring and a damper. The joint comes to rest if
 
     K h^2 + D h <= I,     I = 1/(M^-1)_jj with the posture qpos0 of the model,
 
-K and D: what the law resists the first motion with [N.m/rad, N.m.s/rad]. A step h that is longer is divided. A law without
-presliding, which no explicit step can hold at rest, gets a damped spring in front of its slider that is as stiff as the step
-carries: K h^2 = I/16, D h = I/2 (`with_spring`).
+K and D: stiffness and damping of the law for small motion from rest [N.m/rad, N.m.s/rad]. A longer step h is divided. No
+explicit step can hold a law without presliding at rest; it gets a damped spring in series with its slider, as stiff as the
+step permits: K h^2 = I/16, D h = I/2 (`with_spring`).
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def at_rest(law: Law) -> tuple[float, float]:
 
 
 def longest_step(law: Law, inertia: float) -> float:
-    """Return the longest step with which a joint rests well under a law whose torque is held [s]; 0 without presliding.
+    """Return the longest step with which a joint comes to rest under a law with held torque [s]; 0 without presliding.
 
     Args:
         law: of its friction.
@@ -100,7 +100,7 @@ class Dof:
 
 
 def dofs(model: FrictionModel, simulated: Any, joints: Sequence[str] | None = None) -> list[Dof]:
-    """Return where the joints of a friction model are in a MuJoCo model, and what runs on them.
+    """Return the joints of a friction model in a MuJoCo model, with their laws.
 
     Args:
         model: of friction.
@@ -171,7 +171,7 @@ class MujocoFriction:
         data.ctrl[:] = ...
         friction.step()
 
-    What a law knows of the load is that of the step before: the actuators' torque, and all other torque on the joint.
+    The load of a law is that of the previous step: the actuators' torque, and all other torque on the joint.
 
     Args:
         model: of friction; joints are matched by name.
@@ -216,7 +216,7 @@ class MujocoFriction:
         self.reset()
 
     def reset(self) -> None:
-        """Let all friction begin anew, relaxed, at the positions of the data."""
+        """Reset all friction to the relaxed state at the positions of the data."""
         self._states[:], self.torque[:] = 0.0, 0.0
         self._before = self._data.qpos[self._q].copy()
 

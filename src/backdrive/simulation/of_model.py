@@ -15,15 +15,15 @@ BANDWIDTH = 100.0  # of the servo that follows a motion [rad/s]
 
 
 def joint_of(friction: JointFriction, *, inertia: float | None = None, **more: Any) -> JointSimulation:
-    """Return a simulated joint with what a model knows of it.
+    """Return a simulated joint with the parameters of a model.
 
     Args:
         friction: of the joint, with the inertia, gravity and encoder that were identified beside it.
         inertia: of the joint [kg.m^2 or kg]; None: the model's.
-        more: fields of `JointSimulation` that a person knows better: `torque_noise`, `encoder_count`, `stiffness`, ...
+        more: fields of `JointSimulation` that replace those of the model: `torque_noise`, `encoder_count`, `stiffness`, ...
 
     Raises:
-        NotIdentifiable: nobody knows the inertia.
+        NotIdentifiable: the inertia is unknown.
         InvalidInput: a number makes no sense.
     """
     known = {name: estimate.value for name, estimate in friction.dynamics.items()}
@@ -31,7 +31,7 @@ def joint_of(friction: JointFriction, *, inertia: float | None = None, **more: A
     inertia = known.get("inertia", motor) if inertia is None else inertia
     if inertia is None:
         raise NotIdentifiable(
-            f"Joint '{friction.joint.name}': the model does not know the inertia (a sweep removes it by symmetry).",
+            f"Joint '{friction.joint.name}': the model contains no inertia (a sweep removes it by symmetry).",
             remedy="Give inertia=... [kg.m^2 or kg], or identify by `motion`.",
         )
     counts = friction.joint.encoder_counts
@@ -70,13 +70,13 @@ def simulate(
         inertia: of the joint [kg.m^2 or kg]; None: the model's.
         seed: of the actuator's noise.
         rate: of controller and log [Hz].
-        more: fields of `JointSimulation` that a person knows better: `torque_noise`, `encoder_count`, `stiffness`, ...
+        more: fields of `JointSimulation` that replace those of the model: `torque_noise`, `encoder_count`, `stiffness`, ...
 
     Returns:
         A log of one joint: time, encoder position, torque and, for a motion, the reference.
 
     Raises:
-        NotIdentifiable: nobody knows the inertia.
+        NotIdentifiable: the inertia is unknown.
         InvalidInput: several joints and none is named, or plan and joint do not fit.
     """
     if isinstance(model, JointSimulation):

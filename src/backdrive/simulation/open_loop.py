@@ -1,6 +1,6 @@
-"""A simulated joint that follows a plan, recorded as a real one would be: a scene without a hand.
+"""A simulated joint that follows a plan without a hand, recorded like a real joint.
 
-At tick k the controller reads the encoder and commands u_k; what reaches the joint until the next tick is u_k, later by the
+At tick k the controller reads the encoder and commands u_k; u_k acts on the joint until the next tick, shifted by the
 actuator's delay. The log holds the reading and the command of every tick.
 """
 
@@ -94,7 +94,7 @@ def drive(
     period: float = 1e-3,
     substep: float | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Drive a simulated joint along sampled targets, and see also what no log shows.
+    """Drive a simulated joint along sampled targets, and return true quantities that a log does not contain.
 
     Args:
         plant: the joint.

@@ -1,11 +1,12 @@
-"""The balance of momentum of a joint that a hand moves, by the simulator's truth: a check of what figures read of the force sensor.
+"""Momentum balance of a joint that a hand moves, from the simulator's true values: a check of the force-sensor readings in
+the figures.
 
 Over some ticks in which the load moves one way all the time,
 
     int f_h dt = [M p' + L q'] + int f_f(q') dt - int u dt
 
 with motor M, load L, friction f_f of the load and torque u of the motor, which acts later by the drive's delay and is held for a
-tick. The left side is measured, the right side is true; a straight line through zero has a slope of 1.
+tick. The left side is measured, the right side is true. A straight line through zero must have a slope of 1.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ SPAN = 10  # ticks of a balance
 
 
 def impulses(record: Record, force: np.ndarray, weightless: bool = True) -> tuple[np.ndarray, np.ndarray]:
-    """Return measured and due impulses of the hand over `SPAN` ticks each, where the load moves one way [N.m.s or N.s], (m,) each.
+    """Return measured and true impulses of the hand over `SPAN` ticks each, while the load moves in one direction [N.m.s or
+    N.s], (m,) each.
 
     Args:
         record: of the scene.
@@ -57,7 +59,7 @@ def slope(records: Iterable[Record], weightless: bool = True) -> float:
 
 
 def balance(records: Iterable[Record], weightless: bool = True) -> Claim:
-    """Return the claim that the hand's measured force is what the motion asks for.
+    """Return the claim that the hand's measured force agrees with the momentum balance.
 
     Args:
         records: of a figure, whose force sensor is looked at.

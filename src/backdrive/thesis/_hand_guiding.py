@@ -1,4 +1,4 @@
-"""A joint guided by hand to a metronome under five compensators, and what its force peaks say.
+"""A joint guided by hand to a metronome under five compensators, and the statistics of its force peaks.
 
 NC: none. C, CD: algFC, Iwatani 2017, (3.27), with alpha = 0, without and with dither. P, PD: the same with alpha = 20 1/s. The
 hand goes back and forth once in 1.5 s (0.667 Hz); the largest force of each direction in each such window is a peak. Two cases
@@ -34,7 +34,7 @@ Peaks = Mapping[str, np.ndarray]  # case -> (cycles, 2): along +q and -q
 
 @dataclass(frozen=True, kw_only=True)
 class Guidance:
-    """A joint, a hand, and what the compensators assume.
+    """A joint, a hand, and the assumptions of the compensators.
 
     Attributes:
         plant: the joint.
@@ -153,7 +153,7 @@ def smallest(found: Peaks, case: str = "PD") -> tuple[bool, bool]:
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """How much larger the peaks of one case are than those of another.
+    """The difference between the peaks of two cases.
 
     Attributes:
         difference: of the means [N.m or N].
@@ -209,7 +209,7 @@ def against(found: Peaks, other: str, case: str = "PD", seed: int = 0) -> tuple[
 
 
 def mark(p: float) -> str:
-    """Return the thesis' sign of a t-test: *** for p < 0.1 %, otherwise the number of stars it earns, or ns."""
+    """Return the thesis' symbol of a t-test: *** for p < 0.1 %, fewer stars for larger p, or ns."""
     return "***" if p < SIGNIFICANT else "**" if p < 0.01 else "*" if p < 0.05 else "ns"
 
 

@@ -1,4 +1,4 @@
-"""What the pictures of chapter 3 share: colours of the compensators, force peaks with deviations and tests, time series."""
+"""Common parts of the pictures of chapter 3: colours of the compensators, force peaks with deviations and tests, time series."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def lines(
 
 
 def edges(axes: Any, times: np.ndarray) -> None:
-    """Mark the windows out of which peaks are taken."""
+    """Mark the windows from which peaks are taken."""
     for t in times:
         axes.axvline(t, color=LIGHT.ink, linewidth=0.8, linestyle=DASHED, zorder=1)
 

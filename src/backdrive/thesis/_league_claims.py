@@ -1,4 +1,4 @@
-"""What the league says: tiers, what holds on each joint, and the best estimator."""
+"""The claims of the league: tiers, results on each joint, and the best estimator."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ def claims_of(table: Table, estimators: Sequence[dict[str, Any]]) -> tuple[Claim
             what="Tiers for guiding by hand, as believed (mean cost over the joints; bare joint 1)",
             ours=in_words(nominal),
             holds=None,
-            why="A tier holds what is not separated from its first; numbers within a tier are no order.",
+            why="A tier contains the methods that are not separated from its first; their order within the tier has no meaning.",
         ),
-        Claim(what="The same where the joint is not what was believed", ours=in_words(other), holds=None),
+        Claim(what="The same where the joint differs from the assumed one", ours=in_words(other), holds=None),
         Claim(
             what="Tiers for tracking at low gains, as believed (bare joint 1)",
             ours=in_words(tracking),
@@ -57,7 +57,7 @@ def claims_of(table: Table, estimators: Sequence[dict[str, Any]]) -> tuple[Claim
             holds=None,
         ),
         Claim(
-            what="What decay is for: the light touch after a dwell, by that of the bare joint, as believed",
+            what="The purpose of the decay: the light touch after a dwell, relative to the bare joint, as believed",
             ours=in_words(
                 {n: v for n, v in costs_of(table, NOMINAL.name, score="touch").items() if n in GUIDES}
             ),
@@ -70,7 +70,7 @@ def claims_of(table: Table, estimators: Sequence[dict[str, Any]]) -> tuple[Claim
 
 
 def _against(costs: dict[str, np.ndarray], name: str) -> Claim:
-    """Return what the seeds say of a method against the contacts without decay."""
+    """Return the claim on a method compared with the contacts without decay, over the seeds."""
     apart = significant_pairs(costs)
     words = {True: "less than", False: "not separated from"}
     return Claim(

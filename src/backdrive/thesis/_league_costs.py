@@ -1,4 +1,4 @@
-"""The league's cost: what a compensator leaves to the hand, by what the bare joint needs in the same setting."""
+"""The league's cost: the hand's force with a compensator relative to the bare joint in the same setting."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from backdrive.thesis._league_joints import SETTINGS, Contender, contenders
 
 FORCES = ("stiff_peak", "stiff_rms", "soft_peak", "soft_rms", "dwell", "touch")
-RESTLESS = 0.4  # weight of restlessness beside the mean of the forces by the bare joint's [-]
+RESTLESS = 0.4  # weight of restlessness, beside the mean relative force [-]
 
 Scores = Mapping[str, float]
 #: seed -> joint -> method -> setting -> scores
@@ -17,14 +17,15 @@ Table = dict[int, dict[str, dict[str, dict[str, dict[str, float]]]]]
 
 
 def restless(who: Contender, found: Scores) -> float:
-    """Return the price of motion where there should be none: 1 for a limit cycle of 2 % of the stroke, or a tenth after release."""
+    """Return the penalty for motion at rest: 1 for a limit cycle of 2 % of the stroke, or of a tenth after release."""
     return min(found["cycle"] / (0.02 * who.stroke), 5.0) + min(
         found["fluctuation"] / (0.1 * who.stroke), 5.0
     )
 
 
 def cost(who: Contender, found: Scores, bare: Scores) -> float:
-    """Return what is minimised: the mean of the hand's forces by what the bare joint needs, and restlessness; bare: 1.
+    """Return the cost to minimise: the mean of the hand's forces relative to the bare joint, plus restlessness; 1 for the
+    bare joint.
 
     Args:
         who: the joint.

@@ -1,4 +1,4 @@
-"""The joints of the league, what is believed of them, and the scenes that every method plays on them."""
+"""The joints of the league, the assumptions on them, and the scenes for every method."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ EPISODES = ("release", "knock", "stiff", "soft", "dwell", "tracking")  # scenes 
 
 @dataclass(frozen=True, kw_only=True)
 class Setting:
-    """What differs from what is believed.
+    """The difference of the true joint from the assumed one.
 
     Attributes:
         name: in words.
@@ -110,7 +110,7 @@ class Contender:
 
 @lru_cache(maxsize=1)
 def contenders() -> tuple[Contender, ...]:
-    """Return Setup A and Joints 0 to 2 of `setups`, their truths made less convenient than what is believed."""
+    """Return Setup A and Joints 0 to 2 of `setups`; the true joints are harder to compensate than the assumed ones."""
     found = []
     for joint in setups().values():
         linear = joint.unit == "m"
@@ -119,7 +119,7 @@ def contenders() -> tuple[Contender, ...]:
         rate = joint.law.rate
         if isinstance(rate, Polyline):
             coulomb, believed = rate.positive[0], rate
-            uneven = Polyline(  # more at the slowest motion than a curve identified in motion shows
+            uneven = Polyline(  # more friction in slow motion than a curve identified in motion contains
                 velocity=rate.velocity,
                 positive=(1.08 * rate.positive[0], *rate.positive[1:]),
                 negative=(1.05 * rate.negative[0], *rate.negative[1:]),
@@ -152,7 +152,7 @@ def scenes(
 ) -> list[Scene]:
     """Return what a compensator plays, in the order of `names`.
 
-    `release`: a stroke, a dwell, letting go and a light touch against the stroke; `knock`: a push on a joint that nobody holds;
+    `release`: a stroke, a dwell, letting go and a light touch against the stroke; `knock`: a push on a free joint;
     `stiff`, `soft`: strokes of either hand; `dwell`: strokes of the soft hand between which it stays; `tracking`: saw-teeth at
     low gains.
     """
@@ -233,7 +233,7 @@ def low_gains(plant: JointSimulation) -> Servo:
 
 
 def shaking(who: Contender, freed: Record, knocked: Record) -> dict[str, float]:
-    """Return what is left of motion where there should be none: limit cycle and fluctuation [rad or m], energy put in [J]."""
+    """Return the residual motion at rest: limit cycle and fluctuation [rad or m], and the energy put in [J]."""
     go, push = round(LETS_GO / DT), round(PUSHES / DT)
     tail = slice(-round(REST / DT), None)
     return {
@@ -244,7 +244,7 @@ def shaking(who: Contender, freed: Record, knocked: Record) -> dict[str, float]:
 
 
 def scores(who: Contender, records: Mapping[str, Record]) -> dict[str, float]:
-    """Return what a compensator achieved in its scenes, SI units.
+    """Return the scores of a compensator in its scenes, SI units.
 
     Args:
         who: the joint.

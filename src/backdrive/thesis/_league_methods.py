@@ -1,4 +1,4 @@
-"""The compensators of the league: what of each is tuned, and in which range."""
+"""The compensators of the league, with their tuned parameters and ranges."""
 
 from __future__ import annotations
 

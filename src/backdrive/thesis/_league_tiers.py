@@ -1,4 +1,5 @@
-"""Tiers: which methods differ beyond the scatter over seeds. Paired differences, Student's t, Holm's step-down over all pairs.
+"""Tiers of methods that differ significantly over the seeds, by paired differences, Student's t and Holm's step-down over all
+pairs.
 
 S. Holm, Scand. J. Statist. 6, 65-70, 1979: with the probabilities of m pairs in rising order, the i-th (from 0) counts while it
 and all before it are at most level/(m - i).
@@ -11,7 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
-LEVEL = 0.05  # chance that any pair at all is separated by scatter alone [-]
+LEVEL = 0.05  # probability that scatter alone separates any pair [-]
 
 
 def holm(p: np.ndarray, level: float = LEVEL) -> np.ndarray:
@@ -41,7 +42,7 @@ def t_test(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def significant_pairs(costs: Mapping[str, np.ndarray], level: float = LEVEL) -> set[tuple[str, str]]:
-    """Return the pairs of which the first is surely less than the second.
+    """Return the pairs of which the first is significantly smaller than the second.
 
     Args:
         costs: name -> one a seed, (n,), n >= 2, the same seeds for all.
@@ -57,7 +58,7 @@ def significant_pairs(costs: Mapping[str, np.ndarray], level: float = LEVEL) -> 
 
 
 def tiers(costs: Mapping[str, np.ndarray], level: float = LEVEL) -> list[list[str]]:
-    """Return tiers, the best first: the best of those left and all that are not separated from it.
+    """Return tiers, the best first. Each contains the best of the remaining methods and all that are not separated from it.
 
     Members of a tier are tied with its first; two of them may be separated from each other.
 
@@ -84,6 +85,6 @@ def in_words(costs: Mapping[str, np.ndarray], level: float = LEVEL) -> str:
 
 
 def reversals(one: Mapping[str, np.ndarray], other: Mapping[str, np.ndarray]) -> list[tuple[str, str]]:
-    """Return the pairs that are separated in one set of seeds and separated the other way round in another."""
+    """Return the pairs that two sets of seeds separate in opposite order."""
     second = significant_pairs(other)
     return sorted((a, b) for a, b in significant_pairs(one) if (b, a) in second)

@@ -65,7 +65,7 @@ def motion(amplitude: float = AMPLITUDE, cycles: int = CYCLES) -> HandMotion:
 
 
 def grip(stiffness: float, joint: JointSimulation) -> Hand:
-    """Return a hand, damped like a person's arm where it is soft and by a ratio of 0.7 where it is firm.
+    """Return a hand: a soft one is damped like a human arm, a firm one with a damping ratio of 0.7.
 
     Args:
         stiffness: K_h [N.m/rad].
@@ -113,18 +113,18 @@ class HandRecord:
 
     @property
     def forward(self) -> float:
-        """How far the torque's fundamental moves forward against the velocity's [deg]."""
+        """Phase lead gained by the torque's fundamental relative to the velocity's [deg]."""
         a, b = (phase(r.sensed, r) - phase(r.load_velocity, r) for r in (self.before, self.after))
         return float((np.rad2deg(b - a) + 180.0) % 360.0 - 180.0)
 
     @property
     def inertia_torque(self) -> float:
-        """Root mean square of what inertia alone asks of the hand, with compensation [N.m]."""
+        """Root mean square of the hand's torque for inertia alone, with compensation [N.m]."""
         return mean_magnitude(from_second_cycle(self.after, self._inertia(self.after)))
 
     @property
     def reduction_beside_inertia(self) -> float:
-        """The reduction of what is not inertia [%]."""
+        """The reduction of the torque without the part for inertia [%]."""
         rest = [
             mean_magnitude(from_second_cycle(r, r.sensed - self._inertia(r)))
             for r in (self.before, self.after)
@@ -209,9 +209,9 @@ def by_hand(seed: int, ratio: float = RATIO) -> tuple[list[HandRecord], list[Han
 def equally_fast(
     chosen: Sequence[JointSimulation], *, seed: int, stiffness: float = SOFT, ratio: float = RATIO
 ) -> list[HandRecord]:
-    """Move joints by a soft hand that reaches as far as it takes to keep the velocity of the prescribed motion.
+    """Move joints by a soft hand whose intended amplitude is large enough to keep the velocity of the prescribed motion.
 
-    A person sees the motion and not the force, and so intends more where more resists.
+    A person controls the visible motion, not the force, and so intends a larger motion against a larger resistance.
 
     Args:
         chosen: joints.

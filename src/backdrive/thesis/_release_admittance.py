@@ -1,4 +1,4 @@
-"""A joint under admittance control that a hand moves once and lets go: settings, runs and what is measured of them."""
+"""A joint under admittance control that a hand moves once and lets go: settings, runs and measures."""
 
 from __future__ import annotations
 

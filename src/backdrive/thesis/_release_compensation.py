@@ -19,7 +19,7 @@ from backdrive.thesis.setups import K_A, K_B, RATIO, setups
 PERIOD = 1e-3  # s
 BEGIN, HOLD, AFTER = 0.3, 1.0, 2.0  # before the stroke, between its end and release, after release [s]
 LOOKED = 0.5  # the end of the record in which rest is judged [s]
-STILL = 2.0  # counts by which the load may travel meanwhile
+STILL = 2.0  # allowed travel of the load in that time [count]
 SLOW, FAST, SWITCH = 20.0, 500.0, 10.0  # alpha_N, alpha_H, r_W [1/s]
 CASES = ("alpha_N", "alpha_H", "algFC2")
 SEEDS = 20

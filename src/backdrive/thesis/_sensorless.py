@@ -1,4 +1,4 @@
-"""External force without a force sensor: the cases of Iwatani 2017, chapter 4, its hand, and what is measured.
+"""External force without a force sensor: the cases of Iwatani 2017, chapter 4, the hand, and the measures.
 
 CT: rate law with a dead zone of velocity, (4.17). HA: Hayward and Armstrong's contact, (4.16) with alpha = 0. P: algFE, (4.16)
 with alpha = 20 1/s. The force sensor is the hand's true force with noise. All estimators take the friction curve that a sweep of

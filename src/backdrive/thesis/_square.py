@@ -1,10 +1,10 @@
 """The square of Iwatani 2017, 3.5.2: a hand at the grip of the six-axis arm, Joints 0 to 2 compensated together.
 
-MuJoCo moves the rigid bodies. Joints 0 to 2 are those of `setups`; Joints 3 to 5 hold their places by position controllers. What
-the thesis does not print: the hand is that of Setup A (800 N/m, 40 N.s/m, 5 % variation); sides of 0.12 m along x, away from the
-base, and y; the upper arm begins upright and the forearm level; a side goes to a beat of the metronome. At two sides a beat, the
-strokes of Setup A, such a hand swings about its path with the arm's inertia, and what it draws is no square: `fig_3_10` prints
-that pace beside this one.
+MuJoCo simulates the rigid bodies. Joints 0 to 2 are those of `setups`; position controllers hold Joints 3 to 5. The thesis
+does not print the following, which is assumed: the hand of Setup A (800 N/m, 40 N.s/m, 5 % variation); sides of 0.12 m along
+x, away from the base, and y; an upright upper arm and a level forearm at the start; one side per beat of the metronome. With
+two sides per beat, as for the strokes of Setup A, such a hand oscillates about its path with the arm's inertia, and its path
+is not a square. `fig_3_10` prints the results for that pace too.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Sweeps of the thesis' joints, and the curves that are identified from them: chapter 2, sections 2.3 and 2.4.
 
 Every sweep is the printed trajectory (2.2) up to 2 rad/s in 10 cycles, at 1 kHz, followed by the joint's own servo. Curves are
-identified twice: `literal`, as (2.7) prints it, and `aligned`, with torque and velocity on the same instant and what inertia and
-gravity leave in a window taken out (`identification.function_a`).
+identified twice: `literal`, as (2.7) prints it, and `aligned`, with torque and velocity at the same instant, and without the
+effects of inertia and gravity in a window (`identification.function_a`).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from backdrive.thesis.setups import RATIO, arm
 
 TOP_SPEED, CYCLES = 2.0, 10  # V [rad/s], N; 2.4.2
 STROKES = (5.0, 10.0, 20.0, 30.0, 50.0)  # A [deg]
-REFERENCE_STROKE = 50.0  # what the others are compared with [deg]
+REFERENCE_STROKE = 50.0  # reference stroke of the comparison [deg]
 RATE = 1000.0  # of controller and log [Hz]
 METHODS = ("literal", "aligned")
 
@@ -115,7 +115,7 @@ def sweep(joint: JointSimulation, stroke: float, *, seed: int, center: float = 0
 
 
 def identify_curve(joint: JointSimulation, *, seed: int) -> Law:
-    """Return the curve that a user would compensate with: aligned, from a stroke of 20 degrees."""
+    """Return the curve for a compensator: aligned, from a stroke of 20 degrees."""
     return sweep(joint, 20.0, seed=seed).curves["aligned"]
 
 
@@ -176,7 +176,7 @@ def posture_errors(runs: dict[str, SweepRun], method: str) -> dict[str, float]:
 
 
 def truth_check(runs: Iterable[SweepRun]) -> Claim:
-    """Return the claim that aligned curves from 10 deg on are those that were put in, up to 1.8 rad/s.
+    """Return the claim that aligned curves for strokes from 10 deg on agree with the true ones, up to 1.8 rad/s.
 
     Args:
         runs: sweeps.
@@ -190,7 +190,7 @@ def truth_check(runs: Iterable[SweepRun]) -> Claim:
                 float(np.sqrt(np.mean((run.curves["aligned"].torque(v) - true) ** 2) / np.mean(true**2)))
             )
     return Claim(
-        what="The aligned curves are those that were put in",
+        what="The aligned curves agree with the true ones",
         ours=f"at most {100 * max(errors):.2f} % RMS off, {len(errors)} sweeps",
         gate="at most 1.5 %",
         holds=max(errors) <= 0.015,

@@ -147,7 +147,7 @@ def lag_check(done: dict[str, dict[str, Record]]) -> Claim:
         late = (record.wanted - record.reading)[round(0.6 * flank) : round(0.95 * flank)]
         errors.append(float(late.mean() * GAIN / record.scene.plant.law.torque(speed)) - 1.0)
     return Claim(
-        what=f"Without compensation the joint is late by F({speed:g} rad/s)/K_p, the closed form",
+        what=f"Without compensation the position error is F({speed:g} rad/s)/K_p, the closed form",
         ours=f"{', '.join(f'{100 * e:+.2f}' for e in errors)} % off",
         gate="within 4 %",
         holds=max(abs(e) for e in errors) <= 0.04,

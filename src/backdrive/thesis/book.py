@@ -1,4 +1,4 @@
-"""The book of all experiments: one self-contained HTML file, a section each, with the pictures in it.
+"""The book of all experiments: one self-contained HTML file with a section and a picture for each.
 
 It names no network address, runs no script and escapes every text. The same results give the same bytes.
 """
@@ -21,13 +21,13 @@ from backdrive.thesis.outcome import Claim
 from backdrive.thesis.run import Result
 
 TITLE = "Friction of robot joints: the experiments of Iwatani 2017, run again in simulation"
-#: Verdict on a check of our own -> level of the report's colours, word.
+#: Result of the package's own check -> colour level in the report, word.
 WORDS: dict[bool | None, tuple[str, str]] = {
     True: ("good", "holds"),
     False: ("poor", "falls short"),
     None: ("unknown", "shown"),
 }
-#: Whether a statement of the thesis comes out -> the same.
+#: Whether a statement of the thesis is reproduced -> the same.
 CAME_OUT: dict[bool | None, tuple[str, str]] = {
     True: ("good", "comes out"),
     False: ("poor", "does not come out"),
@@ -50,7 +50,7 @@ MORE = """
 
 
 def verdict(result: Result) -> tuple[str, str]:
-    """Return a level of the report's colours and what an experiment ends with, in words."""
+    """Return the colour level and the result of an experiment in words."""
     if result.outcome is None:
         return "poor", "broke down"
     short, held = len(result.of(False)), len(result.of(True))
@@ -81,7 +81,7 @@ def overall(results: Sequence[Result]) -> str:
 
 
 def word(claim: Claim) -> tuple[str, str]:
-    """Return a level of the report's colours and what came of a claim, in words."""
+    """Return the colour level and the result of a claim in words."""
     return (CAME_OUT if claim.statement else WORDS)[claim.holds]
 
 
@@ -95,7 +95,7 @@ def render(
         command: that made it, to be copied.
         seed: of everything random.
         version: of the package.
-        missing: names of experiments that were asked for and not finished.
+        missing: names of requested experiments that were not finished.
     """
     facts = {"Experiments": str(len(results)), "Seed": str(seed), "By": f"backdrive {version}"}
     items = "".join(f"<div><dt>{esc(k)}</dt><dd>{esc(v)}</dd></div>" for k, v in facts.items())
@@ -113,8 +113,8 @@ def render(
         f'<dl class="facts">{items}</dl>{left}</header>\n{_summary(results)}\n'
         + "\n".join(section(result) for result in results)
         + f'\n<section class="about"><h2>The command that made it</h2><pre class="copy">{esc(command)}</pre>'
-        "<p>The same seed gives the same numbers. Joints, hands and sensors are simulated; what the thesis does not print "
-        "about them is estimated, and each setting says so.</p></section>\n</main></body></html>\n"
+        "<p>The same seed gives the same numbers. Joints, hands and sensors are simulated. Parameters that the thesis does not "
+        "print are estimated, as stated in each setting.</p></section>\n</main></body></html>\n"
     )
 
 

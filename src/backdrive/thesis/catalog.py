@@ -1,4 +1,4 @@
-"""What can be reproduced, by name; the programs behind the names are imported when they run.
+"""The catalogue of experiments by name; their modules are imported when they run.
 
 The experiment `fig-3.8` is the module `backdrive.thesis.fig_3_8` with its functions `run` and `draw`. An experiment whose module
 is missing is left out of `all` and of its chapter.
@@ -88,7 +88,7 @@ def entry(name: str) -> Entry:
 
 
 def choose(words: Sequence[str] = ()) -> list[Entry]:
-    """Return the experiments that are asked for, each once, in the order of the thesis.
+    """Return the requested experiments, each once, in the order of the thesis.
 
     Args:
         words: names, chapters (`chapter-3`, or `3`), or `all`; nothing means `all`.

@@ -42,9 +42,8 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
             f"{s.torques[0]:.2f} to {s.torques[1]:.2f} N.m, {s.forward:+.0f} deg",
             gate="smaller and ahead, by the firm hand and by the soft one",
             holds=min(m.reduction, s.reduction) > 0.0 and min(m.forward, s.forward) > 0.0,
-            why="Friction goes with velocity, inertia 90 deg ahead of it. Joint 1 has the most inertia: a soft hand that "
-            "lets it stick "
-            "and jump has to pay for the jump.",
+            why="Friction is in phase with velocity, inertia leads it by 90 deg. Joint 1 has the largest inertia: with a soft "
+            "hand it sticks and jumps, and the jump needs additional torque.",
             statement="2.11-torque",
         )
         for m, s in zip(firm, soft, strict=False)
@@ -57,8 +56,8 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
             f"{s.speed_change:+.1f} %",
             gate=f"within {100 * ALIKE:g} % by a soft hand that intends the same motion",
             holds=abs(m.speed_change) <= 100.0 * ALIKE,
-            why_not="Where friction no longer holds the joint back the same intention moves it faster: the hand of the thesis must "
-            "have watched the motion.",
+            why_not="With less friction, the same intended motion moves the joint faster. So the person in the thesis must "
+            "have controlled the visible motion.",
             statement="2.11-velocity",
         )
         for m, s in zip(reaching, soft, strict=False)

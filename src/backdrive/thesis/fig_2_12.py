@@ -33,21 +33,21 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
             f"{s.reduction:.1f} %",
             gate="60 to 80 %, firm hand",
             holds=60.0 <= m.reduction <= 80.0,
-            why_not="What is left on Joint 1 is mostly inertia, which no friction compensation takes away.",
+            why_not="The remaining torque of Joint 1 is mostly inertia, which no friction compensation reduces.",
             statement="2.12-reduction",
         )
         for m, s in zip(firm, soft, strict=False)
     ]
     claims.append(
         Claim(
-            what="How much of what is left is inertia",
+            what="The share of inertia in the remaining torque",
             ours="; ".join(
                 f"{_name(m.joint)} {m.inertia_torque:.2f} of {m.torques[1]:.2f} N.m is inertia, the rest fell by "
                 f"{m.reduction_beside_inertia:.0f} %"
                 for m in firm
             ),
             holds=None,
-            why="No friction compensation takes inertia away.",
+            why="No friction compensation reduces inertia.",
         )
     )
     for amplitude in AMPLITUDES:
@@ -69,7 +69,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
                 for m in rows["soft hand, same reach"]
             ),
             holds=None,
-            why="Such a hand moves faster what holds it back less, and pays for it with inertia.",
+            why="Such a hand moves a joint with less friction faster, which needs more torque for inertia.",
         )
     )
     claims.append(

@@ -68,8 +68,8 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
             ),
             gate="the order breaks on Joints 0, 1 and 2",
             holds=all(not ordered[j][DAMPINGS[0]] for j in ("joint_0", "joint_1", "joint_2")),
-            why="The joint's own viscous friction is what damps such a loop, and compensating it takes that damping away: after "
-            "each corner the joint swings the longer, the better its friction is compensated.",
+            why="The joint's own viscous friction damps such a loop, and its compensation removes that damping. So the better "
+            "the compensation, the longer the joint oscillates after each corner.",
         )
     )
     joint = wrist(4)
@@ -85,7 +85,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
             what=f"Beside it a gain so low ({WEAK:g} N.m/rad on Joint 4) that friction holds the joint {held:.2f} rad off",
             ours=", ".join(f"{case} {1e3 * weak[case]:.0f}" for case in CASES) + " mrad",
             holds=None,
-            why="A loop this slow follows the faster teeth late with or without friction, and has less damping without.",
+            why="Such a slow loop lags behind the faster teeth with or without friction, and has less damping without it.",
         )
     )
     claims.append(lag_check(done))

@@ -68,8 +68,8 @@ def run(seed: int = 0) -> Outcome:
             ours=f"errors {error.min():+.2f} to {error.max():+.2f} N.m of {joint.law.torque(2.0):.1f} N.m",
             gate="within 0.5 N.m",
             holds=bool(np.abs(error).max() < 0.5),
-            why="What is left grows with speed: a velocity taken as a backward difference belongs one tick before the torque "
-            "beside it, and so inertia does not cancel.",
+            why="The remaining error grows with speed: a backward difference gives the velocity of an instant before that of "
+            "the paired torque, so inertia does not cancel.",
         ),
     )
     return Outcome(

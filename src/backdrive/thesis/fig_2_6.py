@@ -47,7 +47,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
             gate="falls with A",
             holds=bool(np.all(np.diff(list(width.values())) < 0)),
             statement="2.6-broader",
-            why="What is broad is inertia: its torque is largest at the turning points.",
+            why="The width is due to inertia, whose torque is largest at the turning points.",
         ),
         Claim(
             what="A smaller stroke perturbs the curve that (2.7) as printed gives",
@@ -63,8 +63,8 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
             f"formula {number_list(expected.values(), '+.2f')} N.m",
             gate="within 0.1 N.m for A >= 20 deg",
             holds=bool(all(abs(top[A] - expected[A]) < 0.1 for A in STROKES if A >= 20.0)),
-            why="A velocity from a backward difference belongs half a tick before its sample, the commanded torque half a tick "
-            "after it: together one tick, -3.7 I V^3 T/A^2 at the top speed.",
+            why="A backward difference gives the velocity half a tick before its sample, and the commanded torque acts on "
+            "average half a tick after it. Together this is one tick, -3.7 I V^3 T/A^2 at the top speed.",
         ),
         Claim(
             what="With velocity and torque on the same instant the curve no longer depends on the stroke, from 10 deg on",

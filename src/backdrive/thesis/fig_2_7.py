@@ -57,13 +57,13 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
     short = {joint: _worst({5.0: done[5.0]}, "aligned") for joint, done in runs.items()}
     claims.append(
         Claim(
-            what="The curves are those that were put in",
+            what="The curves agree with the true ones",
             ours=f"from 0.2 rad/s on at most {number_list(truth.values(), '.2g')} N.m off, aligned, from 10 deg on; "
             f"{number_list(short.values(), '.2g')} N.m at 5 deg",
             gate="at most 0.2 N.m",
             holds=max(truth.values()) <= 0.2,
-            why="What is left is the line sections, which cut the corners of a bent curve, and at 5 deg the transmission: the load "
-            "swings further than the motor.",
+            why="The remaining error comes from the line sections, which approximate a bent curve, and at 5 deg from the "
+            "transmission: the load moves further than the motor.",
         )
     )
     hard = runs["joint_1"][5.0]

@@ -34,7 +34,7 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
             ours="; ".join(f"{j}: {aligned[j][10.0]:.3f} against {literal[j][20.0]:.3f} N.m" for j in runs),
             gate="on every joint",
             holds=all(aligned[j][10.0] < literal[j][20.0] for j in runs),
-            why="The thesis' least stroke of 10 to 20 deg is a matter of one tick of misalignment, not of the method.",
+            why="The thesis' least stroke of 10 to 20 deg is due to one tick of misalignment, not to the method.",
         )
     )
     claims.append(

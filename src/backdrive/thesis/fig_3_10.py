@@ -76,7 +76,7 @@ def _paces(seed: int, ratio: float) -> Claim:
         what="The same at other paces: the thesis prints a metronome of 0.667 Hz, and not what is moved at a beat",
         ours="; ".join(words),
         holds=None,
-        why="Faster sides ask for inertia, which no compensator of friction lowers.",
+        why="Faster sides need more torque for inertia, which no friction compensator reduces.",
     )
 
 

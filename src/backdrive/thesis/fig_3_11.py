@@ -87,9 +87,8 @@ def _claims(name: str, found: dict[str, Any]) -> tuple[Claim, ...]:
             gate="95 % interval of the paired difference below zero against both",
             holds=less(peaks["algFC2"], peaks["alpha_N"]) and less(peaks["algFC2"], peaks["alpha_H"]),
             why_not=(
-                "A joint at rest has alpha = alpha_N in both, so that algFC2 cannot break it away more easily; where "
-                "alpha_N hunts it "
-                "has broken away already when the hand comes."
+                "At rest alpha = alpha_N in both, so algFC2 cannot make break-away easier. A joint that hunts with alpha_N has "
+                "already broken away when the hand arrives."
             ),
             statement="3.11-peaks",
         ),

@@ -1,4 +1,4 @@
-"""Fig. 3.3 of Iwatani 2017: what the encoder shows while the actuator's force rises slowly, before break-away."""
+"""Fig. 3.3 of Iwatani 2017: the encoder's displacement before break-away, while the actuator's force rises slowly."""
 
 from __future__ import annotations
 
@@ -116,9 +116,8 @@ def _claims(
             gate="no displacement below 6 N from at least half of the resting places within a count",
             holds=a["silent"] >= 0.5,
             why_not=(
-                "The first edge lies between nothing and a whole count away, and a count of 1.2e6 N/m is 6 N: the "
-                "figure asks for a "
-                "joint that had just passed an edge, or for a transmission twice as stiff as the thesis says."
+                "The first edge is between 0 and 1 count away, and one count corresponds to 6 N at 1.2e6 N/m. So the figure "
+                "requires a joint that has just passed an edge, or a transmission twice as stiff as in the thesis."
             ),
             statement="3.3-silent",
         ),

@@ -115,8 +115,8 @@ def _claims(
             gate="with C and CD within 50 ms of the reversal, and the compensation against the hand",
             holds=all(turned[case][0] < 0.05 and turned[case][1] < 0.0 for case in ("C", "CD")),
             why=(
-                "C keeps what it gave when the load stopped, so that it stands still until the hand overcomes friction and "
-                "compensation. CD does not: its dither breaks the load away before."
+                "When the load stops, C keeps its torque, so the load rests until the hand overcomes friction and "
+                "compensation. With CD, the dither breaks the load away earlier."
             ),
             statement="3.7-reversal",
         ),

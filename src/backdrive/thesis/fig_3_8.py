@@ -124,7 +124,7 @@ def by_direction(found: Peaks, seed: int) -> Claim:
         + " N",
         gate="95 % interval of the difference without zero, in every case",
         holds=all(c.low * c.high > 0.0 for c in apart.values()),
-        why_not="The friction of 12 and 8 N is compensated by direction, so that what is left need not differ.",
+        why_not="The friction of 12 and 8 N is compensated for each direction, so the remaining forces need not differ.",
         statement="3.8-direction",
     )
 

@@ -132,7 +132,7 @@ def _claims(found: dict[str, dict[str, np.ndarray]], means: dict[str, Any]) -> t
             ours=f"RMS error {in_words(printed['rms'], 'N')}; with two filters in a row {in_words(ours, 'N')}",
             gate="P below CT and HA, 95 % interval of the paired difference",
             holds=less(error["P"], error["CT"]) and less(error["P"], error["HA"]),
-            why="CT lacks all of the friction at low speed, HA keeps it at rest.",
+            why="CT has no friction at low speed, and HA keeps the full friction at rest.",
             statement="4.7-closest",
         ),
         Claim(
@@ -164,9 +164,8 @@ def _claims(found: dict[str, dict[str, np.ndarray]], means: dict[str, Any]) -> t
             ours=f"RMS error with the joint held at rest, two filters in a row {in_words(means['cascade']['held'], 'N')}",
             holds=None,
             why=(
-                "CT and P take the friction of a stuck joint for zero, and what truly holds it may be anything up to the "
-                "Coulomb force. "
-                "CT lets go at once, P with its decay rate."
+                "CT and P estimate the friction of a stuck joint as zero, while its true friction may have any value up to the "
+                "Coulomb force. CT drops to zero at once, P with its decay rate."
             ),
         ),
     )

@@ -227,7 +227,7 @@ def _claims(found: Any) -> tuple[Claim, ...]:
         ),
         *(
             Claim(
-                what=f"{name}: what the hand feels.",
+                what=f"{name}: the force of the hand.",
                 ours=f"mean peaks {in_words(_mean(found, name, 'peak'), 'N')}; ran away: {_away(found, name)}",
                 holds=None,
             )

@@ -66,7 +66,7 @@ def run(seed: int = 0, seeds: int = SEEDS, cycles: int = CYCLES, ratio: float = 
     at = slice(0, round(SHOWN / PERIOD))
     return Outcome(
         name="fig-4.9",
-        title="Equilibrium of admittance control with a friction that never lets go",
+        title="Equilibrium of admittance control with a friction estimate that does not decay",
         setting=(
             "Setup A under the admittance control of Fig. 4.8 as printed (m = 1 kg, G = 10, H = 2), and with m = 2 kg "
             "and two filters "
@@ -168,8 +168,8 @@ def _claims(
             gate="P below HA with every hand",
             holds=bool(np.all(found[OURS]["P"][:, 1] < found[OURS]["HA"][:, 1])),
             why=(
-                "The estimated friction leaks at 20 1/s; what is left of the actuator's force is then taken for an external one, "
-                "which moves the virtual object until it is gone."
+                "The estimated friction decays at 20 1/s. The remaining actuator force then counts as external force and moves "
+                "the virtual object until it vanishes."
             ),
         ),
     )

@@ -1,11 +1,12 @@
-"""The league: every compensator on every joint, tuned with the same budget, judged where the joint is not what was believed.
+"""The league: every compensator on every joint, tuned with the same budget, and judged on joints that differ from the assumed
+ones.
 
-The truth differs from what a compensator is given: more friction at the slowest motion, a presliding stiffness of its own,
-friction on the far side of the transmission, torque ripple and noise, steps of 50 us, one tick of delay. Each method draws the
-same number of settings, plays the same scenes with them, and keeps the best by one cost, in which it must stay calm also
-where friction is 20 % less than believed; then it meets seeds and disturbances that it has not been tuned on. All of that is
-done anew for every seed, so that the scatter over seeds holds what drawing another eight settings would change. What is said of
-two methods rests on paired differences (`_league_tiers`). The estimators are judged in `league_estimators`.
+The true joint differs from the compensator's data: more friction in slow motion, its own presliding stiffness, friction on
+the far side of the transmission, torque ripple and noise, and one tick of delay; the integration step is 50 us. For each
+method the same number of settings is drawn and simulated in the same scenes. The best setting by one cost is kept; the cost
+also requires stability with 20 % less friction. It is then judged with other seeds and disturbances. All of this is repeated
+for every seed, so the scatter over seeds includes the effect of the random settings. Comparisons of two methods use paired
+differences (`_league_tiers`). The estimators are judged in `league_estimators`.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ __all__ = ["BUDGET", "SEEDS", "draw", "run"]
 BUDGET = 10  # settings that every method tries on every joint
 SEEDS = 10
 LESS = SETTINGS[2]
-CALM = ("release", "knock")  # scenes that show what does not rest
+CALM = ("release", "knock")  # scenes that show restlessness
 
 
 def best_settings(who: Contender, method: Method, budget: int, bare: Scores, seed: int) -> dict[str, float]:

@@ -1,8 +1,8 @@
-"""What the thesis says its figures and tables show, sentence by sentence, and what came of it here.
+"""The thesis' statements on its figures and tables, sentence by sentence, with the results of the simulation.
 
-Counted are the sentences of the results sections that name a figure or table or point at one ("it can be seen"), as far as they
-say more than what is drawn; captions count where they state a result. An experiment
-computes each one (`Claim.statement`); the verdict written here has to be what it computes, whatever the seed.
+The ledger contains the sentences of the results sections that refer to a figure or table ("it can be seen") and state more
+than its content; captions count if they state a result. An experiment evaluates each statement (`Claim.statement`). The
+verdict written here has to agree with the evaluation for every seed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def of(experiment: str) -> tuple[Statement, ...]:
 
 
 def evaluate(outcomes: Iterable[Outcome]) -> dict[str, bool]:
-    """Return whether each statement that was computed comes out: all claims that bear its name hold."""
+    """Return whether each evaluated statement is reproduced, that is, whether all claims with its name hold."""
     result: dict[str, bool] = {}
     for outcome in outcomes:
         for claim in outcome.claims:
@@ -35,7 +35,7 @@ def evaluate(outcomes: Iterable[Outcome]) -> dict[str, bool]:
 
 
 def disagreements(came_out: Mapping[str, bool]) -> tuple[str, ...]:
-    """Return the statements that come out otherwise than the ledger says, and names that it does not have.
+    """Return the statements whose results differ from the ledger, and names that are not in the ledger.
 
     Args:
         came_out: of `evaluate`.

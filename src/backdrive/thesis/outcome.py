@@ -1,4 +1,4 @@
-"""What an experiment says: its data, and its claims judged."""
+"""The outcome of an experiment: its data and its judged claims."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ class Claim:
 
     Attributes:
         what: the statement, in a sentence.
-        thesis: what the thesis states, in its own numbers; empty where it is our gate alone.
+        thesis: the thesis' statement, in its own numbers; empty for a check of this package.
         ours: what was found.
         gate: what is required.
         holds: the verdict; None for information.
-        why: what explains it where it holds, or goes with the information.
-        why_not: what explains it where it does not hold; printed nowhere else.
+        why: explanation if it holds, or comment on information.
+        why_not: explanation if it does not hold; printed only then.
         statement: name of the thesis' statement in the ledger (`ledger.STATEMENTS`); empty for a check of our own.
     """
 

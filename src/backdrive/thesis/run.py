@@ -48,7 +48,7 @@ class Result:
 
     @property
     def holds(self) -> bool:
-        """Whether it ran, every check of our own holds, and the thesis' statements come out as the ledger says."""
+        """Whether it ran, all checks of this package hold, and the thesis' statements agree with the ledger."""
         if self.outcome is None:
             return False
         return not self.of(False) and not disagreements(evaluate([self.outcome]))
@@ -61,12 +61,12 @@ class Result:
 
 
 def run_one(entry: Entry, seed: int = 0, say: Say | None = None) -> Result:
-    """Run one experiment and draw it; what goes wrong is in the result, so that the others go on.
+    """Run one experiment and draw it; errors are stored in the result, so that the other experiments continue.
 
     Args:
         entry: which.
         seed: of everything random in it.
-        say: told what is going on by those that take minutes.
+        say: called with progress sentences by experiments that take minutes.
     """
     begun = time.perf_counter()
     try:

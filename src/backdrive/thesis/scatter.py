@@ -1,4 +1,4 @@
-"""What a difference is worth beside the scatter over hands: paired, by Student's 95 % interval."""
+"""Significance of a difference between cases relative to the scatter over hands: paired, by Student's 95 % interval."""
 
 from __future__ import annotations
 
@@ -22,12 +22,13 @@ ALIKE = 0.05  # means that differ by no more are "almost equivalent" [-]
 
 
 def clearly_less(small: np.ndarray, large: np.ndarray) -> bool:
-    """Return whether one case is surely smaller, and by more than `ALIKE` in the mean; see `less`."""
+    """Return whether one case is significantly smaller, and by more than `ALIKE` in the mean; see `less`."""
     return less(small, large) and float(np.mean(small)) < (1.0 - ALIKE) * float(np.mean(large))
 
 
 def less(small: np.ndarray, large: np.ndarray) -> bool:
-    """Return whether one case is surely smaller than another with the same hands: the interval of the difference is above zero.
+    """Return whether one case is significantly smaller than another with the same hands: the interval of the difference is
+    above zero.
 
     Args:
         small: of the one, a number a hand, (n,).

@@ -1,13 +1,14 @@
-"""The one Setup A and the one Setup B on which chapters 2 to 4 are run again, and how what is not printed was fixed.
+"""Setup A and Setup B, on which all experiments of chapters 2 to 4 are run, and the choice of parameters that the thesis does
+not print.
 
-Fixed before any statement was judged, in this order:
+The parameters were fixed before any statement was judged, in this order:
 
 1. What the thesis prints is taken as printed: counts, ratios, moving mass, F of Joints 0 to 2, K, alpha, R_d, V_W, T, no factor
    R in chapter 3, m, b, gains and filter of Setup A in chapter 4.
 2. The transmission's stiffness K_c, which it does not print, is K: on Setup A the thesis calls K "close to the elasticity of the
    setup" (3.5.1) and "estimated as the compliance of the setup" (4.6.1), and on Setup B it gives no other hint.
 3. Joints 3 to 5, of which ratio and largest torque are printed, are assumed in proportion to these (`wrist`). All servos have
-   the highest bandwidth that no joint of the arm oscillates with, for the thesis sets gains "as high as possible" (2.3.2).
+the highest bandwidth without oscillation of any joint, since the thesis sets gains "as high as possible" (2.3.2).
 4. The rest (inertias of either side, growth of friction with speed, F_p and F_n of Setup A, damping) is that of
    `simulation.machines`, estimated there from motors' data, and is the same for all figures.
 5. A statement that is lost on these joints counts as lost. No figure has a joint of its own; `benchmarks/evidence/thesis_claims.py

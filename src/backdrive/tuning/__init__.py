@@ -1,4 +1,4 @@
-"""Parameters of compensators, estimators and admittance control chosen for a joint, and checked over what is not known of it."""
+"""Choice of the parameters of compensators, estimators and admittance control for a joint, checked over its uncertainty."""
 
 from backdrive.tuning.facts import Facts as Facts
 from backdrive.tuning.facts import facts_of as facts_of

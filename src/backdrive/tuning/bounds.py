@@ -1,4 +1,4 @@
-"""Within what every number has to lie that is known of a joint or asked for, and the refusal that names the one that does not."""
+"""Bounds of all numbers of a joint and of all options, with an error that names the number out of bounds."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def check_numbers(where: str, **values: float | Sequence[float] | None) -> None:
     """Refuse numbers out of their bounds; see `parameters.check`.
 
     Args:
-        where: what the message begins with.
+        where: first words of the message.
         values: numbers or intervals, by the names of `BOUNDS`; None: not given.
     """
     check(where, BOUNDS, {name: value for name, value in values.items() if value is not None})
@@ -51,15 +51,15 @@ def between(
     """Return a likely value and its interval.
 
     Args:
-        given: by a person: the value, or its two ends; None: as `known`.
+        given: from the user: the value, or its two ends; None: as `known`.
         known: from the model, value and standard error; None: it is not there.
-        error: relative, where nobody knows an error [-].
+        error: default relative error [-].
         what: name of the number.
         joint: name.
-        notes: joined by what was assumed.
+        notes: list to which assumptions are added.
 
     Raises:
-        NotIdentifiable: neither the person nor the model knows it.
+        NotIdentifiable: neither the user nor the model gives it.
     """
     if given is None:
         if known is None:
@@ -76,6 +76,6 @@ def between(
         return float(np.sqrt(abs(ends[0] * ends[1]))), (float(ends[0]), float(ends[1]))
     value = float(ends[0])
     notes.append(
-        f"The {what} has no interval: it is taken as known within {100 * error:.0f} % (--{what} LOW:HIGH)."
+        f"The {what} has no interval: an error of {100 * error:.0f} % is assumed (--{what} LOW:HIGH)."
     )
     return value, ((1.0 - error) * value, (1.0 + error) * value)

@@ -1,4 +1,4 @@
-"""Many scenes played within a bounded memory: of each record only one value is kept."""
+"""Simulation of many scenes with bounded memory: only one value of each record is kept."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ Value = TypeVar("Value")
 
 
 def evaluate(made: Iterable[Scene], value: Callable[[Record], Value]) -> list[Value]:
-    """Play scenes, few enough at a time for the memory, and return a value of each.
+    """Simulate scenes in batches that fit the memory, and return one value of each.
 
     Args:
-        made: scenes, made one by one, as they are needed.
+        made: scenes, created one by one when needed.
         value: of a record.
     """
     values: list[Value] = []

@@ -1,7 +1,7 @@
-"""What has to be known of a joint before numbers can be chosen for it: each an interval, from a model file or from a person.
+"""The data of a joint that tuning needs: intervals from a model file or from the user.
 
-A `FrictionModel` holds the friction law, mostly an inertia, sometimes a stiffness (that of a presliding element). The rest is
-asked for, or taken from what such joints show, which `notes` then says.
+A `FrictionModel` contains the friction law, usually an inertia, and sometimes a stiffness (that of a presliding element).
+Other data are options or typical values of such joints, which `notes` then states.
 """
 
 from __future__ import annotations
@@ -21,15 +21,18 @@ from backdrive.tuning.bounds import BOUNDS, between, check_numbers
 
 Interval = tuple[float, float]  # lower and upper end
 
-FRICTION_ERROR = 0.1  # of the identified friction from day to day, where nothing narrower is given [-]
+FRICTION_ERROR = 0.1  # default variation of the identified friction from day to day [-]
 STIFFNESS_ERROR = 0.2  # where no interval is known [-]
 INERTIA_ERROR = 0.2  # where no interval is known [-]
 MOTOR_SHARE = 0.15  # of the inertia on the motor's side, as of the joints in `plants.thesis` [-]
 DAMPING = (0.03, 0.15)  # ratio of the transmission's damping, load stuck, and of the contact's [-]
-CONTACT = (1.0, 8.0)  # stiffness of the friction's contact by that of the transmission in series with it [-]
+CONTACT = (
+    1.0,
+    8.0,
+)  # ratio of the friction contact's stiffness to that of the transmission in series with it [-]
 COARSE = 2.0  # F/(K count) below which no elastic compensation is possible [-]
-SOFTEST = 0.1  # K by the lower end of K_c's interval, below which nobody looks [-]
-SPEEDS = 14  # knots of a curve that stands for a law
+SOFTEST = 0.1  # smallest K in the search, relative to the lower end of K_c's interval [-]
+SPEEDS = 14  # knots of a curve that approximates a law
 CHECKED = (
     "coulomb", "count", "interval", "top_speed", "friction", "damping", "contact", "motor_share", "noise", "delay", "temperature",
 )  # fmt: skip
@@ -37,7 +40,7 @@ CHECKED = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Facts:
-    """A joint as it is known.
+    """The known data of a joint.
 
     Attributes:
         name: of the joint.
@@ -46,8 +49,8 @@ class Facts:
         growth: of friction with the load that the joint carries; None where the model does not know it.
         coulomb: F, the mean of both directions [N.m or N].
         friction: interval of the factor on friction [-].
-        stiffness: K_c, what the encoder sees of presliding: transmission and contact in series, the likely value
-            [N.m/rad or N/m].
+        stiffness: K_c, the presliding stiffness at the encoder: transmission and contact in series, likely value [N.m/rad or
+            N/m].
         stiffness_interval: of K_c [N.m/rad or N/m].
         inertia: of motor and load together [kg.m^2 or kg].
         inertia_interval: of it [kg.m^2 or kg].
@@ -59,8 +62,8 @@ class Facts:
         delay: longest time from the command to the torque, beyond the hold [s].
         interval: sampling time T [s].
         temperature: interval of it [degC].
-        top_speed: fastest that the model has seen [rad/s or m/s].
-        trip_speed: above which the robot stops the joint itself, if the model knows it [rad/s or m/s].
+        top_speed: largest speed in the model's data [rad/s or m/s].
+        trip_speed: speed above which the robot itself stops the joint, if the model contains it [rad/s or m/s].
         effort: largest torque of the actuator that the model knows [N.m or N].
         notes: what was assumed, in sentences.
     """
@@ -97,23 +100,26 @@ class Facts:
         if self.stiffest < SOFTEST * self.stiffness_interval[0]:
             force = "N.m" if self.unit == "rad" else "N"
             raise NotIdentifiable(
-                f"Joint '{self.name}': its encoder is too coarse for any elastic compensation: even a contact of K_c/10 gains "
+                f"Joint '{self.name}': its encoder is too coarse for any elastic compensation: even with a contact of K_c/10 "
+                f"the torque changes by "
                 f"{0.1 * self.stiffness_interval[0] * self.count:.3g} {force} in a count, where F is {self.coulomb:.3g} {force} "
                 f"and F/(K count) of {COARSE:g} or more is needed.",
                 remedy="What can be done: an encoder with more counts, on the motor's side of the gear; compensation at the "
-                "velocity that is wanted instead of the measured one; for estimates CT, a dead zone of a count a tick "
+                "desired instead of the measured velocity; for estimates CT, with a dead zone of one count per tick "
                 "(`backdrive.control.estimators.friction.ct`).",
             )
 
     @property
     def stiffest(self) -> float:
-        """Largest K: it yields after the joint (F/K >= F_c/K_c), and one count gains at most F/2 [N.m/rad or N/m]."""
+        """Largest K: it slides after the joint (F/K >= F_c/K_c), and one count changes the torque by at most F/2 [N.m/rad or
+        N/m].
+        """
         soft = rules.largest_stiffness(self.stiffness_interval[0], self.friction[1] - 1.0)
         return min(soft, self.coulomb / (COARSE * self.count))
 
     @property
     def friction_error(self) -> float:
-        """Largest relative error of the friction that is believed [-]."""
+        """Largest relative error of the identified friction [-]."""
         return max(1.0 - self.friction[0], self.friction[1] - 1.0)
 
     def replace(self, **changes: Any) -> Facts:
@@ -163,7 +169,7 @@ def facts_of(  # noqa: PLR0913  (the facts of a joint, each by its name)
     damping: Interval = DAMPING,
     temperature: Interval | None = None,
 ) -> Facts:
-    """Return what a model and a person together know of a joint.
+    """Return the data of a joint from a model and from the user's options.
 
     Args:
         friction: of the model.
@@ -174,12 +180,13 @@ def facts_of(  # noqa: PLR0913  (the facts of a joint, each by its name)
         noise: of a reading, in counts [1].
         delay: longest, from the command to the torque [s]; None: one sampling time.
         interval: sampling time [s].
-        friction_error: largest relative error of friction from day to day [-]; None: 0.1. A wider interval of the model counts.
+        friction_error: largest relative error of friction from day to day [-]; None: 0.1. A wider interval of the model
+            replaces it.
         damping: interval of the transmission's damping ratio [-].
-        temperature: interval [degC]; None: what the model has seen.
+        temperature: interval [degC]; None: the model's range.
 
     Raises:
-        NotIdentifiable: nobody knows stiffness, inertia or encoder count; there is no friction; the encoder is too coarse.
+        NotIdentifiable: stiffness, inertia or encoder count is unknown; there is no friction; the encoder is too coarse.
         InvalidInput: a number makes no sense.
     """
     joint, law, actuator = friction.joint, friction.law, friction.actuator or Actuator()
@@ -200,27 +207,28 @@ def facts_of(  # noqa: PLR0913  (the facts of a joint, each by its name)
     top = max(abs(v) for v in friction.validity.velocity)
     if not 0.0 < top < np.inf:
         top = 1.0 if joint.unit == "rad" else 0.2
-        notes.append(f"The model does not say up to which speed it holds; {top:g} {joint.unit}/s is taken.")
+        notes.append(f"The model has no range of velocity; {top:g} {joint.unit}/s is taken.")
     warm = temperature or friction.validity.temperature or (REFERENCE, REFERENCE)
     coulomb = 0.0 if law.rate.SMOOTH else float(np.mean(Law(rate=law.rate).coulomb()))
     if not coulomb > 0.0:
         raise NotIdentifiable(
             f"Joint '{joint.name}': the law '{law.rate.NAME}' has no Coulomb friction at rest.",
-            remedy="Without it there is nothing to compensate at rest, and R of its curve at the measured velocity does the rest; "
-            "else identify one that has, `backdrive identify --law stribeck-gauss` or without --law.",
+            remedy="At rest such a law needs no compensation; in motion, R times its curve at the measured velocity is "
+            "sufficient. Otherwise identify a law with Coulomb friction: `backdrive identify --law stribeck-gauss`, or without "
+            "--law.",
         )
     error = FRICTION_ERROR if friction_error is None else friction_error
     known = coulomb_error(friction, coulomb)
     if known is None and friction_error is None:
         notes.append(
-            f"The model has no intervals: friction is taken as known within {100 * error:.0f} % (--friction-error)."
+            f"The model has no intervals: an error of {100 * error:.0f} % is assumed for friction (--friction-error)."
         )
     if known is not None and known > error:
         error = known
-        notes.append(f"The model knows its Coulomb torque within {100 * known:.0f} % only (95 %).")
+        notes.append(f"The model's Coulomb torque is uncertain by {100 * known:.0f} % (95 %).")
     if not BOUNDS["friction_error"].holds(error):  # the model's own
         raise NotIdentifiable(
-            f"Joint '{joint.name}': the model knows its friction within {100 * error:.0f} % only.",
+            f"Joint '{joint.name}': the error of the model's friction is {100 * error:.0f} % only.",
             remedy="Identify it better: a slower sweep, more cycles.",
         )
     elif known is not None and friction_error is None:
@@ -268,7 +276,7 @@ def facts_of(  # noqa: PLR0913  (the facts of a joint, each by its name)
 def _load_range(
     friction: JointFriction, coulomb: float, error: float, notes: list[str]
 ) -> tuple[float, float]:
-    """Return by how much friction may be less and more than its curve with the load that the joint carries, by F [-]."""
+    """Return the largest decrease and increase of friction with the load of the joint, relative to F [-]."""
     found = growth_with_load(friction)
     if found is None:
         return 0.0, 0.0
@@ -278,18 +286,19 @@ def _load_range(
     low, high = max(mu * carried, 0.0) / coulomb, max(mu * (most - carried), 0.0) / coulomb
     if not 1.0 - error - low > 0.2:
         raise NotIdentifiable(
-            f"Joint '{friction.joint.name}': its friction grows so much with the load that without any it is less than a fifth.",
-            remedy="Identify it under less load, and compensate a law that sees the load.",
+            f"Joint '{friction.joint.name}': its friction grows so strongly with the load that less than a fifth remains "
+            f"without load.",
+            remedy="Identify it with less load, and compensate with a law that depends on the load.",
         )
     notes.append(
         f"Friction grows with the load: without any it is {100 * low:.0f} % less than the curve, under {most:.3g} "
-        f"{friction.joint.torque_unit} {100 * high:.0f} % more; the intervals take that in."
+        f"{friction.joint.torque_unit} {100 * high:.0f} % more; the intervals include that."
     )
     return low, high
 
 
 def coulomb_error(friction: JointFriction, coulomb: float) -> float | None:
-    """Return the half-width of the 95 % interval of F by F, from the standard errors of its law; None where there are none."""
+    """Return the half-width of F's 95 % interval divided by F, from the standard errors of its law; None without these."""
     rate, total, seen = friction.law.rate, 0.0, False
     for name in rate.PARAMETERS:
         value, error = getattr(rate, name), friction.standard_errors.get(name)
@@ -319,8 +328,8 @@ def _stiffness(friction: JointFriction, given: Any, notes: list[str]) -> tuple[f
             raise NotIdentifiable(
                 f"Joint '{name}': the law '{friction.law.name}' has no presliding stiffness.",
                 remedy="Give --stiffness LOW:HIGH of the transmission, from its catalogue or from `backdrive plan ramp` and "
-                "`backdrive identify --law auto`. Without it the friction curve can still be compensated in motion, "
-                "R of the torque at a velocity that is wanted.",
+                "`backdrive identify --law auto`. Without it, friction can still be compensated in motion, by R times the "
+                "curve at the desired velocity.",
             )
         return between(given, None, STIFFNESS_ERROR, "stiffness", name, notes)
     error = friction.standard_errors.get("stiffness")

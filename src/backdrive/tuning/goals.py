@@ -1,8 +1,9 @@
-"""What parameters are chosen for: which numbers are sought in which ranges, by what they are judged, and what they must not do.
+"""The goals of a tuning: for each, the parameters with their ranges, the score, and the safety test.
 
-backdrive, track: R, K and alpha of algFC, by what a person feels (`wishes`), or by the error of a soft position controller.
-estimate: K and alpha of algFE and the gains of the filter, by the error of the external force. admit: m and b, by the hand's mean
-peak force. Each has a safety test over the ends of the intervals, the same for whoever proposes numbers.
+backdrive, track: R, K and alpha of algFC, scored by what a person feels (`wishes`), or by the error of a soft position
+controller. estimate: K and alpha of algFE and the gains of the filter, scored by the error of the external force. admit: m
+and b, scored by the hand's mean peak force. Each goal has a safety test over the ends of the intervals, which is the same for
+all proposals.
 """
 
 from __future__ import annotations
@@ -32,16 +33,14 @@ from backdrive.tuning.wishes import WISHES, Part, check_wish, coasting, standing
 Numbers = Mapping[str, float]
 Ranges = Mapping[str, tuple[float, float]]
 
-AT_REST = (
-    2.0  # counts of half-amplitude within which a joint rests: what one count of feedback may flicker by [1]
-)
-LEFT_OVER = 0.1  # of F, that an estimate may show after the hand has let go [-]
-RESTLESS = 0.01  # of the stroke, by which a joint under admittance control may sway [-]
+AT_REST = 2.0  # half-amplitude up to which a joint counts as resting: the flicker caused by one count of feedback [count]
+LEFT_OVER = 0.1  # allowed remainder of an estimate after the hand has let go, relative to F [-]
+RESTLESS = 0.01  # allowed oscillation of a joint under admittance control, relative to the stroke [-]
 POSITION = 60.0  # largest bandwidth of the position controller under an admittance [rad/s]
 DERIVATIVE = 0.4  # of its gain by the motor's inertia, times sampling time and delay: the loop around the motor alone [-]
-DECAYS = (1.0, 500.0)  # alpha [1/s]: gone 3 s after a stop, and half of it in a tick
-BACK_OFF = 0.96  # of R, or of what else calms, where a joint does not rest
-SOFTER = 0.85  # of K beside it, where R alone does not help
+DECAYS = (1.0, 500.0)  # limits of alpha [1/s]: torque gone 3 s after a stop, and half of it in one tick
+BACK_OFF = 0.96  # factor on R, or on another calming parameter, if a joint does not come to rest
+SOFTER = 0.85  # factor on K as well, if R alone is not sufficient
 GOALS = ("backdrive", "track", "estimate", "admit")
 
 
@@ -56,7 +55,7 @@ def estimator(facts: Facts, z: Numbers, share: float = 1.0) -> ExternalForce:
     Args:
         facts: of the joint.
         z: stiffness K by K_c [-], decay [1/s], gain and second_gain of the filters.
-        share: R of the friction that is taken off: under an admittance what is too much drives the joint on [-].
+        share: R of the friction that is subtracted: under an admittance, subtracting too much would drive the joint [-].
     """
     return ExternalForce(
         inertia=facts.inertia,
@@ -83,7 +82,7 @@ def admittance(facts: Facts, z: Numbers) -> Admittance:
 
 
 def filter_gains(stroke: Stroke) -> dict[str, float]:
-    """Return G of both filters by the stroke: its largest acceleration and jerk, times what keeps the lag small.
+    """Return G of both filters by the stroke: from its largest acceleration and jerk, times a factor that keeps the lag small.
 
     The largest acceleration of a minimum-jerk stroke is 5.77 A/D^2, its largest jerk 60 A/D^3.
     """
@@ -93,21 +92,21 @@ def filter_gains(stroke: Stroke) -> dict[str, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class Goal:
-    """What numbers are chosen for.
+    """A goal of the tuning.
 
     Attributes:
         name: one of `GOALS`.
         facts: of the joint.
         stroke: of the hand.
         ranges: of the numbers that are sought; those that span a factor of five or more in the logarithm.
-        parts: of the score: what is played, and what is read of it; smaller is better.
+        parts: of the score: the scene to simulate and the value to read from it; smaller is better.
         score_on: joints on which they are averaged.
-        trial: from numbers, a joint and the longest integration step to the scene of the safety test.
-        unrest: of that scene, by what is allowed: above 1 it fails.
+        trial: function from numbers, a joint and the longest integration step to the scene of the safety test.
+        unrest: motion in that scene relative to the allowed one: above 1 the test fails.
         test_on: joints of the safety test.
-        words: what the score is.
+        words: description of the score.
         unit: of the score.
-        calming: factors on numbers that make what does not rest calmer, of one way after the other.
+        calming: factors on numbers that calm a restless joint; the ways are tried one after the other.
     """
 
     name: str
@@ -144,7 +143,9 @@ class Goal:
         members: Sequence[Member] | None = None,
         longest: float = SUBSTEP,
     ) -> np.ndarray:
-        """Return by how much of what is allowed each set of numbers moves at rest, over joints, (n,); up to 1 is safe."""
+        """Return the motion at rest of each set of numbers, relative to the allowed one and largest over the joints, (n,); up
+        to 1 is safe.
+        """
         return self.unrests(many, self.test_on if members is None else members, longest).max(axis=1)
 
     def unrests(
@@ -203,7 +204,7 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
             trial=lambda z, member, longest: scenes.knock(facts, member, loop(z), longest),
             unrest=lambda r: scenes.amplitude(r) / (AT_REST * facts.count),
             test_on=corners,
-            words=f"what a hand feels, weighed by the wish '{wish}'"
+            words=f"the feel of the joint, weighted by the wish '{wish}'"
             if guides
             else "error of tracking, root mean square",
             unit="-" if guides else facts.unit,
@@ -251,7 +252,7 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
 
     gains = {
         k: (g, 100.0 * g) for k, g in filter_gains(stroke).items()
-    }  # a slow filter makes the loop run away
+    }  # a slow filter makes the loop unstable
     return Goal(
         name=name,
         facts=facts,
@@ -277,7 +278,7 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
 
 
 def _feelings(facts: Facts, stroke: Stroke, middle: Member, weights: Numbers) -> list[Part]:
-    """Return what a person feels of a compensated joint, and how much each weighs."""
+    """Return the parts of a person's impression of a compensated joint, with their weights."""
 
     def loop(z: Numbers) -> JointLoop:
         return BareLoop(compensator=compensator(facts, z))
@@ -310,6 +311,6 @@ def _feelings(facts: Facts, stroke: Stroke, middle: Member, weights: Numbers) ->
 
 
 def tracking_error(record: Record) -> float:
-    """Return the root mean square of what a soft position controller misses, the first half second left out [rad or m]."""
+    """Return the RMS tracking error of a soft position controller, without the first half second [rad or m]."""
     begin = round(0.5 / record.scene.period)
     return float(np.sqrt(np.mean((record.wanted - record.load)[begin:] ** 2)))

@@ -1,4 +1,4 @@
-"""How far numbers are from breaking, and the region in which they do not."""
+"""Stability margins of the chosen numbers, and the safe region."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ SPRINGS = (0.1, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0, 1.2, 1.4)
 DECAYS = (2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)
 DELAYS = (0.0, 0.125, 0.25, 0.375, 0.5, 0.75, 1.0)  # of the longest shown
 SHOWN = (4.0, 1.6)  # longest delay shown, in ticks and by the longest that there may be
-LARGEST = 1.3  # R up to which it is looked for where it breaks [-]
-FEW = 64  # joints whose break-away is looked at
-MOST = 1e6  # a picture needs no more
+LARGEST = 1.3  # largest R in the search for instability [-]
+FEW = 64  # number of joints for the break-away
+MOST = 1e6  # number of joints for the picture
 
 
 def least_breaking(
     breaks: Callable[[float], bool], low: float, high: float, looks: int = 8, steps: int = 5
 ) -> float:
-    """Return the smallest value between two that breaks, infinite where none does: equal steps first, then bisection.
+    """Return the smallest value in an interval that fails, or infinity if none fails, by equal steps and then bisection.
 
     Args:
-        breaks: whether a value does.
-        low: a value that does not.
-        high: up to where it is looked for.
+        breaks: function that returns whether a value fails.
+        low: a value that does not fail.
+        high: upper end of the search.
         looks: steps of equal length.
-        steps: of the bisection within the one that broke.
+        steps: steps of the bisection within the first failing step.
     """
     for place in np.linspace(low, high, looks + 1)[1:]:
         if breaks(float(place)):
@@ -58,13 +58,13 @@ def least_breaking(
 
 
 def margins(facts: Facts, z: Numbers, members: Sequence[Member], goal: Goal) -> dict[str, Any]:
-    """Return how far a compensator without dither is from breaking, over joints that the model may stand for.
+    """Return the stability margins of a compensator without dither, over joints within the model's uncertainty.
 
     Args:
         facts: of the joint.
         z: share, stiffness by K_c, decay.
         members: joints, some hundred.
-        goal: whose safety test says what breaks.
+        goal: the goal, whose safety test defines a failure.
     """
     loop = BareLoop(compensator=compensator(facts, z))
     knocked = evaluate(
@@ -100,12 +100,12 @@ def margins(facts: Facts, z: Numbers, members: Sequence[Member], goal: Goal) -> 
 def residual_break_away(
     facts: Facts, z: Numbers, members: Sequence[Member], stroke: Stroke, dither: Dither | None
 ) -> dict[str, float]:
-    """Return the break-away that compensation and dither leave, and that of the bare joint [N.m or N].
+    """Return the remaining break-away torque with compensation and dither, and that of the bare joint [N.m or N].
 
     Args:
         facts: of the joint.
         z: share, stiffness by K_c, decay.
-        members: joints that the model may stand for.
+        members: joints within the model's uncertainty.
         stroke: of the hand.
         dither: at rest.
     """
@@ -124,7 +124,7 @@ def residual_break_away(
 
 
 def with_value(grid: Sequence[float], value: float) -> list[float]:
-    """Return a grid with the value nearest to a given one replaced by it, or as many equal steps that reach out to it."""
+    """Return a grid that contains a given value: the nearest value is replaced, or the grid is extended to it."""
     if not grid[0] <= value <= grid[-1]:
         return np.linspace(min(grid[0], value), max(grid[-1], value), len(grid)).tolist()
     nearest = int(np.argmin(np.abs(np.array(grid) - value)))
@@ -132,7 +132,7 @@ def with_value(grid: Sequence[float], value: float) -> list[float]:
 
 
 def region(facts: Facts, z: Numbers, goal: Goal, thesis: Numbers) -> dict[str, Any]:
-    """Return what moves at rest over R and K/K_c, and over alpha and delay, by what is allowed; above 1 is unsafe.
+    """Return the motion at rest over R and K/K_c, and over alpha and delay, relative to the allowed one; above 1 is unsafe.
 
     Args:
         facts: of the joint.

@@ -1,4 +1,4 @@
-"""Joints that a tuning is judged on: the likely one, those at the ends of what is known, and some drawn between."""
+"""Simulated joints for judging a tuning: the likely one, those at the ends of the intervals, and random ones between."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from backdrive.tuning.facts import Facts, curve_of
 
 @dataclass(frozen=True, kw_only=True)
 class Member:
-    """One joint that the model may stand for.
+    """One joint within the model's uncertainty.
 
     Attributes:
         friction: factor on it [-].
@@ -72,7 +72,7 @@ class Member:
 
 
 def nominal(facts: Facts) -> Member:
-    """Return the joint as it is believed."""
+    """Return the likely joint."""
     return Member(
         friction=1.0,
         stiffness=facts.stiffness,

@@ -1,4 +1,4 @@
-"""`tune` for a joint of a model: what the model knows, and what a person adds, in one call."""
+"""`tune` for a joint of a model: the model's data and the user's options, in one call."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from backdrive.tuning.facts import facts_of
 from backdrive.tuning.propose import tune as tune_facts
 from backdrive.tuning.tuning import Tuning
 
-#: What a person may say of the search; the rest is of the joint (`facts_of`).
+#: Options of the search; all others describe the joint (`facts_of`).
 OF_SEARCH = ("wish", "stroke", "joints", "seed", "draw", "dither", "trip_speed", "limit", "effort", "say")
 
 
@@ -22,19 +22,19 @@ def tune_joint(
     top_speed: float | None = None,
     **more: Any,
 ) -> Tuning:
-    """Choose a compensator's parameters for a joint, and check them over joints that the model may stand for.
+    """Choose a compensator's parameters for a joint, and check them over joints within the model's uncertainty.
 
     Args:
         model: of friction.
         joint: name or number; None: the only one.
         goal: `backdrive`, `track`, `estimate` or `admit`.
-        top_speed: above which the loop takes the joint for a runaway [rad/s or m/s]; None: the model's.
+        top_speed: trip speed, above which the loop switches off [rad/s or m/s]; None: the model's.
         more: of the joint `stiffness`, `inertia`, `counts`, `noise`, `delay`, `interval`, ... as `tuning.facts_of` takes them; of
             the search `wish`, `limit`, `joints`, `seed`, ... as `tuning.tune` takes them.
 
     Raises:
         InvalidInput: several joints and none is named, or an option is unknown or makes no sense.
-        NotIdentifiable: nobody knows stiffness, inertia or encoder; or no parameters are safe.
+        NotIdentifiable: stiffness, inertia or encoder count is unknown; or no parameters are safe.
     """
     if not isinstance(model, FrictionModel):
         raise InvalidInput(

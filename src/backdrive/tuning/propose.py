@@ -1,4 +1,4 @@
-"""From what is known of a joint to the numbers that run on it: search, rules, check over the model's uncertainty."""
+"""From the data of a joint to its parameters: search, rules, and check over the model's uncertainty."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from backdrive.tuning.tuning import Tuning
 THESIS_STIFFNESS = {"rad": 5e4, "m": 1.2e6}
 THESIS_DECAY = 20.0
 DITHER_SHARE = 0.3  # Sec. 3.5.2
-HARDLY = 0.9  # of the score without compensation, above which a proposal is hardly worth having [-]
+HARDLY = 0.9  # share of the score without compensation above which a proposal is hardly useful [-]
 SLACK = 0.8  # of the bound of dither
 
 Say = Callable[[str], None]
@@ -53,7 +53,7 @@ def fixed_rule(facts: Facts) -> dict[str, float]:
 
 
 def full_rule(facts: Facts) -> dict[str, float]:
-    """Return nearly all of R, all of K and a slow decay: where much of what is light lies."""
+    """Return nearly the full R, the full K and a slow decay, a start for light joints."""
     share = 0.95 * rules.largest_share(1.0 - facts.friction[0])
     return {"share": share, "stiffness": facts.stiffest / facts.stiffness, "decay": 5.0}
 
@@ -74,23 +74,23 @@ def tune(  # noqa: PLR0913  (its options are given by keyword)
     effort: float = np.inf,
     say: Say = lambda sentence: None,
 ) -> Tuning:
-    """Choose the parameters of a joint and check them over joints that the model may stand for.
+    """Choose the parameters of a joint and check them over joints within the model's uncertainty.
 
     Args:
-        facts: what is known of the joint.
+        facts: data of the joint.
         goal: `backdrive`, `track`, `estimate` or `admit`.
-        wish: of the person who moves the joint, for `backdrive`: `light` in the hand, moved by a light `touch`, `calm` when let go,
-            or `even`, some of each.
+        wish: preference of the person who moves the joint, for `backdrive`: `light` in the hand, moved by a light `touch`,
+            `calm` when released, or `even`, some of each.
         stroke: of the hand; None: the stated one.
         joints: drawn from the intervals for the check; all of them have to rest.
         seed: of search and check.
-        draw: work out the safe region too.
+        draw: compute the safe region too.
         dither: propose one where it is safe.
-        trip_speed: above which the loop takes the joint for a runaway, from the robot's description or a person, kept in the tuning
-            [rad/s or m/s]; None: the model's, and where it knows none `Tuning.loop` asks for it.
+        trip_speed: speed above which the loop switches off, from the robot's description or the user, stored in the tuning
+            [rad/s or m/s]; None: the model's. Without any, `Tuning.loop` requires it.
         limit: of the compensating torque [N.m or N]; None: that of `torque_limit`, at most `effort`.
         effort: greatest torque of the robot's description [N.m or N]; the model's counts too.
-        say: told what is going on.
+        say: called with sentences on the progress.
 
     Raises:
         InvalidInput: there is no such goal or wish, too few joints, or the encoder is too coarse to see the trip speed.
@@ -114,14 +114,14 @@ def tune(  # noqa: PLR0913  (its options are given by keyword)
         searched = {"share": rules.largest_share(1.0 - facts.friction[0])} | searched
     judge = goal_of(goal, facts, stroke, searched, wish)
     members = members if loops else members[: max(8, joints // 4)]
-    say("Checking over joints that the model may stand for, part 2 of 5")
+    say("Checking over joints within the model's uncertainty, part 2 of 5")
     rows = _rows(facts, goal, judge, searched, members, seed)
     z = rows["chosen"]["numbers"]
     notes += edges(judge, z)
     if "none" in rows and rows["chosen"]["score"] > HARDLY * rows["none"]["score"]:
         notes.append(
-            "This is hardly worth having: it gains less than a tenth over no compensation. A shorter --delay or narrower intervals "
-            "would allow more."
+            "This is hardly useful: it improves the score by less than 10 % over no compensation. A shorter --delay or "
+            "narrower intervals would allow more."
         )
     sine: Dither | None = None
     if loops:
@@ -164,19 +164,19 @@ def tune(  # noqa: PLR0913  (its options are given by keyword)
 def within(
     tuning: Tuning, trip_speed: float | None, limit: float | None, effort: float, fastest: float
 ) -> Tuning:
-    """Return a tuning that knows its limits, with a note on each that is absent or odd.
+    """Return a tuning with its limits, and with a note on each limit that is missing or unusual.
 
     Args:
         tuning: with its numbers.
-        trip_speed: above which the joint is a runaway [rad/s or m/s]; None: nobody said.
+        trip_speed: trip speed [rad/s or m/s]; None: not given.
         limit: of the compensating torque [N.m or N]; None: that of `torque_limit`, at most `effort`.
-        effort: greatest torque that the joint bears [N.m or N].
+        effort: largest permissible torque of the joint [N.m or N].
         fastest: speed of the stroke [rad/s or m/s].
     """
     notes = list(tuning.notes)
     if trip_speed is None:
         notes.append(
-            "Nobody said how fast the joint may be, so that no loop can be made of this file alone: --top-speed or --urdf, or "
+            "No trip speed was given, so this file alone is not sufficient for a loop: give --top-speed or --urdf, or "
             "`tuning.loop(top_speed=...)`."
         )
         return replace(tuning, notes=tuple(notes))
@@ -188,7 +188,7 @@ def within(
     notes += [str(each.message) for each in warned]
     if fastest > 0.9 * trip_speed:
         notes.append(
-            f"The stroke is as fast as {fastest:.3g} {tuning.unit}/s; from {trip_speed:.3g} on the loop takes it for a runaway."
+            f"The stroke is as fast as {fastest:.3g} {tuning.unit}/s; above {trip_speed:.3g} the loop switches off."
         )
     own = loop.compensator.share * loop.friction[0]
     if loop.limit < own:
@@ -197,18 +197,18 @@ def within(
 
 
 def _remarks(facts: Facts, stroke: Stroke) -> list[str]:
-    """Return what is said beside a proposal."""
+    """Return remarks on a proposal."""
     notes = []
     if facts.stiffest < facts.stiffness_interval[0] / (1.0 + facts.friction_error) * 0.999:
         notes.append(
-            "The encoder is coarse: K is held so low that one count moves the torque by at most half of F; a compensator of the "
-            "full stiffness would be a relay of one count."
+            "The encoder is coarse: K is limited so that one count changes the torque by at most F/2. With the full stiffness, "
+            "the compensator would act like a relay."
         )
     speed = scenes.PEAK * stroke.length / stroke.duration
     if speed > facts.top_speed:
         notes.append(
-            f"The stroke is as fast as {speed:.3g} {facts.unit}/s, beyond the {facts.top_speed:.3g} up to which the model holds: "
-            "friction there is extrapolated (--stroke, --duration)."
+            f"The stroke is as fast as {speed:.3g} {facts.unit}/s, above the model's range of up to {facts.top_speed:.3g}: "
+            f"friction there is extrapolated (--stroke, --duration)."
         )
     return notes
 
@@ -216,10 +216,9 @@ def _remarks(facts: Facts, stroke: Stroke) -> list[str]:
 def _rows(
     facts: Facts, name: str, goal: Goal, searched: dict[str, float], members: Sequence[Member], seed: int
 ) -> dict[str, dict[str, Any]]:
-    """Return the proposal and what it is compared with, each with its score and the verdict of the same safety test.
+    """Return the proposal and its alternatives, each with its score and the result of the same safety test.
 
-    The proposal is what the search found, refined until it is safe, or the fixed rule where that is safe and scores
-    better.
+    The proposal is the result of the search, refined until it is safe, or the fixed rule if that is safe and scores better.
     """
     others: dict[str, dict[str, float]] = {}
     if name in ("backdrive", "track"):
@@ -259,7 +258,7 @@ def _rows(
 
 
 def _hand_feel(goal: Goal, z: Numbers) -> dict[str, Any]:
-    """Return what a hand feels with some numbers; nothing for a goal that no hand moves."""
+    """Return the parts of a person's impression for given numbers; empty for goals without a hand."""
     return {"felt": {k: float(v[0]) for k, v in goal.part_scores([z]).items()}} if len(goal.parts) > 1 else {}
 
 
@@ -290,7 +289,7 @@ def _search_numbers(
 
 
 def _switching(facts: Facts, tuning: Tuning, members: Sequence[Member]) -> float:
-    """Return the share of joints that rest after a knock with algFC2, which the safety test does not play [-]."""
+    """Return the share of joints that come to rest after a knock with algFC2, which the safety test does not include [-]."""
     loop = BareLoop(compensator=tuning.compensator(dither=False, switching=True))
     knocked = evaluate((scenes.knock(facts, m, loop, scenes.FINE) for m in members), scenes.amplitude)
     return float(np.mean(np.array(knocked) <= AT_REST * facts.count))
@@ -299,7 +298,9 @@ def _switching(facts: Facts, tuning: Tuning, members: Sequence[Member]) -> float
 def _dither(
     facts: Facts, z: Numbers, members: Sequence[Member], notes: list[str], say: Say
 ) -> tuple[Dither | None, dict[str, float]]:
-    """Return the largest dither that moves no drawn joint beyond its bound, and by how much motor and load sway with it at rest."""
+    """Return the largest dither that moves no drawn joint beyond its bound, and the resulting oscillation of motor and load
+    at rest.
+    """
     say("Trying dither, part 3 of 5")
     bound = rules.sticking_dither(z["share"], z["stiffness"] * facts.stiffness, facts.stiffness_interval[0])
     share = min(DITHER_SHARE, SLACK * bound * facts.friction[0])
@@ -313,5 +314,5 @@ def _dither(
             motor, load = (float(x) for x in sways.max(axis=1))
             return sine, {"dither_motor": motor, "dither_load": load, "dither_counts": motor / facts.count}
         share *= 0.5
-    notes.append("No dither was found that leaves every drawn joint in place: none is proposed.")
+    notes.append("Every dither tried moves at least one of the drawn joints, so none is proposed.")
     return None, {}

@@ -20,7 +20,7 @@ DITHER_FREQUENCY = 15.0  # Sec. 3.5.1 [Hz]
 
 
 def dither_frequency(facts: Facts, z: Numbers) -> float:
-    """Return a frequency of dither: 15 Hz, less where the motor's resonance or the sampling is near [Hz]."""
+    """Return a frequency of dither: 15 Hz, or lower if the motor's resonance or the sampling rate requires it [Hz]."""
     motor = facts.motor_share * facts.inertia_interval[1]
     K = facts.stiffness_interval[0] - z["share"] * z["stiffness"] * facts.stiffness
     resonance = float(np.sqrt(max(K, 1e-3 * facts.stiffness) / motor)) / (2.0 * np.pi)
@@ -28,11 +28,12 @@ def dither_frequency(facts: Facts, z: Numbers) -> float:
 
 
 def dither_bound(facts: Facts, member: Member, z: Numbers, sine: Dither) -> float:
-    """Return what the motor may sway under dither: its stuck response, twice for what is not linear, and 1 count [rad or m].
+    """Return the allowed oscillation of the motor under dither: twice its linear response with the load stuck, plus 1 count
+    [rad or m].
 
     Args:
         facts: of the joint.
-        member: a joint that it may be.
+        member: a joint within its uncertainty.
         z: share, stiffness by K_c, decay.
         sine: the dither.
     """
@@ -56,7 +57,7 @@ def presliding_radius(facts: Facts, member: Member, z: Numbers) -> float:
 
     Args:
         facts: of the joint.
-        member: a joint that it may be.
+        member: a joint within its uncertainty.
         z: share, stiffness by K_c, decay.
     """
     M = member.motor_share * member.inertia
@@ -70,17 +71,20 @@ def presliding_radius(facts: Facts, member: Member, z: Numbers) -> float:
 
 
 def origin(z: Numbers, searched: Numbers | None, name: str, aim: str) -> str:
-    """Return how a number was found, a sentence.
+    """Return a sentence on how a number was found.
 
     Args:
         z: the chosen numbers.
-        searched: what the search found; None where the fixed rule was taken.
+        searched: result of the search; None for the fixed rule.
         name: of the number.
         aim: of the search.
     """
     if searched is None:
-        return "Of the rule to begin with (0.8, 0.72 of K_c, 20 1/s): it passes the same test as the search's and scores better."
-    found = f"Found by search for {aim} among what passes the test."
+        return (
+            "From the fixed rule (R = 0.8, K = 0.72 K_c, alpha = 20 1/s): it passes the same test as the result of the "
+            "search, and scores better."
+        )
+    found = f"Found by a search for {aim} among numbers that pass the test."
     if z[name] == searched[name]:
         return found
     kind = f"from {searched[name]:.3g} to {z[name]:.3g}" if name in ("share", "decay") else ""
@@ -97,11 +101,11 @@ SYMBOLS = {
     "mass": "m by the joint's inertia",
     "viscosity": "b/m [1/s]",
 }
-AT_EDGE = 0.01  # of a range, within which a number lies at its end [-]
+AT_EDGE = 0.01  # share of a range within which a number counts as lying at its end [-]
 
 
 def edges(goal: Goal, z: Numbers) -> list[str]:
-    """Return a sentence for each number that lies at an end of the range in which it was sought.
+    """Return a sentence for each number that lies at an end of its range.
 
     Args:
         goal: with the ranges.
@@ -114,8 +118,8 @@ def edges(goal: Goal, z: Numbers) -> list[str]:
             continue
         end = "lower" if x <= AT_EDGE else "upper"
         sentences.append(
-            f"{SYMBOLS[name]} = {z[name]:.3g} lies at the {end} end of its range, {low:.3g} to {high:.3g}: what is beyond was not "
-            "tried, and the score does not choose this number, the range does."
+            f"{SYMBOLS[name]} = {z[name]:.3g} lies at the {end} end of its range, {low:.3g} to {high:.3g}: values beyond were "
+            f"not tried, so the range, not the score, determines this number."
         )
     return sentences
 
@@ -123,15 +127,15 @@ def edges(goal: Goal, z: Numbers) -> list[str]:
 def numbers_of(
     facts: Facts, z: Numbers, sine: Dither | None, stroke: Stroke, goal: str, searched: Numbers | None = None
 ) -> dict[str, Number]:
-    """Return every parameter that a goal has, with its reason and its bound.
+    """Return all parameters of a goal, each with its reason and its bound.
 
     Args:
         facts: of the joint.
-        z: what was searched for.
+        z: result of the search.
         sine: the dither, or None.
         stroke: of the hand.
         goal: by name.
-        searched: what the search found; None where the fixed rule was taken.
+        searched: result of the search; None for the fixed rule.
     """
     rad = facts.unit == "rad"
     force, spring = ("N.m", "N.m/rad") if rad else ("N", "N/m")
@@ -156,7 +160,7 @@ def numbers_of(
     least = T * control.derivative
     peak = 5.77 * stroke.length / stroke.duration**2
     aims = {
-        "backdrive": "the least of what a hand feels, as the wish weighs it,",
+        "backdrive": "the best feel of the joint, as weighted by the wish,",
         "track": "the least error of a soft position controller",
         "estimate": "the least error of the external force",
         "admit": "the least mean peak force of the hand",
@@ -181,7 +185,7 @@ def numbers_of(
             unit="-",
             reason=why("share")
             if loops
-            else "The estimator takes off R of the law: with more than there is it would drive the joint on.",
+            else "The estimator subtracts R times the law: subtracting more than the real friction would drive the joint.",
             bound=f"R F stays below the least friction, R <= {largest_R:.2f}"
             + (f"; no limit cycle above r_c/(1 - R) = {cycle:.3g} {facts.unit}." if loops else "."),
             limit=largest_R,
@@ -191,7 +195,7 @@ def numbers_of(
             value=K,
             unit=spring,
             reason=f"{why('stiffness')} It is {K / facts.stiffness:.2f} of K_c.",
-            bound=f"It yields after the joint, F/K >= F_c/K_c, and one count moves the torque by {quantum:.2g} {force} of "
+            bound=f"It slides after the joint, F/K >= F_c/K_c, and one count changes the torque by {quantum:.2g} {force} of "
             f"{F:.3g}: K <= {facts.stiffest:.3g}.",
             limit=facts.stiffest,
         ),
@@ -202,11 +206,11 @@ def numbers_of(
             reason=f"{why('decay')} The torque is gone {3000.0 / alpha:.0f} ms after a stop, and all of F is given above "
             f"{rules.threshold_speed(F, K, alpha):.2g} {facts.unit}/s.",
             bound=f"Presliding, linear, sampled and delayed, has a spectral radius of {radius:.4f} at the ends of all intervals, "
-            + ("below 1: stable" if radius < 1.0 else "not below 1: only the simulated check speaks for it")
-            + f" (Routh's test without sampling and delay says {'stable' if held else 'unstable'}). Unpushed, what leaks keeps up "
-            f"no creep faster than {creep:.2g} {facts.unit}/s."
+            + ("below 1: stable" if radius < 1.0 else "not below 1: only the simulated check supports it")
+            + f" (Routh's test without sampling and delay says {'stable' if held else 'unstable'}). Without an external force, "
+            f"the decay can cause a creep of at most {creep:.2g} {facts.unit}/s."
             if loops
-            else "Its torque is not given to the motor, so that it cannot make presliding unstable.",
+            else "Its torque is not applied to the motor, so it cannot make presliding unstable.",
         ),
         "fast_decay": Number(
             symbol="alpha_H",
@@ -236,14 +240,14 @@ def numbers_of(
             symbol="R_d",
             value=dithering,
             unit="-",
-            reason=f"It takes about that share off the break-away of {F:.3g} {force}."
+            reason=f"It reduces the break-away torque of {F:.3g} {force} by about that share."
             if dithering
-            else "None: not asked for, not safe, or no compensation in the loop.",
+            else "None: not requested, not safe, or no compensation in the loop.",
             bound=f"The load stays stuck: R_d < 1 - R K/K_c = {stuck:.2f} at the lower end of K_c; "
             + (
                 f"no cycle above r_c/(1 - R - R_d), R + R_d = {R + dithering:.2f} < {largest_R:.2f}."
                 if R + dithering < largest_R
-                else "R + R_d exceeds the least friction, so that only the simulated check speaks for it."
+                else "R + R_d exceeds the least friction, so only the simulated check supports it."
             ),
             limit=stuck,
         ),
@@ -251,7 +255,7 @@ def numbers_of(
             symbol="Omega_d/(2 pi)",
             value=frequency,
             unit="Hz",
-            reason="15 Hz as in the thesis, above what a hand does, less where a resonance is near.",
+            reason="15 Hz as in the thesis, above the frequencies of a hand; lower if a resonance is near.",
             bound="At most a quarter of the stuck motor's resonance on the lower end of K_c less R K, and 20 samples a period.",
         ),
         "filter_gain": Number(
@@ -282,8 +286,10 @@ def numbers_of(
             symbol="m",
             value=control.inertia,
             unit=mass,
-            reason=why("mass") if "mass" in z else "Half the joint's own inertia or what the bound asks for.",
-            bound=f"m >= T K_d = {least:.3g} {mass}, the deadbeat limit of the loop with the torque of the tick before.",
+            reason=why("mass")
+            if "mass" in z
+            else "Half the joint's own inertia, or the bound if that is larger.",
+            bound=f"m >= T K_d = {least:.3g} {mass}, the deadbeat limit of the loop with the torque of the previous tick.",
             limit=least,
         ),
         "admittance_viscosity": Number(
@@ -291,7 +297,7 @@ def numbers_of(
             value=control.viscosity,
             unit=viscosity,
             reason=why("viscosity") if "mass" in z else "15/s of m, the thesis' ratio.",
-            bound="b > 0: the virtual mass slows down. That the joint rests is what the check shows.",
+            bound="b > 0: the virtual mass slows down. The check shows that the joint comes to rest.",
             limit=0.0,
         ),
         "position_gain": Number(
@@ -304,7 +310,7 @@ def numbers_of(
             symbol="K_d",
             value=control.derivative,
             unit=viscosity,
-            reason="As large as the motor's side alone bears with sampling and delay.",
+            reason="The largest gain that is stable for the motor side alone with sampling and delay.",
             bound="K_d (T + T_d) <= 0.4 M.",
             limit=0.4 * facts.motor_share * facts.inertia_interval[0] / (T + facts.delay),
         ),

@@ -1,7 +1,7 @@
-"""From what a search found to numbers that pass the whole test: taken back, then searched on beside the joints that failed.
+"""From the result of a search to numbers that pass the whole test: the numbers are reduced, then improved in a further search.
 
-Taking back moves along one line. Beside that line there is often a better point that passes too: a softer spring or a faster decay
-at the same R. The joints that failed say where the border is, so the steps on are tested on them first.
+The reduction moves along one line. Beside that line there is often a better point that passes too, for example a softer
+spring or a faster decay at the same R. The joints that failed show the border, so further steps are tested on them first.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from backdrive.tuning.scenes import SUBSTEP
 from backdrive.tuning.search import inverse, place
 
 STEPS = (0.1, 0.05, 0.025)  # of the ranges
-MOST = 24  # trials that a candidate has to pass on the way
+MOST = 24  # number of trials that a candidate has to pass during the search
 ROUNDS = 2  # each beside more trials than the one before
-ACROSS = 12  # directions beside the axes: a border runs across them
-GAIN = 2e-3  # of the score, below which a step is not worth its test
+ACROSS = 12  # directions beside the axes, since the border is oblique to the axes
+GAIN = 2e-3  # relative gain of the score below which a step is not tested
 
 
 def refine(goal: Goal, searched: Numbers, members: Sequence[Member], seed: int) -> dict[str, float]:
@@ -28,7 +28,7 @@ def refine(goal: Goal, searched: Numbers, members: Sequence[Member], seed: int) 
 
     Args:
         goal: whose test and score.
-        searched: what a shorter test let pass.
+        searched: numbers that passed a shorter test.
         members: drawn joints.
         seed: of the directions.
 
@@ -81,7 +81,9 @@ def _climb(
 def _best_at_rest(
     goal: Goal, many: Sequence[dict[str, float]], scores: np.ndarray, hard: Sequence[Trial]
 ) -> int:
-    """Return which of many sets of numbers scores best and rests in all trials, -1 for none; infinite scores are left out."""
+    """Return the index of the set of numbers with the best score that rests in all trials, or -1; infinite scores are left
+    out.
+    """
     for i in np.argsort(scores, kind="stable"):
         if not np.isfinite(scores[i]):
             break

@@ -1,8 +1,8 @@
-"""What theory says about the numbers of a decaying contact that compensates friction, as formulas.
+"""Theoretical rules for the parameters of a compensator with a decaying contact.
 
 F: Coulomb torque of the joint [N.m or N]. K_c: stiffness of its transmission [N.m/rad or N/m]. M: inertia on the motor's side, D:
-damping of the transmission, R: share, K: stiffness, alpha: decay rate of the compensator. What each formula assumes and where
-its argument stops is in docs/theory/stability.md.
+damping of the transmission, R: share, K: stiffness, alpha: decay rate of the compensator. The assumptions and limits of each
+formula are in docs/theory/stability.md.
 """
 
 from __future__ import annotations
@@ -45,23 +45,23 @@ def limit_cycle(coulomb: float, transmission: float, ratio: float) -> float:
     Args:
         coulomb: F of the joint [N.m or N].
         transmission: K_c [N.m/rad or N/m].
-        ratio: compensating torque by F, R times what is believed by what is there [-].
+        ratio: ratio of compensating torque to F: R times the identified friction divided by the real one [-].
     """
     return coulomb / transmission / (1.0 - ratio) if ratio < 1.0 else np.inf
 
 
 def largest_stiffness(lowest: float, friction_error: float) -> float:
-    """Return the K up to which the compensator does not yield before the joint: F/K >= F_c/K_c [N.m/rad or N/m].
+    """Return the largest K with which the compensator does not slide before the joint: F/K >= F_c/K_c [N.m/rad or N/m].
 
     Args:
         lowest: lower end of K_c's interval [N.m/rad or N/m].
-        friction_error: how much more friction there may be than is believed [-].
+        friction_error: largest relative excess of friction over its identified value [-].
     """
     return lowest / (1.0 + friction_error)
 
 
 def largest_share(friction_error: float) -> float:
-    """Return the R below which less is put in than the least friction takes: R F < (1 - error) F [-]."""
+    """Return the R below which the compensation stays below the least friction: R F < (1 - error) F [-]."""
     return 1.0 - friction_error
 
 
@@ -71,7 +71,7 @@ def threshold_speed(coulomb: float, stiffness: float, decay: float) -> float:
 
 
 def creep_speed(coulomb: float, stiffness: float, decay: float, ratio: float) -> float:
-    """Return the mean speed of sliding that the leak of a decaying contact can keep up at most [rad/s or m/s].
+    """Return the largest mean sliding speed that the decay of the contact can sustain [rad/s or m/s].
 
         v = 2 alpha R F^2/(K (F_c - R F)),    F = F_c
 
@@ -87,12 +87,12 @@ def creep_speed(coulomb: float, stiffness: float, decay: float, ratio: float) ->
 
 
 def quantum(stiffness: float, count: float, decay: float, period: float) -> float:
-    """Return by how much one encoder count moves the compensator: K delta/(1 + T alpha) [N.m or N]."""
+    """Return the change of the compensator's torque by one encoder count: K delta/(1 + T alpha) [N.m or N]."""
     return stiffness * count / (1.0 + period * decay)
 
 
 def sticking_dither(share: float, stiffness: float, transmission: float) -> float:
-    """Return the R_d up to which dither leaves the load stuck: 1 - R K/K_c [-].
+    """Return the largest R_d with which the load stays stuck under dither: 1 - R K/K_c [-].
 
     Below the resonance the motor yields by R_d F/(K_c - R K), which the transmission passes on as K_c times that; the load
     stays stuck where this is below F.
@@ -133,7 +133,7 @@ def dither_sway(
 
 
 def stopping_time(ratio: float, pushed: float, force: float = 2.0) -> float:
-    """Return how long a joint takes to stop after a push from rest, at most [s].
+    """Return the longest time that a joint takes to stop after a push from rest [s].
 
     A push of `force` F for the time t_p leaves the speed (force - 1 + ratio) F t_p/I, which (1 - ratio) F takes off.
 
@@ -158,7 +158,7 @@ def spectral_radius(
     """Return the spectral radius of motor, load and compensator in presliding, sampled exactly: below 1 is stable [-].
 
     The load hangs on the friction's contact, which is stuck; the torque R f_k acts from t_k + delay until the next one does,
-    f_k = (f_{k-1} + K (p_k - p_{k-1}))/(1 + T alpha). There is no quantisation in it.
+    f_k = (f_{k-1} + K (p_k - p_{k-1}))/(1 + T alpha). Quantisation is neglected.
 
     Args:
         motor: M [kg.m^2 or kg].

@@ -1,8 +1,8 @@
-"""The test that numbers have to pass before they are proposed, the same for whoever proposes them, and the way back into it.
+"""The safety test of all proposals, and the reduction of numbers until they pass it.
 
-All drawn joints have to rest, and so have the ends of the intervals, with delays from none to the longest (one in between may be
-worse than both), and with R and K a little larger too: a search ends at the border of what passes its own, shorter test. The
-integration step is the fine one.
+All drawn joints and the ends of the intervals have to come to rest, with delays from zero to the longest, since an
+intermediate delay may be the worst. The ends of the intervals are also tested with slightly larger R and K, because a search
+ends at the border of its own, shorter test. The integration step is the fine one.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from backdrive.tuning.goals import AT_REST, LEFT_OVER, RESTLESS, Goal, Numbers
 from backdrive.tuning.members import Member
 from backdrive.tuning.scenes import FINE, SUBSTEP
 
-NUDGE = 1.03  # on R and K, with which the ends of the intervals have to rest too
-HALVINGS = 2  # of the last step back, where the step itself passed
+NUDGE = 1.03  # factor on R and K with which the ends of the intervals have to come to rest too
+HALVINGS = 2  # halvings of the last reduction after it passed
 MOST_DELAYS = 8  # steps of half an interval, or longer ones, between no delay and the longest
 Trial = tuple[Member, float]  # a joint, and the factor on R and K
 
@@ -31,7 +31,7 @@ WAYS_OUT = "Narrow the intervals (--stiffness, --friction-error), shorten the de
 
 
 def requirement(goal: str) -> str:
-    """Return what the safety test of a goal asks for, in words."""
+    """Return the requirement of a goal's safety test in words."""
     return REQUIREMENTS.get(goal, f"a joint that rests within {AT_REST:g} counts after a knock")
 
 
@@ -73,7 +73,7 @@ def safe(goal: Goal, z: Numbers, members: Sequence[Member]) -> bool:
 
 
 def calm(goal: Goal, z: dict[str, float], members: Sequence[Member]) -> dict[str, float]:
-    """Take R back (or what else calms) until the numbers pass the test, and no further than a quarter of a step needs.
+    """Reduce R (or another calming parameter) until the numbers pass the test, to within a quarter of a step.
 
     Args:
         goal: whose test.
@@ -92,7 +92,7 @@ def calm(goal: Goal, z: dict[str, float], members: Sequence[Member]) -> dict[str
     )
     raise NotIdentifiable(
         f"Joint '{goal.facts.name}': the best numbers of the search do not give {requirement(goal.name)} at the ends of all "
-        f"intervals and on all of {len(members)} joints drawn from them, however much is taken back ({limits}).",
+        f"intervals and on all of {len(members)} joints drawn from them, even with the largest reduction ({limits}).",
         remedy=WAYS_OUT,
     )
 
@@ -100,11 +100,11 @@ def calm(goal: Goal, z: dict[str, float], members: Sequence[Member]) -> dict[str
 def _calm_by(
     goal: Goal, z: dict[str, float], members: Sequence[Member], way: Numbers
 ) -> dict[str, float] | None:
-    """Take numbers back one way until they pass; None where they do not at the end of their range either."""
+    """Reduce numbers in one way until they pass; None if they fail even at the end of their range."""
     every = trials(goal, members)
     left = [trial for trial in every if trial[1] > 1.0]
     failed: Numbers | None = None
-    while True:  # a few with the coarse step until they rest, then all with the fine one
+    while True:  # a few trials with the coarse step until they come to rest, then all with the fine step
         left = restless(goal, z, left, SUBSTEP) or restless(goal, z, every)
         if not left:
             return z if failed is None else _nearer(goal, z, failed, every, way)
@@ -118,7 +118,9 @@ def _calm_by(
 def _nearer(
     goal: Goal, z: dict[str, float], failed: Numbers, every: Sequence[Trial], way: Numbers
 ) -> dict[str, float]:
-    """Return numbers that pass, the last step back halved `HALVINGS` times: what a step takes too much is felt by the hand."""
+    """Return numbers that pass, with the last reduction halved `HALVINGS` times, since excessive reduction makes the joint
+    heavier.
+    """
     for _ in range(HALVINGS):
         middle = {**z, **{k: float(np.sqrt(z[k] * failed[k])) for k in way}}
         if restless(goal, middle, every):

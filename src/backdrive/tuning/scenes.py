@@ -1,9 +1,10 @@
-"""The joints that a model may stand for, and the scenes in which a proposal is judged on them.
+"""The simulation scenes in which a proposal is judged on joints within the model's uncertainty.
 
-A joint has friction on the far side of its transmission and the encoder on the near one (Iwatani 2017, Fig. 3.2). What presliding
-shows the encoder is K_c: the transmission in series with the friction's own contact (`laws.ViscoElastoplastic`), whose
-shares nobody knows, so that they are drawn. A contact that is rigid would hide every hand below break-away. The hand of the
-stated stroke is nearly a prescribed motion: a soft hand would lose its own stroke to friction, and the comparison with it.
+A joint has friction on the far side of its transmission and the encoder on the near one (Iwatani 2017, Fig. 3.2). In
+presliding, the encoder shows K_c: the transmission in series with the friction's own contact (`laws.ViscoElastoplastic`).
+Their shares are unknown and are drawn at random. With a rigid contact, a hand force below break-away would have no effect on
+the encoder. The hand of the stated stroke is nearly a prescribed motion; friction would reduce the stroke of a soft hand, and
+results would not be comparable.
 """
 
 from __future__ import annotations
@@ -30,15 +31,15 @@ SETTLED = 2.0  # length of the scene of a knock [s]
 WINDOW = 0.5  # at its end, in which the joint has to rest [s]
 PACE = 30.0  # steps a period of the joint's fastest oscillation that an integration needs
 FINEST = 2e-6  # shortest integration step that ends within minutes [s]
-LEAST = 10.0  # stroke by F/K_c, else all of it is presliding [-]
-BEYOND = 10.0  # times the model's top speed up to which a stroke is believed [-]
+LEAST = 10.0  # least stroke relative to F/K_c, so that not all of it is presliding [-]
+BEYOND = 10.0  # largest speed of a stroke, relative to the model's top speed [-]
 USUAL_DURATION = 0.5  # of the stated stroke [s]
 PEAK = 1.875  # peak speed of a minimum-jerk stroke by length/duration [-]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stroke:
-    """What the hand does.
+    """The motion of the hand.
 
     Attributes:
         length: from end to end [rad or m].
@@ -70,7 +71,7 @@ class Stroke:
 
 
 def usual_stroke(facts: Facts, length: float | None = None, duration: float = USUAL_DURATION) -> Stroke:
-    """Return the stroke by which a joint is judged: half its duration of pause, a hand that is nearly a prescribed motion.
+    """Return the stroke for judging a joint: with pauses of half its duration, and a hand with nearly prescribed motion.
 
     Args:
         facts: of the joint.
@@ -78,8 +79,8 @@ def usual_stroke(facts: Facts, length: float | None = None, duration: float = US
         duration: of it [s].
 
     Raises:
-        InvalidInput: one of them is out of its bounds, all of the stroke is presliding, or it is faster than 10 times what the
-            model has seen and than 10 times the stated stroke.
+        InvalidInput: one of them is out of its bounds, the whole stroke is presliding, or it is faster than 10 times the
+            model's range and than 10 times the stated stroke.
     """
     where = f"Joint '{facts.name}'"
     check_numbers(where, stroke=length, duration=duration)
@@ -98,8 +99,8 @@ def usual_stroke(facts: Facts, length: float | None = None, duration: float = US
     speed, fastest = PEAK * length / duration, BEYOND * max(facts.top_speed, PEAK * usual / USUAL_DURATION)
     if speed > fastest:
         raise InvalidInput(
-            f"{where}: a stroke of {length:g} {facts.unit} in {duration:g} s is as fast as {speed:.3g} {facts.unit}/s, the model "
-            f"holds up to {facts.top_speed:.3g} {facts.unit}/s.",
+            f"{where}: a stroke of {length:g} {facts.unit} in {duration:g} s is as fast as {speed:.3g} {facts.unit}/s, the "
+            f"model's range ends at {facts.top_speed:.3g} {facts.unit}/s.",
             remedy=f"Up to {fastest:.3g} {facts.unit}/s is tuned for: give a shorter --stroke or a longer --duration.",
         )
     stiffness = 15.0 * facts.coulomb / length
@@ -132,7 +133,8 @@ def check_step(facts: Facts, members: Sequence[Member]) -> None:
         raise InvalidInput(
             f"Joint '{facts.name}': motor and load swing on K_c with up to {1.0 / (PACE * step):.3g} Hz, so that an integration "
             f"step would have to be {step:.2g} s, shorter than {FINEST:g} s.",
-            remedy="No joint swings that fast: give --inertia in kg.m^2 or kg and --stiffness in N.m/rad or N/m at the joint, and "
+            remedy="This is implausibly fast: give --inertia in kg.m^2 or kg and --stiffness in N.m/rad or N/m at the joint, "
+            "and "
             "look at --motor-share.",
         )
 
@@ -161,7 +163,7 @@ def knock(
     length: float = SETTLED,
     **more: object,
 ) -> Scene:
-    """Return a push of 2 F for 30 ms on a joint that nobody holds."""
+    """Return a push of 2 F for 30 ms on a free joint."""
     t = facts.interval * np.arange(round(length / facts.interval))
     push = np.where((t > 0.05) & (t < 0.05 + PUSHED), 2.0 * member.friction * facts.coulomb, 0.0)
     return scene(facts, member, loop, pushes(push), longest, **more)
@@ -231,7 +233,7 @@ def amplitude(record: Record, window: float = WINDOW, of: str = "motor") -> floa
 
 
 def energy(record: Record, window: float = WINDOW) -> float:
-    """Return what the compensation puts into the joint at the end of a scene [J]."""
+    """Return the energy that the compensation puts into the joint at the end of a scene [J]."""
     tail = slice(-round(window / record.scene.period), None)
     return float(np.sum(record.compensation[tail][:-1] * np.diff(record.motor[tail])))
 
@@ -246,7 +248,7 @@ def peak_force(record: Record, stroke: Stroke) -> float:
 
 
 def breakaway(record: Record, stroke: Stroke, coulomb: float) -> float:
-    """Return the force that moved the joint again in `release` [N.m or N]; what was pushed at most where none did."""
+    """Return the force that moved the joint again in `release` [N.m or N]; the largest force applied if none did."""
     k = round(pull_time(stroke) / record.scene.period) + 1
     moved = np.flatnonzero(np.abs(record.load[k:] - record.load[k]) > 5e-3 * stroke.length)
     return float(abs(record.force[k + moved[0]])) if moved.size else 2.5 * coulomb

@@ -1,8 +1,8 @@
-"""The search: the best numbers that pass the safety test, for as few scenes as it takes.
+"""The search for the best numbers that pass the safety test, with few simulated scenes.
 
 The test costs several times the score, so candidates are tested in the order of their scores, a few at a time, until one
-passes. Around it the search goes on with shrinking steps along the axes and across them. Nothing in it is random but the directions
-across, which the seed fixes.
+passes. Around it the search goes on with shrinking steps along the axes and across them. Only the oblique directions are
+random, and they depend on the seed.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ STEPS = (0.2, 0.1, 0.05, 0.025, 0.012)  # of the ranges
 
 @dataclass(frozen=True, kw_only=True)
 class SearchResult:
-    """What a search found.
+    """The result of a search.
 
     Attributes:
         numbers: the best that are safe; None where none is.
@@ -56,13 +56,13 @@ def inverse(ranges: Ranges, z: dict[str, float]) -> np.ndarray:
 def best_safe(
     goal: Goal, many: Sequence[dict[str, float]], scores: np.ndarray, below: float = np.inf
 ) -> tuple[int, int]:
-    """Return which of many sets of numbers is the best safe one, -1 for none, and how many were tested.
+    """Return the index of the best safe set of numbers, or -1, and how many were tested.
 
     Args:
         goal: whose safety test.
         many: sets of numbers.
         scores: of them.
-        below: those that do not score better than this are not looked at.
+        below: sets without a better score than this are skipped.
     """
     order = [int(i) for i in np.argsort(scores, kind="stable") if scores[i] < below]
     for first in range(0, len(order), AT_ONCE):
@@ -88,7 +88,7 @@ def search(
         seed: of the first candidates and of directions.
         starts: candidates besides, for example a fixed rule.
         width: of the first candidates, a power of two.
-        say: told what is going on.
+        say: called with sentences on the progress.
     """
     from scipy.stats import qmc
 

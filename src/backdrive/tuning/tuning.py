@@ -1,4 +1,4 @@
-"""What was chosen for a joint, why, and how far it is from breaking. `tuning_file` keeps it."""
+"""The parameters chosen for a joint, with reasons and stability margins. `tuning_file` stores them."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ NAMES = {
 
 @dataclass(frozen=True, kw_only=True)
 class Number:
-    """A parameter, and what speaks for it.
+    """A parameter, with its reason and its bound.
 
     Attributes:
         symbol: as the thesis prints it.
         value: SI.
         unit: of it.
         reason: one sentence.
-        bound: what it respects, one sentence.
+        bound: its bound, one sentence.
         limit: that bound as a number [unit]; NaN where it is none.
     """
 
@@ -64,19 +64,19 @@ class Tuning(Display):
     Attributes:
         joint: its name.
         unit: `rad` or `m`.
-        goal: what they were chosen for.
-        rate: rate law of the model, all of it: compensator and, for `admit`, estimator take `share` of it.
-        growth: of friction with the load, of which they take as much; None where the model does not know it.
-        top_speed: fastest that the model has seen, no limit of the joint [rad/s or m/s].
+        goal: goal of the tuning.
+        rate: rate law of the model, unscaled: compensator and, for `admit`, estimator use `share` of it.
+        growth: growth of friction with the load, used with the same share; None if the model does not contain it.
+        top_speed: largest speed in the model's data, not a limit of the joint [rad/s or m/s].
         inertia: of the joint [kg.m^2 or kg].
         interval: sampling time that they are for [s].
-        trip_speed: above which the loop takes the joint for a runaway, from the robot's description or a person [rad/s or m/s];
-            None: nobody said, and `loop` asks for it.
+        trip_speed: speed above which the loop switches off, from the robot's description or the user [rad/s or m/s]; None:
+            not given, so `loop` requires it.
         limit: of the compensating torque [N.m or N]; None where there is no trip speed.
         encoder_count: step of the encoder [rad or m].
         numbers: by name.
-        scores: what the proposal, no compensation, the fixed rule and the thesis' numbers achieve, and whether each is safe.
-        margins: how far the proposal is from breaking, by name with unit.
+        scores: scores of the proposal, no compensation, the fixed rule and the thesis' numbers, and whether each is safe.
+        margins: stability margins of the proposal, by name with unit.
         region: the safe region for the figure; empty where it was not asked for.
         notes: what was assumed, in sentences.
         seed: of the search.
@@ -113,7 +113,7 @@ class Tuning(Display):
         return upper("tuning.tuning_file", "plain")(self)
 
     def compensator(self, *, dither: bool = True, switching: bool = False) -> Compensator:
-        """Return the friction compensator; one that gives nothing where the goal is an estimate.
+        """Return the friction compensator; it gives no torque if the goal is an estimate.
 
         Args:
             dither: with the proposed dither at rest, where there is any.
@@ -175,7 +175,7 @@ class Tuning(Display):
         limit: float | None = None,
         encoder_count: float | None = None,
     ) -> JointLoop:
-        """Return what runs on the joint in a torque loop, within its limits.
+        """Return the joint's settings for a torque loop, with its limits.
 
         Args:
             top_speed: above which the joint is a runaway [rad/s or m/s]; None: the tuning's `trip_speed`.
@@ -193,7 +193,7 @@ class Tuning(Display):
         ):
             if value is None:
                 raise InvalidInput(
-                    f"Joint '{self.joint}': the tuning has no {name}, and the fastest speed of a log is none.",
+                    f"Joint '{self.joint}': the tuning has no {name}, and the largest speed of a log cannot replace it.",
                     remedy=f"Say `tuning.loop({name.replace(' ', '_')}=...)`, or run `backdrive tune` with {option}.",
                 )
         assert top is not None

@@ -1,4 +1,4 @@
-"""The file of a tuning: a small JSON that a robot's program can load. What is read is looked at number by number."""
+"""The file of a tuning: a small JSON that a robot's program can load. Every number is checked when it is read."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from backdrive.tuning.bounds import BOUNDS
 from backdrive.tuning.tuning import NAMES, Number, Tuning
 
 FORMAT, SCHEMA = "backdrive-tuning", 2
-OLDER = 1  # which has no limits: `Tuning.loop` asks for them
+OLDER = 1  # older schema without limits: `Tuning.loop` requires them
 MAX_BYTES = 5_000_000
 AGAIN = "Run `backdrive tune` again."
-#: Fields that a file holds as they are, and those that are tables of numbers.
+#: Fields stored unchanged, and fields that are tables of numbers.
 PLAIN = ("joint", "unit", "goal", "top_speed", "inertia", "interval", "encoder_count", "trip_speed", "limit", "seed")  # fmt: skip
 TABLES = ("scores", "margins", "region")
-#: Where the numbers may lie; those that are not named are positive.
+#: Bounds of the numbers; numbers without an entry are positive.
 RANGES = {
     "share": Bound(0.0, 1.0),
     "dither_share": Bound(0.0, 1.0),

@@ -1,9 +1,9 @@
-"""What a person feels of a compensated joint, and how much of each a wish weighs.
+"""The feel of a compensated joint: its parts, and their weights for each wish.
 
-Four numbers, each by what it is compared with: the hand's peak force over its strokes and the touch that moves the joint again
-after a stop, by the bare joint's; what the compensator leaves standing after a stop, by F; how far the joint coasts after a
-knock, by the bare joint. A search minimises their weighted sum. Every wish weighs the force of the hand, for without it the least
-of the others is no compensation at all.
+There are four relative numbers. Relative to the bare joint: the hand's peak force over its strokes, the touch that moves the
+joint again after a stop, and the distance that the joint coasts after a knock. Relative to F: the compensator's torque that
+remains after a stop. A search minimises their weighted sum. Every wish includes the force of the hand, since otherwise no
+compensation at all would be the best.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from backdrive.tuning.members import Member
 from backdrive.tuning.scenes import Stroke
 
 FEELINGS = {
-    "force": "mean peak force of the hand by the bare joint's",
-    "standing": "torque left standing after a stop by F",
-    "touch": "light touch against the last stroke that moves the joint again after a stop, by the bare joint's",
-    "coast": "way after a knock by the bare joint's",
+    "force": "mean peak force of the hand, relative to the bare joint's",
+    "standing": "remaining torque after a stop, relative to F",
+    "touch": "light touch against the last stroke that moves the joint again after a stop, relative to the bare joint's",
+    "coast": "distance after a knock, relative to the bare joint's",
 }
 #: Wish -> weight of each feeling.
 WISHES: dict[str, dict[str, float]] = {
@@ -32,9 +32,9 @@ WISHES: dict[str, dict[str, float]] = {
     "touch": {"force": 0.1, "standing": 0.05, "touch": 3.0, "coast": 0.0},
     "calm": {"force": 1.0, "standing": 0.3, "touch": 0.0, "coast": 0.5},
 }
-#: What a wish other than `even` is about.
+#: The main part of each wish other than `even`.
 OWN = {"light": "force", "touch": "touch", "calm": "coast"}
-AFTER = 0.1  # time after the end of a stroke from which a torque is left standing [s]
+AFTER = 0.1  # time after the end of a stroke from which a torque counts as remaining [s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +46,7 @@ class Part:
         scene: from numbers and a joint to what is played.
         value: of what was played, smaller is better.
         weight: in the score [-].
-        unit: by which the value is divided: what is 1, worked out when it is asked for.
+        unit: value that counts as 1, by which the value is divided; computed on demand.
     """
 
     name: str
@@ -67,7 +67,9 @@ def check_wish(wish: str) -> None:
 
 
 def standing(record: Record, stroke: Stroke, coulomb: float) -> float:
-    """Return the mean torque of the compensator after a stop and before the next touch, in `scenes.release`, by F [-]."""
+    """Return the mean torque of the compensator after a stop and before the next touch, in `scenes.release`, relative to F
+    [-].
+    """
     T = record.scene.period
     part = slice(round((0.1 + stroke.duration + AFTER) / T), round(scenes.pull_time(stroke) / T))
     return float(np.mean(np.abs(record.compensation[part]))) / coulomb

@@ -1,4 +1,4 @@
-"""The compensators by name: those of the thesis, what it compares with, and those beyond it."""
+"""The compensators by name: those of the thesis, those that it compares with, and further ones."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ def mahvash_okamura(
     """Return Mahvash and Okamura's compensator with a rate law: Iwatani 2017, (2.22).
 
     With Coulomb friction alone it is the thesis' MO, (2.24); with a linear viscosity MOL, (2.25); with an identified curve MOP. The
-    viscous part sees the encoder's velocity, as in (2.22b); in algFC, (3.27j), it sees the slider's. Where the curve does not
-    fall, both forms are (2.22). Where it falls, the printed form adds phi_0 < 0 to a contact that is not stretched yet, and so
-    pushes against a motion that begins; by default the fall narrows the contact's bounds instead, which gives the same in
-    sliding and is passive as a friction.
+    viscous part sees the encoder's velocity, as in (2.22b); in algFC, (3.27j), it sees the slider's. Where the curve rises,
+    both forms are (2.22). Where it falls, the printed form adds phi_0 < 0 to a contact that is not yet stretched, and so
+    resists a beginning motion. By default the fall narrows the contact's bounds instead. This gives the same torque in
+    sliding, and the estimated friction is passive.
 
     Args:
         rate: rate law, or the law whose rate law and growth with the load are taken.
@@ -96,7 +96,7 @@ def aung(
 ) -> Compensator:
     """Return a compensator of three parts after Aung, Kikuuwe and Yamamoto (ASME JDSMC 137(5), 2015).
 
-    A dither held to a few counts at rest, the rate law in motion, and a visco-elastic contact between them.
+    At rest a dither limited to a few counts, in motion the rate law, and in between a visco-elastic contact.
 
     Args:
         rate: rate law, or the law whose rate law and growth with the load are taken.
@@ -128,7 +128,7 @@ def lugre_observer(
 
 
 def disturbance_observer(law: Law, observer: DisturbanceObserver, share: float = SHARE) -> Compensator:
-    """Return a model with a disturbance observer for what it misses."""
+    """Return a model with a disturbance observer for its error."""
     return Compensator(friction=FrictionEstimator(law=law), share=share, extra=observer)
 
 

@@ -1,15 +1,15 @@
-"""What a friction compensator adds to the motor's torque, tick by tick.
+"""The torque of a friction compensator, tick by tick.
 
     f = R tau_f(dp) + dither + extra
 
-tau_f: a `FrictionEstimator`, any law of `backdrive.laws`. R <= 1: share that is compensated, Iwatani 2017, (2.21); a little less
-than what is there, for what is put in beyond it is never taken out again. With Hayward and Armstrong's contact this is
-Mahvash and Okamura's compensator (IEEE Trans. Robotics 23(6), 2007), with the decaying contact the thesis' algFC, (3.27), and with
-a switching decay rate algFC2, (3.28). What is extra goes beyond a friction model (`extras`): pulses, an observer of LuGre's
-bristle, a disturbance observer.
+tau_f: a `FrictionEstimator`, any law of `backdrive.laws`. R <= 1: compensated share of the friction, Iwatani 2017, (2.21). It
+stays slightly below 1, since energy added beyond the real friction is not dissipated. With Hayward and Armstrong's contact
+this is Mahvash and Okamura's compensator (IEEE Trans. Robotics 23(6), 2007), with the decaying contact the thesis' algFC,
+(3.27), and with a switching decay rate algFC2, (3.28). The `extra` torque goes beyond a friction model (`extras`): pulses, an
+observer of LuGre's bristle, a disturbance observer.
 
-A compensator of friction is a spring with negative stiffness as long as its contact is stuck. What keeps it passive is the
-real friction, which is why R < 1 and a contact no stiffer than the joint's own.
+While its contact is stuck, a friction compensator is a spring with negative stiffness. Only the joint's real friction makes
+the sum passive. This requires R < 1 and a contact no stiffer than the joint's own.
 """
 
 from __future__ import annotations
@@ -31,12 +31,10 @@ from backdrive.parameters import NOT_NEGATIVE, WithBounds
 
 FRICTION, DITHER, EXTRA = 2, 2 + friction_.ROW, 2 + friction_.ROW + dither_.ROW
 ROW = EXTRA + extras.ROW
-SHARE = 0.8  # R where nothing else is said: friction may well be a fifth less than what is believed
+SHARE = 0.8  # default of R: friction may easily be a fifth lower than identified
 S_DITHER, S_EXTRA = 1, 1 + dither_.STATES
 STATES = S_EXTRA + extras.STATES
-NEARLY = (
-    0.98  # share of its bound at which a bristle, which comes near it but never reaches it, counts as sliding
-)
+NEARLY = 0.98  # share of its bound at which a bristle counts as sliding, since it approaches the bound without reaching it
 
 
 @leaf
@@ -56,10 +54,11 @@ extra = choice({kind: e.KERNEL for kind, e in EXTRAS.items()}, nothing)
 
 @ladder
 def tick(c, i, p, x, s, j, q, dp, dt, t, error, slope, u, load, temp, idle):  # noqa: PLR0913  (a kernel's row)
-    """Return the torque of one tick in two parts: what pushes, and the dither.
+    """Return the torque of one tick in two parts: the compensation, and the dither.
 
-    `c[i:]`: row, `p`, `x`: the law and its state, `s[j:]`: state. q: encoder, dp: its increment, t: time, error and slope: how
-    far the reference is ahead and its rate, u: torque that acted meanwhile, less gravity. `idle`: what is extra rests.
+    `c[i:]`: row, `p`, `x`: the law and its state, `s[j:]`: state. q: encoder, dp: its increment, t: time, error and slope:
+    position error of the reference and its rate, u: torque that acted meanwhile, minus gravity. `idle`: the extra torque is
+    off.
     """
     kind = int(c[i + EXTRA])
     push, wave = 0.0, 0.0
@@ -82,7 +81,7 @@ def tick(c, i, p, x, s, j, q, dp, dt, t, error, slope, u, load, temp, idle):  # 
 
 @jit
 def relax(c, i, x, s, j):
-    """Let go of what the contact holds and of what is integrated beside it: the joint rests. The dither goes on."""
+    """Relax the contact and reset the integrators, for a joint at rest. The dither continues."""
     for k in range(x.size):
         x[k] = 0.0
     learned = s[j + S_EXTRA + 1]
@@ -94,14 +93,14 @@ def relax(c, i, x, s, j):
 
 @jit
 def shift(c, i, s, j, by):
-    """Move everything that is a position: the encoder counts from another zero."""
+    """Shift all positions, after a change of the encoder's zero."""
     s[j + S_DITHER + 3] += by
     s[j + S_DITHER + 4] += by
 
 
 @jit
 def restart(c, i, s, j, q):
-    """Forget everything: the joint rests at q."""
+    """Reset all states to a joint at rest at q."""
     for k in range(STATES):
         s[j + k] = 0.0
     if c[i + EXTRA] == 2.0:
@@ -114,8 +113,8 @@ class Compensator(WithBounds):
     """A friction compensator of one joint.
 
     Attributes:
-        friction: what is taken as friction.
-        share: R, of it that is given [-].
+        friction: friction estimator.
+        share: R, share of the friction that is compensated [-].
         dither: at rest; None for none.
         extra: beyond a friction model; None for nothing.
     """
@@ -131,7 +130,7 @@ class Compensator(WithBounds):
         super().__post_init__()
         if self.dither is not None and not self.friction.law.element.states():
             raise InvalidInput(
-                f"'{self.friction.law.name}' has no presliding, so that it never is stuck and never dithers.",
+                f"'{self.friction.law.name}' has no presliding, so it is never stuck and a dither would never act.",
                 remedy="Give the law an element, for example `Decaying`.",
             )
         if self.extra is not None:

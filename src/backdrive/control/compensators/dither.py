@@ -1,14 +1,14 @@
-"""Dither at rest: a small sine that keeps a stuck joint on the verge of moving, so that a light hand breaks it away.
+"""Dither at rest: a small sine that keeps a stuck joint close to break-away, so that a small external torque moves it.
 
     f_d = R_d ((F_p + F_n)/2 sin(Omega t) + (F_p - F_n)/2)   while the friction model is stuck, else 0
 
 Iwatani 2017, (3.26), (3.27). F_p, F_n: friction that holds the joint now [N.m or N]. R_d: share of it [-]. Omega: angular
-frequency [rad/s]. t runs on for ever in the thesis, so that the sine may enter at any phase, with a step of up to R_d F; with
-`reset` it begins at phase zero whenever the model gets stuck.
+frequency [rad/s]. In the thesis t never restarts, so the sine may begin at any phase, with a step of up to R_d F. With
+`reset` it begins at phase zero whenever the model becomes stuck.
 
 `adaptive` follows the idea of M. T. S. Aung, R. Kikuuwe, M. Yamamoto (ASME J. Dyn. Syst. Meas. Control 137(5), 2015): the
-oscillation is held to a few counts of the encoder. The amplitude, a share of R_d, grows while a window of time shows no count
-and shrinks while it shows more than `counts`.
+oscillation is limited to a few counts of the encoder. The amplitude, a share of R_d, grows while a window of time shows no
+count and shrinks while it shows more than `counts`.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def absent(c, i, s, j, stuck, lo, hi, q, dt, t, idle):  # noqa: PLR0913  (a kern
 
 @jit
 def adapt(c, i, s, j, q, dt):
-    """Let the share of the amplitude grow where nothing moves and shrink where too much does."""
+    """Increase the amplitude if nothing moves, and decrease it if the motion is too large."""
     s[j + 2] += dt
     s[j + 3], s[j + 4] = min(s[j + 3], q), max(s[j + 4], q)
     if s[j + 2] < c[i + 5]:
@@ -76,8 +76,8 @@ class Dither(WithBounds):
         frequency: Omega/(2 pi) [Hz].
         mode: `fixed`: by the clock, as in the thesis; `reset`: from phase zero; `adaptive`: of a few counts.
         count: of the encoder, for `adaptive` [rad or m].
-        counts: to which the oscillation is held, for `adaptive` [1].
-        window: of time in which it is looked at [s]; at least a period.
+        counts: target of the oscillation, for `adaptive` [count].
+        window: window in which the oscillation is measured [s]; at least a period.
         growth: of the amplitude's share in each window [-].
     """
 
@@ -107,5 +107,5 @@ class Dither(WithBounds):
         )
 
 
-#: The row of no dither: a mode below them all.
+#: The row for no dither: a mode below all others.
 NONE = np.full(ROW, -1.0)

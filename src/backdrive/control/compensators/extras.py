@@ -1,4 +1,4 @@
-"""What a compensator does beyond a friction model: pulses, an observer of LuGre's bristle, a disturbance observer.
+"""Parts of a compensator beyond a friction model: pulses, an observer of LuGre's bristle, a disturbance observer.
 
 Pulses (impulsive control) move a joint that is stuck off its reference: while nothing has moved for `wait` and the reference is
 further away than `tolerance`, a torque beyond break-away is given for `width`; it moves the joint by about
@@ -9,8 +9,9 @@ The LuGre observer runs the bristle with the tracking error e = r - q, e_f = e' 
     z' = v - sigma_0 |v| z/s(v) + k e_f,   f = theta b + viscous(v),   b = sigma_0 z + sigma_1 z',   theta' = gamma e_f b
 
 (C. Canudas de Wit, P. Lischinsky, Int. J. Adapt. Control Signal Process. 11, 1997); theta stays within its bounds, |z| below
-s/sigma_0, and gamma = 0 leaves it at 1. The disturbance observer takes whatever moves the joint otherwise than the model says for
-friction that the model has missed, and cancels it up to a limit. It cancels a hand as well: it is for tracking, not for guiding.
+s/sigma_0, and gamma = 0 leaves it at 1. The disturbance observer treats every deviation of the motion from the model as
+unmodelled friction, and cancels it up to a limit. It cancels the force of a hand as well: use it for tracking, not for hand
+guiding.
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ def bristle(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):  #
         after /= 1.0 + sigma_0 * abs(dp) / s_v
     after = min(
         max(after, min(lo, before)), max(hi, before)
-    )  # a bound that has fallen is approached as LuGre does
+    )  # if the bound has decreased, the state approaches it with LuGre's dynamics
     s[j] = after
     bent = after + lugre.damping(p[e + 1], p[e + 2], v) * (after - before) / (sigma_0 * dt)
     s[j + 1] = min(max(s[j + 1] + dt * c[i + 3] * wrong * bent, c[i + 4]), c[i + 5])
@@ -85,12 +86,12 @@ def bristle(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):  #
 
 @dataclass(frozen=True, kw_only=True)
 class Extra(WithBounds, ABC):
-    """Base of what goes beyond a friction model. Each stands with its kernel, and is imported in `compensator`.
+    """Base class of the parts beyond a friction model. Each is defined beside its kernel and imported in `compensator`.
 
     Attributes:
         KIND: number of its kernel, 1 to 62.
         KERNEL: the torque of one tick, of all the arguments that `pulse` has; share: of the friction that is compensated.
-        INSTEAD: it stands in the model's place, for it runs the law itself.
+        INSTEAD: it replaces the model, since it runs the law itself.
     """
 
     KIND: ClassVar[int]
@@ -98,7 +99,7 @@ class Extra(WithBounds, ABC):
     INSTEAD: ClassVar[bool] = False
 
     def check(self, law: Law) -> None:
-        """Say whether it goes with a law."""
+        """Check that it can be used with a law."""
 
     @abstractmethod
     def row(self, dt: float, friction: FrictionEstimator) -> np.ndarray:
@@ -184,7 +185,7 @@ class BristleObserver(Extra):
 
 @dataclass(frozen=True, kw_only=True)
 class DisturbanceObserver(Extra):
-    """A model, and an observer of what it misses.
+    """A model, and an observer of its error.
 
     Attributes:
         inertia: of motor and load together [kg.m^2 or kg].
@@ -227,7 +228,7 @@ class DisturbanceObserver(Extra):
 
 
 def start(extra: Extra | None) -> np.ndarray:
-    """Return the state at rest, (STATES,): none of it is a position."""
+    """Return the state at rest, (STATES,): it contains no positions."""
     s = np.zeros(STATES)
     if isinstance(extra, BristleObserver):
         s[1] = 1.0

@@ -1,4 +1,4 @@
-"""A friction law whose level is adapted to what is measured; see `level` for how, and what is proven of it."""
+"""A friction law whose level is adapted to measurements; `level` contains the equations and the proofs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ OK, NOT_FINITE, SATURATED = int(Status.OK), int(Status.NOT_FINITE), int(Status.S
 BAD_INTERVAL = int(Status.BAD_INTERVAL)
 #: Rows of the table that a tick reads and writes, one number a joint.
 TIME, FLOOR, DEAD, LOWER, UPPER, SLOWEST, BEFORE, SINCE, BEGUN, LEVEL, OUT = range(11)
-FAR = 10.0  # an interval beyond this many nominal ones, or below their inverse, is not believed [-]
+FAR = 10.0  # accepted range of an interval: from the inverse of this factor to this factor, times the nominal interval [-]
 
 
 @jit
@@ -68,8 +68,8 @@ def tick(P, X, S, held, dp, g, codes, q, tau, dt, nominal):  # noqa: PLR0913  (a
 class AdaptiveFriction:
     """Friction torque by a law of every joint, its level adapted to what is measured.
 
-    The law may be any of `backdrive.laws`, with its presliding state: what it says is multiplied by `level`, viscous part
-    included. After a sample that was not finite, or an interval that was not believed, the next one bridges the gap.
+    The law may be any of `backdrive.laws`, with its presliding state; its torque, viscous part included, is multiplied by
+    `level`. After a rejected sample or interval, the next one covers the gap.
 
     Attributes:
         level: theta, updated in place by `tick` (J,).
@@ -98,8 +98,8 @@ class AdaptiveFriction:
             laws: one a joint, at level 1.
             interval: nominal time between ticks [s].
             time: T, time constant of the level while |f| is well above the floor [s].
-            floor: f_0, smallest friction of the law that is learned from [N.m or N], one number or (J,).
-            dead_zone: d, error that is put down to noise [N.m or N], one number or (J,).
+            floor: f_0, smallest friction of the law at which the level is learned [N.m or N], one number or (J,).
+            dead_zone: d, error that is attributed to noise [N.m or N], one number or (J,).
             lower: smallest level [-].
             upper: largest level [-].
             start: level at the start [-].
@@ -160,7 +160,7 @@ class AdaptiveFriction:
 
         Args:
             position: of the joints [rad or m], (J,).
-            torque: friction as measured: what drives the joint less inertia, gravity and contact [N.m or N], (J,).
+            torque: measured friction: motor torque minus the torques of inertia, gravity and contact [N.m or N], (J,).
             interval: since the tick before [s]; None: the nominal one.
 
         Returns:

@@ -2,7 +2,7 @@
 
     tau_e = M(q) a + h(q, v) + g(q) + tau_f + offset - u
 
-Methods, bandwidth and lag mean what they mean for one joint (`external`); what couples the joints is in `arm_kernel`.
+Methods, bandwidth and lag are defined as for one joint (`external`); the coupling of the joints is in `arm_kernel`.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from backdrive.model import FrictionModel, JointFriction
 from backdrive.parameters import POSITIVE, WithBounds
 from backdrive.robot import Robot, load_robot
 
-POSTURES = 200  # random ones, by which a posture is judged
-FAR = 10.0  # how much less certain than in the median posture a direction may be, before it is damped [-]
-SLOW = 5.0  # by the speed within which friction changes sign: below it a joint rests [-]
+POSTURES = 200  # number of random reference postures
+FAR = 10.0  # standard deviation of a direction relative to the median posture, above which it is damped [-]
+SLOW = 5.0  # speed of rest relative to the speed within which friction changes sign [-]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,18 +39,18 @@ class ArmForce(WithBounds):
     Attributes:
         bodies: rigid bodies.
         inertia: that each motor adds to its own joint [kg.m^2 or kg], (J,).
-        offset: torque that is always there [N.m or N], (J,).
+        offset: constant torque [N.m or N], (J,).
         friction: what is taken as friction, by joint.
         sliding: standard deviation of the estimate while a joint moves [N.m or N], (J,).
-        resting: the same at rest, where friction may be anything [N.m or N], (J,).
+        resting: the same at rest, where friction is undetermined [N.m or N], (J,).
         slow: speed below which a joint counts as resting [rad/s or m/s], (J,).
         filters: of the encoders, for `direct`; empty: those of the bandwidth.
         method: `direct`, `momentum`, `disturbance`, `extended` or `kalman`.
         bandwidth: L [1/s].
         coupling: C of q_joint = C q_motor, a row a joint; positions, torques, velocities, all that is stated here, and what is
             estimated but the wrench, are then those of the motors; None: each motor drives its own joint.
-        frame: at which a wrench is wanted; None: none. Of an arm of fewer than six joints, its part that they feel; the rest is
-            taken for zero, with a large standard deviation.
+        frame: at which a wrench is wanted; None: none. An arm of fewer than six joints shows only a part of it; the rest is
+            set to zero, with a large standard deviation.
         force_rate: None; a rate of the force is for single joints.
     """
 
@@ -101,7 +101,7 @@ class ArmForce(WithBounds):
         bandwidth: float = 50.0,
         frame: str | None = None,
     ) -> ArmForce:
-        """Return an estimator with what a model knows of an arm: bodies, motors, offsets, friction and its growth, bands.
+        """Return an estimator from a model of an arm: bodies, motors, offsets, friction and its growth, bands.
 
         Args:
             model: of a whole arm (`identify --method arm --urdf`).
@@ -144,7 +144,8 @@ class ArmForce(WithBounds):
         return replace(self, **changes)
 
     def lag(self, dt: float) -> float:
-        """Return how late a force that grows steadily is followed [s]; NaN for `direct`, whose filter is not linear.
+        """Return the lag of the estimate for a force that grows at a constant rate [s]; NaN for `direct`, whose filter is
+        nonlinear.
 
         Args:
             dt: sampling time [s].
@@ -179,7 +180,7 @@ class ArmForce(WithBounds):
         return c
 
     def default_filters(self) -> tuple[MotionFilter, ...]:
-        """Return filters that follow accelerations of ten times the friction by the inertia at most 1/L late."""
+        """Return filters with a lag of at most 1/L for accelerations up to ten times friction divided by inertia."""
         own = np.diag(self.inertia_at(np.zeros(len(self.joints))))
         follow = [
             ABRUPT * max(at_rest(f.law), 1e-9) / max(m, 1e-9) for f, m in zip(self.friction, own, strict=True)
@@ -189,8 +190,8 @@ class ArmForce(WithBounds):
     def damping(self) -> np.ndarray:
         """Return P, the information of ten times the deviations in the median posture [1/N^2, 1/(N.m)^2], (6,).
 
-        Fewer than six joints leave directions open in every posture: deviations are then those of the force and the moment that
-        the joints feel best.
+        With fewer than six joints, some directions are unobservable in every posture. The deviations are then those of the
+        best observable force and moment.
         """
         assert self.frame is not None
         rng = np.random.default_rng(0)
@@ -212,7 +213,7 @@ class ArmForce(WithBounds):
         return 1.0 / (FAR**2 * variance)
 
     def online(self, period: float) -> ArmForceTick:
-        """Return what runs in a loop.
+        """Return the estimator's online form for a control loop.
 
         Args:
             period: of the loop [s].

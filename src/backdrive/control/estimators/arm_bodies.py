@@ -1,4 +1,4 @@
-"""The bodies of an identified arm as pinocchio computes them in a loop: its results are looked at where it keeps them."""
+"""The bodies of an identified arm in a loop. The results of pinocchio are read in place, without copies."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from backdrive.errors import NotIdentifiable
 from backdrive.model import FrictionModel
 from backdrive.robot import PER_LINK, Robot, require_pinocchio
 
-STIFF = 1e-4  # how much less a mass is moved than other parameters [-]
-LIGHTEST = 1e-3  # of the largest mass of a link, that one is given whose mass no joint feels [-]
+STIFF = 1e-4  # weight of changes of a mass relative to those of other parameters [-]
+LIGHTEST = 1e-3  # mass given to a link whose mass does not affect any joint, relative to the largest mass of a link [-]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class ArmBodies:
 
     @classmethod
     def of_parameters(cls, robot: Robot, parameters: np.ndarray) -> ArmBodies:
-        """Return the bodies with standard parameters, or with others that move alike, (10 J,)."""
+        """Return the bodies with given standard parameters, or with others that have the same dynamics, (10 J,)."""
         from dataclasses import replace
 
         pin = require_pinocchio()
@@ -60,7 +60,7 @@ class ArmBodies:
     def calls(
         self, method: str, q: np.ndarray, v: np.ndarray, a: np.ndarray
     ) -> tuple[Callable[[], object], np.ndarray, np.ndarray, np.ndarray]:
-        """Return what is to be called each tick, and where it leaves M, bias and Coriolis matrix.
+        """Return the function to call each tick, and the arrays of M, bias and Coriolis matrix that it fills.
 
         Args:
             method: of the estimator: `direct` asks for M a + h + g, `momentum` for g and C, the others for h + g.
@@ -115,9 +115,9 @@ class ArmBodies:
 
 
 def with_masses(robot: Robot, parameters: np.ndarray) -> np.ndarray:
-    """Return standard parameters that move alike, and in which each link that has a first moment or inertia has a mass.
+    """Return standard parameters with the same dynamics, in which each link with a first moment or an inertia has a mass.
 
-    Torques see only base parameters: masses that no joint feels may be chosen.
+    Torques depend only on base parameters, so masses that do not affect any joint may be chosen.
 
     Args:
         robot: the description.
@@ -139,6 +139,6 @@ def with_masses(robot: Robot, parameters: np.ndarray) -> np.ndarray:
         light = [robot.joints[i] for i in np.flatnonzero(moved[masses] < 0.5 * least)]
         raise NotIdentifiable(
             f"The model asks for a link of no or negative mass (moved by {', '.join(light)}).",
-            remedy="Identify on a longer, livelier log, or correct the masses of the description.",
+            remedy="Identify from a longer log with larger accelerations, or correct the masses of the description.",
         )
     return moved

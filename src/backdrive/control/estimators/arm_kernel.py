@@ -1,4 +1,4 @@
-"""The compiled part of the external force of a whole arm: what is done before and after pinocchio is asked for the bodies.
+"""The compiled part of the external-force estimate of a whole arm, before and after the call of pinocchio.
 
 With n = u - h - g - tau_f - o, M the bodies and the motors' own inertias, per tick T:
 
@@ -7,12 +7,13 @@ With n = u - h - g - tau_f - o, M the bodies and the motors' own inertias, per t
     disturbance   y <- (y + L T (M a - n))/(1 + L T), a differenced twice
     extended, kalman   an observer of q, v, tau_e:  a = M^-1 (n + tau_e),  tau_e <- tau_e + g_3 M e/T^2
 
-The bodies are taken in the middle of the tick, where the differenced velocity is right. Friction that grows with the load sees what
-the joint carries: the bodies, less what the environment does. The wrench w at a frame follows from tau_e = J' w by
+The bodies are taken in the middle of the tick, where the differenced velocity is right. Friction that grows with the load
+uses the torque that the joint carries: that of the bodies minus the external torque. The wrench w at a frame follows from
+tau_e = J' w by
 
     (P + J S^-1 J') w = J S^-1 tau_e,
 
-S: variances of the joints' torques by state of motion, P: the inverse variance of a wrench that is never reached (`damping`).
+S: variances of the joints' torques by state of motion, P: inverse variance of a very large wrench (`damping`).
 
 Where motors drive several joints, q_joint = C q_motor, all this is of the motors, at which friction acts: with C' M C, C' h, J C.
 """
@@ -45,7 +46,7 @@ OK, NOT_FINITE, BAD_INTERVAL = int(Status.OK), int(Status.NOT_FINITE), int(Statu
 
 @jit
 def restart(c, s, io):
-    """Forget everything: the joints rest where `io` has them."""
+    """Reset all states to joints at rest at the positions in `io`."""
     J = int(c[JOINTS])
     for j in range(J):
         for k in range(STATES):
@@ -56,7 +57,7 @@ def restart(c, s, io):
 
 @jit
 def before(c, s, io, dt):
-    """Turn positions into what pinocchio is asked at; return a status."""
+    """Compute the inputs of pinocchio from positions; return a status."""
     J = int(c[JOINTS])
     if not 0.0 < dt < LONGEST * c[PERIOD]:
         return BAD_INTERVAL

@@ -1,4 +1,4 @@
-"""`ArmForce` in a loop: one call a tick, nothing allocated but what pinocchio does itself, nothing raised."""
+"""`ArmForce` in a loop: one call per tick, without exceptions, and without allocation except by pinocchio itself."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ OK = Status.OK
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ArmSeries:
-    """External torque and what belongs to it along a log.
+    """External torque along a log, with friction, deviations and wrench.
 
     Attributes:
         force: external torque [N.m or N], (n, J).
@@ -32,7 +32,7 @@ class ArmSeries:
         deviation: standard deviation of the torque, by whether the joint rests [N.m or N], (n, J).
         wrench: at the frame, along the axes of the base [N, N.m], (n, 6); (0, 6) without a frame.
         covariance: of the wrench, (n, 6, 6).
-        singular: where the damping has a share in the wrench, (n,).
+        singular: True where damping affects the wrench, (n,).
     """
 
     force: np.ndarray
@@ -44,7 +44,7 @@ class ArmSeries:
 
 
 class ArmForceTick:
-    """Runs an `ArmForce` in a loop; nothing is allocated but what pinocchio does itself, and nothing is raised.
+    """Runs an `ArmForce` in a loop, without exceptions, and without allocation except by pinocchio itself.
 
     Attributes:
         force: external torque [N.m or N], (J,).
@@ -117,8 +117,8 @@ class ArmForceTick:
         """Forget everything.
 
         Args:
-            position: where the joints are [rad or m], (J,); None: the next tick says.
-            velocity: how they move [rad/s or m/s], (J,); None: they rest.
+            position: positions of the joints [rad or m], (J,); None: those of the next tick.
+            velocity: velocities of the joints [rad/s or m/s], (J,); None: they rest.
         """
         self._fresh = position is None
         self._X[:] = self._X0

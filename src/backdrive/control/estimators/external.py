@@ -1,9 +1,11 @@
-"""External force from encoder and motor torque alone: what accelerates the joint beyond motor, gravity and friction.
+"""External force from encoder and motor torque alone: the part of the joint's acceleration that motor, gravity and friction
+do not explain.
 
     tau_e = M a + g(q) + tau_f - u,        g(q) = A sin q + B cos q + what else is known
 
-u: torque that acted on the interval that ends at this encoder reading, that is, the command of the tick before: with any
-later one the estimate would feed on itself. tau_f: of a `FrictionEstimator`. With n = u - g - tau_f the methods are
+u: torque that acted in the interval that ends at this encoder reading, that is, the command of the previous tick. With a
+later command the estimate would contain its own effect. tau_f: of a `FrictionEstimator`. With n = u - g - tau_f the methods
+are
 
     direct        M a - n, a of a `MotionFilter`; Iwatani 2017, (4.4), (4.5)
     momentum      r <- L (M v - S - T n)/(1 + L T),   S <- S + T (n + r);  A. De Luca, R. Mattone, IEEE ICRA 2005
@@ -11,10 +13,11 @@ later one the estimate would feed on itself. tau_f: of a `FrictionEstimator`. Wi
     extended      a Luenberger observer of q, v, d = tau_e/M with all poles at one place, exp(-p T)
     kalman        the same observer, its gains those of a stationary Kalman filter
 
-L means the same everywhere: a force that grows steadily is followed 1/L + T late, and one that stays is estimated as it is.
-`lag` gives the delay on a ramp; p is chosen so, about 3 L, and so is the force's rate of the Kalman filter where nobody gives one.
-Of `direct` the filter decides (`MotionFilter.of_bandwidth`). v is differenced. The last two take the position as measured and
-difference nothing: one encoder count moves `disturbance` by L M count/T and a raw second difference by M count/T^2.
+L has the same meaning for all methods: the estimate of a force that grows at a constant rate lags by 1/L + T, and a constant
+force is estimated without error. `lag` returns this lag. It determines p, about 3 L, and the default force rate of the Kalman
+filter. For `direct` the filter determines the lag (`MotionFilter.of_bandwidth`). v is differenced. The last two take the
+position as measured and difference nothing: one encoder count moves `disturbance` by L M count/T and a raw second difference
+by M count/T^2.
 """
 
 from __future__ import annotations
@@ -77,7 +80,7 @@ def disturbance(c, i, s, j, q, dp, T, n):
 
 @leaf
 def observe(c, i, s, j, q, dp, T, n):
-    """An observer: predict with what acted, correct with what was measured."""
+    """An observer: predict with the applied torque, correct with the measured position."""
     M, L = c[i + 1], c[i + 4]
     g_1, g_2, g_3 = c[i + 5], c[i + 6], c[i + 7]
     if abs(T - c[i + 8]) > 0.1 * c[i + 8]:  # gains are in ticks, those of a tick of another length from L
@@ -126,7 +129,7 @@ def absent(c, i, p, x, s, j, q, dp, dt, u, known, load, temp, level):  # noqa: P
 
 @jit
 def shift(c, i, s, j, by):
-    """Move everything that is a position: the encoder counts from another zero."""
+    """Shift all positions, after a change of the encoder's zero."""
     s[j] += by
     if PLACES >> int(c[i]) & 1:
         s[j + OBSERVER] += by
@@ -134,7 +137,7 @@ def shift(c, i, s, j, by):
 
 @jit
 def restart(c, i, s, j, q):
-    """Forget everything: the joint rests at q."""
+    """Reset all states to a joint at rest at q."""
     for k in range(STATES):
         s[j + k] = 0.0
     shift(c, i, s, j, q)
@@ -152,7 +155,7 @@ class ExternalForce(WithBounds):
         bandwidth: L of the observers [1/s].
         gravity_sin: A [N.m or N].
         gravity_cos: B [N.m or N].
-        offset: torque that is always there, as a model states it beside friction [N.m or N].
+        offset: constant torque of a model beside friction [N.m or N].
         force_rate: for `kalman`, standard deviation of the force's change in one second [N.m or N]; None: that of `bandwidth`.
         encoder_count: for a `kalman` with a force rate, step of the encoder [rad or m].
     """
@@ -191,7 +194,7 @@ class ExternalForce(WithBounds):
     def from_model(
         cls, model: FrictionModel, joint: Any, method: str = "momentum", bandwidth: float = 50.0
     ) -> Any:
-        """Return an estimator with what a model knows of a joint: inertia, gravity, offset, friction and its growth with load.
+        """Return an estimator from a model of a joint: inertia, gravity, offset, friction and its growth with load.
 
         Args:
             model: of friction.
@@ -210,7 +213,8 @@ class ExternalForce(WithBounds):
         return cls(**fields(model.joint(joint), method, bandwidth))
 
     def lag(self, dt: float) -> float:
-        """Return how late a force that grows steadily is followed [s]; NaN for `direct`, whose filter is not linear.
+        """Return the lag of the estimate for a force that grows at a constant rate [s]; NaN for `direct`, whose filter is
+        nonlinear.
 
         Args:
             dt: sampling time [s].

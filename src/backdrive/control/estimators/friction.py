@@ -7,7 +7,7 @@ from alpha_N at rest to alpha_H in motion and back:
     w <- min(w + r_W T, 1)  where the joint moved by more than V_W T,  else  max(w - r_W T, 0)
     alpha = (1 - w) alpha_N + w alpha_H
 
-(the thesis prints max and min the other way round, by which w would leave [0, 1]; and a step R_W a sample, here r_W = R_W/T).
+(the thesis prints max and min exchanged, so that w would leave [0, 1]; and it prints a step R_W per sample, here r_W = R_W/T).
 Velocities are whole encoder counts a tick; a threshold that falls on one is put half a count above it.
 """
 
@@ -95,7 +95,7 @@ class FrictionEstimator(WithBounds):
 
 
 def between_counts(threshold: float, count: float, dt: float) -> float:
-    """Return a threshold of velocity that no count falls on: half a count above the last that does not exceed it.
+    """Return a velocity threshold between two counts: half a count above the largest count that does not exceed the given one.
 
     Args:
         threshold: speed [rad/s or m/s].

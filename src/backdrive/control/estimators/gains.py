@@ -1,4 +1,4 @@
-"""Gains of the observers of position, velocity and external force: by their poles or by noise, so that all lag alike."""
+"""Gains of the observers of position, velocity and external force, from poles or from noise, with the same lag for all."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def threefold(L, T):
 
 
 def lag(gains: Sequence[float] | np.ndarray) -> float:
-    """Return how late an observer with these gains follows a force that grows steadily, in ticks."""
+    """Return the lag of an observer with these gains for a force that grows at a constant rate [tick]."""
     predict = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
     missed = np.array(
         [1.0 / 6.0, 0.5, 1.0]
@@ -41,7 +41,7 @@ def by_poles(estimator: ExternalForce, dt: float) -> tuple[float, float, float, 
 
 
 def stationary(estimator: ExternalForce, dt: float) -> tuple[float, float, float, float]:
-    """Return the gains of the stationary Kalman filter for d = tau_e/M that walks at random, and the pole like them.
+    """Return the gains of the stationary Kalman filter for a random walk of d = tau_e/M, and the equivalent pole.
 
     Without a force rate, those that lag by 1/L + T: with r = (1 + L T/2)/(1 + 5 L T/2) the first gain is a = 1 - r^2, the others
     b = 2 (2 - a) - 4 r and b^2/(2 a) (P. R. Kalata, IEEE Trans. Aerospace and Electronic Systems 20(2), 1984).

@@ -1,4 +1,5 @@
-"""The level of a friction law, learned: the shape of its curve is known, how much it resists drifts with temperature and wear.
+"""Online adaptation of the level of a friction law: the shape of its curve is known, and its level drifts with temperature
+and wear.
 
     tau_hat = theta f,   theta <- P(theta + g f e_d / (f_0^2 + f^2))   where |f| >= f_0
     e = tau - theta f,   e_d = e - clip(e, -d, d),   g = dt/(T + dt)
@@ -19,10 +20,10 @@ the motion; without noise (d = 0) every tick with |f| >= f_0 takes |h| down by a
 of e within 2 (T + dt). With noise and a drift theta*', |h+| <= |h| - g/2 max(|h| - 2 d/f_0, 0) + |theta*'| dt while
 |f| >= f_0, which ends at 2 d/f_0 + 2 (T + dt) |theta*'| or below.
 
-What a hand does looks like friction as long as friction might do it. So in the loop nothing is learned at rest, nor before
-the joint has slid for as long as the estimate of the force lags behind, nor from an error that no level within the bounds would
-explain, |e| > (theta_hi - theta_lo) |f| + d: that is someone who pushes. What a light hand teaches is held by the bounds;
-`drift.passive_level` says which upper one leaves the joint passive.
+A small force of a hand cannot be separated from friction. So the loop does not learn at rest, nor until the joint has slid
+for longer than the lag of the force estimate. It does not learn from an error that no level within the bounds explains
+either, |e| > (theta_hi - theta_lo) |f| + d, since that is an external push. The bounds limit the effect of a light hand;
+`drift.passive_level` returns the upper bound that keeps the joint passive.
 """
 
 from __future__ import annotations
@@ -62,16 +63,16 @@ def adapt(theta, f, tau, dt, time, floor, dead_zone, lower, upper):
 
 @dataclass(frozen=True, kw_only=True)
 class Adaptation(WithBounds):
-    """How the level of a joint's friction is learned in the loop, from the external force that is estimated in free motion.
+    """Settings for learning the level of a joint's friction in the loop, from the external force estimated in free motion.
 
     Attributes:
         slowest: speed below which the joint does not slide, some counts of the encoder a tick [rad/s or m/s].
-        settle: for which it has to slide before anything is learned, some lags of the estimate of the force [s].
+        settle: time for which it has to slide before the level is learned, some lags of the force estimate [s].
         time: T, time constant [s].
-        floor: f_0, smallest friction that is learned from [N.m or N]; None: half the law's Coulomb torque.
-        dead_zone: d, error that is put down to noise [N.m or N]; None: a twentieth of it.
+        floor: f_0, smallest friction at which the level is learned [N.m or N]; None: half the law's Coulomb torque.
+        dead_zone: d, error that is attributed to noise [N.m or N]; None: a twentieth of the Coulomb torque.
         lower: smallest level [-].
-        upper: largest level [-]; above 1 the compensation is larger than what was identified.
+        upper: largest level [-]; above 1 the compensation may exceed the identified friction.
         start: level at the start [-].
     """
 

@@ -1,4 +1,4 @@
-"""What a method of the estimator of external force consists of; each stands with its kernel, imported in `external`."""
+"""The definition of a method of the external-force estimator; each is defined beside its kernel and imported in `external`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Method:
-    """A way to the external force.
+    """A method to estimate the external force.
 
     Attributes:
         name: what a person calls it.

@@ -1,4 +1,4 @@
-"""What a model knows of a joint, as the fields of an estimator of the external force."""
+"""The fields of an external-force estimator, from the model of a joint."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from backdrive.laws import Decaying, Law, Polyline, Rigid, with_element
 from backdrive.model import JointFriction
 
 DECAY = 20.0  # of friction at rest, as in Iwatani 2017, Sec. 4.6 [1/s]
-COUNTS = 8.0  # of the encoder, over which a contact of unknown stiffness bends until it slides
-ABRUPT = 10.0  # forces by the friction, that the filter of `direct` follows where nobody knows the accelerations [-]
-CREEP = 0.05  # of the top speed: sliding up to twice that tells of friction at rest [-]
+COUNTS = 8.0  # encoder steps that a contact of unknown stiffness deflects before it slides
+ABRUPT = 10.0  # force, relative to friction, that the filter of `direct` follows if the accelerations are unknown [-]
+CREEP = 0.05  # share of the top speed: sliding up to twice this speed determines friction at rest [-]
 WIDTH = 1.96  # half a 95 % band, by its standard deviation
 BEND = {"rad": 1e-3, "m": 1e-4}  # the same where the encoder's count is unknown [rad or m]
 
@@ -26,8 +26,8 @@ def fields(
 ) -> dict[str, Any]:
     """Return the fields of an estimator with inertia, gravity, offset and friction of a joint.
 
-    Friction at rest is that of a decaying contact (algFE), which leaves no offset when a hand lets go. What the model takes from
-    elsewhere (`tau_model`) is to be given as `known`.
+    Friction at rest is that of a decaying contact (algFE), which leaves no offset when a hand lets go. A known torque in the
+    model (`tau_model`) has to be passed as `known`.
 
     Args:
         friction: of a model.
@@ -42,7 +42,7 @@ def fields(
     inertia = value.get("inertia", 0.0)
     if not inertia > 0.0:
         raise NotIdentifiable(
-            f"Joint '{name}': the model holds no inertia, and without one no force can be told from motion.",
+            f"Joint '{name}': the model contains no inertia, so no force can be estimated from motion.",
             remedy="Identify a log in which the joint accelerates (`backdrive plan multisine`).",
         )
     law = contact(friction)
@@ -74,8 +74,8 @@ def contact(friction: JointFriction) -> Law:
 def with_break_away(friction: JointFriction) -> JointFriction:
     """Return a joint whose curve, where it is drawn through knots, starts at its break-away friction.
 
-    The fit of a whole arm sees little of a curve's end at zero, where the sign of the velocity is smooth, and may leave it at
-    nothing: friction at rest, which an estimate stands on, is then that of slow sliding.
+    The fit of a whole arm hardly determines the curve near zero speed, where the sign of the velocity is smoothed, and may
+    give zero there. Friction at rest, which the estimate needs, is then that of slow sliding.
 
     Args:
         friction: of a model.
@@ -94,11 +94,11 @@ def with_break_away(friction: JointFriction) -> JointFriction:
 def break_away(
     friction: JointFriction, temperature: np.ndarray | None = None
 ) -> tuple[np.ndarray | float, np.ndarray | float]:
-    """Return the friction that a joint at rest holds at most along +q and along -q, without load [N.m or N].
+    """Return the largest friction of a joint at rest along +q and along -q, without load [N.m or N].
 
-    No friction is seen at zero speed: a curve that falls towards it may do so by extrapolation, or because the instant of a
-    reversal is not known. Largest of: the curve at zero, its knots of slow sliding, and the line through its values at a low speed
-    and at twice that, where it meets zero speed.
+    Friction cannot be measured at zero speed. A curve may fall towards zero speed by extrapolation, or because the instants
+    of reversals are unknown. So the result is the largest of three values: the curve at zero speed, its knots of slow
+    sliding, and the value at zero speed of the line through a low speed and twice that speed.
 
     Args:
         friction: of a model.

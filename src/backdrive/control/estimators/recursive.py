@@ -1,24 +1,24 @@
-"""Recursive least squares that a torque loop can carry: parameters that drift, and excitation that comes and goes.
+"""Recursive least squares for a torque loop, with drifting parameters and intermittent excitation.
 
     tau = sum theta_i phi_i(q, v, a),     phi = sat(v/v_0), v, a, sin q, cos q, 1, as chosen
 
-sat(v/v_0) is sgn(v) outside the dead zone |v| <= v_0; inside it friction may be anything between its bounds, so nothing is
-learned there if a Coulomb torque is among the parameters. With phi in units of torque noise and theta in units of its
-prior standard deviation, one tick is
+sat(v/v_0) is sgn(v) outside the dead zone |v| <= v_0. Inside it friction is undetermined between its bounds, so nothing is
+learned there if a Coulomb torque is among the parameters. With phi in units of torque noise and theta in units of its prior
+standard deviation, one tick is
 
     forget:  P <- P + (1 - m)/m P phi phi' P / z,     z = phi' P phi,   m = 1 - (1 - lambda)(1 - tr P / n)
     learn:   theta <- theta + w P phi e / (1 + w z),  P <- P - w P phi phi' P / (1 + w z)
 
 e is the error of the prediction and w = c/(1 + (1 - c) z) its weight, c = min(1, gate sqrt(1 + z) / |e|): the step is that
 of an error clipped to its gate (Huber), so that no sample moves theta by more than gate sqrt(n) prior standard deviations.
-Only what the new sample speaks of is forgotten (restricted exponential forgetting: R. Kulhavy, M. Karny, IFAC World Congress
-1984; R. Kulhavy, Automatica 23(5), 1987), and less of it the larger the covariance is (bounded-gain forgetting: J.-J. Slotine,
-W. Li, Applied Nonlinear Control, 1991, 8.7). A sample whose |phi| is below 1 could not change the torque by its noise:
-nothing is forgotten for it.
+Only the direction that the new sample excites is forgotten (restricted exponential forgetting: R. Kulhavy, M. Karny, IFAC
+World Congress 1984; R. Kulhavy, Automatica 23(5), 1987), and less of it the larger the covariance is (bounded-gain
+forgetting: J.-J. Slotine, W. Li, Applied Nonlinear Control, 1991, 8.7). A sample with |phi| below 1 changes the torque by
+less than its noise, so it causes no forgetting.
 
 The covariance cannot wind up: |P phi|^2 <= tr(P) z, so forgetting leaves tr P <= tr(P)/m, and with x = tr(P)/n this is
-n x / (lambda + (1 - lambda) x) <= n for x <= 1. Since tr P = n at the start, tr P <= n for ever: the estimator never knows
-less than its prior. Without noise, V = d' P^-1 d of the parameter error d falls: forgetting lowers P^-1, and learning
+n x / (lambda + (1 - lambda) x) <= n for x <= 1. Since tr P = n at the start, tr P <= n at all times: the uncertainty never
+exceeds that of the prior. Without noise, V = d' P^-1 d of the parameter error d falls: forgetting lowers P^-1, and learning
 takes w e^2/(1 + w z) off V. Hence |d|^2 <= n V(0), whatever the motion.
 """
 
@@ -33,7 +33,7 @@ from backdrive.errors import InvalidInput
 from backdrive.parameters import ABOVE_ZERO, POSITIVE, Bound, array, whole
 from backdrive.status import STATUSES, Status
 
-#: What a torque may be made of: integer of the kernel and unit of the parameter for a rotary joint.
+#: The regressors: number in the kernel, and unit of the parameter for a rotary joint.
 REGRESSORS: dict[str, tuple[int, str]] = {
     "coulomb": (0, "N.m"),
     "coulomb_positive": (1, "N.m"),
@@ -190,15 +190,15 @@ class RecursiveLeastSquares:
 
         Args:
             regressors: names out of `REGRESSORS`.
-            spread: standard deviation of the parameters around `start`, in their units, one number, (n,) or (J, n). It is
-                also the largest uncertainty, on average over the parameters, that the estimator falls back to.
+            spread: standard deviation of the parameters around `start`, in their units, one number, (n,) or (J, n). Averaged
+                over the parameters, it is also the largest uncertainty of the estimate.
             noise: standard deviation of the measured torque around the model [N.m or N], one number or (J,).
             joints: J, how many.
             start: parameters at the start, in their units, one number, (n,) or (J, n).
             dead_zone: v_0, speed below which friction is not learned from [rad/s or m/s], one number or (J,).
-            forgetting: lambda. Each sample replaces what one direction of the n was known by, so that under a motion that
-                excites them all the memory is about n/(1 - lambda) samples [-].
-            gate: errors beyond this many standard deviations (a contact, a glitch) count less.
+            forgetting: lambda. Each sample updates one of n directions. So the memory is about n/(1 - lambda) samples under a
+                motion that excites all directions [-].
+            gate: errors beyond this many standard deviations (a contact, an outlier) get a lower weight.
             limit: largest predicted torque [N.m or N], one number or (J,).
 
         Raises:
@@ -210,7 +210,7 @@ class RecursiveLeastSquares:
         n = len(kinds)
         if n == 0 or len(set(kinds)) < n or any(same <= set(kinds) for same in ALIKE):
             raise InvalidInput(
-                f"The regressors {self.names} are none, or no motion can tell some of them apart.",
+                f"The regressors {self.names} are empty, or some of them are linearly dependent.",
                 remedy="Name each once; take 'coulomb' with 'offset', or one Coulomb torque a direction without.",
             )
         J = whole("joints", joints)

@@ -2,8 +2,8 @@
 
     u1' = u2,   u2' in -(H+1) G/2 sgn(sigma) - (H-1) G/2 sgn(u2),   sigma = 2 G (u1 - x) + |u2| u2
 
-x: input. u1: output, u2: its rate. G: rate of u2 that the filter allows as it follows [input/s^2]; H > 1: how much harder it brakes
-where it is too fast to come to rest at x. Backward Euler with the period T has the closed form
+x: input. u1: output, u2: its rate. G: rate of u2 that the filter allows as it follows [input/s^2]; H > 1: factor by which it
+decelerates harder when it is too fast to stop at x. Backward Euler with the period T has the closed form
 
     e = u1 - x,   s = G T,   w = -2 G e/(s + sqrt(s^2 + 2 G |e|))
     u2 <- u2 - clip(u2 - w, clip(u2, -H s, -s), clip(u2, s, H s)),   u1 <- u1 + T u2

@@ -1,4 +1,4 @@
-"""Friction that changes: two models compared, many tracked, temperature in the law, and how far a loop may adapt."""
+"""Changing friction: comparison of two models, tracking of many, dependence on temperature, and bounds for adaptation."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""How far the level of a compensated friction may go: never beyond what the joint takes away by itself.
+"""Upper bound of an adapted friction level: the compensation never exceeds the joint's own friction.
 
-A compensator that gives R theta f along the motion puts in R theta |f v|, and the joint's friction takes out |F v|. Where
-R theta |f(v)| <= |F(v)| at every speed and in both directions, the two together never give energy, whatever theta does inside its
-bounds: the loop stays as passive as it was. So the largest level is
+A compensator with the torque R theta f along the motion adds the power R theta |f v|, and the joint's friction dissipates |F
+v|. If R theta |f(v)| <= |F(v)| at every speed and in both directions, the sum never adds energy, however theta varies within
+its bounds. The loop stays as passive as before. So the largest level is
 
     theta_up = min over v of F_least(v) / (R f(v))
 
@@ -52,7 +52,7 @@ def passive_level(
     level = float(np.min(F / (gain * f)))
     if not level > 0:
         raise InvalidInput(
-            "The least friction is not above its margin: no compensation is sure to leave the joint passive.",
+            "The least friction does not exceed its margin: no compensation is certain to keep the joint passive.",
             remedy="Identify the joint better, or where it is warm.",
         )
     return level

@@ -1,17 +1,17 @@
-"""Has this joint's friction changed? Two identified curves, their distance, and how much of it chance explains.
+"""Test whether a joint's friction has changed: the distance of two identified curves, and whether noise explains it.
 
 With d the difference of the two curves at some speeds and C the sum of their covariances there, d' C^-1 d follows a chi-square
 distribution with as many degrees of freedom as there are speeds, if nothing changed. The curves are compared at no more
-speeds than either has parameters. A model file keeps standard errors and not their correlations: then C has what the
-parameters' errors give as if they were independent. That is nearly so for the knots of one sweep; the knots of several
-sweeps share the error of gravity, and there the covariance of `fit_sweeps` should be given.
+speeds than either has parameters. A model file may contain standard errors without their correlations; then C treats the
+parameters' errors as independent. This is nearly true for the knots of one sweep. The knots of several sweeps share the error
+of gravity: give the covariance of `fit_sweeps` there.
 
-Where one model has one curve for both directions and the other one each, d is the difference of (|F(v)| + |F(-v)|) / 2: the former
-does not say what each direction has.
+If only one of the models has a curve for each direction, d is the difference of (|F(v)| + |F(-v)|) / 2, since the other model
+does not separate the directions.
 
 Standard errors come from inside one log, and are themselves estimates, which widens the tail of the test: on 200 pairs of
-simulated sweeps without a change, chance was called one in 2.5 % instead of 1 % and 7.5 % instead of 5 %.
-So they are taken `REPEAT` times as large here, a number chosen after that was seen (`benchmarks/evidence/drift.py`).
+simulated sweeps without a change, the rate of false alarms was 2.5 % instead of 1 %, and 7.5 % instead of 5 %. So they are
+multiplied by `REPEAT` here, a factor chosen after that result (`benchmarks/evidence/drift.py`).
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from backdrive.laws import Law, Polyline
 from backdrive.model import JointFriction
 from backdrive.plans.base import phrase
 
-ALARM = 0.01  # probability of calling chance a change [-]
-REPEAT = 1.1  # scatter of an identification repeated, by the standard error that one log gives [-]
+ALARM = 0.01  # probability of a false alarm [-]
+REPEAT = 1.1  # scatter of repeated identifications, divided by the standard error from one log [-]
 REACH = 1.96  # standard errors of a 95 % interval
 SLOWEST = 0.02  # share of the top speed below which curves are not compared: there they jump [-]
 MEANS = 60  # speeds over which the mean change is taken
@@ -49,7 +49,7 @@ class Change:
         top_speed: up to which both hold [rad/s or m/s].
         distance: E of Iwatani 2017, (2.16), along +q and -q [N.m or N].
         relative: E_p of (2.17), of the second to the first, along +q and -q [-].
-        shape: what the verdict calls the change of shape: the larger of `relative`, or E_p of the mean of both directions [-].
+        shape: size of the change of shape in the verdict: the larger of `relative`, or E_p of the mean of both directions [-].
         mean: mean of the second curve less the first, by the mean of the first [-].
         mean_error: its standard error, `REPEAT` included [-]; NaN where a model has none.
         chi_square: of the test; NaN where a model has no standard errors.
@@ -88,7 +88,7 @@ class Change:
         """The answer in words."""
         size = 100.0 * self.shape
         if not self.is_testable:
-            return f"differs by up to {size:.2g} %; without standard errors nobody can tell whether that is chance"
+            return f"differs by up to {size:.2g} %; without standard errors it cannot be tested whether that is noise"
         reach = 100.0 * REACH * self.mean_error
         digits = int(np.clip(-np.floor(np.log10(max(reach, 1e-6))), 0, 6))
         amount = f"{100.0 * self.mean:+.{digits}f} +- {reach:.{digits}f} %"
@@ -113,7 +113,7 @@ def change_of(
         first: the earlier one, to which the change is relative.
         second: the later one.
         top_speed: up to which they are compared, not beyond where both hold [rad/s or m/s]; None: as far as both hold.
-        alarm: probability of calling chance a change [-].
+        alarm: probability of a false alarm [-].
         covariances: of the knots of each, positive ones first, for curves of line sections [(N.m)^2 or N^2], (2 m, 2 m); None:
             from the standard errors.
 
@@ -175,8 +175,8 @@ def change_of(
             shape = float(np.sqrt(np.mean((after - before) ** 2) / np.mean(before**2)))
             which = "first" if known[0].tied else "second"
             remarks.append(
-                f"Compared is the mean of both directions, for the {which} model has one curve for both; how the "
-                "directions differ is not judged."
+                f"The mean of both directions was compared, since the {which} model has one curve for both; the "
+                f"difference between the directions was not tested."
             )
         at = _places((first, second), known, top, one_way)
         d, C, variance = np.zeros(at.size), np.zeros((at.size, at.size)), 0.0
@@ -192,7 +192,7 @@ def change_of(
     else:
         without = [n for n, p in zip(("first", "second"), parts, strict=True) if p is None]
         who = "Neither model has" if len(without) == 2 else f"The {without[0]} model has no"
-        remarks.append(f"{who} standard errors: identify again (not --literal), and chance can be judged.")
+        remarks.append(f"{who} standard errors, so no test is possible: identify again without --literal.")
     return Change(
         joint=b.name,
         unit=a.torque_unit,
@@ -211,15 +211,15 @@ def change_of(
 
 
 def _under_the_same_load(first: JointFriction, second: JointFriction) -> tuple[JointFriction, list[str]]:
-    """Return the second model's friction under the load of the first one's curve, and what is to be said of that."""
+    """Return the second model's friction under the load of the first model's curve, and a remark on it."""
     before, after = growth_with_load(first), growth_with_load(second)
     if before is None and after is None:
         return second, []
     if before is None or after is None:
         says, other = ("second", "first") if before is None else ("first", "second")
         return second, [
-            f"Only the {says} model says how friction grows with the load; the {other} does not say under which load its curve "
-            "holds, and the difference may be that."
+            f"Only the {says} model contains the growth of friction with the load. The load at which the {other} "
+            f"one was identified is unknown and may explain the difference."
         ]
     growth = second.law.growth
     assert growth is not None

@@ -34,7 +34,7 @@ class Comparison(Display):
 
     @property
     def is_testable(self) -> bool:
-        """Return whether change or its absence can be told of any joint."""
+        """Return whether any joint has the standard errors that a test needs."""
         return any(c.is_testable for c in self.changes)
 
     def to_dict(self) -> dict[str, Any]:
@@ -76,7 +76,7 @@ def compare(
         joints: names to compare, or name in the first -> name in the second; None: all that both have.
         rename: name in the second -> name in the first.
         top_speed: up to which to compare [rad/s or m/s]; None: as far as both hold.
-        alarm: probability of calling chance a change, a joint.
+        alarm: probability of a false alarm, for each joint.
 
     Raises:
         InvalidInput: the models have no joint in common, or a number makes no sense.

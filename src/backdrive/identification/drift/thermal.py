@@ -3,13 +3,14 @@
     tau_f(v, theta) = F(v) + theta G(v),    theta' = (P - theta) / T_th,    P = tau_f v
 
 A joint warms by what its friction turns into heat: C dTheta/dt = eta P - h (Theta - ambient). Divided by h, the rise of temperature
-is eta/h times the friction's power P, low-passed with the time constant T_th = C/h. Without a sensor eta/h cannot be told from
-the friction's sensitivity: a joint that warms twice as much and minds it half shows the same torques. So the virtual
-temperature theta is that low-passed power [W], and only T_th and the product G are found. With a sensor theta is its reading
-less a reference [degC]. To first order in theta, every knot of the curve moves along a straight line.
+is eta/h times the friction's power P, low-passed with the time constant T_th = C/h. Without a sensor, eta/h cannot be
+separated from the friction's sensitivity: twice the warming with half the sensitivity gives the same torques. So the virtual
+temperature theta is that low-passed power [W], and only T_th and the product G are identified. With a sensor theta is its
+reading less a reference [degC]. To first order in theta, every knot of the curve moves along a straight line.
 
-For a given T_th all is linear: T_th is sought, the rest is regressed (variable projection: Golub & Pereyra, SIAM J. Numer. Anal.
-10, 1973). Virtual temperature in place of a sensor: Simoni, Beschi, Legnani, Visioli (Robotica, 2018).
+For a given T_th the model is linear: T_th is found by a search, all other parameters by regression (variable projection:
+Golub & Pereyra, SIAM J. Numer. Anal. 10, 1973). Virtual temperature in place of a sensor: Simoni, Beschi, Legnani, Visioli
+(Robotica, 2018).
 """
 
 from __future__ import annotations
@@ -137,7 +138,7 @@ def identify_thermal(
         raise InvalidInput("The log holds no temperature.", remedy="Map it, or ask for a virtual one.")
     if len(stretches) > 1 and virtual:
         raise NotIdentifiable(
-            f"The log has {len(stretches) - 1} gaps, in which nobody knows how the joint cooled.",
+            f"The log has {len(stretches) - 1} gaps, in which the cooling of the joint is unknown.",
             remedy="Record the warm-up without gaps, or with a temperature.",
         )
     parts = [_bin(s) for s in stretches]
@@ -231,7 +232,7 @@ def _solve(shape, rest, theta, tau, weight, V, time_constant, reference) -> Ther
     slope, spread = found[K : 2 * K], covariance[K : 2 * K, K : 2 * K]
     if not chance(float(slope @ np.linalg.pinv(spread, rcond=1e-10) @ slope), K) < SURE:
         raise NotIdentifiable(
-            "Friction does not change with the temperature along this log beyond chance.",
+            "In this log, friction does not change significantly with temperature.",
             remedy="Begin with a cold joint, and record until it is warm.",
         )
     left = weight * (tau - X @ found)

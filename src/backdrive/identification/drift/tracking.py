@@ -2,11 +2,11 @@
 
     x_i = x_(i-1) + w_i,  w_i ~ N(0, q (t_i - t_(i-1)));      y_i = x_i + e_i,  e_i ~ N(0, s_i^2)
 
-y_i: level found by the i-th identification, s_i its standard error, q: how much the level wanders. Kalman's filter and Rauch's
-smoother give the level with its interval for every q of a grid; they are averaged with the likelihood as weight, for a single
-best q from a dozen identifications would make the intervals too narrow. Whether it changed at all is asked without
-that model: sum (y_i - mean)^2 / s_i^2 is chi-square with n - 1 degrees of freedom where the level is constant, and the slope of a
-straight line through it has one of its own.
+y_i: level of the i-th identification, s_i: its standard error, q: variance of the level's random walk per time. Kalman's
+filter and Rauch's smoother give the level with its interval for every q of a grid. The results are averaged with the
+likelihood as weight, since a single best q from a dozen identifications would make the intervals too narrow. The test for a
+change does not use that model. If the level is constant, sum (y_i - mean)^2 / s_i^2 is chi-square with n - 1 degrees of
+freedom; a second test is that of the slope of a straight line.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Track:
         """The answer in words."""
         now = f"{self.level[-1]:.3g} +- {REACH * self.error[-1]:.2g}"
         if not self.is_significant:
-            return f"constant within chance over {self.time.size} identifications, now {now}"
+            return f"no significant change over {self.time.size} identifications, now {now}"
         return (
             f"has changed by {self.level[-1] - self.level[0]:+.3g} since the first identification, now {now}"
         )
@@ -80,7 +80,7 @@ def track(
         time: of each, increasing, in any unit (n,).
         level: what each found, for example the friction at a speed [N.m or N], (n,).
         error: standard error of each, in the unit of the level (n,).
-        alarm: probability of calling chance a change [-].
+        alarm: probability of a false alarm [-].
 
     Raises:
         InvalidInput: fewer than three, of different length, not in order, or without standard errors.

@@ -42,7 +42,7 @@ def is_driven(logs: Sequence[Log], options: Options) -> bool:
 
 
 def check(options: Options) -> None:
-    """Refuse what no search can heed, before anything long begins: numbers that contradict each other, laws that there are not.
+    """Refuse contradictory numbers and unknown laws, before any long computation.
 
     Raises:
         InvalidInput: a number makes no sense, two contradict each other, or a rate law and an element do not go together.
@@ -59,8 +59,8 @@ def check(options: Options) -> None:
         plain = name.partition("[")[0]
         if plain in options.known:
             raise InvalidInput(
-                f"'{name}' is known ({options.known[plain]:g}) and bounded at once.",
-                remedy="Leave one of the two out: what is bounded is sought.",
+                f"'{name}' is both known ({options.known[plain]:g}) and bounded.",
+                remedy="Leave one of the two out: a bounded number is fitted.",
             )
         low, high = user_range(name, given[:2] if isinstance(given, (list, tuple)) else given)
         if not low < high:
@@ -91,7 +91,7 @@ def fit_joints(
         held_out: to judge on; windows of the fitted ones where there are none.
         names: of joints.
         options: what is asked.
-        warnings: joined by what makes the whole result suspect.
+        warnings: list to which warnings on the whole result are added.
 
     Raises:
         NotIdentifiable: no joint's friction can be fitted.

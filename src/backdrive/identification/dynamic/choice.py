@@ -1,4 +1,4 @@
-"""Which of several fitted laws to use: judged on windows or logs that no fit has seen, and said in words."""
+"""The choice among several fitted laws, by their errors on held-out windows or logs, with the reason in words."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ WINDOWS = 15  # of time; every third is held out
 WORTH = 0.02  # a richer law must lower the held-out error by this share [-]
 LEAST = 0.002  # or by this, where the windows agree [-]
 CLEAR = 0.999  # probability by which they agree [-]
-LOST = 0.1  # of the gain that a richer law may lose in some windows, where few of them hold the gain [-]
+LOST = (
+    0.1  # share of its gain that a richer law may lose in other windows, if few windows contain the gain [-]
+)
 
 #: Laws that `auto` considers by what the data can support.
 CURVES = ("coulomb-viscous", "stribeck-gauss", "stribeck-tustin", "degressive")
@@ -43,7 +45,7 @@ class Candidate:
         remark: why it failed, or what it could not see.
         fit: None where it failed.
         windows: mean squared error of each held-out window, for paired comparison.
-        shown: the data show its presliding, where it has any; where they do not, it is not chosen over a law without.
+        shown: the data determine its presliding, if it has any; otherwise a law without presliding is preferred.
     """
 
     name: str
@@ -181,7 +183,7 @@ def remark(unseen: Iterable[str]) -> str:
 def choose(
     joint: str, candidates: Sequence[Candidate], unit: str, size: float, what: str = "torque"
 ) -> Choice:
-    """Return the choice: the simplest law that no richer one beats by more than it is worth.
+    """Return the choice: the simplest law, unless a richer one lowers the held-out error enough.
 
     Args:
         joint: its name.
@@ -204,14 +206,14 @@ def choose(
     simple = next(c for c in alive if not _worth(c, best))
     share = 100.0 / size if size > 0 else float("nan")
     reason = (
-        f"'{simple.name}' leaves {simple.held_out:.3g} {unit} ({share * simple.held_out:.1f} %) of {what} that it had not "
-        f"seen, with {simple.parameters} numbers."
+        f"'{simple.name}' leaves {simple.held_out:.3g} {unit} ({share * simple.held_out:.1f} %) of {what} that was "
+        f"held out, with {simple.parameters} parameters."
     )
     richer = [c for c in alive if c.parameters > simple.parameters]
     if richer:
         c = min(richer, key=_comparable_error)
         gain = 100.0 * (1.0 - c.held_out / simple.held_out)
-        reason += f" '{c.name}' with {c.parameters} would bring {c.held_out:.3g} {unit}" + (
+        reason += f" '{c.name}' with {c.parameters} parameters leaves {c.held_out:.3g} {unit}" + (
             f", {gain:.1f} % less: not worth it." if gain > 0 else ", no less: it is not worth it."
         )
     poorer = [c for c in alive if c.parameters < simple.parameters]
@@ -222,12 +224,14 @@ def choose(
 
 
 def _comparable_error(candidate: Candidate) -> float:
-    """Return the unseen error to six digits: what differs less is one law in two forms, and rounding is not to choose."""
+    """Return the held-out error to six digits. Laws that differ less are two forms of one law, and rounding must not decide
+    between them.
+    """
     return float(f"{candidate.held_out:.6g}")
 
 
 def _worth(simple: Candidate, best: Candidate) -> bool:
-    """Say whether the best law beats a simpler one by more than the windows' scatter, and by enough to matter or beyond doubt."""
+    """Return whether the best law's gain over a simpler one is significant, or both large and above the windows' scatter."""
     enough = best.held_out < (1.0 - WORTH) * simple.held_out
     if simple.windows is None or best.windows is None or len(simple.windows) != len(best.windows):
         return enough

@@ -1,7 +1,7 @@
-"""Whether a law of the velocity alone holds through reversals, and the stretches without them where it does not.
+"""Check whether a law of velocity alone is valid through reversals; if it is not, reversals are left out of the fit.
 
-About a reversal a joint sticks, bends what is elastic in it, and breaks away. A law that knows the velocity alone has none of
-it: fitted there, it takes the lag for less Coulomb and more viscous friction, or for a break-away torque near zero.
+At a reversal a joint sticks, deflects elastically, and breaks away. A law of velocity alone cannot describe this. Fitted
+there, it gives too little Coulomb and too much viscous friction, or a break-away torque near zero.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from backdrive.identification.remark import EARLY
 from backdrive.identification.signals import spans
 from backdrive.laws.direction import BACKWARD
 
-ENOUGH = 0.3  # share of the samples that has to be sliding for only that to count [-]
-LESS = 2.0  # standard errors by which friction about reversals has to be less for these not to count [-]
+ENOUGH = 0.3  # least share of sliding samples for a fit to sliding alone [-]
+LESS = 2.0  # reversals are left out if friction there is lower by so many standard errors [-]
 FEWEST_TURNS = 6  # and so many of them
 
 
 def sliding(stretches: Sequence[Stretch], late: float = 0.0) -> list[Stretch]:
-    """Return stretches of which only sliding counts, where that leaves enough; otherwise as they are.
+    """Return stretches in which only sliding samples count, if these are enough; otherwise the stretches unchanged.
 
     Args:
         stretches: of one joint.
@@ -43,7 +43,7 @@ def sliding(stretches: Sequence[Stretch], late: float = 0.0) -> list[Stretch]:
 
 
 def sliding_only(fit: Fit, stretches: Sequence[Stretch]) -> list[Stretch]:
-    """Return stretches of which only sliding counts where a law was fitted to that alone; otherwise as they are."""
+    """Return stretches in which only sliding samples count, if the law was fitted to sliding alone; otherwise unchanged."""
     fitted: Sequence[Stretch] = getattr(fit.problem, "stretches", ())
     if not any(s.only_sliding for s in fitted):
         return list(stretches)
@@ -53,7 +53,7 @@ def sliding_only(fit: Fit, stretches: Sequence[Stretch]) -> list[Stretch]:
 def lags_behind(
     stretches: Sequence[Stretch], slid: Sequence[Stretch], misses: Sequence[np.ndarray], late: float
 ) -> bool:
-    """Say whether friction about reversals is less than a fit has it, as where a joint sticks and bends before it slides.
+    """Return whether friction near reversals is lower than the fit predicts, as it is when a joint sticks and deflects first.
 
     Args:
         stretches: of one joint.
@@ -71,7 +71,7 @@ def lags_behind(
 
 
 def slips_too_early(values: Mapping[str, float]) -> bool:
-    """Say whether a law breaks away far below the Coulomb friction that it slides with, one way or the other.
+    """Return whether a law's break-away torque is far below its Coulomb friction, in either direction.
 
     Args:
         values: of the law, by name [SI].
@@ -80,7 +80,8 @@ def slips_too_early(values: Mapping[str, float]) -> bool:
 
 
 def possible(values: Mapping[str, float], line: float) -> dict[str, tuple[float, float]]:
-    """Return bounds in which friction falls from rest to sliding: the Coulomb friction of a line lies between the two.
+    """Return bounds that make friction fall from rest to sliding: the Coulomb friction of a line lies between break-away and
+    Coulomb friction.
 
     Args:
         values: of the law, by name [SI].
@@ -93,7 +94,7 @@ def possible(values: Mapping[str, float], line: float) -> dict[str, tuple[float,
 
 
 def is_bounded(bounds: Mapping[str, object]) -> bool:
-    """Say whether a person bounds break-away or Coulomb friction: then the law stays as it was fitted, and is graded."""
+    """Return whether the user bounds break-away or Coulomb friction; then the fitted law is kept, and graded."""
     return any(name.removesuffix(BACKWARD) in ("breakaway", "coulomb") for name in bounds)
 
 

@@ -1,4 +1,4 @@
-"""Whether a law differs by direction: as asked for, or where the data of its symmetric fit say that it pays."""
+"""Whether a law has parameters for each direction: by option, or if the residuals of the symmetric fit show a gain."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ALIKE = ("_negative", "_positive")  # parameters of laws that have both directio
 
 
 def name_by_direction(law: str) -> str:
-    """Return the name of a law whose directions have numbers of their own; itself where they have them already."""
+    """Return the name of the law with parameters for each direction; the same name if it has them already."""
     shape = LawShape.from_name(law)
     return replace(shape, rate=law_by_direction(shape.rate)).name if shape.rate.SYMMETRIC else shape.name
 
@@ -28,7 +28,7 @@ def laws_to_try(laws: Sequence[str], symmetric: bool | None) -> list[str]:
 
 
 def terms_beside(shape: LawShape, terms: Sequence[str], options: Options) -> list[str]:
-    """Return the terms that are sought beside a law: no constant torque where Coulomb friction by direction says the same."""
+    """Return the terms fitted beside a law, without the constant torque if Coulomb friction by direction is equivalent to it."""
     kept = options.symmetric is not False or shape.tells_offset or "offset" in options.bounds
     return [term for term in terms if kept or term != "offset"]
 
@@ -52,9 +52,10 @@ def symmetric_shape(shape: LawShape) -> LawShape:
 
 
 def gain(one: Fit, velocity: np.ndarray) -> float:
-    """Return by what share the mean square would fall if each direction had numbers of its own [-]; to first order.
+    """Return the relative decrease of the mean square with parameters for each direction, to first order [-].
 
-    A number of the rate law acts where the joint moves its way: so its derivatives, cut in two, are those of both directions.
+    A parameter for one direction acts only during motion in that direction. So the derivatives of the symmetric law, split by
+    direction, are those of the parameters by direction.
 
     Args:
         one: fit of a symmetric law to torque.

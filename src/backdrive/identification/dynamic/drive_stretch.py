@@ -21,7 +21,7 @@ from backdrive.logs.log import Drive, Joint, Log
 LOOSE = 2.0  # length of a window where no controller holds the motion [s]
 FEWEST = 9  # windows
 
-#: Law of a log's drive -> what its input is, and whether there is a motor between that and the torque.
+#: Law of a log's drive -> quantity of its input, and whether a motor lies between input and torque.
 LAWS: dict[str, tuple[Literal["open", "position", "velocity"], bool]] = {
     "torque": ("open", False),
     "position": ("position", False),
@@ -108,8 +108,8 @@ def whole(parts: Sequence[DriveStretch], held: bool) -> list[MotionLog]:
 
     Args:
         parts: stretches.
-        held: a controller holds the motion, so that a stretch can run from its first sample to its last. Without one, errors
-            of force add up, and every window starts anew from the measured motion.
+        held: a controller tracks the motion, so that a stretch is simulated from its first to its last sample. Without a
+            controller, force errors accumulate, and every window starts again from the measured motion.
     """
     if held:
         return [p.log for p in parts]
@@ -198,7 +198,7 @@ def drive_of(log: Log, sought: tuple[str, ...] = ()) -> DriveModel:
     """
     if log.drive is None:
         raise InvalidInput(
-            "The log does not say what its drive's input does.",
+            "The log does not name the law of its drive.",
             remedy="Name the drive: --drive torque, or position,proportional=2000,derivative=60 (in Python: drive=Drive(...)).",
         )
     known = {n: v for n, v in log.drive.gains.items() if n in GAINS}

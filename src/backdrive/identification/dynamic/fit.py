@@ -1,4 +1,4 @@
-"""What a search's end says: one law's numbers with their errors, what was at a bound and what the motion does not show."""
+"""The result of a search: a law's parameters with errors, those at a bound, and those that the motion does not determine."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ class Fit:
         return [(x - y)[counts] for x, (y, counts) in zip(self.predict(records), series, strict=True)]
 
     def misses(self, records: Sequence[Any]) -> list[np.ndarray]:
-        """Return measured less predicted, as far as no law can make up for it, each (n,).
+        """Return measured minus predicted, without the part that no law can explain (see `bracket`), each (n,).
 
         Args:
             records: stretches, or motion logs, of the joint.
@@ -175,10 +175,10 @@ def conclude(problem: Problem, found: SearchResult, loss: str = "huber") -> Fit:
     ties = {a: b for a, b in shape.ties.items() if a in shape.rate.TIES}
     notes += sentences(
         (advice, advice or ""),
-        (found.interrupted, "The search was interrupted; this is the best that it had found."),
+        (found.interrupted, "The search was interrupted; this is its best result so far."),
         (
             not found.interrupted and not found.converged,
-            "The search did not come to rest in its iterations; the best point is given.",
+            "The search did not converge within its iterations; the best point is given.",
         ),
         (ties, words.alike(ties)),
     )

@@ -25,7 +25,7 @@ from backdrive.identification.result import JointEvidence
 from backdrive.logs.log import Joint
 from backdrive.model import JointFriction
 
-EXACT = 1e-5  # of what was measured: a law that leaves less on what it has not seen is not refined [-]
+EXACT = 1e-5  # share of the measured signal: a law with a smaller held-out error is not refined [-]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,16 +93,16 @@ class Task(ABC):
         return True
 
     def differs(self, one: Fit) -> bool:
-        """Return whether a symmetric law is worth a fit by direction, as its own residuals say; False where they cannot."""
+        """Return whether the residuals of a symmetric law justify a fit by direction; False if they cannot show it."""
         return False
 
     def judges_of(self, one: Fit) -> Sequence[Any]:
-        """Return the records that a fit is judged on beside the others of the choice."""
+        """Return the records on which a fit is compared with the others of the choice."""
         return self.judges
 
     @abstractmethod
     def explains(self, final: Fit, judged: Fit) -> bool:
-        """Return whether a fit to everything is to be taken, and not the one that was judged."""
+        """Return whether to use the fit to all data; otherwise the fit that was judged is used."""
 
     @abstractmethod
     def finish(self, final: Fit, judged: Fit) -> tuple[JointFriction, JointEvidence]:
@@ -167,8 +167,8 @@ def fit_joint(task: Task) -> JointFit:
             final = again
         elif not stopped:
             remarks.append(
-                "Fitted to everything, the law explains the log worse than without the windows that it was judged on: the "
-                "numbers are those of the fit that was judged."
+                "The fit to all data explains the log worse than the fit without the held-out windows, so the "
+                "latter's parameters are used."
             )
     ends, done = final.intervals_until_stop(
         "covariance" if stopped else options.interval,
@@ -191,7 +191,9 @@ def fit_joint(task: Task) -> JointFit:
 
 
 def _by_direction(task: Task, choice: Choice, candidates: Sequence[Candidate]) -> Candidate | None:
-    """Return the chosen law by direction, fitted and judged as the others; None where nothing asks for it."""
+    """Return the chosen law with parameters for each direction, fitted and judged like the others; None if the residuals do
+    not justify it.
+    """
     one = choice.candidate().fit
     if one is None or task.options.symmetric is not None or not one.problem.shape.rate.SYMMETRIC:
         return None
@@ -228,7 +230,7 @@ def _candidate(task: Task, law: str, begun: float) -> Candidate:
 
 
 def check_bounds(bounds: Mapping[str, Any], laws: Sequence[str], others: Sequence[str]) -> None:
-    """Refuse a bound that nothing would heed.
+    """Refuse a bound on an unknown parameter.
 
     Args:
         bounds: of what is sought, by name.
@@ -249,7 +251,7 @@ def check_bounds(bounds: Mapping[str, Any], laws: Sequence[str], others: Sequenc
 
 
 def interruption(listed: Sequence[str], candidates: Sequence[Candidate], done: bool) -> str:
-    """Return what is to be said of a fit that was interrupted.
+    """Return a sentence on an interrupted fit.
 
     Args:
         listed: laws that were to be fitted.
@@ -257,6 +259,6 @@ def interruption(listed: Sequence[str], candidates: Sequence[Candidate], done: b
         done: the intervals asked for were reached.
     """
     left = [LawShape.from_name(name).name for name in listed[len(candidates) :]]
-    said = "The fit was interrupted; this is the best that had been found."
+    said = "The fit was interrupted; this is its best result so far."
     said += f" Not tried: {', '.join(left)}." if left else ""
-    return said + ("" if done else " Intervals that were not reached are those of the covariance.")
+    return said + ("" if done else " Intervals not yet computed are those of the covariance.")

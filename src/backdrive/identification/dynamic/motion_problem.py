@@ -1,7 +1,7 @@
 """Motion given the drive's input: the residuals of a law, an axis and its drive through forward dynamics.
 
-A joint with its drive is let go from the measured start of every log under the recorded input; what it does is compared with
-what was measured. A batch of candidates on all logs is one call of the engine.
+The joint with its drive is simulated from the measured start of every log under the recorded input. The result is compared
+with the measured motion. A batch of candidates on all logs is one call of the engine.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class MotionProblem(Problem):
             )
         if max(float(np.ptp(log.position)) for log in logs) == 0.0:
             raise NotIdentifiable(
-                "The axis never moves, so that its friction cannot be seen.",
+                "The axis never moves, so its friction cannot be identified.",
                 remedy="Record a motion with reversals.",
             )
         self.axis, self.free, self.unit = axis, dict(free or {}), unit

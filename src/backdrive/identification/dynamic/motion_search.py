@@ -1,8 +1,8 @@
-"""The search of a fit through forward dynamics: its cost has steps and folds, where a joint sticks in one trial and passes in
-the next.
+"""The search of a fit through forward dynamics. Its cost has steps and folds, since a joint may stick in one trial and slide
+in the next.
 
-So the forward differences are wide and narrow down, every damped step is tried at several sizes and judged by the loss
-itself, and many starts are screened before a few descend. All trials of all starts are one batch.
+So the forward differences begin wide and become narrower. Every damped step is tried at several lengths and accepted by the
+loss alone. Many starts are screened before a few descend. All trials of all starts are one batch.
 """
 
 from __future__ import annotations

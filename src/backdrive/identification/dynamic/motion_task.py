@@ -1,7 +1,7 @@
 """Motion given the drive's input: one joint with its drive in the loop, prepared for the fit of a shortlist.
 
-No torque is needed. What the drive must have given along the measured motion follows from its own gains; a fit to that torque
-(`law_fit`) gives the start, and the motion itself decides (`motion`): the joint is let go from the measured start of every
+No torque is needed. The drive's torque along the measured motion follows from its gains; a fit to that torque (`law_fit`)
+gives the starting values. The final fit compares motions (`motion`): the joint is simulated from the measured start of every
 window under the recorded input. Every third window is held out.
 """
 
@@ -46,7 +46,7 @@ from backdrive.model import Actuator, Estimate, JointFriction
 STEP = 1e-3  # longest integration step [s]
 QUICK = 0.08  # of the fastest time constant of the drive with the inertia, that a step may be [-]
 FINEST = 20  # steps a sample, at most, unless a person asks for more
-STARTS = 12  # stretches at most whose velocity at the start, which a low pass tells badly, is sought too
+STARTS = 12  # most stretches whose initial velocity is fitted too, since the low pass estimates it poorly
 LATEST = 0.03  # longest delay that is sought [s]
 PLAIN = "coulomb-viscous"  # fitted to the drive's torque for starts of laws that need the load
 
@@ -62,7 +62,7 @@ class MotionTask(Task):
 
     Raises:
         InvalidInput: the drive is not known, or the logs do not fit together.
-        UnknownName: what is known is no number of an axis.
+        UnknownName: a known parameter does not belong to an axis.
         NotIdentifiable: the joint never moves.
     """
 
@@ -152,7 +152,9 @@ class MotionTask(Task):
         return float(np.mean(one.found.residual**2)), one.samples
 
     def explains(self, final: Fit, judged: Fit) -> bool:
-        """Return whether a fit to everything is to be taken: always, but where it was cut short before it was as good."""
+        """Return whether to use the fit to all data: always, unless it was interrupted with a larger error than the judged
+        fit.
+        """
         return not (final.interrupted and final.rms > judged.rms)
 
     def _start(self, shape: LawShape, terms: Sequence[str]) -> dict[str, float]:

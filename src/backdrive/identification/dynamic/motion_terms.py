@@ -1,4 +1,4 @@
-"""What a fit through forward dynamics seeks: the law's numbers, and those of the axis and its drive, by name.
+"""The unknowns of a fit through forward dynamics: parameters of the law, the axis and its drive, by name.
 
 `inertia`, `gravity_sin`, ... are fields of `engine.Axis`, `drive.resistance`, ... those of `engine.DriveModel`;
 `drive.proportional_factor` multiplies the own gain of every log, `start.position[k]` and `start.velocity[k]` are added to where

@@ -1,7 +1,8 @@
-"""What a search needs to know of a fit: names, bounds, residuals of many points at once, and what an error is measured by.
+"""The interface between a fit and its search: names, bounds, residuals of many points at once, and scales of the errors.
 
-There are two: torque given motion (`torque`), and motion given the drive's input (`motion_problem`). Each states what is
-sought, what is measured and how it is predicted; the way between search points and numbers and the residuals are here.
+There are two problems: torque given motion (`torque`), and motion given the drive's input (`motion_problem`). Each defines
+the unknowns, the measurement and its prediction. This base class converts between search points and parameters, and computes
+the residuals.
 """
 
 from __future__ import annotations
@@ -99,7 +100,7 @@ class Problem(ABC):
         return residual
 
     def encoder(self, point: np.ndarray) -> np.ndarray:
-        """Return how the residuals change when the encoder's steps fall otherwise, a draw a row, (draws, m); none by default.
+        """Return the change of the residuals for redrawn encoder steps, one draw a row, (draws, m); no draws by default.
 
         Args:
             point: search coordinates, (P,).
@@ -107,7 +108,7 @@ class Problem(ABC):
         return np.zeros((0, self.size))
 
     def sort_elements(self, found: SearchResult) -> SearchResult:
-        """Return where a search ended with what may be exchanged in a fixed order."""
+        """Return the end of a search with interchangeable elements in a fixed order."""
         return found
 
     def yardstick(self, unknown: Unknown) -> tuple[float, float]:
@@ -117,7 +118,9 @@ class Problem(ABC):
     def bracket(
         self, values: Mapping[str, float], record: Any, predicted: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return what a measurement may lie between without an error, (n,) each: the prediction itself by default."""
+        """Return the lower and upper limit of a measurement that is not an error, (n,) each: the prediction itself by
+        default.
+        """
         return predicted, predicted
 
     def axis_of(self, values: Mapping[str, float]) -> Axis:
@@ -127,5 +130,6 @@ class Problem(ABC):
             InvalidInput: torque was fitted, which tells no axis with its drive.
         """
         raise InvalidInput(
-            "A fit of torque given motion has no axis with a drive.", remedy="Use its `law` and `values`."
+            "A fit of torque given motion does not identify an axis with a drive.",
+            remedy="Use its `law` and `values`.",
         )

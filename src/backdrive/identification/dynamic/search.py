@@ -137,8 +137,8 @@ class Search:
             tolerance: relative fall of the cost below which the search is done.
             tick: called with the iteration and the cost.
 
-        From where a search has started or come to rest before, none is made again. An interruption ends this search and later
-        ones with the best that any of them found; before there is one, it passes on.
+        A search from a point where an earlier one started or converged is not repeated. An interruption ends this search and
+        later ones with the best result of any of them. If there is no result yet, the interruption is raised.
         """
         if self.stopped and self.best is not None:
             return replace(self.best, interrupted=True)

@@ -1,7 +1,8 @@
-"""Ctrl-C during a fit: the first one ends what is under way and keeps what was found, the second one ends everything.
+"""Ctrl-C during a fit: the first one ends the search and keeps the best result, the second one ends the program.
 
-An interruption that arrives anywhere, as Python has it, may be lost in a thread or spoil a result that is half made. So once
-something can be kept it is only noted, and raised where a search stands between two evaluations; before, it is raised at once.
+Python may raise an interruption at any instruction, where it can be lost in a thread or corrupt a partial result. So once a
+result exists, the interruption is only noted, and raised between two evaluations of the search. Before that, it is raised at
+once.
 """
 
 from __future__ import annotations

@@ -159,8 +159,8 @@ class TorqueProblem(Problem):
         if self.size < FEWEST:
             whole = sum(len(s.torque) for s in stretches)
             raise NotIdentifiable(
-                f"Of {whole} samples {self.size} are left to fit {len(self.unknowns)} numbers to: rests, reversals and what is "
-                "held out do not count.",
+                f"Of {whole} samples {self.size} are left to fit {len(self.unknowns)} numbers to: rests, reversals "
+                f"and held-out samples do not count.",
                 remedy=f"At least {FEWEST} have to be left: record longer, better a minute of motion.",
             )
 
@@ -241,8 +241,8 @@ class TorqueProblem(Problem):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return what the torque may lie between without an error [N.m or N], (n,) each.
 
-        Friction that jumps at a reversal is at that sample anything between what it is before and after: when within the
-        sampling time the joint turned, no law can say.
+        At a reversal, friction that jumps may have any value between those before and after, since the instant of the
+        reversal within the sampling interval is unknown.
         """
         low, high = predicted.copy(), predicted.copy()
         if self.shape.element.SET_VALUED and len(predicted) > 2:
@@ -309,7 +309,8 @@ def _late(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return increments, load and regressors of a motion that the torque lags behind by so many samples.
 
-    A `rigid` law knows the velocity at the instant alone: its increments are those around a sample, others' of the interval before.
+    A `rigid` law depends only on the velocity at the sample, so its increments are centered there. Other laws use the
+    increment of the interval before the sample.
     """
     if samples == 0.0 and not rigid:
         return s.dp, s.load, X
@@ -323,7 +324,8 @@ def _late(
 def _outside(velocity: np.ndarray, threshold: np.ndarray, blur: float) -> np.ndarray:
     """Return the share of the torque of a dead zone, (B, n): 0 within it, 1 outside.
 
-    A measured speed has an error and is known once a sample, so that the edge is soft, and its place has a derivative.
+    A measured speed has an error and is known only at the samples. So the edge of the dead zone is smoothed, which also makes
+    the torque differentiable with respect to its place.
     """
     width = np.hypot(1.5 * blur, 0.5 * np.gradient(velocity, axis=1))
     depth = 0.5 + 0.5 * np.clip((np.abs(velocity) - threshold[:, None]) / width, -1.0, 1.0)

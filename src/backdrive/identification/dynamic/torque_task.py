@@ -35,10 +35,10 @@ from backdrive.laws import CoulombViscous, Rigid
 from backdrive.logs.log import Log
 from backdrive.model import JointFriction
 
-VARIES = 0.1  # a load or temperature varies that spans this share of its size [-]
+VARIES = 0.1  # a load or temperature counts as varying if its span exceeds this share of its size [-]
 WORSE = 1.1  # mean square of a fit to everything by that of the one that was judged, beyond which it is not taken [-]
 BETTER = 0.9  # mean square of a fit to sliding alone by that of one to everything, there, below which it is taken [-]
-MOST_PULL = 100.0  # gravity by friction, beyond which two terms cancel each other [-]
+MOST_PULL = 100.0  # ratio of gravity to friction above which two terms cancel each other [-]
 TURNS = 0.5  # a joint that turns by less shows little of gravity [rad]
 
 
@@ -213,9 +213,9 @@ def gravity_terms(stretches: Sequence[Stretch], unit: str, wanted: bool | None) 
 
 
 def gravity_shows(logs: Sequence[Log], name: str) -> bool:
-    """Say whether a curve that is the same both ways asks for gravity where the joint turns little.
+    """Return whether a curve equal in both directions needs a gravity term although the joint turns little.
 
-    Gravity that is left out of a small stroke passes for friction that differs by direction, so that it is tried before.
+    On a small stroke, neglected gravity looks like friction that differs by direction. So gravity is tried first.
     """
     try:
         friction, _ = identify_motion(logs, name, symmetric=True)
@@ -223,7 +223,7 @@ def gravity_shows(logs: Sequence[Log], name: str) -> bool:
         return False
     size = float(np.mean(np.abs(friction.law.torque(np.array(friction.validity.velocity)))))
     ends = [friction.dynamics[term] for term in GRAVITY if term in friction.dynamics]
-    # over a small stroke gravity is its slope: what a constant could hold of it is no evidence
+    # over a small stroke only the slope of gravity is evidence, since a constant can replace its mean
     return bool(ends) and max(abs(e.value) for e in ends) < MOST_PULL * size
 
 

@@ -1,4 +1,6 @@
-"""How sure a fit is: covariance that bears noise correlated in time, and 95 % intervals from that, from profiles or windows."""
+"""Uncertainty of a fit: a covariance valid for noise correlated in time, and 95 % intervals from it, from profiles or from
+windows.
+"""
 
 from __future__ import annotations
 
@@ -48,9 +50,9 @@ def search_covariance(
 ) -> Covariance:
     """Return the covariance of a weighted least-squares fit.
 
-    The scores are summed over blocks of time before they are squared, so that residuals that stay on one side for a while
-    (encoder steps, what the law does not know) count as one error and not as many. Where that comes out smaller than the
-    covariance for independent residuals and errors of the motion, the latter stands.
+    The scores are summed over blocks of time before they are squared. So residuals that keep their sign for a while (encoder
+    steps, effects not in the law) count as one error. If the result is smaller than the covariance for independent residuals
+    and errors of the motion, the latter is used.
 
     Args:
         jacobian: of the residuals by the search coordinates, (m, P).
@@ -212,8 +214,8 @@ def intervals(
         found: where the search ended.
         errors: standard errors by name [SI].
         method: `covariance`: a normal distribution in the search coordinate, lopsided for what is sought in its logarithm;
-            `profile`: how far the number can be held off its best value before all others can no longer make up for it,
-            scaled so that correlated residuals count as in the covariance; `bootstrap`: windows of time drawn with
+            `profile`: values of the parameter for which refitting all others keeps the cost below a limit, scaled for
+                correlated residuals as the covariance is; `bootstrap`: windows of time drawn with
             replacement.
         loss: of the fit.
         step: of the forward differences of a profile, in search coordinates.
@@ -253,7 +255,7 @@ def intervals(
 
 
 def check_interval(method: str, loss: str) -> None:
-    """Refuse a kind of interval that there is not, or not with this loss.
+    """Refuse an unknown kind of interval, or one that does not exist for this loss.
 
     Raises:
         UnknownName: no such method.
@@ -262,7 +264,8 @@ def check_interval(method: str, loss: str) -> None:
     lookup(method, dict.fromkeys(METHODS, 0), "kind of interval")
     if method == "profile" and loss == "absolute":
         raise InvalidInput(
-            "A profile needs squares, and the loss is 'absolute'.", remedy="Ask for bootstrap intervals."
+            "Profile intervals need a sum of squares, but the loss is 'absolute'.",
+            remedy="Ask for bootstrap intervals.",
         )
 
 

@@ -1,7 +1,7 @@
-"""What a fit seeks: numbers with unit and range, and the way from a search vector to a law.
+"""The unknowns of a fit: parameters with unit and range, and the conversion from a search vector to a law.
 
-A search runs in scaled coordinates: the logarithm of what spans orders of magnitude, and everything else in units of its
-scale. Shares of elements side by side are sought as the logarithms of their ratios to the last one, so that they always
+A search runs in scaled coordinates: the logarithm of parameters that span orders of magnitude, and the others in units of
+their scale. Shares of elements side by side are sought as the logarithms of their ratios to the last one, so that they always
 add up to 1.
 """
 
@@ -35,7 +35,7 @@ class Scales:
         unit: of the joint, `rad` or `m`.
         slowest: speed below which the encoder says nothing [rad/s or m/s].
         lag: a time in which friction may settle [s].
-        most: friction that the data can show, for what a law has beyond its sliding torque [N.m or N].
+        most: largest friction in the data, for torques of a law above its sliding torque [N.m or N].
     """
 
     force: float
@@ -208,14 +208,15 @@ class LawShape:
 
     @property
     def tells_offset(self) -> bool:
-        """Whether reversals tell a constant torque from Coulomb friction that differs by direction."""
+        """Whether reversals separate a constant torque from Coulomb friction that differs by direction."""
         return self.rate.MARK > 0.0 and not (self.element.SET_VALUED or self.element.ZONE)
 
     def beside(self, terms: Sequence[str]) -> LawShape:
         """Return the shape to be sought beside these terms of the dynamics.
 
-        Nothing tells a constant torque from Coulomb friction that differs by direction: where an `offset` is sought, the
-        directions are taken to resist alike; but for a law of two curves with presliding, which starts from either bound.
+        A constant torque cannot be separated from Coulomb friction that differs by direction. So if an `offset` is fitted,
+        Coulomb friction is taken as equal in both directions. Exception: for a law of two curves with presliding, reversals
+        separate the two.
         """
         loose = (
             "offset" not in terms
@@ -247,7 +248,8 @@ class LawShape:
                 elif parameter.many:
                     if not issubclass(rows, Parallel) and "velocity" not in self.fixed:
                         raise InvalidInput(
-                            f"'{rows.NAME}' is a curve, which a sweep gives; a fit does not choose its knots.",
+                            f"'{rows.NAME}' is a curve with knots, which this fit cannot choose; a sweep identifies "
+                            f"it.",
                             remedy="Use `identify`, fix `velocity`, or fit stribeck-tustin or degressive.",
                         )
                     each = [f"{name}[{i}]" for i in range(self.count)]

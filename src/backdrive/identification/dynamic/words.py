@@ -1,4 +1,4 @@
-"""What a fit could not see, in words: why this motion does not show a parameter, and what would."""
+"""Sentences on parameters that this motion does not determine: the reason, and the motion that would determine them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from backdrive.laws.direction import plain as without_direction
 #: Parameter -> (what the motion lacks, what would show it).
 REASONS: dict[str, tuple[str, str]] = {
     "stiffness": (
-        "the motion holds no reversal slow enough, sampled finely enough, to see presliding",
+        "the motion has no reversal that is slow enough, and sampled finely enough, to show presliding",
         "reverse slowly within the presliding distance, with many encoder counts in it",
     ),
     "share": (
@@ -78,13 +78,16 @@ REASONS: dict[str, tuple[str, str]] = {
         "gravity, a constant torque and the friction of the two directions look alike in it",
         "move slowly in both directions through the same positions",
     ),
-    "drive.delay": ("nothing in the drive's input is quick enough to time it", "add steps and reversals"),
+    "drive.delay": (
+        "the drive's input has no change quick enough to show a delay",
+        "add steps and reversals",
+    ),
     "drive.gain": (
-        "nothing tells the drive's torque from inertia and friction",
+        "the drive's torque cannot be separated from inertia and friction",
         "give the inertia, or hold a known load",
     ),
     "drive.torque_constant": (
-        "nothing tells the drive's torque from inertia and friction",
+        "the drive's torque cannot be separated from inertia and friction",
         "give the inertia, or hold a known load",
     ),
     "drive.resistance": (
@@ -94,18 +97,18 @@ REASONS: dict[str, tuple[str, str]] = {
     "drive.supply_resistance": ("the drive hardly draws current", "add fast starts under load"),
     "drive.saturation": ("the drive hardly draws current", "add fast starts under load"),
     "drive.proportional_factor": ("the controller's error hardly acts", "add steps of its input"),
-    "delay": ("nothing in the torque is quick enough to time it", "add reversals"),
+    "delay": ("the torque has no change quick enough to show a delay", "add reversals"),
 }
 
 
 def alike(ties: Mapping[str, str]) -> str:
     """Return what is to be said of parameters that were taken to equal others."""
     pairs = " and ".join(f"'{a}' is taken to equal '{b}'" for a, b in ties.items())
-    return f"{pairs}: no motion tells a difference between the directions from a constant torque, which is in 'offset'."
+    return f"{pairs}: no motion can separate a difference between the directions from a constant torque, which is in 'offset'."
 
 
 def why(name: str) -> tuple[str, str]:
-    """Return what a motion lacks that does not show this parameter, and what would."""
+    """Return what the motion lacks to determine this parameter, and the motion that would determine it."""
     plain = without_direction(name.partition("[")[0])
     if plain not in REASONS and plain.startswith("drive."):
         plain = plain[6:]
@@ -141,7 +144,7 @@ def unseen(
         partner = int(np.argmax(others))
         size = f"its error is {100 * relative[i]:.0f} %" if np.isfinite(relative[i]) else "it has no error"
         twin = (
-            f"; it trades against '{names[partner]}' (correlation {correlation[i, partner]:+.2f})"
+            f"; it is correlated with '{names[partner]}' (correlation {correlation[i, partner]:+.2f})"
             if others[partner] > 0.9
             else ""
         )

@@ -1,7 +1,7 @@
-"""What can be wrong with a log: one check a file, with a name, a sentence with numbers, and a remedy.
+"""Health checks of logs: one check per file, with a name, a sentence with numbers, and a remedy.
 
-Checks run in the order of `CHECKS`, and each sees the log as the repairs before it would leave it. So one fault is one
-finding: a wrapped integer is not also an outlier, and a velocity in degrees not also a wrong scale.
+Checks run in the order of `CHECKS`, each on the log as repaired by the checks before it. So one fault gives one finding: a
+wrapped integer is not reported as an outlier too, nor a velocity in degrees as a wrong scale.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from backdrive.logs.log import Log
 
 __all__ = ["CHECKS", "Check", "Finding", "Repair", "Severity", "check", "gate", "mend"]
 
-#: The clock first, then single samples, then channels, then what channels say of one another: a module and a line each.
+#: The checks in their order: clock, single samples, channels, consistency of channels. Each has a module and a line.
 CHECKS: tuple[Check, ...] = tuple(
     import_module(f"{__name__}.{name}").find
     for name in (
@@ -52,7 +52,7 @@ CHECKS: tuple[Check, ...] = tuple(
 
 
 def check(log: Log, *, plan: Any = None) -> list[Finding]:
-    """Return everything that is the matter with a log, in the order of `CHECKS`; an empty list is a clean bill.
+    """Return all findings on a log, in the order of `CHECKS`; an empty list means that no fault was found.
 
     Args:
         log: any log; it is not changed.
@@ -62,19 +62,19 @@ def check(log: Log, *, plan: Any = None) -> list[Finding]:
 
 
 def gate(log: Log, accept: Iterable[str] = (), repair: bool = False, *, plan: Any = None) -> Log:
-    """Let a log pass that would not spoil a result, or stop it; see `screen`, whose first return value this is."""
+    """Return a log that passes the checks, or raise an error; this is the first return value of `screen`."""
     return screen(log, accept, repair, plan=plan)[0]
 
 
 def screen(
     log: Log, accept: Iterable[str] = (), repair: bool = False, *, plan: Any = None
 ) -> tuple[Log, list[Finding]]:
-    """Let a log pass that would not spoil a result, with what is still suspect in it, or stop it.
+    """Return a log that passes the checks, with its remaining suspect findings, or raise an error.
 
     Args:
         log: any log.
-        accept: names of checks whose findings the person takes as they are; they are neither repaired nor stopped.
-        repair: mend what can be mended honestly; every repair is among the notes of the log returned.
+        accept: names of checks whose findings the user accepts; they are neither repaired nor refused.
+        repair: make all safe repairs; every repair is among the notes of the log returned.
         plan: the motion plan it was recorded with; the log's own, if None.
 
     Returns:
@@ -98,7 +98,7 @@ def screen(
         mend = "" if repair or not all(f.repairable for f in spoiling) else "--repair, or "
         raise UnhealthyLog(
             f"The log would spoil the result: {sentences}{more}",
-            remedy=f"Use {mend}{' '.join(f'--accept {name}' for name in names)} to go on regardless.",
+            remedy=f"Use {mend}{' '.join(f'--accept {name}' for name in names)} to continue anyway.",
             findings=[f.to_dict() for f in spoiling],
         )
     result = mended if repair else log
@@ -116,7 +116,8 @@ def screen(
 
 
 def mend(log: Log, accept: Iterable[str] = (), *, plan: Any = None) -> Log:
-    """Return the log as `gate` would leave it with `repair=True`, whether it would then pass or not; its notes say what was done.
+    """Return the log with all repairs that `gate` makes with `repair=True`, even if it would still be refused; its notes list
+    the repairs.
 
     Args:
         log: any log.
@@ -135,12 +136,12 @@ def _examine(log: Log, plan: Any, accepted: frozenset[str]) -> tuple[list[Findin
     findings: list[Finding] = []
     rows: np.ndarray | None = None
     exam = Exam(log, plan)
-    with np.errstate(all="ignore"):  # a log may hold 1e308 and worse
+    with np.errstate(all="ignore"):  # a log may contain 1e308 or larger
         for item in CHECKS:
             if len(exam.log) < few_samples.FEWEST and item.name != few_samples.find.name:
                 break
             if item.name == unsorted_time.find.name and not np.isfinite(exam.log.time).all():
-                break  # without a clock nothing more can be told
+                break  # without a clock no other check is possible
             own = item(exam)
             findings += [_with_rows_of(f, rows) for f in own]
             mendable = [f for f in own if f.repairable]

@@ -1,4 +1,4 @@
-"""`Exam`: a log on the table, with what several checks want to know of it computed once."""
+"""`Exam`: a log under examination, with cached values that several checks need."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from backdrive.logs.resolution import resolution
 
 #: An interval this many times longer than usual is a gap.
 GAP = 2.5
-#: Statistics look at no more samples than this, in blocks spread over the log.
+#: Statistics use at most this many samples, in blocks spread over the log.
 _SAMPLES = 1 << 16
 _BLOCKS = 32
 
@@ -23,7 +23,7 @@ R = TypeVar("R")
 
 
 def once(function: Callable[Concatenate[Exam, P], R]) -> Callable[Concatenate[Exam, P], R]:
-    """Have a function of an exam compute its answer once for each of its arguments; several checks ask for the same."""
+    """Cache the result of an exam's function for each of its arguments, since several checks need it."""
 
     @wraps(function)
     def answer(exam: Exam, *arguments: P.args, **options: P.kwargs) -> R:

@@ -1,4 +1,4 @@
-"""What a health check says: `Finding`; and what a health check is: `Check`."""
+"""The result of a health check, `Finding`, and the definition of a check, `Check`."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from backdrive.logs.log import Log
 if TYPE_CHECKING:
     from backdrive.logs.health._exam import Exam
 
-#: `note`: true and harmless. `warn`: the result is worse for it. `spoils`: the result would be wrong.
+#: `note`: harmless. `warn`: the result is less accurate. `spoils`: the result would be wrong.
 Severity = Literal["note", "warn", "spoils"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Finding:
-    """One thing that is the matter with a log.
+    """One fault of a log.
 
     Attributes:
         name: of the check, as `--accept NAME` takes it; the check fills it in.
@@ -30,7 +30,7 @@ class Finding:
         remedy: what to do about it.
         value: the size of the fault, in the unit that the sentence names [any].
         where: rows of the log that was checked, ascending, (m,); None when all rows are meant.
-        repairable: an honest repair exists, and `gate(..., repair=True)` would make it.
+        repairable: a safe repair exists, which `gate(..., repair=True)` makes.
     """
 
     name: str = ""
@@ -65,7 +65,7 @@ class Repair:
 
     Attributes:
         log: the repaired log, with a note of what was done.
-        rows: for each of its rows the row that it was before, (m,); None when no row moved.
+        rows: former index of each row, (m,); None when no row moved.
     """
 
     log: Log
@@ -78,13 +78,13 @@ Changes = dict[tuple[str, int], np.ndarray]  # of joints' columns, by channel an
 
 @dataclass(eq=False)
 class Check:
-    """One thing that can be the matter with a log; called with an exam it returns its findings.
+    """A check for one kind of fault; called with an exam it returns its findings.
 
     Attributes:
         name: stable, kebab-case.
         about: what it looks for, in half a sentence.
         search: looks at an `Exam` and yields findings, which need not say the name.
-        repair: mends the repairable ones among its own findings; None when nothing honest can be done.
+        repair: repairs those of its findings that are repairable; None when there is no safe repair.
     """
 
     name: str
@@ -93,7 +93,7 @@ class Check:
     repair: Mend | None = None
 
     def __call__(self, exam: Exam) -> list[Finding]:
-        """Return what is the matter."""
+        """Return the findings."""
         return [replace(finding, name=self.name) for finding in self.search(exam)]
 
     def mend_with(self, repair: Mend) -> Mend:

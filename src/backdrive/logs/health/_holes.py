@@ -1,4 +1,4 @@
-"""What the checks for NaN and for infinity share: finding the samples, and doing without them."""
+"""Common parts of the checks for NaN and for infinity: finding the samples and dropping them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from backdrive.logs.health._exam import Exam
 from backdrive.logs.health._finding import Check, Finding, Repair, count_of, without_rows
 from backdrive.logs.log import Log
 
-#: Channels that nothing can replace; of the others an empty one is left out.
+#: Channels that cannot be replaced; other channels are left out if they are empty.
 _NEEDED = ("torque",)
 #: A channel with more holes than this share is empty rather than damaged.
 EMPTY = 0.5
@@ -57,7 +57,7 @@ def _finding(log: Log, channel: str, joint: str, word: str, rows: np.ndarray) ->
         remedy=(
             f"Leave the channel out, or map {channel} from a column that holds numbers (--map)."
             if empty
-            else "Drop those samples (--repair does; what is left is never joined across them)."
+            else "Drop those samples (--repair does; the remaining parts are not joined across them)."
         ),
         value=rows.size,
         where=rows,
@@ -66,7 +66,7 @@ def _finding(log: Log, channel: str, joint: str, word: str, rows: np.ndarray) ->
 
 
 def _drop_holes(exam: Exam, findings: Sequence[Finding]) -> Repair:
-    """Drop rows with holes; leave out a channel that is mostly holes and can be done without."""
+    """Drop rows with holes; leave out a channel that is mostly holes and not required."""
     log, name = exam.log, findings[0].name
     n = len(log)
     empty = {str(f.channel) for f in findings if f.where is not None and f.where.size > EMPTY * n}

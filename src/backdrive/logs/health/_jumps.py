@@ -1,4 +1,4 @@
-"""Jumps of a position that no joint can make."""
+"""Jumps of a position that are physically impossible."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from backdrive.logs.health._exam import Exam, once
 
-#: A jump is so many times longer than nearly all steps, and than those around it.
+#: A jump is this many times longer than nearly all other steps, and than its neighbours.
 _FAR, _FAR_LOCAL = 3.0, 8.0
 
 
@@ -21,7 +21,7 @@ class Jumps:
         sizes: signed jump without the motion expected in that step [rad or m], (m,).
         slack: how far a size may be off, as the steps around it differ, (m,) [rad or m].
         resolution: smallest step of the channel, 0 if unknown [rad or m].
-        glitch: the jump is one side of a value that is back at once, (m,).
+        glitch: the jump is one side of a single wrong value, (m,).
     """
 
     rows: np.ndarray

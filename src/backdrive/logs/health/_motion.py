@@ -1,7 +1,7 @@
-"""Torque and the terms that explain it, of one joint, filtered alike: for the checks that ask what the torque does.
+"""Torque of one joint and the terms that explain it, with the same filter, for checks of the torque.
 
-The terms are made from lightly smoothed motion; then they and the torque pass the same three running means. A linear
-relation between them stays what it was, and the noise of the torque is gone.
+The terms are made from lightly smoothed motion; then they and the torque pass the same three running means. This keeps linear
+relations between them, and removes the noise of the torque.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from backdrive.logs.health._exam import Exam, once
 #: Length of each running mean, and the fewest samples: before the terms are made, and after.
 _LIGHT, _HEAVY, _FEWEST = 0.01, 0.03, 3
 _FOLDS = 12
-_FORGOTTEN = 4.0  # time constants after which a low pass has forgotten a reversal [1]
-#: Below this share of the top speed, presliding and its lag rule the friction.
+_FORGOTTEN = 4.0  # settling time of a low pass after a reversal [time constant]
+#: Below this share of the top speed, presliding and frictional lag dominate the friction.
 SLOW = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What a joint's torque and motion look like at m instants.
+    """A joint's torque and motion at m instants.
 
     Attributes:
         terms: acceleration, sign of velocity, velocity, one, and position (as sine and cosine where it is wide);
@@ -32,7 +32,7 @@ class Motion:
         velocity: filtered velocity [rad/s or m/s], (m,).
         torque: filtered torque, column by column `shifts` samples later [N.m or N], (m, k).
         shifts: in samples, (k,).
-        fast: no slow motion or reversal has leaked into these instants, (m,).
+        fast: True where the filters contain no slow motion and no reversal, (m,).
         noise: variance of the noise left in the filtered torque [(N.m)2 or N2].
         fold: number of the stretch of the log that each instant belongs to, (m,).
     """
@@ -151,7 +151,7 @@ def lagging(exam: Exam, j: int, reach: int, seconds: float) -> tuple[np.ndarray,
 
 
 def bent(exam: Exam, j: int, reach: int, widths: np.ndarray) -> np.ndarray:
-    """Return at the instants of `motion` how far a bristle is bent that slips at a distance, as a share of it, (m, w).
+    """Return the deflection of a bristle at the instants of `motion`, as a share of the distance at which it slips, (m, w).
 
     Args:
         exam: the log.
@@ -202,7 +202,7 @@ def _path(exam: Exam, j: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 def running(x: np.ndarray, width: int) -> np.ndarray:
     """Return x (n, ...) after three running means of odd length `width`; 3 (width - 1) / 2 rows are lost at each end."""
-    offset = x[0]  # so that what stands still has no rounding left that could be taken for motion
+    offset = x[0]  # so that rounding errors at standstill are not mistaken for motion
     x = x - offset
     zero = np.zeros((1, *x.shape[1:]))
     for _ in range(3):

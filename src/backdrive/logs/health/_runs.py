@@ -1,4 +1,4 @@
-"""Runs of equal samples that no working sensor gives while the joint moves."""
+"""Runs of equal samples that a working sensor cannot give while the joint moves."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from backdrive.logs.health._survey import RUN
 from backdrive.logs.health._velocity_fit import velocity_fit
 from backdrive.logs.resolution import white_noise
 
-#: A run is called frozen where chance would make one in a million logs like it.
+#: A run counts as frozen if by chance it occurs in fewer than one log in a million.
 _CHANCE = 1e-6
-#: The same beside a smooth signal, which stands longer at its peaks than elsewhere.
+#: The same for a smooth signal, which changes more slowly at its peaks.
 _CHANCE_SMOOTH = 1e-9
-#: Only so many of the longest runs are looked at.
+#: At most this many of the longest runs are checked.
 _MOST = 200
 #: A velocity without a position must stand for so many samples.
 _ALONE = 100
@@ -27,14 +27,15 @@ _WRONG = 0.05
 def standstill_runs(exam: Exam, channel: str, j: int) -> list[tuple[int, int]]:
     """Return stretches [start, stop) in which a channel stands still although the joint moves.
 
-    A quantised channel has equal neighbours by nature, so a run must be impossible: a position that stood while the velocity
-    went on, a velocity that stood while the position left the straight line, noise that stopped, or a jump when it ends.
+    A quantised channel always has equal neighbours, so a run counts only if it is impossible. Cases: a constant position with
+    nonzero velocity; a constant velocity while the position leaves the straight line; noise that stops; a jump at the end of
+    the run.
     """
     if not exam.usable(channel, j) or not exam.survey(channel).long_run[j]:
         return []
     survey = exam.survey(channel)
     if survey.low[j] == survey.high[j]:
-        return []  # a dead channel is another matter
+        return []  # a dead channel is found by another check
     x = exam.column(channel, j)
     edges = np.concatenate([[0], np.flatnonzero(np.diff(x)) + 1, [x.size]])
     lengths = np.diff(edges)
@@ -52,7 +53,7 @@ def _position_froze(exam: Exam, channel: str, j: int, x: np.ndarray, start: int,
     if _agree(exam, j):
         v, t = exam.column("velocity", j)[start:stop], exam.log.time[start:stop]
         moved = abs(np.sum(0.5 * (v[1:] + v[:-1]) * np.diff(t)))
-        # a filtered velocity runs on for a while after a stop: it must go on to the end
+        # a filtered velocity decays slowly after a stop, so it must be nonzero until the end
         late = abs(np.median(v[v.size // 2 :])) * (t[-1] - t[0])
         # a sum of noise is no motion, and neither is a velocity that never quite comes to zero
         wander = 6 * np.sqrt(v.size) * exam.period * white_noise(exam.sample("velocity", j))
@@ -87,7 +88,7 @@ def _signal_froze(exam: Exam, channel: str, j: int, x: np.ndarray, start: int, s
         if lively and turns > 0.15 and chance < _CHANCE:
             return True
         if channel == "velocity" and not exam.usable("position", j):
-            return False  # nothing tells a level stretch from a frozen one
+            return False  # a constant part cannot be distinguished from a frozen one
         # a smooth signal may have a level stretch, but comes out of it as it went in
         if (
             lively
@@ -95,13 +96,15 @@ def _signal_froze(exam: Exam, channel: str, j: int, x: np.ndarray, start: int, s
             and release > max(6 * resolution, 4 * np.median(np.abs(around)))
         ):
             return True
-    if x[start] == 0 and start > 0:  # a value that is no longer sent falls to zero, one that is held does not
+    if (
+        x[start] == 0 and start > 0
+    ):  # a value that is no longer sent becomes zero, a frozen one keeps its value
         release = max(release, abs(x[start] - x[start - 1]))
     return bool(release > max(6 * resolution, 4 * _noise(x, start, stop)))
 
 
 def _agree(exam: Exam, j: int) -> bool:
-    """Return whether position and velocity tell the same motion on the whole, so that one can convict the other."""
+    """Return whether position and velocity agree on the whole, so that one can be used to check the other."""
     fit = velocity_fit(exam, j)
     if fit is None or not abs(fit.scale - 1) < 0.15 or not fit.residual < 0.3:
         return False
@@ -147,6 +150,6 @@ def moves(exam: Exam, channel: str, j: int, start: int, stop: int) -> bool:
     if channel != "velocity" and exam.usable("velocity", j):
         v = np.abs(exam.column("velocity", j)[start:stop])
         return bool(np.quantile(v, 0.1) > 0.05 * _top_speed(exam, j))
-    # nothing else tells of motion; a controller on a coarse encoder can be quiet at one speed for a while
+    # no other channel shows motion; a controller with a coarse encoder may be constant at one speed for some time
     fast = channel == "velocity" and abs(exam.column(channel, j)[start]) > _WRONG * _top_speed(exam, j)
     return fast and stop - start >= _ALONE

@@ -1,7 +1,7 @@
-"""One pass over a channel: the few numbers per joint that tell whether a closer look is needed.
+"""One pass over a channel: a few numbers per joint that decide whether detailed checks are needed.
 
-A healthy log of an hour is read once per channel, in pieces that stay in the processor's cache; only joints with a
-suspicious number are looked at sample by sample.
+A healthy log is read once per channel, in pieces that fit the processor's cache. Only joints with a suspicious number are
+checked sample by sample.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 #: Rows a piece; seven columns of doubles then fit a second-level cache.
 _PIECE = 1 << 13
-#: A run of this many equal samples is worth a look.
+#: A run of this many equal samples is checked in detail.
 RUN = 20
 
 

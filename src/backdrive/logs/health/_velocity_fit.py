@@ -1,4 +1,4 @@
-"""How a measured velocity relates to the position's change: scale, delay, and what neither explains.
+"""Fit of measured velocity to the change of position: scale, delay, and residual.
 
 The position's change over a window, D, is compared with the integral of velocity over it, S. Integrating spares the
 quantised position from being differentiated. A velocity delayed by T falls short of the change by T times the change of
@@ -17,7 +17,7 @@ from backdrive.logs.resolution import white_noise
 
 #: Fewest samples a window, and how many steps of the encoder the joint should move in it.
 _WINDOW, _MOVED = 5, 24.0
-#: Windows shall be longer than a delay worth the name [s].
+#: Windows are longer than any relevant delay [s].
 _LONG = 0.1
 _MOST_WINDOWS = 8192
 _FOLDS = 24  # stretches of the log by which the error of the scale is estimated
@@ -30,10 +30,10 @@ class VelocityFit:
     Attributes:
         scale: change of position per integral of velocity; 1 when all is well [1].
         delay: of velocity behind position [s].
-        residual: RMS of what is left over the RMS of the change of position [1].
+        residual: RMS of the residual divided by the RMS of the change of position [1].
         plain: the same without the delay [1].
         window: length of the windows compared [s].
-        error: standard error of `scale` [1]; infinite where nobody knows it.
+        error: standard error of `scale` [1]; infinite if unknown.
     """
 
     scale: float
@@ -46,7 +46,7 @@ class VelocityFit:
 
 @once
 def velocity_fit(exam: Exam, j: int) -> VelocityFit | None:
-    """Return the fit; None where a channel is missing or the joint moves too little to tell."""
+    """Return the fit; None if a channel is missing or the joint moves too little."""
     if not (exam.usable("position", j) and exam.usable("velocity", j)) or not exam.period > 0:
         return None
     if exam.survey("velocity").low[j] == exam.survey("velocity").high[j]:
@@ -65,7 +65,7 @@ def velocity_fit(exam: Exam, j: int) -> VelocityFit | None:
     while True:
         change, integral, ends = _windows(pieces, window)
         moved, expected = (float(np.sqrt(np.mean(x**2))) for x in (change, integral))
-        # noise adds up with the root of the window, what rounding takes away with the window itself
+        # noise grows with the root of the window's length, the effect of rounding in proportion to it
         unsure = max(6 * noise * np.sqrt(window), 3 * rounding * window)
         enough = moved > least and max(moved, expected) > unsure
         if enough or 3 * window > longest / 4:

@@ -1,4 +1,4 @@
-"""Degrees where radians are claimed, millimetres where metres are."""
+"""Degrees in a channel declared as radians, or millimetres in one declared as metres."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from backdrive.logs.health._velocity_fit import velocity_fit
 
 #: How far a ratio may be from the ratio of two units [1].
 TOLERANCE = 0.12
-#: A joint that goes to and fro within more than this is suspected of another unit [rad or m].
+#: A stroke above this suggests another unit [rad or m].
 SPAN = 25.0
 _DEGREE = 180 / np.pi
 
@@ -32,8 +32,8 @@ def find(exam: Exam) -> Iterator[Finding]:
                 channel=channel,
                 severity="spoils",
                 sentence=(
-                    f"{channel} of {joint} is in {large}: position changes {fit.scale:.4g} times as fast as velocity says, "
-                    f"and {large} over {small} are {factor if channel == 'position' else 1 / factor:.4g}."
+                    f"{channel} of {joint} is in {large}: position changes {fit.scale:.4g} times as fast as its velocity "
+                    f"channel, and {large} over {small} are {factor if channel == 'position' else 1 / factor:.4g}."
                 ),
                 remedy=f"State the unit (--unit, or --map with a factor), or use --repair: it turns {channel} into {small}.",
                 value=factor,
@@ -47,7 +47,8 @@ def find(exam: Exam) -> Iterator[Finding]:
                 channel="position",
                 severity="warn",
                 sentence=f"{joint} goes to and fro over {wide:.4g} {unit}: that looks like {large}.",
-                remedy=f"If it is in {large}, say so with --unit or --map; a joint that really turns so far needs nothing.",
+                remedy=f"If it is in {large}, state that with --unit or --map. If the joint really moves that far, no action "
+                f"is needed.",
                 value=wide,
             )
 

@@ -1,4 +1,4 @@
-"""A position that falls back by a turn, or by the range of its counter."""
+"""A position that wraps around by one turn, or by the range of its counter."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _COUNTERS = tuple(2.0**bits for bits in range(8, 33))
 _GLITCH_COUNTERS = (2.0**12, 2.0**16, 2.0**32)
 
 
-@check("encoder-wrap", "a position that falls back by a turn or by its counter's range")
+@check("encoder-wrap", "a position that wraps by a turn or by its counter's range")
 def find(exam: Exam) -> Iterator[Finding]:
     """Report jumps of a turn or of a counter's range."""
     for channel, j, joint in exam.columns(*CHANNELS):
@@ -73,7 +73,7 @@ def wraps(exam: Exam, channel: str, j: int) -> tuple[float, np.ndarray]:
     periods = [(p, np.ones(found.rows.size, bool)) for p in (_TURNS if rotary else ())]
     periods += [(found.resolution * c, ~glitch) for c in _COUNTERS]
     periods += [(found.resolution * c, glitch) for c in _GLITCH_COUNTERS]
-    if (~glitch).sum() >= 3:  # whatever it is, it is always the same
+    if (~glitch).sum() >= 3:  # an unknown period must be the same at all wraps
         periods.append((float(np.median(np.abs(found.sizes[~glitch]))), ~glitch))
     best, explained = np.nan, np.zeros(found.rows.size, bool)
     for period, allowed in periods:

@@ -1,4 +1,4 @@
-"""Too few samples to say anything."""
+"""Too few samples for any result."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ def find(exam: Exam) -> Iterator[Finding]:
             f"{count_of(rows.size, 'gap')}, {count_of(lost, 'sample')} missing; the longest is {steps[longest]:.3g} s "
             f"before sample {rows[longest]}."
         ),
-        remedy="Nothing need be done: the log is used in pieces and never joined across a gap. Better: record without loss.",
+        remedy="No action is needed: the log is used in pieces and never joined across a gap. Recording without loss is better.",
         value=lost,
         where=rows,
     )

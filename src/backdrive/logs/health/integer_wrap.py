@@ -1,9 +1,9 @@
-"""Whole numbers wrapped by the wrong type: -1 read as 65535, or a sum that ran over its 16 or 32 bits.
+"""Integers read with the wrong type: -1 read as 65535, or a counter that overflowed its 16 or 32 bits.
 
-A wrap moves a value by 2^16 or 2^32 times the channel's resolution, whatever the scale. Two signs give it away: all values
-stay within one such period, and a jump of nearly that period becomes an ordinary step when the period is taken off. Where a
-log was resampled after the fault, values between the two levels appear that no repair can know; those samples are dropped.
-Positions are `encoder-wrap`'s.
+A wrap moves a value by 2^16 or 2^32 times the channel's resolution, whatever the scale. Two signs identify a wrap: all values
+lie within one such period, and a jump of nearly one period becomes an ordinary step when the period is subtracted. If a log
+was resampled after the fault, it contains values between the two levels. They cannot be repaired, so those samples are
+dropped. Positions are checked by `encoder-wrap`.
 """
 
 from __future__ import annotations

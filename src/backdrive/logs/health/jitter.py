@@ -9,9 +9,9 @@ import numpy as np
 from backdrive.logs.health._exam import Exam
 from backdrive.logs.health._finding import Finding, check
 
-#: Standard deviation of the interval over its mean from which on derivatives suffer [1].
+#: Standard deviation of the interval, divided by its mean, above which derivatives become inaccurate [1].
 LIMIT = 0.10
-FEWEST = 10  # intervals that tell it
+FEWEST = 10  # least number of intervals for a jitter
 
 
 def variation(exam: Exam) -> tuple[float, np.ndarray]:

@@ -8,13 +8,13 @@ from backdrive.logs.health._exam import Exam
 from backdrive.logs.health._finding import Finding, check
 from backdrive.logs.health.torque_sign import friction
 
-#: Friction surely below this share of the torque's scatter cannot be seen [1].
+#: Friction significantly below this share of the torque's scatter counts as absent [1].
 SHARE = 0.02
 
 
 @check("no-friction", "a torque without friction")
 def find(exam: Exam) -> Iterator[Finding]:
-    """Remark on joints whose friction torque, with three standard errors, is below `SHARE` of the torque's scatter."""
+    """Report joints whose friction torque plus three standard errors is below `SHARE` of the torque's scatter."""
     for j, joint in exam:
         estimate = friction(exam, j)
         if estimate is None:

@@ -20,7 +20,7 @@ def find(exam: Exam) -> list[Finding]:
             sentence=f"{exam.log.names[j]} does not move in this log.",
             remedy="Choose the joints that move with --joint."
             if not none
-            else "Record a motion; friction shows only in one.",
+            else "Record a motion; friction cannot be identified without one.",
             value=0.0,
         )
         for j in still

@@ -1,8 +1,8 @@
 """Single samples far from both their neighbours.
 
-The measure is the excess of a sample over both its neighbours. Noise, a step (Coulomb friction at a reversal), quantisation
-and the kicks of a differentiating controller all have a usual excess; an outlier is beyond several times the largest usual
-one, beyond what its own surroundings do, and rare.
+The measure is the excess of a sample over both its neighbours. Noise, steps (Coulomb friction at a reversal), quantisation
+and the peaks of a derivative controller each have a typical excess. An outlier is rare, and exceeds both a multiple of the
+largest typical excess and the variation around it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ CHANNELS = ("position", "velocity", "torque", "drive_input", "second_encoder", "
 #: Times the largest usual excess; times the differences around it, or times what a smooth signal leaves around it; steps of the
 #: channel; share of the channel's range.
 _USUAL, _LOCAL, _SMOOTH, _STEPS, _RANGE = 2.5, 3.0, 8.0, 4.0, 1e-2
-#: An outlier this many times as far off as the range of all other samples would rule a least-squares fit.
+#: An outlier this many times as far away as the range of all other samples would dominate a least-squares fit.
 _SPOILS = 2.0
 
 
@@ -105,7 +105,7 @@ def _outliers(exam: Exam, channel: str, j: int) -> np.ndarray:
     change = np.abs(np.diff(x))
     size = np.minimum(change[rows - 1], change[rows])
     across = np.abs(x[rows + 1] - x[rows - 1])
-    # a second outlier nearby must not hide this one
+    # excludes the effect of a second outlier nearby
     local = np.maximum(across, np.sort(_around(change, rows - 1, (-3, -2, -1, 2, 3, 4)), axis=1)[:, -2])
     # in fast smooth motion the steps are long, but what is left of a cubic is small
     bend = np.abs(np.diff(x, 4))

@@ -1,4 +1,4 @@
-"""A log that does not hold the motion of its plan."""
+"""A log that does not contain the motion of its plan."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from backdrive.logs.health._finding import Finding, check
 STROKE, DURATION = 0.2, 0.1
 
 
-@check("plan-mismatch", "a log that does not hold the motion of its plan")
+@check("plan-mismatch", "a log that does not contain the motion of its plan")
 def find(exam: Exam) -> Iterator[Finding]:
     """Report a stroke that differs from the plan's, and a log that ends before the plan."""
     plan = exam.plan

@@ -14,7 +14,7 @@ from backdrive.logs.health.encoder_wrap import CHANNELS, wraps
 
 @check("position-jump", "a position that jumps and stays there")
 def find(exam: Exam) -> Iterator[Finding]:
-    """Report jumps that are no wrap and no single wrong sample."""
+    """Report jumps that are neither a wrap nor a single wrong sample."""
     for channel, j, joint in exam.columns(*CHANNELS):
         found = jumps(exam, channel, j)
         if found is None:

@@ -1,4 +1,4 @@
-"""Several samples with one stamp: sent twice, or a clock coarser than the sampling."""
+"""Several samples with the same time stamp: sent twice, or a clock coarser than the sampling."""
 
 from __future__ import annotations
 

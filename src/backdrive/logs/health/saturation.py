@@ -37,7 +37,7 @@ def _side(exam: Exam, channel: str, j: int, joint: str, side: float) -> Finding 
         return None
     lively = np.std(np.diff(exam.sample(channel, j))) > _LIVELY * exam.quantum(channel, j)
     start, stop = _longest(at)
-    # noise never holds a value; a joint at rest may
+    # a noisy value is never constant; that of a joint at rest may be
     if lively and stop - start >= _LONG_ROW and moves(exam, channel, j, start, stop):
         return _finding(exam, channel, j, joint, side, limit, at)
     inner = limit - side * max(_BAND * span, _STEPS * exam.quantum(channel, j))
@@ -59,7 +59,8 @@ def _finding(
             f"{channel} of {joint} is flat at its {'upper' if side > 0 else 'lower'} end, {limit:.4g} {unit}, for "
             f"{np.count_nonzero(at)} samples."
         ),
-        remedy="True if the motor is at its limit, not if the sensor is: move slower, or leave those samples out.",
+        remedy="If the motor is at its limit, the values are true. If the sensor is at its limit, they are wrong: move slower, "
+        "or leave those samples out.",
         value=limit,
         where=np.flatnonzero(at),
     )

@@ -37,7 +37,7 @@ def find(exam: Exam) -> Iterator[Finding]:
                 f"{channel} of {joint} is exactly zero at {count_of(rows.size, 'sample')} while the joint moves, "
                 f"first at sample {rows[0]}: the drive was off, or the value was not sent."
             ),
-            remedy="True if the drive was off; otherwise cut the log to where the torque is measured.",
+            remedy="If the drive was off, the zeros are true. Otherwise cut the log to the part with measured torque.",
             value=rows.size,
             where=rows,
         )

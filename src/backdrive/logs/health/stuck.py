@@ -12,7 +12,7 @@ from backdrive.logs.health._runs import standstill_runs
 from backdrive.logs.resolution import white_noise
 
 CHANNELS = ("position", "velocity", "torque", "drive_input", "second_encoder", "external_torque")
-#: From this share of the log on, frozen samples spoil a result.
+#: Share of the log above which frozen samples spoil a result.
 _SPOILS = 0.01
 
 
@@ -72,7 +72,7 @@ def _dead(exam: Exam, channel: str, j: int, joint: str) -> Finding | None:
 
 
 def _goes_on(exam: Exam, channel: str, j: int) -> bool:
-    """Return whether a motion channel really moves, rather than trembling by a few of its steps."""
+    """Return whether a motion channel moves by more than a few of its steps."""
     if channel == "velocity":
         x, t = exam.column("velocity", j), exam.log.time
         path = np.cumsum(0.5 * (x[1:] + x[:-1]) * np.diff(t))

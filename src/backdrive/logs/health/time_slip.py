@@ -1,4 +1,4 @@
-"""Torque and motion that are whole samples apart: another message, another buffer, a row of the wrong tick."""
+"""Torque and motion shifted by whole samples: from different messages or buffers, or from the wrong tick."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ from backdrive.logs.health._motion import bent, jackknife, lagging, motion, norm
 from backdrive.logs.health.jitter import LIMIT
 from backdrive.logs.resolution import white_noise
 
-#: Slips up to this are looked for [sample].
+#: Largest slip that is sought [sample].
 REACH = 20
-#: Smaller slips are a controller's own, or the lag of friction itself: in samples, and in seconds.
+#: Smaller slips may come from the controller or from frictional lag: in samples, and in seconds.
 SAMPLES, SECONDS = 1.5, 3e-3
 #: A velocity without a position may come out of a filter: in samples, and in seconds.
 _FILTER_SAMPLES, _FILTER_SECONDS = 8.0, 40e-3
-#: A slip must be this many of its standard errors, leave this share of the misfit at most, and explain the torque but for this.
-#: Where next to nothing is left of the misfit, the standard error need not be small.
+#: A slip must exceed this many standard errors, reduce the misfit to this share, and leave at most this part of the torque
+#: unexplained. If the slip removes nearly all of the misfit, the standard error need not be small.
 _SURE, _LEFT, _CLEAR, _MISFIT = 6.0, 0.45, 0.2, 0.25
-#: A slip that is worth this share of the torque's scatter is worth a word; from the second on it spoils a fit.
+#: Effect of a slip, as a share of the torque's scatter, above which it is reported; above the second it spoils a fit.
 _WORTH, _SPOILS = 0.015, 0.05
-#: A slip that spoils leaves no more than this share of the misfit where one shift of the whole log is the cause [1].
+#: If a single shift of the whole log is the cause, a spoiling slip leaves at most this share of the misfit [1].
 _ONE_SHIFT = 0.1
 #: Distances by which friction itself may lag after a reversal, as shares of the range [1].
 _DISTANCES = (0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2)
-#: With such friction, this share of a slip is left of a real one [1].
+#: With such friction, at least this share of a real slip remains [1].
 _REAL = 0.5
 #: Fewest instants; and time constants of a low pass that a slip may be instead, by the slip [1].
 _FEWEST, _LAGS = 100, (0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6)
-#: Nothing but a shift leaves so little of the misfit [1].
+#: Only a shift reduces the misfit below this share [1].
 _EXACT = 0.01
-#: No timing is read from a torque with this share of sample-to-sample noise [1].
+#: Share of sample-to-sample noise in the torque above which no timing is estimated [1].
 _NOISY = 0.3
 
 
@@ -53,9 +53,9 @@ class Slip:
     Attributes:
         samples: by how much torque comes late [sample].
         error: its standard error [sample].
-        left: mean square misfit with the slip taken out over that without, noise aside [1].
-        misfit: RMS torque that is not explained with the slip taken out, over the torque's standard deviation [1].
-        effect: RMS torque that the slip is worth, over the torque's standard deviation [1].
+        left: mean square misfit with the slip corrected, divided by that without, noise excluded [1].
+        misfit: RMS torque that is unexplained with the slip corrected, divided by the torque's standard deviation [1].
+        effect: RMS torque due to the slip, divided by the torque's standard deviation [1].
     """
 
     samples: float
@@ -65,14 +65,14 @@ class Slip:
     effect: float
 
 
-@check("time-slip", "torque and motion that are whole samples apart")
+@check("time-slip", "torque and motion shifted by whole samples")
 def find(exam: Exam) -> Iterator[Finding]:
     """Report torques that are explained far better by the motion some samples earlier or later.
 
     The torque is regressed on acceleration, friction and position at each shift; reversals, where friction itself lags,
-    are left out. The standard error comes from leaving out one stretch of the log at a time. Friction that builds up over
-    a distance is no slip, though it looks so in a slow joint under gravity. Torque that a low pass explains better than any
-    shift is mended by none.
+    are left out. The standard error comes from leaving out one stretch of the log at a time. Friction that builds up over a
+    distance is not a slip, although it looks like one in a slow joint under gravity. If a low pass explains the torque better
+    than any shift, no shift can repair it.
     """
     for j, joint in exam:
         slip = estimate(exam, j)
@@ -88,18 +88,18 @@ def find(exam: Exam) -> Iterator[Finding]:
             severity="spoils" if spoils else "warn",
             sentence=(
                 f"torque of {joint} comes {late:.1f} samples ({1e3 * late * exam.period:.1f} ms) {way} against its motion "
-                f"(standard error {slip.error:.1g}); that is worth {100 * slip.effect:.1f} % of the torque"
+                f"(standard error {slip.error:.1g}); its effect is {100 * slip.effect:.1f} % of the torque"
                 + (
                     "."
                     if one and not lag
                     else f", and a low pass of {1e3 * lag:.0f} ms explains it better than any shift."
                     if lag
-                    else f", {100 * slip.left:.0f} % of which no shift takes away: it comes and goes."
+                    else f", {100 * slip.left:.0f} % of which no shift removes: it is not constant over the log."
                 )
             ),
             remedy=f"Shift torque by {round(late)} samples (--repair does), or record both from one message."
             if one and not lag
-            else "Record torque without its low pass, or at a higher bandwidth: no shift mends it."
+            else "Record torque without its low pass, or with a higher bandwidth: no shift can repair it."
             if lag
             else "Record torque and position from one message; or keep the part before the slip began.",
             value=slip.samples,
@@ -116,7 +116,7 @@ def _certain(exam: Exam, j: int, slip: Slip) -> bool:
 
 
 def _by_distance(exam: Exam, j: int, slip: Slip) -> bool:
-    """Return whether hardly anything is left of a slip once friction may lag by a distance as well."""
+    """Return whether a slip almost vanishes if friction may also lag by a distance."""
     m = motion(exam, j, REACH)
     if slip.left < _EXACT or m is None:
         return False
@@ -155,7 +155,7 @@ def estimate(exam: Exam, j: int) -> Slip | None:
     if m is None or m.fast.sum() < _FEWEST:
         return None
     if np.std(exam.steps[exam.steps < 2 * exam.period]) > LIMIT * exam.period:
-        return None  # an uneven clock tells no timing
+        return None  # timing cannot be estimated with an uneven clock
     torque = exam.sample("torque", j)
     if not white_noise(torque) < _NOISY * np.std(torque):
         return None  # the kicks of a controller on a coarse encoder hide any timing
@@ -169,7 +169,7 @@ def estimate(exam: Exam, j: int) -> Slip | None:
     left = np.array(
         [_minimum(m.shifts, _misfit(g - gram[f], c - cross[f], p - power[f])) for f in range(gram.shape[0])]
     )
-    # what noise alone would leave is no evidence either way
+    # the part that noise alone leaves is not evidence
     now, then = misfit[REACH] / y.shape[0], misfit.min() / y.shape[0]
     noise = min(0.5 * m.noise, 0.9 * then)
     variance = float(np.var(y[:, REACH]))

@@ -22,9 +22,9 @@ _BOTH, _MOVING = 0.1, 0.05
 def find(exam: Exam) -> list[Finding]:
     """Report joints whose friction torque, mean over the motion, is clearly negative.
 
-    The torque is regressed on acceleration, sign of velocity, velocity, one and position. Friction is what the second and
-    third carry, weighted by the velocity so that it is the dissipated power over the mean speed. Its standard error comes
-    from leaving out one stretch of the log at a time, so an unmodelled torque counts as uncertainty.
+    The torque is regressed on acceleration, sign of velocity, velocity, one and position. The second and third terms give the
+    friction: their dissipated power divided by the mean speed. Its standard error comes from leaving out one stretch of the
+    log at a time, so an unmodelled torque counts as uncertainty.
     """
     estimates = {j: friction(exam, j) for j, _ in exam}
     inverted = {j for j, estimate in estimates.items() if estimate and _certain(estimate, -1)}
@@ -33,7 +33,7 @@ def find(exam: Exam) -> list[Finding]:
         _finding(exam, j, joint, estimates[j], j in inverted)
         for j, joint in exam
         if j in inverted
-        # one driver has one sign: where all joints that tell are inverted, those that do not tell are not to be left behind
+        # a driver has one sign for all joints: if all joints with a clear sign are inverted, the others are inverted too
         or (len(inverted) > 1 and not right and exam.usable("torque", j) and not _positive(estimates[j]))
     ]
 
@@ -57,7 +57,7 @@ def _finding(
     elif estimate is not None:
         why = f"has the opposite sign like the other joints', though less surely: {push}"
     else:
-        why = "is taken to have the opposite sign like the other joints'; its own motion does not tell"
+        why = "is assumed to have the opposite sign like the other joints'; its own motion does not show it"
     return Finding(
         joint=joint,
         channel="torque",

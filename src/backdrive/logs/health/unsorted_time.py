@@ -9,7 +9,7 @@ import numpy as np
 from backdrive.logs.health._exam import GAP, Exam
 from backdrive.logs.health._finding import Finding, Repair, check, count_of, keep_rows
 
-#: A clock that goes back more often than this is in disorder; nobody joins so many runs.
+#: A clock that goes back more often than this is unordered, not a series of joined runs.
 _MOST_RUNS = 200
 
 
@@ -28,8 +28,8 @@ def find(exam: Exam) -> Iterator[Finding]:
             f"{count_of(restarts.size + 1, 'run')} were joined, or the clock was set back."
         )
         remedy = (
-            "Give each run its own file, or use --repair: it moves each run behind the one before, "
-            "with a gap between if the motion does not go on."
+            "Give each run its own file, or use --repair: it shifts each run to the end of the one before, with a gap between "
+            "if the motion is not continuous."
         )
     else:
         sentence = f"{count_of(late.size, 'sample')} are out of order, by up to {back:.3g} s, first at sample {late[0]}."
@@ -82,7 +82,7 @@ def _goes_on(exam: Exam, row: int) -> bool:
 
 
 def _restarts(exam: Exam) -> np.ndarray:
-    """Return the rows at which a new run begins: there, sorting would interleave two runs instead of mending one."""
+    """Return the rows at which a new run begins, where sorting would interleave two runs."""
     time = exam.log.time
     descents = np.flatnonzero(exam.steps < 0) + 1
     if descents.size > _MOST_RUNS:

@@ -9,9 +9,9 @@ from backdrive.logs.health._finding import Finding, Repair, Severity, check
 from backdrive.logs.health._velocity_fit import VelocityFit, velocity_fit
 from backdrive.logs.health.degrees import unlike
 
-#: Scale off by more than this; residual from which velocity is another quantity [1].
+#: Largest error of the scale; residual above which velocity is another quantity [1].
 SCALE, NONSENSE = 0.15, 0.4
-#: From this on a word is due, where it is so many standard errors [1].
+#: Error of the scale above which it is reported, if it exceeds this many standard errors [1].
 CLOCK, SURE = 0.02, 3.0
 #: A filter's delay is below this; in samples, and in seconds.
 DELAY_SAMPLES, DELAY = 6.0, 0.025
@@ -31,7 +31,7 @@ def find(exam: Exam) -> Iterator[Finding]:
             continue
         severity, value, sentence = said
         mend = "Leave velocity out, so that it is derived from position (--repair does), or correct it with --map."
-        keep = "Nothing need be done; to be rid of the delay, leave velocity out, so that it is derived from position."
+        keep = "No action is needed. To avoid the delay, leave velocity out, so that it is derived from position."
         yield Finding(
             joint=joint,
             channel="velocity",
@@ -44,7 +44,7 @@ def find(exam: Exam) -> Iterator[Finding]:
 
 
 def _say(fit: VelocityFit, period: float, what: str) -> tuple[Severity, float, str] | None:
-    """Return severity, value and sentence, the gravest first; None where nothing is the matter."""
+    """Return severity, value and sentence of the gravest fault; None if there is none."""
     if fit.residual > NONSENSE:
         share = f"{100 * fit.residual:.0f} % of the motion is unexplained"
         return "spoils", fit.residual, f"{what} is not the derivative of its position: {share}."
@@ -77,13 +77,13 @@ def _say(fit: VelocityFit, period: float, what: str) -> tuple[Severity, float, s
 
 
 def _clock(fit: VelocityFit) -> bool:
-    """Return whether the scale is off by little, and surely."""
+    """Return whether the scale has a small but significant error."""
     return max(CLOCK, SURE * fit.error) < abs(fit.scale - 1.0) <= SCALE and fit.residual < NONSENSE
 
 
 @find.mend_with
 def repair(exam: Exam, findings: Sequence[Finding]) -> Repair:
-    """Leave velocity out; of the two, position is nearer to what the encoder counted."""
+    """Leave velocity out; position is closer to the encoder's counts."""
     who = ", ".join(str(f.joint) for f in findings)
     return Repair(
         exam.log.replace(velocity=None).with_note(

@@ -60,20 +60,20 @@ def read_log(  # noqa: PLR0913  (its options are given by keyword)
         coupling_side: side that the channels are of, `motor`, or `joint` where the controller resolves the coupling already.
         join: files whose columns are interpolated onto this one's clock.
         limits: what parsing may use.
-        guarded: parse in another process. Without it a hostile file can end this one.
+        guarded: parse in another process. Without this, a malicious file can crash the calling process.
 
     Returns:
-        The log in SI units; its notes say what became of which column.
+        The log in SI units; its notes list the use of every column.
 
     Raises:
         ReadError: or one of its children: the file cannot be read.
-        MappingError: its columns do not say what they are; the message lists them.
+        MappingError: its columns are not recognized by their names; the message lists them.
         MissingExtra: an optional dependency is not installed.
     """
     if guarded:
         from backdrive.logs.readers import guard
 
-        guard.default_guard().start()  # it loads its libraries while this process loads the same
+        guard.default_guard().start()  # the child loads its libraries in parallel with this process
     from threading import Thread
 
     from backdrive.logs.joint import Source, digest
@@ -128,7 +128,7 @@ def read_logs(paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], 
     files = [file for path in given for file in _expand(Path(path), options.get("format"))]
     if options.get("join") and len(files) > 1:
         raise ReadError(
-            f"{len(files)} logs, and a file to join: to which of them?",
+            f"{len(files)} logs and a file to join: it is not known to which log it belongs.",
             remedy="Name one log and its --join, or read them one by one in Python: read_log(path, join=...).",
         )
     return [read_log(file, **options) for file in files]
@@ -142,7 +142,7 @@ def read_columns(
     limits: Limits | None = None,
     guarded: bool = True,
 ) -> Columns:
-    """Return a file's columns as they are, before they mean anything.
+    """Return a file's columns unchanged, without mapping them to channels.
 
     Raises:
         ReadError: or one of its children.

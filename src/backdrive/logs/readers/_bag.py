@@ -1,4 +1,4 @@
-"""What the readers of bags share: topics, chunks within their limits, and files that end early."""
+"""Common parts of the bag readers: topics, size limits of chunks, and truncated files."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Topics:
         return sum(gatherer.count for gatherer in self.gathered.values())
 
     def declare(self, topic: str, kind: str, *, ros1: bool, known: bool = True) -> Gatherer | None:
-        """Take a topic, and return what gathers its messages: None where they are no joint states.
+        """Register a topic and return the collector of its messages; None if they are not joint states.
 
         Args:
             topic: its name.
@@ -108,7 +108,7 @@ def read_parts(
     wrong: UnknownFormat,
     scan: Callable[[BinaryIO, int, Topics], tuple[int | None, str]],
 ) -> Columns:
-    """Read the files of a bag in order; of one that ends early, all complete chunks.
+    """Read the files of a bag in order; of a truncated file, all complete chunks are read.
 
     Args:
         parts: paths.

@@ -1,4 +1,4 @@
-"""Channels made of columns: sums with factors, units brought to SI, arrays turned so that time comes first."""
+"""Channels from columns: sums with factors, conversion to SI units, and arrays with time as the first axis."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Values:
     Attributes:
         arrays: channel to (n, J); time is (n, 1).
         settled: channels whose unit the file or the person stated.
-        origin: what the time is counted from, where it is not counted from 0 [s].
+        origin: origin of the time, if it is not 0 [s].
         labels: channel to the joints that patterns of a `--map` name, in the channel's order.
         kind: what the position, or else the velocity, was stated to measure; '' if nothing was stated.
         said: which column became which channel, in words.
@@ -131,7 +131,7 @@ class Values:
         self.said.append(f"{channel} = {shown}" + (f" [{stated}]" if stated else ""))
 
     def _release(self, names: Sequence[str]) -> None:
-        """Let go of columns that were copied, if they are ours: a long log is not held twice. Their shapes stay."""
+        """Free copied columns that this object owns, so that a long log is not in memory twice. Shapes are kept."""
         arrays = self.columns.arrays
         if self.owned and isinstance(arrays, dict):
             for name in names:
@@ -245,7 +245,7 @@ class Values:
         plain = not term.factors and not term.each and abs(term.factor) == 1.0
         if stated is not None and plain and stated.kind not in KINDS[channel]:
             raise MappingError(
-                f"--map {_SHORT[channel]}: '{full}' is in {self.stated[full]}, which is no unit of {channel}.",
+                f"--map {_SHORT[channel]}: '{full}' is in {self.stated[full]}, which is not a unit of {channel}.",
                 remedy="Give the factor that makes it one, or name another column.",
             )
         ending = units.split_suffix(full)[1]
@@ -263,7 +263,7 @@ class Values:
         if not units.split(full)[1]:
             return stated  # the file itself says so beside the name: a factor comes on top
         raise MappingError(
-            f"--map {_SHORT[channel]}: '{full}' is stated in {self.stated[full]}, and has a factor: are both meant?",
+            f"--map {_SHORT[channel]}: '{full}' is stated in {self.stated[full]} and has a factor, which is ambiguous.",
             remedy=f"Write the unit's factor too, {stated.factor:.6g}*..., or leave all factors out.",
         )
 

@@ -1,4 +1,4 @@
-"""Chunks of bags decompressed into no more than they declare."""
+"""Decompression of bag chunks, limited to their declared size."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from backdrive.logs.readers.limits import Limits
 
 
 class ChunkDamage(Exception):
-    """A chunk cannot be what it was; what came before it still can be read."""
+    """A chunk is damaged; the chunks before it can still be read."""
 
 
 def expand(data: bytes, how: str, declared: int, limits: Limits) -> bytes:

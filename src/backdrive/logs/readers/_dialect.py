@@ -1,4 +1,4 @@
-"""What kind of text table this is, decided from its first lines."""
+"""The dialect of a text table, determined from its first lines."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def sniff(raw: bytes, *, whole: bool) -> Dialect:
         lines.pop()
     filled = [line for line in lines if line.strip()]
     tail, best = filled, (0.0, "", 0, False, ())
-    for share in (2, 4, 8, 16):  # the lower half tells, unless a preamble outweighs a short table
+    for share in (2, 4, 8, 16):  # the lower half is used, unless a long preamble is followed by a short table
         tail = filled[-max(1, min(_TAIL, len(filled) // share)) :]
         best = max((_judge(tail, delimiter) for delimiter in _DELIMITERS), key=lambda judged: judged[0])
         if best[0] > 0:

@@ -1,4 +1,4 @@
-"""Files side by side: columns of one file interpolated onto the clock of another."""
+"""Joined files: columns of one file interpolated onto the clock of another."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ def side_by_side(
     Args:
         first: gives the clock.
         others: path and columns of each file to join.
-        map: as `--map` has it; its time counts for every file that holds the column.
+        map: as in `--map`; its time column is used for every file that contains it.
 
     Raises:
-        MappingError: a file says nothing of its time, or the clocks do not overlap.
+        MappingError: a file has no recognizable time, or the clocks do not overlap.
     """
     names = list(
         dict.fromkeys(name for columns in (first, *(c for _, c in others)) for name in columns.arrays)
@@ -80,7 +80,7 @@ def _join(first: Columns, other: Columns, path: str, asked: Mapping[str, Any]) -
         f"{path} was joined by time: from {rates[1]:.6g} Hz onto {rates[0]:.6g} Hz, by straight lines."
     )
     if clock[0] == theirs[0] == 0.0:
-        notes.append(f"Both clocks begin at 0, so {path} is taken to have begun at the same moment.")
+        notes.append(f"Both clocks begin at 0, so {path} is assumed to begin at the same instant.")
     arrays = {name: _rows(value, clock.size, keep) for name, value in first.arrays.items()}
     units, named = dict(first.units), dict[str, str]()
     for name, value in other.arrays.items():
@@ -104,9 +104,7 @@ def _join(first: Columns, other: Columns, path: str, asked: Mapping[str, Any]) -
         if first.channels and channel != "time" and name in named and channel not in channels.values():
             channels[named[name]] = channel
     if first.channels and not other.channels:
-        notes.append(
-            f"The format of the first file says what its columns are: name those of {path} with --map."
-        )
+        notes.append(f"The first file's format identifies its columns, but {path} needs --map.")
     return replace(
         first,
         arrays=arrays,

@@ -1,7 +1,7 @@
-"""`sensor_msgs/JointState` decoded by its known layout; definitions that a bag carries are never compiled or run.
+"""`sensor_msgs/JointState` decoded by its known layout; message definitions inside a bag are never compiled or run.
 
-When all messages of a batch have the same length and the same bytes outside stamps and numbers, as those of one driver
-have, they are one matrix with the numbers at fixed places. Otherwise each message is decoded, and joints are matched by name.
+Messages of one driver usually have the same length and the same bytes except for stamps and numbers. Such a batch is read as
+one matrix with the numbers at fixed places. Otherwise each message is decoded, and joints are matched by name.
 """
 
 from __future__ import annotations

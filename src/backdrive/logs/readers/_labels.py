@@ -36,7 +36,7 @@ def read_names(
         names, (n, J), or None where all rows are alike.
 
     Raises:
-        ReadError: the rows name different joints, so that no number could be told from another's.
+        ReadError: the rows name different joints, so numbers cannot be assigned to joints.
     """
     first: Any = rows[0] if rows else None
     if not is_list(first) or not first or not all(isinstance(name, str) and name for name in first):

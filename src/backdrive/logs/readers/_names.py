@@ -1,4 +1,4 @@
-"""Which column is which channel, where the name leaves no doubt."""
+"""Recognition of channels by column names, where the name is unambiguous."""
 
 from __future__ import annotations
 
@@ -80,14 +80,14 @@ _NO_JOINT = frozenset(
 
 @dataclass(frozen=True, kw_only=True)
 class Guess:
-    """What the names say.
+    """Channels recognized by column names.
 
     Attributes:
         columns: channel to the columns that make it up, in joint order; one column may hold several joints.
         joints: joint names or numbers, in that order; empty where the file does not say.
         units: units that the names end with, by column.
         notes: what was left out for which reason.
-        doubt: why nothing was taken, if the names leave a doubt.
+        doubt: why no column was used, if the names are ambiguous.
     """
 
     columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
@@ -162,7 +162,7 @@ def _places(
     settled: Container[str],
     split: Callable[[str], tuple[str, str]],
 ) -> tuple[dict[str, list[_Hit]], list[str]]:
-    """Return what is known of the columns by the place that their names begin with, and what was left out for which reason."""
+    """Return the columns by the prefix of their names, and the columns left out with the reasons."""
     scopes: dict[str, list[_Hit]] = {}
     notes: list[str] = []
     for column in widths:

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from backdrive.errors import InvalidInput
 from backdrive.logs.log import Log
 
-#: What a person may write of a channel that is measured on the motor side, and the channel.
+#: Name of a channel measured on the motor side, as written by the user -> the channel.
 MOTOR_SIDE = {"q": "position", "dq": "velocity", "qr": "reference", "tau": "torque"}
 
 
 def motor_channels(words: str | Sequence[str] | None, gear: object) -> tuple[str, ...]:
-    """Return the channels that gear ratios bring to the joint; the torque alone where nothing is said.
+    """Return the channels that gear ratios convert to the joint side; the torque alone by default.
 
     Raises:
         InvalidInput: a word is no such channel, or there is no gear.

@@ -1,4 +1,4 @@
-"""The process that parses untrusted files: one request at a time, an answer without pickle, nothing else allowed.
+"""The process that parses untrusted files: one request at a time, answers without pickle, and no other system access.
 
 Started by `backdrive.logs.readers.guard`. It reads JSON requests from its standard input, one a line, and answers on a
 private copy of its standard output. It ends when the input closes, when the kernel's alarm rings, or when killed.
@@ -17,11 +17,11 @@ from backdrive import errors
 from backdrive.logs.readers.columns import Columns, ReadOptions, frames, header
 from backdrive.logs.readers.limits import Limits
 
-#: Audit events that no log needs; a file that brings a parser to raise one is refused.
+#: Audit events that no log needs; a file whose parser raises one is refused.
 _FORBIDDEN = ("pickle.find_class", "os.system", "os.exec", "os.posix_spawn", "os.spawn", "subprocess.Popen", "socket.connect",
               "socket.bind", "os.remove", "os.rename", "os.truncate", "os.fork", "os.forkpty", "shutil.rmtree")  # fmt: skip
 
-#: Not empty while a file is being parsed: libraries may do at import what no file may bring them to do.
+#: Not empty while a file is being parsed: imports of libraries may do what the parsing of a file may not.
 _parsing: list[str] = []
 
 
@@ -43,11 +43,11 @@ def parse(path: str, module: str, options: ReadOptions) -> Columns:
     except MemoryError as error:
         raise errors.FileTooLarge(
             "The file needs more memory than the limits allow.",
-            remedy="If it is yours and honest, read it in Python with limits=Limits(max_memory=...).",
+            remedy="If you trust the file, read it in Python with limits=Limits(max_memory=...).",
         ) from error
     except RecursionError as error:
         raise errors.ForbiddenContent(
-            "The file nests its content without end.", remedy="Name another file."
+            "The file's content is nested too deeply.", remedy="Name another file."
         ) from error
     except FileNotFoundError as error:
         raise errors.ReadError(f"{error.filename} does not exist.", remedy="Check the name.") from error
@@ -114,7 +114,7 @@ def _send(stream: Any, parts: Any) -> None:
 
 
 def _lock() -> None:
-    """Give up what parsing does not need: core dumps, written files, other programs, the network."""
+    """Disable what parsing does not need: core dumps, writing files, other programs, the network."""
     import resource
 
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

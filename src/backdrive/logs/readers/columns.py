@@ -1,4 +1,4 @@
-"""`Columns`: what a format file gives before anyone says what it means, and its way through a pipe without pickle."""
+"""`Columns`: the columns of a file before they are mapped to channels, and their transfer through a pipe without pickle."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _LAWS: dict[str, Any] = {law: law for law in ("torque", "velocity", "position", 
 
 @dataclass(frozen=True, kw_only=True)
 class ReadOptions:
-    """What a person may say to a reader.
+    """The options of a reader.
 
     Attributes:
         topic: of a bag that holds several joint-state topics.
@@ -108,7 +108,7 @@ def header(content: Mapping[str, Any]) -> bytes:
 
 
 def unframe(content: Mapping[str, Any], receive: Callable[[memoryview], None], limits: Limits) -> Columns:
-    """Rebuild columns; the sender parsed a hostile file, so nothing it says is believed unchecked.
+    """Rebuild columns; the sender may have parsed a malicious file, so everything it sends is checked.
 
     Args:
         content: the header's JSON.

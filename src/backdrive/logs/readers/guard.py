@@ -1,4 +1,4 @@
-"""Untrusted files are parsed in another process: the parent always answers, with columns or with a typed error.
+"""Untrusted files are parsed in another process, so that the parent always returns columns or a typed error.
 
 The child is started once and reused from file to file; when it dies, hangs or is interrupted it is killed and the
 next file gets a new one. What it sends back is JSON and plain bytes, checked on arrival.
@@ -137,16 +137,14 @@ class Guard:
                 self._end()
                 raise errors.ReaderTimeout(
                     f"Parsing took longer than {limits.seconds_for(size):.1f} s, the limit for {size} bytes.",
-                    remedy="If the file is yours and honest, read it in Python with limits=Limits(max_seconds=...).",
+                    remedy="If you trust the file, read it in Python with limits=Limits(max_seconds=...).",
                 ) from None
             except (EOFError, BrokenPipeError) as error:
                 raise errors.ReaderCrash(
                     f"The process that parsed the file died ({self._end()}).",
                     remedy="The file is damaged or hostile; save it again, or in another format.",
                 ) from error
-            except (
-                BaseException
-            ):  # interrupted, or an answer that cannot be trusted: this child is of no more use
+            except BaseException:  # interrupted, or an invalid answer: this child must not be used again
                 self._end()
                 raise
         raise _error(answer)

@@ -1,4 +1,4 @@
-"""How much a log file may ask for before it is refused."""
+"""The resources that a log file may require before it is refused."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from backdrive.errors import FileTooLarge, InvalidInput
 GIB = 1024**3
 MIB = 1024**2
 
-#: Time that a reader may take beyond honest reading before the file is called hostile [s].
+#: Time beyond the expected reading time after which a file is refused [s].
 GRACE = 5.0
 
 
@@ -25,7 +25,7 @@ class Limits:
         ratio_floor: decoded size below which any compression ratio is fine [B].
         max_columns: columns, variables or joints in one file [1].
         max_seconds: wall-clock limit of one file [s]; None reckons it from the file's size.
-        slowest: honest reading speed on a slow machine, for that reckoning [B/s].
+        slowest: reading speed on a slow machine, for that limit [B/s].
     """
 
     max_file_bytes: int = 16 * GIB
@@ -49,7 +49,7 @@ class Limits:
             )
 
     def seconds_for(self, size: int) -> float:
-        """Return the wall-clock limit for a file of `size` bytes [s]: honest reading time plus 2 s."""
+        """Return the wall-clock limit for a file of `size` bytes [s]: expected reading time plus 2 s."""
         return self.max_seconds if self.max_seconds is not None else 0.5 + size / self.slowest + GRACE
 
     def memory_for(self, size: int) -> int:
@@ -70,13 +70,13 @@ class Limits:
         if declared > self.max_bytes:
             raise FileTooLarge(
                 f"{what} declares {declared / MIB:.0f} MiB, more than the limit of {self.max_bytes / MIB:.0f} MiB.",
-                remedy="If the file is yours and honest, read it in Python with limits=Limits(max_bytes=..., max_memory=...).",
+                remedy="If you trust the file, read it in Python with limits=Limits(max_bytes=..., max_memory=...).",
             )
         if declared > self.ratio_floor and declared > self.max_ratio * max(size, 1):
             raise FileTooLarge(
                 f"{what} declares {declared / MIB:.0f} MiB in a file of {size / MIB:.2f} MiB "
                 f"({declared / max(size, 1):.0f} times its size), as a decompression bomb does.",
-                remedy="If the file is yours and honest, read it in Python with limits=Limits(max_ratio=...).",
+                remedy="If you trust the file, read it in Python with limits=Limits(max_ratio=...).",
             )
 
     def check_count(self, count: int, what: str) -> None:
@@ -88,5 +88,5 @@ class Limits:
         if count > self.max_columns:
             raise FileTooLarge(
                 f"The file holds {count} {what}, more than the limit of {self.max_columns}.",
-                remedy="If the file is yours and honest, read it in Python with limits=Limits(max_columns=...).",
+                remedy="If you trust the file, read it in Python with limits=Limits(max_columns=...).",
             )

@@ -1,4 +1,4 @@
-"""From the columns of a file to a `Log`: by `--map`, by what the format says, and by names that leave no doubt."""
+"""From the columns of a file to a `Log`: by `--map`, by the format's own channels, and by unambiguous names."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def to_log(  # noqa: PLR0913  (its options are given by keyword)
         coupling: C of q_joint = C q_motor, after the gear (J, J); the torque goes by its inverse transpose.
         coupling_side: side that the channels are of, `motor` or `joint`; None: `motor`.
         sources: files the columns came from.
-        owned: nobody else needs the columns: the log may keep their memory, and those that were copied are emptied.
+        owned: the columns are not used elsewhere: the log may keep their memory, and copied columns are emptied.
 
     Returns:
         The log in SI units; its notes say which column became which channel.
@@ -72,7 +72,7 @@ def to_log(  # noqa: PLR0913  (its options are given by keyword)
     if not {"position", "velocity"} & set(values.arrays):
         doubt = found.doubt or "no column is known to be a position or a velocity"
         raise MappingError(
-            f"The file does not say what moves: {doubt}.",
+            f"No position or velocity was found: {doubt}.",
             remedy=f"Say it with --map, for example t=..., q=... or dq=..., tau=... . Columns: {describe(columns)}.",
         )
     notes = [*found.notes, *values.notes, *_without_zeros(values.arrays, asked)]
@@ -222,7 +222,9 @@ def _width(arrays: Mapping[str, np.ndarray]) -> int:
 
 
 def _without_zeros(arrays: dict[str, np.ndarray], asked: Mapping[str, Any]) -> list[str]:
-    """Drop velocity, torque and temperature that are zero throughout: drivers fill in what they do not measure."""
+    """Drop velocity, torque and temperature that are zero throughout: drivers write zeros for quantities that they do not
+    measure.
+    """
     notes: list[str] = []
     moves = "position" in arrays and np.ptp(arrays["position"], axis=0).max(initial=0.0) > 0
     for channel in ("velocity", "torque", "external_torque", "temperature"):
@@ -264,7 +266,7 @@ def _from_degrees(values: Values, kinds: list[str], asked: Mapping[str, Any]) ->
 
 
 def _without_unit(values: Values, joints: tuple[Joint, ...], columns: Columns) -> list[str]:
-    """Say in which unit channels are taken that state none."""
+    """Return a note on the assumed unit of channels without a stated unit."""
     silent = [c for c in CHANNELS if c in values.arrays and c not in values.settled and c != "drive_input"]
     if (
         columns.channels
@@ -313,6 +315,6 @@ def _each(value: float | Sequence[float] | None, width: int, what: str) -> list[
     for number in each:
         if not 1e-15 <= abs(number) <= 1e15:
             raise InvalidInput(
-                f"{what} {number:g} is out of reason.", remedy="Give a number from 1e-15 to 1e15."
+                f"{what} {number:g} is implausible.", remedy="Give a number from 1e-15 to 1e15."
             )
     return [float(number) for number in each]

@@ -1,7 +1,7 @@
 """ROS 2 (and ROS 1) joint states in MCAP, read front to back: a file that ends early gives every complete chunk before the cut.
 
-Layout: MCAP format specification, <https://mcap.dev/spec>. The index at the end of the file is not needed, so it is not
-missed when it is gone.
+Layout: MCAP format specification, <https://mcap.dev/spec>. The index at the end of the file is not needed, so it may be
+missing.
 """
 
 from __future__ import annotations

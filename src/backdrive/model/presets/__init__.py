@@ -1,8 +1,8 @@
 """Published friction parameters as model files: `preset:mx106/m6`, `preset:franka/panda`, `preset:thesis/hp3j`, ...
 
-Wherever a model file is asked for, `preset:NAME` stands for one of these. They are starting points and yardsticks, not
-measurements of the joint at hand: each says in its provenance who published which numbers where and under which licence, and in
-its warnings what was not published. `benchmarks/make_presets.py` writes them.
+Wherever a model file is asked for, `preset:NAME` stands for one of these. They are starting points and references, not
+measurements of your joint. The provenance of each names the publication, its authors and its licence; its warnings list what
+was not published. `benchmarks/make_presets.py` writes them.
 """
 
 from __future__ import annotations

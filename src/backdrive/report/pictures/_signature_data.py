@@ -1,7 +1,8 @@
-"""What a friction law does in four experiments: constant velocity, presliding, a mass on a spring, a wavering velocity.
+"""The response of a friction law in four experiments: constant velocity, presliding, a mass on a spring, an oscillating
+velocity.
 
-Velocities and torques are chosen by the law, in steps of 1, 2 and 5, so that the examples of `backdrive.laws.examples`
-go through the same experiments and can be compared by eye.
+Velocities and torques follow from the law, rounded to 1, 2 or 5 times a power of ten. So the examples of
+`backdrive.laws.examples` go through the same experiments and can be compared by eye.
 """
 
 from __future__ import annotations
@@ -12,12 +13,12 @@ import numpy as np
 
 from backdrive.laws import REFERENCE, Law, kernels
 
-#: Turning points of the presliding motion, in stretches at break-away: a loop with a loop in it that has one in it, and back.
+#: Turning points of the presliding motion, in units of the break-away distance: three nested loops.
 TURNS = (0.0, 3.0, 1.2, 2.2, 1.6, 3.0, -3.0, -1.2, -2.2, -1.6, -3.0, 3.0)
 TICKS = 250  # of the presliding motion per stretch
 SPEEDS = 48  # velocities of a steady curve
-SETTLED = 400  # ticks at most until a constant velocity gives a constant torque
-FREQUENCIES = (1.0, 10.0)  # of the wavering velocity [Hz]
+SETTLED = 400  # largest number of ticks until a constant velocity gives a constant torque
+FREQUENCIES = (1.0, 10.0)  # of the oscillating velocity [Hz]
 PERIOD = 600  # ticks of one of its periods
 INERTIA = 1.0  # of the pulled mass [kg.m^2]
 PULL = 4000  # ticks
@@ -31,7 +32,7 @@ Curve = tuple[np.ndarray, np.ndarray]  # abscissas and ordinates, (n,) each
 
 @dataclass(frozen=True, kw_only=True)
 class Condition:
-    """Under which load and at which temperature a law is shown.
+    """The load and the temperature at which a law is shown.
 
     Attributes:
         label: in words.
@@ -49,9 +50,9 @@ class Scene:
     """The sizes of the four experiments.
 
     Attributes:
-        velocity: about where the Stribeck effect is half gone [rad/s].
-        torque: about what the joint resists with when it slides [N.m].
-        stretch: over which presliding goes [rad].
+        velocity: near which the Stribeck effect has fallen to half [rad/s].
+        torque: typical friction while the joint slides [N.m].
+        stretch: distance of presliding [rad].
         spring: that pulls the mass [N.m/rad].
         speed: of the spring's other end [rad/s].
         duration: of the pull [s].
@@ -78,7 +79,7 @@ def conditions(law: Law) -> list[Condition]:
 
 
 def scene(law: Law) -> Scene:
-    """Return sizes at which the law shows what it does."""
+    """Return sizes at which the law's features are visible."""
     rate, element = law.rate.values(), law.element.values()
     v_s = rate.get("stribeck_velocity", 0.0) + REFERENCE * rate.get("stribeck_velocity_temperature", 0.0)
     velocity = _round(v_s if v_s > 0.0 else 0.05)
@@ -89,7 +90,9 @@ def scene(law: Law) -> Scene:
         stretch = float(np.max(share * breakaway / np.asarray(element["stiffness"])))
     else:
         stretch = element.get("distance", 0.01 * velocity)
-    spring = (0.1 * torque / velocity) ** 2 / INERTIA  # break-away flings the mass to a few times `velocity`
+    spring = (
+        0.1 * torque / velocity
+    ) ** 2 / INERTIA  # after break-away the mass reaches a few times `velocity`
     strongest = max(_hold(law, at) for at in conditions(law))
     return Scene(
         velocity=velocity,
@@ -118,7 +121,7 @@ def _round(x: float) -> float:
 
 
 def run(law: Law, increments: np.ndarray, period: float, at: Condition) -> np.ndarray:
-    """Return the torque of a motion that is given, from rest and relaxed.
+    """Return the torque of a prescribed motion, starting at rest with a relaxed element.
 
     Args:
         law: friction.
@@ -137,7 +140,7 @@ def run(law: Law, increments: np.ndarray, period: float, at: Condition) -> np.nd
 
 
 def steady(law: Law, velocity: np.ndarray, at: Condition) -> np.ndarray:
-    """Return the torque that constant velocities end with, presliding included [N.m], (n,).
+    """Return the steady torque at constant velocities, after the presliding transient [N.m], (n,).
 
     Args:
         law: friction.
@@ -182,20 +185,22 @@ def presliding(law: Law, mean_speed: float, at: Condition) -> Curve:
 
 
 def spring_end(law: Law) -> Curve:
-    """Return the time of the pull [s] and where the spring's other end is, which moves steadily [rad]."""
+    """Return the time of the pull [s] and the position of the spring's driven end, which moves at constant speed [rad]."""
     size = scene(law)
     time = size.duration / PULL * np.arange(1, PULL + 1)
     return time, size.speed * time
 
 
 def pull(law: Law, at: Condition) -> np.ndarray:
-    """Return the positions of a mass that a spring draws along [rad], (n,); implicit in all forces."""
+    """Return the positions of a mass that a spring pulls [rad], (n,); the integration is implicit in all forces."""
     rate, element, p, x = law.rate.KIND, law.element.KIND, law.row(), law.state()
     size, load = scene(law), at.load
     solve = kernels.of_kinds(kernels.solve, rate, element)
     step = kernels.of_kinds(kernels.step, rate, element)
     dt, position = size.duration / PULL, np.empty(PULL)
-    soft = dt / INERTIA / (1.0 + dt * dt * size.spring / INERTIA)  # the spring's give within the tick
+    soft = (
+        dt / INERTIA / (1.0 + dt * dt * size.spring / INERTIA)
+    )  # velocity per force of a tick, with the spring's reaction
     q = v = 0.0
     for i, target in enumerate(spring_end(law)[1].tolist()):
         v_free = soft * (INERTIA * v / dt + size.spring * (target - q))
@@ -207,7 +212,7 @@ def pull(law: Law, at: Condition) -> np.ndarray:
 
 
 def lag(law: Law, frequency: float, at: Condition) -> Curve:
-    """Return torque over velocity while the velocity wavers about the scene's and stays positive: the last of four periods.
+    """Return torque over velocity for a positive velocity that oscillates about the scene's: the last of four periods.
 
     Args:
         law: friction.

@@ -1,4 +1,4 @@
-"""The sheet that every picture is drawn on: colours, type, axes, and the way out to SVG and PNG.
+"""The common style of all pictures: colours, fonts, axes, and the output as SVG and PNG.
 
 Pictures are drawn by matplotlib's objects, never by its global state, so that no window system, no user setting and no
 other picture can change them: the same data give the same bytes.
@@ -56,7 +56,7 @@ DARK = Theme(
     band="#93a0af",
     truth="#35c796",
 )
-#: Colours that stand for CSS variables of the same names; `backdrive.report.pictures.svg` puts the variables in.
+#: Placeholder colours, which `backdrive.report.pictures.svg` replaces by the CSS variables of the same names.
 CSS = Theme(**{f.name: f"#0a0b{i:02x}" for i, f in enumerate(fields(Theme), start=16)})
 
 FONT_SIZE = 10.5  # [pt]
@@ -98,7 +98,7 @@ def require_matplotlib() -> None:
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Draw in the house style whatever the person's matplotlib settings are.
+    """Draw in the package's own style, independent of the user's matplotlib settings.
 
     Raises:
         MissingExtra: matplotlib is not installed.
@@ -170,10 +170,10 @@ def dots(
     alpha: float = 0.55,
     within: tuple[float, float] | None = None,
 ) -> None:
-    """Draw many points; those beyond a range stand as triangles at its edge.
+    """Draw many points; those outside a range are drawn as triangles at its edge.
 
-    For a page they become ONE path of strokes without length, which round caps turn into dots: a tenth of the bytes of one
-    element a point. The caller sets the axes' limits.
+    In a page all points are ONE path of zero-length strokes with round caps. This takes a tenth of the bytes of one element
+    per point. The caller sets the axes' limits.
 
     Args:
         axes: to draw on.
@@ -281,7 +281,7 @@ def zero_line(axes: Any, theme: Theme) -> None:
 
 
 def markers(theme: Theme, size: float, edge: str, face: str = "") -> dict[str, Any]:
-    """Return what draws circles and no line.
+    """Return plot options for circles without a line.
 
     Args:
         theme: colours.

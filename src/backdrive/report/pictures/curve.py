@@ -22,7 +22,7 @@ SIGMAS = 2.0  # half width of the band in standard errors
 
 @dataclass(frozen=True, kw_only=True)
 class CurveDrawing:
-    """What a caption has to say about a drawn curve.
+    """Facts on a drawn curve for its caption.
 
     Attributes:
         samples: number of dots.
@@ -83,7 +83,7 @@ def draw_curve(
             canvas.truth_line(axes, theme, truth.velocity[side] * v_factor, truth.torque[side] * f_factor)
     if knots is not None and len(knots):
         ends = sizes.largest(curve.velocity) * (1.0 + 1e-9)
-        knots = knots[np.abs(knots[:, 0]) <= ends]  # the others lie where the data do not reach
+        knots = knots[np.abs(knots[:, 0]) <= ends]  # the other knots lie outside the range of the data
         circles = canvas.markers(theme, 4.2, theme.ink)
         axes.plot(knots[:, 0] * v_factor, knots[:, 1] * f_factor, markeredgewidth=1.1, zorder=6, **circles)
     canvas.zero_line(axes, theme)
@@ -100,7 +100,7 @@ def draw_curve(
 
 
 def _standstill(axes: Any, theme: Theme, curve: Curve, v_factor: float, f_factor: float) -> None:
-    """At rest the torque may be anything between the branches: join them by a thin upright line."""
+    """At rest the torque may have any value between the branches: join them by a thin vertical line."""
     back, forth = curve.torque[curve.velocity < 0], curve.torque[curve.velocity > 0]
     if back.size and forth.size:
         axes.plot(
@@ -121,7 +121,7 @@ def _velocities(curve: Curve, samples: Samples | None) -> tuple[float, float]:
 def _range(
     curve: Curve, spread: np.ndarray, samples: Samples | None, truth: Curve | None
 ) -> tuple[float, float]:
-    """Room for the curve, its band and all but the wildest hundredth of the samples."""
+    """Return axis limits that contain the curve, its band and the samples without the most extreme 1 %."""
     band = np.where(np.isfinite(spread), spread, 0.0)
     parts = [curve.torque, np.zeros(1)]
     height = sizes.largest(curve.torque)

@@ -1,4 +1,4 @@
-"""Both directions of a friction curve against speed, enlarged: where the asymmetry, the bend and the band can be seen."""
+"""Both directions of a friction curve against speed, enlarged to show asymmetry, curvature and band."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ SIDES = ((1.0, "+q"), (-1.0, "\u2212q"))
 def medians(speed: np.ndarray, friction: np.ndarray, most: int = 30) -> tuple[np.ndarray, np.ndarray]:
     """Return the median speed and friction of groups of equally many samples, (m,) and (m,).
 
-    Groups of equal size are dense where the samples are, so that a bend at low speed is resolved. A few samples are returned
-    as they are.
+    Groups of equal size are dense where samples are dense, so that curvature at low speed is resolved. A small number of
+    samples is returned unchanged.
     """
     groups = min(most, speed.size // 15)
     if groups < 5:
@@ -49,7 +49,7 @@ def draw_directions(
         truth: a second curve, dashed.
 
     Returns:
-        What the dots are: `samples`, `medians of the samples`, or nothing.
+        The meaning of the dots: `samples`, `medians of the samples`, or an empty string.
     """
     v_factor, v_unit = sizes.readable(sizes.largest(curve.velocity), f"{joint.unit}/s")
     f_factor, f_unit = sizes.readable(sizes.largest(curve.torque), canvas.pretty_unit(joint.torque_unit))

@@ -1,4 +1,4 @@
-"""What stands beside a friction curve outside a report, where no caption says it: a legend and the joint's name."""
+"""Legend and joint name of a friction curve that is drawn outside a report, where it has no caption."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The curve that a model alone describes: its knots, and its values with the widest band that its errors allow."""
+"""The friction curve of a model without its evidence: knots, values, and the widest band that the standard errors permit."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def _rows_of(friction: JointFriction) -> dict[str, tuple[str, int | None]]:
 def _slope(
     friction: JointFriction, name: str, place: int | None, velocity: np.ndarray, h: float
 ) -> np.ndarray:
-    """Return d tau_f / d p by a difference of size h, to the side where the law exists, (n,)."""
+    """Return d tau_f / d p by a finite difference of size h, on the side where the law is defined, (n,)."""
     rate, law = friction.law.rate, friction.law
     value = getattr(rate, name)
     for step in (h, -h):  # a parameter at its bound can move one way only
@@ -121,7 +121,7 @@ def largest_error(friction: JointFriction, velocity: np.ndarray) -> np.ndarray:
         if not many:
             errors = (errors,)
         elif not isinstance(errors, (tuple, list)):
-            continue  # nothing was estimated: the speeds of knots are chosen, not found
+            continue  # no error: the speeds of knots are chosen, not estimated
         for i, error in enumerate(errors):
             if error is None or not np.isfinite(error):
                 return np.full(velocity.shape, np.nan)

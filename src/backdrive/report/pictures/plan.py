@@ -1,4 +1,4 @@
-"""A motion plan, drawn: what is commanded over time, and where the identification will take its samples."""
+"""Picture of a motion plan: the command over time, and the parts from which the identification takes its samples."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def _title(plan: Any, single: tuple[Any, ...]) -> str:
 
 
 def _key(figure: Any, theme: Theme, corner: tuple[float, float]) -> None:
-    """Say what strokes mean, those that occur."""
+    """Write a legend of the line styles that occur."""
     named = {}
     for axes in figure.axes:
         for line in axes.get_lines():

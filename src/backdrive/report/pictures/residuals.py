@@ -1,4 +1,4 @@
-"""What the model leaves unexplained, against time, velocity and position; and the presliding loop."""
+"""The model's residual against time, velocity and position; and the presliding loop."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def common_scale(samples: Samples) -> Scale:
 def clock(time: np.ndarray) -> tuple[np.ndarray, bool]:
     """Return the time axis of a picture and whether logs were laid end to end.
 
-    Samples of several logs follow one another, each with its own clock. Where the clocks overlap the logs are laid
-    end to end; pieces of one log that do not overlap keep their time.
+    The samples of several logs are concatenated, each with its own clock. If the clocks overlap, the logs are drawn one after
+    the other. Pieces of one log, which do not overlap, keep their time.
     """
     if time.size < 2:
         return time - (time[0] if time.size else 0.0), False
@@ -64,7 +64,7 @@ def clock(time: np.ndarray) -> tuple[np.ndarray, bool]:
 def middle(x: np.ndarray, y: np.ndarray, bins: int = 24) -> tuple[np.ndarray, np.ndarray]:
     """Return the median of y in equal intervals of x that hold enough samples, (m,) and (m,).
 
-    A model that is right leaves it at zero; a curve in it is structure that the model lacks.
+    A correct model leaves this median at zero; a systematic deviation shows structure that the model lacks.
     """
     good = np.isfinite(x) & np.isfinite(y)
     x, y = x[good], y[good]

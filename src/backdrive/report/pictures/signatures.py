@@ -26,9 +26,9 @@ EDGE = 8.0  # where titles begin [pt]
 def draw(law: Law, *, title: str = "", theme: Theme = canvas.LIGHT) -> Any:
     """Return a figure with the four signatures of a law of a rotary joint.
 
-    Top left, what constant velocities end with; top right, slow motion with nested reversals at two speeds; bottom
-    left, a mass that a soft spring draws along; bottom right, a velocity that wavers and stays positive, at two
-    frequencies. Laws that depend on load or temperature are drawn for three of them, at one speed and one frequency.
+    Top left: steady torque at constant velocities. Top right: slow motion with nested reversals at two speeds. Bottom left: a
+    mass pulled by a soft spring. Bottom right: a positive, oscillating velocity at two frequencies. Laws that depend on load
+    or temperature are drawn for three values of it, at one speed and one frequency.
 
     Args:
         law: rate law and element with their values.
@@ -77,7 +77,7 @@ def _colors(theme: Theme) -> tuple[str, str, str]:
 
 
 def _about(law: Law, size: data.Scene, cases: list[data.Condition]) -> str:
-    """Say what stands behind the name of a law, and which conditions were chosen."""
+    """Return the subtitle of a law's picture and the chosen conditions."""
     if len(cases) == 1:
         return law.name
     chosen = f"presliding at {1e3 * SLOW * size.velocity:g} mrad/s, lag at {data.FREQUENCIES[-1]:g} Hz"
@@ -157,7 +157,7 @@ def _line(axes: Any, xy: data.Curve, color: str, label: str, width: float = 1.5,
 
 
 def _steady(figure: Any, theme: Theme, law: Law, cases: list[data.Condition]) -> None:
-    """Torque that constant velocities end with, over the logarithm of the speed."""
+    """Draw the steady torque at constant velocities over the logarithm of the speed."""
     axes = _panel(figure, theme, 0, 0, "Steady friction")
     v, symmetric = data.speeds(law), law.rate.SYMMETRIC
     for case, color in zip(cases, _colors(theme) if len(cases) > 1 else (theme.ink,), strict=False):
@@ -218,7 +218,7 @@ def _pull(figure: Any, theme: Theme, law: Law, size: data.Scene, cases: list[dat
 
 
 def _lag(figure: Any, theme: Theme, law: Law, size: data.Scene, cases: list[data.Condition]) -> None:
-    """Torque over a velocity that wavers and stays positive, on the steady curve."""
+    """Draw torque over a positive, oscillating velocity, on the steady curve."""
     axes = _panel(figure, theme, 1, 1, "Frictional lag")
     if len(cases) > 1:
         for case, color in zip(cases, _colors(theme), strict=False):

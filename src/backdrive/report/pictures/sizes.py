@@ -1,4 +1,4 @@
-"""Numbers made fit for a picture: a readable unit, and not more points than can be seen."""
+"""Scaling of numbers for a picture: a readable unit, and no more points than are visible."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def thin(n: int, most: int = 1500, keep: np.ndarray | None = None) -> np.ndarray
     Args:
         n: number of samples.
         most: samples to keep.
-        keep: an importance, (n,): the twenty largest stay, so that thinning never hides the worst.
+        keep: an importance, (n,): the samples with the twenty largest values stay, so that thinning never hides the worst.
     """
     if n <= most:
         return np.arange(n)

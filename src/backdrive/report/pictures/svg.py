@@ -1,4 +1,4 @@
-"""A figure as SVG: to stand inside an HTML page, or alone in a file."""
+"""A figure as SVG, inside an HTML page or in a file of its own."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ _DEFAULTS = {
 def inline(figure: Any, prefix: str, label: str) -> str:
     """Return a figure as an `<svg>` element for an HTML page.
 
-    It names no address (HTML needs no namespace), its colours are the page's CSS variables, its type the page's, its text
-    is text, and its identifiers begin with `prefix`, so that several can stand in one page.
+    It contains no address, since HTML needs no namespace. Colours are the page's CSS variables, the font is the page's, and
+    text remains text. All identifiers begin with `prefix`, so that one page can contain several figures.
 
     Args:
         figure: drawn in the theme `canvas.CSS`.
@@ -62,7 +62,7 @@ def _attributes(node: ElementTree.Element, tag: str, prefix: str, names: dict[st
     for name, value in node.attrib.items():
         key = name.rpartition("}")[2]
         if key == "id":
-            if tag not in {"g", "text"}:  # groups carry names that nothing refers to
+            if tag not in {"g", "text"}:  # nothing refers to the names of the groups
                 yield "id", _rename(value, prefix, names)
         elif key == "href":
             yield key, "#" + _rename(value.lstrip("#"), prefix, names)

@@ -1,4 +1,4 @@
-"""Measured against predicted torque over time: the whole log as a strip, and below it a stretch that can be read."""
+"""Measured and predicted torque over time: the whole log as a strip, and below it an enlarged part."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ STRIP = 44.0  # height of the strip [pt]
 
 
 def has_course(samples: Samples) -> bool:
-    """Return whether the samples are a course of time with both torques in it."""
+    """Return whether the samples are a time series with both torques."""
     both = np.isfinite(samples.torque) & np.isfinite(samples.predicted) & np.isfinite(samples.time)
     return int(np.count_nonzero(both)) >= FEWEST and float(np.ptp(samples.time[both])) > 0.0
 
 
 def stretch_of(time: np.ndarray, residual: np.ndarray, fitted: np.ndarray) -> tuple[float, float]:
-    """Return begin and end of the stretch to enlarge: that with the median residual, of the held-out ones where there are any.
+    """Return begin and end of the part to enlarge: the part with the median residual, among held-out parts if there are any.
 
     Args:
         time: from `clock` [s], (n,).

@@ -12,7 +12,10 @@ from backdrive.report.pictures.canvas import LIGHT, Theme, axes_of, house_style,
 from backdrive.tuning.tuning import Tuning
 
 WIDTH, HEIGHT = 640.0, 316.0  # [pt]
-LEVELS = (1.0, 10.0)  # of what is allowed at rest: within it rests, up to the second it hums
+LEVELS = (
+    1.0,
+    10.0,
+)  # limits relative to the allowed motion at rest: below the first the joint rests, below the second it hums
 WORDS = ("comes to rest", "hums, up to 10 times what is allowed", "more, or does not stop")
 
 
@@ -30,8 +33,8 @@ def draw(tuning: Tuning, path: str | Path, theme: Theme = LIGHT) -> Path:
     """
     if not tuning.region:
         raise InvalidInput(
-            f"The tuning of '{tuning.joint}' for '{tuning.goal}' holds no safe region.",
-            remedy="It is worked out for --goal backdrive and track, with --picture.",
+            f"The tuning of '{tuning.joint}' for '{tuning.goal}' has no safe region.",
+            remedy="It is computed for --goal backdrive and track, with --picture.",
         )
     with house_style():
         return write(safe_region(tuning, theme), path)
@@ -76,7 +79,7 @@ def safe_region(tuning: Tuning, theme: Theme = LIGHT) -> Any:
 
 
 def _edges(x: np.ndarray, *, rising: bool = False) -> np.ndarray:
-    """Return where tiles around values begin and end, halfway between them (in the logarithm where `rising`)."""
+    """Return the edges of the tiles around values, halfway between neighbours (in the logarithm where `rising`)."""
     y = np.log(x) if rising else x
     middle = 0.5 * (y[1:] + y[:-1])
     edges = np.concatenate([[1.5 * y[0] - 0.5 * y[1]], middle, [1.5 * y[-1] - 0.5 * y[-2]]])
