@@ -24,8 +24,9 @@ BENEATH = "stribeck-gauss"  # the rate law that an element carries in its pictur
 
 INTRODUCTION = """# Friction laws
 
-A law is a **rate law**, what the joint resists with at a velocity, carried by a **presliding element**, how that torque builds
-up and lets go. Each has a page, made from its file by `benchmarks/law_pages.py`. The same in the terminal:
+A law consists of a **rate law**, the friction torque at a velocity, and a **presliding element**, which describes how
+that torque builds up and relaxes at reversals. `benchmarks/law_pages.py` generates a page for each of them from its
+source file. The same text in the terminal:
 
 ```sh
 backdrive laws
@@ -36,20 +37,20 @@ backdrive laws polyline+maxwell-slip --plot signatures.png
 
 PICTURES = f"""## The pictures
 
-All laws go through the same four experiments, with values that make a joint of a small arm resist with about 5 N.m. An element
-carries `{BENEATH}`; a rate law is carried by `none`.
+All laws go through the same four experiments, with parameters of a small arm's joint with a friction of about 5 N.m. An
+element is combined with the rate law `{BENEATH}`, a rate law with the element `none`.
 
-1. **Steady friction**: what a constant velocity ends with, over the logarithm of the speed. Dashed: along -q, where the two
-   directions differ. Dotted: the rate law, where the element does not end with it.
-2. **Presliding with reversals**: slow motion from rest over a few stretches at break-away, with a loop inside a loop inside a
-   loop, at two speeds. Where the two agree, only the path counts. A law without presliding shows the jump of a set-valued
-   torque, a smooth one a torque that vanishes at every reversal.
-3. **A mass pulled through a spring** whose other end moves steadily: whether the mass sticks and slips, or creeps while it is
-   held. The velocity of each tick solves the implicit step (`kernels.solve`).
-4. **Frictional lag**: a velocity that wavers and stays positive, at 1 and 10 Hz, on the curve of steady friction.
+1. **Steady friction**: the final torque at constant velocity, over the logarithm of the speed. Dashed: along -q, if the
+   two directions differ. Dotted: the rate law, if the steady torque of the element differs from it.
+2. **Presliding with reversals**: slow motion from rest over a few break-away distances, with three nested loops, at two
+   speeds. If the two curves agree, the torque depends on the path only. A law without presliding shows the jump of a
+   set-valued torque; that of a smooth law is zero at every reversal.
+3. **A mass pulled by a spring** whose other end moves at constant speed: the mass may stick and slip, or creep. The
+   velocity of each tick solves the implicit step (`kernels.solve`).
+4. **Frictional lag**: a positive velocity that oscillates at 1 and 10 Hz, drawn on the curve of steady friction.
 
-A law that depends on the load is drawn for three of them, each the torque of the motor and the torque of everything else; one that
-depends on the temperature, for three temperatures under one load.
+A law that depends on load is drawn for three loads, each with the torque of the motor and the torque of everything else.
+A law that depends on temperature is drawn for three temperatures under one load.
 """
 
 
@@ -107,7 +108,9 @@ def partner_sentence(kind: Kind) -> str:
     links = ", ".join(f"[{name}]({name}.md)" for name in good)
     if issubclass(kind, Rate):
         return f"It can be carried by {links}." + (f" Not by others: {reason}" if reason else "")
-    return f"It can carry {links}." + (" Not the others, which vanish smoothly at rest." if reason else "")
+    return f"It can carry {links}." + (
+        " Not the others, which are continuous and zero at rest." if reason else ""
+    )
 
 
 def code(kind: Kind) -> str:

@@ -172,11 +172,11 @@ def facts(kind: Kind) -> list[str]:
     said = list(kind.CLAIMS)
     if issubclass(kind, Rate):
         if kind.SMOOTH:
-            said.append("It vanishes continuously at rest: nothing holds the joint for good.")
+            said.append("It is continuous and zero at rest: it cannot hold the joint permanently.")
         said.append(
-            "Both directions resist alike."
+            "Friction is equal in both directions."
             if kind.SYMMETRIC
-            else "The two directions can resist differently."
+            else "Friction may differ between the two directions."
         )
         if kind.NEEDS:
             said.append(f"Beyond the velocity it needs: {', '.join(kind.NEEDS)}.")
@@ -184,10 +184,12 @@ def facts(kind: Kind) -> list[str]:
     if kind.STEADY and not kind.SET_VALUED and not any("drift" in claim for claim in said):
         said.append(f"Vibration below break-away {'drifts' if kind.DRIFTS else 'does not drift'}.")
     if kind.STEADY:
-        said.append("At a constant velocity the torque becomes that of the rate law.")
+        said.append("At constant velocity the torque converges to that of the rate law.")
     said.append(
         f"The viscous part of the rate law sees the velocity of the {'slider' if kind.SLIDER else 'joint'}."
     )
     if kind.SET_VALUED:
-        said.append("At rest the torque is whatever holds the joint: `step` gives 0 there, `solve` holds.")
+        said.append(
+            "At rest the torque balances all others: `step` returns 0 there, and `solve` holds the joint."
+        )
     return said

@@ -141,7 +141,7 @@ def dofs(model: FrictionModel, simulated: Any, joints: Sequence[str] | None = No
             K, D = at_rest(law)
             raise InvalidInput(
                 f"Joint '{name}': K = {K:.3g}, D = {D:.3g} on an inertia of {inertia:.3g} do not come to rest "
-                f"with a step of {step:g} s, nor with {MOST_STEPS} in its place.",
+                f"with a step of {step:g} s, nor if it is divided into {MOST_STEPS}.",
                 remedy=f"Set a timestep of at most {MOST_STEPS * longest_step(law, inertia):.2g} s, or a softer element.",
             )
         result.append(Dof(name=name, q=int(simulated.jnt_qposadr[at]), v=v, law=law, steps=steps))
