@@ -7,7 +7,11 @@ import pkgutil
 import re
 import subprocess
 import sys
+from collections.abc import Collection, Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+
+import pytest
 
 import backdrive
 
@@ -63,30 +67,79 @@ def test_help_loads_no_numerics():
     assert not loaded & ({*HEAVY, "numpy"} - {"typer", "rich"})
 
 
-#: Forks a child for every module: each has what other people wrote in memory, and nothing of ours but its bytecode on disk.
-ALONE = """
-import importlib, os, sys, traceback
-import matplotlib.figure, msgspec, numba.core.caching, numba.core.options, rich, scipy.optimize, scipy.signal, scipy.stats, typer
-sys.dont_write_bytecode, sys.pycache_prefix = False, sys.argv[1]
-for name in sys.stdin.read().split():
-    assert "backdrive" not in sys.modules
-    child = os.fork()
-    if not child:
-        try:
-            importlib.import_module(name)
-        except BaseException:
-            print(traceback.format_exc(), flush=True)
-            os._exit(1)
-        os._exit(0)
-    if os.waitpid(child, 0)[1]:
-        print(name, "failed", flush=True)
-"""
+def statements(nodes: list[ast.stmt]) -> Iterator[ast.Import | ast.ImportFrom]:
+    """The import statements that run when the module is imported."""
+    for node in nodes:
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            yield node
+        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            yield from statements(node.orelse)
+        elif not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            for part in ("body", "orelse", "finalbody", "handlers"):
+                for inner in getattr(node, part, []):
+                    yield from statements(inner.body if isinstance(inner, ast.ExceptHandler) else [inner])
 
 
-def test_every_module_imports_alone_and_without_warnings(tmp_path):
+def imports(name: str, text: str, package: str, known: Collection[str]) -> set[str]:
+    """The modules that importing `name` runs: those it names, and the packages that hold these and not itself."""
+    found = set()
+    for node in statements(ast.parse(text).body):
+        if isinstance(node, ast.Import):
+            targets = [alias.name for alias in node.names]
+        else:
+            home = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            base = ".".join([*home, *([node.module] if node.module else [])])
+            targets = [inner if (inner := f"{base}.{a.name}") in known else base for a in node.names]
+        for target in set(targets) & set(known):
+            found.add(target)
+            parts = target.split(".")
+            holders = {".".join(parts[:n]) for n in range(1, len(parts))}
+            found |= {holder for holder in holders if not f"{name}.".startswith(f"{holder}.")}
+    return found
+
+
+def import_order(texts: dict[str, str], packages: set[str]) -> list[str]:
+    """An order in which each module imports only those before it. Raises CycleError where there is none."""
+    homes = {name: name if name in packages else name.rpartition(".")[0] for name in texts}
+    graph = {name: imports(name, text, homes[name], texts.keys()) for name, text in texts.items()}
+    return list(TopologicalSorter(graph).static_order())
+
+
+def test_every_module_can_be_imported_first():
+    """No cycle of imports, so that no module depends on what was imported before it."""
+    texts, packages = {}, set()
+    for file in FILES:
+        parts = file.relative_to(SOURCE.parent).with_suffix("").parts
+        name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+        texts[name] = file.read_text()
+        if parts[-1] == "__init__":
+            packages.add(name)
+    assert len(import_order(texts, packages)) == len(texts) > 100
+
+
+@pytest.mark.parametrize(
+    "texts",
+    [
+        {"p": "", "p.a": "from .b import f", "p.b": "from . import a"},
+        {"p": "from p.a import f", "p.a": "from p import g"},
+        {
+            "p": "",
+            "p.a": "import p.q.z",
+            "p.q": "try:\n    from ..a import f\nexcept KeyError:\n    f = None",
+            "p.q.z": "",
+        },
+    ],
+)
+def test_cycle_of_imports_is_detected(texts):
+    with pytest.raises(CycleError):
+        import_order(texts, {"p", "p.q"})
+
+
+def test_every_module_imports_without_warnings():
     names = modules()
+    code = "import importlib, sys; [importlib.import_module(name) for name in sys.stdin.read().split()]"
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", ALONE, str(tmp_path)],
+        [sys.executable, "-W", "error", "-c", code],
         env=os.environ | {"NUMBA_DISABLE_JIT": "1"},  # what imports what is the same, and half of the time
         input="\n".join(names),
         capture_output=True,

@@ -1,6 +1,4 @@
-"""`identify`: from logs to a friction model with its evidence. The method follows from the logs, or from the law that was
-asked for.
-"""
+"""`identify`: from logs to a friction model with its evidence. The method follows from the logs, or from the requested law."""
 
 from __future__ import annotations
 
