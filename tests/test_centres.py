@@ -105,9 +105,9 @@ def test_centers_that_will_not_do_are_named():
     with pytest.raises(InvalidInput, match="too near: over 20 deg"):
         sweeps_about(SWEEP, np.deg2rad([-10, 0, 10]))
     for centers in ((-60, 60), (-60, 60, -60), (300, 60)):
-        with pytest.raises(InvalidInput, match="Two centers 120 deg apart never .* third center between"):
+        with pytest.raises(InvalidInput, match="Two centers 120 deg apart cannot .* third center between"):
             sweeps_about(SWEEP, np.deg2rad(centers))
-    with pytest.raises(InvalidInput, match="Two centers 20 deg apart never .* are the least"):
+    with pytest.raises(InvalidInput, match="Two centers 20 deg apart cannot .* are the least"):
         sweeps_about(SWEEP, np.deg2rad([-10, 10]))
     with pytest.raises(InvalidInput, match="badly spread: over 120 deg"):
         sweeps_about(SWEEP, np.deg2rad([-60, -59, 60]))

@@ -51,16 +51,16 @@ def residuals(frictions):
 
 
 def remarks(frictions):
-    return [w for f in frictions for w in f.warnings if "turn along" in w]
+    return [w for f in frictions for w in f.warnings if "seems to turn with" in w]
 
 
 def test_a_coupling_is_named_with_its_value_and_the_option(untold):
     frictions, _, _ = untold
     (remark,) = remarks(frictions)
-    assert "The motor of 'bend' seems to turn along with 'roll'" in remark
-    assert "--coupling FILE --coupling-side joint" in remark and "1 % of arms" in remark
+    assert "The motor of 'bend' seems to turn with 'roll' as well" in remark
+    assert "--coupling FILE --coupling-side joint" in remark and "1 % false alarms" in remark
     assert float(remark.split("whose matrix has ")[1].split()[0]) == pytest.approx(0.6, abs=0.03)
-    assert any("turn along" in w for w in frictions[2].warnings)
+    assert any("seems to turn with" in w for w in frictions[2].warnings)
 
 
 def test_nothing_is_named_where_nothing_is_coupled(robot):

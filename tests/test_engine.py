@@ -254,7 +254,7 @@ def test_forward_is_the_same_without_the_compiler(name):
     ("change", "named"),
     [
         ({"inertia": 0.0}, "inertia"),
-        ({"stiffness": 100.0}, "yields"),
+        ({"stiffness": 100.0}, "elastic transmission"),
         ({"gravity_sin": np.nan}, "gravity_sin"),
         ({"friction_side": "left"}, "friction_side"),
     ],

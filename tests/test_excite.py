@@ -433,7 +433,7 @@ def test_torques_in_turn_leave_the_others_alone():
     torque = plan.torque(t)
     assert torque.shape == (t.size, 2)
     assert plan.commands == "torque"
-    with pytest.raises(InvalidInput, match="torques"):
+    with pytest.raises(InvalidInput, match="torque plan"):
         plan.position(t)
     with pytest.raises(InvalidInput, match="positions"):
         InTurn((SWEEP,)).torque(t)

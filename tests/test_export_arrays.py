@@ -120,7 +120,7 @@ def test_draws_stay_inside_bounds_that_are_near():
 
 def test_what_cannot_be_drawn_is_refused():
     model = load_model("preset:mx106/m6")
-    with pytest.raises(InvalidInput, match="knows no errors"):
+    with pytest.raises(InvalidInput, match="has no errors"):
         model.sample(3)
     with pytest.raises(InvalidInput, match="0 draws"):
         identified().sample(0)

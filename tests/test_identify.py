@@ -116,8 +116,8 @@ def test_held_out_logs_are_judged_by_every_method():
     same = identify(runs, held_out=constant_runs(dry, (0.3, 1.0), seed=3))
     other = identify(runs, held_out=constant_runs(lambda v: 2 * dry(v), (0.3, 1.0), seed=3))
     assert same.model.joints[0].held_out.residual < 5.0 < 40.0 < other.model.joints[0].held_out.residual
-    assert "not seen" in same.evidence[0].verdict
-    assert "not seen: poor" in other.evidence[0].verdict
+    assert "held out" in same.evidence[0].verdict
+    assert "held out: poor" in other.evidence[0].verdict
 
 
 def test_asking_for_both_directions_is_remembered():

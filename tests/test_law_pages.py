@@ -101,7 +101,7 @@ def test_partners_are_those_that_a_law_accepts():
     assert pages.partners(ELEMENTS["none"]) == (list(RATES), "")
     carried, reason = pages.partners(ELEMENTS["gms"])
     assert set(RATES) - set(carried) == {"makkar", "sigmoid"}
-    assert reason.startswith("it vanishes")
+    assert reason.startswith("it is continuous and zero at rest")
 
 
 @pytest.mark.parametrize("name", ["coulomb", "m3", "load-temperature", "polyline+decaying"])

@@ -420,8 +420,8 @@ def test_the_words_of_a_sweep():
     said = verdict(shown(told), told)
     assert said.startswith(
         "Friction is 11.3 N.m along +q and 9.7 N.m along -q at 0.5 rad/s, 15.8 and 14.2 N.m at 2 rad/s. Its 4 knots have "
-        f"standard errors up to {max(told.error_pos.max(), told.error_neg.max()):.2g} N.m. Below 0.5 rad/s nothing is "
-        "known; the first section meets rest at "
+        f"standard errors up to {max(told.error_pos.max(), told.error_neg.max()):.2g} N.m. Below 0.5 rad/s friction is "
+        "unknown; the first section meets rest at "
         f"9.800 +- {1.96 * a:.3f} N.m along +q and 8.200 +- {1.96 * b:.3f} N.m along -q (95 %)."
     )
     assert p > n and "was separated" not in said and said.endswith(f"{told.notes[0]} {EXPLAINS}")

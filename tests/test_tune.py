@@ -65,7 +65,7 @@ def test_uncertain_friction_of_the_model_widens_the_interval():
     vague = knows(standard_errors={"coulomb_positive": 1.0, "coulomb_negative": 1.0, "stiffness": 1e4})
     facts = facts_of(vague)
     assert facts.friction_error == pytest.approx(1.96 * np.hypot(0.5, 0.5) / 6.9, rel=1e-6)
-    assert "within 20 %" in " ".join(facts.notes)
+    assert "uncertain by 20 %" in " ".join(facts.notes)
 
 
 def test_a_model_without_intervals_is_tuned_with_assumed_ones_and_says_so():
@@ -254,7 +254,7 @@ def test_the_fixed_rule_is_proposed_where_it_is_safe_and_better():
     rows = _rows(facts, "track", goal, poor, members, 0)
     assert rows["fixed rule"]["safe"] and not rows["thesis"]["safe"]
     assert rows["chosen"]["numbers"] == fixed_rule(facts)
-    assert "rule to begin with" in origin(fixed_rule(facts), None, "share", "")
+    assert "From the fixed rule" in origin(fixed_rule(facts), None, "share", "")
     assert "from 0.5 to 0.35" in origin(poor, {**poor, "share": 0.5}, "share", "")
 
 
@@ -351,7 +351,7 @@ def test_what_is_printed_says_units_and_dither(capsys):
     assert "without dither: 100 % come to rest" in said
     assert ("With the dither, at rest" in said) == (tuned("backdrive")["dither_share"] > 0.0)
     assert "rests on all joints tried" in said
-    assert "standing: torque left standing after a stop by F" in said
+    assert "standing: remaining torque after a stop, relative to F" in said
     assert "With algFC2" in said
 
 

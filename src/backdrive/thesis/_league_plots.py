@@ -45,8 +45,9 @@ def draw(outcome: Outcome) -> Figure:
     _heat(own.panel(figure, grid[0, 2]), by_joint, order, joints, "cost by joint, as believed")
     by_setting = [guiding(table, s.name) for s in SETTINGS]
     names = [s.name for s in SETTINGS]
-    _heat(own.panel(figure, grid[1, 0]), by_setting, order, names, "cost by setting, bare joint: 1")
-    _estimators(own.panel(figure, grid[1, 1:]), outcome.data["estimators"][0]["rows"])
+    below = grid[1, :].subgridspec(1, 2, width_ratios=(1.3, 1.7))
+    _heat(own.panel(figure, below[0]), by_setting, order, names, "cost by setting, bare joint: 1")
+    _estimators(own.panel(figure, below[1]), outcome.data["estimators"][0]["rows"])
     return figure
 
 

@@ -223,7 +223,7 @@ class Values:
         peak = np.abs(value[np.isfinite(value)]).max(initial=0.0)
         if peak > LARGEST:
             raise MappingError(
-                f"--map {_SHORT[channel]}: '{full}' holds {peak:g}, beyond what can be reckoned with ({LARGEST:g}).",
+                f"--map {_SHORT[channel]}: '{full}' holds {peak:g}, beyond the largest valid number ({LARGEST:g}).",
                 remedy="Mark missing samples as NaN, or drop them.",
             )
         return value
