@@ -262,7 +262,7 @@ KINDS = (
         "Coulomb",
         unseen_peak,
         ("sweep", "sweeps"),
-        says="nothing is known",
+        says="friction is unknown",
         shows=False,
     ),
     Kind("time in ms", 1000.0, "", milliseconds, smaller=0.0, shows=False),
