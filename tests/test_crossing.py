@@ -53,5 +53,7 @@ def test_a_peak_is_not_lost_to_the_crossing_of_zero(seed):
 
 def test_a_joint_that_breaks_away_at_nothing_is_not_good():
     found = identify(log_of(0.0), law="stribeck-gauss", bounds={"breakaway": (1e-3, 0.1)}).model.joints[0]
-    assert found.warnings[0].startswith("Break-away friction") and "physically impossible" in found.warnings[0]
+    assert (
+        found.warnings[0].startswith("Break-away friction") and "physically impossible" in found.warnings[0]
+    )
     assert grade(found).level == "care"
