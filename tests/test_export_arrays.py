@@ -89,6 +89,29 @@ def test_jax_agrees_and_its_gradients_are_finite():
         assert all(bool(np.isfinite(s).all()) for s in slopes)
 
 
+@pytest.mark.parametrize("law", every_law(), ids=lambda law: law.name)
+def test_torch_agrees_and_its_gradients_are_finite(law):
+    torch = pytest.importorskip("torch")
+    dp, load = motion()
+    dp[5] = 0.0
+    plain, f = arrays.law(law), arrays.law(law, xp=torch)
+    x, y, expected, got = plain.init(B), f.init(B), [], []
+    for k in range(N):
+        a, x = plain.step(x, dp[k], DT, load[k], 35.0)
+        b, y = f.step(y, torch.asarray(dp[k]), DT, torch.asarray(load[k]), 35.0)
+        expected.append(a)
+        got.append(b.numpy())
+    assert np.abs(np.array(got) - expected).max() <= 1e-12 * np.abs(expected).max()
+
+    increments, row = (torch.asarray(a).requires_grad_() for a in (dp[4:7], law.row()))
+    z, total = f.init(B), 0.0
+    for k in range(3):
+        torque, z = f.step(z, increments[k], DT, row=row)
+        total += (torque**2).sum()
+    total.backward()
+    assert all(bool(torch.isfinite(each.grad).all()) for each in (increments, row))
+
+
 def identified() -> FrictionModel:
     model = load_model("preset:mx106/m6")
     names = ("coulomb", "viscous")

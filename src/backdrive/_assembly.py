@@ -162,19 +162,6 @@ def _names(source: FunctionType) -> dict[str, set[str]]:
     return found
 
 
-def _make(kernel: Any, source: FunctionType, changed: dict[str, Any]) -> Any:
-    """Return a kernel of some source in which names stand for something else."""
-    name = f"{source.__name__}_{_digest(_label(kernel), *(f'{n}={_label(v)}' for n, v in sorted(changed.items())))}"
-    key = (source, name)
-    if key not in _made:
-        made = _bound(source, changed)
-        made.__qualname__ = name
-        options = kernel.targetoptions
-        inlined = options.get("inline") == "always" or options.get("forceinline")
-        _made[key] = (leaf if inlined else jit)(made)
-    return _made[key]
-
-
 def _bound(source: FunctionType, changed: Mapping[str, Any]) -> FunctionType:
     """Return a function of the same code in which names stand for something else."""
     names = {n: _module(source.__globals__[n], v) if isinstance(v, dict) else v for n, v in changed.items()}

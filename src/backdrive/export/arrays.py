@@ -169,13 +169,7 @@ def _operation(xp: Any, name: str, given: list[Any]) -> Any:
     if all(isinstance(g, (int, float, bool, np.generic)) for g in given):
         return _numbers(name, given)
     if name == "where":
-        return (
-            xp.where(given[0], given[1], given[2])
-            if hasattr(given[0], "shape")
-            else given[1]
-            if given[0]
-            else given[2]
-        )
+        return _where(xp, *given)
     if name in ("and", "or"):
         a, b = given
         return a & b if name == "and" else a | b
@@ -190,6 +184,21 @@ def _operation(xp: Any, name: str, given: list[Any]) -> Any:
     return getattr(xp, name)(given[0])
 
 
+def _where(xp: Any, condition: Any, one: Any, other: Any) -> Any:
+    """Return one of two numbers, selected by a condition."""
+    if not hasattr(condition, "shape"):
+        return one if condition else other
+    if isinstance(one, float) and isinstance(other, float):  # torch would make float32 of them
+        one = _constant(xp, one, condition)
+    return xp.where(condition, one, other)
+
+
+def _constant(xp: Any, value: Any, like: Any) -> Any:
+    """Return float64 numbers as an array on the device of another array."""
+    device = {"device": like.device} if xp.__name__ == "torch" else {}
+    return xp.asarray(value, dtype=xp.float64, **device)
+
+
 def _pick(xp: Any, index: Any, places: tuple[int, ...], *numbers: Any) -> Any:
     """Return one of several numbers, selected by an index."""
     if not hasattr(index, "shape"):
@@ -197,8 +206,7 @@ def _pick(xp: Any, index: Any, places: tuple[int, ...], *numbers: Any) -> Any:
     if all(isinstance(n, float) for n in numbers):
         table = np.zeros(places[-1] - places[0] + 1)
         table[np.array(places) - places[0]] = numbers
-        where = {"device": index.device} if xp.__name__ == "torch" else {}
-        return xp.asarray(table, dtype=xp.float64, **where)[index - places[0]]
+        return _constant(xp, table, index)[index - places[0]]
     result = numbers[-1]
     for place, number in zip(places[-2::-1], numbers[-2::-1], strict=False):
         result = xp.where(index == place, number, result)

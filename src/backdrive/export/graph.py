@@ -172,7 +172,21 @@ class Graph:
         if name in ("exp", "log", "pow", "sqrt"):
             first = self.select(path, first, 1.0) if isinstance(first, Node) else first
             rest = [self.select(path, r, 1.0) if isinstance(r, Node) else r for r in rest]
+        if name in ("pow", "sqrt") and isinstance(first, Node):
+            return self._root(name, first, *rest)
         return self.node(name, first, *rest)
+
+    def _root(self, name: str, base: Node, exponent: Any = None) -> Any:
+        """Return a power; its gradient at 0, where that of an exponent below 1 has a pole, is 0."""
+        at_zero = 0.0
+        if name == "pow":
+            is_zero = self.node("eq", exponent, 0.0) if isinstance(exponent, Node) else exponent == 0.0
+            at_zero = self.select(is_zero, 1.0, np.inf)
+            at_zero = self.select(self.binary(operator.gt, exponent, 0.0), 0.0, at_zero)
+        zero = self.node("eq", base, 0.0)
+        base = self.select(zero, 1.0, base)
+        power = self.node(name, base) if exponent is None else self.node(name, base, exponent)
+        return self.select(zero, at_zero, power)
 
     def live_nodes(self, results: Sequence[Any]) -> list[int]:
         """Return the operations that some results need, in order."""

@@ -176,7 +176,9 @@ class _Frame:
         entry, live = state.path, state
         left: list[State] = []
         self.breaks.append([])
+        search = any(isinstance(n, ast.Break) for n in ast.walk(node))
         for names in each:
+            before = dict(live.names)
             live.names.update(names)
             if isinstance(node, ast.While):
                 condition = self.value(node.test, live)
@@ -192,6 +194,8 @@ class _Frame:
                 live = None  # type: ignore[assignment]
                 break
             live = self.join(ends)
+            if search:  # what is not on the path stands still, lest it grow beyond all numbers round by round
+                live.names |= {n: self.graph.select(live.path, live.names[n], v) for n, v in before.items()}
         left += self.breaks.pop()
         if live is not None:
             left.append(live)
