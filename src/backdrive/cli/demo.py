@@ -112,10 +112,8 @@ def _print_next(log: Path, plan: Path, saved: float) -> None:
     echo("The same from the log alone, as with your own robot:")
     echo(f"  backdrive identify {shlex.quote(str(log))} --plan {shlex.quote(str(plan))} \\")
     echo("    -o model.json --report report.html")
-    echo(
-        f"Next comes the compensator that reduces the hand's force by {saved:.0f} %: `backdrive tune` tunes it, and"
-    )
-    echo("`backdrive export` writes it as C for your controller.")
+    echo(f"Next: `backdrive tune` finds the compensator that saves the hand {saved:.0f} % of its")
+    echo("force here, and `backdrive export` writes it as C for your controller.")
 
 
 def _curve(law, top: float):
