@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -126,7 +127,7 @@ def visit(program: str, page: Path, width: int, dark: bool, folder: Path, addres
             f"--blink-settings=preferredColorScheme={0 if dark else 1}",
             "--virtual-time-budget=3000",
             "--dump-dom",
-            f"{address}/frame.html",
+            f"{address}/frame.html?{time.monotonic_ns()}",  # else a frame written in the same second comes from the cache
         ],
         capture_output=True,
         text=True,
