@@ -42,7 +42,7 @@ STIFFNESS = """## By the transmission
 K_c, which the thesis does not print, is K (of chapter 3) for every figure: it calls K "close to the elasticity of the setup"
 (3.5.1). Other values had been tried when this one was taken. What comes out (+) and what does not (-) elsewhere,
 `python benchmarks/evidence/thesis_claims.py --stiffness`, seed 0; a statement that is not listed does not depend on it or has
-no verdict. An empty field was not run. At K_c = 2K the printed procedure gets 9 of Joint 0's 10 cycles, and so no curve to compare
+no verdict. At K_c = 2K the printed procedure gets 9 of Joint 0's 10 cycles, and so no curve to compare
 (2.7-overlap, 2.8-large).
 
 """

@@ -28,6 +28,8 @@ TIMES = {
     "nominal",
     "patience",
     "hold",
+    "slid",
+    "settle",
 }
 PLACES = {"before", "elsewhere", "older", "newer", "anchor", "zero"} | TIMES
 WHOLE = dict.fromkeys(("begun", "pending", "fast", "cause", "stop"), INT) | {"calls": LONG}

@@ -38,6 +38,8 @@ from backdrive.errors import InvalidInput
 from backdrive.laws import Law
 from backdrive.parameters import NOT_NEGATIVE, POSITIVE, WithBounds
 
+TIE = 5e-7  # relative difference within which a speed is the slowest one [-]
+
 
 @leaf
 def learn(theta, f, force, slid, dt, time, settle, floor, dead_zone, lower, upper):  # noqa: PLR0913  (a kernel's row)
@@ -115,4 +117,6 @@ class Adaptation(WithBounds):
             )
         floor = 0.5 * F if self.floor is None else self.floor
         dead_zone = 0.05 * F if self.dead_zone is None else self.dead_zone
-        return self.time, self.slowest, self.settle, floor, dead_zone, self.lower, self.upper
+        # often some counts in a tick: rounding must not decide at exactly that speed
+        slowest = self.slowest * (1.0 - TIE)
+        return self.time, slowest, self.settle, floor, dead_zone, self.lower, self.upper
