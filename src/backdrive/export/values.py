@@ -214,6 +214,10 @@ class Spelling:
             return value if kind is None else replace(value, kind=kind)
         if {value.kind, kind} <= {BOOL, INT}:
             return replace(value, kind=kind)
+        if (
+            value.origin and value.known is not None and kind in (WIDE, PLACE)
+        ):  # a constant, with all its digits
+            return self.scalar(Const(float(value.known), value.origin), kind)
         text = f"({self.type_name(kind)}){value.within(UNARY)}"
         return replace(value, text=text, kind=kind, level=UNARY, origin="")
 

@@ -23,8 +23,7 @@ from backdrive.elementary import sin
 from backdrive.parameters import POSITIVE, Bound, WithBounds
 
 MODES = ("fixed", "reset", "adaptive")
-ROW = 7  # mode, R_d, frequency, count, counts, window, rate
-TURN = 2.0 * np.pi
+ROW = 7  # mode, R_d, Omega, count, counts, window, rate
 STATES = 5  # time in the phase, share, time in the window, least and largest position in it
 
 
@@ -44,7 +43,7 @@ def tick(c, i, s, j, stuck, lo, hi, q, dt, t, idle):  # noqa: PLR0913  (a kernel
         phase = s[j]
         s[j] += dt
     share = s[j + 1] if mode == 2.0 else 1.0
-    return share * c[i + 1] * (0.5 * (hi - lo) * sin(TURN * (c[i + 2] * phase)) + 0.5 * (hi + lo))
+    return share * c[i + 1] * (0.5 * (hi - lo) * sin(c[i + 2] * phase) + 0.5 * (hi + lo))
 
 
 @leaf
@@ -102,11 +101,9 @@ class Dither(WithBounds):
 
     def row(self) -> np.ndarray:
         """Return the row that `tick` reads, (7,)."""
-        frequency = (
-            self.frequency
-        )  # exact in most cases in floats too, which 2 pi times it is not: its phase stays right
+        omega = 2.0 * np.pi * self.frequency
         return np.array(
-            [MODES.index(self.mode), self.share, frequency, self.count, self.counts, self.window, self.growth]
+            [MODES.index(self.mode), self.share, omega, self.count, self.counts, self.window, self.growth]
         )
 
 
