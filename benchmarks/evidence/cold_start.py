@@ -85,7 +85,7 @@ TUNE = (
 )
 COMMANDS = {
     "demo": Command(("-m", "backdrive", "demo"), 6.0, False),
-    "reproduce fig-3.8": Command(("-m", "backdrive", "reproduce", "fig-3.8", "-o", "book"), 9.0, True),
+    "reproduce fig-3.8": Command(("-m", "backdrive", "reproduce", "fig-3.8", "--folder", "book"), 9.0, True),
     "identify --law auto": Command(
         ("-m", "backdrive", "identify", "log.csv", "--law", "auto", "-o", "m.json"), 7.0, True
     ),
