@@ -193,14 +193,16 @@ def _choose(
         false: mean square of the acceleration that the encoder makes [rad^2/s^4 or m^2/s^4].
     """
     bins, (slowest, slow) = raw.whiten(correlation), speeds
-    choice = design.choose(bins.equations(), options)
+    blocks = bins.equations()
+    choice = design.choose(blocks, options)
     if choice.candidate.form.knots[0] == 0.0 and slowest < slow:
         lines = [option for option in options if option.form.knots[0] == 0.0]
         faster = raw.faster(slow).whiten(correlation)
         with suppress(NotIdentifiable):  # if hardly any motion is faster, slow motion is kept
-            choice = design.choose(faster.equations(), lines)
-            bins, slowest = faster, slow
-    choice = design.refit(choice, bins.equations(false))
+            of_faster = faster.equations()
+            choice = design.choose(of_faster, lines)
+            bins, blocks, slowest = faster, of_faster, slow
+    choice = design.refit(choice, blocks.without_noise(false))
     X = bins.X @ choice.candidate.spread
     covariance = noise.covariance_of_fit(X, bins.y - X @ choice.coefficients, bins.used)
     return replace(choice, covariance=covariance), bins, slowest

@@ -16,7 +16,6 @@ OF_A_MOVE = 0.125  # and at most over so much of the time between two reversals 
 BLOCK_TIME = 1.5  # aimed length of a cross-validation block [s]
 BLOCKS = (8, 24)  # least and most blocks
 FILLED, HALF = 0.9, 0.5  # share of a bin that must be of sliding; of motion, where there is little of it [-]
-MOST_NOISE = 0.5  # share of an acceleration's mean square that is taken for noise, at most [-]
 CHUNK = 200_000  # samples turned into a regressor at a time
 Means = Callable[[Signals, np.ndarray, slice, int], np.ndarray]
 
@@ -60,22 +59,11 @@ class Bins:
         y[after] = (self.y[after] - kept * self.y[before]) / size
         return replace(self, X=X, y=y)
 
-    def equations(self, noise: float = 0.0) -> regression.Blocks:
-        """Return the robustly weighted normal equations of all columns, by block of neighbouring samples.
-
-        Args:
-            noise: mean square of the noise in the first column, the acceleration, which biases its coefficient towards zero.
-                It is subtracted, up to half of the column's mean square (Fuller, Measurement Error Models, 1987).
-        """
+    def equations(self) -> regression.Blocks:
+        """Return the robustly weighted normal equations of all columns, by block of neighbouring samples."""
         w = regression.robust_weights(self.X, self.y, self.used.astype(float))
         block = regression.block_index(len(self.y), self.blocks)
-        blocks = regression.accumulate(self.X, self.y, w, block, self.blocks)
-        whole = float(blocks.gram[:, 0, 0].sum())
-        share = min(noise * float(blocks.rows.sum()), MOST_NOISE * whole) / max(
-            float(blocks.rows.sum()), 1e-300
-        )
-        blocks.gram[:, 0, 0] -= share * blocks.rows
-        return blocks
+        return regression.accumulate(self.X, self.y, w, block, self.blocks)
 
 
 def bin_time(stretches: Sequence[Signals], cutoff: float) -> float:

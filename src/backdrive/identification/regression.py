@@ -6,12 +6,13 @@ standard errors are computed from (the cluster-robust sandwich of Liang & Zeger 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg.lapack import dposv  # type: ignore[attr-defined]
 
 NORMAL = 1.959964  # half width of a 95 % interval [standard error]
+MOST_NOISE = 0.5  # share of a column's mean square that is taken for noise, at most [-]
 HUBER = 1.345  # 95 % efficiency on normal residuals [standard deviation]
 
 
@@ -41,6 +42,18 @@ class Blocks:
             gram=spread.T @ self.gram @ spread, moment=self.moment @ spread, power=self.power, rows=self.rows
         )
 
+    def without_noise(self, noise: float) -> Blocks:
+        """Return the equations less the noise of the first column, which biases its coefficient towards zero.
+
+        Args:
+            noise: its mean square; subtracted up to half of the column's (Fuller, Measurement Error Models, 1987).
+        """
+        rows, whole = float(self.rows.sum()), float(self.gram[:, 0, 0].sum())
+        share = min(noise * rows, MOST_NOISE * whole) / max(rows, 1e-300)
+        gram = self.gram.copy()
+        gram[:, 0, 0] -= share * self.rows
+        return replace(self, gram=gram)
+
 
 RIDGE = 1e-13  # of the scaled normal equations: keeps directions that the data leave open small [-]
 
@@ -53,7 +66,8 @@ def solve(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
         moment: X'y, (..., p).
     """
     scale = np.sqrt(np.maximum(np.einsum("...ii->...i", gram), 1e-300))
-    scaled = gram / (scale[..., :, None] * scale[..., None, :]) + RIDGE * np.eye(gram.shape[-1])
+    scaled = gram / (scale[..., :, None] * scale[..., None, :])
+    np.einsum("...ii->...i", scaled)[...] += RIDGE
     if gram.ndim == 2:  # the common case, without what numpy does around it
         _, solution, failure = dposv(scaled, moment / scale)
         if failure == 0:
@@ -92,8 +106,12 @@ def accumulate(X: np.ndarray, y: np.ndarray, w: np.ndarray, block: np.ndarray, b
 
 def robust_spread(residual: np.ndarray, w: np.ndarray | None = None) -> float:
     """Return the standard deviation of residuals (with weight) by the median of their sizes; 0 where there are none."""
-    inside = np.abs(residual if w is None else residual[w > 0])
-    return 1.4826 * float(np.median(inside)) if inside.size else 0.0
+    size = np.abs(residual if w is None else residual[w > 0])
+    if not size.size:
+        return 0.0
+    half = size.size // 2  # not `np.median`, which takes twice the time for some thousand numbers
+    size.partition(half)
+    return 1.4826 * float(size[half] if size.size % 2 else 0.5 * (size[:half].max() + size[half]))
 
 
 def huber_weights(residual: np.ndarray, width: float | np.ndarray) -> np.ndarray:
@@ -108,18 +126,24 @@ def huber_weights(residual: np.ndarray, width: float | np.ndarray) -> np.ndarray
 
 def robust_weights(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int = 8) -> np.ndarray:
     """Return `w` times Huber's weights, by iteratively reweighted least squares."""
-    weighted = X * w[:, None]
+    inside = np.flatnonzero(w)
+    X, y, prior = X[inside], y[inside], w[inside]
+    weighted = X * prior[:, None]
     whole = weighted.T @ X, weighted.T @ y
-    weights, (gram, moment) = w, whole
+    weights, (gram, moment) = prior, whole
     for _ in range(rounds):
-        residual = y - X @ solve(gram, moment)
-        spread = robust_spread(residual, w)
-        weights = w * huber_weights(residual, HUBER * spread) if spread > 0.0 else w
-        lighter = np.flatnonzero(weights < w)  # few: the equations of all, less what these lose
-        part = X[lighter]
-        lost = part * (w - weights)[lighter, None]
-        gram, moment = whole[0] - lost.T @ part, whole[1] - lost.T @ y[lighter]
-    return weights.copy()
+        size = np.abs(y - X @ solve(gram, moment))
+        width = HUBER * robust_spread(size)
+        lighter = np.flatnonzero(size > width) if width > 0.0 else inside[:0]
+        lost = prior[lighter] * (1.0 - width / size[lighter])
+        weights = prior.copy()
+        weights[lighter] -= lost
+        part = X[lighter]  # few: the equations of all, less what these lose
+        losing = (part * lost[:, None]).T
+        gram, moment = whole[0] - losing @ part, whole[1] - losing @ y[lighter]
+    result = np.zeros(w.size)
+    result[inside] = weights
+    return result
 
 
 def leave_one_out_losses(blocks: Blocks) -> np.ndarray:
