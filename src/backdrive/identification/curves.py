@@ -95,8 +95,8 @@ def hats(speed: np.ndarray, knots: np.ndarray) -> np.ndarray:
 
 def _places(speed: np.ndarray, knots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the knot before each speed, and how far towards the next it is, (n,) each."""
-    left = np.clip(np.searchsorted(knots, speed, side="right") - 1, 0, knots.size - 2)
-    return left, (speed - knots[left]) / (knots[left + 1] - knots[left])
+    left = np.searchsorted(knots[1:-1], speed, side="right")
+    return left, (speed - knots[left]) / np.diff(knots)[left]
 
 
 def basis(velocity: np.ndarray, knots: np.ndarray) -> np.ndarray:

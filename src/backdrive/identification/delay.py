@@ -31,14 +31,12 @@ def earlier(x: np.ndarray, samples: float, linear: bool = False) -> np.ndarray:
     if linear:
         weights = (0.0, 1.0 - u, u, 0.0)
     whole = min(max(whole, -n - 2), n + 2)  # beyond, the held end is all there is
-    padded = np.pad(x, [(0, 0)] * (x.ndim - 1) + [(max(whole + 2, 0), max(2 - whole, 0))], "edge")
-    first = max(whole + 2, 0) - whole - 2
-    moved = weights[0] * padded[..., first : first + n]
-    term = np.empty_like(moved)
-    for j in (1, 2, 3):
-        np.multiply(padded[..., first + j : first + j + n], weights[j], out=term)
-        moved += term
-    return moved
+    before, after = max(whole + 2, 0), max(1 - whole, 0)
+    first = before - whole - 2
+    rows = x.reshape(-1, n)
+    longer = [np.concatenate([np.full(before, row[0]), row, np.full(after, row[-1])]) for row in rows]
+    moved = [np.correlate(row[first : first + n + 3], weights, "valid") for row in longer]
+    return np.reshape(moved, x.shape)
 
 
 def delay_signals(signals: Signals, delay: float) -> Signals:

@@ -11,6 +11,7 @@ from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, regression
 from backdrive.identification.signals import Signals
 from backdrive.identification.terms import GRAVITY
+from backdrive.logs import filters
 
 #: Columns before the friction basis, in this order.
 COLUMNS = ("inertia", "jerk", "offset", "gravity_sin", "gravity_cos", "model_torque")
@@ -83,7 +84,7 @@ def columns(s: Signals, knots: np.ndarray, rows: slice = slice(None)) -> np.ndar
 def means(s: Signals, knots: np.ndarray, rows: slice, width: int) -> np.ndarray:
     """Return the means of all columns over bins of so many samples, (n / width, 6 + 2 k)."""
     s = s.rows(rows)
-    head = [x.reshape(-1, width).mean(axis=1) for x in _head(s)]
+    head = [filters.means(x, width) for x in _head(s)]
     return np.hstack([np.stack(head, axis=1), curves.basis_means(s.velocity, knots, width)])
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from backdrive.identification import design, regression
 from backdrive.identification.signals import Signals
+from backdrive.logs import filters
 
 BIN_TIME = 0.01  # torque and regressors are averaged over this long, at least [s]
 LONGEST_BIN = 0.1  # and at most [s]
@@ -118,7 +119,6 @@ def bin_means(
             n = min(per_chunk, count - first)
             rows = slice(first * width, (first + n) * width)
             series = s.torque[rows], mask[rows], np.abs(s.velocity[rows])
-            of_series = [x.reshape(n, width).mean(axis=1) for x in series]
-            parts.append([means(s, knots, rows, width), *of_series])
+            parts.append([means(s, knots, rows, width), *(filters.means(x, width) for x in series)])
     X, y, used, speed = (np.concatenate(part) for part in zip(*parts, strict=True))
     return Bins(X=X, y=y, used=used > filled, speed=speed, blocks=block_count(stretches))

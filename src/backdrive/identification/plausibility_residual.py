@@ -12,6 +12,7 @@ from backdrive.identification.plausibility_logs import other_joints
 from backdrive.identification.remark import Case, Remark
 from backdrive.identification.residual import MEAN, Explanation, Residual
 from backdrive.identification.terms import GRAVITY, columns
+from backdrive.logs import filters
 
 CHANCE = 1e-5  # noise explains a residual so well once in so many times [-]
 STRUCTURE = 0.015  # share of the friction: an explained part of the residual above this gets a remark [-]
@@ -171,7 +172,7 @@ def slow_torque(case: Case) -> Remark | None:
     n = res.time.size // width
     if n < 10:
         return None
-    slow = float(np.sqrt(np.mean(res.torque_error[: n * width].reshape(n, width).mean(axis=1) ** 2)))
+    slow = float(np.sqrt(np.mean(filters.means(res.torque_error, width) ** 2)))
     if slow <= LEFT * res.size:
         return None
     return Remark(

@@ -18,6 +18,7 @@ from scipy.special import fdtrc
 
 from backdrive.identification.curves import basis
 from backdrive.identification.signals import Signals, surely_sliding
+from backdrive.logs import filters
 from backdrive.logs.resolution import resolution
 
 MEAN = 0.01  # length of a mean [s]
@@ -254,7 +255,7 @@ def residual_of(parts: Sequence[Part]) -> Residual | None:
         series = (s.time, position, s.velocity, s.acceleration, s.torque, friction, predicted, known)
         width = max(1, round(MEAN * s.rate))
         n = s.time.size // width
-        means = [x[: n * width].reshape(n, width).mean(axis=1) for x in series]
+        means = [filters.means(x, width) for x in series]
         masks = [x[: n * width].reshape(n, width).all(axis=1) for x in (s.moving, slides)]
         columns.append([*means, np.full(n, number), *masks])
         error = (s.torque - predicted)[slides]

@@ -15,6 +15,7 @@ from backdrive.identification import noise
 from backdrive.identification.motion_bins import Bins, bin_size
 from backdrive.identification.signals import Signals, way_since_reversal
 from backdrive.identification.slip import fit
+from backdrive.logs import filters
 
 SHARES = (
     0.005,
@@ -66,9 +67,7 @@ def _ways(stretches: Sequence[Signals], seconds: float) -> tuple[np.ndarray, np.
     for s in stretches:
         width, count = bin_size(s, seconds)
         way, middle = way_since_reversal(s)
-        series = (x[: count * width].reshape(count, width) for x in (way, np.sign(s.velocity)))
-        least, sense = (x.min(axis=1) if k == 0 else x.mean(axis=1) for k, x in enumerate(series))
-        ways.append(least)
-        senses.append(sense)
+        ways.append(way[: count * width].reshape(count, width).min(axis=1))
+        senses.append(filters.means(np.sign(s.velocity), width))
         middles.append(middle)
     return np.concatenate(ways), np.concatenate(senses), float(np.median(middles))

@@ -104,3 +104,16 @@ def derivative(x: np.ndarray, period: float) -> np.ndarray:
         period: sampling interval [s].
     """
     return np.gradient(np.asarray(x, dtype=np.float64), period, axis=0)
+
+
+def means(x: np.ndarray, width: int) -> np.ndarray:
+    """Return the means of neighbouring samples, so many each; what is left over at the end is left out.
+
+    A product with ones: `mean` takes six times the time where the means are of a few samples.
+
+    Args:
+        x: samples, (n,).
+        width: [sample].
+    """
+    rows = x[: x.size // width * width].reshape(-1, width)
+    return rows @ np.ones(width) / width
