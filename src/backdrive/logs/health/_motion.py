@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from backdrive.logs.health._exam import Exam, once
 
@@ -67,14 +68,13 @@ def motion(exam: Exam, j: int, reach: int) -> Motion | None:
         v = own[number][1]
         if not v.size:
             continue
-        filtered = running(each[number], heavy)
         slow = np.concatenate([[0], np.cumsum(np.abs(v) < SLOW * top)])
-        others = [pulls[number] for k, _ in exam if k != j and (pulls := _pull(exam, k)) is not None]
+        others = [pulls[number] for k, _ in exam if k != j and (pulls := _pull(exam, k, reach)) is not None]
         raw = exam.log.channels["torque"][block, j]
         smooth = running(running(raw, light), heavy)
         bends.append(np.abs(np.diff(raw, 2)))
-        at = np.arange(reach, len(filtered) - reach, every)
-        terms.append(np.column_stack([filtered[at], *(pull[at] for pull in others)]))
+        at = np.arange(reach, len(smooth) - reach, every)
+        terms.append(np.column_stack([sparse(each[number], heavy, reach), *others]))
         torque.append(smooth[at[:, None] + shifts])
         fast.append(slow[at] == slow[at + 3 * heavy - 2])  # none of the samples that the means reach
     m = sum(part.shape[0] for part in terms)
@@ -96,10 +96,10 @@ def motion(exam: Exam, j: int, reach: int) -> Motion | None:
 
 
 @once
-def _pull(exam: Exam, j: int) -> list[np.ndarray] | None:
-    """Return a joint's acceleration by block behind the heavy means, as a term of all other joints."""
+def _pull(exam: Exam, j: int, reach: int) -> list[np.ndarray] | None:
+    """Return a joint's acceleration by block at the instants of `motion`, as a term of all other joints."""
     path, heavy = _path(exam, j), _widths(exam.period)[1]
-    return None if path is None else [running(a, heavy) if a.size else a for _, _, a in path]
+    return None if path is None else [sparse(a, heavy, reach) if a.size else a for _, _, a in path]
 
 
 @once
@@ -142,10 +142,10 @@ def lagging(exam: Exam, j: int, reach: int, seconds: float) -> tuple[np.ndarray,
             continue
         x = np.column_stack([own, *(path[number][2] for path in others)])
         late = lfilter([gain], [1.0, gain - 1.0], x, axis=0, zi=(1.0 - gain) * x[:1])[0]
-        filtered = running(late, heavy)
-        at = np.arange(reach, len(filtered) - reach, heavy // 2)
+        filtered = sparse(late, heavy, reach)
+        at = reach + heavy // 2 * np.arange(len(filtered))
         slow = np.concatenate([[0], np.cumsum(np.abs(x[:, 2]) < SLOW * top)])
-        parts.append(filtered[at])
+        parts.append(filtered)
         forgotten.append(slow[np.maximum(at - memory, 0)] == slow[at + 3 * heavy - 2])
     return np.concatenate(parts), np.concatenate(forgotten)
 
@@ -167,8 +167,7 @@ def bent(exam: Exam, j: int, reach: int, widths: np.ndarray) -> np.ndarray:
         z = np.zeros((q.size, widths.size))
         for k, step in enumerate(np.diff(q).tolist(), start=1):
             z[k] = np.minimum(np.maximum(z[k - 1] + step, -widths), widths)
-        filtered = running(z / widths, heavy)
-        parts.append(filtered[np.arange(reach, len(filtered) - reach, heavy // 2)])
+        parts.append(sparse(z / widths, heavy, reach))
     return np.concatenate(parts)
 
 
@@ -211,12 +210,24 @@ def running(x: np.ndarray, width: int) -> np.ndarray:
     return x + offset
 
 
+def sparse(x: np.ndarray, width: int, reach: int) -> np.ndarray:
+    """Return the rows of `running` at the instants of `motion`, (m, ...): half a width apart, none within `reach` of the ends."""
+    offset, weights = x[0], _weights(width)
+    windows = sliding_window_view(x - offset, weights.size, axis=0)
+    return windows[reach : len(windows) - reach : width // 2] @ weights + offset
+
+
+def _weights(width: int) -> np.ndarray:
+    """Return the weights of three running means of a width, (3 width - 2,)."""
+    one = np.ones(width) / width
+    return np.convolve(np.convolve(one, one), one)
+
+
 def _gain(*widths: int) -> float:
     """Return the variance of unit white noise after the running means."""
     kernel = np.ones(1)
     for width in widths:
-        for _ in range(3):
-            kernel = np.convolve(kernel, np.ones(width) / width)
+        kernel = np.convolve(kernel, _weights(width))
     return float(kernel @ kernel)
 
 
