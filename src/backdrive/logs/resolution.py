@@ -96,7 +96,8 @@ def _before_rounding(levels: np.ndarray, unit: float) -> float:
 def _decimal(levels: np.ndarray) -> float:
     """Return the unit of the last decimal that values were printed with; 0 where they have more than ten, or none."""
     size = max(float(np.abs(levels[[0, -1]]).max()), 1.0)
+    some = levels[:: max(1, levels.size // 16)]  # which nearly always show that there are more decimals
     for places in range(11):
-        if np.abs(levels - np.round(levels, places)).max() < 1e-14 * size:
+        if all(np.abs(x - np.round(x, places)).max() < 1e-14 * size for x in (some, levels)):
             return 10.0**-places if places else 0.0
     return 0.0

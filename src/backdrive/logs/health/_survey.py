@@ -60,9 +60,18 @@ def survey(array: np.ndarray) -> Survey:
             window = count[RUN - 2 :].copy()
             window[1:] -= count[: -(RUN - 1)]
             long_run |= (window == RUN - 1).any(axis=0)
-        # a sample exceeds both neighbours where the step in and the step out have opposite signs
-        out = np.where(change[:-1] * change[1:] < 0, np.minimum(np.abs(change[:-1]), np.abs(change[1:])), 0.0)
+        out = excess(change)
         np.fmax(step, np.fmax.reduce(np.abs(change), axis=0), out=step)
         if out.size:
             np.fmax(spike, np.fmax.reduce(out, axis=0), out=spike)
     return Survey(finite, low, high, step, equal / max(n - 1, 1), long_run, spike)
+
+
+def excess(change: np.ndarray) -> np.ndarray:
+    """Return by how much each sample exceeds both its neighbours, up or down, (n - 2, ...); 0 where it does not.
+
+    Args:
+        change: from sample to sample, (n - 1, ...).
+    """
+    into, out = change[:-1], change[1:]
+    return np.maximum(np.maximum(np.minimum(into, -out), np.minimum(-into, out)), 0.0)

@@ -22,6 +22,7 @@ from backdrive.logs.health._finding import (
     with_columns,
     without_rows,
 )
+from backdrive.logs.health._survey import excess
 
 CHANNELS = ("position", "velocity", "torque", "drive_input", "second_encoder", "external_torque", "load")
 #: Times the largest usual excess; times the differences around it, or times what a smooth signal leaves around it; steps of the
@@ -98,7 +99,7 @@ def _outliers(exam: Exam, channel: str, j: int) -> np.ndarray:
     if survey.spike[j] <= bound:
         return ends
     x = exam.column(channel, j)
-    rows = np.flatnonzero(_excess(x) > bound) + 1
+    rows = np.flatnonzero(excess(np.diff(x)) > bound) + 1
     rows = np.setdiff1d(rows, np.concatenate([exam.gaps, exam.gaps - 1]))
     if rows.size > 2 * count:
         return ends
@@ -137,19 +138,14 @@ def _ticks(exam: Exam, j: int, v: np.ndarray, rows: np.ndarray) -> np.ndarray:
     return small & (moved > 0) & (moved < 1.5 * count)
 
 
-def _excess(x: np.ndarray) -> np.ndarray:
-    change = np.diff(x)
-    size = np.minimum(np.abs(change[:-1]), np.abs(change[1:]))
-    return np.where(change[:-1] * change[1:] < 0, size, 0.0)
-
-
 def _usual_excess(exam: Exam, channel: str, j: int) -> tuple[float, int]:
     """Return the excess that only a few samples exceed, and how many."""
     array = exam.log.channels[channel]
-    excess = np.concatenate([_excess(array[b, j]) for b in exam.blocks])
-    count = int(10 + 0.001 * excess.size)
-    rank = -min(count + 1, excess.size)
-    return float(np.partition(excess, rank)[rank]), count
+    every = np.concatenate([excess(np.diff(array[b, j])) for b in exam.blocks])
+    count = int(10 + 0.001 * every.size)
+    some = every[every > 0.0]  # a partition takes long where most numbers are zero
+    rank = min(count + 1, every.size)
+    return (float(np.partition(some, -rank)[-rank]) if some.size >= rank else 0.0), count
 
 
 def _ends(exam: Exam, channel: str, j: int) -> np.ndarray:
