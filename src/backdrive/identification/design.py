@@ -117,8 +117,6 @@ def candidates(
         both_directions: the data move both ways.
         symmetric: True or False to allow only that kind of curve.
     """
-    from scipy.linalg import block_diag
-
     head = ("inertia",) if dynamic else ()
     pulls = {True: [GRAVITY], False: [()], None: [(), GRAVITY]}[gravity]
     known = ("model_torque",) if model_torque else ()
@@ -130,8 +128,11 @@ def candidates(
         constant = ("offset",) if form.symmetric and both_directions else ()
         for pull in pulls:
             terms = (*head, *pull, *known, *constant)
-            pick = np.eye(len(COLUMNS))[:, [COLUMNS.index(term) for term in terms]]
-            result.append(Candidate(terms=terms, form=form, spread=np.asarray(block_diag(pick, form.spread))))
+            head_size, size = len(COLUMNS), len(terms)
+            spread = np.zeros((head_size + len(form.spread), size + form.spread.shape[1]))
+            spread[[COLUMNS.index(term) for term in terms], range(size)] = 1.0
+            spread[head_size:, size:] = form.spread
+            result.append(Candidate(terms=terms, form=form, spread=spread))
     return sorted(result, key=lambda c: c.size)
 
 

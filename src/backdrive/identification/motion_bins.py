@@ -55,9 +55,9 @@ class Bins:
         before, after = at[:-1], at[1:]
         kept = correlation ** (after - before)
         size = np.sqrt(1.0 - kept**2)
-        X, y = self.X.copy(), self.y.copy()
-        X[after] = (self.X[after] - kept[:, None] * self.X[before]) / size[:, None]
-        y[after] = (self.y[after] - kept * self.y[before]) / size
+        X, y, rows, torque = self.X.copy(), self.y.copy(), self.X[at], self.y[at]
+        X[after] = (rows[1:] - kept[:, None] * rows[:-1]) / size[:, None]
+        y[after] = (torque[1:] - kept * torque[:-1]) / size
         return replace(self, X=X, y=y)
 
     def equations(self) -> regression.Blocks:

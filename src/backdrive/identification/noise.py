@@ -68,7 +68,7 @@ def noise_of(residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], 
     raw = np.zeros(lags)
     for r, p in zip(left, power, strict=True):
         if p > 0.0:
-            raw += _products(r[:, None], r[:, None], lags)[0, 0] / p
+            raw += _sums(r, lags) / p
     correlation, kept = np.ones(1), np.ones(len(left))
     pairs = [_products(Q, Q, lags) for Q in bases]
     for _ in range(ROUNDS):
@@ -116,8 +116,8 @@ def covariance_of_fit(X: np.ndarray, residual: np.ndarray, used: np.ndarray) -> 
     score = np.where(used, np.clip(residual, -width, width), 0.0)
     mask = used.astype(float)
     lags = min(LONGEST, len(score))
-    pairs = np.maximum(_products(mask[:, None], mask[:, None], lags)[0, 0], 1.0)
-    products = _products(score[:, None], score[:, None], lags)[0, 0] / pairs
+    pairs = np.maximum(_sums(mask, lags), 1.0)
+    products = _sums(score, lags) / pairs
     if not products[0] > 0.0:
         return np.zeros((p, p))
     correlation = taper(products / products[0], size)
@@ -169,10 +169,17 @@ def _fit_loss(Q: np.ndarray, QQ: np.ndarray, correlation: np.ndarray) -> np.ndar
     return across - np.einsum("abh,ab->h", QQ, Q.T @ G)
 
 
+def _sums(x: np.ndarray, lags: int) -> np.ndarray:
+    """Return sums over k of x_k x_(k+h) by lag h, (lags,)."""
+    column = x[:, None]
+    return _products(column, column, lags)[0, 0]
+
+
 def _products(a: np.ndarray, b: np.ndarray, lags: int) -> np.ndarray:
     """Return sums over k of a_k b_(k+h) by columns of a and b and lag h, (k, m, lags)."""
     n = fft_length(a.shape[0] + lags)
-    A, B = (np.fft.rfft(x.T, n) for x in (a, b))
+    A = np.fft.rfft(a.T, n)
+    B = A if b is a else np.fft.rfft(b.T, n)
     return np.fft.irfft(np.conj(A)[:, None] * B, n)[..., :lags]
 
 

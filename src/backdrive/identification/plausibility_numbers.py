@@ -148,11 +148,11 @@ def delay_range(case: Case) -> Remark | None:
     """A delay too long for a clock offset. A known delay gets a remark; an unknown one may be longer still."""
     value, error = case.value("time_slip")
     spread = 2.0 * error if math.isfinite(error) else 0.0
+    if not abs(value) + spread >= LARGEST_SLIP:
+        return None
     shift = delay(case)
     if shift is not None and shift.severity == "care":
         return None  # another delay explains the torque better, and is spoken of
-    if not abs(value) + spread >= LARGEST_SLIP:
-        return None
     if 0.0 < error <= KNOWN_DELAY * abs(value):
         return Remark(
             severity="note",

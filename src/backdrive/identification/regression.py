@@ -6,6 +6,7 @@ standard errors are computed from (the cluster-robust sandwich of Liang & Zeger 
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from scipy.linalg.lapack import dposv  # type: ignore[attr-defined]
 
 NORMAL = 1.959964  # half width of a 95 % interval [standard error]
 MOST_NOISE = 0.5  # share of a column's mean square that is taken for noise, at most [-]
+WELL = 1e6  # condition number up to which an inverse is as exact as a pseudoinverse [-]
 HUBER = 1.345  # 95 % efficiency on normal residuals [standard deviation]
 
 
@@ -217,7 +219,12 @@ def invert(gram: np.ndarray, least: float = 1e-10) -> np.ndarray:
     """
     scale = np.sqrt(np.maximum(np.abs(np.diag(gram)), 1e-300))
     size = np.outer(scale, scale)
-    return np.linalg.pinv(gram / size, rcond=least) / size
+    scaled = gram / size
+    with suppress(np.linalg.LinAlgError):  # where nothing is left open, in a quarter of the time
+        inverse = np.linalg.inv(scaled)
+        if np.linalg.norm(scaled) * np.linalg.norm(inverse) < WELL:
+            return inverse / size
+    return np.linalg.pinv(scaled, rcond=least) / size
 
 
 def long_run(z: np.ndarray, width: int | None = None) -> np.ndarray:

@@ -218,11 +218,8 @@ class Residual:
         speed = np.abs(self.velocity[inside])
         knots = np.unique(np.quantile(speed, np.linspace(0.0, 1.0, SECTIONS + 1)))
         columns = _orthonormal(np.hstack([self.columns[inside], basis(self.velocity[inside], knots)]))
-        powers = []
-        for shift in range(-reach, reach + 1):
-            torque = self.torque[inside + shift]
-            rest = torque - columns @ (columns.T @ torque)
-            powers.append(float(rest @ rest))
+        torque = self.torque[inside[:, None] + np.arange(-reach, reach + 1)]
+        powers = np.sum((torque - columns @ (columns.T @ torque)) ** 2, axis=0)
         best = int(np.argmin(powers))
         if best in (0, 2 * reach):
             return None  # no minimum: the model lacks a slow effect, and any shift lowers the residual
