@@ -90,6 +90,15 @@ def predict(friction: JointFriction, signals: Signals) -> np.ndarray:
     Raises:
         InvalidInput: the model needs a channel that the log does not hold.
     """
+    return rest_and_total(friction, signals)[1]
+
+
+def rest_and_total(friction: JointFriction, signals: Signals) -> tuple[np.ndarray, np.ndarray]:
+    """Return what `rest_of_dynamics` and `predict` do, for little more than either alone [N.m or N], (n,) each.
+
+    Raises:
+        InvalidInput: the model needs a channel that the log does not hold.
+    """
     then = _then(friction, signals)
     rest, law, dt = _rest(friction, then), friction.law, 1.0 / then.rate
     load, temperature = pairs(load_torque(friction, then), then.velocity.shape), None
@@ -102,9 +111,9 @@ def predict(friction: JointFriction, signals: Signals) -> np.ndarray:
             raise _cannot(friction, "friction that depends on the temperature", "temperature", "temp")
         temperature = then.temperature
     if isinstance(law.element, Rigid):
-        return rest + law.torque(then.velocity, load, temperature)
+        return rest, rest + law.torque(then.velocity, load, temperature)
     moved = increments(then.position, then.velocity, dt) / dt
-    return rest + rollout(law, dq=moved, dt=dt, load=load, temperature=temperature)
+    return rest, rest + rollout(law, dq=moved, dt=dt, load=load, temperature=temperature)
 
 
 def increments(position: np.ndarray | None, velocity: np.ndarray, dt: float) -> np.ndarray:

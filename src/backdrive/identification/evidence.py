@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from backdrive.identification.bands import bands_of, long_run_of
-from backdrive.identification.dynamics import predict, rest_of_dynamics
+from backdrive.identification.dynamics import rest_and_total
 from backdrive.identification.quality import grade
 from backdrive.identification.residual import Part, residual_of
 from backdrive.identification.result import Curve, JointEvidence, Samples
@@ -26,7 +26,8 @@ def sentences(*table: tuple[Any, str]) -> tuple[str, ...]:
 
 def parts_of(friction: JointFriction, stretches: Iterable[Signals], fitted: bool) -> list[Part]:
     """Return stretches as `evidence` takes them."""
-    return [(s, s.torque - rest_of_dynamics(friction, s), predict(friction, s), fitted) for s in stretches]
+    torques = [(s, *rest_and_total(friction, s)) for s in stretches]
+    return [(s, s.torque - rest, total, fitted) for s, rest, total in torques]
 
 
 def evidence(

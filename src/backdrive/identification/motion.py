@@ -20,10 +20,10 @@ import numpy as np
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, design, noise, regression
 from backdrive.identification.delay import delay_signals
-from backdrive.identification.dynamics import predict, rest_of_dynamics
+from backdrive.identification.dynamics import predict
 from backdrive.identification.evidence import evidence, parts_of, sentences
 from backdrive.identification.motion_bins import BIN_TIME, FILLED, HALF, Bins, bin_means, bin_size, bin_time
-from backdrive.identification.quality import assess, judge
+from backdrive.identification.quality import assess_parts, judge
 from backdrive.identification.remark import ONE_WAY_ONLY
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.settling import drop_build_up
@@ -152,12 +152,13 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     unseen = (
         _leave_block_out(stretches, choice, about, velocity, slip.delay, seconds) if not held_out else None
     )
-    load = np.concatenate([rest_of_dynamics(friction, s) for s in stretches])
+    parts, of_others = parts_of(friction, stretches, True), parts_of(friction, others, False)
+    load = np.concatenate([s.torque - measured for s, measured, *_ in parts])
     friction = replace(
         friction,
         warnings=(*friction.warnings, *remarks),
-        fitted=assess(friction, stretches),
-        held_out=assess(friction, others) if unseen is None else judge(unseen),
+        fitted=assess_parts(parts),
+        held_out=assess_parts(of_others) if unseen is None else judge(unseen),
         validity=replace(
             friction.validity,
             load=(float(load.min()), float(load.max())),
@@ -170,7 +171,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         friction, of_curve = without_errors(friction), lambda velocity: np.full(velocity.shape, np.nan)
     support = evidence(
         friction,
-        parts_of(friction, stretches, True) + parts_of(friction, others, False),
+        parts + of_others,
         curves.widen_below(friction.law, slowest, of_curve),
     )
     return friction, replace(support, verdict=f"{support.verdict} {smooth.note}".rstrip())

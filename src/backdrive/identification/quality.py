@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from backdrive.identification.dynamics import predict
+from backdrive.identification.residual import Part
 from backdrive.identification.signals import Signals
 from backdrive.logs.filters import low_pass
 from backdrive.model import JointFriction, Quality
@@ -30,7 +31,7 @@ def judge(pairs: Iterable[tuple[np.ndarray, np.ndarray, float, np.ndarray]]) -> 
         error = tau - tau_hat
         if not mask.any():
             continue
-        series = _slow(error, mask, rate), _slow(tau, mask, rate), error, tau
+        series = *_slow((error, tau), mask, rate), error, tau
         total += [np.sum(x[mask] ** 2) for x in series]
         count += int(np.count_nonzero(mask))
     above, below, raw_above, raw_below = total.tolist()
@@ -42,13 +43,13 @@ def judge(pairs: Iterable[tuple[np.ndarray, np.ndarray, float, np.ndarray]]) -> 
     )
 
 
-def _slow(x: np.ndarray, mask: np.ndarray, rate: float) -> np.ndarray:
-    """Return a low-passed series to which samples outside the mask add nothing, (n,)."""
+def _slow(series: Sequence[np.ndarray], mask: np.ndarray, rate: float) -> list[np.ndarray]:
+    """Return low-passed series to which samples outside the mask add nothing, (n,) each."""
     if mask.all():
-        return low_pass(x, JUDGED_BELOW, rate)
+        return [low_pass(x, JUDGED_BELOW, rate) for x in series]
     inside = mask.astype(float)
     share = np.maximum(low_pass(inside, JUDGED_BELOW, rate), LEAST_SHARE)
-    return low_pass(x * inside, JUDGED_BELOW, rate) / share
+    return [low_pass(x * inside, JUDGED_BELOW, rate) / share for x in series]
 
 
 def _percent(above: float, below: float) -> float:
@@ -62,6 +63,11 @@ def assess(friction: JointFriction, stretches: Iterable[Signals]) -> Quality:
         InvalidInput: the model needs a channel that the log does not hold.
     """
     return judge((s.torque, predict(friction, s), s.rate, s.sliding) for s in stretches)
+
+
+def assess_parts(parts: Iterable[Part]) -> Quality:
+    """Return the same as `assess`, of stretches whose torque has been predicted already."""
+    return judge((s.torque, predicted, s.rate, s.sliding) for s, _, predicted, _ in parts)
 
 
 @dataclass(frozen=True, kw_only=True)

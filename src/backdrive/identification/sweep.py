@@ -17,7 +17,7 @@ from backdrive.identification.curves import knot_names, widen_below
 from backdrive.identification.evidence import evidence, parts_of
 from backdrive.identification.function_a import SHARE, correct_pairs, function_a
 from backdrive.identification.function_a import literal as literal_pairs
-from backdrive.identification.quality import assess
+from backdrive.identification.quality import assess_parts
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
 from backdrive.identification.sweep_delay import drive_delays
@@ -136,13 +136,13 @@ def identify_sweep(
         return replace(friction, warnings=(*friction.warnings, *remarks)), found
 
     friction, found = fit_to(slice(None))
-    friction = replace(friction, fitted=assess(friction, [s for log in stretches for s in log]))
     parts = [parts_of(friction, log, True) for log in stretches]
+    friction = replace(friction, fitted=assess_parts(part for log in parts for part in log))
     if len(logs) > 1:
         before, others = fit_to(slice(0, -1))
         if others.tells(each[-1].center):
-            friction = replace(friction, held_out=assess(before, stretches[-1]))
             parts[-1] = parts_of(before, stretches[-1], False)
+            friction = replace(friction, held_out=assess_parts(parts[-1]))
     of_curve = error_of_curve(friction)
     if not literal:
         of_curve = widen_below(friction.law, friction.validity.lowest_speed or 0.0, of_curve)

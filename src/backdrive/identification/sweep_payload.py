@@ -11,7 +11,7 @@ from backdrive.errors import InvalidInput
 from backdrive.identification.curves import hats, knot_names
 from backdrive.identification.evidence import describe_fit, evidence, parts_of
 from backdrive.identification.load_fit import PayloadGrowth, payload_growth
-from backdrive.identification.quality import assess
+from backdrive.identification.quality import assess_parts
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
 from backdrive.identification.sweep import pairs
@@ -102,8 +102,9 @@ def identify_payload(
         warnings=tuple(dict.fromkeys([w for k in knots for w in k.warnings] + remarks)),
     )
     bare = [_without(s, *payloads[i]) for i in light for s in stretches[i]]
-    friction = replace(friction, fitted=assess(friction, bare))
-    support = evidence(friction, parts_of(friction, bare, True), error_of_curve(friction))
+    parts = parts_of(friction, bare, True)
+    friction = replace(friction, fitted=assess_parts(parts))
+    support = evidence(friction, parts, error_of_curve(friction))
     return friction, replace(support, verdict=_verdict(friction, found))
 
 
