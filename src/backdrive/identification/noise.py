@@ -123,15 +123,12 @@ def covariance_of_fit(X: np.ndarray, residual: np.ndarray, used: np.ndarray) -> 
     correlation = taper(products / products[0], size)
     independent = size / max(correlation[0] + 2.0 * float(correlation[1:].sum()), 1.0)
     kept = X * mask[:, None]
-    scale = np.linalg.norm(kept, axis=0)
-    scale[scale == 0.0] = 1.0
-    kept = kept / scale
     inside = float(np.mean(np.abs(residual[used]) <= width))
-    bread = regression.invert(kept.T @ kept) / max(inside, LEAST)
     full, white = kept.T @ _toeplitz(kept, correlation), kept.T @ kept
+    bread = regression.invert(white) / max(inside, LEAST)
     middle = LEAST * white if np.any(np.diag(full) < LEAST * np.diag(white)) else 0.5 * (full + full.T)
     lost = size / max(size - p, 1)
-    covariance = products[0] * lost * bread @ middle @ bread / np.outer(scale, scale)
+    covariance = products[0] * lost * bread @ middle @ bread
     return regression.widen_covariance(covariance, independent - p)
 
 
@@ -192,5 +189,5 @@ def _toeplitz(z: np.ndarray, correlation: np.ndarray) -> np.ndarray:
     circle = np.zeros(size)
     circle[:m] = correlation[:m]
     circle[size - m + 1 :] = correlation[m - 1 : 0 : -1]
-    spectrum = np.fft.rfft(circle)[:, None] * np.fft.rfft(z, size, axis=0)
-    return np.fft.irfft(spectrum, size, axis=0)[:n]
+    spectrum = np.fft.rfft(circle) * np.fft.rfft(z.T, size)
+    return np.fft.irfft(spectrum, size)[:, :n].T

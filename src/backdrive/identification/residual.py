@@ -187,13 +187,16 @@ class Residual:
     def _powers(self, waves: np.ndarray, step: float, factor: np.ndarray | float) -> np.ndarray:
         """Return by how much each of equally spaced waves lowers the squared residual beside what any model may hold, (W,)."""
         circling = np.empty((waves.size, self.time.size), dtype=complex)
-        circling[0], turn = np.exp(1j * waves[0] * self.position), np.exp(1j * step * self.position)
+        circling[0], turn = factor * np.exp(1j * waves[0] * self.position), np.exp(1j * step * self.position)
         for k in range(1, waves.size):
             np.multiply(circling[k - 1], turn, out=circling[k])
-        circling *= factor
-        pair = np.stack([np.imag(circling), np.real(circling)], axis=1)  # sine and cosine, (W, 2, n)
-        moment, held = pair @ self._apart(self.torque_error), pair @ self._basis
-        gram = pair @ pair.transpose(0, 2, 1) - held @ held.transpose(0, 2, 1)
+        sums = circling @ np.column_stack([self._apart(self.torque_error), self._basis])
+        pair = np.stack([sums.imag, sums.real], axis=1)  # of sine and cosine, (W, 2, 1 + r)
+        moment, held = pair[..., 0], pair[..., 1:]
+        double = np.einsum("wn,wn->w", circling, circling)  # whose parts are cos^2 - sin^2 and 2 sin cos
+        whole = np.vdot(circling[0], circling[0]).real
+        square = np.array([[whole - double.real, double.imag], [double.imag, whole + double.real]])
+        gram = 0.5 * square.transpose(2, 0, 1) - held @ held.transpose(0, 2, 1)
         return np.einsum("wi,wij,wj->w", moment, np.linalg.pinv(gram, rcond=1e-6, hermitian=True), moment)
 
     def _wave(self, wave: float, factor: np.ndarray | float) -> np.ndarray:
