@@ -147,7 +147,7 @@ def choose(blocks: regression.Blocks, options: list[Candidate]) -> Choice:
     by_block: dict[int, np.ndarray] = {}
     for option in options:
         mapped = blocks.map_columns(option.spread)
-        weight = np.diag(mapped.gram.sum(axis=0))
+        weight = mapped.whole[0].diagonal()
         k = len(option.terms)
         if np.any(weight <= 0.0) or weight[k:].min() < MEAGRE * total:
             continue
@@ -177,7 +177,7 @@ def choose(blocks: regression.Blocks, options: list[Candidate]) -> Choice:
         coefficients=theta,
         covariance=regression.sandwich(mapped, theta),
         left_out=regression.leave_one_out_solutions(mapped),
-        condition=regression.condition(mapped.gram.sum(axis=0)),
+        condition=regression.condition(mapped.whole[0]),
         loss={f"{'+'.join(option.terms)} | {option.form.name}": loss for loss, option, *_ in fits},
     )
 

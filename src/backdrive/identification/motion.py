@@ -129,7 +129,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     choice, bins, slowest = choose(slip, bins)
     if slip.is_fitted:
         later = replace(average(slip.delay + slip.error), used=bins.used).whiten(slip.correlation)
-        now, then = (fit(each, choice.candidate.spread) for each in (bins, later))
+        now, then = (fit(each.map_columns(choice.candidate.spread)) for each in (bins, later))
         choice = with_slip(choice, (then - now) / slip.error, slip)
     choice = design.offset_apart(choice)
     velocity = float(speeds.min()), float(speeds.max())

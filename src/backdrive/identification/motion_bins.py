@@ -39,6 +39,10 @@ class Bins:
     speed: np.ndarray
     blocks: int
 
+    def map_columns(self, spread: np.ndarray) -> Bins:
+        """Return the same with the regressor X @ spread."""
+        return replace(self, X=self.X @ spread)
+
     def faster(self, speed: float) -> Bins:
         """Return the same with only those used that are at least so fast [rad/s or m/s]."""
         return replace(self, used=self.used & (self.speed >= speed))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg.lapack import dposv  # type: ignore[attr-defined]
@@ -34,9 +35,14 @@ class Blocks:
     power: np.ndarray
     rows: np.ndarray
 
+    @cached_property
+    def whole(self) -> tuple[np.ndarray, np.ndarray]:
+        """X'X and X'y of all blocks together, (p, p) and (p,)."""
+        return self.gram.sum(axis=0), self.moment.sum(axis=0)
+
     def solution(self) -> np.ndarray:
         """Return the coefficients by all blocks together, (p,)."""
-        return solve(self.gram.sum(axis=0), self.moment.sum(axis=0))
+        return solve(*self.whole)
 
     def map_columns(self, spread: np.ndarray) -> Blocks:
         """Return the equations of the regressor X @ spread."""
@@ -160,13 +166,14 @@ def leave_one_out_losses(blocks: Blocks) -> np.ndarray:
 
 def leave_one_out_solutions(blocks: Blocks) -> np.ndarray:
     """Return the solution without each block, (B, p)."""
-    return solve(blocks.gram.sum(axis=0) - blocks.gram, blocks.moment.sum(axis=0) - blocks.moment)
+    gram, moment = blocks.whole
+    return solve(gram - blocks.gram, moment - blocks.moment)
 
 
 def sandwich(blocks: Blocks, theta: np.ndarray) -> np.ndarray:
     """Return the covariance of `theta` from the spread of the blocks' scores, (p, p)."""
     scores = (blocks.moment - blocks.gram @ theta)[blocks.rows > 0]
-    return cluster_covariance(invert(blocks.gram.sum(axis=0)), scores)
+    return cluster_covariance(invert(blocks.whole[0]), scores)
 
 
 def cluster_covariance(inverse: np.ndarray, scores: np.ndarray) -> np.ndarray:

@@ -191,11 +191,11 @@ class Residual:
         for k in range(1, waves.size):
             np.multiply(circling[k - 1], turn, out=circling[k])
         sums = circling @ np.column_stack([self._apart(self.torque_error), self._basis])
-        pair = np.stack([sums.imag, sums.real], axis=1)  # of sine and cosine, (W, 2, 1 + r)
+        pair = np.stack([np.imag(sums), np.real(sums)], axis=1)  # of sine and cosine, (W, 2, 1 + r)
         moment, held = pair[..., 0], pair[..., 1:]
         double = np.einsum("wn,wn->w", circling, circling)  # whose parts are cos^2 - sin^2 and 2 sin cos
-        whole = np.vdot(circling[0], circling[0]).real
-        square = np.array([[whole - double.real, double.imag], [double.imag, whole + double.real]])
+        whole, even, odd = np.sum(np.abs(circling[0]) ** 2), np.real(double), np.imag(double)
+        square = np.array([[whole - even, odd], [odd, whole + even]])
         gram = 0.5 * square.transpose(2, 0, 1) - held @ held.transpose(0, 2, 1)
         return np.einsum("wi,wij,wj->w", moment, np.linalg.pinv(gram, rcond=1e-6, hermitian=True), moment)
 

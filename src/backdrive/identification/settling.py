@@ -56,7 +56,7 @@ def drop_build_up(
 def _lags(raw: Bins, column: np.ndarray, spread: np.ndarray, correlation: float) -> bool:
     """Return whether the torque along a column is significantly smaller than a candidate predicts."""
     more = replace(raw, X=np.column_stack([raw.X @ spread, column])).whiten(correlation)
-    theta = fit(more, np.eye(more.X.shape[1]))
+    theta = fit(more)
     covariance = noise.covariance_of_fit(more.X, more.y - more.X @ theta, more.used)
     return bool(theta[-1] < -SURE * np.sqrt(covariance[-1, -1]))
 

@@ -85,24 +85,24 @@ def seek_slip(
     delay, share, correlation = start, 1.0, 0.0
     tried: list[tuple[float, float]] = []
     while len(tried) < ROUNDS:
-        bins = bin_means([delay_signals(s, delay) for s in slow], knots, seconds=seconds)
+        raw = bin_means([delay_signals(s, delay) for s in slow], knots, seconds=seconds)
+        bins = raw.map_columns(full.spread)
         if not tried:  # only tells how the noise is correlated
-            theta = fit(bins, full.spread)
-            correlation = neighbours(bins.y - bins.X @ full.spread @ theta, bins.used)
+            correlation = neighbours(bins.y - bins.X @ fit(bins), bins.used)
         bins = bins.whiten(correlation)
-        theta = fit(bins, full.spread)
+        theta = fit(bins)
         if not theta[inertia] > 0.0:
             return replace(open_, correlation=correlation)
         tried.append((delay, float(theta[jerk] / theta[inertia])))
         delay, share, done = _next(tried)
         if done:
             break
-    X = bins.X @ full.spread
-    covariance = noise.covariance_of_fit(X, bins.y - X @ theta, bins.used)
+    covariance = noise.covariance_of_fit(bins.X, bins.y - bins.X @ theta, bins.used)
     felt = theta[inertia] > FELT * float(np.sqrt(covariance[inertia, inertia]))
     if not (felt and share > SHOWN):
         return replace(open_, correlation=correlation)
-    blocks = regression.sandwich(bins.equations().map_columns(full.spread), theta)
+    every = raw.whiten(correlation).equations()
+    blocks = regression.sandwich(every.map_columns(full.spread), theta)
     variance = 0.5 * float(covariance[jerk, jerk] + blocks[jerk, jerk])
     error = float(np.sqrt(variance) / theta[inertia] / share)
     return Slip(delay=delay, error=error, period=period, correlation=correlation)
@@ -177,12 +177,11 @@ def with_slip(choice: design.Choice, change: np.ndarray, slip: Slip) -> design.C
     )
 
 
-def fit(bins: Bins, spread: np.ndarray) -> np.ndarray:
-    """Return the coefficients of a candidate by Huber's loss, (r,)."""
-    X = bins.X @ spread
-    w = regression.robust_weights(X, bins.y, bins.used.astype(float))
-    weighted = X * w[:, None]
-    return regression.solve(weighted.T @ X, weighted.T @ bins.y)
+def fit(bins: Bins) -> np.ndarray:
+    """Return the coefficients of all columns by Huber's loss, (p,)."""
+    w = regression.robust_weights(bins.X, bins.y, bins.used.astype(float))
+    weighted = bins.X * w[:, None]
+    return regression.solve(weighted.T @ bins.X, weighted.T @ bins.y)
 
 
 def neighbours(residual: np.ndarray, used: np.ndarray) -> float:
