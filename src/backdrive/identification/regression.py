@@ -74,7 +74,7 @@ def solve(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
         moment: X'y, (..., p).
     """
     scale = np.sqrt(np.maximum(gram.diagonal(axis1=-2, axis2=-1), 1e-300))
-    scaled = gram / (scale[..., :, None] * scale[..., None, :])
+    scaled = np.divide(gram, scale[..., :, None] * scale[..., None, :], order="C")
     scaled.reshape(-1, gram.shape[-1] ** 2)[:, :: gram.shape[-1] + 1] += RIDGE  # the diagonals
     if gram.ndim == 2:  # the common case, without what numpy does around it
         _, solution, failure = dposv(scaled, moment / scale)
