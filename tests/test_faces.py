@@ -144,7 +144,7 @@ def test_a_model_is_simulated_as_it_was_identified(model):
     with pytest.raises(InvalidInput, match="2 joints"):
         simulate(two, PLAN, inertia=0.3)
     assert simulate(two, PLAN, inertia=0.3, joint="b").names == ("b",)
-    with pytest.raises(InvalidInput, match="cannot be simulated"):
+    with pytest.raises(InvalidInput, match="An int is no friction model"):
         simulate(3, PLAN)
 
 
@@ -195,11 +195,20 @@ def test_results_show_themselves(log, result, model, tuning, tmp_path):
             assert "data:image/svg+xml;base64" in page
     with pytest.raises(InvalidInput, match="draw=True"):
         tuning.plot()
-    assert result.report(tmp_path / "report.html").read_text().startswith("<!DOCTYPE html>")
+    for one in results(log, result, model, tuning):
+        page = one.report(tmp_path / "report.html").read_text()
+        assert page.startswith("<!DOCTYPE html>")
+        assert "joint_1" in page
+        assert one is tuning or "<svg" in page
+        assert not re.search(r"<script|https?://", page)
+    assert (
+        "<h1><bdi>Monday &lt;b&gt;</bdi></h1>"
+        in model.report(tmp_path / "m.html", title="Monday <b>").read_text()
+    )
 
 
-def test_results_become_plain_values(result, model, tuning):
-    for one in (result, model, tuning, compare(model, model)):
+def test_results_become_plain_values(log, result, model, tuning):
+    for one in results(log, result, model, tuning):
         json.dumps(one.to_dict())
     assert result.to_dict()["verdicts"]["joint_1"].startswith("good")
     assert model.to_dict()["joints"][0]["name"] == "joint_1"

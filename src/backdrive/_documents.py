@@ -6,7 +6,8 @@ Of a value that `isinstance` has found to be a list, a type checker does not kno
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from os import PathLike
 from typing import Any, TypeGuard
 
 
@@ -23,6 +24,12 @@ def is_list(value: object) -> TypeGuard[list[Any]]:
 def is_several(value: object) -> TypeGuard[list[Any] | tuple[Any, ...]]:
     """Return whether a value is a list or a tuple."""
     return isinstance(value, (list, tuple))
+
+
+def as_list(value: object) -> list[Any]:
+    """Return the elements of a list, tuple, generator or another iterable; a list of the value itself where it has none."""
+    alone = isinstance(value, (str, bytes, PathLike, Mapping)) or not isinstance(value, Iterable)
+    return [value] if alone else list(value)  # type: ignore[arg-type]
 
 
 def numbers_in(value: Any, where: str) -> Iterator[tuple[str, float]]:

@@ -18,7 +18,7 @@ import stat
 from collections.abc import Mapping
 from pathlib import Path
 
-from backdrive.errors import FileTooLarge, ReadError, WriteError
+from backdrive.errors import FileTooLarge, ReadError, WriteError, check_path
 
 try:
     import fcntl
@@ -53,6 +53,7 @@ def write_whole(path: str | Path, content: str | bytes) -> Path:
     Raises:
         WriteError: the place is no regular file, its folder does not exist or cannot be written, or the disk is full.
     """
+    check_path(path)
     return write_together({path: content})[0]
 
 

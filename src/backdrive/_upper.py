@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import importlib
+from pathlib import Path
 from typing import Any
+
+from backdrive.parameters import whole
 
 
 def upper(module: str, name: str) -> Any:
@@ -27,7 +30,7 @@ class Display:
         Args:
             width: of a line [characters].
         """
-        return upper("report.show", "text")(self, width)
+        return upper("report.show", "text")(self, whole("width", width, 20))
 
     def plot(self) -> Any:
         """Return a picture as a matplotlib figure, which shows itself in a notebook and has `savefig`.
@@ -36,6 +39,20 @@ class Display:
             MissingExtra: matplotlib is not installed.
         """
         return upper("report.show", "picture")(self)
+
+    def report(self, path: str | Path, *, title: str | None = None) -> Path:
+        """Write a page that shows the result: one HTML file with its table, warnings and picture.
+
+        Args:
+            path: of the file.
+            title: of the page; None: it names the result.
+
+        Raises:
+            InvalidInput: `path` names no file.
+            MissingExtra: matplotlib is not installed.
+            WriteError: the file cannot be written.
+        """
+        return upper("report.result_page", "write_page")(self, path, title=title)
 
     def _repr_html_(self) -> str:
         return upper("report.show", "html")(self)

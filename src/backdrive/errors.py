@@ -7,6 +7,7 @@ to an exit code, so a script can distinguish a bad result from a bad file.
 from __future__ import annotations
 
 from importlib import import_module
+from os import PathLike
 from typing import Any
 
 from backdrive._visible import visible
@@ -70,6 +71,29 @@ class MissingExtra(BackdriveError, ImportError):
     """An optional dependency is not installed; the remedy names the extra."""
 
     exit_code = 2
+
+
+def check_type(value: Any, kind: type | tuple[type, ...], what: str, remedy: str) -> None:
+    """Refuse an argument of a wrong type.
+
+    Args:
+        value: what was passed.
+        kind: class that is accepted, or several.
+        what: its name in a sentence, such as `friction model`.
+        remedy: what to pass.
+
+    Raises:
+        InvalidInput: the value is of another type.
+    """
+    if not isinstance(value, kind):
+        name = type(value).__name__
+        article = "An" if name[0] in "AEIOUaeiou" else "A"
+        raise InvalidInput(f"{article} {name} is no {what}.", remedy=remedy)
+
+
+def check_path(value: Any) -> None:
+    """Refuse a value that names no file; see `check_type`."""
+    check_type(value, (str, PathLike), "path", "Pass the name of a file, as a string or a Path.")
 
 
 def install(extra: str) -> str:

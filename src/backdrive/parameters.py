@@ -118,6 +118,24 @@ def check(where: str, bounds: Bounds, values: Mapping[str, Any]) -> None:
         raise InvalidInput(f"{where}: {'; '.join(wrong)}.", remedy="Numbers are in SI units of the joint.")
 
 
+def numbers(where: str, value: Any) -> Any:
+    """Return numbers as an array, (...).
+
+    Args:
+        where: what the numbers are, for the message.
+        value: what is given for them.
+
+    Raises:
+        InvalidInput: something is no number, or rows have different lengths.
+    """
+    import numpy as np
+
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInput(f"{where} holds what is no number.", remedy="Give plain numbers.") from error
+
+
 def array(where: str, value: Any, *shapes: tuple[int, ...], bound: Bound = FINITE) -> Any:
     """Return numbers within a bound as an array of one of some shapes.
 
@@ -130,9 +148,7 @@ def array(where: str, value: Any, *shapes: tuple[int, ...], bound: Bound = FINIT
     Raises:
         InvalidInput: another shape, or a number is NaN or outside.
     """
-    import numpy as np
-
-    given = np.asarray(value, dtype=np.float64)
+    given = numbers(where, value)
     if given.shape not in shapes:
         ways = " or ".join("one number" if shape == () else str(shape) for shape in shapes)
         raise InvalidInput(f"{where} has the shape {given.shape}.", remedy=f"Give {ways}.")

@@ -1,79 +1,18 @@
-"""The output of `backdrive estimate`: JSON, and tables for a terminal."""
+"""The output of `backdrive estimate` on a terminal."""
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from backdrive.cli._output import console as new_console
 from backdrive.cli._output import print_lines, table
+from backdrive.external.figures import joint_figures, wrench_figures
 
 if TYPE_CHECKING:
-    from backdrive.external import ForceEstimate, JointForce
+    from backdrive.external import ForceEstimate
     from backdrive.external.wrench import WrenchEstimate
 
 MOST = 20  # contacts that a terminal lists
-
-
-def document(result: ForceEstimate, remarks: list[str]) -> dict[str, Any]:
-    """Return all results as one JSON object, in SI units.
-
-    Args:
-        result: of `estimate_force`.
-        remarks: warnings about log and result.
-    """
-    joints = {j.joint.name: figures(j) for j in result.joints}
-    for name, calibration in result.calibrations.items():
-        if name in joints:
-            bands = {"moving": calibration.moving, "reversing": calibration.reversing}
-            joints[name]["calibration"] = {"duration": calibration.duration} | {
-                state: None if b is None else asdict(b) for state, b in bands.items()
-            }
-    told: dict[str, Any] = {"ok": True, "joints": joints, "warnings": remarks}
-    if result.wrench is not None:
-        told["wrench"] = wrench_figures(result.wrench)
-    if result.contacts is not None:
-        told["false_alarms_per_hour"] = result.false_alarms
-        told["thresholds"] = [asdict(t) for t in result.thresholds]
-        told["contacts"] = [
-            {"begin": c.begin, "end": c.end, "joints": list(c.joints), "forces": dict(c.forces)}
-            for c in result.contacts
-        ]
-    return told
-
-
-def figures(one: JointForce) -> dict[str, Any]:
-    """Return the results for a joint, in SI units."""
-    import numpy as np
-
-    largest = int(np.argmax(np.abs(one.force)))
-    return {
-        "method": one.method,
-        "bandwidth": one.bandwidth,
-        "lag": None if np.isnan(one.lag) else one.lag,
-        "unit": one.joint.torque_unit,
-        "rms": float(np.sqrt(np.mean(one.force**2))),
-        "largest": float(one.force[largest]),
-        "time_of_largest": float(one.time[largest]),
-        "share_outside_band": float(np.mean(one.outside)),
-        "rms_error": one.rms_error,
-    }
-
-
-def wrench_figures(wrench: WrenchEstimate) -> dict[str, Any]:
-    """Return the results for a wrench, in SI units."""
-    import numpy as np
-
-    error = wrench.rms_error
-    return {
-        "frame": wrench.frame,
-        "components": ["fx", "fy", "fz", "mx", "my", "mz"],
-        "rms": np.sqrt(np.mean(wrench.wrench**2, axis=0)).tolist(),
-        "largest": wrench.wrench[np.abs(wrench.wrench).argmax(axis=0), range(6)].tolist(),
-        "standard_deviation": np.median(wrench.deviation, axis=0).tolist(),
-        "share_singular": float(np.mean(wrench.singular)),
-        "rms_error": None if error is None else error.tolist(),
-    }
 
 
 def print_result(result: ForceEstimate, remarks: list[str]) -> None:
@@ -83,7 +22,7 @@ def print_result(result: ForceEstimate, remarks: list[str]) -> None:
     headings = ["joint", "method", "bandwidth", "rms", "largest", "at", "acted on"]
     rows = table(*headings, *(["error, rms"] if known else []), text=("joint", "method"))
     for one in result.joints:
-        f, unit = figures(one), one.joint.torque_unit
+        f, unit = joint_figures(one), one.joint.torque_unit
         cells = [
             one.joint.name,
             one.method,

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from backdrive.cli import _logs
-from backdrive.cli._estimate_output import document, print_result
+from backdrive.cli._estimate_output import print_result
 from backdrive.cli._output import echo, print_json
 from backdrive.cli._payload import center_from, check_options, print_payload
 from backdrive.cli._progress import progress
@@ -221,7 +221,7 @@ def command(
                 result, report, command=shlex.join(["backdrive", *sys.argv[1:]]), remarks=suspect
             )
     if as_json:
-        print_json(document(result, suspect))
+        print_json({"ok": True} | result.to_dict() | {"warnings": suspect})
         return
     print_result(result, suspect)
     for path in (output, plot, report):

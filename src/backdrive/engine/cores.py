@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
-from backdrive.errors import InvalidInput
+from backdrive.parameters import whole
 
 
 def available() -> int:
@@ -30,9 +30,7 @@ def spread(work: Callable[[int, int], None], count: int, workers: int | None = N
     Raises:
         InvalidInput: `workers` is not positive.
     """
-    workers = available() if workers is None else workers
-    if workers < 1:
-        raise InvalidInput(f"workers = {workers}.", remedy="Give at least 1, or None for all cores.")
+    workers = available() if workers is None else whole("workers", workers)
     workers = min(workers, count)
     if workers <= 1:
         if count > 0:

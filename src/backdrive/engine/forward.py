@@ -8,15 +8,16 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from backdrive._documents import as_list
 from backdrive._jit import jit
 from backdrive.engine import axis as axis_
 from backdrive.engine import drives
 from backdrive.engine.cores import spread
 from backdrive.engine.drives import DriveModel
 from backdrive.engine.series import Lanes
-from backdrive.errors import InvalidInput
+from backdrive.errors import InvalidInput, check_type
 from backdrive.laws import REFERENCE, Law, kernels
-from backdrive.parameters import ABOVE_ZERO, FINITE, NOT_NEGATIVE, WithBounds, array
+from backdrive.parameters import ABOVE_ZERO, FINITE, NOT_NEGATIVE, WithBounds, array, number, numbers, whole
 
 
 @jit
@@ -192,31 +193,32 @@ def forward(  # noqa: PLR0913  (its options are given by keyword)
     Raises:
         InvalidInput: shapes do not match, or a value is not finite.
     """
-    axes = [axes] if isinstance(axes, Axis) else list(axes)
-    if strange := [a for a in axes if not isinstance(a, Axis)]:
-        raise InvalidInput(
-            f"An axis is a {type(strange[0]).__name__}.", remedy="Give Axis(law=..., inertia=...)."
-        )
-    r = np.ascontiguousarray(np.atleast_2d(np.asarray(drive_input, dtype=np.float64)))
+    axes = as_list(axes)
+    for axis in axes:
+        check_type(axis, Axis, "axis", "Give Axis(law=..., inertia=...), one or several.")
+    r = np.ascontiguousarray(np.atleast_2d(numbers("drive_input", drive_input)))
     M, n = r.shape
     if not axes or n == 0 or not np.all(np.isfinite(r)):
         raise InvalidInput(
             f"{len(axes)} axes on inputs of shape {r.shape}, all finite: {bool(np.all(np.isfinite(r)))}.",
             remedy="Give at least one axis and finite inputs.",
         )
-    if not 0.0 < dt < np.inf or substeps < 1:
-        raise InvalidInput(f"dt = {dt} s, substeps = {substeps}.", remedy="Both must be positive.")
+    dt, substeps = number("dt [s]", dt, ABOVE_ZERO), whole("substeps", substeps)
     if log is None and M > 1 and len(axes) != M:
         raise InvalidInput(
             f"{len(axes)} axes and {M} inputs.",
             remedy="Give one input, one an axis, or say with `log` which axis runs on which.",
         )
-    if log is None:
-        log = np.zeros(len(axes), dtype=np.int64) if M == 1 else np.arange(len(axes))
-    log = np.asarray(log, dtype=np.int64)
-    if log.shape != (len(axes),) or log.min() < 0 or log.max() >= M:
+    usual = np.zeros(len(axes)) if M == 1 else np.arange(len(axes))
+    asked = numbers("log", usual if log is None else log)
+    if not np.all(asked == np.round(asked)):
         raise InvalidInput(
-            f"{len(axes)} axes, {M} inputs, and `log` of shape {log.shape}.",
+            "log holds what is no whole number.", remedy="Give every axis the number of an input."
+        )
+    inputs: np.ndarray = asked.astype(np.int64)
+    if inputs.shape != (len(axes),) or inputs.min() < 0 or inputs.max() >= M:
+        raise InvalidInput(
+            f"{len(axes)} axes, {M} inputs, and `log` of shape {inputs.shape}.",
             remedy="Name an existing input for every axis.",
         )
     supplies, switches, warmth = (
@@ -236,7 +238,7 @@ def forward(  # noqa: PLR0913  (its options are given by keyword)
     rows = Lanes([a.law for a in axes])
     J = np.array([a.row() for a in axes])
     D = np.array([a.drive.row() for a in axes])
-    S = np.array([a.at(float(start[m]), float(speed[m])) for a, m in zip(axes, log, strict=True)])
+    S = np.array([a.at(float(start[m]), float(speed[m])) for a, m in zip(axes, inputs, strict=True)])
     out = np.empty((len(axes), n, 3))
     X, C = np.zeros((len(axes), rows.states)), np.zeros((len(axes), drives.STATES))
 
@@ -254,7 +256,7 @@ def forward(  # noqa: PLR0913  (its options are given by keyword)
             X,
             S,
             C,
-            log,
+            inputs,
             r,
             supplies,
             switches,

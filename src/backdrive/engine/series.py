@@ -9,9 +9,9 @@ import numpy as np
 
 from backdrive.engine import loops
 from backdrive.engine.cores import spread
-from backdrive.errors import InvalidInput
+from backdrive.errors import InvalidInput, check_type
 from backdrive.laws import REFERENCE, Law, kernels
-from backdrive.parameters import array
+from backdrive.parameters import array, numbers
 
 if TYPE_CHECKING:
     from backdrive.model import FrictionModel
@@ -142,10 +142,7 @@ def increments(q: np.ndarray | None, dq: np.ndarray | None, dt: float) -> np.nda
     if not isinstance(dt, (int, float, np.integer, np.floating)) or not 0.0 < dt < np.inf:
         raise InvalidInput(f"dt = {dt!r} s.", remedy="Give the sampling time in seconds, one number.")
     name, motion = ("q", q) if q is not None else ("dq", dq)
-    try:
-        motion = np.asarray(motion, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidInput(f"{name} holds what is no number.", remedy="Give plain numbers.") from error
+    motion = numbers(name, motion)
     if motion.ndim not in (1, 2) or motion.size == 0:
         raise InvalidInput(f"{name} has the shape {motion.shape}.", remedy="Give (n,) or (n, J), time first.")
     if not np.all(np.isfinite(motion)):
@@ -196,10 +193,12 @@ def rollout(
         raise InvalidInput("There is no model in the sequence.", remedy="Give at least one law.")
     laws: list[Law] = []
     for candidate in sets:
-        if not isinstance(candidate, Law) and not hasattr(candidate, "joints"):
-            raise InvalidInput(
-                f"The model is a {type(candidate).__name__}.",
-                remedy="Give a Law(rate=..., element=...), or a FrictionModel, as `load_model` gives it.",
+        if not hasattr(candidate, "joints"):
+            check_type(
+                candidate,
+                Law,
+                "law or friction model",
+                "Give Law(rate=..., element=...), or what `load_model` returns.",
             )
         own = [candidate] * joints if isinstance(candidate, Law) else [j.law for j in candidate.joints]
         if len(own) != joints:

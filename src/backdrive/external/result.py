@@ -6,12 +6,12 @@ import io
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from backdrive._files import write_whole
-from backdrive._upper import Display
+from backdrive._upper import Display, upper
 from backdrive.errors import InvalidInput, UnknownName, require
 from backdrive.logs.log import Joint
 
@@ -155,6 +155,25 @@ class ForceEstimate(Display):
         raise UnknownName(
             f"No joint '{name}'.", remedy=f"One of {', '.join(j.joint.name for j in self.joints)}."
         )
+
+    def report(self, path: str | Path, *, command: str = "", title: str | None = None) -> Path:
+        """Write the report: one HTML file with the forces, their bands, contacts and the wrench.
+
+        Args:
+            path: of the file.
+            command: that made it, to be copied.
+            title: of the report; None: it names the joint or the number of joints.
+
+        Raises:
+            MissingExtra: matplotlib is not installed.
+            WriteError: the file cannot be written.
+        """
+        command = command or "estimate_force(...)  # in Python"
+        return upper("report.force", "write_force_report")(self, path, command=command, title=title)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, as `backdrive estimate --json` prints them; `save` writes the series."""
+        return upper("external.figures", "figures")(self)
 
     def save(self, path: str | Path) -> None:
         """Write a table, whole or not at all.

@@ -9,6 +9,19 @@ from typing import Any, Literal
 
 import numpy as np
 
+from backdrive._arguments import (
+    FLAG,
+    FUNCTION,
+    NAMES,
+    NUMBER,
+    PAIRS,
+    PATH,
+    SEED,
+    WORD,
+    check_arguments,
+    either,
+    optional,
+)
 from backdrive.engine import DriveModel
 from backdrive.errors import InvalidInput
 from backdrive.identification.alignment import Start, with_plan
@@ -32,6 +45,29 @@ APPLIES: dict[str, tuple[str, ...]] = {
     "urdf": ("arm",),
     "symmetric": ("sweep", "constant-velocity", "motion", "ramp", "arm", "dynamic"),
     **dict.fromkeys(("delay", "bounds", "known", "drive", "loss", "interval", "step", "seed"), ("dynamic",)),
+}
+
+
+ARGUMENTS = {
+    "law": optional(NAMES),
+    "method": WORD,
+    "start": optional(either("seconds, or 'auto'", NUMBER, WORD)),
+    "joints": optional(NAMES),
+    "urdf": optional(PATH),
+    "symmetric": optional(FLAG),
+    "gravity": optional(FLAG),
+    "delay": FLAG,
+    "loss": WORD,
+    "interval": WORD,
+    "cutoff": optional(NUMBER),
+    "step": optional(NUMBER),
+    "seed": SEED,
+    "literal": FLAG,
+    "timing": optional(WORD),
+    "payloads": optional(PAIRS),
+    "accept": NAMES,
+    "repair": FLAG,
+    "progress": optional(FUNCTION),
 }
 
 
@@ -108,8 +144,7 @@ class Options:
             InvalidInput: one of them makes no sense, or two contradict each other.
             UnknownName: no such loss or kind of interval.
         """
-        if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
-            raise InvalidInput(f"seed = {self.seed!r}.", remedy="Give a whole number, 0 or above.")
+        check_arguments(ARGUMENTS, vars(self))
         for name, value, unit in (("cutoff", self.cutoff, "Hz"), ("step", self.step, "s")):
             if value is not None and not 0.0 < value < math.inf:
                 raise InvalidInput(
@@ -262,6 +297,12 @@ def attach_plan(logs: Sequence[Log], plan: Any, start: Start | None = None) -> l
             f"{len(plans)} plans for {len(logs)} logs.",
             remedy="Give one plan for all logs, or one for each in their order.",
         )
+    for one in plans:
+        if one is not None and not hasattr(one, "kind"):
+            raise InvalidInput(
+                f"plan is {one!r:.40}.",
+                remedy="Give an object of `backdrive.plans`; `load_plan` reads a file.",
+            )
     if start is not None:
         return [with_plan(log, one, start) for log, one in zip(logs, plans, strict=False)]
     return [log.replace(plan=one) for log, one in zip(logs, plans, strict=False)]

@@ -7,6 +7,7 @@ from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
+from backdrive._arguments import as_table
 from backdrive._blas import on_one_thread
 from backdrive._catalog import lookup
 from backdrive.engine import DriveModel
@@ -120,9 +121,8 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
         repair: repair the log where a safe repair exists; each is noted, and undone if it does not lower the held-out error.
         seed: of the starts of a search.
         reading: how the logs were read (map, unit, ...), to be remembered in the model file.
-        progress: called with a sentence before every step that may take long.
-
-    An interruption (Ctrl-C) ends a search with its best result so far, if there is one; the result says so.
+        progress: called with a sentence before every step that may take long. An interruption (Ctrl-C) ends a search with its
+            best result so far, if there is one; the result says so.
 
     Returns:
         The model, the evidence for every joint, which method ran and why; after a search the table of laws with the reason for
@@ -134,6 +134,7 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
         InvalidInput: an argument or a log does not fit the method.
         UnknownName: no such law, joint or method.
     """
+    reading = as_table("reading", reading)
     options = Options(
         law=law,
         method=method,
@@ -143,8 +144,8 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
         symmetric=symmetric,
         gravity=gravity,
         delay=delay,
-        bounds=dict(bounds or {}),
-        known=dict(known or {}),
+        bounds=as_table("bounds", bounds),
+        known=as_table("known", known),
         drive=drive,
         loss=loss,
         interval=interval,
@@ -217,7 +218,7 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
         joints=tuple(friction),
         arm=arm,
         sources=tuple(s for log in logs for s in log.sources),
-        options=options.record(method, plan, held_out, reading=dict(reading or {}), **settings),
+        options=options.record(method, plan, held_out, reading=reading, **settings),
         version=__version__,
         **coupling_of(logs, [j.joint.name for j in friction]),
     )

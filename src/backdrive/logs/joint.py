@@ -9,7 +9,18 @@ from typing import Literal
 
 import numpy as np
 
+from backdrive._arguments import NUMBER, TABLE, WORD, check_arguments, optional
+from backdrive._documents import as_list
 from backdrive.errors import InvalidInput
+
+ARGUMENTS = {
+    "name": WORD,
+    "unit": WORD,
+    "torque_side": WORD,
+    "gear_ratio": NUMBER,
+    "encoder_counts": optional(NUMBER),
+}
+DRIVE_LAWS = ("torque", "velocity", "position", "voltage", "duty")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +44,7 @@ class Joint:
     named: bool | None = field(default=None, compare=False)
 
     def __post_init__(self):
+        check_arguments(ARGUMENTS, vars(self))
         if self.unit not in ("rad", "m"):
             raise InvalidInput(
                 f"Joint '{self.name}': the unit is '{self.unit}'.", remedy="It must be rad or m."
@@ -66,6 +78,15 @@ class Drive:
     law: Literal["torque", "velocity", "position", "voltage", "duty"]
     gains: Mapping[str, float] = field(default_factory=dict[str, float])
 
+    def __post_init__(self):
+        check_arguments({"law": WORD, "gains": TABLE}, vars(self))
+        if self.law not in DRIVE_LAWS:
+            raise InvalidInput(
+                f"A drive's law is {self.law!r}.", remedy=f"Give one of {', '.join(DRIVE_LAWS)}."
+            )
+        for name, gain in self.gains.items():
+            check_arguments({name: NUMBER}, {name: gain})
+
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
@@ -86,7 +107,7 @@ def as_joints(joints: Sequence[Joint | str] | Joint | str) -> tuple[Joint, ...]:
     Raises:
         InvalidInput: something is neither a joint nor a name.
     """
-    several = (joints,) if isinstance(joints, (str, Joint)) else tuple(joints)
+    several = (joints,) if isinstance(joints, (str, Joint)) else tuple(as_list(joints))
     # a person gives them
     if wrong := [joint for joint in several if not isinstance(joint, (str, Joint)) or joint == ""]:  # pyright: ignore[reportUnnecessaryIsInstance]
         raise InvalidInput(f"A joint is {wrong[0]!r}.", remedy="Give names, or Joint(name=...).")

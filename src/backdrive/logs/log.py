@@ -90,9 +90,10 @@ class Log:
             raise InvalidInput(f"Log.time has shape {time.shape}.", remedy="Give one instant a sample, (n,).")
         object.__setattr__(self, "time", time)
         self._refuse_beyond("time", time)
-        if not self.joints:
+        joints = () if self.joints is None else as_joints(self.joints)  # pyright: ignore[reportUnnecessaryComparison]
+        if not joints:
             raise InvalidInput("A Log needs at least one joint.", remedy="Pass joints=(Joint(name=...),).")
-        object.__setattr__(self, "joints", as_joints(self.joints))
+        object.__setattr__(self, "joints", joints)
         names = [joint.name for joint in self.joints]
         if len(set(names)) != len(names):
             raise InvalidInput(f"Joint names repeat: {names}.", remedy="Name every joint differently.")

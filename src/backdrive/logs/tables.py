@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 
 from backdrive._documents import is_several
-from backdrive.errors import InvalidInput
+from backdrive.errors import InvalidInput, check_type
 from backdrive.logs.joint import Joint, as_joints
 from backdrive.logs.log import CHANNELS, Log
 
@@ -103,12 +103,10 @@ def as_logs(logs: Any) -> list[Log]:
     several = [Log.from_frame(log) if is_table(log) else log for log in several]
     for log in several:
         if not isinstance(log, Log):
-            what = type(log).__name__
-            hint = " `read_log` makes one of a file." if isinstance(log, (str, os.PathLike)) else ""
-            raise InvalidInput(
-                f"A {what} is no log.{hint}",
-                remedy="Pass a `Log` (`read_log`, `Log.from_arrays`, `Log.from_frame`), or several.",
-            )
+            file = isinstance(log, (str, os.PathLike))
+            ways = "`Log.from_arrays`, `Log.from_frame`"
+            remedy = f"Pass a `Log` ({'`read_log` makes one of a file' if file else f'`read_log`, {ways}'}), or several."
+            check_type(log, Log, "log", remedy)
     return several
 
 
@@ -120,10 +118,7 @@ def _columns(frame: Any) -> dict[str, Any]:
     if hasattr(frame, "column_names") and hasattr(frame, "column"):  # pyarrow
         return {name: frame.column(name).to_numpy() for name in frame.column_names}
     if not is_table(frame):
-        raise InvalidInput(
-            f"A {type(frame).__name__} is no table.",
-            remedy="Give a data frame, or a mapping from names to arrays.",
-        )
+        check_type(frame, Mapping, "table", "Give a data frame, or a mapping from names to arrays.")
     columns = {str(name): np.asarray(frame[name]) for name in frame.columns}
     if len(columns) != len(list(frame.columns)):
         raise InvalidInput("Two columns have the same name.", remedy="Rename one of them.")

@@ -14,10 +14,11 @@ import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive._upper import Display, upper
-from backdrive.errors import ExtrapolationWarning, InvalidInput, NegativeFrictionWarning
+from backdrive.errors import ExtrapolationWarning, InvalidInput, NegativeFrictionWarning, check_path
 from backdrive.logs.joint import Source, check_coupling
 from backdrive.model.covariance import AGAIN, check_covariance
 from backdrive.model.joint_friction import JointFriction
+from backdrive.parameters import numbers, whole
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,20 +130,23 @@ class FrictionModel(Display):
             NegativeFrictionWarning: at a velocity friction drives the motion instead of resisting it.
         """
         if load is None and temperature is None and type(dq) is float:
-            scalar = self._scalars.get(joint)
+            try:
+                scalar = self._scalars.get(joint)
+            except TypeError:  # a list, for example
+                scalar = None
             if scalar is not None:
                 at, row, low, high = scalar
                 if low <= dq <= high:
                     value = at(row, dq)
                     if value * dq >= 0.0:
                         return np.float64(value)  # type: ignore[return-value]
-        velocity = np.asarray(dq, dtype=np.float64)
+        velocity = numbers("dq", dq)
         for name, plural, value in (
             ("velocity", "velocities", velocity),
             ("load", "loads", load),
             ("temperature", "temperatures", temperature),
         ):
-            if value is not None and not np.all(np.isfinite(value)):
+            if value is not None and not np.all(np.isfinite(numbers(name, value))):
                 raise InvalidInput(f"A {name} is NaN or infinite.", remedy=f"Give finite {plural}.")
         friction = self.joint(joint)
         torque = friction.law.torque(velocity, load, temperature)
@@ -212,7 +216,7 @@ class FrictionModel(Display):
         """Return the document of the model file as plain values."""
         return json.loads(upper("model.file", "encode")(self))
 
-    def loop(self, tunings: Any, *, period: float | None = None, **more: Any) -> Any:
+    def loop(self, tunings: Any, period: float | None = None, **more: Any) -> Any:
         """Return the torque loop of one or several tuned joints, with the limits that the tunings hold.
 
         Args:
@@ -234,6 +238,7 @@ class FrictionModel(Display):
         Returns:
             joint name -> {"velocity": (speeds,) [rad/s or m/s], "torque": (speeds,) [N.m or N]}.
         """
+        speeds = whole("speeds", speeds)
         result: dict[str, dict[str, np.ndarray]] = {}
         for j in self.joints:
             velocity = np.linspace(*j.validity.velocity, speeds)
@@ -254,8 +259,10 @@ def load_model(path: str | os.PathLike[str]) -> FrictionModel:
     Raises:
         ModelFileError: the file is absent, not a regular file, damaged, of another kind or of a newer schema, or contains
             impossible numbers; the message names place and reason.
+        InvalidInput: `path` is neither a string nor a path.
         UnknownName: there is no such preset; the message lists them.
     """
+    check_path(path)
     preset = upper("model.presets", "preset_name")(path)
     return (
         upper("model.file", "load")(path) if preset is None else upper("model.presets", "load_preset")(preset)

@@ -16,6 +16,7 @@ import numpy as np
 from backdrive.errors import InvalidInput
 from backdrive.laws import Law
 from backdrive.laws.base import Rows
+from backdrive.parameters import whole
 
 if TYPE_CHECKING:
     from backdrive.model.joint_friction import JointFriction
@@ -35,8 +36,7 @@ def draw_laws(friction: JointFriction, n: int, seed: int | Sequence[int] = 0) ->
     Raises:
         InvalidInput: `n` is not from 1 to 1e7; the model knows no errors of the joint's law; bounds leave hardly any draw.
     """
-    if not 1 <= n <= MOST:
-        raise InvalidInput(f"{n} draws.", remedy=f"Give a number from 1 to {MOST}.")
+    n = whole("The number of draws", n, 1, MOST)
     law = friction.law
     names, mean, low, high = _numbers(law)
     spread = _covariance(friction, names)

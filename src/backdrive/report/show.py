@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.errors import InvalidInput
+from backdrive.errors import InvalidInput, check_type
 from backdrive.external.result import STATES, ForceEstimate
 from backdrive.identification.drift.comparison import Comparison
 from backdrive.identification.quality import grade
@@ -42,7 +42,7 @@ class Face:
         head: of the table.
         rows: of the table.
         warnings: warnings and remarks, the most important first.
-        figure: returns the picture; None: there is none.
+        figure: returns the picture in a theme; None: there is none.
     """
 
     title: str
@@ -50,7 +50,7 @@ class Face:
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
     warnings: Sequence[str] = ()
-    figure: Callable[[], Any] | None = None
+    figure: Callable[[canvas.Theme], Any] | None = None
 
 
 def face(result: Any) -> Face:
@@ -59,10 +59,13 @@ def face(result: Any) -> Face:
     Raises:
         InvalidInput: it is no result.
     """
-    for kind, make in FACES.items():
-        if isinstance(result, kind):
-            return make(result)
-    raise InvalidInput(f"A {type(result).__name__} is no result.", remedy="Show what `identify` returned.")
+    check_type(
+        result,
+        tuple(FACES),
+        "result",
+        "Give what `identify`, `compare`, `tune` or `estimate_force` returned.",
+    )
+    return next(make(result) for kind, make in FACES.items() if isinstance(result, kind))
 
 
 def text(result: Any, width: int = 80) -> str:
@@ -88,7 +91,7 @@ def text(result: Any, width: int = 80) -> str:
     if shown.rows:
         console.print()
         console.print(rows)
-    for sentence in shown.warnings:
+    for sentence in _some(shown.warnings):
         console.print(f"! {_plain(prose(sentence))}")
     return "\n".join(line.rstrip() for line in stream.getvalue().splitlines()) + "\n"
 
@@ -107,7 +110,7 @@ def picture(result: Any) -> Any:
             f"There is no picture of {shown.title}.", remedy="Tune with draw=True for the safe region."
         )
     with canvas.house_style():
-        figure = shown.figure()
+        figure = shown.figure(canvas.LIGHT)
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     FigureCanvasAgg(figure)  # so that a notebook shows it
@@ -132,12 +135,12 @@ def html(result: Any) -> str:
         + "</tr>"
         for row in shown.rows
     )
-    warnings = "".join(f"<li>{esc(prose(w))}</li>" for w in shown.warnings)
+    warnings = "".join(f"<li>{esc(prose(w))}</li>" for w in _some(shown.warnings))
     image = ""
     if shown.figure is not None:
         try:
             with canvas.house_style():
-                data = base64.b64encode(canvas.content(shown.figure(), "svg")).decode()
+                data = base64.b64encode(canvas.content(shown.figure(canvas.LIGHT), "svg")).decode()
             image = (
                 f'<img alt="{esc(plain(shown.title))}" style="max-width:100%;background:#fff" '
                 f'src="data:image/svg+xml;base64,{data}">'
@@ -202,8 +205,8 @@ def _of_model(model: FrictionModel) -> Face:
         lead=_laws(model),
         head=HEAD,
         rows=_rows_of(model, [model_curve(f) for f in model.joints]),
-        warnings=_some([w for f in model.joints for w in (*f.warnings, *f.remarks())]),
-        figure=lambda: curves(model),
+        warnings=[w for f in model.joints for w in (*f.warnings, *f.remarks())],
+        figure=lambda theme: curves(model, theme=theme),
     )
 
 
@@ -213,8 +216,8 @@ def _of_identification(result: Identification) -> Face:
         lead=f"{page.overall(result)} {_laws(result.model)}",
         head=HEAD,
         rows=_rows_of(result.model, [e.curve for e in result.evidence]),
-        warnings=_some([*result.warnings, *(w for f in result.model.joints for w in f.warnings)]),
-        figure=lambda: curves(result.model, evidence=result.evidence),
+        warnings=[*result.warnings, *(w for f in result.model.joints for w in f.warnings)],
+        figure=lambda theme: curves(result.model, evidence=result.evidence, theme=theme),
     )
 
 
@@ -239,8 +242,8 @@ def _of_comparison(comparison: Comparison) -> Face:
             [c.joint, f"{c.top_speed:.3g}", *(quantity(d, c.unit) for d in c.distance), c.verdict]
             for c in comparison.changes
         ],
-        warnings=_some([*(r for c in comparison.changes for r in c.remarks), *comparison.left_out]),
-        figure=(lambda: curves(both, truth=truth, names=("first", "second")))
+        warnings=[*(r for c in comparison.changes for r in c.remarks), *comparison.left_out],
+        figure=(lambda theme: curves(both, truth=truth, names=("first", "second"), theme=theme))
         if set(both.names) == joints
         else None,
     )
@@ -260,8 +263,8 @@ def _of_tuning(tuning: Tuning) -> Face:
         lead=lead,
         head=("parameter", "symbol", "value", "unit", "why"),
         rows=[[name, n.symbol, f"{n.value:.4g}", n.unit, n.reason] for name, n in tuning.numbers.items()],
-        warnings=_some(tuning.notes),
-        figure=(lambda: safe_region(tuning)) if tuning.region else None,
+        warnings=tuning.notes,
+        figure=(lambda theme: safe_region(tuning, theme)) if tuning.region else None,
     )
 
 
@@ -284,21 +287,19 @@ def _of_force(estimate: ForceEstimate) -> Face:
         lead=f"{estimate.joints[0].time.size} samples.{contacts}",
         head=("joint", "method", "largest", *(f"half band, {word}" for word in WORDS)),
         rows=rows,
-        warnings=_some(estimate.remarks),
-        figure=lambda: _force_figure(estimate),
+        warnings=estimate.remarks,
+        figure=lambda theme: _force_figure(estimate, theme),
     )
 
 
-def _force_figure(estimate: ForceEstimate) -> Any:
+def _force_figure(estimate: ForceEstimate, theme: canvas.Theme) -> Any:
     n, height = len(estimate.joints), canvas.HEIGHT
     width = 2.0 * canvas.WIDTH
-    figure = canvas.new_figure(canvas.LIGHT, width, n * height)
+    figure = canvas.new_figure(theme, width, n * height)
     for i, one in enumerate(estimate.joints):
         box = (50.0, (n - 1 - i) * height + 40.0, width - 66.0, height - 70.0)
-        axes = canvas.axes_of(figure, canvas.LIGHT, box)
-        draw_force(
-            axes, canvas.LIGHT, one, [c for c in estimate.contacts or () if one.joint.name in c.joints]
-        )
+        axes = canvas.axes_of(figure, theme, box)
+        draw_force(axes, theme, one, [c for c in estimate.contacts or () if one.joint.name in c.joints])
     return figure
 
 

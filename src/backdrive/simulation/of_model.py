@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from backdrive._arguments import NUMBER, SEED, check_arguments, optional
 from backdrive.engine.servo import Servo
-from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.errors import InvalidInput, NotIdentifiable, check_type
 from backdrive.logs.log import Log
 from backdrive.model import FrictionModel, JointFriction
+from backdrive.plans import Plan
 from backdrive.simulation import open_loop
 from backdrive.simulation.joint import JointSimulation
 
@@ -79,13 +81,19 @@ def simulate(
         NotIdentifiable: the inertia is unknown.
         InvalidInput: several joints and none is named, or plan and joint do not fit.
     """
+    check_type(
+        plan,
+        Plan,
+        "plan of one joint",
+        "Give one of `backdrive.plans`, such as Sweep(stroke=0.3, top_speed=2.0, cycles=4).",
+    )
+    kinds = {"inertia": optional(NUMBER), "seed": SEED, "rate": NUMBER}
+    check_arguments(kinds, {"inertia": inertia, "seed": seed, "rate": rate})
     if isinstance(model, JointSimulation):
         return open_loop.simulate(model, plan, seed=seed, rate=rate)
-    if not isinstance(model, FrictionModel):
-        raise InvalidInput(
-            f"A {type(model).__name__} cannot be simulated.",
-            remedy="Give a friction model, or a JointSimulation.",
-        )
+    check_type(
+        model, FrictionModel, "friction model", "Give one, such as identify(log).model, or a JointSimulation."
+    )
     if joint is None and len(model.joints) != 1:
         raise InvalidInput(
             f"The model has {len(model.joints)} joints.", remedy=f"Name one: joint={model.names[0]!r}."

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from backdrive._arguments import NUMBER, check_arguments
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.dynamics import growth_with_load
 from backdrive.laws import REFERENCE, Growth, Law, Polyline
@@ -190,6 +191,7 @@ def facts_of(  # noqa: PLR0913  (the facts of a joint, each by its name)
         InvalidInput: a number makes no sense.
     """
     joint, law, actuator = friction.joint, friction.law, friction.actuator or Actuator()
+    check_arguments({"noise": NUMBER, "interval": NUMBER}, {"noise": noise, "interval": interval})
     check_numbers(
         f"Joint '{joint.name}'",
         stiffness=stiffness,

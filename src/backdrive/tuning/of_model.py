@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from backdrive.errors import InvalidInput
+from backdrive.errors import InvalidInput, check_type
 from backdrive.model import FrictionModel
 from backdrive.tuning.facts import facts_of
 from backdrive.tuning.propose import tune as tune_facts
@@ -36,10 +36,7 @@ def tune_joint(
         InvalidInput: several joints and none is named, or an option is unknown or makes no sense.
         NotIdentifiable: stiffness, inertia or encoder count is unknown; or no parameters are safe.
     """
-    if not isinstance(model, FrictionModel):
-        raise InvalidInput(
-            f"A {type(model).__name__} is no friction model.", remedy="Give one, such as identify(log).model."
-        )
+    check_type(model, FrictionModel, "friction model", "Give one, such as identify(log).model.")
     if joint is None and len(model.joints) != 1:
         raise InvalidInput(
             f"The model has {len(model.joints)} joints.", remedy=f"Name one: {', '.join(model.names)}."

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from backdrive._arguments import FLAG, FUNCTION, NUMBER, SEED, WORD, check_arguments, instance, optional
 from backdrive._blas import on_one_thread
 from backdrive.control import BareLoop, JointLoop, torque_limit
 from backdrive.control.compensators import Dither
@@ -58,6 +59,19 @@ def full_rule(facts: Facts) -> dict[str, float]:
     return {"share": share, "stiffness": facts.stiffest / facts.stiffness, "decay": 5.0}
 
 
+ARGUMENTS = {
+    "goal": WORD,
+    "wish": WORD,
+    "stroke": optional(instance("a Stroke", Stroke)),
+    "draw": FLAG,
+    "dither": FLAG,
+    "say": FUNCTION,
+    "joints": NUMBER,
+    "seed": SEED,
+    "effort": NUMBER,
+}
+
+
 @on_one_thread
 def tune(  # noqa: PLR0913  (its options are given by keyword)
     facts: Facts,
@@ -96,6 +110,7 @@ def tune(  # noqa: PLR0913  (its options are given by keyword)
         InvalidInput: there is no such goal or wish, too few joints, or the encoder is too coarse to see the trip speed.
         NotIdentifiable: no numbers are safe over the intervals.
     """
+    check_arguments(ARGUMENTS, locals())
     if goal not in GOALS:
         raise InvalidInput(f"There is no goal '{goal}'.", remedy=f"Goals are {', '.join(GOALS)}.")
     trip_speed = facts.trip_speed if trip_speed is None else trip_speed

@@ -6,11 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from backdrive._arguments import NAMES, NUMBER, TABLE, check_arguments, either, optional
 from backdrive._upper import Display
-from backdrive.errors import InvalidInput
+from backdrive.errors import InvalidInput, check_type
 from backdrive.identification.drift.change import ALARM, REACH, Change, change_of, kind_of
 from backdrive.identification.names import rename_joints, same_names
 from backdrive.model import FrictionModel
+
+PAIRING = either("names of joints, or a dict from one model's to the other's", TABLE, NAMES)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,11 +86,14 @@ def compare(
         UnknownName: a joint is in neither.
     """
     for model in (first, second):
-        if not isinstance(model, FrictionModel):
-            raise InvalidInput(
-                f"A {type(model).__name__} is no friction model.",
-                remedy="Give two, such as identify(log).model.",
-            )
+        check_type(model, FrictionModel, "friction model", "Give two, such as identify(log).model.")
+    kinds = {
+        "joints": optional(PAIRING),
+        "rename": optional(TABLE),
+        "top_speed": optional(NUMBER),
+        "alarm": NUMBER,
+    }
+    check_arguments(kinds, {"joints": joints, "rename": rename, "top_speed": top_speed, "alarm": alarm})
     if top_speed is not None and not 0.0 < top_speed < float("inf"):
         raise InvalidInput(
             f"top_speed = {top_speed:g} is no speed.", remedy="Give a positive, finite number [rad/s or m/s]."

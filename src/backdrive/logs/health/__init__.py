@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from backdrive._catalog import lookup
-from backdrive.errors import UnhealthyLog
+from backdrive.errors import UnhealthyLog, check_type
 from backdrive.logs.health import few_samples, unsorted_time
 from backdrive.logs.health._exam import Exam
 from backdrive.logs.health._finding import Check, Finding, Repair, Severity
@@ -58,6 +58,7 @@ def check(log: Log, *, plan: Any = None) -> list[Finding]:
         log: any log; it is not changed.
         plan: the motion plan it was recorded with; the log's own, if None.
     """
+    check_type(log, Log, "log", "Pass one, of `read_log`, `Log.from_arrays` or `Log.from_frame`.")
     return _examine(log, plan, frozenset())[0]
 
 

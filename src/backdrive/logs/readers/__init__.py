@@ -10,8 +10,10 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from backdrive._arguments import FLAG, NAMES, PATHS, WORD, check_arguments, optional
+from backdrive._documents import as_list
 from backdrive._files import check_regular
-from backdrive.errors import FileTooLarge, ReadError, UnknownFormat
+from backdrive.errors import FileTooLarge, ReadError, UnknownFormat, check_path, check_type
 from backdrive.logs.readers._formats import LEROBOT, READERS, SUFFIXES, Format, by_name, recognise
 
 if TYPE_CHECKING:
@@ -24,6 +26,13 @@ __all__ = ["READERS", "peek", "read_columns", "read_log", "read_logs"]
 _BAGS = (".mcap", ".db3")
 _INFO = Path("meta/info.json")  # describes a folder in LeRobot's layout
 _MOST_FILES = 10_000
+ARGUMENTS = {
+    "format": optional(WORD),
+    "topic": optional(WORD),
+    "names": optional(NAMES),
+    "join": PATHS,
+    "guarded": FLAG,
+}
 
 
 def read_log(  # noqa: PLR0913  (its options are given by keyword)
@@ -70,6 +79,8 @@ def read_log(  # noqa: PLR0913  (its options are given by keyword)
         MappingError: its columns are not recognized by their names; the message lists them.
         MissingExtra: an optional dependency is not installed.
     """
+    check_path(path)
+    check_arguments(ARGUMENTS, locals())
     if guarded:
         from backdrive.logs.readers import guard
 
@@ -122,7 +133,9 @@ def read_logs(paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], 
     Raises:
         ReadError: a folder holds no log, or logs of several kinds, or there are several logs and a file to join.
     """
-    given = [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
+    given = as_list(paths)
+    for path in given:
+        check_path(path)
     if not given:
         raise ReadError("No log was named.", remedy="Name at least one file or folder.")
     files = [file for path in given for file in _expand(Path(path), options.get("format"))]
@@ -200,6 +213,12 @@ def _size(files: list[Path], limits: Limits | None) -> int:
     """
     from backdrive.logs.readers.limits import Limits
 
+    check_type(
+        Limits() if limits is None else limits,
+        Limits,
+        "Limits",
+        "Give backdrive.logs.readers.limits.Limits(...), or None.",
+    )
     size, most = sum(check_regular(file).st_size for file in files), (limits or Limits()).max_file_bytes
     if size > most:
         raise FileTooLarge(

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from backdrive._arguments import NAMES, TABLE, WORD, check_arguments, either, optional
 from backdrive.errors import InvalidInput, MappingError
 from backdrive.logs.log import CHANNELS, WRENCH, Joint, Log, Source, channel_unit
 from backdrive.logs.readers import _expression, _names
@@ -16,6 +17,15 @@ from backdrive.logs.readers.columns import Columns
 
 _POSITIONS = ("position", "reference", "second_encoder")
 _DEG = np.pi / 180
+
+
+ARGUMENTS = {
+    "map": optional(either("a string such as 't=time,q=pos', or a dict", WORD, TABLE)),
+    "names": optional(NAMES),
+    "units": optional(NAMES),
+    "motor_side": optional(NAMES),
+    "coupling_side": optional(WORD),
+}
 
 
 def to_log(  # noqa: PLR0913  (its options are given by keyword)
@@ -54,6 +64,7 @@ def to_log(  # noqa: PLR0913  (its options are given by keyword)
         MappingError: a column is unknown or does not fit; the message lists the columns.
         InvalidInput: names, units, gear, counts, motor side or coupling do not fit the joints.
     """
+    check_arguments(ARGUMENTS, locals())
     on_motor = motor_channels(motor_side, gear)
     side = _side(coupling_side, coupling)
     asked = _expression.parse(map, columns.arrays) if map is not None else {}

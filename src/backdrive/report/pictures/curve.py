@@ -165,7 +165,11 @@ def save_curves(
         MissingExtra: matplotlib is not installed.
     """
     with canvas.house_style():
-        return canvas.write(curves(model, evidence=evidence, truth=truth, dark=dark), path, scale)
+        return canvas.write(
+            curves(model, evidence=evidence, truth=truth, theme=canvas.DARK if dark else canvas.LIGHT),
+            path,
+            scale,
+        )
 
 
 def curves(
@@ -173,11 +177,10 @@ def curves(
     *,
     evidence: Sequence[JointEvidence] = (),
     truth: Mapping[str, Curve] | None = None,
-    dark: bool = False,
+    theme: canvas.Theme = canvas.LIGHT,
     names: tuple[str, str] = ("identified", "truth"),
 ) -> Any:
     """Return the figure that `save_curves` writes; `names`: of the curve, and of the one to compare with."""
-    theme = canvas.DARK if dark else canvas.LIGHT
     shown = {e.joint: e for e in evidence}
     columns = min(3, len(model.joints))
     rows = -(-len(model.joints) // columns)
