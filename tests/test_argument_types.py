@@ -160,7 +160,7 @@ def test_models(model, tmp_path, monkeypatch, name):
 
 
 def test_the_message_names_argument_and_remedy(log):
-    with pytest.raises(InvalidInput, match=r"cutoff is '10 Hz'\. Give a number, or None"):
+    with pytest.raises(InvalidInput, match=r"cutoff = '10 Hz'\. Give a number, or None"):
         identify(log, cutoff="10 Hz")
     with pytest.raises(InvalidInput, match="An int is no path"):
         read_log(3)

@@ -31,8 +31,8 @@ def test_pictures_of_the_report():
 
 def test_curves_of_all_joints_in_both_themes():
     result = example(samples=600)
-    for dark in (False, True):
-        figure = curves(result.model, evidence=result.evidence, dark=dark)
+    for theme in (canvas.LIGHT, canvas.DARK):
+        figure = curves(result.model, evidence=result.evidence, theme=theme)
         with canvas.house_style():
             assert faults_of(figure) == []
 

@@ -141,8 +141,9 @@ def test_a_servo_of_bam_in_every_field(tmp_path):
         "temp": "degC",
     }
     assert got.joints == ("joint_1",)
-    assert got.drive == Drive(
-        law="duty", gains={"kp": 100.0, "duty_per_rad": pytest.approx(100 * 4096 / (2 * math.pi) / 256 / 885)}
+    assert got.drive == Drive(law="duty", gains=dict(got.drive.gains))
+    assert dict(got.drive.gains) == pytest.approx(
+        {"kp": 100.0, "duty_per_rad": 100 * 4096 / (2 * math.pi) / 256 / 885}
     )
     edge = of_json(tmp_path, bam(loads=[int(1.05 * 885), int(1.05 * 885) + 1, 0, 32767]))
     assert np.isnan(edge.arrays["load"]).tolist() == [False, True, False, True]

@@ -87,7 +87,7 @@ def fitted_line(logs):
     y, used = bins.y, bins.used
     left = y - X @ choice.coefficients
     later = replace(averaged(slip.delay + slip.error), used=used)
-    change = (fit(later, option.spread) - fit(bins, option.spread)) / slip.error
+    change = (fit(later.map_columns(option.spread)) - fit(bins.map_columns(option.spread))) / slip.error
     covariance = noise.covariance_of_fit(X, left, used) + slip.error**2 * np.outer(change, change)
     return choice, covariance, slip, stretches
 

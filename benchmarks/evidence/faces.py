@@ -42,7 +42,7 @@ plan = Sweep(stroke=0.35, top_speed=2.0, cycles=6)
 log = simulate(machine("joint_1").replace(torque_noise=1.0), plan, seed=0)
 result = identify(log)
 second = identify(simulate(machine("joint_1").replace(torque_noise=1.0), plan, seed=1))
-tuning = tune(result.model, "joint_1", stiffness=(8e4, 1.2e5), top_speed=3.0, joints=8)
+tuning = tune(result.model, "joint_1", stiffness=(8e4, 1.2e5), top_speed=3.0, joints=8, draw=True)
 """
 
 
@@ -84,7 +84,10 @@ def notebook(judge: Judge, place: Path) -> None:
     from nbclient import NotebookClient
 
     print("notebook")
-    cells = [nbformat.v4.new_code_cell(source) for source in (BEGIN, *CELLS.values())]
+    shows = [
+        f"one = {code}\none.report({str(place / name)!r} + '.html')\none" for name, code in CELLS.items()
+    ]
+    cells = [nbformat.v4.new_code_cell(source) for source in (BEGIN, *shows)]
     book = nbformat.v4.new_notebook(cells=cells)
     NotebookClient(book, timeout=300, kernel_name="python3", allow_errors=True).execute()
     failed = [o for c in book.cells for o in c.outputs if o.output_type == "error"]
@@ -228,6 +231,7 @@ def pages(judge: Judge, place: Path, program: str, short: bool, plant: bool) -> 
     print("pages")
     found = {"demo's report": place / "backdrive-demo" / "report.html", "report": place / "report.html"}
     found["report of the force"] = place / "force.html"
+    found |= {f"report of {name}": place / f"{name}.html" for name in CELLS}
     if (place / "real.html").exists():
         found["report of a real log"] = place / "real.html"
     if (ROOT / "mkdocs.yml").exists() and shutil.which("mkdocs"):

@@ -81,8 +81,8 @@ def check_arguments(kinds: Mapping[str, Kind], values: Mapping[str, Any]) -> Non
         value = values[name]
         if not kind.holds(value):
             text = repr(value)
-            shown = text if len(text) <= 40 else f"of type {type(value).__name__}"
-            raise InvalidInput(f"{name} is {shown}.", remedy=f"Give {kind.words}.")
+            shown = f"= {text}" if len(text) <= 40 else f"is of type {type(value).__name__}"
+            raise InvalidInput(f"{name} {shown}.", remedy=f"Give {kind.words}.")
 
 
 def as_table(name: str, value: Any) -> dict[str, Any]:

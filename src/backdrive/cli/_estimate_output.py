@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 from backdrive.cli._output import console as new_console
 from backdrive.cli._output import print_lines, table
-from backdrive.external.figures import joint_figures, wrench_figures
 
 if TYPE_CHECKING:
     from backdrive.external import ForceEstimate
@@ -17,6 +16,8 @@ MOST = 20  # contacts that a terminal lists
 
 def print_result(result: ForceEstimate, remarks: list[str]) -> None:
     """Print a line a joint, a line a contact, and the remarks."""
+    from backdrive.external.figures import joint_figures
+
     console = new_console()
     known = any(j.known is not None for j in result.joints)
     headings = ["joint", "method", "bandwidth", "rms", "largest", "at", "acted on"]
@@ -44,6 +45,8 @@ def print_result(result: ForceEstimate, remarks: list[str]) -> None:
 
 
 def _print_wrench(console: Any, wrench: WrenchEstimate) -> None:
+    from backdrive.external.figures import wrench_figures
+
     f = wrench_figures(wrench)
     console.print(f"\nwrench at {wrench.frame}, along the axes of the base")
     error = f["rms_error"]

@@ -203,7 +203,7 @@ def forward(  # noqa: PLR0913  (its options are given by keyword)
             f"{len(axes)} axes on inputs of shape {r.shape}, all finite: {bool(np.all(np.isfinite(r)))}.",
             remedy="Give at least one axis and finite inputs.",
         )
-    dt, substeps = number("dt [s]", dt, ABOVE_ZERO), whole("substeps", substeps)
+    dt, substeps = number("dt [s]", dt), whole("substeps", substeps)
     if log is None and M > 1 and len(axes) != M:
         raise InvalidInput(
             f"{len(axes)} axes and {M} inputs.",

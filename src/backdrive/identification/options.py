@@ -20,12 +20,14 @@ from backdrive._arguments import (
     WORD,
     check_arguments,
     either,
+    instance,
     optional,
 )
 from backdrive.engine import DriveModel
 from backdrive.errors import InvalidInput
 from backdrive.identification.alignment import Start, with_plan
 from backdrive.identification.timing import Timing
+from backdrive.laws import Law
 from backdrive.logs.log import Drive, Log
 from backdrive.model import FrictionModel
 from backdrive.plans import plan_to_dict
@@ -49,7 +51,7 @@ APPLIES: dict[str, tuple[str, ...]] = {
 
 
 ARGUMENTS = {
-    "law": optional(NAMES),
+    "law": optional(either(NAMES.words, NAMES, instance("a law", Law))),  # the choice refuses the latter
     "method": WORD,
     "start": optional(either("seconds, or 'auto'", NUMBER, WORD)),
     "joints": optional(NAMES),

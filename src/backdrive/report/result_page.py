@@ -7,10 +7,13 @@ from typing import Any
 
 from backdrive._files import write_whole
 from backdrive.report import figures, sheet
-from backdrive.report.joint import table, warnings_box
+from backdrive.report.joint import warnings_box
 from backdrive.report.pictures import canvas, svg
-from backdrive.report.show import face
+from backdrive.report.show import Face, face
 from backdrive.report.words import esc, plain
+
+WIDE = 1.3  # a picture wider than this many ordinary ones has the whole width of the page [-]
+LONG = 24  # a cell longer than this may break over lines [characters]
 
 
 def write_page(result: Any, path: str | Path, *, title: str | None = None) -> Path:
@@ -31,18 +34,35 @@ def write_page(result: Any, path: str | Path, *, title: str | None = None) -> Pa
     canvas.require_matplotlib()
     shown = face(result)
     title = shown.title if title is None else title
-    head, rows = [esc(name) for name in shown.head], [[esc(cell) for cell in row] for row in shown.rows]
     parts = [
         f'<header><h1><bdi>{esc(title)}</bdi></h1><p class="lead">{esc(shown.lead)}</p>'
         f"{warnings_box(tuple(dict.fromkeys(shown.warnings)), 'Remarks')}</header>",
-        f'<section class="summary">{table("", head, rows)}</section>' if rows else "",
+        _table(shown),
     ]
     if shown.figure is not None:
         with canvas.house_style():
             figure = shown.figure(canvas.CSS)
             figure.patch.set_visible(False)
-            parts.append(
-                f"<section>{figures.figure(svg.inline(figure, 'p', plain(shown.title)), '')}</section>"
-            )
+            wide = 72.0 * figure.get_size_inches()[0] > WIDE * canvas.WIDTH
+            picture = figures.figure(svg.inline(figure, "p", plain(shown.title)), "")
+        kind = ' class="wide" tabindex="0"' if wide else ""
+        parts.append(f"<section{kind}>{picture}</section>")
     parts.append(f'<footer class="muted"><small>backdrive {__version__}</small></footer>')
     return write_whole(path, sheet.page(title, "\n".join(parts)))
+
+
+def _table(shown: Face) -> str:
+    """Return the table of a result; on a phone each cell stands below its heading."""
+    if not shown.rows:
+        return ""
+    head = "".join(f'<th scope="col">{esc(name)}</th>' for name in shown.head)
+    rows = ""
+    for name, *others in shown.rows:
+        cells = [
+            f'<td data-label="{esc(label)}"><span class="{"long" if len(cell) > LONG else "n"}">{esc(cell)}</span></td>'
+            for label, cell in zip(shown.head[1:], others, strict=True)
+        ]
+        rows += (
+            f'<tr><th scope="row" class="name"><span class="n">{esc(name)}</span></th>{"".join(cells)}</tr>'
+        )
+    return f'<section class="summary"><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></section>'

@@ -79,6 +79,8 @@ thead th{overflow-wrap:normal}
 figure{margin:0;min-width:0}
 .legend,figcaption{max-width:80ch;font-size:.86rem;color:var(--muted);margin-top:.15rem;line-height:1.45}
 svg{display:block;width:100%;height:auto;stroke-linejoin:round;max-width:510px}
+.wide{overflow-x:auto}
+.wide svg{max-width:900px;min-width:620px}
 svg text{font-family:inherit}
 .grid{display:grid;gap:1.4rem;margin-top:1rem}
 .grid>*{min-width:0}
@@ -103,6 +105,7 @@ summary{cursor:pointer;color:var(--accent);font-size:.95rem;padding:.25rem 0}
 border-bottom:1px solid var(--grid)}
 .summary tr:first-child{border-top:1px solid var(--grid)}
 .summary th,.summary td{display:block;border:0;padding:0;min-width:0!important;grid-column:span 10}
+.summary td:has(.long){grid-column:1/-1}
 .summary .name{grid-column:1/10;font-size:1rem;font-weight:600}
 .summary .verdict{grid-column:10/-1;justify-self:end}
 .summary [data-label]::before{content:attr(data-label);display:block;color:var(--muted);font-size:.82rem}
