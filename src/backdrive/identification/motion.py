@@ -28,7 +28,7 @@ from backdrive.identification.remark import ONE_WAY_ONLY
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.settling import drop_build_up
 from backdrive.identification.signals import SLOW, Signals, default_cutoff, prepare
-from backdrive.identification.slip import Slip, fit, seek_slip, with_slip
+from backdrive.identification.slip import LONG, Slip, coarse_delay, fit, seek_slip, with_slip
 from backdrive.identification.smoothing import noise as noise_of_encoder
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.terms import estimates
@@ -115,13 +115,15 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     slip, simpler = Slip(delay=0.0, error=np.inf, period=1.0 / rate), None
     if not few:
         slip = seek_slip(stretches, knots, full, seconds)
+        if not (slip.is_known and abs(slip.delay) < LONG) and (start := coarse_delay(stretches)) is not None:
+            slip = seek_slip(stretches, knots, full, seconds, start)
         simpler = choose(slip, average(slip.delay))[0].candidate
         slip = seek_slip(
             stretches, knots, simpler.with_term("jerk"), seconds, slip.delay, near=math.isfinite(slip.error)
         )
-    if not slip.is_fitted:
+    if not slip.is_known:
         # whitening requires a model that is valid at all frequencies, so it is not used if errors are unknown anyway
-        slip = replace(slip, delay=0.0, correlation=0.0)
+        slip = replace(slip, delay=slip.delay if slip.is_fitted else 0.0, correlation=0.0)
     bins = average(slip.delay)
     if simpler is not None:
         late = [delay_signals(s, slip.delay) for s in stretches]
@@ -254,8 +256,11 @@ def reasons(bins: Bins, friction: JointFriction, stretches: Sequence[Signals], s
 
 
 def without_errors(friction: JointFriction) -> JointFriction:
-    """Return a result that states no standard errors."""
-    dynamics = {name: replace(e, standard_error=math.nan) for name, e in friction.dynamics.items()}
+    """Return a result that states no standard errors but that of the delay."""
+    dynamics = {
+        name: e if name == "time_slip" else replace(e, standard_error=math.nan)
+        for name, e in friction.dynamics.items()
+    }
     return replace(friction, standard_errors={}, covariance=None, dynamics=dynamics)
 
 

@@ -14,7 +14,7 @@ from backdrive.logs import filters
 BIN_TIME = 0.01  # torque and regressors are averaged over this long, at least [s]
 LONGEST_BIN = 0.1  # and at most [s]
 OF_A_MOVE = 0.125  # and at most over so much of the time between two reversals [-]
-BLOCK_TIME = 1.5  # aimed length of a cross-validation block [s]
+BLOCK_TIME = 1.5  # least aimed length of a cross-validation block [s]
 BLOCKS = (8, 24)  # least and most blocks
 FILLED, HALF = 0.9, 0.5  # share of a bin that must be of sliding; of motion, where there is little of it [-]
 CHUNK = 200_000  # samples turned into a regressor at a time
@@ -78,8 +78,7 @@ def bin_time(stretches: Sequence[Signals], cutoff: float) -> float:
         stretches: of one joint.
         cutoff: of the low pass of its motion [Hz].
     """
-    turns = [np.flatnonzero(np.diff(np.sign(s.velocity[s.sliding])) != 0) for s in stretches]
-    moves = np.concatenate([np.diff(at) / s.rate for at, s in zip(turns, stretches, strict=True)])
+    moves = _moves(stretches)
     longest = OF_A_MOVE * float(np.median(moves)) if moves.size else LONGEST_BIN
     return max(BIN_TIME, min(1.0 / cutoff, longest, LONGEST_BIN))
 
@@ -91,9 +90,24 @@ def bin_size(s: Signals, seconds: float = BIN_TIME) -> tuple[int, int]:
 
 
 def block_count(stretches: Sequence[Signals]) -> int:
-    """Return how many blocks of neighbouring samples all stretches together are cut into."""
+    """Return how many blocks of neighbouring samples all stretches together are cut into.
+
+    A block is as long as a period of the motion, if the log is long enough: a shorter one resembles its neighbours.
+    """
     duration = sum(s.time.size / s.rate for s in stretches)
-    return int(np.clip(duration / BLOCK_TIME, *BLOCKS))
+    return int(np.clip(duration / max(BLOCK_TIME, period(stretches)), *BLOCKS))
+
+
+def period(stretches: Sequence[Signals]) -> float:
+    """Return the period of a motion, twice the median time between two reversals [s]; 0 without two of them."""
+    moves = _moves(stretches)
+    return 2.0 * float(np.median(moves)) if moves.size else 0.0
+
+
+def _moves(stretches: Sequence[Signals]) -> np.ndarray:
+    """Return the times between reversals [s], (m,)."""
+    turns = [np.flatnonzero(np.diff(np.sign(s.velocity[s.sliding])) != 0) for s in stretches]
+    return np.concatenate([np.diff(at) / s.rate for at, s in zip(turns, stretches, strict=True)])
 
 
 def bin_means(

@@ -16,11 +16,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import stdtrit
 
 from backdrive.identification import regression
 from backdrive.logs.filters import fft_length
 
-LONGEST = 120  # lag that is looked at, at most [sample]
+LONGEST = 400  # lag that is looked at, at most [sample]
 SEEN = 2.0  # a correlation counts from so many times sqrt(log10 N / N) on [-]
 QUIET = 10  # so many lags below that end the correlation
 ROUNDS = 4  # what the fit took is that of the round before
@@ -80,25 +81,26 @@ def noise_of(residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], 
             count += np.maximum(len(Q) - np.arange(lags), 0) / kept[i]
         whole = (raw + taken) / count
         correlation = taper(whole / whole[0], sum(r.size for r in left))
-    size = np.sqrt(power / kept)
-    shrunk = np.where(size > 0.0, _shrunk(size, left, correlation), 0.0)
-    return Noise(correlation=correlation, size=np.maximum(size, shrunk))
+    wide = max(float(correlation[0] + 2.0 * correlation[1:].sum()), 1.0)
+    independent = np.array([r.size for r in left]) / wide
+    return Noise(correlation=correlation, size=_of_few(np.sqrt(power / kept), independent, degree + 1))
 
 
-def _shrunk(size: np.ndarray, runs: Sequence[np.ndarray], correlation: np.ndarray) -> np.ndarray:
+def _of_few(size: np.ndarray, independent: np.ndarray, taken: int) -> np.ndarray:
     """Return the sizes of noise of runs, those of few independent samples nearer to that of all runs together, (R,).
 
-    With few samples, the noise of a run is often underestimated, and the standard error of a sum would be too small.
+    With few samples, the noise of a run is often underestimated, and the standard error of a sum would be too small. What is
+    left of that is met by Student's distribution: 1.96 standard errors hold what its quantile would.
 
     Args:
         size: standard deviation by each run alone, (R,).
-        runs: residuals of each.
-        correlation: from sample to sample, by lag [-], (L,).
+        independent: samples of each run, by what the correlation leaves of them, (R,).
+        taken: coefficients that were fitted in each run.
     """
-    wide = max(float(correlation[0] + 2.0 * correlation[1:].sum()), 1.0)
-    independent = np.array([r.size for r in runs]) / wide
     whole = float(independent @ size**2) / float(independent.sum())
-    return np.sqrt((independent * size**2 + WHOLE * whole) / (independent + WHOLE))
+    shrunk = np.sqrt((independent * size**2 + WHOLE * whole) / (independent + WHOLE))
+    few = stdtrit(independent + WHOLE - taken, 0.975) / regression.NORMAL
+    return np.where(size > 0.0, np.maximum(size, shrunk) * few, 0.0)
 
 
 def covariance_of_fit(X: np.ndarray, residual: np.ndarray, used: np.ndarray) -> np.ndarray:

@@ -16,15 +16,21 @@ import numpy as np
 from backdrive.identification import design, noise, regression
 from backdrive.identification.delay import delay_signals
 from backdrive.identification.motion_bins import Bins, bin_means
+from backdrive.identification.residual import residual_of
 from backdrive.identification.signals import Signals
 from backdrive.logs.filters import low_pass
 
 ROUNDS = 10  # of fits, each along the motion of some delay
 STEP = 0.01  # longest change of the delay from one to the next [s]
+LONG, WORTH = (
+    0.015,
+    0.96,
+)  # a delay is sought by shifts too if it may be so long [s], and taken if the residual falls to that [-]
 LEVER = 0.002  # distance of two delays that measures the reduced response of the jerk [s]
 SHARES = 0.3, 1.5  # limits of that response during the search [-]
 KNOWN = 2.0  # a delay is known if its standard error is at most so many sampling intervals [-]
 MOST = 0.99  # correlation of the noise of neighbouring bins that is reckoned with [-]
+SURE = 5.0  # a delay takes part though it is not known well, if it is so many standard errors longer than an interval [-]
 FELT = 3.0  # inertia is significant if it is so many standard errors above zero [-]
 SHOWN = 0.05  # least response of the jerk to a delay [-]
 CORNERS, OF_JERK = (
@@ -55,9 +61,27 @@ class Slip:
         return KNOWN * self.period
 
     @property
-    def is_fitted(self) -> bool:
-        """Whether it takes part in a fit."""
+    def is_known(self) -> bool:
+        """Whether standard errors may be stated beside it."""
         return self.error <= self.least
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether it takes part in a fit: it is known, or surely longer than an interval."""
+        return self.is_known or abs(self.delay) > SURE * self.error + self.period
+
+
+def coarse_delay(stretches: Sequence[Signals]) -> float | None:
+    """Return the delay at which torque is best explained, to a hundredth of a second [s]; None where it is not long.
+
+    A search along the jerk may end at a wrong root, or at none, if the delay is long against the motion.
+
+    Args:
+        stretches: of one joint.
+    """
+    means = residual_of([(s, s.torque, s.torque, True) for s in stretches])
+    shift = None if means is None else means.delay()
+    return None if shift is None or abs(shift[0]) < LONG or shift[1] > WORTH else shift[0]
 
 
 def seek_slip(

@@ -32,6 +32,7 @@ SHARE = 0.3  # samples faster than this share of a cycle's peak speed are used [
 SIGNIFICANT = 4.0  # standard errors from which on friction is taken to grow with the load [-]
 CORNER = 6.5  # corner of the low pass, in frequencies of the fastest cycle [-]
 TOLD = 0.5  # standard error of a delay, up to which it is taken for estimated [sampling interval]
+SURE = 5.0  # a delay is corrected though it is not known so well, if it is so many standard errors longer than an interval [-]
 ROUNDS = 4  # the first order in d is repeated with the torque shifted by what was found
 
 
@@ -114,7 +115,8 @@ def drive_delays(
     found = [sweep_delay(stretches[i], windows(logs[i], joint, logs[i].plan, stretches[i])) for i in open_]
     weight = np.array([1.0 / e**2 if np.isfinite(e) and e > 0 else 0.0 for _, e in found])
     error = float(1.0 / np.sqrt(weight.sum())) if weight.any() else float("inf")
-    if not error < TOLD * period:
+    delay = float(weight @ np.nan_to_num([d for d, _ in found]) / max(weight.sum(), 1e-300))
+    if not (error < TOLD * period or abs(delay) > SURE * error + period):
         for i in open_:
             errors[i] = 0.5 * period  # a sampled torque is equally likely
         return (
@@ -126,7 +128,6 @@ def drive_delays(
                 "sample)."
             ],
         )
-    delay = float(weight @ np.nan_to_num([d for d, _ in found]) / weight.sum())
     for i in open_:
         delays[i], errors[i] = delay, error
     return (

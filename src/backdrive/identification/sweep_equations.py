@@ -116,6 +116,20 @@ class Equations:
         inverse = spread @ (np.linalg.pinv(X / scale, rcond=1e-10) / scale[:, None])
         return inverse @ (self.y * self.weight), inverse @ inverse.T
 
+    def excess(self, theta: np.ndarray, curves: str, terms: Sequence[str]) -> float:
+        """Return by how much the variance of the equations' residuals exceeds the stated one, at least 1 [-].
+
+        That is Birge's ratio, squared (Physical Review 40, 1932). Weights from estimated errors and what the model lacks count in it.
+
+        Args:
+            theta: all unknowns, (2 K + 4,).
+            curves: as they were solved for; see `spread`.
+            terms: that took part.
+        """
+        freedom = self.y.size - self.spread(curves, terms).shape[1]
+        miss = (self.y - self.X @ theta) * self.weight
+        return max(1.0, float(miss @ miss) / freedom) if freedom > 0 else 1.0
+
 
 def equations(knots: Sequence[SweepKnots]) -> Equations:
     """Return the equations of the pairs of one or several sweeps; speeds that nearly agree share a knot."""

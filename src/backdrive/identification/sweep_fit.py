@@ -154,6 +154,7 @@ def fit(  # noqa: PLR0912, PLR0915  (the steps of one method in a row)
         kept = kept if load is None else (*kept, LOAD)
         curves = "equal"
         theta, covariance = eqs.solve(curves, kept)
+    covariance = covariance * eqs.excess(theta, curves, kept)
     if late:
         moved = replace(eqs, y=equations(late).y).solve(curves, kept)[0] - theta
         covariance = covariance + np.outer(moved, moved)

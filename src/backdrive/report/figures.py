@@ -188,10 +188,12 @@ def residual_row(friction: JointFriction, evidence: JointEvidence, prefix: str) 
             f"up to {quantity(scale.worst, joint.torque_unit)}: triangles at its edge."
         )
     caption += _period(friction, evidence)
-    if "position" in absent:
-        caption += " The log holds no position."
     if "time" in absent:
-        caption += " Each sample summarizes a whole log, so there is no time series to show."
+        caption += (
+            " Each sample summarizes a whole log, so there is nothing to show against time and position."
+        )
+    elif "position" in absent:
+        caption += " The log holds no position."
     return f'<h3>Residual</h3><div class="grid residuals">{"".join(pictures)}</div><p class="legend">{caption}</p>'
 
 

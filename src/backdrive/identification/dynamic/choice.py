@@ -16,7 +16,8 @@ from backdrive.identification.dynamic.torque import Stretch
 from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.identification.signals import spans
 
-WINDOWS = 15  # of time; every third is held out
+WINDOWS = 15  # of time, of which every third is held out
+FEWEST = 9  # where the motion is so slow that fewer windows last as long as a period of it
 WORTH = 0.02  # a richer law must lower the held-out error by this share [-]
 LEAST = 0.002  # or by this, where the windows agree [-]
 CLEAR = 0.999  # probability by which they agree [-]
@@ -118,12 +119,18 @@ def shortlist(words: str | Sequence[str], *, presliding: bool, load: bool, warm:
     ]
 
 
-def windows(lengths: Sequence[int]) -> list[np.ndarray]:
-    """Return for stretches of so many samples a mask each of those that are held out: every third of the windows of time."""
+def windows(lengths: Sequence[int], period: float = 0.0) -> list[np.ndarray]:
+    """Return for stretches of so many samples a mask each of those that are held out: every third of the windows of time.
+
+    Args:
+        lengths: of the stretches [sample].
+        period: of the motion [sample]; a window lasts as long, if enough windows remain.
+    """
     total = sum(lengths)
+    most = float(np.clip(total / max(period, 1.0), FEWEST, WINDOWS))
     masks = []
     for n in lengths:
-        count = max(3, round(WINDOWS * n / total))
+        count = max(3, round(most * n / total))
         masks.append((np.arange(n) * count // n) % 3 == 1)
     return masks
 

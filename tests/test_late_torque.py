@@ -1,0 +1,85 @@
+"""Torque that comes late: found and corrected, however long it is against the motion, and judged on windows of whole periods."""
+
+import numpy as np
+import pytest
+
+from backdrive import Joint, Log, identify
+from backdrive.identification.dynamic.choice import windows
+from backdrive.identification.motion_bins import block_count, period
+from backdrive.identification.signals import prepare
+
+RATE, INERTIA, COULOMB, VISCOUS = 1000.0, 0.15, 1.5, 0.4
+
+
+def _log(times, position, velocity, acceleration, late, seed=0):
+    noise = 0.05 * np.random.default_rng(seed).standard_normal(times.size)
+
+    def torque(t):
+        dq = velocity(t)
+        return INERTIA * acceleration(t) + COULOMB * np.tanh(dq / 0.002) + VISCOUS * dq
+
+    joint = Joint(name="j1", unit="rad")
+    return Log(
+        time=times,
+        joints=(joint,),
+        position=position(times)[:, None],
+        torque=(torque(times - late) + noise)[:, None],
+    )
+
+
+def sines(late, seconds=20.0, slow=1.0):
+    t = np.arange(round(seconds * RATE)) / RATE
+    waves = [
+        (0.8, slow * 2.0 * np.pi * 0.21, 0.3),
+        (0.25, slow * 2.0 * np.pi * 0.57, 1.1),
+        (0.1, slow * 2.0 * np.pi * 0.93, 2.0),
+    ]
+    return _log(
+        t,
+        lambda x: sum(a * np.sin(w * x + c) for a, w, c in waves),
+        lambda x: sum(a * w * np.cos(w * x + c) for a, w, c in waves),
+        lambda x: sum(-a * w * w * np.sin(w * x + c) for a, w, c in waves),
+        late,
+    )
+
+
+@pytest.mark.parametrize("late", [-0.03, 0.0, 0.02, 0.05, 0.1])
+def test_late_torque_of_a_motion_is_corrected(late):
+    friction = identify(sines(late)).model.joints[0]
+    slip = friction.dynamics["time_slip"]
+    assert abs(slip.value - late) < 3.0 * slip.standard_error
+    assert slip.standard_error < 2e-3
+    assert friction.dynamics["inertia"].value == pytest.approx(INERTIA, rel=0.02)
+    assert float(friction.law.torque(np.array([1.0]))[0]) == pytest.approx(COULOMB + VISCOUS, rel=0.02)
+    assert bool(friction.warnings) == (abs(late) >= 0.02)
+
+
+def test_a_delay_that_is_long_but_not_known_well_is_corrected_without_errors_of_friction():
+    # a 5 kHz log tells the delay to a millisecond, which is five samples
+    scene = sines(0.05)
+    fine = np.arange(5 * len(scene.time)) / (5.0 * RATE)
+    rng = np.random.default_rng(3)
+    log = Log(
+        time=fine,
+        joints=scene.joints,
+        position=np.interp(fine, scene.time, scene.position[:, 0])[:, None],
+        torque=(np.interp(fine, scene.time, scene.torque[:, 0]) + 0.4 * rng.standard_normal(fine.size))[
+            :, None
+        ],
+    )
+    friction = identify(log, law="coulomb-viscous", method="motion").model.joints[0]
+    slip = friction.dynamics["time_slip"]
+    assert slip.value == pytest.approx(0.05, abs=3.0 * slip.standard_error + 1e-4)
+    assert friction.dynamics["inertia"].value == pytest.approx(INERTIA, rel=0.03)
+    assert slip.standard_error > 2.0 / (5.0 * RATE)
+    assert not friction.standard_errors
+    assert np.isnan(friction.dynamics["inertia"].standard_error)
+
+
+def test_blocks_and_windows_last_a_period_of_the_motion():
+    fast, slow = (prepare(sines(0.0, seconds=60.0, slow=share), "j1") for share in (1.0, 0.2))
+    assert block_count(fast) == 24
+    assert period(slow) == pytest.approx(5.0 * period(fast), rel=0.35)
+    assert 60.0 / block_count(slow) >= min(period(slow), 60.0 / 8)
+    assert sum(np.diff(m.astype(int)).clip(0).sum() for m in windows([60_000])) == 5
+    assert sum(np.diff(m.astype(int)).clip(0).sum() for m in windows([60_000], period(slow) * RATE)) < 5
