@@ -119,7 +119,7 @@ class Equations:
     def excess(self, theta: np.ndarray, curves: str, terms: Sequence[str]) -> float:
         """Return by how much the variance of the equations' residuals exceeds the stated one, at least 1 [-].
 
-        That is Birge's ratio, squared (Physical Review 40, 1932). Weights from estimated errors and what the model lacks count in it.
+        That is Birge's ratio, squared (Physical Review 40, 1932); it holds errors of the weights, and what the model lacks.
 
         Args:
             theta: all unknowns, (2 K + 4,).
