@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.linalg import toeplitz
 
 from backdrive.identification import noise
@@ -29,7 +30,7 @@ def matrix(n):
 
 def test_the_covariance_of_sums_is_that_of_the_matrix_written_out():
     z = np.random.default_rng(0).standard_normal((3, 40))
-    found = Noise(correlation=RHO, size=np.array([7.0, 1.5])).covariance(z, 1)
+    found = Noise(correlation=RHO, size=np.array([7.0, 1.5]), widening=np.ones(2)).covariance(z, 1)
     assert found == pytest.approx(1.5**2 * z @ matrix(40) @ z.T, rel=1e-12)
 
 
@@ -50,7 +51,8 @@ def test_the_error_of_a_mean_is_that_of_a_moving_average_process(weights):
     for _ in range(60):
         runs = [np.convolve(rng.standard_normal(n + weights.size - 1), weights, "valid") for n in lengths]
         left = noise_of(runs, speeds)
-        found.append([left.covariance(np.full((1, n), 1.0 / n), i)[0, 0] for i, n in enumerate(lengths)])
+        means = [left.covariance(np.full((1, n), 1.0 / n), i)[0, 0] for i, n in enumerate(lengths)]
+        found.append(means / left.widening**2)
     autocovariance = np.convolve(weights, weights[::-1])[weights.size - 1 :]
     for n, value in zip(lengths, np.mean(found, axis=0), strict=True):
         rho = np.r_[autocovariance, np.zeros(n - weights.size)]
@@ -87,3 +89,13 @@ def test_knots_and_delay_scatter_as_much_as_their_errors_say():
     assert np.mean(delays, axis=0)[0] == pytest.approx(delay, abs=0.04e-3)
     scatter = np.std(delays, axis=0, ddof=1)[0] / np.mean(delays, axis=0)[1]
     assert 0.75 < scatter < 1.25  # of 36
+
+
+def test_few_independent_samples_widen_as_student_s_quantile_does():
+    rng = np.random.default_rng(4)
+    lengths = (2000, 30)
+    runs = [rng.standard_normal(n) for n in lengths]
+    left = noise_of(runs, [np.linspace(-1.0, 1.0, n) for n in lengths])
+    freedom = np.array(lengths) / (1.0 + 2.0 * left.correlation[1:].sum()) + 10.0 - 2.0
+    assert left.widening == pytest.approx(stats.t.ppf(0.975, freedom) / 1.959964)
+    assert left.widening[0] < 1.005 < left.widening[1]

@@ -102,7 +102,7 @@ def test_a_run_without_residuals_tells_nothing():
 @pytest.mark.parametrize("lags", [1, 4, 30])
 def test_the_covariance_of_sums_is_the_quadratic_form(lags):
     correlation = np.maximum(1.0 - np.arange(lags) / 6.0, 0.05)
-    noise = Noise(correlation=correlation, size=np.array([1.0, 3.0]))
+    noise = Noise(correlation=correlation, size=np.array([1.0, 3.0]), widening=np.array([1.0, 1.0]))
     z = np.random.default_rng(1).standard_normal((3, 20)) + 1.0
     wanted = z @ toeplitz(correlation, 20) @ z.T
     assert noise.covariance(z, 1) == pytest.approx(9.0 * wanted, rel=1e-9)
@@ -115,7 +115,7 @@ def test_a_sum_has_at_least_a_tenth_of_the_variance_of_white_noise(share, white)
     n = 40
     wave = np.sin(np.pi * np.arange(1, n + 1) / (n + 1))
     r = (1.0 - share) / (2.0 * np.cos(np.pi / (n + 1)))
-    noise = Noise(correlation=np.array([1.0, -r]), size=np.array([2.0]))
+    noise = Noise(correlation=np.array([1.0, -r]), size=np.array([2.0]), widening=np.ones(1))
     z = np.vstack([wave, (-1.0) ** np.arange(n)])
     got = noise.covariance(z, 0)
     wanted = 0.1 * z @ z.T if white else z @ toeplitz(noise.correlation, n) @ z.T

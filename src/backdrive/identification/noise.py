@@ -36,10 +36,13 @@ class Noise:
     Attributes:
         correlation: from sample to sample, by lag, 1 at lag 0 [-], (L,).
         size: standard deviation of the noise in each run [unit of the residuals], (R,).
+        widening: of standard errors, so that 1.96 of them hold what Student's quantile would with so few independent samples
+            as tell the size of a run [-], (R,).
     """
 
     correlation: np.ndarray
     size: np.ndarray
+    widening: np.ndarray
 
     def covariance(self, z: np.ndarray, run: int) -> np.ndarray:
         """Return the covariance of the sums of z times noise over a run, (k, k).
@@ -51,7 +54,8 @@ class Noise:
         full = z @ _toeplitz(z.T, self.correlation)
         white = z @ z.T
         small = np.diag(full) < LEAST * np.diag(white)
-        return self.size[run] ** 2 * (LEAST * white if small.any() else 0.5 * (full + full.T))
+        scale = (self.widening[run] * self.size[run]) ** 2
+        return scale * (LEAST * white if small.any() else 0.5 * (full + full.T))
 
 
 def noise_of(residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], degree: int = 1) -> Noise:
@@ -83,24 +87,23 @@ def noise_of(residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], 
         correlation = taper(whole / whole[0], sum(r.size for r in left))
     wide = max(float(correlation[0] + 2.0 * correlation[1:].sum()), 1.0)
     independent = np.array([r.size for r in left]) / wide
-    return Noise(correlation=correlation, size=_of_few(np.sqrt(power / kept), independent, degree + 1))
+    size = np.sqrt(power / kept)
+    shrunk = np.where(size > 0.0, _shrunk(size, independent), 0.0)
+    few = stdtrit(independent + WHOLE - (degree + 1), 0.975) / regression.NORMAL
+    return Noise(correlation=correlation, size=np.maximum(size, shrunk), widening=few)
 
 
-def _of_few(size: np.ndarray, independent: np.ndarray, taken: int) -> np.ndarray:
+def _shrunk(size: np.ndarray, independent: np.ndarray) -> np.ndarray:
     """Return the sizes of noise of runs, those of few independent samples nearer to that of all runs together, (R,).
 
-    With few samples, the noise of a run is often underestimated, and the standard error of a sum would be too small. What is
-    left of that is met by Student's distribution: 1.96 standard errors hold what its quantile would.
+    With few samples, the noise of a run is often underestimated, and the standard error of a sum would be too small.
 
     Args:
         size: standard deviation by each run alone, (R,).
         independent: samples of each run, by what the correlation leaves of them, (R,).
-        taken: coefficients that were fitted in each run.
     """
     whole = float(independent @ size**2) / float(independent.sum())
-    shrunk = np.sqrt((independent * size**2 + WHOLE * whole) / (independent + WHOLE))
-    few = stdtrit(independent + WHOLE - taken, 0.975) / regression.NORMAL
-    return np.where(size > 0.0, np.maximum(size, shrunk) * few, 0.0)
+    return np.sqrt((independent * size**2 + WHOLE * whole) / (independent + WHOLE))
 
 
 def covariance_of_fit(X: np.ndarray, residual: np.ndarray, used: np.ndarray) -> np.ndarray:
