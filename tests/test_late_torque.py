@@ -5,7 +5,7 @@ import pytest
 
 from backdrive import Joint, Log, identify
 from backdrive.identification.dynamic.choice import windows
-from backdrive.identification.motion_bins import block_count, period
+from backdrive.identification.motion_bins import Bins, block_count, moving_average, period
 from backdrive.identification.signals import prepare
 
 RATE, INERTIA, COULOMB, VISCOUS = 1000.0, 0.15, 1.5, 0.4
@@ -83,3 +83,21 @@ def test_blocks_and_windows_last_a_period_of_the_motion():
     assert 60.0 / block_count(slow) >= min(period(slow), 60.0 / 8)
     assert sum(np.diff(m.astype(int)).clip(0).sum() for m in windows([60_000])) == 5
     assert sum(np.diff(m.astype(int)).clip(0).sum() for m in windows([60_000], period(slow) * RATE)) < 5
+
+
+def test_noise_of_opposite_neighbours_is_whitened():
+    rng, share = np.random.default_rng(5), -0.7
+    fresh = rng.standard_normal((4001, 2))
+    moving = fresh[1:] + share * fresh[:-1]
+    correlation = share / (1.0 + share**2)
+    assert moving_average(correlation) == pytest.approx(share)
+    used = np.ones(4000, dtype=bool)
+    used[1000:1003] = False
+    bins = Bins(X=moving[:, :1], y=moving[:, 1], used=used, speed=np.ones(4000), blocks=8)
+    white = bins.whiten(correlation)
+    for series, raw in ((white.X[:, 0], moving[:, 0]), (white.y, moving[:, 1])):
+        assert series[used].std() == pytest.approx(raw.std(), rel=0.05)
+        for lag in (1, 2, 3):
+            assert abs(np.corrcoef(series[1003 + lag :], series[1003:-lag])[0, 1]) < 0.05
+        assert np.array_equal(series[~used], raw[~used])
+        assert series[1003] == pytest.approx(np.sqrt(1.0 + share**2) * raw[1003])  # anew after a gap

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import solve_banded
 
 from backdrive.identification import design, regression
 from backdrive.identification.signals import Signals
@@ -48,11 +49,16 @@ class Bins:
         return replace(self, used=self.used & (self.speed >= speed))
 
     def whiten(self, correlation: float) -> Bins:
-        """Return bins whitened by an AR(1) model of their noise, scaled to keep the size of the noise.
+        """Return bins with white noise of the same size.
+
+        Noise whose neighbours are alike is taken for an AR(1). Noise whose neighbours are opposite, as that of an acceleration
+        from an encoder, whose error at the border of two bins counts in both, is taken for an MA(1).
 
         Args:
             correlation: of the noise of neighbouring bins [-].
         """
+        if correlation < 0.0:
+            return self._whiten_opposite(moving_average(correlation))
         if not correlation > 0.0:
             return self
         at = np.flatnonzero(self.used)
@@ -64,11 +70,28 @@ class Bins:
         y[after] = (torque[1:] - kept * torque[:-1]) / size
         return replace(self, X=X, y=y)
 
+    def _whiten_opposite(self, share: float) -> Bins:
+        """Return bins less a share of the innovation of the used bin before, beginning anew after others."""
+        below = np.zeros(self.y.size)
+        below[:-1] = share * (self.used[1:] & self.used[:-1])
+        both = solve_banded(
+            (1, 0), np.stack([np.ones(self.y.size), below]), np.column_stack([self.X, self.y])
+        )
+        size = np.sqrt(1.0 + share**2)
+        X, y = size * both[:, :-1], size * both[:, -1]
+        X[~self.used], y[~self.used] = self.X[~self.used], self.y[~self.used]
+        return replace(self, X=X, y=y)
+
     def equations(self) -> regression.Blocks:
         """Return the robustly weighted normal equations of all columns, by block of neighbouring samples."""
         w = regression.robust_weights(self.X, self.y, self.used.astype(float))
         block = regression.block_index(len(self.y), self.blocks)
         return regression.accumulate(self.X, self.y, w, block, self.blocks)
+
+
+def moving_average(correlation: float) -> float:
+    """Return the coefficient of the MA(1) whose neighbours have a negative correlation [-]."""
+    return (1.0 - float(np.sqrt(1.0 - 4.0 * correlation**2))) / (2.0 * correlation)
 
 
 def bin_time(stretches: Sequence[Signals], cutoff: float) -> float:

@@ -31,6 +31,7 @@ SHARES = 0.3, 1.5  # limits of that response during the search [-]
 KNOWN = 2.0  # a delay is known if its standard error is at most so many sampling intervals [-]
 MOST = 0.99  # correlation of the noise of neighbouring bins that is reckoned with [-]
 SURE = 5.0  # a delay takes part though it is not known well, if it is so many standard errors longer than an interval [-]
+OPPOSITE, SLIGHT = -0.48, -0.1  # the most negative one, and one from which on it is reckoned with [-]
 FELT = 3.0  # inertia is significant if it is so many standard errors above zero [-]
 SHOWN = 0.05  # least response of the jerk to a delay [-]
 CORNERS, OF_JERK = (
@@ -209,7 +210,7 @@ def fit(bins: Bins) -> np.ndarray:
 
 
 def neighbours(residual: np.ndarray, used: np.ndarray) -> float:
-    """Return the correlation of neighbouring residuals [-], 0 where it is not positive.
+    """Return the correlation of neighbouring residuals [-], 0 where it is slightly negative.
 
     Args:
         residual: of the fit, (n,).
@@ -219,4 +220,5 @@ def neighbours(residual: np.ndarray, used: np.ndarray) -> float:
     score = np.clip(residual, -width, width)
     both = used[1:] & used[:-1]
     product, square = (float(np.mean(x)) for x in (score[1:][both] * score[:-1][both], score[used] ** 2))
-    return float(np.clip(product / square, 0.0, MOST)) if square > 0.0 else 0.0
+    correlation = float(np.clip(product / square, OPPOSITE, MOST)) if square > 0.0 else 0.0
+    return 0.0 if SLIGHT < correlation < 0.0 else correlation

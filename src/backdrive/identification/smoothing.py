@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from backdrive.identification.motion_bins import moving_average
 from backdrive.identification.signals import between_gaps, default_cutoff
 from backdrive.logs.filters import fft_length, power_gain, spectrum_of
 from backdrive.logs.log import Log
@@ -106,14 +107,17 @@ def noise(step: float, cutoff: float, rate: float, width: int = 1, correlation: 
         cutoff: of the low pass [Hz].
         rate: of sampling [Hz].
         width: of means that are taken of it [sample].
-        correlation: each mean is less so much of its predecessor, and scaled as `Bins.whiten` does [-].
+        correlation: of neighbouring means, which `Bins.whiten` takes off [-].
     """
     f = (np.arange(GRID) + 0.5) / (2 * GRID)
     twice = (rate * np.sin(2.0 * np.pi * f)) ** 4
     mean = (np.sin(np.pi * f * width) / (width * np.sin(np.pi * f))) ** 2
-    white = (1.0 + correlation**2 - 2.0 * correlation * np.cos(2.0 * np.pi * f * width)) / (
-        1.0 - correlation**2
-    )
+    turn = np.cos(2.0 * np.pi * f * width)
+    if correlation < 0.0:
+        share = moving_average(correlation)
+        white = (1.0 + share**2) / (1.0 + share**2 + 2.0 * share * turn)
+    else:
+        white = (1.0 + correlation**2 - 2.0 * correlation * turn) / (1.0 - correlation**2)
     return float(
         step**2 / 12.0 * np.mean(power_gain(f, min(cutoff / rate, 0.49)) ** 2 * twice * mean * white)
     )
