@@ -484,12 +484,20 @@ def test_a_delay_of_the_drive_is_estimated_and_said():
     )
 
 
-def delays_of(monkeypatch, found, told=None, **more):
-    """Return what is taken for the delays of logs of 250 and 500 Hz, whose torque's timing is not told unless `told`."""
+def delays_of(monkeypatch, found, told=None, coarse=None, from_coarse=(), **more):
+    """Return what is taken for the delays of logs of 250 and 500 Hz, whose torque's timing is not told unless `told`.
+
+    From `coarse` on, `from_coarse` is estimated.
+    """
     monkeypatch.setattr(
         sweep_delay, "torque_timing", lambda s: ((told or [None] * len(found))[int(s[0].time[0])], 0.0, 0.0)
     )
-    monkeypatch.setattr(sweep_delay, "sweep_delay", lambda s, cycles: found[int(s[0].time[0])])
+    monkeypatch.setattr(sweep_delay, "coarse_delay", lambda stretches: coarse)
+    monkeypatch.setattr(
+        sweep_delay,
+        "sweep_delay",
+        lambda s, cycles, start=0.0: (from_coarse if start else found)[int(s[0].time[0])],
+    )
     monkeypatch.setattr(sweep_delay, "windows", lambda log, joint, plan, s: None)
     stretches = [[SimpleNamespace(rate=RATE * (1 + k), time=np.array([float(k)]))] for k in range(len(found))]
     logs = [SimpleNamespace(plan=None)] * len(found)
@@ -523,6 +531,19 @@ def test_delays_of_several_sweeps_are_averaged_by_their_errors(monkeypatch):
         assert (delays, errors) == (([2e-3], [pytest.approx(error)]) if told else otherwise)
         assert ("does not show" in said[0]) is not told and len(said) == 1
     assert "does not show" in delays_of(monkeypatch, [NONE])[2][0]
+
+
+def test_a_long_delay_is_sought_from_the_coarse_one_and_taken_where_the_two_agree(monkeypatch):
+    vague = 0.6 / RATE
+    for fine, error, taken in (
+        (-0.052, vague, True), (-0.052, 0.011, False), (-0.2, vague, False), (0.05, vague, False), (-0.052, 0.4 / RATE, True),
+    ):  # fmt: skip
+        for first in (NONE, (-0.03, vague)):
+            delays, errors, _ = delays_of(monkeypatch, [first], coarse=0.05, from_coarse=[(fine, error)])
+            otherwise = [0.0], [pytest.approx(0.5 / RATE)]
+            assert (delays, errors) == (([fine], [pytest.approx(error)]) if taken else otherwise)
+    assert delays_of(monkeypatch, [(-0.052, vague)])[0] == [0.0]  # no shift explains the torque better
+    assert delays_of(monkeypatch, [(-0.01, 1e-4)], coarse=0.05, from_coarse=[(9.0, 1e-4)])[0] == [-0.01]
 
 
 def test_a_delay_is_not_told_by_two_cycles_or_without_position():

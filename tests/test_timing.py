@@ -46,3 +46,14 @@ def test_a_motion_without_inertia_does_not_tell(commanded):
     v = np.gradient(commanded.position[:, 0], commanded.time)
     noise = np.random.default_rng(0).standard_normal(v.size)
     assert torque_timing(prepare(commanded.replace(torque=5.0 * np.sign(v) + 2.0 * v + noise), 0))[0] is None
+
+
+def test_torque_that_comes_late_is_corrected_though_its_delay_is_not_known_to_an_interval(commanded):
+    t, tau = commanded.time, commanded.torque[:, 0]
+    noise = 4.5 * np.random.default_rng(1).standard_normal(t.size)
+    late = commanded.replace(torque=(np.interp(t - 0.05, t, tau) + noise)[:, None])
+    friction, _ = identify_sweep([late], late.names[0])
+    slip, period = friction.dynamics["time_slip"], commanded.period
+    assert slip.standard_error > 0.5 * period
+    assert slip.value == pytest.approx(0.05 - 0.5 * period, abs=3.0 * slip.standard_error)
+    assert float(friction.law.torque(1.8)) == pytest.approx(float(joint_1().law.torque(1.8)), abs=0.6)

@@ -3,8 +3,8 @@
 It takes friction to jump where the velocity changes its sign, and tells Coulomb from the torque a sample before and after: in an
 AR(0.98) at 200 Hz that is several times as sure as all that goes before. The generator's friction crosses zero in a few ms to
 100 ms, by a law and width that are drawn, so that such a fit to its torque would be off by hundreds of its own errors. Two more
-rows of bounds tell what is left of that: `sliding`, the same where the joint slides for sure, and `crossing`, all rows with the
-true course of the crossing known, which no fit knows.
+rows of bounds tell what is left of that: `sliding`, the same where the joint slides for sure and its reference has no kink, and
+`crossing`, all rows with the true course of the crossing known, which no fit knows.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ SLOW, REVERSAL = (
     0.08,
     0.03,
 )  # share of the top speed and time about a change of sign, without which it slides for sure [-], [s]
+KINK = 100.0  # a bend of the acceleration is a kink if it is so many times the median one [-]
 FLANK = 0.8  # a sweep uses samples faster than this share of a cycle's peak speed [-]
 
 
@@ -127,7 +128,7 @@ def _whitened(record: Record, terms: Terms, kind: str) -> np.ndarray:
     colour = record.logger.colour
     if kind != "jump":
         if kind == "sliding":
-            used &= _slides(v, record.logger.rate)
+            used &= _slides(v, record.logger.rate) & ~_kinks(a)
         rows = np.flatnonzero(used)
         kept = colour ** np.diff(rows)[:, None]  # the correlation goes on across rows that are left out
         rest = (X[rows[1:]] - kept * X[rows[:-1]]) / np.sqrt(1.0 - kept**2)
@@ -151,6 +152,16 @@ def _slides(v: np.ndarray, rate: float) -> np.ndarray:
     for turn in turns.tolist():
         used[max(turn + 1 - reach, 0) : turn + 1 + reach] = False
     return used
+
+
+def _kinks(a: np.ndarray) -> np.ndarray:
+    """Say which samples lie about a kink of the reference, where a fade ends, (n,): two samples whose jerk alone tells a delay."""
+    bend = np.abs(np.diff(a, 2, prepend=a[0], append=a[-1]))
+    far = np.flatnonzero(bend > KINK * np.median(bend))
+    kinks = np.zeros(a.size, dtype=bool)
+    for k in range(-2, 3):
+        kinks[np.clip(far + k, 0, a.size - 1)] = True
+    return kinks
 
 
 def _peak(v: np.ndarray) -> np.ndarray:

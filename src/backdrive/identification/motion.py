@@ -112,24 +112,24 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     corner = smooth.cutoff or default_cutoff(rate)
     step = 0.0 if logs[0].position is None else encoder_step(logs[0].select(joint))
     options = design.candidates(knots, allowed, symmetric=symmetric, **given)
-    slip, simpler = Slip(delay=0.0, error=np.inf, period=1.0 / rate), None
+    slip, simpler, coarse = Slip(delay=0.0, error=np.inf, period=1.0 / rate), None, None
     if not few:
         slip = seek_slip(stretches, knots, full, seconds)
-        if not (slip.is_known and abs(slip.delay) < LONG) and (start := coarse_delay(stretches)) is not None:
-            slip = seek_slip(stretches, knots, full, seconds, start)
+        if not (slip.is_known and abs(slip.delay) < LONG) and (coarse := coarse_delay(stretches)) is not None:
+            slip = seek_slip(stretches, knots, full, seconds, coarse)
         simpler = choose(slip, average(slip.delay))[0].candidate
         slip = seek_slip(
             stretches, knots, simpler.with_term("jerk"), seconds, slip.delay, near=math.isfinite(slip.error)
         )
     if not slip.is_known:
         # whitening requires a model that is valid at all frequencies, so it is not used if errors are unknown anyway
-        slip = replace(slip, delay=slip.delay if slip.is_fitted else 0.0, correlation=0.0)
+        slip = replace(slip, delay=slip.delay if slip.is_fitted(coarse) else 0.0, correlation=0.0)
     bins = average(slip.delay)
     if simpler is not None:
         late = [delay_signals(s, slip.delay) for s in stretches]
         bins = drop_build_up(bins, late, simpler.spread, slip.correlation, seconds)
     choice, bins, slowest = choose(slip, bins)
-    if slip.is_fitted:
+    if slip.is_fitted(coarse):
         later = replace(average(slip.delay + slip.error), used=bins.used).whiten(slip.correlation)
         now, then = (fit(each.map_columns(choice.candidate.spread)) for each in (bins, later))
         choice = with_slip(choice, (then - now) / slip.error, slip)

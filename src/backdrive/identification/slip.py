@@ -22,10 +22,9 @@ from backdrive.logs.filters import low_pass
 
 ROUNDS = 10  # of fits, each along the motion of some delay
 STEP = 0.01  # longest change of the delay from one to the next [s]
-LONG, WORTH = (
-    0.015,
-    0.96,
-)  # a delay is sought by shifts too if it may be so long [s], and taken if the residual falls to that [-]
+LONG = 0.015  # a delay is sought by shifts too if it may be so long [s]
+WORTH = 0.75  # and taken if the residual falls to that share [-]
+NEAR = 0.3, 0.01  # two estimates of a delay agree to that share of it, or to that time [s]
 LEVER = 0.002  # distance of two delays that measures the reduced response of the jerk [s]
 SHARES = 0.3, 1.5  # limits of that response during the search [-]
 KNOWN = 2.0  # a delay is known if its standard error is at most so many sampling intervals [-]
@@ -66,10 +65,26 @@ class Slip:
         """Whether standard errors may be stated beside it."""
         return self.error <= self.least
 
-    @property
-    def is_fitted(self) -> bool:
-        """Whether it takes part in a fit: it is known, or surely longer than an interval."""
-        return self.is_known or abs(self.delay) > SURE * self.error + self.period
+    def is_fitted(self, coarse: float | None) -> bool:
+        """Return whether it takes part in a fit: it is known, or surely long.
+
+        Args:
+            coarse: what `coarse_delay` returns [s].
+        """
+        return self.is_known or is_long(self.delay, self.error, self.period, coarse)
+
+
+def is_long(delay: float, error: float, period: float, coarse: float | None) -> bool:
+    """Return whether a delay that is not known to a sampling interval is surely longer than one, so that it is better corrected.
+
+    Args:
+        delay: as estimated [s].
+        error: its standard error [s].
+        period: sampling interval [s].
+        coarse: what `coarse_delay` returns [s].
+    """
+    sure = abs(delay) > SURE * error + period
+    return sure and coarse is not None and abs(delay - coarse) < max(NEAR[0] * abs(coarse), NEAR[1])
 
 
 def coarse_delay(stretches: Sequence[Signals]) -> float | None:

@@ -23,6 +23,7 @@ from backdrive.identification.curves import basis
 from backdrive.identification.delay import torque_between
 from backdrive.identification.noise import noise_of
 from backdrive.identification.signals import Signals
+from backdrive.identification.slip import LONG, coarse_delay, is_long
 from backdrive.identification.sweep_windows import Windows, windows
 from backdrive.identification.timing import Timing, torque_timing
 from backdrive.logs import filters
@@ -32,11 +33,10 @@ SHARE = 0.3  # samples faster than this share of a cycle's peak speed are used [
 SIGNIFICANT = 4.0  # standard errors from which on friction is taken to grow with the load [-]
 CORNER = 6.5  # corner of the low pass, in frequencies of the fastest cycle [-]
 TOLD = 0.5  # standard error of a delay, up to which it is taken for estimated [sampling interval]
-SURE = 5.0  # a delay is corrected though it is not known so well, if it is so many standard errors longer than an interval [-]
 ROUNDS = 4  # the first order in d is repeated with the torque shifted by what was found
 
 
-def sweep_delay(stretches: Sequence[Signals], cycles: Windows) -> tuple[float, float]:
+def sweep_delay(stretches: Sequence[Signals], cycles: Windows, start: float = 0.0) -> tuple[float, float]:
     """Return the time from the middle of a command's interval to the torque's effect, and its standard error [s].
 
     0 for a command that acts at once and is held, minus half a sampling interval for a torque sampled with the position.
@@ -44,6 +44,7 @@ def sweep_delay(stretches: Sequence[Signals], cycles: Windows) -> tuple[float, f
     Args:
         stretches: the log's signals, as `prepare` returns them.
         cycles: of the sweep.
+        start: delay from which on it is sought [s].
 
     Returns:
         Delay and standard error [s]; NaN where the sweep has fewer than three cycles, or no position.
@@ -55,17 +56,17 @@ def sweep_delay(stretches: Sequence[Signals], cycles: Windows) -> tuple[float, f
     knots = np.concatenate([[SHARE * slow], np.linspace(slow, fast, 2 * cycles.peak.size - 1)])
     length = float(np.min(cycles.time[:, 1] - cycles.time[:, 0]))
     parts = [_part(s, cycles, CORNER / length) for s in stretches]
-    *loaded, grows = _solve(stretches, parts, knots, True)
+    *loaded, grows = _solve(stretches, parts, knots, True, start)
     if grows:
         return loaded[0], loaded[1]
-    return _solve(stretches, parts, knots, False)[:2]
+    return _solve(stretches, parts, knots, False, start)[:2]
 
 
 def _solve(
-    stretches: Sequence[Signals], parts: Sequence[Any], knots: np.ndarray, loaded: bool
+    stretches: Sequence[Signals], parts: Sequence[Any], knots: np.ndarray, loaded: bool, start: float
 ) -> tuple[float, float, bool]:
     """Return delay and standard error [s], and whether friction grows with the load."""
-    delay, inverse, theta, y = 0.0, np.zeros((1, 1)), np.zeros(2), []
+    delay, inverse, theta, y = start, np.zeros((1, 1)), np.zeros(2), []
     plain = regressors = [
         (_regressor(real, knots), _regressor(wanted, knots)) for _, real, wanted, _ in parts
     ]
@@ -112,11 +113,14 @@ def drive_delays(
     if not open_:
         return delays, errors, []
     period = 1.0 / stretches[open_[0]][0].rate
-    found = [sweep_delay(stretches[i], windows(logs[i], joint, logs[i].plan, stretches[i])) for i in open_]
-    weight = np.array([1.0 / e**2 if np.isfinite(e) and e > 0 else 0.0 for _, e in found])
-    error = float(1.0 / np.sqrt(weight.sum())) if weight.any() else float("inf")
-    delay = float(weight @ np.nan_to_num([d for d, _ in found]) / max(weight.sum(), 1e-300))
-    if not (error < TOLD * period or abs(delay) > SURE * error + period):
+    cycles = [windows(logs[i], joint, logs[i].plan, stretches[i]) for i in open_]
+    delay, error = _together([sweep_delay(stretches[i], c) for i, c in zip(open_, cycles, strict=True)])
+    coarse = None if abs(delay) < LONG else coarse_delay([s for i in open_ for s in stretches[i]])
+    if coarse is not None:
+        again = [sweep_delay(stretches[i], c, -coarse) for i, c in zip(open_, cycles, strict=True)]
+        delay, error = _together(again)
+    late = -delay  # of the logged torque behind the motion
+    if not (error < TOLD * period or is_long(late, error, period, coarse)):
         for i in open_:
             errors[i] = 0.5 * period  # a sampled torque is equally likely
         return (
@@ -139,6 +143,16 @@ def drive_delays(
             f"from the motion and corrected."
         ],
     )
+
+
+def _together(each: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Return the mean of delays weighted by their standard errors [s], and its own; infinite where none is known."""
+    known = [(delay, error) for delay, error in each if np.isfinite(error) and error > 0.0]
+    if not known:
+        return float("inf"), float("inf")
+    delays, errors = np.array(known).T
+    weight = 1.0 / errors**2
+    return float(weight @ delays / weight.sum()), float(1.0 / np.sqrt(weight.sum()))
 
 
 def _part(s: Signals, cycles: Windows, corner: float):
