@@ -114,7 +114,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     options = design.candidates(knots, allowed, symmetric=symmetric, **given)
     slip, simpler = Slip(delay=0.0, error=np.inf, period=1.0 / rate), None
     if not few:
-        slip = seek_slip(stretches, knots, full, seconds)
+        slip = seek_slip(stretches, knots, full, seconds, rough=True)
         simpler = choose(slip, average(slip.delay))[0].candidate
         slip = seek_slip(
             stretches, knots, simpler.with_term("jerk"), seconds, slip.delay, near=math.isfinite(slip.error)

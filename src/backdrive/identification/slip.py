@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backdrive.identification import design, noise, regression
-from backdrive.identification.delay import delay_signals
-from backdrive.identification.motion_bins import Bins, bin_means
+from backdrive.identification.motion_bins import Bins
+from backdrive.identification.shifted import ShiftedStretch, shifted_bins
 from backdrive.identification.signals import Signals
 from backdrive.logs.filters import low_pass
 
@@ -67,6 +67,7 @@ def seek_slip(
     seconds: float,
     start: float = 0.0,
     near: bool = False,
+    rough: bool = False,
 ) -> Slip:
     """Return the delay of the torque.
 
@@ -77,16 +78,16 @@ def seek_slip(
         seconds: of the bins [s].
         start: delay from which on it is sought [s].
         near: that is nearly the delay, which higher frequencies then tell better.
+        rough: of the error it only matters whether it is finite.
     """
     period = 1.0 / stretches[0].rate
     open_ = Slip(delay=start, error=np.inf, period=period)
     inertia, jerk = full.terms.index("inertia"), full.terms.index("jerk")
-    slow = [_smooth(s, CORNERS[near], OF_JERK[near]) for s in stretches]
+    slow = [ShiftedStretch(_smooth(s, CORNERS[near], OF_JERK[near]), seconds) for s in stretches]
     delay, share, correlation = start, 1.0, 0.0
     tried: list[tuple[float, float]] = []
     while len(tried) < ROUNDS:
-        raw = bin_means([delay_signals(s, delay) for s in slow], knots, seconds=seconds)
-        bins = raw.map_columns(full.spread)
+        bins = shifted_bins(slow, delay, knots, full)
         if not tried:  # only tells how the noise is correlated
             correlation = neighbours(bins.y - bins.X @ fit(bins), bins.used)
         bins = bins.whiten(correlation)
@@ -101,9 +102,11 @@ def seek_slip(
     felt = theta[inertia] > FELT * float(np.sqrt(covariance[inertia, inertia]))
     if not (felt and share > SHOWN):
         return replace(open_, correlation=correlation)
-    every = raw.whiten(correlation).equations()
-    blocks = regression.sandwich(every.map_columns(full.spread), theta)
-    variance = 0.5 * float(covariance[jerk, jerk] + blocks[jerk, jerk])
+    variance = float(covariance[jerk, jerk])
+    if not rough:
+        every = shifted_bins(slow, tried[-1][0], knots).whiten(correlation).equations()
+        blocks = regression.sandwich(every.map_columns(full.spread), theta)
+        variance = 0.5 * (variance + float(blocks[jerk, jerk]))
     error = float(np.sqrt(variance) / theta[inertia] / share)
     return Slip(delay=delay, error=error, period=period, correlation=correlation)
 
@@ -179,9 +182,7 @@ def with_slip(choice: design.Choice, change: np.ndarray, slip: Slip) -> design.C
 
 def fit(bins: Bins) -> np.ndarray:
     """Return the coefficients of all columns by Huber's loss, (p,)."""
-    w = regression.robust_weights(bins.X, bins.y, bins.used.astype(float))
-    weighted = bins.X * w[:, None]
-    return regression.solve(weighted.T @ bins.X, weighted.T @ bins.y)
+    return regression.robust_solution(bins.X, bins.y, bins.used.astype(float))
 
 
 def neighbours(residual: np.ndarray, used: np.ndarray) -> float:
