@@ -153,17 +153,20 @@ def _reweigh(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int) -> tuple[
     scale = np.append(scale, 1.0)
     rows /= scale
     whole /= scale[:, None] * scale
-    minus, weights, equations = -np.ones(p + 1), prior, whole
+    whole.reshape(-1)[: p * (p + 1) : p + 2] += RIDGE  # the diagonal of X'X
+    minus, equations = -np.ones(p + 1), whole
+    lighter, lost = inside[:0], prior[:0]
     for _ in range(rounds):
         minus[:p] = _solve_scaled(equations)
         size = np.abs(rows @ minus)  # of y less what the solution predicts
         width = HUBER * robust_spread(size)
         lighter = np.flatnonzero(size > width) if width > 0.0 else inside[:0]
         lost = prior[lighter] * (1.0 - width / size[lighter])
-        weights = prior.copy()
-        weights[lighter] -= lost
         part = rows.take(lighter, axis=0)  # few: the equations of all, less what these lose
-        equations = whole - (part.T * lost) @ part
+        part *= np.sqrt(lost)[:, None]
+        equations = whole - part.T @ part
+    weights = prior.copy()
+    weights[lighter] -= lost
     result = np.zeros(w.size)
     result[inside] = weights
     return result, _solve_scaled(equations) / scale[:p]
@@ -172,10 +175,8 @@ def _reweigh(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int) -> tuple[
 def _solve_scaled(equations: np.ndarray) -> np.ndarray:
     """Return the solution of X'X next to X'y of columns of about unit length, (p,)."""
     p = len(equations) - 1
-    gram = equations[:p, :p].copy()
-    gram.flat[:: p + 1] += RIDGE
-    _, solution, failure = dposv(gram, equations[:p, p])
-    return solution if failure == 0 else np.linalg.solve(gram, equations[:p, p])
+    _, solution, failure = dposv(equations[:p, :p], equations[:p, p])
+    return solution if failure == 0 else np.linalg.solve(equations[:p, :p], equations[:p, p])
 
 
 def leave_one_out_losses(blocks: Blocks) -> np.ndarray:
