@@ -361,9 +361,8 @@ def test_what_is_chosen_is_the_simplest_that_predicts_as_well():
             "model_torque": False,
             "both_directions": True,
         } | more
-        return design.choose(
-            blocks, design.candidates(knots, {"line": knots[[0, 3]], "all": knots}, **options)
-        )
+        candidates = design.candidates(knots, {"line": knots[[0, 3]], "all": knots}, **options)
+        return design.fit(blocks, *design.simplest(blocks, candidates))
 
     bent, straight = chosen(1.5), chosen(-0.25)
     assert (bent.candidate.form.name, bent.candidate.terms) == ("all", ("inertia", "offset"))

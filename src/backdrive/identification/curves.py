@@ -189,6 +189,28 @@ def to_law(form: Form, coefficients: np.ndarray) -> Law:
     return Law(rate=law)
 
 
+def torques(form: Form, coefficients: np.ndarray, velocity: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """Return the torque at each velocity by the law that `to_law` makes of a row of coefficients [N.m or N], (n,).
+
+    Args:
+        form: the candidate.
+        coefficients: of several fits, (B, k or 2 k).
+        velocity: [rad/s or m/s], (n,).
+        row: of the coefficients that hold at each velocity, (n,).
+    """
+    k, knots = form.knots.size, form.knots
+    values = np.stack([coefficients[:, :k], coefficients[:, -k:]], axis=1)
+    if knots[0] > 0.0:  # below the first knot its section goes on, to a torque at rest that is not negative
+        slope = (values[..., 1] - values[..., 0]) / (knots[1] - knots[0])
+        rest = np.maximum(values[..., 0] - slope * knots[0], 0.0)
+        knots, values = np.r_[0.0, knots], np.concatenate([rest[..., None], values], axis=-1)
+    left, weight = _places(np.abs(velocity), knots)
+    at = (2 * row + (velocity < 0.0)) * knots.size + left
+    flat = values.reshape(-1)
+    before = flat.take(at)
+    return np.sign(velocity) * (before + weight * (flat.take(at + 1) - before))
+
+
 def sensitivity(form: Form, law: Law) -> tuple[tuple[str, ...], np.ndarray]:
     """Return the names of a law's parameters, and their derivatives by the coefficients of its form, (r, k or 2 k).
 
