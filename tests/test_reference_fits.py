@@ -253,7 +253,7 @@ def test_normal_equations_of_bins_by_hand():
     blocks = motion_bins.bin_means([s], knots).equations()
     assert blocks.gram.sum(axis=0) == pytest.approx((X * w[:, None]).T @ X, rel=1e-9, abs=1e-9)
     assert blocks.rows.sum() == pytest.approx(w.sum())
-    n = motion_bins.block_count([s])
+    n = motion_bins.block_count(s.time.size / s.rate)
     assert len(blocks.rows) == n == int(np.clip(6.0 / motion_bins.BLOCK_TIME, *motion_bins.BLOCKS))
     edges = [int(np.ceil(k * count / n)) for k in range(n + 1)]
     assert blocks.rows == pytest.approx([w[a:b].sum() for a, b in zip(edges, edges[1:], strict=False)])

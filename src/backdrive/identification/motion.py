@@ -104,16 +104,15 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         late = [delay_signals(s, delay) for s in stretches]
         return bin_means(late, knots, seconds=seconds, reversals=few, filled=HALF if few else FILLED)
 
-    def simplest(slip: Slip, bins: Bins) -> tuple[design.Candidate, dict[str, float], Bins, Blocks, float]:
+    def simplest(slip: Slip, bins: Bins):
         return _simplest(bins, options, slip.correlation, (slowest, 0.0 if few else slow))
 
     def choose(slip: Slip, raw: Bins) -> tuple[design.Choice, Bins, float]:
         candidate, loss, bins, blocks, lowest = simplest(slip, raw)
         false = noise_of_encoder(step, corner, rate, max(1, round(seconds * rate)), slip.correlation)
         choice = design.refit(design.fit(blocks, candidate, loss), blocks.without_noise(false))
-        X = bins.X @ candidate.spread
-        covariance = noise.covariance_of_fit(X, bins.y - X @ choice.coefficients, bins.used)
-        return replace(choice, covariance=covariance), bins, lowest
+        left = bins.y - (X := bins.X @ candidate.spread) @ choice.coefficients
+        return replace(choice, covariance=noise.covariance_of_fit(X, left, bins.used)), bins, lowest
 
     rate = stretches[0].rate
     corner = smooth.cutoff or default_cutoff(rate)

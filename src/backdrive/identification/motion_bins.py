@@ -90,9 +90,8 @@ def bin_size(s: Signals, seconds: float = BIN_TIME) -> tuple[int, int]:
     return width, s.time.size // width
 
 
-def block_count(stretches: Sequence[Signals]) -> int:
-    """Return how many blocks of neighbouring samples all stretches together are cut into."""
-    duration = sum(s.time.size / s.rate for s in stretches)
+def block_count(duration: float) -> int:
+    """Return how many blocks of neighbouring samples stretches of so long together [s] are cut into."""
     return int(np.clip(duration / BLOCK_TIME, *BLOCKS))
 
 
@@ -125,4 +124,10 @@ def bin_means(
             series = s.torque[rows], mask[rows], np.abs(s.velocity[rows])
             parts.append([means(s, knots, rows, width), *(filters.means(x, width) for x in series)])
     X, y, used, speed = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return Bins(X=X, y=y, used=used > filled, speed=speed, blocks=block_count(stretches))
+    return Bins(
+        X=X,
+        y=y,
+        used=used > filled,
+        speed=speed,
+        blocks=block_count(sum(s.time.size / s.rate for s in stretches)),
+    )

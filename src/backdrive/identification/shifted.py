@@ -20,40 +20,60 @@ MARGIN = 0.2  # delays up to this are reached without new arrays [s]
 
 
 class ShiftedStretch:
-    """One stretch.
+    """One stretch, behind low passes.
 
     Args:
         s: motion and torque.
         seconds: of the bins [s].
+        corner: low pass of all motion but the jerk [Hz].
+        of_jerk: and of the jerk [Hz].
     """
 
-    def __init__(self, s: Signals, seconds: float):
+    def __init__(self, s: Signals, seconds: float, corner: float, of_jerk: float):
         self.width, self.count = bin_size(s, seconds)
-        self.signals = s
+        self.rate, self.samples = s.rate, s.time.size
+        self.duration = s.time.size / s.rate
         self.torque = filters.means(s.torque, self.width)
-        head = design.head(s)
-        self._still = [
-            filters.means(x, self.width) for x in (head[2], head[5])
-        ]  # the constant, the known torque
-        self._series = np.stack([head[k] for k in (0, 1, 3, 4)])
-        self._margin = 0
-        self._longer = self._series
-        self._reach(round(MARGIN * s.rate) + 3)
+        self._known = np.zeros(self.count)
+        if s.model_torque is not None:
+            self._known = filters.means(s.model_torque, self.width)
+        self._moving, self._sliding = s.moving, s.sliding
+        self._velocity = filters.low_pass(s.velocity, corner, s.rate)
+        self._margin = round(MARGIN * s.rate) + 3
+        self._longer = np.zeros((4, s.time.size + 2 * self._margin))
+        series = self._longer[
+            :, self._margin : self._margin + s.time.size
+        ]  # one after the other: they are long
+        series[0] = filters.low_pass(s.acceleration, corner, s.rate)
+        np.negative(filters.low_pass(s.jerk, of_jerk, s.rate), out=series[1])
+        if s.position is not None:
+            position = filters.low_pass(s.position, corner, s.rate)
+            np.sin(position, out=series[2])
+            np.cos(position, out=series[3])
+        self._hold_ends()
+
+    def _hold_ends(self) -> None:
+        """Continue the series by their first and last values."""
+        m, every = self._margin, self._longer
+        every[:, :m], every[:, every.shape[1] - m :] = (
+            every[:, m : m + 1],
+            every[:, -m - 1 : every.shape[1] - m],
+        )
 
     def _reach(self, margin: int) -> None:
-        """Continue the series by their first and last values, at least so many samples."""
+        """Continue them by so many samples at least."""
         if margin > self._margin:
-            series, self._margin = self._series, margin
-            self._longer = np.concatenate(
-                [np.repeat(series[:, :1], margin, axis=1), series, np.repeat(series[:, -1:], margin, axis=1)],
-                axis=1,
-            )
-            self._series = self._longer[:, margin : margin + series.shape[1]]
+            longer = np.empty((4, self.samples + 2 * margin))
+            longer[:, margin : margin + self.samples] = self._longer[
+                :, self._margin : self._margin + self.samples
+            ]
+            self._longer, self._margin = longer, margin
+            self._hold_ends()
 
     def head(self, delay: float) -> np.ndarray:
         """Return the means of `design.COLUMNS` along the motion of a time before [s], (n, 6)."""
-        whole, weights = cubic(delay * self.signals.rate)
-        whole = min(max(whole, -self.signals.time.size - 2), self.signals.time.size + 2)
+        whole, weights = cubic(delay * self.rate)
+        whole = min(max(whole, -self.samples - 2), self.samples + 2)
         self._reach(abs(whole) + 3)
         size, width = self.count * self.width, self.width
         part = self._longer[:, self._margin - whole - 2 :]
@@ -61,15 +81,13 @@ class ShiftedStretch:
         moved = part[:, :size].reshape(4, self.count, width) @ kernel[:width]
         for k in range(width, width + 3):
             moved += kernel[k] * part[:, k : k + size : width]
-        one, known = self._still
-        return np.stack([moved[0], moved[1], one, moved[2], moved[3], known], axis=1)
+        return np.stack([moved[0], moved[1], np.ones(self.count), moved[2], moved[3], self._known], axis=1)
 
     def curve(self, delay: float, knots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the means of a curve's functions (n, 2 k), of sliding [-] and of the speed [rad/s or m/s], (n,) each."""
-        s, size = self.signals, self.count * self.width
-        samples = delay * s.rate
-        velocity = earlier(s.velocity, samples)[:size]
-        sliding = (later(s.sliding, round(samples)) & s.moving)[:size]
+        size, samples = self.count * self.width, delay * self.rate
+        velocity = earlier(self._velocity, samples)[:size]
+        sliding = (later(self._sliding, round(samples)) & self._moving)[:size]
         step = max(1, CHUNK // self.width) * self.width
         parts = [
             curves.basis_means(velocity[first : first + step], knots, self.width)
@@ -116,5 +134,5 @@ def shifted_bins(
             shapes = shapes[:, : knots.size] + shapes[:, knots.size :]
         parts.append([np.hstack([head, shapes]), s.torque, sliding, speed])
     X, y, used, speed = (np.concatenate(part) for part in zip(*parts, strict=True))
-    count = block_count([s.signals for s in stretches])
+    count = block_count(sum(s.duration for s in stretches))
     return Bins(X=X, y=y, used=used > FILLED, speed=speed, blocks=count)

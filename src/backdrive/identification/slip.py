@@ -17,7 +17,6 @@ from backdrive.identification import design, noise, regression
 from backdrive.identification.motion_bins import Bins
 from backdrive.identification.shifted import ShiftedStretch, shifted_bins
 from backdrive.identification.signals import Signals
-from backdrive.logs.filters import low_pass
 
 ROUNDS = 10  # of fits, each along the motion of some delay
 STEP = 0.01  # longest change of the delay from one to the next [s]
@@ -83,7 +82,7 @@ def seek_slip(
     period = 1.0 / stretches[0].rate
     open_ = Slip(delay=start, error=np.inf, period=period)
     inertia, jerk = full.terms.index("inertia"), full.terms.index("jerk")
-    slow = [ShiftedStretch(_smooth(s, CORNERS[near], OF_JERK[near]), seconds) for s in stretches]
+    slow = [ShiftedStretch(s, seconds, CORNERS[near], OF_JERK[near]) for s in stretches]
     delay, share, correlation = start, 1.0, 0.0
     tried: list[tuple[float, float]] = []
     while len(tried) < ROUNDS:
@@ -141,23 +140,6 @@ def _next(tried: list[tuple[float, float]]) -> tuple[float, float, bool]:
 def _beyond(delay: float, left: float, least: float) -> float:
     """Return a delay with what is left of it, no smaller a step than the least and no longer than `STEP` [s]."""
     return delay + math.copysign(min(max(abs(left), least), STEP), left)
-
-
-def _smooth(s: Signals, corner: float, of_jerk: float) -> Signals:
-    """Return signals whose motion is that of low frequencies.
-
-    Args:
-        s: motion.
-        corner: low pass of all but the jerk [Hz].
-        of_jerk: and of the jerk [Hz].
-    """
-    return replace(
-        s,
-        velocity=low_pass(s.velocity, corner, s.rate),
-        acceleration=low_pass(s.acceleration, corner, s.rate),
-        jerk=low_pass(s.jerk, of_jerk, s.rate),
-        position=None if s.position is None else low_pass(s.position, corner, s.rate),
-    )
 
 
 def with_slip(choice: design.Choice, change: np.ndarray, slip: Slip) -> design.Choice:
