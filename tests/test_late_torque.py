@@ -5,7 +5,7 @@ import pytest
 
 from backdrive import Joint, Log, identify
 from backdrive.identification.dynamic.choice import windows
-from backdrive.identification.motion_bins import Bins, block_count, moving_average, period
+from backdrive.identification.motion_bins import Bins, block_count, moves_of, moving_average, period_of
 from backdrive.identification.signals import prepare
 
 RATE, INERTIA, COULOMB, VISCOUS = 1000.0, 0.15, 1.5, 0.4
@@ -77,12 +77,16 @@ def test_a_delay_that_is_long_but_not_known_well_is_corrected_without_errors_of_
 
 
 def test_blocks_and_windows_last_a_period_of_the_motion():
-    fast, slow = (prepare(sines(0.0, seconds=60.0, slow=share), "j1") for share in (1.0, 0.2))
-    assert block_count(fast) == 24
-    assert period(slow) == pytest.approx(5.0 * period(fast), rel=0.35)
-    assert 60.0 / block_count(slow) >= min(period(slow), 60.0 / 8)
+    fast, slow = (
+        period_of([moves_of(s) for s in prepare(sines(0.0, seconds=60.0, slow=share), "j1")])
+        for share in (1.0, 0.2)
+    )
+    assert slow == pytest.approx(5.0 * fast, rel=0.35)
+    assert block_count(60.0) == block_count(60.0, 1.0) == 24
+    assert block_count(600.0, 30.0) == 20
+    assert block_count(60.0, slow) == max(8, int(60.0 / slow))
     assert sum(np.diff(m.astype(int)).clip(0).sum() for m in windows([60_000])) == 5
-    assert sum(np.diff(m.astype(int)).clip(0).sum() for m in windows([60_000], period(slow) * RATE)) < 5
+    assert sum(np.diff(m.astype(int)).clip(0).sum() for m in windows([60_000], slow * RATE)) < 5
 
 
 def test_noise_of_opposite_neighbours_is_whitened():

@@ -254,14 +254,14 @@ def test_a_fork_gets_a_child_of_its_own(log_file):
     ],
 )
 def test_a_parser_may_not_be_led_to_other_deeds(deed):
-    text = f"from backdrive.logs.readers import _worker as w; w._lock(); w._parsing.append('x'); {deed}"
+    text = f"from backdrive.logs.readers import _worker as w; w.lock(); w._parsing.append('x'); {deed}"
     done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=False)
     assert "ForbiddenContent: The file led its parser to" in done.stderr
 
 
 def test_a_parser_may_not_write_files(tmp_path):
     write = f"f = open({str(tmp_path / 'x')!r}, 'w'); f.write('x'); f.close()"
-    text = f"from backdrive.logs.readers import _worker as w; w._lock(); {write}"
+    text = f"from backdrive.logs.readers import _worker as w; w.lock(); {write}"
     done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=False)
     assert "File too large" in done.stderr
     assert (tmp_path / "x").read_bytes() == b""

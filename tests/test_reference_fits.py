@@ -253,7 +253,7 @@ def test_normal_equations_of_bins_by_hand():
     blocks = motion_bins.bin_means([s], knots).equations()
     assert blocks.gram.sum(axis=0) == pytest.approx((X * w[:, None]).T @ X, rel=1e-9, abs=1e-9)
     assert blocks.rows.sum() == pytest.approx(w.sum())
-    n = motion_bins.block_count([s])
+    n = motion_bins.block_count(s.time.size / s.rate)
     assert len(blocks.rows) == n == int(np.clip(6.0 / motion_bins.BLOCK_TIME, *motion_bins.BLOCKS))
     edges = [int(np.ceil(k * count / n)) for k in range(n + 1)]
     assert blocks.rows == pytest.approx([w[a:b].sum() for a, b in zip(edges, edges[1:], strict=False)])
@@ -361,9 +361,8 @@ def test_what_is_chosen_is_the_simplest_that_predicts_as_well():
             "model_torque": False,
             "both_directions": True,
         } | more
-        return design.choose(
-            blocks, design.candidates(knots, {"line": knots[[0, 3]], "all": knots}, **options)
-        )
+        candidates = design.candidates(knots, {"line": knots[[0, 3]], "all": knots}, **options)
+        return design.fit(blocks, *design.simplest(blocks, candidates))
 
     bent, straight = chosen(1.5), chosen(-0.25)
     assert (bent.candidate.form.name, bent.candidate.terms) == ("all", ("inertia", "offset"))

@@ -514,7 +514,7 @@ _worker.main()
 def test_what_the_worker_gives_up():
     code = (
         "import resource, signal, sys, os\nfrom backdrive.logs.readers import _worker\n"
-        "_worker._lock(); _worker._bound_memory(64 << 20)\n"
+        "_worker.lock(); _worker._bound_memory(64 << 20)\n"
         "used = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize() if os.path.exists('/proc') else 0\n"
         "print(resource.getrlimit(resource.RLIMIT_CORE), resource.getrlimit(resource.RLIMIT_FSIZE), sys.dont_write_bytecode)\n"
         "soft, hard = resource.getrlimit(resource.RLIMIT_AS)\nprint(soft - used if used else 64 << 20, hard)\n"
@@ -530,7 +530,7 @@ def test_what_the_worker_gives_up():
 
 def test_the_worker_may_do_at_import_what_no_file_may(tmp_path):
     for parsing, refused in (("", False), ("_worker._parsing.append('x');", True)):
-        code = "import os; from backdrive.logs.readers import _worker; _worker._lock(); "
+        code = "import os; from backdrive.logs.readers import _worker; _worker.lock(); "
         code += f"{parsing} os.rename({str(tmp_path / 'a')!r}, 'b')"
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
         assert ("ForbiddenContent: The file led its parser to os.rename." in done.stderr) is refused

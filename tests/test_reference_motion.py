@@ -82,7 +82,8 @@ def fitted_line(logs):
         return bins.faster(low).whiten(slip.correlation)
 
     bins = averaged(slip.delay)
-    choice = design.choose(bins.equations(), [option])
+    blocks = bins.equations()
+    choice = design.fit(blocks, *design.simplest(blocks, [option]))
     X = bins.X @ option.spread
     y, used = bins.y, bins.used
     left = y - X @ choice.coefficients
@@ -386,7 +387,7 @@ def data(seed=3, n=900):
 
 def choose(X, y, options, count=12):
     blocks = regression.accumulate(X, y, np.ones(y.size), regression.block_index(y.size, count), count)
-    return design.choose(blocks, options)
+    return design.fit(blocks, *design.simplest(blocks, options))
 
 
 PLAIN = {

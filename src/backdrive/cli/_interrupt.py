@@ -79,7 +79,7 @@ def leave(*, said: bool = False) -> NoReturn:
     """
     guard = sys.modules.get("backdrive.logs.readers.guard")
     if guard is not None:
-        guard.default_guard().kill()
+        guard.kill_all()
     with suppress(OSError, ValueError):
         sys.stdout.flush()
     with suppress(OSError, ValueError):

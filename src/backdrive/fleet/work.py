@@ -153,15 +153,13 @@ def _digest(path: str) -> str:
 
 
 def _identify_log(path: str, options: Mapping[str, Any]) -> Identification:
-    """Return the result of a log; it is read in a separate process, which ends after a failure."""
+    """Return the result of a log; it is read in a process of its own, so that no log affects the next."""
     from backdrive.identification import identify
-    from backdrive.logs.readers import guard, read_log
+    from backdrive.logs.readers import read_log
+    from backdrive.logs.readers.fork_server import child_a_file
 
-    try:
+    with child_a_file():
         log = read_log(path, **options.get("reading", {}))
-    except BackdriveError:
-        guard.default_guard().close()  # a damaged file's effect on its reader must not affect the next one
-        raise
     return identify(log, **options.get("identification", {}))
 
 

@@ -17,6 +17,8 @@ from backdrive.laws import CoulombViscous, Law, Polyline
 #: Knots of the fine basis as shares of the top speed: dense where Stribeck curves bend.
 SHARES = (0.0, 0.005, 0.015, 0.03, 0.06, 0.12, 0.25, 0.4, 0.6, 0.8, 1.0)
 
+NEAR_ZERO = (-5e-324, 5e-324)  # about rest, where the basis jumps [rad/s or m/s]
+
 #: Candidate curves, simplest first: which of SHARES they keep.
 COARSE: dict[str, tuple[int, ...]] = {
     "line": (0, 10),
@@ -108,20 +110,39 @@ def basis(velocity: np.ndarray, knots: np.ndarray) -> np.ndarray:
 def basis_means(velocity: np.ndarray, knots: np.ndarray, width: int) -> np.ndarray:
     """Return the means of the fine basis over bins of neighbouring samples, (n / width, 2 k).
 
-    Of each sample but two functions are not zero: this takes no more time for many knots.
+    The basis is linear between two knots: where a bin stays between them, its mean is the basis at the mean velocity.
 
     Args:
         velocity: of whole bins [rad/s or m/s], (n,).
         knots: at least two [rad/s or m/s], (k,).
         width: of a bin [sample].
     """
-    bins, columns = velocity.size // width, 2 * knots.size
+    across = np.ascontiguousarray(velocity.reshape(-1, width).T)
+    low, high = across.min(axis=0), across.max(axis=0)
+    inner = np.concatenate([-knots[-2:0:-1], NEAR_ZERO, knots[1:-1]])
+    between = np.searchsorted(inner, low, side="right") == np.searchsorted(inner, high)
+    mean = np.ones(width) @ across / width
+    total = np.zeros((mean.size, 2 * knots.size))
+    flat = total.reshape(-1)
+    at, here, after = _two_functions(mean, knots)
+    at += 2 * knots.size * np.arange(mean.size)
+    flat[at], flat[at + 1] = here, after
+    crossing = np.flatnonzero(~between)
+    if crossing.size:
+        at, here, after = _two_functions(across.take(crossing, axis=1).ravel(), knots)
+        at += np.tile(2 * knots.size * np.arange(crossing.size), width)
+        size = 2 * knots.size * crossing.size
+        sums = np.bincount(at, here, size) + np.bincount(at + 1, after, size)
+        total[crossing] = sums.reshape(crossing.size, -1) / width
+    return total
+
+
+def _two_functions(velocity: np.ndarray, knots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return which function of the fine basis is the first of two that are not zero, its value and that of the next, (n,) each."""
     left, weight = _places(np.abs(velocity), knots)
-    way = np.sign(velocity) / width
-    at = np.repeat(np.arange(bins) * columns, width) + left + np.where(velocity < 0.0, knots.size, 0)
-    size = bins * columns
-    total = np.bincount(at, way * (1.0 - weight), size) + np.bincount(at + 1, way * weight, size)
-    return total.reshape(bins, columns)
+    way = np.sign(velocity)
+    after = way * weight
+    return np.where(velocity < 0.0, left + knots.size, left), way - after, after
 
 
 def forms(fine: np.ndarray, coarse: dict[str, np.ndarray], both_directions: bool) -> list[Form]:
@@ -166,6 +187,28 @@ def to_law(form: Form, coefficients: np.ndarray) -> Law:
             return Law(rate=law)
     law = Polyline(velocity=tuple(form.knots), positive=tuple(values[0]), negative=tuple(values[1]))
     return Law(rate=law)
+
+
+def torques(form: Form, coefficients: np.ndarray, velocity: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """Return the torque at each velocity by the law that `to_law` makes of a row of coefficients [N.m or N], (n,).
+
+    Args:
+        form: the candidate.
+        coefficients: of several fits, (B, k or 2 k).
+        velocity: [rad/s or m/s], (n,).
+        row: of the coefficients that hold at each velocity, (n,).
+    """
+    k, knots = form.knots.size, form.knots
+    values = np.stack([coefficients[:, :k], coefficients[:, -k:]], axis=1)
+    if knots[0] > 0.0:  # below the first knot its section goes on, to a torque at rest that is not negative
+        slope = (values[..., 1] - values[..., 0]) / (knots[1] - knots[0])
+        rest = np.maximum(values[..., 0] - slope * knots[0], 0.0)
+        knots, values = np.r_[0.0, knots], np.concatenate([rest[..., None], values], axis=-1)
+    left, weight = _places(np.abs(velocity), knots)
+    at = (2 * row + (velocity < 0.0)) * knots.size + left
+    flat = values.reshape(-1)
+    before = flat.take(at)
+    return np.sign(velocity) * (before + weight * (flat.take(at + 1) - before))
 
 
 def sensitivity(form: Form, law: Law) -> tuple[tuple[str, ...], np.ndarray]:

@@ -20,15 +20,9 @@ def earlier(x: np.ndarray, samples: float, linear: bool = False) -> np.ndarray:
     if samples == 0.0:
         return x
     n = x.shape[-1]
-    whole = int(np.floor(samples))
-    u = 1.0 - (samples - whole)  # of the way from the sample before to the sample after
-    weights = (
-        -u * (u - 1.0) * (u - 2.0) / 6.0,
-        (u * u - 1.0) * (u - 2.0) / 2.0,
-        -u * (u + 1.0) * (u - 2.0) / 2.0,
-        u * (u * u - 1.0) / 6.0,
-    )
+    whole, weights = cubic(samples)
     if linear:
+        u = 1.0 - (samples - whole)
         weights = (0.0, 1.0 - u, u, 0.0)
     whole = min(max(whole, -n - 2), n + 2)  # beyond, the held end is all there is
     before, after = max(whole + 2, 0), max(1 - whole, 0)
@@ -37,6 +31,18 @@ def earlier(x: np.ndarray, samples: float, linear: bool = False) -> np.ndarray:
     longer = [np.concatenate([np.full(before, row[0]), row, np.full(after, row[-1])]) for row in rows]
     moved = [np.correlate(row[first : first + n + 3], weights, "valid") for row in longer]
     return np.reshape(moved, x.shape)
+
+
+def cubic(samples: float) -> tuple[int, tuple[float, float, float, float]]:
+    """Return whole samples, and the weights of the four samples from two more before to one fewer before, of an interpolation."""
+    whole = int(np.floor(samples))
+    u = 1.0 - (samples - whole)  # of the way from the sample before to the sample after
+    return whole, (
+        -u * (u - 1.0) * (u - 2.0) / 6.0,
+        (u * u - 1.0) * (u - 2.0) / 2.0,
+        -u * (u + 1.0) * (u - 2.0) / 2.0,
+        u * (u * u - 1.0) / 6.0,
+    )
 
 
 def delay_signals(signals: Signals, delay: float) -> Signals:

@@ -78,17 +78,17 @@ class Choice:
 def columns(s: Signals, knots: np.ndarray, rows: slice = slice(None)) -> np.ndarray:
     """Return all columns at full rate: `COLUMNS`, then the friction basis, (n, 6 + 2 k)."""
     s = s.rows(rows)
-    return np.hstack([np.stack(_head(s), axis=1), curves.basis(s.velocity, knots)])
+    return np.hstack([np.stack(head(s), axis=1), curves.basis(s.velocity, knots)])
 
 
 def means(s: Signals, knots: np.ndarray, rows: slice, width: int) -> np.ndarray:
     """Return the means of all columns over bins of so many samples, (n / width, 6 + 2 k)."""
     s = s.rows(rows)
-    head = [filters.means(x, width) for x in _head(s)]
-    return np.hstack([np.stack(head, axis=1), curves.basis_means(s.velocity, knots, width)])
+    first = [filters.means(x, width) for x in head(s)]
+    return np.hstack([np.stack(first, axis=1), curves.basis_means(s.velocity, knots, width)])
 
 
-def _head(s: Signals) -> tuple[np.ndarray, ...]:
+def head(s: Signals) -> tuple[np.ndarray, ...]:
     """Return the columns of what is not friction, (n,) each."""
     zero = np.zeros_like(s.velocity)
     pull = (zero, zero) if s.position is None else (np.sin(s.position), np.cos(s.position))
@@ -136,50 +136,83 @@ def candidates(
     return sorted(result, key=lambda c: c.size)
 
 
-def choose(blocks: regression.Blocks, options: list[Candidate]) -> Choice:
-    """Return the simplest candidate that predicts left-out blocks nearly as well as the best.
+def predict(candidate: Candidate, coefficients: np.ndarray, motion: Signals, row: np.ndarray) -> np.ndarray:
+    """Return the torque of samples, each by a row of coefficients of its own [N.m or N], (n,); a term `jerk` is left out.
+
+    Args:
+        candidate: that was fitted.
+        coefficients: of several fits, (B, r).
+        motion: that belongs to the torque.
+        row: of the coefficients that hold for each sample, (n,).
+    """
+    k = len(candidate.terms)
+    torque = curves.torques(candidate.form, coefficients[:, k:], motion.velocity, row)
+    columns_of = dict(zip(COLUMNS, head(motion), strict=True))
+    for j, term in enumerate(candidate.terms):
+        if term != "jerk":
+            torque += coefficients[:, j].take(row) * columns_of[term]
+    return torque
+
+
+def fit(blocks: regression.Blocks, candidate: Candidate, loss: dict[str, float]) -> Choice:
+    """Return a candidate fitted to all blocks.
+
+    Args:
+        blocks: normal equations of all columns.
+        candidate: that was chosen.
+        loss: of all candidates, by name.
+    """
+    mapped = blocks.map_columns(candidate.spread)
+    theta = mapped.solution()
+    return Choice(
+        candidate=candidate,
+        coefficients=theta,
+        covariance=regression.sandwich(mapped, theta),
+        left_out=regression.leave_one_out_solutions(mapped),
+        condition=regression.condition(mapped.whole[0]),
+        loss=loss,
+    )
+
+
+def simplest(blocks: regression.Blocks, options: list[Candidate]) -> tuple[Candidate, dict[str, float]]:
+    """Return the simplest candidate that predicts left-out blocks nearly as well as the best, and the loss by name.
 
     Raises:
         NotIdentifiable: no candidate is determined by the data.
     """
     total = max(float(blocks.rows.sum()), 1e-300)
-    fits: list[tuple[float, Candidate, regression.Blocks, np.ndarray]] = []
+    fits: list[tuple[float, Candidate, np.ndarray]] = []
     by_block: dict[int, np.ndarray] = {}
     for option in options:
         mapped = blocks.map_columns(option.spread)
         weight = mapped.whole[0].diagonal()
         k = len(option.terms)
-        if np.any(weight <= 0.0) or weight[k:].min() < MEAGRE * total:
+        if not weight.min() > 0.0 or weight[k:].min() < MEAGRE * total:
             continue
         theta = mapped.solution()
         if len(option.form.knots) > 2:  # a curve would zigzag at a knot that the data hardly determine
-            errors = np.sqrt(np.maximum(np.diag(regression.sandwich(mapped, theta))[k:], 0.0))
-            if errors.max() > VAGUE * np.abs(theta[k:]).max():
+            variance = regression.sandwich(mapped, theta).diagonal()[k:].max()
+            if math.sqrt(max(variance, 0.0)) > VAGUE * np.abs(theta[k:]).max():
                 continue
         by_block[id(option)] = regression.leave_one_out_losses(mapped)
         loss = max(by_block[id(option)].sum(), ROUNDING * blocks.power.sum())
-        fits.append((float(loss) / total, option, mapped, theta))
+        fits.append((float(loss) / total, option, theta))
     if not fits:
         raise NotIdentifiable(
             "These data do not determine a friction curve: the joint hardly moves.",
             remedy="Record a motion with both directions and several speeds (see `backdrive plan`).",
         )
     best = min(loss for loss, *_ in fits)
-    sound = [fit for fit in fits if _plausible(fit[1], fit[3])]
+    sound = [fit for fit in fits if _plausible(fit[1], fit[2])]
     if sound and min(loss for loss, *_ in sound) <= UNSOUND * best:
         fits, best = sound, min(loss for loss, *_ in sound)
     best_blocks = by_block[id(next(fit[1] for fit in fits if fit[0] == best))]
-    _, chosen, mapped, theta = next(
-        fit for fit in fits if fit[0] <= TOLERANCE * best + 1e-300 or _tie(by_block[id(fit[1])] - best_blocks)
+    chosen = next(
+        fit[1]
+        for fit in fits
+        if fit[0] <= TOLERANCE * best + 1e-300 or _tie(by_block[id(fit[1])] - best_blocks)
     )
-    return Choice(
-        candidate=chosen,
-        coefficients=theta,
-        covariance=regression.sandwich(mapped, theta),
-        left_out=regression.leave_one_out_solutions(mapped),
-        condition=regression.condition(mapped.whole[0]),
-        loss={f"{'+'.join(option.terms)} | {option.form.name}": loss for loss, option, *_ in fits},
-    )
+    return chosen, {f"{'+'.join(option.terms)} | {option.form.name}": loss for loss, option, _ in fits}
 
 
 def refit(choice: Choice, blocks: regression.Blocks) -> Choice:

@@ -19,11 +19,11 @@ import numpy as np
 
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, design, noise, regression
-from backdrive.identification.delay import delay_signals
-from backdrive.identification.dynamics import predict
+from backdrive.identification.delay import delay_signals, earlier
 from backdrive.identification.evidence import evidence, parts_of, sentences
 from backdrive.identification.motion_bins import BIN_TIME, FILLED, HALF, Bins, bin_means, bin_size, bin_time
 from backdrive.identification.quality import assess_parts, judge
+from backdrive.identification.regression import Blocks
 from backdrive.identification.remark import ONE_WAY_ONLY
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.settling import drop_build_up
@@ -104,9 +104,15 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         late = [delay_signals(s, delay) for s in stretches]
         return bin_means(late, knots, seconds=seconds, reversals=few, filled=HALF if few else FILLED)
 
-    def choose(slip: Slip, bins: Bins) -> tuple[design.Choice, Bins, float]:
+    def simplest(slip: Slip, bins: Bins):
+        return _simplest(bins, options, slip.correlation, (slowest, 0.0 if few else slow))
+
+    def choose(slip: Slip, raw: Bins) -> tuple[design.Choice, Bins, float]:
+        candidate, loss, bins, blocks, lowest = simplest(slip, raw)
         false = noise_of_encoder(step, corner, rate, max(1, round(seconds * rate)), slip.correlation)
-        return _choose(bins, options, slip.correlation, (slowest, 0.0 if few else slow), false)
+        choice = design.refit(design.fit(blocks, candidate, loss), blocks.without_noise(false))
+        left = bins.y - (X := bins.X @ candidate.spread) @ choice.coefficients
+        return replace(choice, covariance=noise.covariance_of_fit(X, left, bins.used)), bins, lowest
 
     rate = stretches[0].rate
     corner = smooth.cutoff or default_cutoff(rate)
@@ -114,10 +120,10 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     options = design.candidates(knots, allowed, symmetric=symmetric, **given)
     slip, simpler, coarse = Slip(delay=0.0, error=np.inf, period=1.0 / rate), None, None
     if not few:
-        slip = seek_slip(stretches, knots, full, seconds)
+        slip = seek_slip(stretches, knots, full, seconds, rough=True)
         if not (slip.is_known and abs(slip.delay) < LONG) and (coarse := coarse_delay(stretches)) is not None:
-            slip = seek_slip(stretches, knots, full, seconds, coarse)
-        simpler = choose(slip, average(slip.delay))[0].candidate
+            slip = seek_slip(stretches, knots, full, seconds, coarse, rough=True)
+        simpler = simplest(slip, average(slip.delay))[0]
         slip = seek_slip(
             stretches, knots, simpler.with_term("jerk"), seconds, slip.delay, near=math.isfinite(slip.error)
         )
@@ -151,9 +157,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         (open_, f"No standard errors are stated: {'; '.join(open_)}."),
     )
     others = [s for log in held_out for s in prepare(log, joint, cutoff=smooth.cutoff)]
-    unseen = (
-        _leave_block_out(stretches, choice, about, velocity, slip.delay, seconds) if not held_out else None
-    )
+    unseen = _leave_block_out(stretches, choice, slip.delay, seconds) if not held_out else None
     parts, of_others = parts_of(friction, stretches, True), parts_of(friction, others, False)
     load = np.concatenate([s.torque - measured for s, measured, *_ in parts])
     friction = replace(
@@ -179,36 +183,29 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     return friction, replace(support, verdict=f"{support.verdict} {smooth.note}".rstrip())
 
 
-def _choose(
-    raw: Bins,
-    options: list[design.Candidate],
-    correlation: float,
-    speeds: tuple[float, float],
-    false: float,
-) -> tuple[design.Choice, Bins, float]:
-    """Return the choice with its covariance, the bins that it was fitted to, and from which speed on they tell.
+def _simplest(
+    raw: Bins, options: list[design.Candidate], correlation: float, speeds: tuple[float, float]
+) -> tuple[design.Candidate, dict[str, float], Bins, Blocks, float]:
+    """Return the candidate that the data choose, all losses, the bins to fit it to, their equations, and from which speed on
+    they tell.
 
     Args:
         raw: bins, not whitened.
         options: candidates.
         correlation: of the noise of neighbouring bins [-].
         speeds: from which the bins tell, and below which a line is not asked to follow a crossing of zero [rad/s or m/s].
-        false: mean square of the acceleration that the encoder makes [rad^2/s^4 or m^2/s^4].
     """
     bins, (slowest, slow) = raw.whiten(correlation), speeds
     blocks = bins.equations()
-    choice = design.choose(blocks, options)
-    if choice.candidate.form.knots[0] == 0.0 and slowest < slow:
+    candidate, loss = design.simplest(blocks, options)
+    if candidate.form.knots[0] == 0.0 and slowest < slow:
         lines = [option for option in options if option.form.knots[0] == 0.0]
         faster = raw.faster(slow).whiten(correlation)
         with suppress(NotIdentifiable):  # if hardly any motion is faster, slow motion is kept
             of_faster = faster.equations()
-            choice = design.choose(of_faster, lines)
+            candidate, loss = design.simplest(of_faster, lines)
             bins, blocks, slowest = faster, of_faster, slow
-    choice = design.refit(choice, blocks.without_noise(false))
-    X = bins.X @ choice.candidate.spread
-    covariance = noise.covariance_of_fit(X, bins.y - X @ choice.coefficients, bins.used)
-    return replace(choice, covariance=covariance), bins, slowest
+    return candidate, loss, bins, blocks, slowest
 
 
 def slowest_sliding(stretches: Sequence[Any], knots: np.ndarray) -> float:
@@ -327,19 +324,32 @@ def with_warnings(friction: JointFriction, choice: design.Choice, both_direction
     return replace(friction, warnings=warnings)
 
 
-def _leave_block_out(stretches, choice, joint, velocity, delay, seconds):
-    """Predict every block by the fit that did not see it."""
-    bare = replace(choice, covariance=np.zeros_like(choice.covariance))  # a prediction needs no errors
-    models = [as_friction(bare, theta, joint, velocity, delay) for theta in choice.left_out]
-    block = regression.block_index(sum(bin_size(s, seconds)[1] for s in stretches), len(models))
+def _leave_block_out(
+    stretches: Sequence[Signals], choice: design.Choice, delay: float, seconds: float
+) -> list[tuple[np.ndarray, np.ndarray, float, np.ndarray]]:
+    """Predict every block by the fit that did not see it; return pairs as `judge` takes them."""
+    count = len(choice.left_out)
+    block = regression.block_index(sum(bin_size(s, seconds)[1] for s in stretches), count)
     first, pairs = 0, []
     for s in stretches:
-        width, count = bin_size(s, seconds)
-        of_bin = block[first : first + count] if count else np.zeros(1, dtype=int)
-        first += count
-        of_sample = of_bin[np.minimum(np.arange(s.time.size) // width, of_bin.size - 1)]
-        edges = np.searchsorted(of_sample, np.unique(of_sample)).tolist()
-        rows = [slice(a, b) for a, b in zip(edges, [*edges[1:], s.time.size], strict=False)]
-        predicted = [predict(models[of_sample[part.start]], s.rows(part)) for part in rows]
-        pairs.append((s.torque, np.concatenate(predicted), s.rate, s.sliding))
+        width, bins = bin_size(s, seconds)
+        of_bin = block[first : first + bins] if bins else np.zeros(1, dtype=int)
+        first += bins
+        of_sample = np.repeat(of_bin, width)[: s.time.size]
+        of_sample = np.append(of_sample, np.full(s.time.size - of_sample.size, of_bin[-1]))
+        then = s
+        if delay:
+            edges = [0, *(np.flatnonzero(np.diff(of_sample)) + 1).tolist(), s.time.size]
+            rows = [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
+            motion = {name: getattr(s, name) for name in ("velocity", "acceleration", "position")}
+            then = replace(
+                s,
+                **{
+                    name: np.concatenate([earlier(x[part], delay * s.rate) for part in rows])
+                    for name, x in motion.items()
+                    if x is not None
+                },
+            )
+        predicted = design.predict(choice.candidate, choice.left_out, then, of_sample)
+        pairs.append((s.torque, predicted, s.rate, s.sliding))
     return pairs

@@ -101,8 +101,8 @@ def bin_time(stretches: Sequence[Signals], cutoff: float) -> float:
         stretches: of one joint.
         cutoff: of the low pass of its motion [Hz].
     """
-    moves = _moves(stretches)
-    longest = OF_A_MOVE * float(np.median(moves)) if moves.size else LONGEST_BIN
+    period = period_of([moves_of(s) for s in stretches])
+    longest = 0.5 * OF_A_MOVE * period if period else LONGEST_BIN
     return max(BIN_TIME, min(1.0 / cutoff, longest, LONGEST_BIN))
 
 
@@ -112,25 +112,31 @@ def bin_size(s: Signals, seconds: float = BIN_TIME) -> tuple[int, int]:
     return width, s.time.size // width
 
 
-def block_count(stretches: Sequence[Signals]) -> int:
-    """Return how many blocks of neighbouring samples all stretches together are cut into.
+def block_count(duration: float, period: float = 0.0) -> int:
+    """Return how many blocks of neighbouring samples a log is cut into.
 
     A block is as long as a period of the motion, if the log is long enough: a shorter one resembles its neighbours.
+
+    Args:
+        duration: of all stretches [s].
+        period: of the motion [s].
     """
-    duration = sum(s.time.size / s.rate for s in stretches)
-    return int(np.clip(duration / max(BLOCK_TIME, period(stretches)), *BLOCKS))
+    return int(np.clip(duration / max(BLOCK_TIME, period), *BLOCKS))
 
 
-def period(stretches: Sequence[Signals]) -> float:
-    """Return the period of a motion, twice the median time between two reversals [s]; 0 without two of them."""
-    moves = _moves(stretches)
-    return 2.0 * float(np.median(moves)) if moves.size else 0.0
+def period_of(moves: Sequence[np.ndarray]) -> float:
+    """Return the period of a motion, twice the median time between two reversals [s]; 0 without two of them.
+
+    Args:
+        moves: of each stretch, as `moves_of` returns them [s].
+    """
+    every = np.concatenate(moves)
+    return 2.0 * float(np.median(every)) if every.size else 0.0
 
 
-def _moves(stretches: Sequence[Signals]) -> np.ndarray:
+def moves_of(s: Signals) -> np.ndarray:
     """Return the times between reversals [s], (m,)."""
-    turns = [np.flatnonzero(np.diff(np.sign(s.velocity[s.sliding])) != 0) for s in stretches]
-    return np.concatenate([np.diff(at) / s.rate for at, s in zip(turns, stretches, strict=True)])
+    return np.diff(np.flatnonzero(np.diff(np.sign(s.velocity[s.sliding])) != 0)) / s.rate
 
 
 def bin_means(
@@ -162,4 +168,12 @@ def bin_means(
             series = s.torque[rows], mask[rows], np.abs(s.velocity[rows])
             parts.append([means(s, knots, rows, width), *(filters.means(x, width) for x in series)])
     X, y, used, speed = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return Bins(X=X, y=y, used=used > filled, speed=speed, blocks=block_count(stretches))
+    return Bins(
+        X=X,
+        y=y,
+        used=used > filled,
+        speed=speed,
+        blocks=block_count(
+            sum(s.time.size / s.rate for s in stretches), period_of([moves_of(s) for s in stretches])
+        ),
+    )

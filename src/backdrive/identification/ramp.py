@@ -140,15 +140,18 @@ def is_ramp(log: Log, joint: str | int) -> bool:
     turns = turning_points(smooth, BRANCH * float(np.ptp(smooth)))
     if turns.size < 2 or np.diff(turns).sum() < RAMPED * len(single):
         return False
-    off = []
-    for a, b in zip(turns, turns[1:], strict=False):
-        inner = slice(a + round(EDGE * rate), max(b - round(EDGE * rate), a + 1))
-        if inner.stop - inner.start < SHORTEST:
-            return False  # no ramp is so short
-        time = np.arange(inner.stop - inner.start)
-        off.append(smooth[inner] - np.polyval(np.polyfit(time, smooth[inner], 1), time))
-    if np.sqrt(np.mean(np.concatenate(off) ** 2)) > STRAIGHT * np.ptp(smooth) + white_noise(torque):
-        return False
+    edge = round(EDGE * rate)
+    inner = [slice(a + edge, max(b - edge, a + 1)) for a, b in zip(turns, turns[1:], strict=False)]
+    sizes = [part.stop - part.start for part in inner]
+    if min(sizes) < SHORTEST:
+        return False  # no ramp is so short
+    most = sum(sizes) * (STRAIGHT * float(np.ptp(smooth)) + white_noise(torque)) ** 2
+    off = 0.0
+    for part, size in zip(inner, sizes, strict=True):
+        time = np.arange(size)
+        off += float(np.sum((smooth[part] - np.polyval(np.polyfit(time, smooth[part], 1), time)) ** 2))
+        if off > most:
+            return False
     count = encoder_step(single) or 3.0 * white_noise(position)
     branches = branches_of(single, count)[0]
     held = sum(b.torque.size for b in branches)

@@ -98,18 +98,17 @@ def accumulate(X: np.ndarray, y: np.ndarray, w: np.ndarray, block: np.ndarray, b
         block: block of each sample, sorted, (n,).
         blocks: how many there are.
     """
-    edges = np.searchsorted(block, np.arange(blocks + 1))
+    edges = np.searchsorted(block, np.arange(blocks + 1)).tolist()
     p = X.shape[1]
-    gram, moment = np.zeros((blocks, p, p)), np.zeros((blocks, p))
-    power, rows = np.zeros(blocks), np.zeros(blocks)
-    for b in range(blocks):
-        part = slice(edges[b], edges[b + 1])
-        weighted = X[part] * w[part, None]
-        gram[b] = weighted.T @ X[part]
-        moment[b] = weighted.T @ y[part]
-        power[b] = w[part] @ y[part] ** 2
-        rows[b] = w[part].sum()
-    return Blocks(gram=gram, moment=moment, power=power, rows=rows)
+    rows = np.empty((len(y), p + 1))
+    rows[:, :p], rows[:, p] = X, y
+    weighted = (rows * w[:, None]).T
+    whole, weights = np.empty((blocks, p + 1, p + 1)), np.zeros(blocks)
+    for b, (first, last) in enumerate(zip(edges, edges[1:], strict=False)):
+        np.matmul(weighted[:, first:last], rows[first:last], out=whole[b])
+        weights[b] = w[first:last].sum()
+    gram, moment = np.ascontiguousarray(whole[:, :p, :p]), whole[:, :p, p].copy()
+    return Blocks(gram=gram, moment=moment, power=whole[:, p, p].copy(), rows=weights)
 
 
 def robust_spread(residual: np.ndarray, w: np.ndarray | None = None) -> float:
@@ -134,24 +133,50 @@ def huber_weights(residual: np.ndarray, width: float | np.ndarray) -> np.ndarray
 
 def robust_weights(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int = 8) -> np.ndarray:
     """Return `w` times Huber's weights, by iteratively reweighted least squares."""
+    return _reweigh(X, y, w, rounds)[0]
+
+
+def robust_solution(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int = 8) -> np.ndarray:
+    """Return the coefficients by the weights that `robust_weights` returns, (p,)."""
+    return _reweigh(X, y, w, rounds)[1]
+
+
+def _reweigh(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return Huber's weights times `w`, (n,), and the solution that they give, (p,)."""
     inside = np.flatnonzero(w)
-    X, y, prior = X[inside], y[inside], w[inside]
-    weighted = X * prior[:, None]
-    whole = weighted.T @ X, weighted.T @ y
-    weights, (gram, moment) = prior, whole
+    p, prior = X.shape[1], w[inside]
+    rows = np.empty((inside.size, p + 1))  # of X and y: one product gives both sides of the equations
+    rows[:, :p], rows[:, p] = X.take(inside, axis=0), y[inside]
+    weighted = rows if np.all(prior == 1.0) else rows * prior[:, None]
+    whole = weighted.T @ rows
+    scale = np.sqrt(np.maximum(whole.diagonal()[:p], 1e-300))
+    scale = np.append(scale, 1.0)
+    rows /= scale
+    whole /= scale[:, None] * scale
+    whole.reshape(-1)[: p * (p + 1) : p + 2] += RIDGE  # the diagonal of X'X
+    minus, equations = -np.ones(p + 1), whole
+    lighter, lost = inside[:0], prior[:0]
     for _ in range(rounds):
-        size = np.abs(y - X @ solve(gram, moment))
+        minus[:p] = _solve_scaled(equations)
+        size = np.abs(rows @ minus)  # of y less what the solution predicts
         width = HUBER * robust_spread(size)
         lighter = np.flatnonzero(size > width) if width > 0.0 else inside[:0]
         lost = prior[lighter] * (1.0 - width / size[lighter])
-        weights = prior.copy()
-        weights[lighter] -= lost
-        part = X[lighter]  # few: the equations of all, less what these lose
-        losing = (part * lost[:, None]).T
-        gram, moment = whole[0] - losing @ part, whole[1] - losing @ y[lighter]
+        part = rows.take(lighter, axis=0)  # few: the equations of all, less what these lose
+        part *= np.sqrt(lost)[:, None]
+        equations = whole - part.T @ part
+    weights = prior.copy()
+    weights[lighter] -= lost
     result = np.zeros(w.size)
     result[inside] = weights
-    return result
+    return result, _solve_scaled(equations) / scale[:p]
+
+
+def _solve_scaled(equations: np.ndarray) -> np.ndarray:
+    """Return the solution of X'X next to X'y of columns of about unit length, (p,)."""
+    p = len(equations) - 1
+    _, solution, failure = dposv(equations[:p, :p], equations[:p, p])
+    return solution if failure == 0 else np.linalg.solve(equations[:p, :p], equations[:p, p])
 
 
 def leave_one_out_losses(blocks: Blocks) -> np.ndarray:

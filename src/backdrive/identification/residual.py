@@ -122,6 +122,11 @@ class Residual:
         """Return orthonormal columns of what any model may hold, (n, r)."""
         return _orthonormal(self.columns)
 
+    @cached_property
+    def _error_apart(self) -> np.ndarray:
+        """Return what the model leaves without what any model may hold [N.m or N], (n,)."""
+        return self._apart(self.torque_error)
+
     def _apart(self, columns: np.ndarray) -> np.ndarray:
         return columns - self._basis @ (self._basis.T @ columns)
 
@@ -143,13 +148,20 @@ class Residual:
         size, Z = np.linalg.norm(whole, axis=0), self._apart(whole)
         if not np.all(np.linalg.norm(Z, axis=0) > APART * size):
             return None  # the motion does not tell them from the rest
-        left = self._apart(self.torque_error)
-        coefficients, _, rank, _ = np.linalg.lstsq(Z, left, rcond=1e-6)
-        if rank < k:
-            return None
+        left = self._error_apart
+        if k == 1:  # the common case, without what numpy does around it
+            power = float(Z[:, 0] @ Z[:, 0])
+            if not power > 0.0:
+                return None
+            coefficients = Z.T @ left / power
+        else:
+            coefficients, _, rank, _ = np.linalg.lstsq(Z, left, rcond=1e-6)
+            if rank < k:
+                return None
         fit = Z @ coefficients
         scores = np.add.reduceat(Z * (left - fit)[:, None], self._blocks, axis=0)
-        middle = np.linalg.pinv(scores.T @ scores * B / (B - 1))
+        middle = scores.T @ scores * B / (B - 1)
+        middle = np.linalg.pinv(middle) if k > 1 or middle[0, 0] == 0.0 else 1.0 / middle
         moment = Z.T @ fit
         wald = float(moment @ middle @ moment)
         chance = float(fdtrc(k, B - k, wald * (B - k) / (k * (B - 1))))
@@ -190,7 +202,7 @@ class Residual:
         circling[0], turn = factor * np.exp(1j * waves[0] * self.position), np.exp(1j * step * self.position)
         for k in range(1, waves.size):
             np.multiply(circling[k - 1], turn, out=circling[k])
-        sums = circling @ np.column_stack([self._apart(self.torque_error), self._basis])
+        sums = circling @ np.column_stack([self._error_apart, self._basis])
         pair = np.stack([np.imag(sums), np.real(sums)], axis=1)  # of sine and cosine, (W, 2, 1 + r)
         moment, held = pair[..., 0], pair[..., 1:]
         double = np.einsum("wn,wn->w", circling, circling)  # whose parts are cos^2 - sin^2 and 2 sin cos

@@ -57,6 +57,8 @@ def _lags(raw: Bins, column: np.ndarray, spread: np.ndarray, correlation: float)
     """Return whether the torque along a column is significantly smaller than a candidate predicts."""
     more = replace(raw, X=np.column_stack([raw.X @ spread, column])).whiten(correlation)
     theta = fit(more)
+    if not theta[-1] < 0.0:
+        return False
     covariance = noise.covariance_of_fit(more.X, more.y - more.X @ theta, more.used)
     return bool(theta[-1] < -SURE * np.sqrt(covariance[-1, -1]))
 

@@ -14,11 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backdrive.identification import design, noise, regression
-from backdrive.identification.delay import delay_signals
-from backdrive.identification.motion_bins import Bins, bin_means
+from backdrive.identification.motion_bins import Bins
 from backdrive.identification.residual import residual_of
+from backdrive.identification.shifted import ShiftedStretch, shifted_bins
 from backdrive.identification.signals import Signals
-from backdrive.logs.filters import low_pass
 
 ROUNDS = 10  # of fits, each along the motion of some delay
 STEP = 0.01  # longest change of the delay from one to the next [s]
@@ -107,6 +106,7 @@ def seek_slip(
     seconds: float,
     start: float = 0.0,
     near: bool = False,
+    rough: bool = False,
 ) -> Slip:
     """Return the delay of the torque.
 
@@ -117,16 +117,16 @@ def seek_slip(
         seconds: of the bins [s].
         start: delay from which on it is sought [s].
         near: that is nearly the delay, which higher frequencies then tell better.
+        rough: of the error it only matters whether it is finite.
     """
     period = 1.0 / stretches[0].rate
     open_ = Slip(delay=start, error=np.inf, period=period)
     inertia, jerk = full.terms.index("inertia"), full.terms.index("jerk")
-    slow = [_smooth(s, CORNERS[near], OF_JERK[near]) for s in stretches]
+    slow = [ShiftedStretch(s, seconds, CORNERS[near], OF_JERK[near]) for s in stretches]
     delay, share, correlation = start, 1.0, 0.0
     tried: list[tuple[float, float]] = []
     while len(tried) < ROUNDS:
-        raw = bin_means([delay_signals(s, delay) for s in slow], knots, seconds=seconds)
-        bins = raw.map_columns(full.spread)
+        bins = shifted_bins(slow, delay, knots, full)
         if not tried:  # only tells how the noise is correlated
             correlation = neighbours(bins.y - bins.X @ fit(bins), bins.used)
         bins = bins.whiten(correlation)
@@ -141,9 +141,11 @@ def seek_slip(
     felt = theta[inertia] > FELT * float(np.sqrt(covariance[inertia, inertia]))
     if not (felt and share > SHOWN):
         return replace(open_, correlation=correlation)
-    every = raw.whiten(correlation).equations()
-    blocks = regression.sandwich(every.map_columns(full.spread), theta)
-    variance = 0.5 * float(covariance[jerk, jerk] + blocks[jerk, jerk])
+    variance = float(covariance[jerk, jerk])
+    if not rough:
+        every = shifted_bins(slow, tried[-1][0], knots).whiten(correlation).equations()
+        blocks = regression.sandwich(every.map_columns(full.spread), theta)
+        variance = 0.5 * (variance + float(blocks[jerk, jerk]))
     error = float(np.sqrt(variance) / theta[inertia] / share)
     return Slip(delay=delay, error=error, period=period, correlation=correlation)
 
@@ -180,23 +182,6 @@ def _beyond(delay: float, left: float, least: float) -> float:
     return delay + math.copysign(min(max(abs(left), least), STEP), left)
 
 
-def _smooth(s: Signals, corner: float, of_jerk: float) -> Signals:
-    """Return signals whose motion is that of low frequencies.
-
-    Args:
-        s: motion.
-        corner: low pass of all but the jerk [Hz].
-        of_jerk: and of the jerk [Hz].
-    """
-    return replace(
-        s,
-        velocity=low_pass(s.velocity, corner, s.rate),
-        acceleration=low_pass(s.acceleration, corner, s.rate),
-        jerk=low_pass(s.jerk, of_jerk, s.rate),
-        position=None if s.position is None else low_pass(s.position, corner, s.rate),
-    )
-
-
 def with_slip(choice: design.Choice, change: np.ndarray, slip: Slip) -> design.Choice:
     """Return a choice with the delay of its motion as one of its terms, and with the delay's error added to all others.
 
@@ -219,9 +204,7 @@ def with_slip(choice: design.Choice, change: np.ndarray, slip: Slip) -> design.C
 
 def fit(bins: Bins) -> np.ndarray:
     """Return the coefficients of all columns by Huber's loss, (p,)."""
-    w = regression.robust_weights(bins.X, bins.y, bins.used.astype(float))
-    weighted = bins.X * w[:, None]
-    return regression.solve(weighted.T @ bins.X, weighted.T @ bins.y)
+    return regression.robust_solution(bins.X, bins.y, bins.used.astype(float))
 
 
 def neighbours(residual: np.ndarray, used: np.ndarray) -> float:

@@ -155,11 +155,13 @@ def _cycles(
     stroke = np.abs(np.diff(x[turn]))
     period = float(time[1] - time[0])
     peak, sine = np.zeros(stroke.size), np.zeros(stroke.size, dtype=bool)
-    for i, (a, b) in enumerate(zip(turn, turn[1:], strict=False)):
-        part = speed[a:b]
-        peak[i] = part.max(initial=0.0)
-        above = np.count_nonzero(part >= 0.8 * peak[i]) * period
-        sine[i] = SINE[0] < above * peak[i] / max(np.arccos(0.8) * stroke[i], 1e-300) < SINE[1]
+    if stroke.size:
+        inside, first = speed[turn[0] : turn[-1]], turn[:-1] - turn[0]
+        peak = np.maximum.reduceat(inside, first)
+        high = inside >= np.repeat(0.8 * peak, np.diff(turn))
+        above = np.add.reduceat(high, first, dtype=float) * period
+        share = above * peak / np.maximum(np.arccos(0.8) * stroke, 1e-300)
+        sine = (SINE[0] < share) & (share < SINE[1])
     best: tuple[np.ndarray, np.ndarray] = (np.zeros((0, 2)), np.zeros(0))
     for first in range(stroke.size):
         pairs: list[int] = []

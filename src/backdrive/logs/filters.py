@@ -6,12 +6,13 @@ what the sampling cannot resolve, without bias of the fit.
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 
 from backdrive.errors import InvalidInput
 
+SHORT = 1 << 16  # the gains of up to so many samples are kept for the next series [sample]
 ODD = tuple(3**i * 5**j for i in range(20) for j in range(14))  # odd factors of lengths that transform fast
 
 
@@ -47,9 +48,17 @@ def low_pass(x: np.ndarray, cutoff: float, rate: float, order: int = 4) -> np.nd
         raise InvalidInput(f"{x.shape[0]} samples are too few to filter.", remedy="Give a longer log.")
     pad = min(round(3 * rate / cutoff), x.shape[0] - 1)
     n = fft_length(x.shape[0] + 2 * pad)
-    gain = power_gain(np.arange(n // 2 + 1) / n, cutoff / rate, order)
+    gain = (_gain if n <= SHORT else _gain.__wrapped__)(n, cutoff / rate, order)
+    if x.ndim == 1:
+        return _filter_column(x, gain, pad, n)
     columns = [_filter_column(column, gain, pad, n) for column in x.reshape(x.shape[0], -1).T]
     return np.stack(columns, axis=1).reshape(x.shape)
+
+
+@lru_cache(maxsize=16)
+def _gain(n: int, cutoff: float, order: int) -> np.ndarray:
+    """Return the gain of `low_pass` at the frequencies of a circle of n samples [-], (n // 2 + 1,)."""
+    return power_gain(np.arange(n // 2 + 1) / n, cutoff, order)
 
 
 def power_gain(frequency: np.ndarray, cutoff: float, order: int = 4) -> np.ndarray:

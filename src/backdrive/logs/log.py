@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -191,7 +192,7 @@ class Log:
         """The channels that are present, by name, each (n, J)."""
         return {name: getattr(self, name) for name in CHANNELS if getattr(self, name) is not None}
 
-    @property
+    @cached_property
     def period(self) -> float:
         """Median sampling interval [s]; NaN with fewer than two samples.
 
@@ -267,6 +268,8 @@ class Log:
         """
         wanted = [joints] if isinstance(joints, (str, int)) else list(joints)
         columns = [self.column(j) for j in wanted]
+        if columns == list(range(len(self.joints))):
+            return self
         arrays = {name: value[:, columns] for name, value in self.channels.items()}
         every = self.coupling is not None and sorted(columns) == list(range(len(self.joints)))
         coupling = tuple(self.coupling[c] for c in columns) if every and self.coupling else None

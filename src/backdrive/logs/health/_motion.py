@@ -12,6 +12,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from backdrive.logs.health._exam import Exam, once
+from backdrive.logs.resolution import median
 
 #: Length of each running mean, and the fewest samples: before the terms are made, and after.
 _LIGHT, _HEAVY, _FEWEST = 0.01, 0.03, 3
@@ -81,7 +82,7 @@ def motion(exam: Exam, j: int, reach: int) -> Motion | None:
     if m < 4 * _FOLDS:
         return None
     # white noise of variance s2 has second differences of variance 6 s2; friction's steps hardly touch their median
-    white = (float(np.median(np.concatenate(bends))) / 0.6745) ** 2 / 6
+    white = (median(np.concatenate(bends)) / 0.6745) ** 2 / 6
     columns = np.concatenate(terms)
     return Motion(
         terms=columns,
@@ -203,10 +204,11 @@ def running(x: np.ndarray, width: int) -> np.ndarray:
     """Return x (n, ...) after three running means of odd length `width`; 3 (width - 1) / 2 rows are lost at each end."""
     offset = x[0]  # so that rounding errors at standstill are not mistaken for motion
     x = x - offset
-    zero = np.zeros((1, *x.shape[1:]))
     for _ in range(3):
-        total = np.concatenate([zero, np.cumsum(x, axis=0)])
-        x = (total[width:] - total[:-width]) / width
+        total = np.zeros((len(x) + 1, *x.shape[1:]))
+        np.cumsum(x, axis=0, out=total[1:])
+        x = total[width:] - total[:-width]
+        x /= width
     return x + offset
 
 
@@ -239,12 +241,18 @@ def jackknife(estimates: np.ndarray) -> float:
 def normal_equations(
     x: np.ndarray, y: np.ndarray, fold: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the normal equations of y (m, k) on x (m, p) by fold: x'x (f, p, p), x'y (f, p, k), y'y (f, k)."""
-    numbers = np.unique(fold)
-    gram = np.stack([x[fold == f].T @ x[fold == f] for f in numbers])
-    cross = np.stack([x[fold == f].T @ y[fold == f] for f in numbers])
-    power = np.stack([np.sum(y[fold == f] ** 2, axis=0) for f in numbers])
-    return gram, cross, power
+    """Return the normal equations of y (m, k) on x (m, p) by fold: x'x (f, p, p), x'y (f, p, k), y'y (f, k).
+
+    Args:
+        x: regressor, (m, p).
+        y: right-hand sides, (m, k).
+        fold: that each row belongs to, ascending, (m,).
+    """
+    p, first = x.shape[1], np.flatnonzero(np.diff(fold, prepend=-1))
+    both = np.concatenate([x, y], axis=1)
+    edges = [*first.tolist(), fold.size]
+    products = np.stack([x[a:b].T @ both[a:b] for a, b in zip(edges, edges[1:], strict=False)])
+    return products[..., :p], products[..., p:], np.add.reduceat(y**2, first, axis=0)
 
 
 def solvable(gram: np.ndarray) -> np.ndarray:

@@ -144,7 +144,12 @@ def read_logs(paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], 
             f"{len(files)} logs and a file to join: it is not known to which log it belongs.",
             remedy="Name one log and its --join, or read them one by one in Python: read_log(path, join=...).",
         )
-    return [read_log(file, **options) for file in files]
+    if len(files) == 1:
+        return [read_log(files[0], **options)]
+    from backdrive.logs.readers.fork_server import child_a_file
+
+    with child_a_file():
+        return [read_log(file, **options) for file in files]
 
 
 def read_columns(

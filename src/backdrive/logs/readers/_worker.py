@@ -61,59 +61,81 @@ def parse(path: str, module: str, options: ReadOptions) -> Columns:
 
 def main() -> None:
     """Answer requests until the input closes."""
-    import signal
-
     answers = os.fdopen(os.dup(1), "wb", buffering=0)
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)  # what a library prints must not end up among the answers
-    signal.pthread_sigmask(signal.SIG_SETMASK, [])
-    signal.signal(signal.SIGALRM, signal.SIG_DFL)  # the kernel ends this process even if the parent is gone
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which then ends this process
+    quiet()
     locked = False
     for line in sys.stdin.buffer:
         request = json.loads(line)
         try:
-            reader = importlib.import_module(f"backdrive.logs.readers.{request['module']}")
-            getattr(reader, "prepare", lambda: None)()
+            prepare(request)
         except errors.BackdriveError as error:
-            _send(answers, [_failure(error)])
+            send(answers, [failure(error)])
             continue
         if not locked:
-            _lock()
+            lock()
             locked = True
-        _send(answers, [header({"ready": True})])
-        limits = Limits(**request["limits"])
-        options = ReadOptions(
-            topic=request["topic"],
-            joints=tuple(request["joints"]),
-            parts=tuple(request["parts"]),
-            limits=limits,
-        )
-        _bound_memory(limits.memory_for(request["size"]))
-        signal.setitimer(signal.ITIMER_REAL, limits.seconds_for(request["size"]) + 1.0)
-        _parsing.append(request["path"])
-        try:
-            parts: Any = frames(parse(request["path"], request["module"], options))
-        except errors.BackdriveError as error:
-            parts = [_failure(error)]
-        _parsing.clear()
-        _send(answers, parts)
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        parts = None
+        answer(request, answers)
 
 
-def _failure(error: errors.BackdriveError) -> bytes:
+def quiet() -> None:
+    """Leave Ctrl-C to the parent, which then ends this process, and the alarm to the kernel, even if the parent is gone."""
+    import signal
+
+    signal.pthread_sigmask(signal.SIG_SETMASK, [])
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def prepare(request: dict[str, Any]) -> None:
+    """Load what a request's reader needs, ahead of the time limit.
+
+    Raises:
+        MissingExtra: an optional dependency is not installed.
+    """
+    reader = importlib.import_module(f"backdrive.logs.readers.{request['module']}")
+    getattr(reader, "prepare", lambda: None)()
+
+
+def answer(request: dict[str, Any], answers: Any) -> None:
+    """Parse a file within its limits of memory and time, and send its columns or the error."""
+    import signal
+
+    send(answers, [header({"ready": True})])
+    limits = Limits(**request["limits"])
+    options = ReadOptions(
+        topic=request["topic"],
+        joints=tuple(request["joints"]),
+        parts=tuple(request["parts"]),
+        limits=limits,
+    )
+    _bound_memory(limits.memory_for(request["size"]))
+    signal.setitimer(signal.ITIMER_REAL, limits.seconds_for(request["size"]) + 1.0)
+    _parsing.append(request["path"])
+    try:
+        parts: Any = frames(parse(request["path"], request["module"], options))
+    except errors.BackdriveError as error:
+        parts = [failure(error)]
+    _parsing.clear()
+    send(answers, parts)
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
+def failure(error: errors.BackdriveError) -> bytes:
+    """Return an error as the parent takes it."""
     return header({"error": type(error).__name__, "message": error.message, "remedy": error.remedy})
 
 
-def _send(stream: Any, parts: Any) -> None:
+def send(stream: Any, parts: Any) -> None:
+    """Write all parts of an answer."""
     for part in parts:
         view = memoryview(part)
         while view:
             view = view[stream.write(view) :]
 
 
-def _lock() -> None:
+def lock() -> None:
     """Disable what parsing does not need: core dumps, writing files, other programs, the network."""
     import resource
 

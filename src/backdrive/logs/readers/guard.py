@@ -1,7 +1,8 @@
 """Untrusted files are parsed in another process, so that the parent always returns columns or a typed error.
 
 The child is started once and reused from file to file; when it dies, hangs or is interrupted it is killed and the
-next file gets a new one. What it sends back is JSON and plain bytes, checked on arrival.
+next file gets a new one. Many files are each read in a child of their own (`fork_server`). What comes back is JSON and plain
+bytes, checked on arrival.
 """
 
 from __future__ import annotations
@@ -15,7 +16,9 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,7 +29,10 @@ from backdrive._documents import is_object
 if TYPE_CHECKING:  # numpy is loaded only once the child has been started, so that both load at the same time
     from backdrive.logs.readers.columns import Columns, ReadOptions
 
-_START = "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from backdrive.logs.readers._worker import main; main()"
+_START = (
+    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
+    "from importlib import import_module; import_module(sys.argv[2]).main()"
+)
 
 #: Time for a child to start and import its libraries, on a machine that is busy with other things [s].
 _START_SECONDS = 60.0
@@ -42,6 +48,8 @@ class Guard:
     Use it as a context manager, or let `default_guard()` keep one for the whole program. Safe to use from several threads,
     one file at a time.
     """
+
+    MODULE = "backdrive.logs.readers._worker"  # that the child runs
 
     def __init__(self):
         self._process: subprocess.Popen[bytes] | None = None
@@ -81,11 +89,12 @@ class Guard:
             environment.update(
                 {name: "1" for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")},
                 ARROW_DEFAULT_MEMORY_POOL="system",
+                JE_ARROW_MALLOC_CONF="background_thread:false",  # a thread would not survive a fork
                 LC_ALL="C.UTF-8",
             )
             try:
-                self._process = subprocess.Popen(
-                    [sys.executable, "-I", "-S", "-c", _START, json.dumps(paths)],
+                self._process = self._launch(
+                    [sys.executable, "-I", "-S", "-c", _START, json.dumps(paths), self.MODULE],
                     stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE,
                     stderr=None if os.environ.get("BACKDRIVE_TRACEBACK") else subprocess.DEVNULL,
@@ -98,13 +107,12 @@ class Guard:
                     remedy="If you trust the file, read it in Python with guarded=False.",
                 ) from error
             self.restarts += 1
-            try:  # Linux: fewer turns for large arrays
-                import fcntl
+            assert self._process.stdout is not None
+            widen_pipe(self._process.stdout.fileno())
 
-                assert self._process.stdout is not None
-                fcntl.fcntl(self._process.stdout.fileno(), fcntl.F_SETPIPE_SZ, _LARGEST_PIPE)
-            except (ImportError, AttributeError, OSError):
-                pass
+    def _launch(self, command: list[str], **options: Any) -> subprocess.Popen[bytes]:
+        """Start a process."""
+        return subprocess.Popen(command, **options)
 
     def read(self, path: str | Path, module: str, options: ReadOptions, *, size: int) -> Columns:
         """Parse one file in the child.
@@ -119,20 +127,16 @@ class Guard:
             ReadError: or one of its children; always within the time limit.
             MissingExtra: an optional dependency is not installed.
         """
-        from backdrive.logs.readers.columns import unframe
-
         limits = options.limits
         request = {"path": str(path), "module": module, "size": size, **asdict(options)}
         line = json.dumps(request).encode() + b"\n"
         with self._lock:
             try:
-                self._ask(line)
-                answer = self._receive_header(_START_SECONDS)
-                if answer.get("ready"):
-                    until = time.monotonic() + limits.seconds_for(size)
-                    answer = self._receive_header(until - time.monotonic())
-                    if "error" not in answer:
-                        return unframe(answer, self._receiver(until), limits)
+                answer = self._read(line, options, size)
+                if not isinstance(answer, dict):
+                    return answer
+            except Death as error:  # of a child of the process that this one has started
+                raise _crash(str(error)) from error
             except TimeoutError:
                 self._end()
                 raise errors.ReaderTimeout(
@@ -140,14 +144,30 @@ class Guard:
                     remedy="If you trust the file, read it in Python with limits=Limits(max_seconds=...).",
                 ) from None
             except (EOFError, BrokenPipeError) as error:
-                raise errors.ReaderCrash(
-                    f"The process that parsed the file died ({self._end()}).",
-                    remedy="The file is damaged or hostile; save it again, or in another format.",
-                ) from error
+                raise _crash(self._end()) from error
             except BaseException:  # interrupted, or an invalid answer: this child must not be used again
                 self._end()
                 raise
         raise _error(answer)
+
+    def _read(self, line: bytes, options: ReadOptions, size: int) -> Columns | dict[str, Any]:
+        """Send a request; return the columns, or the error that the child reported."""
+        self._ask(line)
+        assert self._process is not None
+        assert self._process.stdout is not None
+        return self._answer(self._process.stdout.fileno(), options, size)
+
+    def _answer(self, pipe: int, options: ReadOptions, size: int) -> Columns | dict[str, Any]:
+        """Receive the answer to a request."""
+        from backdrive.logs.readers.columns import unframe
+
+        answer = _receive_header(pipe, _START_SECONDS)
+        if answer.get("ready"):
+            until = time.monotonic() + options.limits.seconds_for(size)
+            answer = _receive_header(pipe, until - time.monotonic())
+            if "error" not in answer:
+                return unframe(answer, receiver(pipe, until), options.limits)
+        return answer
 
     def close(self) -> None:
         """End the child."""
@@ -169,15 +189,16 @@ class Guard:
                 if stream is not None:
                     stream.close()
 
-    def _ask(self, line: bytes) -> None:
+    def _ask(self, line: bytes, *pipes: int) -> None:
         """Send a request; a child that died while idle is replaced once."""
         try:
-            self._write(line)
-        except BrokenPipeError:
+            self._write(line, *pipes)
+        except (BrokenPipeError, ConnectionResetError):
             self._end()
-            self._write(line)
+            self._write(line, *pipes)
 
-    def _write(self, line: bytes) -> None:
+    def _write(self, line: bytes, *pipes: int) -> None:
+        del pipes
         self.start()
         assert self._process is not None
         assert self._process.stdin is not None
@@ -199,47 +220,72 @@ class Guard:
         for stream in (process.stdin, process.stdout):
             if stream is not None:
                 stream.close()
-        return signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        return end_of(code)
 
-    def _receiver(self, until: float) -> Callable[[memoryview], None]:
-        """Return a function that fills a buffer from the pipe, or raises at `until` [s, monotonic]."""
-        assert self._process is not None
-        assert self._process.stdout is not None
-        pipe = self._process.stdout.fileno()
-        poll = select.poll()
-        poll.register(pipe, select.POLLIN)
 
-        def receive(view: memoryview) -> None:
-            while view:
-                if not poll.poll(max(0.0, until - time.monotonic()) * 1000):
-                    raise TimeoutError
-                got = os.readv(pipe, [view])
-                if not got:
-                    raise EOFError
-                view = view[got:]
+class Death(Exception):
+    """A child that parsed a file died; the message says how."""
 
-        return receive
 
-    def _receive_header(self, seconds: float) -> dict[str, Any]:
-        receive = self._receiver(time.monotonic() + seconds)
-        length = bytearray(4)
-        receive(memoryview(length))
-        size = int.from_bytes(length, "little")
-        if size > _LARGEST_HEADER:
-            raise errors.ReaderCrash(
-                "The parsing process answered nonsense.", remedy="The file is damaged or hostile."
-            )
-        text = bytearray(size)
-        receive(memoryview(text))
-        try:
-            answer = json.loads(text)
-            if is_object(answer):
-                return answer
-        except (ValueError, RecursionError):
-            pass
+def end_of(code: int) -> str:
+    """Return how a process ended by its exit code, negative for a signal."""
+    return signal.Signals(-code).name if code < 0 else f"exit code {code}"
+
+
+def widen_pipe(pipe: int) -> None:
+    """Let a pipe hold more, where the system allows it: fewer turns for large arrays."""
+    try:
+        import fcntl
+
+        fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, _LARGEST_PIPE)
+    except (ImportError, AttributeError, OSError):
+        pass
+
+
+def receiver(pipe: int, until: float) -> Callable[[memoryview], None]:
+    """Return a function that fills a buffer from a pipe, or raises at `until` [s, monotonic]."""
+    poll = select.poll()
+    poll.register(pipe, select.POLLIN)
+
+    def receive(view: memoryview) -> None:
+        while view:
+            if not poll.poll(max(0.0, until - time.monotonic()) * 1000):
+                raise TimeoutError
+            got = os.readv(pipe, [view])
+            if not got:
+                raise EOFError
+            view = view[got:]
+
+    return receive
+
+
+def _receive_header(pipe: int, seconds: float) -> dict[str, Any]:
+    receive = receiver(pipe, time.monotonic() + seconds)
+    length = bytearray(4)
+    receive(memoryview(length))
+    size = int.from_bytes(length, "little")
+    if size > _LARGEST_HEADER:
         raise errors.ReaderCrash(
             "The parsing process answered nonsense.", remedy="The file is damaged or hostile."
         )
+    text = bytearray(size)
+    receive(memoryview(text))
+    try:
+        answer = json.loads(text)
+        if is_object(answer):
+            return answer
+    except (ValueError, RecursionError):
+        pass
+    raise errors.ReaderCrash(
+        "The parsing process answered nonsense.", remedy="The file is damaged or hostile."
+    )
+
+
+def _crash(how: str) -> errors.ReaderCrash:
+    return errors.ReaderCrash(
+        f"The process that parsed the file died ({how}).",
+        remedy="The file is damaged or hostile; save it again, or in another format.",
+    )
 
 
 def _hung_up(stream: Any) -> bool:
@@ -261,12 +307,36 @@ def _error(answer: dict[str, Any]) -> errors.BackdriveError:
     return cls(clean(answer.get("message"), 2000), remedy=clean(answer.get("remedy", ""), 2000))
 
 
-_SHARED = Guard()
-atexit.register(_SHARED.close)
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_SHARED.forget)
+def keep(guard: Guard) -> Guard:
+    """Keep a guard for the whole program: it is closed at the end, and a fork of the program starts one of its own."""
+    _KEPT_GUARDS.append(guard)
+    atexit.register(guard.close)
+    if hasattr(os, "register_at_fork"):
+        os.register_at_fork(after_in_child=guard.forget)
+    return guard
+
+
+_KEPT_GUARDS: list[Guard] = []
+_SHARED = keep(Guard())
+_chosen: ContextVar[Guard | None] = ContextVar("guard", default=None)
 
 
 def default_guard() -> Guard:
-    """Return the guard that `read_log` keeps for the whole program."""
-    return _SHARED
+    """Return the guard that `read_log` uses: that of `use`, or one that is kept for the whole program."""
+    return _chosen.get() or _SHARED
+
+
+@contextmanager
+def use(guard: Guard) -> Iterator[None]:
+    """Have this thread read files through a guard."""
+    token = _chosen.set(guard)
+    try:
+        yield
+    finally:
+        _chosen.reset(token)
+
+
+def kill_all() -> None:
+    """Kill all children without waiting for anybody, as this process is about to end."""
+    for guard in _KEPT_GUARDS:
+        guard.kill()

@@ -1,0 +1,146 @@
+"""Means over bins along the motion of some time before, for any number of such times.
+
+What does not depend on the delay is made once. Columns that are linear in a series are means of it with other weights, and
+the sine and cosine of a position are interpolated as the position is; only the curve's functions need each sample.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from backdrive.identification import curves, design
+from backdrive.identification.delay import cubic, earlier
+from backdrive.identification.motion_bins import (
+    CHUNK,
+    FILLED,
+    Bins,
+    bin_size,
+    block_count,
+    moves_of,
+    period_of,
+)
+from backdrive.identification.signals import Signals
+from backdrive.logs import filters
+
+MARGIN = 0.2  # delays up to this are reached without new arrays [s]
+
+
+class ShiftedStretch:
+    """One stretch, behind low passes.
+
+    Args:
+        s: motion and torque.
+        seconds: of the bins [s].
+        corner: low pass of all motion but the jerk [Hz].
+        of_jerk: and of the jerk [Hz].
+    """
+
+    def __init__(self, s: Signals, seconds: float, corner: float, of_jerk: float):
+        self.width, self.count = bin_size(s, seconds)
+        self.rate, self.samples = s.rate, s.time.size
+        self.duration, self.moves = s.time.size / s.rate, moves_of(s)
+        self.torque = filters.means(s.torque, self.width)
+        self._known = np.zeros(self.count)
+        if s.model_torque is not None:
+            self._known = filters.means(s.model_torque, self.width)
+        self._moving, self._sliding = s.moving, s.sliding
+        self._velocity = filters.low_pass(s.velocity, corner, s.rate)
+        self._margin = round(MARGIN * s.rate) + 3
+        self._longer = np.zeros((4, s.time.size + 2 * self._margin))
+        series = self._longer[
+            :, self._margin : self._margin + s.time.size
+        ]  # one after the other: they are long
+        series[0] = filters.low_pass(s.acceleration, corner, s.rate)
+        np.negative(filters.low_pass(s.jerk, of_jerk, s.rate), out=series[1])
+        if s.position is not None:
+            position = filters.low_pass(s.position, corner, s.rate)
+            np.sin(position, out=series[2])
+            np.cos(position, out=series[3])
+        self._hold_ends()
+
+    def _hold_ends(self) -> None:
+        """Continue the series by their first and last values."""
+        m, every = self._margin, self._longer
+        every[:, :m], every[:, every.shape[1] - m :] = (
+            every[:, m : m + 1],
+            every[:, -m - 1 : every.shape[1] - m],
+        )
+
+    def _reach(self, margin: int) -> None:
+        """Continue them by so many samples at least."""
+        if margin > self._margin:
+            longer = np.empty((4, self.samples + 2 * margin))
+            longer[:, margin : margin + self.samples] = self._longer[
+                :, self._margin : self._margin + self.samples
+            ]
+            self._longer, self._margin = longer, margin
+            self._hold_ends()
+
+    def head(self, delay: float) -> np.ndarray:
+        """Return the means of `design.COLUMNS` along the motion of a time before [s], (n, 6)."""
+        whole, weights = cubic(delay * self.rate)
+        whole = min(max(whole, -self.samples - 2), self.samples + 2)
+        self._reach(abs(whole) + 3)
+        size, width = self.count * self.width, self.width
+        part = self._longer[:, self._margin - whole - 2 :]
+        kernel = np.convolve(np.ones(width) / width, weights)
+        moved = part[:, :size].reshape(4, self.count, width) @ kernel[:width]
+        for k in range(width, width + 3):
+            moved += kernel[k] * part[:, k : k + size : width]
+        return np.stack([moved[0], moved[1], np.ones(self.count), moved[2], moved[3], self._known], axis=1)
+
+    def curve(self, delay: float, knots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the means of a curve's functions (n, 2 k), of sliding [-] and of the speed [rad/s or m/s], (n,) each."""
+        size, samples = self.count * self.width, delay * self.rate
+        velocity = earlier(self._velocity, samples)[:size]
+        sliding = (later(self._sliding, round(samples)) & self._moving)[:size]
+        step = max(1, CHUNK // self.width) * self.width
+        parts = [
+            curves.basis_means(velocity[first : first + step], knots, self.width)
+            for first in range(0, max(size, 1), step)
+        ]
+        means = (filters.means(x, self.width) for x in (sliding, np.abs(velocity)))
+        return np.concatenate(parts), *means
+
+
+def later(mask: np.ndarray, samples: int) -> np.ndarray:
+    """Return a mask moved by whole samples, its ends held, (n,)."""
+    if samples == 0 or not mask.size:
+        return mask
+    samples = min(max(samples, -mask.size), mask.size)
+    moved = np.empty_like(mask)
+    if samples > 0:
+        moved[:samples], moved[samples:] = mask[0], mask[:-samples]
+    else:
+        moved[samples:], moved[:samples] = mask[-1], mask[-samples:]
+    return moved
+
+
+def shifted_bins(
+    stretches: Sequence[ShiftedStretch],
+    delay: float,
+    knots: np.ndarray,
+    candidate: design.Candidate | None = None,
+) -> Bins:
+    """Return what `bin_means` does of motion and load shifted back by a time.
+
+    Args:
+        stretches: of one joint.
+        delay: of the torque behind the motion [s].
+        knots: of the fine basis [rad/s or m/s], (k,).
+        candidate: whose columns alone are returned; None: all.
+    """
+    parts = []
+    for s in stretches:
+        head = s.head(delay)
+        if candidate is not None:
+            head, knots = head[:, [design.COLUMNS.index(t) for t in candidate.terms]], candidate.form.knots
+        shapes, sliding, speed = s.curve(delay, knots)
+        if candidate is not None and candidate.form.symmetric:
+            shapes = shapes[:, : knots.size] + shapes[:, knots.size :]
+        parts.append([np.hstack([head, shapes]), s.torque, sliding, speed])
+    X, y, used, speed = (np.concatenate(part) for part in zip(*parts, strict=True))
+    count = block_count(sum(s.duration for s in stretches), period_of([s.moves for s in stretches]))
+    return Bins(X=X, y=y, used=used > FILLED, speed=speed, blocks=count)
