@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from backdrive.errors import InvalidInput
+from backdrive.export.array_functions import exponential, power
 from backdrive.export.graph import Graph, Node, Row
 from backdrive.export.walk import Walk
 from backdrive.laws import REFERENCE, Law, kernels
@@ -175,8 +176,10 @@ def _operation(xp: Any, name: str, given: list[Any]) -> Any:
         return a & b if name == "and" else a | b
     if name == "not":
         return ~given[0] if hasattr(given[0], "shape") else not given[0]
+    if name == "exp":
+        return exponential(xp, given[0])
     if name == "pow":
-        return given[0] ** given[1]
+        return power(xp, *given)
     if name == "abs":
         return abs(given[0])
     if name == "copysign":
