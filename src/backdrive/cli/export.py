@@ -131,8 +131,10 @@ def command(
         return
     for path in written:
         echo(f"Wrote {path}")
-    sure = "" if tuning is None else f"; {written[0].stem}_selftest() tells whether they are"
-    echo(f'Include "{written[0].name}" and compile with -ffp-contract=off for the same bits{sure}.')
+    echo(
+        f'Include "{written[0].name}" and compile with -ffp-contract=off for the same bits; '
+        f"{written[0].stem}_selftest() tells whether they are."
+    )
 
 
 def _describe(
