@@ -293,7 +293,9 @@ def test_a_share_beyond_what_the_model_is_sure_of_is_refused():
     friction = replace(model.joint(model.names[0]), law=Law(rate=StribeckGauss(**StribeckGauss.EXAMPLE)))
     model = replace(model, joints=(friction,))
     unsure = replace(friction, standard_errors={"breakaway": 1.2, "coulomb": 0.1})
-    loop = joints()["elbow"]
-    _check_share(model, model.names[0], loop)  # says nothing of its errors
+    loop, name = joints()["elbow"], model.names[0]
+    _check_share(model, name, loop, 0.9)  # the model says nothing of its errors
+    with pytest.raises(InvalidInput, match=r"the tuning supports up to R = 0\.7"):
+        _check_share(model, name, loop, 0.7)
     with pytest.raises(InvalidInput, match="--beyond"):
-        _check_share(replace(model, joints=(unsure,)), model.names[0], loop)
+        _check_share(replace(model, joints=(unsure,)), name, loop, 0.9)
