@@ -36,6 +36,7 @@ from backdrive.model import Covariance
 
 B, DT, WARM = 100, 1e-3, 35.0
 CLOSE, SMOOTH, TIMES = 1e-12, 1e-5, 3.0
+SEARCHES = ("elastoplastic", "leuven", "smoothed-maxwell-slip")  # a step takes a hundred times that of others
 FEW = ("coulomb-viscous", "polyline", "m6", "lugre", "gms", "decaying", "elastoplastic")
 
 
@@ -112,24 +113,17 @@ def gradients(judge: Judge, names: list[str], random: np.random.Generator) -> No
     for name in names:
         law = example(name)
         f = arrays.law(law, xp=jax.numpy)
-        # a search for a root, written out, is more than a compiler of gradients takes in minutes: it runs as it is
-        n, run = (50, jax.jit) if len(f._operations) < 1000 else (4, lambda function: function)
+        n = 50
         dp = motions(random, n)[0][:, :1] + 1e-6
 
-        def total(row, d, f=f, run=run):
+        def total(row, d, f=f):
             def one(x, now):
                 torque, after = f.step(x, now, DT, row=row)
                 return after, torque
 
-            if run is jax.jit:
-                return jax.lax.scan(one, f.init(1), d)[1].sum()
-            x, torques = f.init(1), 0.0
-            for now in d:
-                x, torque = one(x, now)
-                torques += torque.sum()
-            return torques
+            return jax.lax.scan(one, f.init(1), d)[1].sum()
 
-        slopes = run(jax.grad(total, argnums=(0, 1)))
+        slopes = jax.jit(jax.grad(total, argnums=(0, 1)))
         by_row, by_way = (np.asarray(g) for g in slopes(law.row(), dp))
         at_rest = slopes(
             law.row(), np.where(np.arange(n)[:, None] % 3 == 0, 0.0, dp)
@@ -197,7 +191,7 @@ def timed(judge: Judge, names: list[str], random: np.random.Generator, short: bo
         jax.block_until_ready(call())
     for _ in range(15):
         for name, call in calls.items():
-            times = 2 if name == "elastoplastic" else 20 if short else 60
+            times = 2 if name in SEARCHES else 20 if short else 60
             begun = clock()
             for _ in range(times):
                 jax.block_until_ready(call())

@@ -1,17 +1,18 @@
-"""Exponential and power of jax arrays in doubles, of short chains of operations that a compiler of arrays makes wide.
+"""Exponential, power and sine of jax arrays in doubles, of short chains of operations that a compiler of arrays makes wide.
 
 Of jax's own, the exponential is one long chain, and the power a call for every number: two exponentials were two thirds of
 LuGre's time. Here exp(x) = 2^k e^r with k = round(x/log 2), |r| <= log(2)/2, and e^r = (R + r)/(R - r), where R = r coth(r/2) is
 a series in r^2, evaluated by pairs of its terms (G. Estrin, 1960). The division is the last operation: what ends with one is not
 computed again for each of its users. log(x) = k log 2 + 2 artanh((m - 1)/(m + 1)) with m within [sqrt(1/2), sqrt(2)]. Errors: a
-few units in the last place of the larger of the result and 1 for exp(x), x <= 0; of |y log x| times the result for a power.
+few units in the last place of the larger of the result and 1 for exp(x), x <= 0; of |y log x| times the result for a power; of
+the angle for a sine, which is a Taylor series on half a turn.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
-from math import log, nan
+from math import factorial, log, nan, pi
 from types import SimpleNamespace
 from typing import Any
 
@@ -19,12 +20,15 @@ from backdrive.elementary import MAGIC, MAGIC_BITS
 
 #: Exponents whose powers a compiler of arrays makes of products, quotients and roots.
 ROOTS = (-1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 3.0)
-EXPONENT = 52  # bits behind the exponent of a double
+EXPONENT, SIGN = 52, 63  # bits behind the exponent and behind the sign of a double
+PI_LOW = 1.2246467991473532e-16  # what the double of pi lacks
 ROOT_HALF_BITS = 0x3FE6A09E667F3BCD  # sqrt(1/2)
 LOG_2 = log(2.0)
 MOST = 708.0  # exponents beyond it are cut, so that results lie within 3e-308 and 3e307
 #: Of R in r^2; the next term is below 2e-17.
 R = [2.0, 1 / 6, -1 / 360, 1 / 15120, -1 / 604800, 1 / 23950080, -691 / 653837184000]
+#: Of (sin r)/r in r^2 up to a quarter of a turn; the next term is below 2e-17.
+SINE = [(-1) ** n / factorial(2 * n + 1) for n in range(12)]
 ARTANH = [2.0 / (2 * n + 1) for n in range(11)]  # of (2/z) artanh(z) in z^2
 
 
@@ -40,7 +44,7 @@ def polynomial(coefficients: Sequence[float], x: Any) -> Any:
 
 @cache
 def of_jax() -> SimpleNamespace:
-    """Return `exp` and `power` for float64 arrays of jax, with derivatives."""
+    """Return `exp`, `power` and `sin` for float64 arrays of jax, with derivatives."""
     import jax
     from jax import lax
     from jax import numpy as jnp
@@ -79,7 +83,17 @@ def of_jax() -> SimpleNamespace:
         (x, y), value = at, power(*at)
         return value, y * power(x, y - 1.0) * along[0] + value * jnp.log(x) * along[1]
 
-    return SimpleNamespace(exp=exp, power=power)
+    @jax.custom_jvp
+    def sin(x: Any) -> Any:
+        k = lax.round(x * (1.0 / pi), lax.RoundingMethod.TO_NEAREST_EVEN)
+        r = x - k * pi - k * PI_LOW
+        return double(bits(r * polynomial(SINE, r * r)) ^ (bits(k + MAGIC) << SIGN))
+
+    @sin.defjvp
+    def _sin(at: tuple, along: tuple) -> tuple[Any, Any]:
+        return sin(*at), sin(at[0] + 0.5 * pi) * along[0]
+
+    return SimpleNamespace(exp=exp, power=power, sin=sin)
 
 
 def wide(xp: Any, numbers: Sequence[Any]) -> SimpleNamespace | None:
@@ -98,3 +112,9 @@ def power(xp: Any, x: Any, y: Any) -> Any:
     """Return x^y of arrays, or of an array and a number, for x > 0; NaN for x < 0."""
     functions = None if isinstance(y, float) and y in ROOTS else wide(xp, (x, y))
     return functions.power(x, y) if functions else x**y
+
+
+def sine(xp: Any, x: Any) -> Any:
+    """Return the sine of an array of angles."""
+    functions = wide(xp, (x,))
+    return functions.sin(x) if functions else xp.sin(x)
