@@ -10,7 +10,7 @@ import pytest
 from backdrive import load_model
 from backdrive.engine.tick import Tick
 from backdrive.errors import InvalidInput
-from backdrive.export import arrays
+from backdrive.export import array_functions, arrays
 from backdrive.laws import ELEMENTS, RATES, Growth, Law, LuGre, Polyline, StribeckGauss, by_direction
 from backdrive.model import Covariance, FrictionModel
 
@@ -176,3 +176,42 @@ def test_a_shorter_way_at_one_number_does_not_hide_a_parameter_from_gradients():
     f = arrays.law(law, xp=jax.numpy)
     by_row = jax.grad(lambda row: f.step(f.init(()), 2e-4, DT, row=row)[0])(law.row())
     assert by_row[3] == pytest.approx(1.5 * 0.2**0.5 * np.log(0.2), rel=1e-9)  # k v^n ln v
+
+
+def test_a_search_on_jax_ends_where_that_of_the_kernel_does():
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    dp, _ = motion()
+    law = Law(rate=GAUSS, element=ELEMENTS["elastoplastic"](**ELEMENTS["elastoplastic"].EXAMPLE))
+    plain, f = arrays.law(law), arrays.law(law, xp=jax.numpy)
+    assert sum(name == "search" for _, name, _ in f._operations) == 2
+    step = jax.jit(f.step)
+    x, y = plain.init(B), f.init(B)
+    for each in dp[:20]:
+        a, x = plain.step(x, each, DT)
+        b, y = step(y, each, DT)
+        assert np.allclose(a, b, rtol=0.0, atol=1e-11)
+
+
+def test_exponential_power_and_sine_of_jax_arrays_are_those_of_numpy():
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    jnp, random = jax.numpy, np.random.default_rng(2)
+    x = random.uniform(-700.0, 0.0, 2000)
+    assert np.abs(array_functions.exponential(jnp, jnp.asarray(x)) - np.exp(x)).max() < 1e-15
+    x = random.uniform(-3.0, 300.0, 2000)
+    assert np.allclose(array_functions.exponential(jnp, jnp.asarray(x)), np.exp(x), rtol=1e-13, atol=0.0)
+    x, y = 10.0 ** random.uniform(-9.0, 3.0, 2000), random.uniform(-2.0, 4.0, 2000)
+    assert np.allclose(array_functions.power(jnp, jnp.asarray(x), y), x**y, rtol=1e-13, atol=0.0)
+    ends = np.asarray(array_functions.exponential(jnp, jnp.array([0.0, -np.inf, np.nan])))
+    assert ends[0] == 1.0
+    assert ends[1] < 1e-300
+    assert np.isnan([ends[2], *np.asarray(array_functions.power(jnp, jnp.array([np.nan, -1.0]), 1.7))]).all()
+    x = random.uniform(-9.0, 9.0, 2000)
+    assert np.abs(array_functions.sine(jnp, jnp.asarray(x)) - np.sin(x)).max() < 1e-15
+    assert jax.grad(lambda x: array_functions.sine(jnp, x))(2.0) == pytest.approx(np.cos(2.0), rel=1e-12)
+    single = jnp.ones(3, dtype=jnp.float32)  # of which the bits are others
+    assert array_functions.exponential(jnp, single).dtype == jnp.float32
+    by_x, by_y = jax.grad(lambda x, y: array_functions.power(jnp, x, y), (0, 1))(0.3, 1.7)
+    assert by_x == pytest.approx(1.7 * 0.3**0.7, rel=1e-12)
+    assert by_y == pytest.approx(0.3**1.7 * np.log(0.3), rel=1e-12)

@@ -26,7 +26,8 @@ from backdrive.control.loop import Loop
 from backdrive.errors import InvalidInput, WriteError
 from backdrive.export import export_laws, export_loop
 from backdrive.export.c import identifier, identifiers
-from backdrive.laws import Law, LuGre, Polyline, StribeckGauss
+from backdrive.export.labels import law_labels
+from backdrive.laws import ELEMENTS, Growth, Law, LuGre, Polyline, StribeckGauss
 
 CURVE = Law(
     rate=Polyline(
@@ -188,6 +189,33 @@ def test_examples_and_wrapper_compile_and_nothing_clashes(tmp_path):
     assert "-ffast-math" in fast.stderr
 
 
+@pytest.mark.parametrize("precision", ["double", "float"])
+def test_laws_test_themselves_and_name_their_numbers(tmp_path, precision):
+    laws = {
+        "a b": Law(rate=StribeckGauss(**StribeckGauss.EXAMPLE), element=LuGre(**LuGre.EXAMPLE)),
+        "c": CURVE,
+    }
+    export_laws(laws, tmp_path, name="laws", precision=precision)
+    text = (tmp_path / "laws.h").read_text()
+    assert "/* stribeck_velocity v_s [rad/s or m/s] */" in text
+    test = '#include "laws.h"\nint selftest(void); int selftest(void) { return laws_selftest(); }\n'
+    good = ctypes.CDLL(str(compiled(tmp_path, test)))
+    assert good.selftest() == (1 if precision == "float" else 0)
+    (tmp_path / "laws.h").write_text(text.replace("hi : lo", "lo : hi"))  # a wrong bound of the bristle
+    bad = tmp_path / "bad"
+    bad.mkdir()
+    (bad / "laws.h").write_text((tmp_path / "laws.h").read_text())
+    assert ctypes.CDLL(str(compiled(bad, test))).selftest() < 0
+
+
+def test_labels_follow_the_parameters():
+    grown = Law(rate=CURVE.rate, growth=Growth(load_driving=0.1, load_driven=0.05, load_carried=2.0))
+    assert sum("load_" in label for label in law_labels(grown)) == 3
+    gms = ELEMENTS["gms"]
+    labels = law_labels(Law(rate=StribeckGauss(**StribeckGauss.EXAMPLE), element=gms(**gms.EXAMPLE)))
+    assert "stiffness k_i, 2 [N.m/rad or N/m]" in labels
+
+
 def test_the_same_joints_share_their_code(tmp_path):
     joint = joints()["elbow"]
     one = export_loop({"a": joint}, PERIOD, tmp_path / "1")[0].read_text()
@@ -265,7 +293,9 @@ def test_a_share_beyond_what_the_model_is_sure_of_is_refused():
     friction = replace(model.joint(model.names[0]), law=Law(rate=StribeckGauss(**StribeckGauss.EXAMPLE)))
     model = replace(model, joints=(friction,))
     unsure = replace(friction, standard_errors={"breakaway": 1.2, "coulomb": 0.1})
-    loop = joints()["elbow"]
-    _check_share(model, model.names[0], loop)  # says nothing of its errors
+    loop, name = joints()["elbow"], model.names[0]
+    _check_share(model, name, loop, 0.9)  # the model says nothing of its errors
+    with pytest.raises(InvalidInput, match=r"the tuning supports up to R = 0\.7"):
+        _check_share(model, name, loop, 0.7)
     with pytest.raises(InvalidInput, match="--beyond"):
-        _check_share(replace(model, joints=(unsure,)), model.names[0], loop)
+        _check_share(replace(model, joints=(unsure,)), name, loop, 0.9)

@@ -299,6 +299,9 @@ def test_lugre_as_a_dcmotor_gives_its_torque(tmp_path):
     (tmp_path / "arm.urdf").write_text('<robot name="r"/>')
     with pytest.raises(InvalidInput, match="no dcmotor"):
         export_description(model(a=law), tmp_path / "arm.urdf", tmp_path / "out", dcmotor=True)
+    with pytest.raises(InvalidInput, match="cannot run stribeck-gauss"):
+        export_description(model(a=Law(rate=CURVE)), tmp_path / "arm.xml", tmp_path / "no", dcmotor=True)
+    assert not (tmp_path / "no").exists()
 
 
 def test_a_description_finds_its_meshes_from_elsewhere(tmp_path):

@@ -27,6 +27,7 @@ import numpy as np
 from _common import Judge, first_seed, parser
 
 from backdrive import identify, load_model
+from backdrive.errors import InvalidInput
 from backdrive.export.mujoco import export_mujoco
 from backdrive.export.simulators import export_description
 from backdrive.laws import GMS, RATES, Law, LuGre, StribeckGauss
@@ -164,11 +165,12 @@ def expressed(judge: Judge, folder: Path, short: bool) -> None:
                     error.max() <= 0.01,
                 )
                 continue
-            _, (simple,) = export_description(
-                model("a", law), source, place / "out", dcmotor=target == "dcmotor"
-            )
-            if target == "dcmotor" and simple.lugre is None:
-                print("    dcmotor   not a LuGre law: as MJCF")
+            try:
+                _, (simple,) = export_description(
+                    model("a", law), source, place / "out", dcmotor=target == "dcmotor"
+                )
+            except InvalidInput:
+                judge.that(f"{name}, {target}: refused, as a law that is no LuGre", "LuGre" not in name)
                 continue
             simulated = mujoco.MjModel.from_xml_path(str(place / "out" / source.name))
             simulated.opt.timestep, simulated.opt.gravity[:] = 5e-4, 0.0

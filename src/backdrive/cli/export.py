@@ -117,7 +117,9 @@ def command(
             count = 1.0 / per_unit[n] if n in per_unit else None
             loops[n] = each.loop(top_speed=speeds.get(n), encoder_count=count)
             if not beyond:
-                _check_share(loaded, n, loops[n])
+                _check_share(
+                    loaded, n, loops[n], each.numbers["share"].limit if "share" in each.numbers else 1.0
+                )
         written = export_loop(
             loops,
             _interval(list(tunings.values())),
@@ -131,8 +133,10 @@ def command(
         return
     for path in written:
         echo(f"Wrote {path}")
-    sure = "" if tuning is None else f"; {written[0].stem}_selftest() tells whether they are"
-    echo(f'Include "{written[0].name}" and compile with -ffp-contract=off for the same bits{sure}.')
+    echo(
+        f'Include "{written[0].name}" and compile with -ffp-contract=off for the same bits; '
+        f"{written[0].stem}_selftest() tells whether they are."
+    )
 
 
 def _describe(
@@ -214,14 +218,22 @@ def _interval(tunings: list[Tuning]) -> float:
     return intervals[0]
 
 
-def _check_share(model: FrictionModel, name: str, loop: JointLoop) -> None:
-    """Refuse a share R that may compensate more than the friction, given the model's error."""
+def _check_share(model: FrictionModel, name: str, loop: JointLoop, limit: float) -> None:
+    """Refuse a share R that may compensate more than the friction, by the model's error or else by the tuning's limit."""
     from backdrive.tuning.facts import coulomb_error
 
     friction: Any = model.joint(name)
     coulomb = sum(friction.law.coulomb()) / 2.0
     error = coulomb_error(friction, coulomb) if coulomb > 0.0 else None
-    if error is None or loop.compensator.share <= max(1.0 - error, 0.0):
+    if error is None:
+        if loop.compensator.share > limit:
+            raise InvalidInput(
+                f"Joint '{name}': the loop compensates R = {loop.compensator.share:.3g} of the friction. The model states no "
+                f"error, and the tuning supports up to R = {limit:.3g}.",
+                remedy="Tune with a smaller --friction-error, or give --beyond.",
+            )
+        return
+    if loop.compensator.share <= max(1.0 - error, 0.0):
         return
     raise InvalidInput(
         f"Joint '{name}': the loop compensates R = {loop.compensator.share:.3g} of the friction, but the model's "

@@ -12,12 +12,14 @@ from __future__ import annotations
 import operator
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
+from functools import partial
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from backdrive.errors import InvalidInput
+from backdrive.export.array_functions import exponential, power, sine
 from backdrive.export.graph import Graph, Node, Row
 from backdrive.export.walk import Walk
 from backdrive.laws import REFERENCE, Law, kernels
@@ -157,7 +159,12 @@ class ArrayLaw:
                 values[i] = inputs[arguments[0]]
                 continue
             given = [values[a.index] if isinstance(a, Node) else a for a in arguments]
-            values[i] = _operation(xp, name, given)
+            if name == "search":
+                search, n, *operands = given
+                outside = {a.index: g for a, g in zip(search.given(), operands[n:], strict=True)}
+                values[i] = search.run(xp, operands[:n], outside, partial(_operation, xp))
+                continue
+            values[i] = given[0][given[1]] if name == "end" else _operation(xp, name, given)
 
 
 def _operation(xp: Any, name: str, given: list[Any]) -> Any:
@@ -175,8 +182,10 @@ def _operation(xp: Any, name: str, given: list[Any]) -> Any:
         return a & b if name == "and" else a | b
     if name == "not":
         return ~given[0] if hasattr(given[0], "shape") else not given[0]
+    if name in ("exp", "sin"):
+        return (exponential if name == "exp" else sine)(xp, given[0])
     if name == "pow":
-        return given[0] ** given[1]
+        return power(xp, *given)
     if name == "abs":
         return abs(given[0])
     if name == "copysign":

@@ -14,6 +14,7 @@ from backdrive.errors import InvalidInput, WriteError
 from backdrive.export import cpp, examples
 from backdrive.export.loop_header import frame_header, loop_header
 from backdrive.export.parts import PartsHeader, of_law
+from backdrive.export.selftest import laws_selftest
 from backdrive.export.statements import RESERVED
 from backdrive.laws import Law
 from backdrive.parameters import check
@@ -113,7 +114,7 @@ def export_laws(
     precision: str = "double",
     source: str = "",
 ) -> list[Path]:
-    """Write friction laws as C: the torque of one tick of each joint.
+    """Write friction laws as C: the torque of one tick of each joint, and a self-test of all.
 
     Args:
         laws: by joint.
@@ -133,16 +134,16 @@ def export_laws(
     if not laws:
         raise InvalidInput("No friction law.", remedy="Give at least one.")
     prefix = identifier(name)
-    parts = {joint: of_law(law) for joint, law in zip(identifiers(list(laws)), laws.values(), strict=False)}
+    named = dict(zip(identifiers(list(laws)), laws.values(), strict=False))
     about = comment(
         f"Friction torque of {', '.join(laws)}, tick by tick.",
         source,
         repr(list(laws.values())) + precision,
-        "",
+        f"{prefix}_JOINT_reset, then {prefix}_JOINT_step every tick; {prefix}_selftest.",
     )
-    return write_all(
-        folder, {f"{prefix}.h": frame_header(prefix, about, PartsHeader(parts, prefix, single).text())}
-    )
+    body = PartsHeader({joint: of_law(law) for joint, law in named.items()}, prefix, single).text()
+    body += "\n" + laws_selftest(named, prefix, single) + "\n"
+    return write_all(folder, {f"{prefix}.h": frame_header(prefix, about, body)})
 
 
 def _single(precision: str) -> bool:

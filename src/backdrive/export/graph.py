@@ -67,10 +67,12 @@ class Graph:
     Attributes:
         operations: name and arguments of each.
         positive: places of parameters that are never below 0.
+        searches: number of searches for a root.
     """
 
     def __init__(self):
         self.positive: set[int] = set()
+        self.searches = 0
         self.operations: list[tuple[str, tuple[Any, ...]]] = []
         self._same: dict[tuple, Node] = {}
 

@@ -9,6 +9,7 @@ from backdrive.control import guard, loop_kernel, readings
 from backdrive.control.joint_loop import JointLoop
 from backdrive.export import prelude
 from backdrive.export.function import Function
+from backdrive.export.labels import law_labels
 from backdrive.export.loop_joint import FIELDS, SETTINGS, Joint, kind_of
 from backdrive.export.program import Program
 from backdrive.export.selftest import selftest
@@ -30,6 +31,55 @@ WORDS = {
     "level": "of the friction, learned [-]",
     "calls": "number of steps so far; a watchdog sees from it that the loop has stopped",
     "cause": "status that has latched the joint, 0 where it is not latched",
+    "applied": "torque that acted since the tick before [N.m or N]",
+    "passed": "time that this tick counts for [s]",
+    "since": "time since the last accepted reading [s]",
+    "time": "since the start [s]",
+    "begun": "1 once there was a reading",
+    "before": "last accepted position [rad or m]",
+    "elsewhere": "position after a jump [rad or m]",
+    "leap": "speed of the jump [rad/s or m/s]",
+    "settled": "for how long readings have stayed there [s]",
+    "pending": "1 after a jump, until it is decided",
+    "zero": "total shift of the encoder's zero [rad or m]",
+    "faulty": "time with faults, as far as it has not been forgotten [s]",
+    "older": "position at the beginning of the window of speeds [rad or m]",
+    "older_age": "[s]",
+    "newer": "position in the middle of it [rad or m]",
+    "newer_age": "[s]",
+    "fast": "1: above the top speed in the last window",
+    "stop": "1 after a stop, until it is acknowledged",
+    "cap": "present bound of the torque [N.m or N]",
+    "bad": "number of ticks with faults in a row",
+    "anchor": "where the joint has stood still [rad or m]",
+    "still": "for how long [s]",
+    "slid": "motion that the level was learned from, as a time [s]",
+    "x": "friction law of the compensator",
+    "s": "compensator",
+    "xe": "friction law of the estimator of the external force",
+    "se": "estimator of the external force",
+    "p_own": "rate of decay of the compensator's law",
+    "pe_own": "rate of decay of the estimator's law",
+    "x_at": "its positions and times",
+    "s_at": "its positions and times",
+    "xe_at": "its positions and times",
+    "se_at": "its positions and times",
+    "nominal": "period [s]",
+    "top": "speed [rad/s or m/s]",
+    "limit": "of the torque [N.m or N]",
+    "rate": "fastest change of the torque [N.m/s or N/s]",
+    "ramp": "rate of its growth after a start or a fault, and of its fall after a stop [N.m/s or N/s]",
+    "latching": "rate of its fall once a joint is latched [N.m/s or N/s]",
+    "hold": "time at rest after which the compensation is relaxed [s]",
+    "fade": "rate at which the torque fades while readings are bad [1/s]",
+    "patience": "time with faults after which a joint is latched [s]",
+    "count": "step of the encoder [rad or m]",
+}
+TITLES = {
+    "c": "Numbers of a compensator.",
+    "p": "A friction law.",
+    "ce": "Numbers of an estimator of the external force.",
+    "pe": "A friction law.",
 }
 
 
@@ -124,8 +174,11 @@ class LoopHeader:
         kinds = {n: self.program.spelling.type_name(kind_of(n)) for _, n in FIELDS}
         fields = [f"  {kinds[n]} {n};" + (f" /* {WORDS[n]} */" if n in WORDS else "") for n in self.variables]
         for n in self.states:
-            fields.append(f"  {'double' if n.endswith('_at') else self.real} {n}[{self._size(n)}];")
-        settings = [f"  {kinds[n]} {n};" for n in self.settings] or [f"  {self.real} none;"]
+            words = f" /* {WORDS[n]} */" if n in WORDS else ""
+            fields.append(f"  {'double' if n.endswith('_at') else self.real} {n}[{self._size(n)}];{words}")
+        settings = [
+            f"  {kinds[n]} {n};" + (f" /* {WORDS[n]} */" if n in WORDS else "") for n in self.settings
+        ] or [f"  {self.real} none;"]
         return (
             "/* What a joint remembers. */\ntypedef struct {\n" + "\n".join(fields) + f"\n}} {P}_joint;\n\n"
             "/* What stays: limits and rates. */\ntypedef struct {\n"
@@ -146,7 +199,7 @@ class LoopHeader:
                     rows = prelude.table("@", numbers, REAL, self.single, self._comments(n, i))
                     if rows not in known:
                         known[rows] = f"{P}_{n}_{i}"
-                        texts.append(rows.replace("@", known[rows]))
+                        texts.append(f"/* {TITLES[n]} */\n" + rows.replace("@", known[rows]))
                     names[n] = known[rows]
             self.tables.append(names)
         rows = []
@@ -163,7 +216,11 @@ class LoopHeader:
         return "\n\n".join(texts)
 
     def _comments(self, name: str, i: int) -> tuple[str, ...]:
-        return ()
+        """Return what the numbers of a law are."""
+        joint = self.given[i]
+        if name == "p":
+            return law_labels(joint.compensator.friction.law)
+        return law_labels(joint.external.friction.law) if name == "pe" and joint.external else ()
 
     def _initial(self) -> str:
         """Return the state of joints that rest at 0."""

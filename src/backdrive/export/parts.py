@@ -19,6 +19,7 @@ from backdrive.control.estimators.external import ExternalForce
 from backdrive.control.estimators.friction import FrictionEstimator
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.export import prelude
+from backdrive.export.labels import law_labels
 from backdrive.export.program import Program
 from backdrive.export.statements import c_name
 from backdrive.export.values import BOOL, PLACE, REAL, Array, Const, Scalar, Several, Spelling, Value, number
@@ -56,6 +57,7 @@ class Part:
         places: which of their numbers are positions or times, by name.
         own: place of what changes in an array of constants, by its name; the state holds it as NAME_own.
         title: of the step.
+        law: whose row is the constant `p`, None where there is none.
     """
 
     kernel: Callable
@@ -66,6 +68,7 @@ class Part:
     places: dict[str, frozenset[int]] = field(default_factory=dict)
     own: dict[str, int] = field(default_factory=dict)
     title: str = ""
+    law: Law | None = None
 
     def value(self, argument: int | str) -> Value:
         """Return an argument of the kernel."""
@@ -103,6 +106,7 @@ def of_law(law: Law) -> Part:
         constants={"p": law.row()},
         states={"x": np.zeros(max(law.element.states(), 1))},
         title=f"Friction torque of one tick [N.m or N]: {law.name}.",
+        law=law,
     )
 
 
@@ -117,6 +121,7 @@ def of_friction(friction: FrictionEstimator) -> Part:
         states=states | {"s": np.zeros(1)},
         own=own,
         title="Estimated friction torque of one tick [N.m or N].",
+        law=friction.law,
     )
 
 
@@ -152,6 +157,7 @@ def of_compensator(compensator: Compensator, interval: float) -> Part:
         places={"s": frozenset(places)},
         own=own,
         title="Torque to add in one tick, in two parts: compensation, and dither [N.m or N].",
+        law=compensator.friction.law,
     )
 
 
@@ -168,6 +174,7 @@ def of_external(external: ExternalForce, interval: float) -> Part:
         places={"s": frozenset({0, *({external_.OBSERVER} if method.places else ())})},
         own=own,
         title="External force and friction of one tick [N.m or N].",
+        law=external.friction.law,
     )
 
 
@@ -258,8 +265,9 @@ class PartsHeader:
             ", ".join("{" + ", ".join(number(x, k, self.single) for x in v) + "}" for _, _, v, k in arrays)
             or "0"
         )
+        labels = law_labels(part.law) if part.law else ()
         constants = "".join(
-            prelude.table(f"{full}_{n}", v, REAL, self.single) + "\n\n"
+            prelude.table(f"{full}_{n}", v, REAL, self.single, labels if n == "p" else ()) + "\n\n"
             for n, v in part.constants.items()
             if n in used
         )

@@ -1,4 +1,4 @@
-"""Test vectors in a header: 64 ticks with faults, and the outputs of the Python loop.
+"""Test vectors in a header: 64 ticks of a loop with faults, or of laws, and the outputs in Python.
 
 `NAME_selftest()` runs them on the target. 0: all results are bit-identical. 1: the results agree within a tolerance, for
 example because the compiler contracts products and sums, or because reals are floats. Negative: minus the number of the first
@@ -7,13 +7,15 @@ wrong vector, counted from 1.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from backdrive.control.joint_loop import JointLoop
 from backdrive.control.loop import Loop
+from backdrive.engine.tick import Tick
 from backdrive.export.values import PLACE, REAL, number
+from backdrive.laws import Law
 
 TICKS, SLOW = 64, 40  # number of vectors, and number of late ones at the start, which complete the ramp
 LATE = 15.0  # periods of these
@@ -27,6 +29,8 @@ NOT_FINITE, JUMP, BAD, STOP, GO = (
 PUSH, PULL = 0.3, 0.1  # of the limit: torque that acted, and gravity
 SPEED = 0.2  # of the top speed
 BEAT = (7.0, 11.0)  # ticks of two waves
+PERIOD, SLOWEST, FASTEST = 1e-3, 1e-3, 1.0  # of the motion of laws [s, rad/s or m/s]
+RESTS = 9  # every so many of its ticks stand still
 TOLERANCE = {False: 1e-9, True: 2e-4}  # of the largest output, in doubles and in floats
 
 
@@ -115,6 +119,70 @@ static inline int {prefix}_selftest(void) {{
       if (!({_abs(single)}(wrong_external) <= tolerance[1][j])) return -(i + 1);
       exact &= memcmp(&s.joint[j].torque, &torque[i][j], sizeof torque[i][j]) == 0;
       exact &= memcmp(&s.joint[j].external, &external[i][j], sizeof external[i][j]) == 0;
+    }}
+  }}
+  return exact ? 0 : 1;
+}}"""
+
+
+def law_vectors(laws: Mapping[str, Law], single: bool) -> dict[str, np.ndarray]:
+    """Return a motion that begins slowly, rests, reverses and slides, loads and temperatures, and the torque of each law.
+
+    Returns:
+        dp, motor, external, temperature (64,), torque (J, 64), as floats where reals are floats.
+    """
+    k = np.arange(TICKS)
+    round_ = np.float32 if single else np.float64
+    waves = np.sin(2.0 * np.pi * k / BEAT[0]) + 0.5 * np.sin(2.0 * np.pi * k / BEAT[1])
+    given = {
+        "dp": np.where(k % RESTS, SLOWEST * (FASTEST / SLOWEST) ** (k / (TICKS - 1)) * waves * PERIOD, 0.0),
+        "motor": 3.0 * np.sin(0.3 * k),
+        "external": 2.0 * np.cos(0.2 * k),
+        "temperature": 20.0 + 0.25 * k,
+    }
+    given = {name: numbers.astype(round_).astype(float) for name, numbers in given.items()}
+    tick = Tick(list(laws.values()), dt=float(round_(PERIOD)))
+    torque = np.empty((len(laws), TICKS))
+    for i in k:
+        tick.load[:] = given["motor"][i], given["external"][i]
+        tick.temperature[:] = given["temperature"][i]
+        torque[:, i] = tick.tick(np.full(len(laws), given["dp"][i]))
+    return given | {"torque": torque}
+
+
+def laws_selftest(laws: Mapping[str, Law], prefix: str, single: bool) -> str:
+    """Return the function that runs the vectors of laws, in C; the laws by their names in C."""
+    given = law_vectors(laws, single)
+    real, J = "float" if single else "double", len(laws)
+    tolerances = TOLERANCE[single] * np.maximum(np.abs(given["torque"]).max(axis=1), 1e-30)
+    inputs = "\n".join(
+        f"  static const {real} {name}[{TICKS}] = {rows(given[name], REAL, single)};"
+        for name in ("dp", "motor", "external", "temperature")
+    )
+    states = "\n".join(f"  {prefix}_{name}_state state_{j};" for j, name in enumerate(laws))
+    resets = "\n".join(f"  {prefix}_{name}_reset(&state_{j}, 0.0);" for j, name in enumerate(laws))
+    steps = "\n".join(
+        f"    got[{j}] = {prefix}_{name}_step(&state_{j}, dp[i], dt, motor[i], external[i], temperature[i]);"
+        for j, name in enumerate(laws)
+    )
+    return f"""\
+/* Run {TICKS} ticks of every law and compare with what it gave where this file was made: 0 where every bit is the same, 1 where
+   the torque is within {TOLERANCE[single]:g} of its largest, else minus the number of the first vector that is wrong. */
+static inline int {prefix}_selftest(void) {{
+{inputs}
+  static const {real} torque[{J}][{TICKS}] = {rows(given["torque"], REAL, single)};
+  static const {real} tolerance[{J}] = {rows(tolerances, REAL, single)};
+  const {real} dt = {number(PERIOD, REAL, single)};
+{states}
+  int exact = 1;
+{resets}
+  for (int i = 0; i < {TICKS}; i++) {{
+    {real} got[{J}];
+{steps}
+    for (int j = 0; j < {J}; j++) {{
+      {real} wrong = got[j] - torque[j][i];
+      if (!({_abs(single)}(wrong) <= tolerance[j])) return -(i + 1);
+      exact &= memcmp(&got[j], &torque[j][i], sizeof got[j]) == 0;
     }}
   }}
   return exact ? 0 : 1;

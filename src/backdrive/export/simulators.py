@@ -45,13 +45,13 @@ def export_description(
         folder: folder to write to, created if absent.
         joints: names; None: all of the model.
         name: of the file to write; None: that of `robot`.
-        dcmotor: write LuGre as a passive `dcmotor` of MuJoCo 4, where the law is one.
+        dcmotor: write LuGre as a passive `dcmotor` of MuJoCo 4, for the joints whose law is one.
 
     Returns:
         Files written, the description and a JSON file of `Simple`s; and these.
 
     Raises:
-        InvalidInput: a joint is not in the description; a `dcmotor` in a URDF.
+        InvalidInput: a joint is not in the description; a `dcmotor` in a URDF, or for no law that is one.
         ReadError: the description cannot be read.
         WriteError: the description itself would be overwritten, or a file exists that was not exported.
     """
@@ -63,6 +63,13 @@ def export_description(
         raise InvalidInput("URDF knows no dcmotor.", remedy="Name an MJCF file, or leave the option out.")
     if dcmotor:
         simple = [with_lugre(each, model.joint(each.joint).law) for each in simple]
+        if all(each.lugre is None for each in simple):
+            laws = ", ".join(sorted({model.joint(each.joint).law.name for each in simple}))
+            raise InvalidInput(
+                f"A dcmotor cannot run {laws}: it has Coulomb, viscous or Gauss-Stribeck friction with a LuGre bristle, the same "
+                f"in both directions.",
+                remedy="Export to mujoco, which runs any law, or leave the option out.",
+            )
     nodes = joints_of(root)
     for each in simple:
         if each.joint not in nodes:

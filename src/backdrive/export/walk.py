@@ -1,4 +1,4 @@
-"""A walk through a kernel with symbols: branches become selections, loops are written out."""
+"""A walk through a kernel with symbols: branches become selections, loops are written out, searches for a root are not."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from typing import Any
 
 from backdrive import _jit
 from backdrive.export.graph import BINARY, COMPARE, ELEMENTARY, NUMPY, Graph, Node, Row
+from backdrive.export.search import Search
 from backdrive.export.values import Untranslatable
 
 LONGEST = 200  # rounds of a loop that is written out
@@ -165,18 +166,59 @@ class _Frame:
             raise Untranslatable(ast.unparse(node).split("\n")[0])
         numbers = range(*(int(self.value(a, state)) for a in call.args))
         if len(numbers) > SEARCH and any(isinstance(n, ast.Break) for n in ast.walk(node)):
-            numbers = numbers[:SEARCH]
+            return self.search(node, node.target.id, state, [numbers[0], numbers[SEARCH - 1]])
         return self.rounds(node, state, [{node.target.id: k} for k in numbers])
 
     def _while(self, node: ast.While, state: State) -> State:
         return self.rounds(node, state, [{} for _ in range(LONGEST)])
+
+    def search(self, node: ast.For, counter: str, state: State, rounds: list[int]) -> State:
+        """Walk through one round of a search, and return what a search of at most SEARCH rounds ends with."""
+        assigned = {
+            n.id
+            for each in node.body
+            for n in ast.walk(each)
+            if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
+        }
+        names = sorted(assigned & set(state.names))
+        self.graph.searches += 1
+        carried = [
+            self.graph.node("carried", self.graph.searches, name) for name in (*names, "whether it goes on")
+        ]
+        results = [self.round(node, counter, state, k, names, carried) for k in rounds]
+        if repr(results[0]) != repr(results[1]):
+            raise Untranslatable("a search whose rounds differ")
+        search = Search.of(self.graph, SEARCH, carried, results[0])
+        begin = [state.names[name] for name in names]
+        begin = [float(b) if isinstance(b, int) else b for b in begin]
+        ran = self.graph.node("search", search, len(carried), *begin, state.path, *search.given())
+        after = state.copy(state.path)
+        after.names |= {name: self.graph.node("end", ran, i) for i, name in enumerate(names)}
+        return after
+
+    def round(
+        self, node: ast.For, counter: str, state: State, k: int, names: list[str], carried: list[Node]
+    ) -> list[Any]:
+        """Return what a round gives for some names, and whether the search then goes on."""
+        now = State(state.names | dict(zip(names, carried, strict=False)), state.memory, carried[-1])
+        now = now.copy(carried[-1])
+        now.names[counter] = k
+        self.breaks.append([])
+        self.continues.append([])
+        end = self.block(node.body, now)
+        ends = [*self.continues.pop(), *([end] if end is not None else [])]
+        left = self.breaks.pop()
+        joined = self.join([*left, *ends])
+        if joined.memory != state.memory:
+            raise Untranslatable("a search that changes arrays")
+        return [*(joined.names[name] for name in names), self.join(ends).path if ends else False]
 
     def rounds(self, node: ast.For | ast.While, state: State, each: list[dict[str, Any]]) -> State:
         """Walk through a loop round by round; paths that leave it early are joined after its end."""
         entry, live = state.path, state
         left: list[State] = []
         self.breaks.append([])
-        search = any(isinstance(n, ast.Break) for n in ast.walk(node))
+        stops = any(isinstance(n, ast.Break) for n in ast.walk(node))
         for names in each:
             before = dict(live.names)
             live.names.update(names)
@@ -194,7 +236,7 @@ class _Frame:
                 live = None  # type: ignore[assignment]
                 break
             live = self.join(ends)
-            if search:  # what is not on the path stands still, lest it grow beyond all numbers round by round
+            if stops:  # what is not on the path stands still, lest it grow beyond all numbers round by round
                 live.names |= {n: self.graph.select(live.path, live.names[n], v) for n, v in before.items()}
         left += self.breaks.pop()
         if live is not None:
