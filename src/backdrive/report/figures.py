@@ -75,9 +75,7 @@ def torque_course(friction: JointFriction, evidence: JointEvidence, prefix: str)
     caption = key("line", "measured") + key("curve", "predicted by the model")
     if end - begin < whole:
         which = "held-out stretch" if not np.all(samples.fitted) else "stretch"
-        caption += (
-            f"<br>Below: the {which} with the median residual, {number(end - begin)} of {number(whole)} s."
-        )
+        caption += f"<br>The lower picture shows the {which} with the median residual, {number(end - begin)} of {number(whole)} s."
     return figure(picture, caption)
 
 
@@ -108,6 +106,9 @@ def friction_curve(friction: JointFriction, evidence: JointEvidence, truth: Curv
     caption += key("truth", "truth") if truth is not None else ""
     if np.isfinite(drawn.half_width):
         caption += f"<br>The band is at most ±{quantity(drawn.half_width, unit, 2)}."
+        if friction.validity.lowest_speed:
+            slowest = quantity(friction.validity.lowest_speed, f"{friction.joint.unit}/s", 2)
+            caption += f" Below {slowest} the log holds too little sliding, so the band widens."
     else:
         caption += "<br>No band: the standard errors are not known."
     if drawn.beyond:
