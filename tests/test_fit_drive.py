@@ -168,3 +168,29 @@ def test_the_command_fits_from_the_goal_of_a_servo(servo_log, tmp_path, monkeypa
     for bad in ("position,proportional=a", "gravity", "torque,colour=1"):
         assert CliRunner().invoke(app, [*asked, "--drive", bad]).exit_code != 0
     assert CliRunner().invoke(app, asked).exit_code != 0
+
+
+def test_the_evidence_shows_the_torque_of_the_drive_not_its_input(found):
+    samples = found.evidence[0].samples
+    assert "the drive's torque that was held out" in found.evidence[0].verdict
+    wanted = SERVO["proportional"] * (np.interp(samples.time, TIME + 0.002, GOAL) - samples.position)
+    wanted += SERVO["derivative"] * (
+        np.interp(samples.time, TIME + 0.002, np.gradient(GOAL, DT)) - samples.velocity
+    )
+    inner = slice(50, -50)
+    error = samples.torque[inner] - wanted[inner]
+    assert np.sqrt(np.mean(error**2)) < 0.05 * np.sqrt(np.mean(wanted[inner] ** 2))
+
+
+def test_the_reference_is_the_input_of_a_position_controller(servo_log, found):
+    goal = servo_log.replace(drive_input=None, drive=None, reference=servo_log.drive_input)
+    drive = DriveModel(controller="position", **SERVO)
+    result = identify(
+        goal, law="stribeck-gauss", drive=drive, joints="elbow", bounds={"drive.delay": (0.0, 0.03)}
+    )
+    assert result.model.joints[0].law.rate.coulomb == pytest.approx(
+        found.model.joints[0].law.rate.coulomb, rel=0.02
+    )
+    assert any("reference" in note and "input of the drive" in note for note in result.notes)
+    with pytest.raises(InvalidInput, match="drive_input"):
+        identify(goal, law="coulomb", drive=DriveModel(controller="velocity", proportional=1.0))

@@ -5,6 +5,7 @@ import pytest
 
 from backdrive import read_log
 from backdrive.errors import InvalidInput, MappingError
+from backdrive.logs.readers import units
 from backdrive.logs.readers._expression import CHANNEL_OF, parse
 from backdrive.logs.readers.columns import Columns
 from backdrive.logs.readers.mapping import to_log
@@ -192,3 +193,31 @@ def test_a_single_joint_is_called_as_its_columns_are(tmp_path):
     path = tmp_path / "one.csv"
     path.write_text(f"time,elbow.q,elbow.tau\n{rows}\n")
     assert read_log(path).names == ("elbow",)
+
+
+def test_german_headers_and_inverse_units_are_understood(tmp_path):
+    path = tmp_path / "messung.csv"
+    rows = [f"{2.0 * i:.1f};{i},5;{60.0 * i:.0f};-{i},25" for i in range(9)]
+    header = "Zeit [ms];Winkel [°];Drehzahl [min^-1];Drehmoment [Nm]"
+    path.write_text("\n".join([header, *(row.replace(".", ",") for row in rows)]) + "\n", encoding="latin-1")
+    log = read_log(path)
+    assert np.allclose(log.time[1:] - log.time[:-1], 0.002)
+    assert np.allclose(log.position[:, 0], np.deg2rad(np.arange(9) + 0.5))
+    assert np.allclose(log.velocity[:, 0], 2 * np.pi * np.arange(9))
+    assert np.allclose(log.torque[:, 0], -(np.arange(9) + 0.25))
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "factor"),
+    [
+        ("min^-1", "angle rate", 2 * np.pi / 60),
+        ("U/min", "angle rate", 2 * np.pi / 60),
+        ("rad s^-1", "angle rate", 1.0),
+        ("m·s⁻¹", "speed", 1.0),
+        ("n-m", "torque", 1.0),
+    ],
+)
+def test_inverse_units(text, kind, factor):
+    unit = units.parse(text)
+    assert unit is not None and unit.kind == kind and np.isclose(unit.factor, factor)
+    assert units.parse("s^-1") is None  # of what?

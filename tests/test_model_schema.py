@@ -250,11 +250,11 @@ def test_show_prints_schemas_and_what_is_known_beside_the_law(tmp_path, monkeypa
     code, out = run(monkeypatch, capsys, tmp_path / "m.json")
     assert code == 0
     for words in (
-        "lowest speed known",
+        "lowest speed of the data",
         "torque limit",
         "drive gain",
         "95 % of torque within, moving",
-        "covariance",
+        "covariance matrix",
     ):
         assert words in out
     code, out = run(monkeypatch, capsys, tmp_path / "m.json", "--joint", "rail", "--json")

@@ -144,7 +144,10 @@ def test_a_name_that_ends_with_a_unit_is_not_believed_beside_a_map():
         ("q=-1*low", r"--map q: 'low' holds 1e\+200, beyond"),
         ("t=a,q=a", r"Time has 2 columns. Choose one, for example t=time\[0\]."),
         ("t=none,q=a", "--map t=none: a log needs a time."),
-        ("dq=none", "No position or velocity was found: no column is known to be a position or a velocity."),
+        (
+            "dq=none",
+            "No position or velocity was found: no column has a name that means position or velocity.",
+        ),
         ("q=twin", "no column 'twin'"),
         ("q=wid", "Did you mean 'wide'"),
         ("t=wrong,q=a", "no column 'wrong'"),
@@ -396,10 +399,10 @@ def test_the_length_of_a_log_is_that_of_its_time():
     )  # a time that lies along the other axis
     with pytest.raises(
         MappingError,
-        match=r"No column is known to be the time.*t=0.001\*index for a 1 kHz log. Columns: q 4x2",
+        match=r"No column has a name that means time.*t=0.001\*index for a 1 kHz log. Columns: q 4x2",
     ):
         to_log(Columns(arrays={"q": Q}))
-    with pytest.raises(MappingError, match="known to be the time"):
+    with pytest.raises(MappingError, match="name that means time"):
         to_log(Columns(arrays={"x": Q}), map="t=index")
     log = to_log(Columns(arrays={"a": Q, "dq": long}), map="t=index,q=a")
     assert len(log.time) == 4 and log.velocity is None  # what the map names goes first

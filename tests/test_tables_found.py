@@ -58,7 +58,7 @@ def test_joins_that_do_not_fit(tmp_path):
     far = table(tmp_path / "far.csv", "time,tau", T + 100.0, T)
     with pytest.raises(MappingError, match=r"far\.csv does not overlap .*100 to 100.59 s, and 0 to 0.59 s"):
         read(first, join=far)
-    with pytest.raises(MappingError, match=r"nameless\.csv: No column is known to be the time"):
+    with pytest.raises(MappingError, match=r"nameless\.csv: No column has a name that means time"):
         read(first, join=table(tmp_path / "nameless.csv", "x,tau", T, T))
     with pytest.raises(ReadError, match="does not exist"):
         read(first, join=tmp_path / "absent.csv")

@@ -21,7 +21,7 @@ def upper(module: str, name: str) -> Any:
 
 class Display:
     """Base class of results that can be displayed: text by `summary`, a picture by `plot`, a page by `report`, and HTML in a
-    notebook.
+    notebook. `print` shows the summary.
     """
 
     def summary(self, width: int = 80) -> str:
@@ -53,6 +53,9 @@ class Display:
             WriteError: the file cannot be written.
         """
         return upper("report.result_page", "write_page")(self, path, title=title)
+
+    def __str__(self) -> str:
+        return self.summary().rstrip()
 
     def _repr_html_(self) -> str:
         return upper("report.show", "html")(self)

@@ -87,7 +87,7 @@ def check_type(value: Any, kind: type | tuple[type, ...], what: str, remedy: str
     """
     if not isinstance(value, kind):
         name = type(value).__name__
-        article = "An" if name[0] in "AEIOUaeiou" else "A"
+        article = "An" if name[0] in "AEIOUaeiou" or name == "ndarray" else "A"
         raise InvalidInput(f"{article} {name} is no {what}.", remedy=remedy)
 
 

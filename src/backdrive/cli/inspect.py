@@ -102,10 +102,13 @@ def doubts(log: Log) -> list[str]:
 
     found = [note for note in log.notes if AS_SI in note]
     if log.torque is None and log.drive_input is None:
-        found.append(
-            "The log has neither torque nor drive input, so friction cannot be identified. Map a column, for "
-            "example --map tau=COLUMN."
-        )
+        way = "Map a column, for example --map tau=COLUMN."
+        if log.reference is not None:
+            way += (
+                " If the reference is the goal of a servo, `backdrive identify --drive position,proportional=GAIN` "
+                "needs no torque."
+            )
+        found.append(f"The log has neither torque nor drive input. {way}")
     return found
 
 

@@ -56,7 +56,9 @@ def command(
         suspect: list[str] = []
         read = [healthy(log, accept or [], repair, suspect) for log in read]
         say("Predicting")
-        by_motion = all(log.torque is None and log.drive_input is not None for log in read)
+        by_motion = all(
+            log.torque is None and (log.drive_input is not None or log.reference is not None) for log in read
+        )
         if by_motion:
             qualities = validate_motion(loaded, read)
         else:

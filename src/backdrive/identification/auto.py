@@ -26,7 +26,7 @@ METHODS: dict[str, str] = {
 IDLE = 0.02  # a joint that travels less than this share of the busiest one of its kind is idle [-]
 
 
-def moving_joints(logs: Sequence[Log], wanted: Sequence[str] | None) -> tuple[list[str], list[str]]:
+def moving_joints(logs: Sequence[Log], wanted: str | Sequence[str] | None) -> tuple[list[str], list[str]]:
     """Return the names of the joints to identify, and of those left out because they hardly move.
 
     Raises:
@@ -34,6 +34,7 @@ def moving_joints(logs: Sequence[Log], wanted: Sequence[str] | None) -> tuple[li
         NotIdentifiable: no joint moves.
     """
     if wanted:
+        wanted = [wanted] if isinstance(wanted, str) else wanted
         return [logs[0].names[logs[0].column(name)] for name in wanted], []
     travel = np.array([_travel(log) for log in logs]).max(axis=0)
     units = np.array([joint.unit for joint in logs[0].joints])

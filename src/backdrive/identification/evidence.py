@@ -106,5 +106,6 @@ def describe_fit(friction: JointFriction) -> str:
     """Say in a sentence how much of the torque the model explains, and the grade."""
     quality = friction.held_out or friction.fitted
     residual = quality.residual if quality else float("nan")
-    what = "torque that was held out" if friction.held_out else "the torque it was fitted to"
+    of = "the drive's " if friction.method.endswith("drive's input") else ""
+    what = f"{of}torque that was held out" if friction.held_out else f"{of or 'the '}torque it was fitted to"
     return f"The model explains all but {residual:.1f} % of {what}: {grade(friction).word}."

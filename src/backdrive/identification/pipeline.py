@@ -56,7 +56,7 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
     method: str = "auto",
     plan: Any = None,
     start: Start | None = None,
-    joints: Sequence[str] | None = None,
+    joints: str | Sequence[str] | None = None,
     urdf: str | None = None,
     held_out: Sequence[Log] = (),
     symmetric: bool | None = None,
@@ -94,7 +94,7 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
         method: `auto`, or one of `METHODS`.
         plan: the motion that was commanded (an object of `backdrive.plans`), or one a log; gives the sweep its windows.
         start: where in the log the plan begins: seconds after the first sample, or `auto`, by the motion [s]; None: at once.
-        joints: names of the joints wanted; None: every joint that moves.
+        joints: name of the joint to identify, or several; None: every joint that moves.
         urdf: path of the robot description; needed for the method `arm`.
         held_out: logs to judge on, not seen by the fit.
         symmetric: force one curve for both directions (True) or one each (False); of a law, numbers for each direction; None: as

@@ -115,6 +115,9 @@ class Identification(Display):
     intervals: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
     stopped: bool = False
 
+    def __repr__(self) -> str:
+        return f"<Identification of {', '.join(self.model.names)} by {self.method}>"
+
     def report(self, path: str | Path, *, command: str = "", title: str | None = None) -> Path:
         """Write the report: one HTML file with curves, residuals, warnings and where all comes from.
 

@@ -80,9 +80,8 @@ def _of_log(log: Log) -> Smoothing:
     unit = log.joints[0].unit
     usual = f"{cutoffs[0]:.3g} Hz"
     note = (
-        f"{log.joints[0].name}: encoder steps of {step:.2g} {unit} would be {_percent(error[0], signal[0])} of the "
-        f"acceleration at the usual low pass of {usual}, so the motion was low-passed at {cutoffs[k]:.3g} Hz "
-        f"(--cutoff)."
+        f"The motion was low-passed at {cutoffs[k]:.3g} Hz (--cutoff): at the usual {usual}, encoder steps of {step:.2g} {unit} "
+        f"would make up {_percent(error[0], signal[0])} of the acceleration."
     )
     warning = ""
     if share > SUSPECT:

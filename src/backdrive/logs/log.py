@@ -167,7 +167,7 @@ class Log:
         """Return a log of a data frame; its columns are recognized by their names, as those of a file are.
 
         Args:
-            frame: of pandas, polars or pyarrow, or a mapping from names to arrays.
+            frame: of pandas, polars or pyarrow, or a mapping from names to arrays; units may stand in the names (`q [deg]`).
             options: `map`, `names`, `units`, `gear`, `counts`, ..., as `read_log` takes them.
 
         Raises:
@@ -177,6 +177,9 @@ class Log:
         from backdrive.logs.tables import log_of_frame
 
         return log_of_frame(frame, **options)
+
+    def __repr__(self) -> str:
+        return f"<Log of {', '.join(self.names)}: {len(self)} samples, {self.duration:.4g} s; {', '.join(self.channels)}>"
 
     def __len__(self) -> int:
         """Return the number of samples."""

@@ -61,8 +61,8 @@ def log_of_frame(frame: Any, **options: Any) -> Log:
     """Return a log of a table in memory; its columns are recognized by their names, as those of a file are.
 
     Args:
-        frame: of pandas, polars or pyarrow, or a mapping from names to arrays. An index of pandas that has a name, or holds
-            instants, is a column too.
+        frame: of pandas, polars or pyarrow, or a mapping from names to arrays; units may stand in the names (`q [deg]`). An
+            index of pandas that has a name, or holds instants, is a column too.
         options: `map`, `names`, `units`, `gear`, `counts`, `motor_side`, `coupling`, `coupling_side`, as `read_log` takes them.
 
     Raises:
@@ -71,8 +71,10 @@ def log_of_frame(frame: Any, **options: Any) -> Log:
     """
     from backdrive.logs.readers.columns import Columns, plain
     from backdrive.logs.readers.mapping import to_log
+    from backdrive.logs.readers.units import split
 
     arrays: dict[str, np.ndarray] = {}
+    units: dict[str, str] = {}
     notes: list[str] = []
     for name, value in _columns(frame).items():
         array = _seconds(value)
@@ -81,11 +83,13 @@ def log_of_frame(frame: Any, **options: Any) -> Log:
             notes.append(f"Column '{name}' holds no numbers and was left out.")
         else:
             arrays[str(name)] = array
+            if value.dtype.kind not in "mM" and (unit := split(str(name))[1]):
+                units[str(name)] = unit
     if not arrays:
         raise InvalidInput(
             "The table has no column of numbers.", remedy="Give one a channel, and one of time."
         )
-    return to_log(Columns(arrays=arrays, notes=tuple(notes)), **options)
+    return to_log(Columns(arrays=arrays, units=units, notes=tuple(notes)), **options)
 
 
 def is_table(value: Any) -> bool:

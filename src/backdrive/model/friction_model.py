@@ -86,6 +86,9 @@ class FrictionModel(Display):
                     remedy="Name each joint of the model, and each other one of the matrix, once.",
                 )
 
+    def __repr__(self) -> str:
+        return f"<FrictionModel of {', '.join(self.names)}>"
+
     @property
     def names(self) -> tuple[str, ...]:
         """Joint names, in order."""

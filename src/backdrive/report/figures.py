@@ -72,12 +72,12 @@ def torque_course(friction: JointFriction, evidence: JointEvidence, prefix: str)
     sheet.patch.set_visible(False)
     begin, end, whole = torque.draw_torque(sheet, canvas.CSS, samples, joint)
     picture = svg.inline(sheet, prefix, plain(f"Measured and predicted torque over time, joint {joint.name}"))
-    caption = key("line", "measured") + key("curve", "predicted by the model")
+    measured = "torque of the drive" if friction.method.endswith("drive's input") else "measured"
+    caption = key("line", measured) + key("curve", "predicted by the model")
     if end - begin < whole:
         which = "held-out stretch" if not np.all(samples.fitted) else "stretch"
-        caption += (
-            f"<br>Below: the {which} with the median residual, {number(end - begin)} of {number(whole)} s."
-        )
+        caption += f"<br>The lower picture shows the {which} with the median residual, "
+        caption += f"{number(end - begin)} of {number(whole)}\u00a0s."
     return figure(picture, caption)
 
 
@@ -108,6 +108,10 @@ def friction_curve(friction: JointFriction, evidence: JointEvidence, truth: Curv
     caption += key("truth", "truth") if truth is not None else ""
     if np.isfinite(drawn.half_width):
         caption += f"<br>The band is at most ±{quantity(drawn.half_width, unit, 2)}."
+        lowest, widest = friction.validity.lowest_speed, int(np.nanargmax(evidence.curve.standard_error))
+        if lowest and abs(evidence.curve.velocity[widest]) < lowest:
+            slowest = quantity(lowest, f"{friction.joint.unit}/s", 2)
+            caption += f" Below {slowest} the log holds too little sliding, so the band widens."
     else:
         caption += "<br>No band: the standard errors are not known."
     if drawn.beyond:

@@ -165,6 +165,8 @@ def _friction(friction: JointFriction, curve: Curve, which: int) -> str:
         return "-"
     speed, pairs = speeds[min(which, len(speeds) - 1)]
     unit = canvas.pretty_unit(friction.joint.torque_unit)
+    if len(pairs) == 2 and np.isclose(*(abs(f) for f, _ in pairs), rtol=1e-9):
+        pairs = [max(pairs, key=lambda pair: pair[1])]
     values = " / ".join(dict.fromkeys(with_error(abs(f), s) for f, s in pairs))
     return f"{values} {unit} at {speed:.3g} {friction.joint.unit}/s"
 

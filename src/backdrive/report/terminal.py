@@ -47,7 +47,7 @@ def joint_tables(friction: JointFriction, *, width: int = 80, unicode: bool = Tr
     yield Text(f"  {law}" + (f"; method {visible(friction.method)}" if friction.method else ""), style="dim")
     for sentence in (*friction.warnings, *friction.remarks()):
         yield Padding(Text(f"! {visible(prose(sentence))}", style="yellow"), (0, 0, 0, 2), expand=False)
-    for table in (_parameters(friction), _knots(friction), _quality(friction)):
+    for table in (_parameters(friction), _knots(friction), _dynamics(friction), _quality(friction)):
         if table is not None:
             yield Padding(table, (1, 0, 0, 2), expand=False)
     yield Padding(Text(_validity(friction)), (1, 0, 0, 2), expand=False)
@@ -73,9 +73,14 @@ def _parameters(friction: JointFriction) -> Any:
     )
     for each in entries(friction, knots=False):
         table.add_row(each.name, each.values[0], each.unit, f"{each.bounds}{_flag(each)}")
+    return table if table.row_count else None
+
+
+def _dynamics(friction: JointFriction) -> Any:
+    table = _new_table(("other dynamics", "left"), ("value ± std. error", "right"), ("unit", "left"))
     for name, estimate in dynamics(friction):
         value = with_error(estimate.value, estimate.standard_error)
-        table.add_row(visible(term(name)), value, visible(estimate.unit), "dynamics")
+        table.add_row(visible(term(name)), value, visible(estimate.unit))
     return table if table.row_count else None
 
 
@@ -121,12 +126,12 @@ def _validity(friction: JointFriction) -> str:
 
 #: Values that a model may hold beside law and dynamics: owner, field, label, unit.
 BESIDE = (
-    ("validity", "lowest_speed", "lowest speed known", "speed"),
-    ("validity", "nominal_load", "load of identification", "force"),
+    ("validity", "lowest_speed", "lowest speed of the data", "speed"),
+    ("validity", "nominal_load", "mean load of the data", "force"),
     ("joint", "encoder_counts", "encoder counts", "count"),
     ("torque_channel", "delay", "delay of the torque", "s"),
     ("torque_channel", "noise", "noise of the torque", "force"),
-    ("torque_channel", "long_run", "its mean over 1 s", "force"),
+    ("torque_channel", "long_run", "noise of the mean over 1 s", "force"),
     ("actuator", "torque_limit", "torque limit", "force"),
     ("actuator", "trip_speed", "trip speed", "speed"),
     ("actuator", "gain", "drive gain", "gain"),
@@ -138,7 +143,7 @@ def _beside(friction: JointFriction) -> Any:
     unit, force = friction.joint.unit, friction.joint.torque_unit
     inertia = "kg.m^2" if unit == "rad" else "kg"
     units = {"speed": f"{unit}/s", "force": force, "count": f"1/{unit}", "gain": force, "inertia": inertia}
-    table = _new_table(("known beside", "left"), ("value", "right"), ("unit", "left"))
+    table = _new_table(("further values", "left"), ("value", "right"), ("unit", "left"))
     for owner, field, label, kind in BESIDE:
         value = getattr(getattr(friction, owner), field, None)
         if value is not None:
@@ -150,7 +155,7 @@ def _beside(friction: JointFriction) -> Any:
             words = f"95 % of torque within, {state} ({band.samples} samples)"
             table.add_row(words, f"± {number(band.half_width)}", force)
     if friction.covariance is not None:
-        table.add_row("covariance", str(len(friction.covariance.names)), "numbers")
+        table.add_row("covariance matrix of", str(len(friction.covariance.names)), "parameters")
     return table if table.row_count else None
 
 

@@ -146,20 +146,22 @@ class Record:
         )
 
 
-def play(scenes: Scene | Sequence[Scene], *, workers: int | None = None) -> Any:
+def play(scenes: Scene | Sequence[Scene], *, workers: int | None = None, one_kernel: bool = False) -> Any:
     """Simulate scenes and return their records.
 
     Args:
         scenes: one, or many, which are spread over the cores.
         workers: threads; None: one a core. The numbers do not depend on it.
+        one_kernel: compile one kernel for all scenes instead of one for each kind. That is faster for a few short scenes that
+            differ in their loops only; the numbers are the same.
 
     Returns:
         A `Record`, or a list of them.
     """
     many = [scenes] if isinstance(scenes, Scene) else list(scenes)
     prepared = [prepare(scene) for scene in many]
-
-    kernels_of = [kernel_of(scene, arguments) for scene, (arguments, _) in zip(many, prepared, strict=True)]
+    cases = [(scene, arguments) for scene, (arguments, _) in zip(many, prepared, strict=True)]
+    kernels_of = [kernel_of(*cases)] * len(cases) if one_kernel else [kernel_of(case) for case in cases]
 
     def work(first: int, last: int) -> None:
         for kernel, (arguments, _) in zip(kernels_of[first:last], prepared[first:last], strict=True):
@@ -181,17 +183,20 @@ def play(scenes: Scene | Sequence[Scene], *, workers: int | None = None) -> Any:
     return records[0] if isinstance(scenes, Scene) else records
 
 
-def kernel_of(scene: Scene, arguments: tuple) -> Callable[..., None]:
-    """Return `run` for what stands in a scene.
+def kernel_of(*cases: tuple[Scene, tuple]) -> Callable[..., None]:
+    """Return `run` for what stands in scenes whose joints have one law.
 
     Args:
-        scene: to be played.
-        arguments: what `prepare` makes of it.
+        cases: scenes to be played, each with the arguments that `prepare` makes of it.
     """
-    law, C, E = scene.plant.law, arguments[6], arguments[10]
+    law = cases[0][0].plant.law
+    loops = [
+        (scene.loop, arguments[6], arguments[10]) for scene, arguments in cases if scene.loop is not None
+    ]
     joint = loop_kernel.absent
-    if scene.loop is not None:
-        joint = assembly.of_joints(C[None], E[None], scene.loop.external is not None)
+    if loops:
+        C, E = (np.array([loop[part] for loop in loops]) for part in (1, 2))
+        joint = assembly.of_joints(C, E, any(loop.external is not None for loop, _, _ in loops))
     return assemble(
         run,
         {

@@ -87,7 +87,7 @@ def simulate_hand(name: str, law: Law, inertia: float, seed: int = 0) -> HandDem
         )
         for compensator in (nothing(), alg_fc(law.rate, K, 20.0, Dither(share=0.3), SHARE))
     ]
-    bare, compensated = play(scenes)
+    bare, compensated = play(scenes, one_kernel=True)
     rms = [float(np.sqrt(np.mean(r.force**2))) for r in (bare, compensated)]
     wrong = float(np.sqrt(np.mean((bare.estimate - bare.sensed) ** 2)))
     return HandDemo(

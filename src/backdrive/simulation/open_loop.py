@@ -121,6 +121,6 @@ def drive(
         seed=seed,
     )
     arguments, _ = prepare(scene)
-    kernel_of(scene, arguments)(*arguments)
+    kernel_of((scene, arguments))(*arguments)
     state, record = arguments[4], arguments[-1]
     return record[:, [COLUMNS.index(name) for name in SEEN]], state

@@ -68,7 +68,7 @@ def drive_stretches(log: Log, name: str, template: DriveModel, options: Options)
     """Return the stretches of one joint with the drive's input.
 
     Args:
-        log: with position and the drive's input.
+        log: with position and the drive's input, or the reference of a position controller.
         name: of the joint.
         template: drive of the first log, which others may differ from in the proportional gain.
         options: for the drive, if a person named it, and the low pass.
@@ -79,7 +79,7 @@ def drive_stretches(log: Log, name: str, template: DriveModel, options: Options)
         time=own.time,
         joints=(Joint(name=joint.name, unit=joint.unit, encoder_counts=joint.encoder_counts),),
         position=own.need("position"),
-        torque=own.need("drive_input"),
+        torque=input_of(own, template),
     )
     drive = (
         template if options.drive is not None else with_gains(log, template, drive_unknowns(options.bounds))
@@ -101,6 +101,17 @@ def drive_stretches(log: Log, name: str, template: DriveModel, options: Options)
         )
         found.append(DriveStretch(signals=signals, log=one))
     return found
+
+
+def input_of(log: Log, drive: DriveModel) -> np.ndarray:
+    """Return the input of a log's drive, which for a position controller is the reference where no other is named, (n, J).
+
+    Raises:
+        InvalidInput: there is none.
+    """
+    if log.drive_input is None and log.reference is not None and drive.controller == "position":
+        return log.reference
+    return log.need("drive_input")
 
 
 def whole(parts: Sequence[DriveStretch], held: bool) -> list[MotionLog]:
@@ -176,11 +187,11 @@ def model_of(drive: Drive, sought: tuple[str, ...] = ()) -> DriveModel:
         needed = (*MOTOR, "supply") if drive.law == "duty" else MOTOR
         if lacking := [n for n in needed if n not in gains and n not in sought]:
             raise InvalidInput(
-                f"The drive takes a {drive.law}, and its {' and '.join(lacking)} are not known.",
+                f"The drive takes a {drive.law}, and these of its numbers are not known: {', '.join(lacking)}.",
                 remedy="Give them, --drive "
                 + drive.law
                 + "".join(f",{n}=..." for n in lacking)
-                + f", or have them sought: --bound drive.{lacking[0]}=LOW:HIGH.",
+                + f", or a range in which to search: --bound drive.{lacking[0]}=LOW:HIGH.",
             )
     if controller != "open" and "proportional" not in gains and "proportional" not in sought:
         raise InvalidInput(

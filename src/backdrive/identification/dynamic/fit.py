@@ -170,7 +170,9 @@ def conclude(problem: Problem, found: SearchResult, loss: str = "huber") -> Fit:
     law = problem.shape.law(values)
     for i in np.flatnonzero(at_bound):
         u, end = problem.unknowns[i], "lower" if low[i] else "upper"
-        notes.append(f"'{u.name}' ended at the {end} bound of its range, {values[u.name]:.3g} {u.unit}.")
+        notes.append(
+            f"'{u.name}' ended at the {end} bound of its range, {values[u.name]:.3g}{'' if u.unit == '1' else f' {u.unit}'}."
+        )
     advice, shape = law.element.advice(law.rate), problem.shape
     ties = {a: b for a, b in shape.ties.items() if a in shape.rate.TIES}
     notes += sentences(

@@ -17,6 +17,7 @@ from backdrive._catalog import lookup
 from backdrive.engine import Axis
 from backdrive.identification.dynamic import choice, directions, starts
 from backdrive.identification.dynamic.drive_stretch import (
+    DriveStretch,
     drive_of,
     drive_stretches,
     drive_unknowns,
@@ -38,6 +39,7 @@ from backdrive.identification.dynamic.torque_task import gravity_terms
 from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.identification.options import Options, describe_drive
 from backdrive.identification.result import JointEvidence
+from backdrive.identification.signals import Signals
 from backdrive.identification.terms import GRAVITY, RIGID, estimates
 from backdrive.laws import Coulomb, Law
 from backdrive.logs.log import Drive, Log
@@ -93,6 +95,8 @@ class MotionTask(Task):
             **{"law": Law(rate=Coulomb(coulomb=0.0)), "inertia": 1.0, "drive": drive, **options.known}  # type: ignore[arg-type]
         )
         self.held = drive.controller != "open"
+        if drive.controller == "position" and any(log.drive_input is None for log in (*logs, *held_out)):
+            self.notes = (f"{name}: The reference of the log is taken as the input of the drive.",)
         self.shown = self.whole = whole(self.fitted, self.held)
         if self.unseen:
             self.judges, self.whole = whole(self.unseen, self.held), None
@@ -212,8 +216,8 @@ class MotionTask(Task):
             self.info,
             self._in_torque(final, stretches),
             self._in_torque(judged, stretches),
-            [(d.signals, s) for d, s in zip(self.fitted, stretches, strict=True)],
-            [(d.signals, s) for d, s in zip(self.unseen, tests, strict=True)],
+            _torque_signals(self.fitted, stretches),
+            _torque_signals(self.unseen, tests),
             masks,
             self._estimates(final),
             "motion given the drive's input",
@@ -286,3 +290,10 @@ def numbers_of(shape: LawShape) -> set[str]:
 def _middle(given: Any) -> float:
     low, high = float(given[0]), float(given[1])
     return float(np.sqrt(low * high)) if low > 0.0 and high >= 10.0 * low else 0.5 * (low + high)
+
+
+def _torque_signals(
+    parts: Sequence[DriveStretch], stretches: Sequence[Stretch]
+) -> list[tuple[Signals, Stretch]]:
+    """Return the signals with the torque of the drive in place of its input, each beside its stretch."""
+    return [(replace(d.signals, torque=s.torque), s) for d, s in zip(parts, stretches, strict=True)]

@@ -64,7 +64,8 @@ class TorqueTask(Task):
         info = self.info = logs[0].joints[logs[0].column(name)]
         smooth = smoothing([*logs, *held_out], name, options.cutoff)
         self.cutoff = smooth.cutoff
-        self.remarks, self.notes = ((s,) if s else () for s in (smooth.warning, smooth.note))
+        self.remarks = (smooth.warning,) if smooth.warning else ()
+        self.notes = (f"{name}: {smooth.note}",) if smooth.note else ()
         late = options.known.get("delay", 0.0)
         self.pairs = [pair for log in logs for pair in _stretches(log, name, smooth.cutoff, late)]
         self.unseen = [pair for log in held_out for pair in _stretches(log, name, smooth.cutoff, late)]

@@ -73,7 +73,10 @@ REASONS: dict[str, tuple[str, str]] = {
     "thinning": ("the temperature hardly varies", "record cold and warm"),
     "inertia": ("the joint hardly accelerates", "add fast motion"),
     "gravity": ("the positions hardly differ", "move through a wide range"),
-    "offset": ("one direction alone was recorded", "move in both directions"),
+    "offset": (
+        "a constant torque looks like gravity or like friction in one direction in it",
+        "move in both directions, through a wide range",
+    ),
     "coulomb": (
         "gravity, a constant torque and the friction of the two directions look alike in it",
         "move slowly in both directions through the same positions",

@@ -17,33 +17,35 @@ def _words(text: str) -> tuple[str, ...]:
 #: Names that mean a channel, the usual ones first: when several are in a file the first one is taken, and it is noted.
 ALIASES: dict[str, tuple[str, ...]] = {
     "time": _words(
-        "time t timestamp timestamps mt times stamp time_stamp header_stamp sec secs seconds elapsed elapsed_time"
+        "time t timestamp timestamps mt times stamp time_stamp header_stamp sec secs seconds elapsed elapsed_time zeit"
     ),
     "position": _words(
         "position q pos positions mq qm actual_q q_measured q_meas measured_q q_actual act_q joint_position "
         "joint_positions joint_pos position_actual_value position_actual_value_averaged actual_position "
-        "measured_position position_actual pos_actual joint_angle joint_angles angle theta qpos observation_state"
+        "measured_position position_actual pos_actual joint_angle joint_angles angle theta qpos observation_state "
+        "istposition position_ist winkel istwinkel gelenkwinkel lage istlage"
     ),
     "velocity": _words(
         "velocity dq vel velocities mdq d_q qd qdot q_dot actual_qd dq_measured dq_meas joint_velocity joint_velocities "
         "joint_vel velocity_actual_value velocity_actual_value_averaged actual_velocity measured_velocity "
-        "velocity_actual vel_actual speed omega qvel"
+        "velocity_actual vel_actual speed omega qvel geschwindigkeit istgeschwindigkeit drehzahl winkelgeschwindigkeit"
     ),
     "torque": _words(
         "torque tau effort torques efforts mtorque m_torque tau_j tau_measured tau_meas joint_torque joint_torques "
         "joint_effort joint_efforts measured_torque actual_torque torque_actual_value torque_actual_value_averaged "
-        "torque_actual motor_torque force"
+        "torque_actual motor_torque force drehmoment moment istmoment motormoment kraft"
     ),
     "reference": _words(
         "reference q_ref qref ref q_des qdes q_desired q_cmd q_command q_d target_q goal_position desired_position "
-        "target_position commanded_position position_command position_reference position_demand_value setpoint action"
+        "target_position commanded_position position_command position_reference position_demand_value setpoint action "
+        "sollposition position_soll sollwinkel solllage"
     ),
     "external_torque": _words("external_torque tau_ext tau_ext_hat_filtered external_torques"),
     "model_torque": ("model_torque", "tau_model"),
     "second_encoder": ("second_encoder", "link_encoder", "secondary_position"),
     "load": ("load", "joint_load"),
     "temperature": _words(
-        "temperature temp temperatures joint_temperature joint_temperatures motor_temperature motor_temperatures"
+        "temperature temp temperatures joint_temperature joint_temperatures motor_temperature motor_temperatures temperatur"
     ),
     "drive_input": ("drive_input",),
 }

@@ -81,10 +81,10 @@ def to_log(  # noqa: PLR0913  (its options are given by keyword)
             values.add_columns(channel, names_of)
     wrench = _wrench(values, asked.get("wrench"))
     if not {"position", "velocity"} & set(values.arrays):
-        doubt = found.doubt or "no column is known to be a position or a velocity"
+        doubt = found.doubt or "no column has a name that means position or velocity"
         raise MappingError(
             f"No position or velocity was found: {doubt}.",
-            remedy=f"Say it with --map, for example t=..., q=... or dq=..., tau=... . Columns: {describe(columns)}.",
+            remedy=f"Name the columns with --map, for example t=..., q=... or dq=..., tau=... . Columns: {describe(columns)}.",
         )
     notes = [*found.notes, *values.notes, *_without_zeros(values.arrays, asked)]
     own = _align_patterns(values) or columns.joints or found.joints
@@ -217,8 +217,8 @@ def length(columns: Columns, asked: Mapping[str, Any], found: _names.Guess) -> i
             shape = Values(columns, {}, 0).find(name).shape
             return max(shape)
     raise MappingError(
-        "No column is known to be the time.",
-        remedy=f"Say it with --map t=COLUMN, or t=0.001*index for a 1 kHz log. Columns: {describe(columns)}.",
+        "No column has a name that means time.",
+        remedy=f"Name it with --map t=COLUMN, or t=0.001*index for a 1 kHz log. Columns: {describe(columns)}.",
     )
 
 

@@ -63,6 +63,8 @@ _TABLE: dict[str, Unit] = {
         "rpm": Unit("angle rate", _REV / 60),
         "rev/min": Unit("angle rate", _REV / 60),
         "1/min": Unit("angle rate", _REV / 60),
+        "u/min": Unit("angle rate", _REV / 60),
+        "r/min": Unit("angle rate", _REV / 60),
     },
     **{
         "rps": Unit("angle rate", _REV),
@@ -156,6 +158,8 @@ _SUFFIXES = {
 #: A longer name is nobody's abbreviation, and is not taken apart.
 LONGEST = 120
 
+_INVERSE = re.compile(r"^(?:(.+?)[ .*])?(s|min)\^?-1$")  # rad s^-1, min-1
+
 _BRACKETS = re.compile(r"\s*[\[(]\s*([^\[\]()]*)\s*[\])]\s*$")
 
 _OF_JOINTS = re.compile(
@@ -171,7 +175,12 @@ def parse(text: str) -> Unit | None:
     key = (
         key.lower().replace("·", ".").replace("⋅", ".").replace("μ", "u").replace("µ", "u").replace("º", "°")
     )
-    key = key.replace("^-1", "").replace(" / ", "/").replace("newton", "n").replace("meter", "m")
+    key = key.replace(" / ", "/").replace("newton", "n").replace("meter", "m").replace("⁻¹", "^-1")
+    key = (
+        _INVERSE.sub(lambda match: f"{match[1] or 1}/{match[2]}", key)
+        if "/" not in key
+        else key.replace("^-1", "")
+    )
     return _TABLE.get(key)
 
 
