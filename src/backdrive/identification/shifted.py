@@ -101,8 +101,8 @@ class ShiftedStretch:
             curves.basis_means(velocity[first : first + step], knots, self.width)
             for first in range(0, max(size, 1), step)
         ]
-        means = (filters.means(x, self.width) for x in (sliding, np.abs(velocity)))
-        return np.concatenate(parts), *means
+        slides, speed = (filters.means(x, self.width) for x in (sliding, np.abs(velocity)))
+        return np.concatenate(parts), slides, speed
 
 
 def later(mask: np.ndarray, samples: int) -> np.ndarray:

@@ -10,7 +10,7 @@ import os
 import socket
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from typing import Any
 
@@ -95,7 +95,7 @@ guard.keep(_SHARED)
 
 
 @contextmanager
-def child_a_file() -> Iterator[ForkServer]:
+def child_a_file() -> Generator[ForkServer, None, None]:
     """Have this thread read every file in a child of its own; the server is kept for the whole program."""
     with guard.use(_SHARED):
         yield _SHARED

@@ -16,12 +16,12 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from backdrive import errors
 from backdrive._documents import is_object
@@ -112,7 +112,7 @@ class Guard:
 
     def _launch(self, command: list[str], **options: Any) -> subprocess.Popen[bytes]:
         """Start a process."""
-        return subprocess.Popen(command, **options)
+        return cast("subprocess.Popen[bytes]", subprocess.Popen(command, **options))
 
     def read(self, path: str | Path, module: str, options: ReadOptions, *, size: int) -> Columns:
         """Parse one file in the child.
@@ -327,7 +327,7 @@ def default_guard() -> Guard:
 
 
 @contextmanager
-def use(guard: Guard) -> Iterator[None]:
+def use(guard: Guard) -> Generator[None, None, None]:
     """Have this thread read files through a guard."""
     token = _chosen.set(guard)
     try:
