@@ -36,6 +36,7 @@ KINDS = {
     "friction wanders within 10 s": (0.02, 0.0, 1.0, 0.05, 10.0),
 }
 INFORMING = ("friction wanders within 10 s",)
+SLIDES = 0.05  # share of the top speed above which knots make Coulomb and viscous friction
 HOLDS, RATIO = 0.90, 1.5  # share within 1.96 stated errors; scatter by stated error of any parameter
 
 
@@ -112,8 +113,9 @@ def scatter(logs: list[Log], robot: Robot) -> tuple[list[str], np.ndarray, np.nd
         frictions, support, _ = identify_arm(log, robot, load_friction=False)
         row: dict[str, float] = {}
         for f in frictions:
-            speeds = np.array(f.law.rate.velocity[:-1])
+            speeds, top = np.array(f.law.rate.velocity[:-1]), f.law.rate.velocity[-1]
             knots = 0.5 * (np.array(f.law.rate.positive[:-1]) + np.array(f.law.rate.negative[:-1]))
+            speeds, knots = speeds[speeds >= SLIDES * top], knots[speeds >= SLIDES * top]
             line = np.linalg.lstsq(np.column_stack([np.ones(speeds.size), speeds]), knots, rcond=None)[0]
             row |= {f"coulomb {f.joint.name}": line[0], f"viscous {f.joint.name}": line[1]}
             row |= {f"{term} {f.joint.name}": f.dynamics[term].value for term in ("offset", "inertia")}
