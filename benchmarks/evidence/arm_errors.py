@@ -3,8 +3,8 @@
 A planar arm of two links, written out as in textbooks with numpy alone, Coulomb and viscous friction and friction with a Stribeck
 peak, follows the same motion again and again; from log to log only what disturbs it differs: white noise, noise that lasts 0.3 s,
 friction whose level wanders by 5 % within 3 s or within 10 s. Judged, without the last: of all parameters that the motion shows,
-how many lie within 1.96 stated errors of their mean. Then, for information, the six-axis arm of `_arm_scene`, each log another
-motion: there the misfit of a friction that follows no curve changes with the motion.
+how many lie within 1.96 stated errors of their mean. Then the same of the six-axis arm of `_arm_scene`, each log
+another motion: there the misfit of a friction that follows no curve changes with the motion.
 
     python benchmarks/evidence/arm_errors.py [--short] [--seed N]
 """
@@ -161,7 +161,7 @@ def main() -> None:
             r = record(arm, free_motion(150.0, rng), rng, every=4)
             joints = tuple(Joint(name=n) for n in NAMES)
             made.append(Log(time=r.time, position=r.position, torque=r.torque, joints=joints))
-        conclude(None, "six axes, each log another motion", made, parse_robot(arm.urdf()))
+        conclude(judge, "six axes, each log another motion", made, parse_robot(arm.urdf()))
     judge.end()
 
 
