@@ -12,10 +12,10 @@ pytest.importorskip("pinocchio")
 
 from backdrive.identification import arm_errors, arm_forecast, arm_signals, arm_solve, arm_terms, regression
 from backdrive.identification.arm import identify_arm
-from backdrive.identification.arm_checks import remarks
+from backdrive.identification.arm_checks import beyond_range, remarks
 from backdrive.identification.arm_predict import predict_arm, torque_parts, validate_arm
 from backdrive.model import FrictionModel
-from backdrive.robot import parse_robot
+from backdrive.robot import Range, parse_robot
 
 G, L1 = 9.81, 0.5
 M = (4.0, 2.5)  # kg
@@ -792,3 +792,19 @@ def test_coulomb_and_viscous_friction_are_of_sliding_and_hold_the_curve_that_is_
     bare = arm_terms.Terms(knots=np.array([0.0, 1.0]), top=1.1, transition=0.002)
     assert bare.sliding.tolist() == [True, True]
     assert arm_forecast._lack_of_fit(bare, np.ones(7), nothing[:7, :7]).tolist() == [0.0, 0.0]
+
+
+def test_a_joint_beyond_the_range_of_its_description_is_named(robot):
+    n = 50
+    still, every = np.zeros((n, 2)), np.ones(n, dtype=bool)
+    signals = arm_signals.ArmSignals(
+        time=np.arange(n) / 100.0, position=np.linspace([-0.5, -1.0], [0.5, 30.0], n), velocity=still, acceleration=still,
+        torque=still, rate=100.0, fitted=every, held_out=~every,
+    )  # fmt: skip
+    known = replace(robot, ranges=(Range(lower=-2.0, upper=2.0), Range(lower=-3.0, upper=3.0)))
+    first, second = beyond_range(known, [signals])
+    assert first == () and "-1 to 30 rad, beyond the -3 to 3" in second[0]
+    assert beyond_range(replace(robot, ranges=()), [signals]) == [(), ()]
+    assert beyond_range(replace(robot, ranges=(Range(), Range())), [signals]) == [(), ()]
+    near = replace(known, ranges=(Range(lower=-0.49, upper=2.0), Range(lower=-3.0, upper=31.0)))
+    assert beyond_range(near, [signals]) == [(), ()]  # zeros of encoders are not exact
