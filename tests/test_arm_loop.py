@@ -9,7 +9,9 @@ import pytest
 
 from _arm_loops import TOP, T, arm_joints, arm_limits, arm_loop, arm_model, six_axis
 from backdrive.control import Admittance, ArmJoint, ArmLoop
+from backdrive.control.estimators.of_model import with_slow_sliding
 from backdrive.errors import InvalidInput
+from backdrive.laws import Law, Polyline
 from backdrive.plans.limits import JointLimits
 from backdrive.simulation.arm import Arm
 from backdrive.simulation.arm_loop import guide_whole, polygon
@@ -398,6 +400,28 @@ def test_friction_offsets_and_inertia_of_a_model_come_along(identified):
     loop = at_rest(identified)
     loop.update(POSTURE, loop.torque)
     assert loop.torque == pytest.approx(Arm().weight, abs=1e-9)
+
+
+def test_a_curve_that_vanishes_at_zero_speed_is_compensated_as_slow_sliding_is():
+    """The fit of an arm leaves zero speed open; a curve that rises from nothing would be a viscosity with a negative sign."""
+    speeds, levels = (0.0, 0.05, 2.4), (0.0, 2.0, 3.0)
+    curve = Law(rate=Polyline(velocity=speeds, positive=levels, negative=levels))
+    known, bend = arm_model(), 1e-3
+    model = replace(known, joints=tuple(replace(joint, law=curve) for joint in known.joints))
+    loop = ArmLoop.from_model(model, six_axis(), interval=T, limits=arm_limits(), bend=bend)
+    low, twice = np.interp((0.12, 0.24), speeds, levels)  # a twentieth of the top speed, and twice that
+    rest = low - 2.0 * (twice - low)
+    assert 1.9 < rest < 2.0
+    for joint in loop.joints.values():
+        law = joint.loop.compensator.friction.law
+        assert law.torque(np.array([1e-9, -1e-9])) == pytest.approx([rest, -rest], rel=1e-6)
+        assert law.element.stiffness == pytest.approx(rest / bend)
+        assert law.torque(speeds[1:]) == pytest.approx(levels[1:])
+    falling = model.joints[0].law.rate, (3.0, 2.0, 2.5)  # a Stribeck curve is left as it is
+    stribeck = replace(
+        model.joints[0], law=Law(rate=replace(falling[0], positive=falling[1], negative=falling[1]))
+    )
+    assert with_slow_sliding(stribeck) is stribeck
 
 
 @pytest.mark.parametrize(

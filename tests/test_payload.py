@@ -133,6 +133,15 @@ def test_mass_and_center_with_and_without_an_unloaded_log(model, bare, loaded, r
         assert result.lever["lift"] > result.lever["roll"] > 0
 
 
+def test_friction_of_another_day_leaves_the_mass(model, bare, loaded, robot):
+    """A loaded log whose friction is a seventh larger than the unloaded one's."""
+    moves = np.sign(np.gradient(loaded.position, axis=0))
+    other = loaded.replace(torque=loaded.torque + 0.15 * COULOMB * moves)
+    result = estimate_payload(model, other, robot, frame="tool", unloaded=bare, gain_error=0.0)
+    low, high = result.mass_interval
+    assert low < MASS < high and result.mass == pytest.approx(MASS, rel=0.02)
+
+
 def test_it_says_when_gains_limit_it(model, bare, loaded, robot):
     result = estimate_payload(model, loaded, robot, frame="tool", unloaded=bare)
     assert result.limited_by == "gains" and any(

@@ -10,12 +10,12 @@ from backdrive.logs.log import Joint, Log
 
 pytest.importorskip("pinocchio")
 
-from backdrive.identification import arm_errors, arm_signals, arm_solve, arm_terms, regression
+from backdrive.identification import arm_errors, arm_forecast, arm_signals, arm_solve, arm_terms, regression
 from backdrive.identification.arm import identify_arm
-from backdrive.identification.arm_checks import remarks
+from backdrive.identification.arm_checks import beyond_range, remarks
 from backdrive.identification.arm_predict import predict_arm, torque_parts, validate_arm
 from backdrive.model import FrictionModel
-from backdrive.robot import parse_robot
+from backdrive.robot import Range, parse_robot
 
 G, L1 = 9.81, 0.5
 M = (4.0, 2.5)  # kg
@@ -450,12 +450,12 @@ def test_stated_errors_hold_what_friction_that_wanders_does(robot):
         frictions, shown, _ = identify_arm(wandering(seed), robot, load_friction=False)
         said = [p for one in shown for p in one.precision]
         errors.append([p.achieved for p in said])
-        knots = [np.r_[f.law.rate.positive[:-1], f.law.rate.negative[:-1]] for f in frictions]
-        lines = [
-            np.linalg.pinv(np.column_stack([np.ones(k.size // 2), f.law.rate.velocity[:-1]]))
-            for f, k in zip(frictions, knots, strict=True)
-        ]
-        own = [(line @ k.reshape(2, -1).mean(axis=0)) for line, k in zip(lines, knots, strict=True)]
+        own = []
+        for rate in (f.law.rate for f in frictions):
+            v = np.array(rate.velocity)
+            pick = np.flatnonzero(v[:-1] >= 0.05 * v[-1])  # where the joint slides
+            mean = 0.5 * (np.array(rate.positive) + np.array(rate.negative))[pick]
+            own.append(np.polyfit(v[pick], mean, 1)[::-1])
         values.append([dict(coulomb=own[j][0], viscous=own[j][1], offset=f.dynamics["offset"].value)[name]
                        for j, f in enumerate(frictions) for name in ("coulomb", "viscous", "offset")])  # fmt: skip
     names = [p.name for one in shown for p in one.precision]
@@ -555,7 +555,9 @@ def test_normal_equations_and_priors_written_out(robot):
         assert F @ own @ F == pytest.approx(cost, rel=1e-8)
         alike = arm_solve._alike(gram, first, terms)[first[j] : first[j + 1], first[j] : first[j + 1]]
         strong = 1e4 * np.diag(gram)[first[j] : first[j] + 2 * k].sum()
-        assert F @ alike @ F == pytest.approx(strong * (F[:k].mean() - F[k : 2 * k].mean()) ** 2, rel=1e-8)
+        slides = np.flatnonzero(t.knots >= 0.05 * t.top)
+        apart = F[slides].mean() - F[k + slides].mean()
+        assert F @ alike @ F == pytest.approx(strong * apart**2, rel=1e-8)
     low, high = arm_solve._bounds(b, terms, np.array([True, False]))
     assert np.isinf(low[:b]).all() and np.isinf(high[:-1][:b]).all()
     for j, most in ((0, 1.0), (1, 1e-12)):
@@ -764,3 +766,45 @@ def test_a_joint_that_does_not_move(robot):
     assert not frictions[1].law.torque(np.array([0.5, -0.5])).any()
     v = np.array([0.3, 0.8, -0.3, -0.8])
     assert frictions[0].law.torque(v) == pytest.approx(curve(0, v), rel=0.15)
+
+
+def test_coulomb_and_viscous_friction_are_of_sliding_and_hold_the_curve_that_is_no_line(robot):
+    """By numpy alone: the knots near zero take no part, and the scatter of the others about the line is in the errors."""
+    knots = np.array([0.0, 0.02, 0.1, 0.3, 0.6, 1.0])
+    terms = [arm_terms.Terms(knots=knots, top=1.1, transition=0.002)] * 2
+    assert terms[0].sliding.tolist() == [False, False, True, True, True, True]
+    table, names = arm_forecast._combinations(robot, terms)
+    first = robot.base.columns.size
+    at = [n["name"] for n in names].index("coulomb")
+    curve = np.array([0.0, 99.0, 2.5, 2.0, 2.4, 3.0])
+    own = np.r_[curve, curve, 0.1, 0.2, 0.0]
+    row = np.zeros(table.shape[1])
+    row[first : first + own.size] = own
+    slope, level = np.polyfit(knots[2:], curve[2:], 1)
+    assert table[at : at + 4] @ row == pytest.approx([level, slope, 0.1, 0.2])
+    A = np.column_stack([np.ones(4), knots[2:]])
+    left = curve[2:] - A @ [level, slope]
+    wanted = left @ left / 2 * np.diag(np.linalg.inv(A.T @ A))
+    nothing = np.zeros((own.size, own.size))
+    assert arm_forecast._lack_of_fit(terms[0], own, nothing) == pytest.approx(wanted)
+    # knots as uncertain as they scatter are explained by their errors
+    assert arm_forecast._lack_of_fit(terms[0], own, np.eye(own.size)) == pytest.approx([0.0, 0.0])
+    bare = arm_terms.Terms(knots=np.array([0.0, 1.0]), top=1.1, transition=0.002)
+    assert bare.sliding.tolist() == [True, True]
+    assert arm_forecast._lack_of_fit(bare, np.ones(7), nothing[:7, :7]).tolist() == [0.0, 0.0]
+
+
+def test_a_joint_beyond_the_range_of_its_description_is_named(robot):
+    n = 50
+    still, every = np.zeros((n, 2)), np.ones(n, dtype=bool)
+    signals = arm_signals.ArmSignals(
+        time=np.arange(n) / 100.0, position=np.linspace([-0.5, -1.0], [0.5, 30.0], n), velocity=still, acceleration=still,
+        torque=still, rate=100.0, fitted=every, held_out=~every,
+    )  # fmt: skip
+    known = replace(robot, ranges=(Range(lower=-2.0, upper=2.0), Range(lower=-3.0, upper=3.0)))
+    first, second = beyond_range(known, [signals])
+    assert first == () and "-1 to 30 rad, beyond the -3 to 3" in second[0]
+    assert beyond_range(replace(robot, ranges=()), [signals]) == [(), ()]
+    assert beyond_range(replace(robot, ranges=(Range(), Range())), [signals]) == [(), ()]
+    near = replace(known, ranges=(Range(lower=-0.49, upper=2.0), Range(lower=-3.0, upper=31.0)))
+    assert beyond_range(near, [signals]) == [(), ()]  # zeros of encoders are not exact

@@ -1,5 +1,6 @@
 """Rigid bodies from a URDF, against closed forms, brute force and hostile files."""
 
+import re
 import sys
 
 import numpy as np
@@ -205,6 +206,7 @@ DAMAGED = [
     ARM.replace('mass value="3.0"', 'mass value="nan"'),
     ARM.replace('mass value="3.0"', 'mass value="heavy"'),
     ARM.replace("0 0.1 0.3", "0 inf 0.3"),
+    ARM.replace('mass value="3.0"', 'mass value="-3.0"'),
 ]
 
 
@@ -219,6 +221,18 @@ def test_a_damaged_description_gives_a_typed_error(text, capfd):
     with pytest.raises(ReadError) as caught:
         parse_robot(text)
     assert caught.value.remedy
+
+
+def test_a_mass_and_a_moment_below_nothing_are_refused_with_the_link():
+    heavy = urdf(link("a"), link("b", 1.0), joint("j", "a", "b"))
+    assert parse_robot(heavy).joints == ("j",)
+    for wrong in (
+        heavy.replace('mass value="1.0"', 'mass value="-1.0"'),
+        re.sub(r'iyy="[^"]*', 'iyy="-0.1', heavy),
+    ):
+        assert wrong != heavy
+        with pytest.raises(ReadError, match=r"link '[ab]'.*less than nothing"):
+            parse_robot(wrong)
 
 
 def test_too_long_a_chain_is_refused_before_anything_recurses_along_it():

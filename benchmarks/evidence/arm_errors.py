@@ -3,8 +3,8 @@
 A planar arm of two links, written out as in textbooks with numpy alone, Coulomb and viscous friction and friction with a Stribeck
 peak, follows the same motion again and again; from log to log only what disturbs it differs: white noise, noise that lasts 0.3 s,
 friction whose level wanders by 5 % within 3 s or within 10 s. Judged, without the last: of all parameters that the motion shows,
-how many lie within 1.96 stated errors of their mean. Then, for information, the six-axis arm of `_arm_scene`, each log another
-motion: there the misfit of a friction that follows no curve changes with the motion.
+how many lie within 1.96 stated errors of their mean. Then the same of the six-axis arm of `_arm_scene`, each log
+another motion: there the misfit of a friction that follows no curve changes with the motion.
 
     python benchmarks/evidence/arm_errors.py [--short] [--seed N]
 """
@@ -36,6 +36,7 @@ KINDS = {
     "friction wanders within 10 s": (0.02, 0.0, 1.0, 0.05, 10.0),
 }
 INFORMING = ("friction wanders within 10 s",)
+SLIDES = 0.05  # share of the top speed above which knots make Coulomb and viscous friction
 HOLDS, RATIO = 0.90, 1.5  # share within 1.96 stated errors; scatter by stated error of any parameter
 
 
@@ -112,8 +113,9 @@ def scatter(logs: list[Log], robot: Robot) -> tuple[list[str], np.ndarray, np.nd
         frictions, support, _ = identify_arm(log, robot, load_friction=False)
         row: dict[str, float] = {}
         for f in frictions:
-            speeds = np.array(f.law.rate.velocity[:-1])
+            speeds, top = np.array(f.law.rate.velocity[:-1]), f.law.rate.velocity[-1]
             knots = 0.5 * (np.array(f.law.rate.positive[:-1]) + np.array(f.law.rate.negative[:-1]))
+            speeds, knots = speeds[speeds >= SLIDES * top], knots[speeds >= SLIDES * top]
             line = np.linalg.lstsq(np.column_stack([np.ones(speeds.size), speeds]), knots, rcond=None)[0]
             row |= {f"coulomb {f.joint.name}": line[0], f"viscous {f.joint.name}": line[1]}
             row |= {f"{term} {f.joint.name}": f.dynamics[term].value for term in ("offset", "inertia")}
@@ -159,7 +161,7 @@ def main() -> None:
             r = record(arm, free_motion(150.0, rng), rng, every=4)
             joints = tuple(Joint(name=n) for n in NAMES)
             made.append(Log(time=r.time, position=r.position, torque=r.torque, joints=joints))
-        conclude(None, "six axes, each log another motion", made, parse_robot(arm.urdf()))
+        conclude(judge, "six axes, each log another motion", made, parse_robot(arm.urdf()))
     judge.end()
 
 

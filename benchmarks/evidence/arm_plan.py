@@ -191,7 +191,10 @@ def values_of(robot, frictions, model) -> dict[tuple[str, str], float]:
         name, rate = friction.joint.name, friction.law.rate
         knots = np.array(rate.velocity[:-1])
         mean = 0.5 * (np.array(rate.positive[:-1]) + np.array(rate.negative[:-1]))
-        line = np.linalg.lstsq(np.column_stack([np.ones(knots.size), knots]), mean, rcond=None)[0]
+        slides = knots >= 0.05 * rate.velocity[-1]
+        line = np.linalg.lstsq(
+            np.column_stack([np.ones(knots.size), knots])[slides], mean[slides], rcond=None
+        )[0]
         out[name, "coulomb"], out[name, "viscous"] = float(line[0]), float(line[1])
         for key in ("offset", "inertia"):
             out[name, key] = friction.dynamics[key].value

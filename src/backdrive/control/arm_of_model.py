@@ -14,7 +14,7 @@ from backdrive.control.compensators import Dither, alg_fc, nothing
 from backdrive.control.compensators.compensator import SHARE
 from backdrive.control.estimators.arm import ArmForce
 from backdrive.control.estimators.friction import alg_fe
-from backdrive.control.estimators.of_model import BEND, at_rest
+from backdrive.control.estimators.of_model import BEND, at_rest, with_slow_sliding
 from backdrive.control.joint_loop import JointLoop, torque_limit
 from backdrive.errors import InvalidInput
 from backdrive.model import FrictionModel, JointFriction
@@ -63,7 +63,7 @@ def joints_of(
         offsets = np.linalg.solve(np.array(force.coupling).T, offsets)
     joints, contacts = {}, []
     for k, name in enumerate(known.joints):
-        friction = model.joint(name)
+        friction = with_slow_sliding(model.joint(name))
         own = (limits or {}).get(name) or _range(known, k)
         count = _count(friction, encoder_count)
         for what in ("velocity", "effort"):

@@ -8,7 +8,7 @@ drive's own unit. They may change as friction does from day to day: offset, moto
 viscous part, growth with the load. Without an unloaded log, beta has the covariance in the model, and the gains scale the
 payload's part alone, since the model was identified with the same gains. If gains are fitted, products of unknowns are
 linearized in Gauss-Newton steps; otherwise the error of the gains is propagated. Residuals are correlated: standard errors
-are long-run ones (Newey and West).
+are those of leaving out blocks (`identification.arm_errors`).
 """
 
 from __future__ import annotations
@@ -18,10 +18,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backdrive.external.payload_terms import OWN, corrections, own_prior
+from backdrive.external.payload_terms import DAY, OWN, corrections, of_the_day, own_prior
 from backdrive.identification import regression
+from backdrive.identification.arm_errors import blocks_of, errors_of_fit
 from backdrive.identification.arm_signals import ArmSignals
-from backdrive.identification.arm_solve import MEMORY, correlation_length, spread_of
+from backdrive.identification.arm_solve import spread_of
 from backdrive.identification.arm_terms import Regressor, Rows, build, fill_load
 from backdrive.identification.pseudo_inertia import about_center
 from backdrive.model import ArmModel, JointFriction
@@ -29,9 +30,7 @@ from backdrive.robot import PER_LINK, Robot
 
 ROUNDS = 8  # of Gauss and Newton's steps, reweighting and the load, at most
 SETTLED = 1e-4  # change of the payload's torque relative to its noise that ends the iteration [-]
-MODEL = 9.0  # true variance of an arm's bodies relative to the stated one, from simulated arms whose friction follows no curve [-]
-MISFIT = 2.5  # the same for residuals, relative to their long-run variance [-]
-BLOCKS = 8  # of a log that residuals are taken to be independent from, at most
+MISFIT = 1.5  # true variance relative to that of leaving out blocks: friction that follows no curve is in all blocks alike [-]
 WILD = 2.0  # residuals beyond so many standard deviations count less (Huber)
 FREE = 1e3  # prior standard deviation of unknown quantities [kg, kg.m]
 EXACT = 1e-3  # relative standard deviation of a known mass [-]; standard deviation of a known center [m]
@@ -96,6 +95,7 @@ class PayloadProblem:
     def __post_init__(self):
         self.terms = [corrections(friction) for friction in self.frictions]
         self.both = bool(self.unloaded)
+        self.width = OWN + (DAY if self.both else 0)
         self._sources = [Regressor(self.robot, s) for s in (self.loaded, self.unloaded) if s]
         self._rows = [build(source, self.terms) for source in self._sources]
         self.beta = self.robot.base.relation @ np.array(self.arm.parameters)
@@ -111,10 +111,10 @@ class PayloadProblem:
     def _level(self, J: int) -> np.ndarray:
         """Return where base parameters and offsets stand among the coefficients, (b + J,)."""
         b = self.beta.size
-        return np.r_[:b, b + PER_LINK + J + OWN * np.arange(J)]
+        return np.r_[:b, b + PER_LINK + J + self.width * np.arange(J)]
 
     def _solve(self, known: PriorKnowledge) -> tuple:
-        """Return coefficients, normal equations, covariance of their gradient, and residuals."""
+        """Return coefficients, normal equations by block, precision and gradient of the priors, and residuals."""
         J, b = len(self.terms), self.beta.size
         phi, gain = slice(b, b + PER_LINK), slice(b + PER_LINK, b + PER_LINK + J)
         x, inverse = self._start(known)
@@ -152,21 +152,26 @@ class PayloadProblem:
             if np.all(np.abs(lever - last) < SETTLED * noise):
                 break
             last = lever
-        return x, gram, precision + MISFIT * self._scores(x, weights, errors, noise), errors
+        blocks = self._blocks(x, weights, errors)
+        return x, blocks, precision, precision @ (mean - x), errors
 
     def _result(
         self,
         known: PriorKnowledge,
         x: np.ndarray,
-        gram: np.ndarray,
-        meat: np.ndarray,
+        blocks: regression.Blocks,
+        precision: np.ndarray,
+        pull: np.ndarray,
         errors: Sequence[np.ndarray],
     ) -> PayloadFit:
         J, b = len(self.terms), self.beta.size
         phi, gain = np.arange(b, b + PER_LINK), np.arange(b + PER_LINK, b + PER_LINK + J)
         fixed = np.setdiff1d(np.arange(x.size), gain)
-        exact = _sandwich(gram, meat, fixed)
-        covariance = _sandwich(gram, meat, np.arange(x.size)) if known.seek else exact.copy()
+        gram = blocks.gram.sum(axis=0) + precision
+        exact = _covariance(blocks, precision, pull, fixed)
+        covariance = exact.copy()
+        if known.seek:
+            covariance = _covariance(blocks, precision, pull, np.arange(x.size))
         if not known.seek:  # effect of an error of the gains on all other coefficients
             follow = np.zeros((x.size, J))
             follow[fixed] = -regression.invert(gram[np.ix_(fixed, fixed)], 1e-15) @ gram[np.ix_(fixed, gain)]
@@ -191,7 +196,7 @@ class PayloadProblem:
     def _start(self, known: PriorKnowledge) -> tuple[np.ndarray, np.ndarray]:
         """Return the prior mean of all coefficients and its precision; the payload's prior is added in every round."""
         J, b = len(self.terms), self.beta.size
-        x = np.zeros(b + PER_LINK + J + OWN * J)
+        x = np.zeros(b + PER_LINK + J + self.width * J)
         inverse = np.zeros((x.size, x.size))
         x[:b] = self.beta
         relation = self.robot.base.relation
@@ -200,14 +205,14 @@ class PayloadProblem:
         if self.both:
             wide = (relation * spread_of(self.robot) ** 2) @ relation.T
         elif self.stated is not None:
-            wide, level = MODEL * self.stated, self._level(J)
+            wide, level = MISFIT * self.stated, self._level(J)
         else:
             wide = (relation * (SURE * spread_of(self.robot)) ** 2) @ relation.T
         inverse[np.ix_(level, level)] = np.linalg.inv(wide)
         inverse[gains, gains] = max(known.gain_error, 1e-6) ** -2.0
         for j, friction in enumerate(self.frictions):
-            own = np.arange(OWN) + b + PER_LINK + J + OWN * j
-            x[own], spread = own_prior(friction)
+            own = np.arange(self.width) + b + PER_LINK + J + self.width * j
+            x[own], spread = own_prior(friction, self.both)
             if not self.both:  # the model contains the offset's standard error
                 spread[0] = FREE if self.stated is not None else DRIFT * spread[0]
             inverse[own, own] += spread**-2.0
@@ -229,8 +234,8 @@ class PayloadProblem:
         scaled = rows.bodies @ (x[:b] + added if self.both else added)
         torque = rows.bodies @ (x[:b] + added) + self._gain(x) * scaled
         for j in range(J):
-            own = b + PER_LINK + J + OWN * j
-            torque[:, j] += rows.friction[j] @ x[own : own + OWN]
+            own = b + PER_LINK + J + self.width * j
+            torque[:, j] += self._own(rows, loaded, j) @ x[own : own + self.width]
         return torque
 
     def _slopes(self, rows: Rows, x: np.ndarray, loaded: bool, j: int) -> np.ndarray:
@@ -242,9 +247,13 @@ class PayloadProblem:
         if loaded:
             X[:, b : b + PER_LINK] = gain * (Y @ self.adds)
         X[:, b + PER_LINK + j] = Y @ (x[:b] + added if self.both else added)
-        own = b + PER_LINK + J + OWN * j
-        X[:, own : own + OWN] = rows.friction[j]
+        own = b + PER_LINK + J + self.width * j
+        X[:, own : own + self.width] = self._own(rows, loaded, j)
         return X
+
+    def _own(self, rows: Rows, loaded: bool, j: int) -> np.ndarray:
+        """Return the columns of a joint beside the bodies, (N, 6), or (N, 8) where an unloaded log is there."""
+        return of_the_day(rows.friction[j], loaded) if self.both else rows.friction[j]
 
     def _refill(self, x: np.ndarray, phi: slice) -> None:
         for source, (rows, loaded) in zip(self._sources, self._parts(), strict=True):
@@ -263,29 +272,43 @@ class PayloadProblem:
             return before
         return max(regression.robust_spread(error, weight), 1e-6 * self._scale(j))
 
-    def _scores(
-        self, x: np.ndarray, weights: Sequence[np.ndarray], errors: Sequence[np.ndarray], noise: np.ndarray
-    ) -> np.ndarray:
-        """Return the long-run covariance of the data's part of the gradient, no less than correlated residuals make it, (p, p)."""
-        total, least = (np.zeros((x.size, x.size)) for _ in range(2))
+    def _blocks(
+        self, x: np.ndarray, weights: Sequence[np.ndarray], errors: Sequence[np.ndarray]
+    ) -> regression.Blocks:
+        """Return the normal equations of the step away from `x` by block of time, of all joints together."""
+        grams, moments, counts = [], [], []
         for (rows, loaded), w, e in zip(self._parts(), weights, errors, strict=True):
-            scores = np.zeros((len(e), x.size))
+            block = blocks_of(len(e), rows.rate)
+            gram = np.zeros((block[-1] + 1, x.size, x.size))
+            moment = np.zeros((block[-1] + 1, x.size))
+            edges = np.searchsorted(block, np.arange(block[-1] + 2))
             for j in range(len(self.terms)):
                 X = self._slopes(rows, x, loaded, j)
-                part = X * (w[:, j] * e[:, j])[:, None]
-                scores += part
-                error = e[:, j] * np.sqrt(w[:, j])
-                least += correlation_length(error, rows.rate) * (X * w[:, j, None]).T @ X
-            width = max(int(MEMORY * rows.rate), len(e) // BLOCKS, 1) + 1
-            total += regression.long_run(scores.T, width)
-        return 0.5 * (total + least)
+                for k in range(block[-1] + 1):
+                    part = slice(edges[k], edges[k + 1])
+                    weighted = X[part] * w[part, j, None]
+                    gram[k] += weighted.T @ X[part]
+                    moment[k] += weighted.T @ e[part, j]
+            grams.append(gram)
+            moments.append(moment)
+            counts.append(np.bincount(block, weights=np.count_nonzero(w > 0, axis=1)))
+        gram, moment, count = (np.concatenate(part) for part in (grams, moments, counts))
+        return regression.Blocks(gram=gram, moment=moment, power=np.zeros(count.size), rows=count)
 
 
-def _sandwich(gram: np.ndarray, meat: np.ndarray, kept: np.ndarray) -> np.ndarray:
+def _covariance(
+    blocks: regression.Blocks, precision: np.ndarray, pull: np.ndarray, kept: np.ndarray
+) -> np.ndarray:
     """Return the covariance of the kept coefficients, the others fixed, zero for these, (p, p)."""
-    pick, covariance = np.ix_(kept, kept), np.zeros_like(gram)
-    inverse = regression.invert(gram[pick], 1e-15)
-    covariance[pick] = inverse @ meat[pick] @ inverse
+    pick, covariance = np.ix_(kept, kept), np.zeros_like(precision)
+    some = regression.Blocks(
+        gram=blocks.gram[:, kept][:, :, kept],
+        moment=blocks.moment[:, kept],
+        power=blocks.power,
+        rows=blocks.rows,
+    )
+    every = np.ones(kept.size, dtype=bool)
+    covariance[pick] = errors_of_fit(some, precision[pick], pull[kept], every, MISFIT).covariance
     return covariance
 
 

@@ -11,7 +11,9 @@ from backdrive.laws import Law
 from backdrive.model import JointFriction
 
 OWN = 6  # columns of a joint beside the bodies
+DAY = 2  # of these, friction that may differ between two logs: curve, viscous
 AGAIN = 0.3  # relative standard deviation of friction from the model's [-]
+CHANGE = 0.1  # relative standard deviation of friction between two logs [-]
 GROWTH = 0.03  # growth of friction with load that a model without growth may have missed [-]
 
 
@@ -45,8 +47,18 @@ def corrections(friction: JointFriction) -> Corrections:
     return Corrections(knots=np.array([0.0, top]), top=top, transition=transition, law=friction.law)
 
 
-def own_prior(friction: JointFriction) -> tuple[np.ndarray, np.ndarray]:
-    """Return the prior mean and standard deviation of a joint's own coefficients, (6,) each."""
+def of_the_day(columns: np.ndarray, loaded: bool) -> np.ndarray:
+    """Return columns of a joint with those of the friction by which a loaded log differs from an unloaded one, (n, 8).
+
+    Args:
+        columns: the joint's own, (n, 6).
+        loaded: whether they are of the loaded log.
+    """
+    return np.hstack([columns, columns[:, (2, 4)] * float(loaded)])
+
+
+def own_prior(friction: JointFriction, both: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Return the prior mean and standard deviation of a joint's own coefficients, (6,), or of both logs, (8,)."""
     top = max(abs(v) for v in friction.validity.velocity)
     mean = float(np.mean(np.abs(friction.law.torque(np.linspace(-top, top, 21))))) or 1.0
     value = {term: friction.dynamics[term].value for term in ("offset", "inertia")}
@@ -62,4 +74,7 @@ def own_prior(friction: JointFriction) -> tuple[np.ndarray, np.ndarray]:
             GROWTH,
         ]
     )
+    if both:
+        expected = np.r_[expected, np.zeros(DAY)]
+        spread = np.r_[spread, CHANGE, CHANGE * mean / top]
     return expected, spread

@@ -14,7 +14,7 @@ import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification import curves
-from backdrive.identification.arm_checks import impossible, refuse_inversion, remarks
+from backdrive.identification.arm_checks import beyond_range, impossible, refuse_inversion, remarks
 from backdrive.identification.arm_coupling import guess_coupling
 from backdrive.identification.arm_forecast import compare_errors, terms_along
 from backdrive.identification.arm_physical import standard_parameters
@@ -129,7 +129,8 @@ def identify_arm(
         condition=solution.condition,
         covariance=tuple(map(tuple, (0.5 * (solution.level + solution.level.T)).tolist())),
     )
-    warnings = remarks(robot, terms, rows, solution)
+    outside = beyond_range(robot, [*seen, *unseen])
+    warnings = [a + b for a, b in zip(outside, remarks(robot, terms, rows, solution), strict=True)]
     warnings[0] += impossible(distance)
     guess = guess_coupling(rows, seen, terms, solution)
     if guess is not None:

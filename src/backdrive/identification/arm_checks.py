@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from backdrive.errors import NotIdentifiable
+from backdrive.identification.arm_signals import ArmSignals
 from backdrive.identification.arm_solve import Solution, correlation_length
 from backdrive.identification.arm_terms import Rows, Terms
 from backdrive.identification.evidence import sentences
-from backdrive.robot import PER_LINK, Robot
+from backdrive.robot import PER_LINK, Range, Robot
 
 TELLING = 0.05  # friction below this share of a joint's torque is too small to show the torque's sign [-]
 ILL = 1000.0  # condition number above which the motion is called poor [-]
@@ -20,6 +21,7 @@ SLOW = (
 )
 SURE = 3.0  # a term at a bound gets a remark if its free estimate lies beyond the bound by more than this [standard error]
 ONE_WAY = 0.1  # a direction with less than this share of the moving time is hardly seen [-]
+BEYOND = 0.05  # share of a joint's range by which a log may leave it, as zeros of encoders are not exact [-]
 LARGE_OFFSET = 0.3  # of the mean friction; beyond it, the offset is worth a remark [-]
 
 
@@ -79,6 +81,22 @@ def impossible(distance: float) -> tuple[str, ...]:
         f"torques are still those of the best fit; single masses and inertias have no meaning."
     )
     return sentences((distance > 1.0, sentence))
+
+
+def beyond_range(robot: Robot, stretches: Sequence[ArmSignals]) -> list[tuple[str, ...]]:
+    """Return a warning for every joint that leaves the range of its description: another order, unit or zero of the positions."""
+    low = np.min([s.position.min(axis=0) for s in stretches], axis=0)
+    high = np.max([s.position.max(axis=0) for s in stretches], axis=0)
+    warnings = []
+    for j, one in enumerate(robot.ranges or [Range()] * len(robot.joints)):
+        slack = BEYOND * (one.upper - one.lower) if np.isfinite(one.upper - one.lower) else np.inf
+        sentence = (
+            f"The log moves it from {low[j]:.3g} to {high[j]:.3g} {robot.units[j]}, beyond the {one.lower:.3g} to {one.upper:.3g} "
+            "of the description: check the order of the joints (--names), the unit (degrees), the encoder's zero, and that it is "
+            "this robot."
+        )
+        warnings.append(sentences((low[j] < one.lower - slack or high[j] > one.upper + slack, sentence)))
+    return warnings
 
 
 def remarks(robot: Robot, terms: Sequence[Terms], rows: Rows, solution: Solution) -> list[tuple[str, ...]]:

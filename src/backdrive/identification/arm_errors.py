@@ -54,7 +54,7 @@ class FitErrors:
 
 
 def errors_of_fit(
-    blocks: regression.Blocks, held: np.ndarray, pull: np.ndarray, free: np.ndarray
+    blocks: regression.Blocks, held: np.ndarray, pull: np.ndarray, free: np.ndarray, misfit: float = 1.0
 ) -> FitErrors:
     """Return the covariance of a fit.
 
@@ -63,6 +63,7 @@ def errors_of_fit(
         held: H, precision of the priors, (p, p).
         pull: gradient of the priors at the solution, -H (x - start), (p,).
         free: coefficients that are at no bound, (p,).
+        misfit: true variance of what the data say, relative to that of leaving out blocks [-].
     """
     used = np.flatnonzero(blocks.rows > 0)
     gram, slope = blocks.gram.sum(axis=0), blocks.moment.sum(axis=0) + pull
@@ -77,7 +78,7 @@ def errors_of_fit(
     scaled = without[:, free][:, :, free] / np.outer(size, size) + regression.RIDGE * np.eye(size.size)
     solved = np.linalg.solve(scaled, right / size[:, None]) / size[:, None]
     covariance = np.zeros_like(gram)
-    scatter = _scatter(solved[:, :, -1])
+    scatter = misfit * _scatter(solved[:, :, -1])
     even = float(np.trace(total[inner] @ scatter)) / max(float(np.trace(inverse @ gram[inner])), 1e-300)
     covariance[inner] = (1.0 - MIXED) * scatter + inverse @ (MIXED * even * gram + held)[inner] @ inverse
     loose, pushed = np.zeros(free.size), np.zeros(free.size)
@@ -91,7 +92,7 @@ def errors_of_fit(
             without[:, i, i] - np.einsum("bf,bf->b", across, solved[:, :, m]), 1e-300
         )
         alone = float(direction @ (MIXED * even * gram + held) @ direction) / bend**2
-        loose[i] = np.sqrt((1.0 - MIXED) * float(_scatter((steps - step)[:, None])[0, 0]) + alone)
+        loose[i] = np.sqrt((1.0 - MIXED) * misfit * float(_scatter((steps - step)[:, None])[0, 0]) + alone)
         pushed[i] = max(-step / loose[i], 0.0) if loose[i] > 0.0 else 0.0
     return FitErrors(covariance=covariance, loose=loose, pushed=pushed)
 

@@ -3,7 +3,7 @@
 Coefficients: the base parameters of the bodies, then every joint's own terms. Joints share the bodies, so each is weighted
 by its noise. Wide priors hold what the motion does not determine: bodies near the description, curves smooth and nearly equal
 in both directions. Except at reversals, a constant difference between the directions cannot be separated from a torque
-offset. By convention it counts as offset: averaged over its knots, a curve is equal in both directions.
+offset. By convention it counts as offset: averaged over the knots at which the joint slides, a curve is equal in both directions.
 """
 
 from __future__ import annotations
@@ -290,7 +290,8 @@ def _alike(gram: np.ndarray, first: np.ndarray, terms: Sequence[Terms]) -> np.nd
     for j, t in enumerate(terms):
         k = t.knots.size
         row = np.zeros(t.size)
-        row[:k], row[k : 2 * k] = 1.0 / k, -1.0 / k
+        share = t.sliding / np.count_nonzero(t.sliding)
+        row[:k], row[k : 2 * k] = share, -share
         own = slice(first[j], first[j + 1])
         precision[own, own] = STRONG * max(float(np.diag(gram)[own][: 2 * k].sum()), 1.0) * np.outer(row, row)
     return precision

@@ -32,6 +32,7 @@ KNOTS = 8  # of a friction curve in each direction, the one at zero included
 DENSER = 1.3  # quantiles of speed are raised to this power: knots lie closer near zero [-]
 TOP_KNOT = 0.99  # quantile of speed above which the curve is held constant [-]
 APART = 0.01  # knots are at least this share of the top speed apart [-]
+CREEP = 0.05  # share of the top speed below which a knot is of reversals more than of sliding [-]
 TRANSITION = 0.002  # share of the top speed within which the sign of the velocity is smooth [-]
 ROW_RATE = 4.0  # rows a second, times the low pass's corner [-]
 MOST_ROWS = 25_000  # an hour has no more rows than this
@@ -59,6 +60,16 @@ class Terms:
     def size(self) -> int:
         """Number of columns: both directions' knots, offset, inertia, load friction."""
         return 2 * self.knots.size + 3
+
+    @property
+    def sliding(self) -> np.ndarray:
+        """Mark the knots at which the joint slides, (k,); all of them where fewer than two lie so high.
+
+        Below, friction that builds up over a distance after each reversal, and the unknown instant of the reversal, make what
+        the fit finds; it may be zero there.
+        """
+        fast = self.knots >= CREEP * self.top
+        return fast if np.count_nonzero(fast) >= 2 else np.ones_like(fast)
 
     def columns(self, velocity: np.ndarray, acceleration: np.ndarray, load: np.ndarray | None) -> np.ndarray:
         """Return the columns, in the order of `size`, (n, 2 k + 3).

@@ -63,6 +63,7 @@ def _bare(root: Any, where: str, remarks: list[str]) -> tuple[str, dict[str, Ran
         copy = SubElement(bare, "link", name=link.get("name") or "")
         copy.extend(link.findall("inertial")[:1])
         _check_numbers(copy, f"{where}: link '{link.get('name')}'")
+        _check_inertia(copy, f"{where}: link '{link.get('name')}'")
     parent_of: dict[str, str] = {}
     ranges: dict[str, Range] = {}
     for joint in joints:
@@ -127,6 +128,20 @@ def _check_numbers(element: Any, where: str) -> None:
             text = node.get(attribute)
             if text is not None:
                 numbers(text, (count,), f"{where}: {attribute}")
+
+
+def _check_inertia(link: Any, where: str) -> None:
+    """Refuse masses and moments of inertia that no body has; the parser takes them as they are."""
+    for node in link.iter():
+        for name in (
+            ("value",) if node.tag == "mass" else ("ixx", "iyy", "izz") if node.tag == "inertia" else ()
+        ):
+            text = node.get(name)
+            if text is not None and float(text) < 0.0:
+                raise ReadError(
+                    f"{where}: its {node.tag} ({name}) is {text}, less than nothing.",
+                    remedy="Correct the description.",
+                )
 
 
 def _end(joint: Any, tag: str) -> str:

@@ -17,6 +17,7 @@ DECAY = 20.0  # of friction at rest, as in Iwatani 2017, Sec. 4.6 [1/s]
 COUNTS = 8.0  # encoder steps that a contact of unknown stiffness deflects before it slides
 ABRUPT = 10.0  # force, relative to friction, that the filter of `direct` follows if the accelerations are unknown [-]
 CREEP = 0.05  # share of the top speed: sliding up to twice this speed determines friction at rest [-]
+STEEPER = 2.0  # a curve below a low speed, relative to its slope between that speed and twice that speed [-]
 WIDTH = 1.96  # half a 95 % band, by its standard deviation
 BEND = {"rad": 1e-3, "m": 1e-4}  # the same where the encoder's count is unknown [rad or m]
 
@@ -89,6 +90,32 @@ def with_break_away(friction: JointFriction) -> JointFriction:
         return friction
     law = replace(friction.law, rate=replace(rate, **curves))
     return replace(friction, law=law, covariance=None)
+
+
+def with_slow_sliding(friction: JointFriction) -> JointFriction:
+    """Return a joint whose curve, where it is drawn through knots, falls towards zero speed only gently.
+
+    The fit of a whole arm hardly determines the curve near zero speed, and may let it vanish there. A compensator would follow
+    it with a negative viscosity, which trembles. Below a low speed, a curve may be at most `STEEPER` times as steep as between
+    that speed and twice that speed. Where it falls further, it is raised to that line.
+
+    Args:
+        friction: of a model.
+    """
+    law, low = friction.law, CREEP * friction.validity.speeds[1]
+    if not isinstance(law.rate, Polyline):
+        return friction
+    v, curves = np.array(law.rate.velocity), {}
+    for name in ("positive", "negative"):
+        values = np.array(getattr(law.rate, name))
+        slow, twice = np.interp((low, 2.0 * low), v, values)
+        line = slow - STEEPER * max(twice - slow, 0.0) * (1.0 - v / low)
+        raised = np.where(v < low, np.maximum(values, np.minimum(line, twice)), values)
+        if np.any(raised > values):
+            curves[name] = tuple(raised.tolist())
+    if not curves:
+        return friction
+    return replace(friction, law=replace(law, rate=replace(law.rate, **curves)), covariance=None)
 
 
 def break_away(
