@@ -147,7 +147,7 @@ def predict(candidate: Candidate, coefficients: np.ndarray, motion: Signals, row
     """
     k = len(candidate.terms)
     torque = curves.torques(candidate.form, coefficients[:, k:], motion.velocity, row)
-    columns_of = dict(zip(COLUMNS, head(motion), strict=True))
+    columns_of: dict[str, np.ndarray] = dict(zip(COLUMNS, head(motion), strict=True))
     for j, term in enumerate(candidate.terms):
         if term != "jerk":
             torque += coefficients[:, j].take(row) * columns_of[term]
