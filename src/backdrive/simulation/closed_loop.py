@@ -188,15 +188,16 @@ def kernel_of(scene: Scene, arguments: tuple) -> Callable[..., None]:
         scene: to be played.
         arguments: what `prepare` makes of it.
     """
-    law, C, E = scene.plant.law, arguments[6], arguments[10]
-    joint = loop_kernel.absent
+    law, joint = scene.plant.law, loop_kernel.absent
     if scene.loop is not None:
-        joint = assembly.of_joints(C[None], E[None], scene.loop.external is not None)
+        joint = assembly.of_joints([*(row[None] for row in arguments[6:14]), arguments[14]])
     return assemble(
         run,
         {
             loop_kernel.joint: joint,
-            axis_.advance: kernels.of_kinds(axis_.advance, law.rate.KIND, law.element.KIND),
+            axis_.advance: kernels.of_kinds(
+                axis_.advance, law.rate.KIND, law.element.KIND, kernels.plain(arguments[2][None])
+            ),
         },
     )
 
