@@ -73,12 +73,12 @@ def along(part: Part, columns: list[str], rows: np.ndarray, kept: list[int]) -> 
 def _loop(A, o, g, codes, q, u, dt, more, out):
     for k in range(q.shape[0]):
         for j in range(q.shape[1]):
-            g[APPLIED, j] = u[k, j]
-            g[ERROR, j], g[KNOWN, j], g[LOAD, j] = more[k, j, 0], more[k, j, 1], more[k, j, 2]
+            g[j, APPLIED] = u[k, j]
+            g[j, ERROR], g[j, KNOWN], g[j, LOAD] = more[k, j, 0], more[k, j, 1], more[k, j, 2]
         tick(A, o, g, codes, q[k], dt[k])
         for j in range(q.shape[1]):
-            out[k, j, 0], out[k, j, 1], out[k, j, 2] = g[TORQUE, j], g[EXTERNAL, j], g[FRICTION, j]
-            out[k, j, 3], out[k, j, 4], out[k, j, 5] = g[LEVEL, j], g[CAUSE, j], codes[j]
+            out[k, j, 0], out[k, j, 1], out[k, j, 2] = g[j, TORQUE], g[j, EXTERNAL], g[j, FRICTION]
+            out[k, j, 3], out[k, j, 4], out[k, j, 5] = g[j, LEVEL], g[j, CAUSE], codes[j]
 
 
 class loop_along:

@@ -81,7 +81,7 @@ def storm(A, o, g, codes, q, limit, rate, rng, n, odd, inputs, torque, worst):
     J = codes.size
     v, before = np.zeros(J), np.zeros(J)
     said = np.zeros(J)
-    before[:] = g[torque]
+    before[:] = g[:, torque]
     wild = rng.random() ** 4  # mostly little is wrong, so that the loop gets to push
     for _ in range(n):
         dt = T
@@ -105,17 +105,17 @@ def storm(A, o, g, codes, q, limit, rate, rng, n, odd, inputs, torque, worst):
                 said[j] += rng.standard_normal() * 10.0 ** (6.0 * rng.random() - 4.0)
             elif r < 0.0152:
                 q[j] += 2.0 * np.pi * (1.0 if rng.random() < 0.5 else -1.0)
-            g[inputs[0], j] = 10.0 * rng.standard_normal()
+            g[j, inputs[0]] = 10.0 * rng.standard_normal()
             if r < 0.02:
-                g[inputs[rng.integers(0, inputs.size)], j] = odd[rng.integers(0, odd.size)]
+                g[j, inputs[rng.integers(0, inputs.size)]] = odd[rng.integers(0, odd.size)]
             elif r < 0.05:
                 for k in range(1, inputs.size):
-                    g[inputs[k], j] = 0.1 * rng.standard_normal()
+                    g[j, inputs[k]] = 0.1 * rng.standard_normal()
         loop_.tick(A, o, g, codes, said, dt)
         passed = dt if 0.05 * T <= dt <= 20.0 * T else T
         for j in range(J):
-            f = g[torque, j]
-            if not np.isfinite(f + g[torque + 1, j] + g[torque + 2, j] + g[torque + 3, j]):
+            f = g[j, torque]
+            if not np.isfinite(f + g[j, torque + 1] + g[j, torque + 2] + g[j, torque + 3]):
                 worst[2] += 1.0
             if abs(f) > limit[j]:
                 worst[0] = max(worst[0], abs(f) - limit[j])
@@ -206,7 +206,7 @@ def through_update(judge: Judge, ticks: int) -> None:
             passed = seconds if 0.05 * T <= seconds <= 20.0 * T else T
             look(
                 loop.torque,
-                loop._table[loop_.EXTERNAL : loop_.LEVEL + 1],
+                loop._table[:, loop_.EXTERNAL : loop_.LEVEL + 1],
                 loop.codes,
                 before,
                 limit,

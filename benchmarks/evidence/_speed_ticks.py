@@ -38,7 +38,7 @@ def guarded(A, o, g, codes, q, T, out):
     """Fill `out` with the torque of a loop of one joint."""
     for k in range(q.size):
         tick(A, o, g, codes, q[k : k + 1], T)
-        out[k] = g[TORQUE, 0]
+        out[k] = g[0, TORQUE]
 
 
 def readings(q: np.ndarray) -> np.ndarray:
@@ -55,10 +55,14 @@ def ours(q: np.ndarray, T: float) -> dict[str, Callable[[], np.ndarray]]:
     """Return runs along readings by name: the compensator alone, the guarded loop, and that with an estimator."""
     made = alg_fc2(LINES, STIFFNESS, 2.5 * COUNT / T, SLOW, FAST, SWITCH, share=SHARE)
     law, out = made.friction.law, np.empty(q.size)
-    alone_kernel = assemble(compensated, {compensator.tick: assembly.of_compensators(made.row(T)[None])})
+    alone_kernel = assemble(
+        compensated, {compensator.tick: assembly.of_compensators(made.row(T)[None], law.row()[None])}
+    )
+
+    rows = made.row(T), law.row(), law.state(), made.start(float(q[0]))
 
     def alone() -> np.ndarray:
-        alone_kernel(made.row(T), law.row(), law.state(), made.start(float(q[0])), q, T, out)
+        alone_kernel(*(row.copy() for row in rows), q, T, out)
         return out
 
     def loop(external: ExternalForce | None) -> Callable[[], np.ndarray]:

@@ -65,14 +65,16 @@ class _Assembly:
     """
 
     def __init__(self, parts: Parts, written_out: bool = False):
-        self.parts = {key: _part(key, value) for key, value in parts.items()}
+        self.parts = parts
         self.written_out = written_out
         self.seen: dict[Any, Any] = {}
 
     def anew(self, kernel: Any) -> Any:
         """Return a kernel with the parts put in, itself where it leads to none of them."""
         if kernel in self.parts:
-            return self.parts[kernel]
+            if kernel not in self.seen:
+                self.seen[kernel] = self._part(kernel)
+            return self.seen[kernel]
         source = getattr(kernel, "py_func", None)
         if not isinstance(source, FunctionType):
             return kernel
@@ -103,6 +105,21 @@ class _Assembly:
             return self.parts[module, name]
         return self.anew(value) if callable(value) else value
 
+    def _part(self, kernel: Any) -> Any:
+        """Return what stands for a kernel, or for a choice among several, with the parts put into these too."""
+        value = self.parts[kernel]
+        if kernel not in CHOICES:
+            return value
+        kernels, otherwise = CHOICES[kernel]
+        numbers = sorted({value} if isinstance(value, int) else value)
+        chosen = {number: self.anew(kernels.get(number, otherwise)) for number in numbers}
+        if len(set(chosen.values())) > 1:
+            key = ("choice", *chosen.items(), otherwise)
+            if key not in _made:
+                _made[key] = choice(chosen, otherwise)
+            return _made[key]
+        return _only(chosen[numbers[0]])
+
     def _make(self, kernel: Any, source: FunctionType, changed: dict[str, Any]) -> Any:
         """Return a kernel of some source in which names stand for something else."""
         words = (f"{name}={_label(value)}" for name, value in sorted(changed.items()))
@@ -117,21 +134,6 @@ class _Assembly:
                 compiler = ladder if was_ladder and self.written_out else leaf
             _made[source, name] = compiler(made)
         return _made[source, name]
-
-
-def _part(key: Any, value: Any) -> Any:
-    """Return what stands for a choice, a kernel or a number."""
-    if key not in CHOICES:
-        return value
-    kernels, otherwise = CHOICES[key]
-    numbers = sorted({value} if isinstance(value, int) else value)
-    chosen = {number: kernels.get(number, otherwise) for number in numbers}
-    if len(set(chosen.values())) > 1:
-        key = ("choice", *chosen.items(), otherwise)
-        if key not in _made:
-            _made[key] = choice(chosen, otherwise)
-        return _made[key]
-    return _only(chosen[numbers[0]])
 
 
 @cache

@@ -71,25 +71,25 @@ def locate(g, h, C, whole, read, dt):
     """
     J, begins = read.size, False
     for j in range(J):
-        q, nominal = read[j], g[NOMINAL, j]
+        q, nominal = read[j], g[j, NOMINAL]
         timely = readings.FASTEST * nominal <= dt <= readings.SLOWEST * nominal
         passed = dt if timely else nominal
         h[STEP, j] = passed
-        if timely and np.isfinite(q) and g[BEGUN, j] == 0.0:
+        if timely and np.isfinite(q) and g[j, BEGUN] == 0.0:
             h[P, j], begins = q, True
         elif (
             timely
-            and g[PENDING, j] == 0.0
-            and readings.possible(g, j, q - g[BEFORE, j], g[SINCE, j] + passed)
+            and g[j, PENDING] == 0.0
+            and readings.possible(g[j], q - g[j, BEFORE], g[j, SINCE] + passed)
         ):
-            p = q - g[ZERO, j]
+            p = q - g[j, ZERO]
             h[W, j] += ((p - h[P, j]) / passed - h[W, j]) * passed / (passed + VELOCITY)
             h[P, j] = p
         else:
             h[P, j] += passed * h[W, j]
             h[W, j] *= COASTING / (COASTING + passed)
     for i in range(J):
-        h[ACTED, i] = g[APPLIED, i] if np.isfinite(g[APPLIED, i]) else h[TOTAL, i]
+        h[ACTED, i] = g[i, APPLIED] if np.isfinite(g[i, APPLIED]) else h[TOTAL, i]
         h[Q, i] = h[V, i] = 0.0
         for j in range(J):
             h[Q, i] += C[i, j] * h[P, j]
@@ -137,11 +137,11 @@ def carry(g, h, j, weight):
     A latched motor holds this torque for the time of the brakes and then ramps it down within the rise time. If gravity's
     torque drives a runaway, it is ramped down within 20 ms.
     """
-    passed, share, before = g[PASSED, j], h[SHARE, j], h[GRAVITY, j]
-    if g[CAUSE, j] != 0.0:
+    passed, share, before = g[j, PASSED], h[SHARE, j], h[GRAVITY, j]
+    if g[j, CAUSE] != 0.0:
         h[AGE, j] += passed
-        moved = g[BEFORE, j] - g[OLDER, j] if g[OLDER_AGE, j] > 0.0 else h[W, j]
-        if g[CAUSE, j] == OVERSPEED and before * moved > 0.0:
+        moved = g[j, BEFORE] - g[j, OLDER] if g[j, OLDER_AGE] > 0.0 else h[W, j]
+        if g[j, CAUSE] == OVERSPEED and before * moved > 0.0:
             share -= passed / HASTE
         elif h[AGE, j] > h[BRAKE, j]:
             share -= passed / h[RISE, j]
@@ -167,43 +167,43 @@ def tick(A, o, g, codes, d, h, a, s, wanted, C, back, whole, read, dt, weight, b
     """
     J = codes.size
     for j in range(J):
-        g[KNOWN, j] = 0.0
+        g[j, KNOWN] = 0.0
         for i in range(J):
-            g[KNOWN, j] += C[i, j] * bias[i]
+            g[j, KNOWN] += C[i, j] * bias[i]
     tick_motors(A, o, g, codes, read, dt)
     latched = False
     for j in range(J):
-        latched = latched or g[CAUSE, j] != 0.0
+        latched = latched or g[j, CAUSE] != 0.0
     for i in range(J):
         rests, h[TAU_E, i] = False, 0.0
         for j in range(J):
-            outside = g[EXTERNAL, j] if whole.size == 0 else whole[j]
+            outside = g[j, EXTERNAL] if whole.size == 0 else whole[j]
             if back[j, i] != 0.0 and np.isfinite(outside):
                 h[TAU_E, i] += back[j, i] * outside
             if C[i, j] != 0.0:
-                rests = rests or g[BAD, j] > 1.0 or g[CAUSE, j] != 0.0 or g[STOP, j] != 0.0
+                rests = rests or g[j, BAD] > 1.0 or g[j, CAUSE] != 0.0 or g[j, STOP] != 0.0
         wanted[i] = wall(h, i)
         if h[FOLLOWS, i] > 0.0:
-            wanted[i] += follow(h, a[i], s[i], i, g[PASSED, i], rests)
+            wanted[i] += follow(h, a[i], s[i], i, g[i, PASSED], rests)
     worst = OK
     for j in range(J):
-        if latched and h[TOGETHER, j] > 0.0 and g[CAUSE, j] == 0.0:
-            g[STOP, j] = 1.0
+        if latched and h[TOGETHER, j] > 0.0 and g[j, CAUSE] == 0.0:
+            g[j, STOP] = 1.0
         push, load = 0.0, 0.0
         for i in range(J):
             push += C[i, j] * wanted[i]
             load += C[i, j] * (weight[i] + h[OFFSET, i])
         carry(g, h, j, load)
-        good = g[BAD, j] == 0.0 and np.isfinite(push)
-        d[PASSED, j], d[BEFORE, j], d[STOP, j] = g[PASSED, j], g[BEFORE, j], g[STOP, j]
-        d[SINCE, j] += g[PASSED, j]
-        if g[CAUSE, j] != 0.0:
-            d[CAUSE, j] = g[CAUSE, j]
-        code = guard.act(d, j, OK if good else NOT_FINITE, push, d[SINCE, j], dt)
+        good = g[j, BAD] == 0.0 and np.isfinite(push)
+        d[j, PASSED], d[j, BEFORE], d[j, STOP] = g[j, PASSED], g[j, BEFORE], g[j, STOP]
+        d[j, SINCE] += g[j, PASSED]
+        if g[j, CAUSE] != 0.0:
+            d[j, CAUSE] = g[j, CAUSE]
+        code = guard.act(d[j], OK if good else NOT_FINITE, push, d[j, SINCE], dt)
         if good:
-            d[SINCE, j] = 0.0
-        h[DRIVE, j] = d[TORQUE, j]
-        total, effort = h[GRAVITY, j] + g[TORQUE, j] + d[TORQUE, j], h[EFFORT, j]
+            d[j, SINCE] = 0.0
+        h[DRIVE, j] = d[j, TORQUE]
+        total, effort = h[GRAVITY, j] + g[j, TORQUE] + d[j, TORQUE], h[EFFORT, j]
         h[TOTAL, j] = min(max(total, -effort), effort)
         if codes[j] == OK and (code == SATURATED or abs(total) > effort):
             codes[j] = SATURATED

@@ -112,13 +112,13 @@ class ArmLoop:
         self._believed = (g, self._table, self.coupling, whole)
         self._frame = force is not None and force.frame is not None
         self._acted, self._passed = self._table[kernel.ACTED], self._table[kernel.STEP]
-        self._read, self._applied = np.zeros(J), g[APPLIED]
+        self._read, self._applied = np.zeros(J), g[:, APPLIED]
         self._q, self._dq = self._table[kernel.Q], self._table[kernel.V]
         self._p = self._table[kernel.P]
         self._views = {k: row.view(self._table) for k, row in vars(ArmLoop).items() if isinstance(row, Row)}
         self.update(np.zeros(J), np.zeros(J))
         self.reset(np.zeros(J))
-        g[CALLS] = 0.0
+        g[:, CALLS] = 0.0
 
     @classmethod
     def from_model(
@@ -249,10 +249,10 @@ class ArmLoop:
         """
         g, d, free = self._loop._table, self._stage, True
         for j in range(len(self.joints)):
-            if g[CAUSE, j] != 0.0 and d[TORQUE, j] != 0.0:
+            if g[j, CAUSE] != 0.0 and d[j, TORQUE] != 0.0:
                 free = False
-            elif guard.acknowledge(g, j):
-                guard.acknowledge(d, j)
+            elif guard.acknowledge(g[j]):
+                guard.acknowledge(d[j])
             else:
                 free = False
         return free

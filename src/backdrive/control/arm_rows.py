@@ -69,21 +69,22 @@ def limits(
 
 
 def output_stage(joints: Sequence[ArmJoint], table: np.ndarray, interval: float) -> np.ndarray:
-    """Return the table of the output stage (`control.guard`) that walls and admittances pass, (TABLE, J).
+    """Return the table of the output stage (`control.guard`) that walls and admittances pass, (J, TABLE).
 
     Args:
         joints: what runs on each.
         table: of `limits`.
         interval: period [s].
     """
-    stage, limit = np.zeros((TABLE, len(joints))), table[kernel.WALL]
+    by_motor, limit = np.zeros((len(joints), TABLE)), table[kernel.WALL]
+    stage = by_motor.T
     stage[NOMINAL], stage[LIMIT] = interval, limit
     stage[TOP] = np.inf  # the loop's own watch sees the speed
     stage[RATE], stage[LATCHING] = limit / BRISK, limit / LATCH_TIME
     for k, joint in enumerate(joints):
         stage[RAMP, k] = limit[k] / joint.loop.ramp
         stage[FADE, k], stage[PATIENCE, k] = joint.loop.fade, joint.loop.patience
-    return stage
+    return by_motor
 
 
 def in_order(robot: Robot, joints: Mapping[str, ArmJoint]) -> dict[str, ArmJoint]:

@@ -63,82 +63,80 @@ def window(period):
 
 
 @jit
-def watch(g, j, since):
+def watch(g, since):
     """Return whether a joint is faster than its top speed; `since`: time since the last accepted reading."""
-    span, q = window(g[NOMINAL, j]), g[BEFORE, j]
-    g[OLDER_AGE, j] += since
-    g[NEWER_AGE, j] += since
+    span, q = window(g[NOMINAL]), g[BEFORE]
+    g[OLDER_AGE] += since
+    g[NEWER_AGE] += since
     fast = False
-    if g[OLDER_AGE, j] >= span * (1.0 - ROUNDING):
-        reach = g[TOP, j] * g[OLDER_AGE, j]
-        fast = abs(q - g[OLDER, j]) > reach + ROUNDING * (reach + abs(q))
-        g[FAST, j] = fast
-    if g[NEWER_AGE, j] >= 0.5 * span * (1.0 - ROUNDING):
-        g[OLDER, j], g[OLDER_AGE, j] = g[NEWER, j], g[NEWER_AGE, j]
-        g[NEWER, j], g[NEWER_AGE, j] = q, 0.0
+    if g[OLDER_AGE] >= span * (1.0 - ROUNDING):
+        reach = g[TOP] * g[OLDER_AGE]
+        fast = abs(q - g[OLDER]) > reach + ROUNDING * (reach + abs(q))
+        g[FAST] = fast
+    if g[NEWER_AGE] >= 0.5 * span * (1.0 - ROUNDING):
+        g[OLDER], g[OLDER_AGE] = g[NEWER], g[NEWER_AGE]
+        g[NEWER], g[NEWER_AGE] = q, 0.0
     return fast
 
 
 @jit
-def forget_speed(g, j):
+def forget_speed(g):
     """Begin a new window of speeds at the present reading."""
-    g[OLDER, j] = g[NEWER, j] = g[BEFORE, j]
-    g[OLDER_AGE, j] = g[NEWER_AGE, j] = g[FAST, j] = 0.0
+    g[OLDER] = g[NEWER] = g[BEFORE]
+    g[OLDER_AGE] = g[NEWER_AGE] = g[FAST] = 0.0
 
 
-def acknowledge(g: np.ndarray, j: int) -> bool:
+def acknowledge(g: np.ndarray) -> bool:
     """Clear a joint's latch and stop, unless it still has torque or is still too fast; return whether they were cleared."""
-    if g[CAUSE, j] != 0.0 and (g[TORQUE, j] != 0.0 or g[FAST, j] != 0.0):
+    if g[CAUSE] != 0.0 and (g[TORQUE] != 0.0 or g[FAST] != 0.0):
         return False
-    if g[CAUSE, j] != 0.0 or g[STOP, j] != 0.0:
-        g[CAP, j] = min(g[CAP, j], abs(g[TORQUE, j]))
-        g[FAULTY, j] = 0.0
-    g[CAUSE, j] = g[STOP, j] = 0.0
+    if g[CAUSE] != 0.0 or g[STOP] != 0.0:
+        g[CAP] = min(g[CAP], abs(g[TORQUE]))
+        g[FAULTY] = 0.0
+    g[CAUSE] = g[STOP] = 0.0
     return True
 
 
 @jit
-def act(g, j, code, wanted, since, interval):
+def act(g, code, wanted, since, interval):
     """Write the joint's output and return its status.
 
     `code`: status of the reading or of its processing, `wanted`: torque of the compensator if the reading was accepted,
     `since`: time that this reading covers, `interval`: the given interval.
     """
-    passed = g[PASSED, j]
+    passed = g[PASSED]
     good = valid(code) or code == NO_MOTION
     if good:
-        g[FAULTY, j] = max(g[FAULTY, j] - FORGIVEN * passed, 0.0)
-        g[BAD, j] = 0.0
-        if watch(g, j, since):
+        g[FAULTY] = max(g[FAULTY] - FORGIVEN * passed, 0.0)
+        g[BAD] = 0.0
+        if watch(g, since):
             code = OVERSPEED
     else:
-        g[FAULTY, j] += min(max(passed, interval), LONGEST * passed)  # `passed` where the interval is NaN
-        fading = (
-            1.0 + g[FADE, j] * passed if g[BAD, j] > 0.0 else 1.0
-        )  # a single bad reading changes no output
-        g[BAD, j] += 1.0
-        wanted = g[TORQUE, j] / fading
-        g[EXTERNAL, j] /= fading
-    out, limit, cap = g[TORQUE, j], g[LIMIT, j], g[CAP, j]
-    latched = g[CAUSE, j] != 0.0
-    if not latched and (code == OVERSPEED or g[FAULTY, j] > g[PATIENCE, j]):
-        g[CAUSE, j] = code
-    if g[CAUSE, j] != 0.0 or g[STOP, j] != 0.0:
-        fall = g[RAMP, j]
-        if g[CAUSE, j] != 0.0:
-            fall = (HASTE if g[CAUSE, j] == OVERSPEED else 1.0) * g[LATCHING, j]
+        g[FAULTY] += min(max(passed, interval), LONGEST * passed)  # `passed` where the interval is NaN
+        fading = 1.0 + g[FADE] * passed if g[BAD] > 0.0 else 1.0  # a single bad reading changes no output
+        g[BAD] += 1.0
+        wanted = g[TORQUE] / fading
+        g[EXTERNAL] /= fading
+    out, limit, cap = g[TORQUE], g[LIMIT], g[CAP]
+    latched = g[CAUSE] != 0.0
+    if not latched and (code == OVERSPEED or g[FAULTY] > g[PATIENCE]):
+        g[CAUSE] = code
+    if g[CAUSE] != 0.0 or g[STOP] != 0.0:
+        fall = g[RAMP]
+        if g[CAUSE] != 0.0:
+            fall = (HASTE if g[CAUSE] == OVERSPEED else 1.0) * g[LATCHING]
             wanted = out
             code = LATCHED if latched else code
         elif good:
             code = STOPPED
         cap = max(min(cap, abs(out)) - fall * passed, 0.0)
     elif good:
-        cap = min(cap + g[RAMP, j] * passed, limit)
+        cap = min(cap + g[RAMP] * passed, limit)
     if abs(wanted) > limit and valid(code):
         code = SATURATED
-    step = g[RATE, j] * passed
+    step = g[RATE] * passed
     f = min(max(min(max(wanted, -cap), cap), out - step), out + step)
     f = min(max(f, -limit), limit)
-    g[CAP, j] = cap if good or g[BAD, j] < 2.0 else min(cap, abs(f))
-    g[TORQUE, j] = f
+    g[CAP] = cap if good or g[BAD] < 2.0 else min(cap, abs(f))
+    g[TORQUE] = f
     return code

@@ -271,7 +271,8 @@ def rows(joints: Sequence[JointLoop], positions: np.ndarray, dt: float) -> tuple
     """
     J = len(joints)
     estimators = [j.external or ExternalForce(inertia=1.0) for j in joints]
-    table = np.zeros((TABLE, J))
+    by_joint = np.zeros((J, TABLE))  # the numbers of a joint lie together
+    table = by_joint.T
     table[NOMINAL], table[TEMPERATURE], table[LEVEL] = dt, REFERENCE, 1.0
     for row in (BEFORE, ELSEWHERE, OLDER, NEWER, ANCHOR):
         table[row] = positions
@@ -291,4 +292,4 @@ def rows(joints: Sequence[JointLoop], positions: np.ndarray, dt: float) -> tuple
         C = np.array([part.row(dt) for part in parts])
         S = np.array([part.start(float(q)) for part, q in zip(parts, positions, strict=True)])
         of_parts += [C, P, X, S]
-    return (*of_parts, table)
+    return (*of_parts, by_joint)

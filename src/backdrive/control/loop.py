@@ -125,20 +125,18 @@ class Loop:
         self._rows = np.concatenate(parts, axis=1)
         self._arrays = (self._rows, begins, self._table, self._codes)
         self._position = np.zeros(J)
-        self._views = {k: row.view(self._table) for k, row in vars(Loop).items() if isinstance(row, Row)}
+        self._views = {k: row.view(self._table.T) for k, row in vars(Loop).items() if isinstance(row, Row)}
         self._read_codes = self._codes[:]
         self._read_codes.flags.writeable = False
-        self._applied = self._table[APPLIED]
+        self._applied = self._table[:, APPLIED]
         self._tick: Any = self._kernel_of(tick)
         self.update(np.zeros(J), np.zeros(J))
         self.reset(np.zeros(J))
-        self._table[CALLS] = 0.0
+        self._table[:, CALLS] = 0.0
 
     def _kernel_of(self, kernel: F) -> F:
         """Return a kernel that advances joints for what runs on those of this loop."""
-        compensators, _, _, _, estimators, *_ = rows(self.joints, np.zeros(len(self.joints)), self.interval)
-        estimates = any(joint.external is not None for joint in self.joints)
-        return assembly.of_loop(kernel, compensators, estimators, estimates)
+        return assembly.of_loop(kernel, rows(self.joints, np.zeros(len(self.joints)), self.interval))
 
     def _admit(self) -> None:
         """Refuse joints without limits."""
@@ -166,12 +164,12 @@ class Loop:
     @property
     def count(self) -> int:
         """Number of calls of `update`; a watchdog sees from it that the loop has stopped."""
-        return int(self._table[CALLS, 0])
+        return int(self._table[0, CALLS])
 
     @property
     def causes(self) -> tuple[Status, ...]:
         """Cause of each joint's latch; OK if it is not latched."""
-        return tuple(STATUSES[int(cause)] for cause in self._table[CAUSE])
+        return tuple(STATUSES[int(cause)] for cause in self._table[:, CAUSE])
 
     def reset(self, positions: np.ndarray) -> None:
         """Return to joints at rest, relaxed and without torque, at time 0; `count` goes on.
@@ -184,7 +182,7 @@ class Loop:
         """
         at = array("positions", positions, self._position.shape)
         *parts, table = rows(self.joints, at, self.interval)
-        table[CALLS] = self._table[CALLS]
+        table[:, CALLS] = self._table[:, CALLS]
         self._rows[:], self._table[:] = np.concatenate(parts, axis=1), table
         self._codes[:] = int(Status.OK)
 
@@ -196,11 +194,11 @@ class Loop:
         Returns:
             Whether no joint is latched now.
         """
-        return all([guard.acknowledge(self._table, j) for j in range(len(self.joints))])
+        return all([guard.acknowledge(row) for row in self._table])
 
     def stop(self) -> None:
         """Ramp the torque down to zero at the slow rate, until `acknowledge`."""
-        self._table[STOP] = True
+        self._table[:, STOP] = True
 
     def update(self, position: np.ndarray, applied: np.ndarray, interval: float | None = None) -> Status:
         """Advance every joint by one tick, without exceptions; memory allocated in a call is freed when it returns.

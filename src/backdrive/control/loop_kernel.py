@@ -53,7 +53,7 @@ NOTABLE = 0.01  # share of the limit above which a torque counts as nonzero
 
 
 @jit
-def restart(c, x, s, ce, xe, se, g, j, q):
+def restart(c, x, s, ce, xe, se, g, q):
     """Reset a joint's state to rest at q."""
     for k in range(x.size):
         x[k] = 0.0
@@ -61,23 +61,23 @@ def restart(c, x, s, ce, xe, se, g, j, q):
         xe[k] = 0.0
     compensator_.restart(c, 0, s, 0, q)
     external_.restart(ce, 0, se, 0, q)
-    g[BEFORE, j] = g[ELSEWHERE, j] = g[ANCHOR, j] = q
-    g[SINCE, j], g[PENDING, j], g[STILL, j] = 0.0, 0.0, 0.0
-    g[EXTERNAL, j], g[FRICTION, j] = 0.0, 0.0
-    guard.forget_speed(g, j)
+    g[BEFORE] = g[ELSEWHERE] = g[ANCHOR] = q
+    g[SINCE], g[PENDING], g[STILL] = 0.0, 0.0, 0.0
+    g[EXTERNAL], g[FRICTION] = 0.0, 0.0
+    guard.forget_speed(g)
 
 
 @jit
-def standing(c, x, s, g, j, q, T):
+def standing(c, x, s, g, q, T):
     """Return the remaining share of the compensating torque while the encoder stands still; after the hold time the contact
     is relaxed.
     """
-    hold = g[HOLD, j]
-    if abs(q - g[ANCHOR, j]) > MOVED * g[COUNT, j]:
-        g[ANCHOR, j], g[STILL, j] = q, 0.0
+    hold = g[HOLD]
+    if abs(q - g[ANCHOR]) > MOVED * g[COUNT]:
+        g[ANCHOR], g[STILL] = q, 0.0
         return 1.0
-    before = g[STILL, j]
-    g[STILL, j] = before + T
+    before = g[STILL]
+    g[STILL] = before + T
     if before + T < hold:
         late = before + T - 0.5 * hold
         return 1.0 if late <= 0.0 else exp(-6.0 * late / hold)
@@ -87,46 +87,46 @@ def standing(c, x, s, g, j, q, T):
 
 
 @ladder
-def joint(c, i, p, x, s, ce, pe, xe, se, g, j, q, dt):  # noqa: PLR0913  (a kernel's row)
+def joint(c, i, p, x, s, ce, pe, xe, se, g, q, dt):  # noqa: PLR0913  (a kernel's row)
     """Advance one joint by one tick and return its status.
 
-    `c[i:]`, `p`, `x`, `s`: compensator; `ce`, `pe`, `xe`, `se`: estimator; `g[:, j]`: table.
+    `c[i:]`, `p`, `x`, `s`: compensator; `ce`, `pe`, `xe`, `se`: estimator; `g`: row of the table.
     """
-    g[CALLS, j] += 1.0
-    code = readings.judge(c, s, ce, se, g, j, q, dt)
-    f, T = 0.0, g[SINCE, j]
+    g[CALLS] += 1.0
+    code = readings.judge(c, s, ce, se, g, q, dt)
+    f, T = 0.0, g[SINCE]
     if readings.valid(code):
-        dp, u, level = q - g[BEFORE, j], g[APPLIED, j], g[LEVEL, j]
-        load, temp = (g[MOTOR, j], g[LOAD, j]), g[TEMPERATURE, j]
-        if g[GROWS, j] > 0.0 and load[0] == 0.0 and load[1] == 0.0:  # no load was given
-            load = (u, -g[KNOWN, j] if g[KNOWN, j] != 0.0 else np.nan)
-        left = standing(c, x, s, g, j, q, T)
+        dp, u, level = q - g[BEFORE], g[APPLIED], g[LEVEL]
+        load, temp = (g[MOTOR], g[LOAD]), g[TEMPERATURE]
+        if g[GROWS] > 0.0 and load[0] == 0.0 and load[1] == 0.0:  # no load was given
+            load = (u, -g[KNOWN] if g[KNOWN] != 0.0 else np.nan)
+        left = standing(c, x, s, g, q, T)
         push, dither = compensator_.tick(
-            c, i, p, x, s, 0, q, dp, T, g[TIME, j], g[ERROR, j], g[SLOPE, j], u - g[KNOWN, j], load, temp,
-            g[STILL, j] >= g[HOLD, j],
+            c, i, p, x, s, 0, q, dp, T, g[TIME], g[ERROR], g[SLOPE], u - g[KNOWN], load, temp,
+            g[STILL] >= g[HOLD],
         )  # fmt: skip
         push *= left
         f = level * (push + dither)
         tau_e, tau_f = 0.0, 0.0
-        if g[ESTIMATES, j] > 0.0:
-            tau_e, tau_f = external_.tick(ce, 0, pe, xe, se, 0, q, dp, T, u, g[KNOWN, j], load, temp, level)
+        if g[ESTIMATES] > 0.0:
+            tau_e, tau_f = external_.tick(ce, 0, pe, xe, se, 0, q, dp, T, u, g[KNOWN], load, temp, level)
         if not np.isfinite(f + tau_e + tau_f):  # finite inputs, but the result overflows
-            restart(c, x, s, ce, xe, se, g, j, q)
+            restart(c, x, s, ce, xe, se, g, q)
             code = NOT_FINITE
         else:
-            if g[LEARNS, j] > 0.0:
-                slid = g[SLID, j] + T if abs(dp) >= g[CREEP, j] * T else 0.0
-                numbers = g[LEARNS, j], g[SETTLE, j], g[FLOOR, j], g[DEAD, j], g[LOWER, j], g[UPPER, j]
-                g[LEVEL, j], g[SLID, j] = learn(level, tau_f / level, tau_e, slid, T, *numbers), slid
-            g[EXTERNAL, j], g[FRICTION, j] = tau_e, tau_f
-            g[BEFORE, j], g[SINCE, j], g[PENDING, j] = q, 0.0, 0.0
-            if g[STILL, j] >= STANDING * g[HOLD, j] and abs(level * push) > NOTABLE * g[LIMIT, j]:
+            if g[LEARNS] > 0.0:
+                slid = g[SLID] + T if abs(dp) >= g[CREEP] * T else 0.0
+                numbers = g[LEARNS], g[SETTLE], g[FLOOR], g[DEAD], g[LOWER], g[UPPER]
+                g[LEVEL], g[SLID] = learn(level, tau_f / level, tau_e, slid, T, *numbers), slid
+            g[EXTERNAL], g[FRICTION] = tau_e, tau_f
+            g[BEFORE], g[SINCE], g[PENDING] = q, 0.0, 0.0
+            if g[STILL] >= STANDING * g[HOLD] and abs(level * push) > NOTABLE * g[LIMIT]:
                 code = NO_MOTION
-    return guard.act(g, j, code, f, T, dt)
+    return guard.act(g, code, f, T, dt)
 
 
 @leaf
-def absent(c, i, p, x, s, ce, pe, xe, se, g, j, q, dt):  # noqa: PLR0913  (a kernel's row)
+def absent(c, i, p, x, s, ce, pe, xe, se, g, q, dt):  # noqa: PLR0913  (a kernel's row)
     """Advance nothing: `joint` where nothing runs."""
     return 0
 
@@ -142,7 +142,7 @@ def tick(A, o, g, codes, q, dt):
         a = A[j]
         c, p, x, s = a[: o[1]], a[o[1] : o[2]], a[o[2] : o[3]], a[o[3] : o[4]]
         ce, pe, xe, se = a[o[4] : o[5]], a[o[5] : o[6]], a[o[6] : o[7]], a[o[7] :]
-        codes[j] = joint(c, 0, p, x, s, ce, pe, xe, se, g, j, q[j], dt)
+        codes[j] = joint(c, 0, p, x, s, ce, pe, xe, se, g[j], q[j], dt)
         if SEVERITY[codes[j]] > SEVERITY[worst]:
             worst = codes[j]
     return worst

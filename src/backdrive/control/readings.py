@@ -54,75 +54,75 @@ ALIKE = 2.0  # largest ratio of speeds at which two jumps count as one motion
 
 
 @jit
-def shift(c, s, ce, se, g, j, by):
+def shift(c, s, ce, se, g, by):
     """Shift all positions of a joint, after a change of the encoder's zero."""
     compensator_.shift(c, 0, s, 0, by)
     external_.shift(ce, 0, se, 0, by)
-    g[BEFORE, j] += by
-    g[ELSEWHERE, j] = g[BEFORE, j]
-    g[ANCHOR, j] += by
-    g[OLDER, j] += by
-    g[NEWER, j] += by
-    g[ZERO, j] += by
-    g[PENDING, j], g[SINCE, j] = 0.0, 0.0
+    g[BEFORE] += by
+    g[ELSEWHERE] = g[BEFORE]
+    g[ANCHOR] += by
+    g[OLDER] += by
+    g[NEWER] += by
+    g[ZERO] += by
+    g[PENDING], g[SINCE] = 0.0, 0.0
 
 
 @jit
-def possible(g, j, distance, time):
+def possible(g, distance, time):
     """Return whether a joint can have moved a distance in a given time."""
-    return abs(distance) <= g[TOP, j] * (time + g[NOMINAL, j]) + 2.0 * g[COUNT, j]
+    return abs(distance) <= g[TOP] * (time + g[NOMINAL]) + 2.0 * g[COUNT]
 
 
 @jit
-def follows(c, s, ce, se, g, j, q, passed):
+def follows(c, s, ce, se, g, q, passed):
     """Return whether a reading is near that of a jump; where many have been, the encoder counts from another zero."""
-    if g[PENDING, j] == 0.0 or not possible(g, j, q - g[ELSEWHERE, j], passed):
+    if g[PENDING] == 0.0 or not possible(g, q - g[ELSEWHERE], passed):
         return False
-    g[ELSEWHERE, j] = q
-    g[SETTLED, j] += passed
-    if g[SETTLED, j] > 0.5 * g[PATIENCE, j]:
-        shift(c, s, ce, se, g, j, q - g[BEFORE, j])
+    g[ELSEWHERE] = q
+    g[SETTLED] += passed
+    if g[SETTLED] > 0.5 * g[PATIENCE]:
+        shift(c, s, ce, se, g, q - g[BEFORE])
     return True
 
 
 @jit
-def jump_status(g, j, q, way, passed):
+def jump_status(g, q, way, passed):
     """Return the status of a reading that is out of reach: a second jump that is like the first is a joint that runs away."""
     code = JUMP
-    if g[PENDING, j] > 0.0:
-        speed = (q - g[ELSEWHERE, j]) / passed
-        ratio = speed / g[LEAP, j]
+    if g[PENDING] > 0.0:
+        speed = (q - g[ELSEWHERE]) / passed
+        ratio = speed / g[LEAP]
         code = OVERSPEED if 1.0 / ALIKE <= ratio <= ALIKE else JUMP
     else:
-        speed = way / g[SINCE, j]
-    g[PENDING, j], g[ELSEWHERE, j], g[LEAP, j], g[SETTLED, j] = True, q, speed, 0.0
+        speed = way / g[SINCE]
+    g[PENDING], g[ELSEWHERE], g[LEAP], g[SETTLED] = True, q, speed, 0.0
     return code
 
 
 @jit
-def judge(c, s, ce, se, g, j, q, dt):
+def judge(c, s, ce, se, g, q, dt):
     """Return the status of a joint's input: OK or LATE if it is accepted."""
-    nominal = g[NOMINAL, j]
+    nominal = g[NOMINAL]
     long = dt > SLOWEST * nominal
     timely = FASTEST * nominal <= dt and not long
     passed = dt if timely else nominal
-    g[PASSED, j] = passed
-    g[TIME, j] += passed
+    g[PASSED] = passed
+    g[TIME] += passed
     # a long interval is rejected, but the joint may have moved during that time
-    g[SINCE, j] += min(dt, LONGEST) if long and dt < np.inf else passed
-    if g[BEGUN, j] == 0.0 and np.isfinite(q):
-        shift(c, s, ce, se, g, j, q - g[BEFORE, j])
-        g[BEGUN, j], g[SINCE, j], g[ZERO, j] = True, passed, 0.0
+    g[SINCE] += min(dt, LONGEST) if long and dt < np.inf else passed
+    if g[BEGUN] == 0.0 and np.isfinite(q):
+        shift(c, s, ce, se, g, q - g[BEFORE])
+        g[BEGUN], g[SINCE], g[ZERO] = True, passed, 0.0
     if not timely:
         return BAD_INTERVAL
-    others = g[APPLIED, j] + g[KNOWN, j] + g[ERROR, j] + g[SLOPE, j] + g[MOTOR, j] + g[LOAD, j]
-    if not (np.isfinite(q) and np.isfinite(others + g[TEMPERATURE, j])):
+    others = g[APPLIED] + g[KNOWN] + g[ERROR] + g[SLOPE] + g[MOTOR] + g[LOAD]
+    if not (np.isfinite(q) and np.isfinite(others + g[TEMPERATURE])):
         return NOT_FINITE
-    if follows(c, s, ce, se, g, j, q, passed):  # first, for the old place is within reach again after a while
+    if follows(c, s, ce, se, g, q, passed):  # first, for the old place is within reach again after a while
         return JUMP
-    way = q - g[BEFORE, j]
-    if not possible(g, j, way, g[SINCE, j]):
-        return jump_status(g, j, q, way, passed)
+    way = q - g[BEFORE]
+    if not possible(g, way, g[SINCE]):
+        return jump_status(g, q, way, passed)
     return LATE if dt > BEHIND * nominal else OK
 
 

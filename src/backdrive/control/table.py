@@ -1,6 +1,6 @@
-"""Rows of the table that a tick of the torque loop reads and writes, one number a joint.
+"""Columns of the table that a tick of the torque loop reads and writes: a row a joint, so that its numbers lie together.
 
-Inputs are written before the tick, outputs after it; settings are constant; the other rows are the state of the tick.
+Inputs are written before the tick, outputs after it; settings are constant; the other columns are the state of the tick.
 """
 
 from __future__ import annotations

@@ -242,7 +242,7 @@ def forward(  # noqa: PLR0913  (its options are given by keyword)
     out = np.empty((len(axes), n, 3))
     X, C = np.zeros((len(axes), rows.states)), np.zeros((len(axes), drives.STATES))
 
-    run = kernels.of_kinds(lanes, rows.rates, rows.elements)
+    run = kernels.of_kinds(lanes, rows.rates, rows.elements, kernels.plain(rows.rows))
 
     def work(first: int, last: int) -> None:
         run(

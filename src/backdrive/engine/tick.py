@@ -85,7 +85,7 @@ class Tick:
         self.codes = np.zeros(len(laws), dtype=np.int64)
         self._states = np.zeros((len(laws), rows.states))
         self._arrays = (rows.rows, self._states, S, self.codes)
-        self._advance = kernels.of_kinds(advance, rows.rates, rows.elements)
+        self._advance = kernels.of_kinds(advance, rows.rates, rows.elements, kernels.plain(rows.rows))
         self.tick(np.zeros(len(laws)))
         self.reset()
 

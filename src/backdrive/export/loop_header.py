@@ -102,7 +102,7 @@ class LoopHeader:
         symbols = {s.name: f"{prefix.upper()}_{s.name}" for s in STATUSES}
         self.program = Program(prefix, Spelling(single), symbols, inlines=True)
         self.joints = [Joint(joint, interval) for joint in joints]
-        j, i = Const(0), Const(0)
+        i = Const(0)
         q, dt, by = Scalar("q", PLACE), Scalar("dt", PLACE), Scalar("by", PLACE)
         self.ticks: list[Function] = []
         self.shifts: list[Function] = []
@@ -113,10 +113,10 @@ class LoopHeader:
             )
             g = joint.table()
             self.ticks.append(
-                self.program.translate(loop_kernel.joint, [c, i, p, x, s, ce, pe, xe, se, g, j, q, dt])
+                self.program.translate(loop_kernel.joint, [c, i, p, x, s, ce, pe, xe, se, g, q, dt])
             )
-            self.shifts.append(self.program.translate(readings.shift, [c, s, ce, se, g, j, by]))
-            self.acknowledges.append(self.program.translate(guard.acknowledge, [g, j]))
+            self.shifts.append(self.program.translate(readings.shift, [c, s, ce, se, g, by]))
+            self.acknowledges.append(self.program.translate(guard.acknowledge, [g]))
         self.functions = self.program.reachable([*self.ticks, *self.shifts, *self.acknowledges])
         text = "\n".join(line for f in self.functions for line in f.body)
         self.used = set(re.findall(r"g->(\w+)", text)) | set(INPUTS) | set(OUTPUTS) | {"stop"}

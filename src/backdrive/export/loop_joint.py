@@ -76,7 +76,7 @@ class Joint:
             "se": set(range(external_.STATES)) if none else set(),
             "xe": set(range(len(self.initial["xe"]))) if none else set(),
         }
-        self.rows = rows[:, 0]
+        self.rows = rows[0]
 
     def value(self, name: str) -> Array:
         """Return one of the arrays as an argument."""

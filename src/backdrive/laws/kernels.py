@@ -10,6 +10,7 @@ torque, a tuple, `temp` the temperature. `limits`, `step` and `solve` are the th
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable
 from functools import cache
 from typing import Any, TypeVar
@@ -20,6 +21,7 @@ from backdrive._assembly import assemble
 from backdrive._jit import choice, jit, ladder, leaf, specialise
 from backdrive._types import Array, Pair
 from backdrive.laws import ELEMENTS, RATES, REFERENCE, growth
+from backdrive.laws.absent import no_curve, no_motion, no_row, no_torque
 from backdrive.laws.base import Element, kernels_of
 from backdrive.laws.elements import none
 
@@ -28,30 +30,6 @@ F = TypeVar("F", bound=Callable[..., Any])
 STEPS = 60  # of `solve` at most; line sections need a handful
 CLOSE = 1e-14  # relative residual of the balance at which `solve` ends
 FASTEST = 1e100  # velocities are limited to this speed, so that nothing overflows [rad/s or m/s]
-
-
-@leaf
-def no_curve(p: Array, v: float, load: Pair, temp: float):
-    """Rate law of an unused number."""
-    return np.nan, np.nan, np.nan
-
-
-@leaf
-def no_row(p: Array, e: int, x: Array, y: Array, lo: float, hi: float, dp: float, dt: float):
-    """Element of a number that no class has."""
-    return np.nan
-
-
-@leaf
-def no_torque(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float):
-    """Element of a number that no class has."""
-    return z, np.nan
-
-
-@leaf
-def no_motion(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float):
-    """Element of a number that no class has, and the motion under it."""
-    return z, np.nan, np.nan
 
 
 def among(classes: Iterable[type[Element]]) -> int:
@@ -64,7 +42,14 @@ WIDE = [c for c in ELEMENTS.values() if c.STATE_ROW]
 MOVERS = [c for c in ELEMENTS.values() if c.SLIDER or c.ZONE]
 PLAIN = [c for c in ELEMENTS.values() if c not in WIDE and c not in MOVERS]
 ROWS, MOVES, HOLDS = among(WIDE), among(MOVERS), among(c for c in ELEMENTS.values() if c.SET_VALUED)
+MARKED = True  # a law may grow with the load or differ by direction: p[0] may hold a fraction
 curve = choice(kernels_of(RATES.values(), "limits"), no_curve)
+#: Rate laws for one velocity at a time, in place of those that a compiler makes vectors of. The numbers are the same.
+ONE_AT_A_TIME = {
+    module.limits: module.limits_of_one
+    for module in (sys.modules[law.__module__] for law in RATES.values())
+    if hasattr(module, "limits_of_one")
+}
 carry_row = choice(kernels_of(WIDE, "step"), no_row)
 carry_moving = choice(kernels_of(MOVERS, "step"), no_motion)
 carry_plain = choice(kernels_of(PLAIN, "step"), no_torque)
@@ -86,7 +71,7 @@ def limits(rate: int, p: Array, v: float, load: Pair, temp: float):
 def limits_of(rate: int, plain: bool, p: Array, v: float, load: Pair, temp: float):
     """Rate law at velocity v under a load: (lo, hi, viscous); `plain`: it neither grows with the load nor differs by direction."""
     lo, hi, viscous = curve(rate, (p, v, load, temp))
-    if not plain:
+    if MARKED and not plain:
         m = int(p[0])
         if p[0] > m:
             more = p[0] - m
@@ -309,8 +294,19 @@ def steady_at(rate: int, p: Array, v: float):
     return none.step(p, 0, 0.0, lo, hi, v, 1.0)[1] + viscous
 
 
-def parts(rates: Iterable[int], elements: Iterable[int] = ()) -> dict[Any, Any]:
-    """Return what `assemble` puts into a kernel that meets only these kinds of rate laws and elements."""
+def plain(rows: np.ndarray) -> bool:
+    """Return whether no law of these rows (L, P) grows with the load or differs by direction."""
+    return bool((rows[:, 0] == np.floor(rows[:, 0])).all())
+
+
+def parts(rates: Iterable[int], elements: Iterable[int] = (), plain: bool = False) -> dict[Any, Any]:
+    """Return what `assemble` puts into a kernel that meets only these kinds of rate laws and elements.
+
+    Args:
+        rates: kinds.
+        elements: kinds.
+        plain: no law grows with the load or differs by direction.
+    """
     which, sets = sorted({int(kind) for kind in elements}), {"ROWS": ROWS, "MOVES": MOVES, "HOLDS": HOLDS}
     result: dict[Any, Any] = {curve: tuple(sorted({int(kind) for kind in rates}))}
     if which:
@@ -319,21 +315,28 @@ def parts(rates: Iterable[int], elements: Iterable[int] = ()) -> dict[Any, Any]:
             inside = {kinds >> kind & 1 for kind in which}
             if len(inside) == 1:  # all bits or none, so that nothing has to be looked at
                 result[__name__, name] = -inside.pop()
+    if plain:
+        result[__name__, "MARKED"] = False
     return result
 
 
-def of_kinds(kernel: F, rates: int | Iterable[int], elements: int | Iterable[int] = ()) -> F:
+def of_kinds(
+    kernel: F, rates: int | Iterable[int], elements: int | Iterable[int] = (), plain: bool = False
+) -> F:
     """Return a kernel that takes the same arguments and knows only these laws, and so is compiled and runs faster.
+
+    It evaluates them at one velocity at a time.
 
     Args:
         kernel: that calls kernels of this module, or one of them.
         rates: kind of the rate law, or of several.
         elements: kind of the element, or of several; none for a kernel that needs none.
+        plain: no law grows with the load or differs by direction.
     """
     sets = ([kinds] if isinstance(kinds, int) else kinds for kinds in (rates, elements))
-    return _of_kinds(kernel, *(tuple(sorted({int(kind) for kind in kinds})) for kinds in sets))
+    return _of_kinds(kernel, *(tuple(sorted({int(kind) for kind in kinds})) for kinds in sets), plain)
 
 
 @cache
-def _of_kinds(kernel: Any, rates: tuple[int, ...], elements: tuple[int, ...]) -> Any:
-    return assemble(kernel, parts(rates, elements))
+def _of_kinds(kernel: Any, rates: tuple[int, ...], elements: tuple[int, ...], plain: bool) -> Any:
+    return assemble(kernel, parts(rates, elements, plain) | ONE_AT_A_TIME)

@@ -189,19 +189,23 @@ def kernel_of(*cases: tuple[Scene, tuple]) -> Callable[..., None]:
     Args:
         cases: scenes to be played, each with the arguments that `prepare` makes of it.
     """
-    law = cases[0][0].plant.law
-    loops = [
-        (scene.loop, arguments[6], arguments[10]) for scene, arguments in cases if scene.loop is not None
-    ]
-    joint = loop_kernel.absent
-    if loops:
-        C, E = (np.array([loop[part] for loop in loops]) for part in (1, 2))
-        joint = assembly.of_joints(C, E, any(loop.external is not None for loop, _, _ in loops))
+    law, joint = cases[0][0].plant.law, loop_kernel.absent
+    held = [arguments for scene, arguments in cases if scene.loop is not None]
+    if held:
+        C, P, _, _, E, PE, _, _ = zip(*(arguments[6:14] for arguments in held), strict=True)
+        marks = [
+            np.array([row[:1] for row in rows]) for rows in (P, PE)
+        ]  # all that is asked of the laws' rows
+        table = np.concatenate([arguments[14] for arguments in held])
+        joint = assembly.of_joints(
+            [np.array(C), marks[0], *held[0][8:10], np.array(E), marks[1], *held[0][12:14], table]
+        )
+    plain = kernels.plain(np.array([arguments[2][:1] for _, arguments in cases]))
     return assemble(
         run,
         {
             loop_kernel.joint: joint,
-            axis_.advance: kernels.of_kinds(axis_.advance, law.rate.KIND, law.element.KIND),
+            axis_.advance: kernels.of_kinds(axis_.advance, law.rate.KIND, law.element.KIND, plain),
         },
     )
 

@@ -86,19 +86,19 @@ def run(  # noqa: PLR0913, PLR0915  (a kernel's row)
             held = axis_.gravity(j, reading)
         f, code = 0.0, 0
         if loops > 0:
-            g[table.APPLIED, 0] = last - held
+            g[0, table.APPLIED] = last - held
             if kind == 1:
-                g[table.ERROR, 0], g[table.SLOPE, 0] = target[k, 0] - reading, target[k, 1] - v
+                g[0, table.ERROR], g[0, table.SLOPE] = target[k, 0] - reading, target[k, 1] - v
             if noise[k, 3] == 0.0:
-                code = loop_kernel.joint(C, 0, cp, cx, cs, E, ep, ex, es, g, 0, read, passed)
-            f = g[table.TORQUE, 0]
+                code = loop_kernel.joint(C, 0, cp, cx, cs, E, ep, ex, es, g[0], read, passed)
+            f = g[0, table.TORQUE]
         command, wanted = last, target[k, 0]
         if noise[k, 3] == 0.0:
             u = 0.0
             if kind == 1:
                 u = servo_.tick(k_row, 0, k_state, passed, target[k, 0], target[k, 1], reading, limit)
             elif kind == 2:
-                u = admittance.tick(k_row, 0, k_state, 0, g[table.EXTERNAL, 0], reading, passed)
+                u = admittance.tick(k_row, 0, k_state, 0, g[0, table.EXTERNAL], reading, passed)
                 wanted = k_state[0]
             elif kind == 3:
                 u = target[k, 0]
@@ -108,9 +108,9 @@ def run(  # noqa: PLR0913, PLR0915  (a kernel's row)
             wanted = k_state[0]
         force = hand[k, 2] * (K_h * (hand[k, 0] - s[2]) + B_h * (hand[k, 1] - s[3])) + hand[k, 3]
         out[k, 0], out[k, 1], out[k, 2] = read, command, f
-        out[k, 3], out[k, 4], out[k, 5] = g[table.EXTERNAL, 0], g[table.FRICTION, 0], force
+        out[k, 3], out[k, 4], out[k, 5] = g[0, table.EXTERNAL], g[0, table.FRICTION], force
         out[k, 6], out[k, 7], out[k, 8], out[k, 9] = s[0], s[2], s[1], s[3]
-        out[k, 10], out[k, 11], out[k, 12] = wanted, code, g[table.LEVEL, 0]
+        out[k, 10], out[k, 11], out[k, 12] = wanted, code, g[0, table.LEVEL]
         following = k + 1 if k + 1 < n else k
         touched = hand[k, 2] != 0.0 or hand[k, 3] != 0.0
         j[PUSH] = offset

@@ -50,6 +50,7 @@ EXTRAS: dict[int, type[Extra]] = {
 }
 INSTEAD = sum(e.INSTEAD << kind for kind, e in EXTRAS.items())
 extra = choice({kind: e.KERNEL for kind, e in EXTRAS.items()}, nothing)
+DITHERED, BEYOND = True, True  # there may be a dither, or something extra
 
 
 @ladder
@@ -65,14 +66,14 @@ def tick(c, i, p, x, s, j, q, dp, dt, t, error, slope, u, load, temp, idle):  # 
     if not INSTEAD >> kind & 1:
         model = friction_.tick(c, i + FRICTION, p, x, s, j + 0, dp, dt, load, temp)
         push = c[i] * model
-        if c[i + DITHER] >= 0.0:
+        if DITHERED and c[i + DITHER] >= 0.0:
             lo, hi, viscous = friction_.bounds(int(c[i + FRICTION]), p, dp / dt, load, temp)
             slides = c[i + 1] > 0.0
             held = x[0] if slides else model - viscous
             near = 1.0 if slides else NEARLY
             stuck = near * lo < held < near * hi or held * dp <= 0.0
             wave = dither_.tick(c, i + DITHER, s, j + S_DITHER, stuck, lo, hi, q, dt, t, idle)
-    if kind > 0 and not idle:
+    if BEYOND and kind > 0 and not idle:
         push += extra(
             kind, (c, i + EXTRA, c[i], p, x, s, j + S_EXTRA, q, dp, dt, error, slope, u, load, temp)
         )

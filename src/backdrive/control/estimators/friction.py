@@ -24,6 +24,7 @@ from backdrive.laws import Coulomb, DeadZone, Decaying, HaywardArmstrong, Law, k
 from backdrive.laws.base import Rate
 from backdrive.parameters import NOT_NEGATIVE, POSITIVE, WithBounds
 
+LITERAL = True  # the viscous part may see the encoder's velocity
 ROW = 8  # rate, element, place of alpha in the row or 0, alpha_N, alpha_H, r_W, V_W, literal
 
 
@@ -46,7 +47,7 @@ def tick(c, i, p, x, s, j, dp, dt, load, temp):
         s[j] = w
         p[at] = (1.0 - w) * c[i + 3] + w * c[i + 4]
     f = kernels.step(int(c[i]), int(c[i + 1]), p, x, dp, dt, load, temp)
-    if c[i + 7] > 0.0:
+    if LITERAL and c[i + 7] > 0.0:
         f = x[0] + bounds(int(c[i]), p, dp / dt, load, temp)[2]
     return f
 

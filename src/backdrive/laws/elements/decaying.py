@@ -17,7 +17,7 @@ from backdrive._jit import leaf
 from backdrive._types import Array
 from backdrive.laws.base import Element, Parameter, Rate
 from backdrive.laws.elements.dahl import STIFFNESS
-from backdrive.laws.elements.hayward_armstrong import between, clip_torque
+from backdrive.laws.elements.hayward_armstrong import between
 
 
 @leaf
@@ -26,9 +26,12 @@ def step(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float)
     K, alpha = p[e], p[e + 1]
     left, yielding = 1.0 / (1.0 + alpha * dt), 1.0 / K  # in a loop over ticks both divisions are done once
     trial = (z + K * dp) * left
-    after = clip_torque(trial, lo, hi)
-    slid = alpha * dt * yielding * trial if after == trial else between(dp - (after - z) * yielding, dp)
-    return after, after, slid
+    after, slid = trial, alpha * dt * yielding * trial
+    if trial > hi and not hi < lo:  # branches, so that a tick need not wait for the one before
+        after, slid = hi, dp - (hi - z) * yielding
+    elif trial < lo or trial > hi:
+        after, slid = lo, dp - (lo - z) * yielding
+    return after, after, slid if after == trial else between(slid, dp)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -55,6 +55,23 @@ def limits(p: Array, v: float, load: Pair, temp: float):
     return -F_n, F_p, 0.0 * v if v == 0.0 else phi
 
 
+@leaf
+def limits_of_one(p: Array, v: float, load: Pair, temp: float):
+    """Rate law: the same numbers for one velocity at a time, by branches; the knots rise."""
+    N, F_p, F_n = int(p[1]), p[2], p[3]
+    speed, phi = abs(v), 0.0 * v
+    i = 0
+    while i < N and speed >= p[4 + i]:
+        i += 1
+    if v > 0.0:
+        at = 4 + N + 3 * i
+        phi = p[at + 1] + p[at + 2] * (speed - p[at]) - F_p
+    elif v < 0.0:
+        at = 7 + 4 * N + 3 * i
+        phi = F_n - (p[at + 1] + p[at + 2] * (speed - p[at]))
+    return -F_n, F_p, phi
+
+
 AT_ONCE = 6  # knots are filled up to a multiple of this, so that few loops are compiled for many curves
 
 

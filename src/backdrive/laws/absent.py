@@ -1,0 +1,32 @@
+"""Kernels in the place of a number that no law has: every torque is NaN."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from backdrive._jit import leaf
+from backdrive._types import Array, Pair
+
+
+@leaf
+def no_curve(p: Array, v: float, load: Pair, temp: float):
+    """Rate law of an unused number."""
+    return np.nan, np.nan, np.nan
+
+
+@leaf
+def no_row(p: Array, e: int, x: Array, y: Array, lo: float, hi: float, dp: float, dt: float):
+    """Element of a number that no class has."""
+    return np.nan
+
+
+@leaf
+def no_torque(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float):
+    """Element of a number that no class has."""
+    return z, np.nan
+
+
+@leaf
+def no_motion(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float):
+    """Element of a number that no class has, and the motion under it."""
+    return z, np.nan, np.nan
