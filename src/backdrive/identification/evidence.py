@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -109,3 +110,12 @@ def describe_fit(friction: JointFriction) -> str:
     of = "the drive's " if friction.method.endswith("drive's input") else ""
     what = f"{of}torque that was held out" if friction.held_out else f"{of or 'the '}torque it was fitted to"
     return f"The model explains all but {residual:.1f} % of {what}: {grade(friction).word}."
+
+
+def without_errors(friction: JointFriction) -> JointFriction:
+    """Return a result that states no standard errors but that of the delay."""
+    dynamics = {
+        name: e if name == "time_slip" else replace(e, standard_error=math.nan)
+        for name, e in friction.dynamics.items()
+    }
+    return replace(friction, standard_errors={}, covariance=None, dynamics=dynamics)

@@ -20,7 +20,7 @@ import numpy as np
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, design, noise, regression
 from backdrive.identification.delay import delay_signals, earlier
-from backdrive.identification.evidence import evidence, parts_of, sentences
+from backdrive.identification.evidence import evidence, parts_of, sentences, without_errors
 from backdrive.identification.motion_bins import BIN_TIME, FILLED, HALF, Bins, bin_means, bin_size, bin_time
 from backdrive.identification.quality import assess_parts, judge
 from backdrive.identification.regression import Blocks
@@ -250,15 +250,6 @@ def reasons(bins: Bins, friction: JointFriction, stretches: Sequence[Signals], s
         (count < LEAST_MOVES, f"the joint made only {count} moves"),
         (error > slip.least, f"the delay of the torque {late}"),
     )
-
-
-def without_errors(friction: JointFriction) -> JointFriction:
-    """Return a result that states no standard errors but that of the delay."""
-    dynamics = {
-        name: e if name == "time_slip" else replace(e, standard_error=math.nan)
-        for name, e in friction.dynamics.items()
-    }
-    return replace(friction, standard_errors={}, covariance=None, dynamics=dynamics)
 
 
 def as_friction(
