@@ -24,20 +24,6 @@ LINUX = pytest.mark.skipif(sys.platform != "linux", reason="processes are looked
 
 
 @pytest.fixture
-def log_file(tmp_path):
-    write_npz(tmp_path / "log.npz", motion())
-    return tmp_path / "log.npz"
-
-
-@pytest.fixture(scope="module")
-def slow_file(tmp_path_factory):
-    """A file that takes about half a second to parse."""
-    path = tmp_path_factory.mktemp("slow") / "slow.json"
-    path.write_text('{"t":[' + "0.125," * 6_000_000 + "1]}")
-    return path
-
-
-@pytest.fixture
 def server():
     with ForkServer() as server:
         yield server

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "evidence"))
-from _log_files import WRITERS, motion, write_csv, write_mcap, write_npz
+from _log_files import WRITERS, motion, write_csv, write_mcap
 from _reader_fuzz import fuzz
 
 from backdrive.errors import (
@@ -35,20 +35,6 @@ from backdrive.logs.readers.guard import Guard, default_guard
 from backdrive.logs.readers.limits import MIB, Limits
 
 SMALL = Limits(max_bytes=MIB)
-
-
-@pytest.fixture
-def log_file(tmp_path):
-    write_npz(tmp_path / "log.npz", motion())
-    return tmp_path / "log.npz"
-
-
-@pytest.fixture(scope="module")
-def slow_file(tmp_path_factory):
-    """A file that takes about half a second to parse."""
-    path = tmp_path_factory.mktemp("slow") / "slow.json"
-    path.write_text('{"t":[' + "0.125," * 6_000_000 + "1]}")
-    return path
 
 
 def gone(pid: int, within: float = 5.0) -> bool:

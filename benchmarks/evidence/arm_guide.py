@@ -187,9 +187,11 @@ def guiding(judge: Judge, first: int, seeds: int) -> Known:
         0.02,
         "rad",
     )
-    print(
-        f"  with contacts stiffer than the joints' own, which the compensator must not have (bend {1e3 * STIFF:g} mrad): "
-        f"{stiffer[0]:.3g} rad ({stiffer[1]})"
+    judge.at_most(
+        f"the same with contacts of {1e3 * STIFF:g} mrad, stiffer than the joints' own ({stiffer[1]})",
+        stiffer[0],
+        0.02,
+        "rad",
     )
     judge.at_most(
         f"walls ({100 * inside:.0f} % of the time at one): furthest beyond a range", beyond, 0.0, "rad"

@@ -6,9 +6,8 @@
   kernel at two widths; where these two disagree, the law is not smooth there and the place is counted, not judged. Every gradient
   is finite.
 - Time of a jitted step of 4096 environments of 7 joints, by that of a Coulomb actuator as learning environments have it,
-  tau = F tanh(v/v_0) + B v, and by F sgn(v) + B v; interleaved, medians of CPU time on one core, so that threads that wait for
-  one another count for neither. LuGre is judged, all are printed. Much of a single step of two results is memory that jax asks
-  for anew: beside it LuGre in a jitted rollout of 60 steps is printed.
+  tau = F tanh(v/v_0) + B v, and by F sgn(v) + B v; interleaved, medians of CPU time. LuGre is judged, all are printed. Much of
+  a single step of two results is memory that jax asks for anew: beside it LuGre in a jitted rollout of 60 steps is printed.
 - 1e5 drawn parameter sets: mean and covariance where bounds are far; inside them where they are near.
 
 torch is tried where it is installed.
@@ -18,7 +17,6 @@ torch is tried where it is installed.
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -312,8 +310,6 @@ def main() -> None:
     made = parser(__doc__)
     made.add_argument("--seed", type=int, help="of all random numbers; a fresh one by default")
     asked = made.parse_args()
-    if hasattr(os, "sched_setaffinity"):  # before jax counts the cores
-        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     import jax
 
     jax.config.update("jax_enable_x64", True)
