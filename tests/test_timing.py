@@ -52,7 +52,8 @@ def test_torque_that_comes_late_is_corrected_though_its_delay_is_not_known_to_an
     t, tau = commanded.time, commanded.torque[:, 0]
     noise = 4.5 * np.random.default_rng(1).standard_normal(t.size)
     late = commanded.replace(torque=(np.interp(t - 0.05, t, tau) + noise)[:, None])
-    friction, _ = identify_sweep([late], late.names[0])
+    friction, evidence = identify_sweep([late], late.names[0])
+    assert "ms after it acted; this delay was estimated" in " ".join([*friction.warnings, evidence.verdict])
     slip, period = friction.dynamics["time_slip"], commanded.period
     assert slip.standard_error > 0.5 * period
     assert slip.value == pytest.approx(0.05 - 0.5 * period, abs=3.0 * slip.standard_error)

@@ -134,15 +134,15 @@ def drive_delays(
         )
     for i in open_:
         delays[i], errors[i] = delay, error
-    return (
-        delays,
-        errors,
-        [
-            f"The torque acts {1e3 * delay:.2f} +- {1e3 * error:.2f} ms later than a command that is held for one "
-            f"interval (the logged torque precedes the motion by half an interval more); this delay was estimated "
-            f"from the motion and corrected."
-        ],
-    )
+    known = f"{1e3 * abs(delay):.2f} +- {1e3 * error:.2f} ms"
+    how = f"was logged {known} after it acted"
+    if late <= period:
+        way = "later" if delay >= 0.0 else "earlier"
+        how = (
+            f"acts {known} {way} than a command that is held for one interval (the logged torque precedes the motion by half "
+            "an interval more)"
+        )
+    return delays, errors, [f"The torque {how}; this delay was estimated from the motion and corrected."]
 
 
 def _together(each: Sequence[tuple[float, float]]) -> tuple[float, float]:
