@@ -161,7 +161,7 @@ class ArrayLaw:
             given = [values[a.index] if isinstance(a, Node) else a for a in arguments]
             if name == "search":
                 search, n, *operands = given
-                outside = {a.index: g for a, g in zip(search.given(), operands[n:], strict=True)}
+                outside = {a.index: g for a, g in zip(search.inputs(), operands[n:], strict=True)}
                 values[i] = search.run(xp, operands[:n], outside, partial(_operation, xp))
                 continue
             values[i] = given[0][given[1]] if name == "end" else _operation(xp, name, given)

@@ -28,13 +28,13 @@ def law_labels(law: Law) -> tuple[str, ...]:
         for name, parameter in part.PARAMETERS.items():
             for item in range(len(getattr(part, name))) if parameter.many else (None,):
                 text = f"{name} {parameter.symbol}" + ("" if item is None else f", {item + 1}")
-                for i in changed(law, place, name, item):
+                for i in dependents(law, place, name, item):
                     labels[i].append(f"{text} [{unit(parameter).removesuffix(', each')}]")
     texts = [each[0] if len(each) == 1 else "" for each in labels]
     return ("numbers of the rate law", *texts[1:])
 
 
-def changed(law: Law, place: str, name: str, item: int | None) -> list[int]:
+def dependents(law: Law, place: str, name: str, item: int | None) -> list[int]:
     """Return which numbers of a row follow a parameter, or one item of it; none where it cannot be changed alone."""
     row, part = law.row(), getattr(law, place)
     value = getattr(part, name)

@@ -44,7 +44,7 @@ class Search:
                 body.append((i, name, arguments))
         return cls(rounds, tuple(node.index for node in carried), tuple(body), tuple(results))
 
-    def given(self) -> tuple[Node, ...]:
+    def inputs(self) -> tuple[Node, ...]:
         """Return what a round takes from outside of the search."""
         own = {*self.carried, *(i for i, _, _ in self.body)}
         used = [*self.results, *(a for _, _, arguments in self.body for a in arguments)]
@@ -61,7 +61,7 @@ class Search:
         """
         arrays = [a for a in (*begin, *given.values()) if hasattr(a, "shape")]
         shape = np.broadcast_shapes(*(tuple(a.shape) for a in arrays))
-        now = [_filled(xp, value, shape, arrays[0]) for value in begin]
+        now = [_full(xp, value, shape, arrays[0]) for value in begin]
 
         def step(now: Sequence[Any]) -> list[Any]:
             values = given | dict(zip(self.carried, now, strict=True))
@@ -87,7 +87,7 @@ class Search:
         return now
 
 
-def _filled(xp: Any, value: Any, shape: tuple[int, ...], like: Any) -> Any:
+def _full(xp: Any, value: Any, shape: tuple[int, ...], like: Any) -> Any:
     """Return a number or an array as an array of a shape, on the device of another."""
     if hasattr(value, "shape"):
         return xp.broadcast_to(value, shape)

@@ -190,7 +190,7 @@ class _Frame(Values):
         search = Search.of(self.graph, SEARCH, carried, results[0])
         begin = [state.names[name] for name in names]
         begin = [float(b) if isinstance(b, int) else b for b in begin]
-        ran = self.graph.node("search", search, len(carried), *begin, state.path, *search.given())
+        ran = self.graph.node("search", search, len(carried), *begin, state.path, *search.inputs())
         after = state.copy(state.path)
         after.names |= {name: self.graph.node("end", ran, i) for i, name in enumerate(names)}
         return after

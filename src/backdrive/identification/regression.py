@@ -157,7 +157,7 @@ def _reweigh(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int) -> tuple[
     minus, equations = -np.ones(p + 1), whole
     lighter, lost = inside[:0], prior[:0]
     for _ in range(rounds):
-        minus[:p] = _solve_scaled(equations)
+        minus[:p] = _solve_unit(equations)
         size = np.abs(rows @ minus)  # of y less what the solution predicts
         width = HUBER * robust_spread(size)
         lighter = np.flatnonzero(size > width) if width > 0.0 else inside[:0]
@@ -169,10 +169,10 @@ def _reweigh(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int) -> tuple[
     weights[lighter] -= lost
     result = np.zeros(w.size)
     result[inside] = weights
-    return result, _solve_scaled(equations) / scale[:p]
+    return result, _solve_unit(equations) / scale[:p]
 
 
-def _solve_scaled(equations: np.ndarray) -> np.ndarray:
+def _solve_unit(equations: np.ndarray) -> np.ndarray:
     """Return the solution of X'X next to X'y of columns of about unit length, (p,)."""
     p = len(equations) - 1
     _, solution, failure = dposv(equations[:p, :p], equations[:p, p])

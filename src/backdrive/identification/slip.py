@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backdrive.identification import design, noise, regression
+from backdrive.identification.delay_bins import DelayStretch, bins_at_delay
 from backdrive.identification.motion_bins import Bins
 from backdrive.identification.residual import residual_of
-from backdrive.identification.shifted import ShiftedStretch, shifted_bins
 from backdrive.identification.signals import Signals
 
 ROUNDS = 10  # of fits, each along the motion of some delay
@@ -122,11 +122,11 @@ def seek_slip(
     period = 1.0 / stretches[0].rate
     open_ = Slip(delay=start, error=np.inf, period=period)
     inertia, jerk = full.terms.index("inertia"), full.terms.index("jerk")
-    slow = [ShiftedStretch(s, seconds, CORNERS[near], OF_JERK[near]) for s in stretches]
+    slow = [DelayStretch(s, seconds, CORNERS[near], OF_JERK[near]) for s in stretches]
     delay, share, correlation = start, 1.0, 0.0
     tried: list[tuple[float, float]] = []
     while len(tried) < ROUNDS:
-        bins = shifted_bins(slow, delay, knots, full)
+        bins = bins_at_delay(slow, delay, knots, full)
         if not tried:  # only tells how the noise is correlated
             correlation = neighbours(bins.y - bins.X @ fit(bins), bins.used)
         bins = bins.whiten(correlation)
@@ -143,7 +143,7 @@ def seek_slip(
         return replace(open_, correlation=correlation)
     variance = float(covariance[jerk, jerk])
     if not rough:
-        every = shifted_bins(slow, tried[-1][0], knots).whiten(correlation).equations()
+        every = bins_at_delay(slow, tried[-1][0], knots).whiten(correlation).equations()
         blocks = regression.sandwich(every.map_columns(full.spread), theta)
         variance = 0.5 * (variance + float(blocks[jerk, jerk]))
     error = float(np.sqrt(variance) / theta[inertia] / share)

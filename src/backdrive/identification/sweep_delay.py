@@ -63,7 +63,7 @@ def sweep_delay(stretches: Sequence[Signals], cycles: Windows, start: float = 0.
 
 
 def _solve(
-    stretches: Sequence[Signals], parts: Sequence[Any], knots: np.ndarray, loaded: bool, start: float
+    stretches: Sequence[Signals], parts: Sequence[Any], knots: np.ndarray, loaded: bool, start: float = 0.0
 ) -> tuple[float, float, bool]:
     """Return delay and standard error [s], and whether friction grows with the load."""
     delay, inverse, theta, y = start, np.zeros((1, 1)), np.zeros(2), []

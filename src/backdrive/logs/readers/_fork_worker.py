@@ -35,7 +35,7 @@ def main() -> None:
     locked = False
     while (received := _receive(requests)) is not None:
         request, pipe = received
-        with open(pipe, "wb", buffering=0) as answers:
+        with _worker.stream_of(pipe) as answers:
             try:
                 _worker.prepare(request)
                 _check_threads()

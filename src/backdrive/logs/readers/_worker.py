@@ -7,6 +7,7 @@ private copy of its standard output. It ends when the input closes, when the ker
 from __future__ import annotations
 
 import importlib
+import io
 import json
 import os
 import sys
@@ -61,7 +62,7 @@ def parse(path: str, module: str, options: ReadOptions) -> Columns:
 
 def main() -> None:
     """Answer requests until the input closes."""
-    answers = os.fdopen(os.dup(1), "wb", buffering=0)
+    answers = stream_of(os.dup(1))
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)  # what a library prints must not end up among the answers
     quiet()
@@ -77,6 +78,11 @@ def main() -> None:
             lock()
             locked = True
         answer(request, answers)
+
+
+def stream_of(pipe: int) -> io.FileIO:
+    """Return the pipe to the parent as a stream of bytes."""
+    return os.fdopen(pipe, "wb", buffering=0)
 
 
 def quiet() -> None:

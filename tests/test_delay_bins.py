@@ -7,8 +7,8 @@ import pytest
 
 from backdrive.identification import curves, design
 from backdrive.identification.delay import delay_signals
+from backdrive.identification.delay_bins import DelayStretch, bins_at_delay
 from backdrive.identification.motion_bins import bin_means
-from backdrive.identification.shifted import ShiftedStretch, shifted_bins
 from backdrive.identification.signals import Signals
 from backdrive.logs.filters import low_pass
 
@@ -49,7 +49,7 @@ def smooth(s: Signals) -> Signals:
 def test_bins_along_any_delay(delay, changes):
     s = stretch(**changes)
     knots = 3.0 * np.array(curves.SHARES)
-    got = shifted_bins([ShiftedStretch(s, 0.02, 50.0, 30.0)], delay, knots)
+    got = bins_at_delay([DelayStretch(s, 0.02, 50.0, 30.0)], delay, knots)
     wanted = bin_means([delay_signals(smooth(s), delay)], knots, seconds=0.02)
     assert pytest.approx(wanted.X, abs=1e-6) == got.X
     assert np.array_equal(got.used, wanted.used)
@@ -65,8 +65,8 @@ def test_columns_of_one_candidate(both):
     option = design.candidates(knots, {"some": knots[[2, 5, 10]]}, symmetric=not both, **given)[0].with_term(
         "jerk"
     )
-    stretches = [ShiftedStretch(s, 0.02, 50.0, 30.0)]
-    every, own = (shifted_bins(stretches, 0.003, knots, only) for only in (None, option))
+    stretches = [DelayStretch(s, 0.02, 50.0, 30.0)]
+    every, own = (bins_at_delay(stretches, 0.003, knots, only) for only in (None, option))
     assert pytest.approx(every.X @ option.spread, abs=1e-12) == own.X
 
 

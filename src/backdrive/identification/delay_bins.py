@@ -27,7 +27,7 @@ from backdrive.logs import filters
 MARGIN = 0.2  # delays up to this are reached without new arrays [s]
 
 
-class ShiftedStretch:
+class DelayStretch:
     """One stretch, behind low passes.
 
     Args:
@@ -118,8 +118,8 @@ def later(mask: np.ndarray, samples: int) -> np.ndarray:
     return moved
 
 
-def shifted_bins(
-    stretches: Sequence[ShiftedStretch],
+def bins_at_delay(
+    stretches: Sequence[DelayStretch],
     delay: float,
     knots: np.ndarray,
     candidate: design.Candidate | None = None,
