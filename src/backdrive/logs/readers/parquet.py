@@ -24,6 +24,11 @@ def prepare() -> None:
         MissingExtra: pyarrow is not installed.
     """
     require("pyarrow.parquet", "Reading Parquet needs", "table")
+    import pyarrow as pa
+
+    pa.array(
+        [0.0]
+    ).to_numpy()  # the first conversion loads pandas where it is installed, which takes longer than most files
 
 
 def read(path: str, options: ReadOptions) -> Columns:
