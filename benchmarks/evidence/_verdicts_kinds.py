@@ -254,7 +254,14 @@ KINDS = (
     Kind("pull of a joint in the log", 0.5, "Coulomb at most", beside_another, none=0.0),
     Kind("a hand pushes", 1.0, "Coulomb for 3 s", pushed),
     Kind("friction over position", 0.3, "of it, once a radian", lambda s, x: s.of(ripple=(x, 6.3)).logs()),
-    Kind("friction over load", 0.1, "of gravity", lambda s, x: s.of(load_growth=x).logs(), gravity=True),
+    Kind(
+        "friction over load",
+        0.1,
+        "of gravity",
+        lambda s, x: s.of(load_growth=x).logs(),
+        gravity=True,
+        says="of the load that the joint carries",
+    ),
     Kind("friction warms up", -0.12, "of it", lambda s, x: s.of(warming=x).logs()),
     Kind(
         "peak below the slowest speed",

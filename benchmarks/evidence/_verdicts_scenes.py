@@ -108,19 +108,27 @@ def references(motion: str, top: float, rng: np.random.Generator) -> tuple[np.nd
 
 
 def tell(planted: Sequence[Record], clean: Sequence[Record]) -> float:
-    """Return the noncentrality of a fault [-]: how much it raises the whitened residual of a line, inertia and gravity.
+    """Return the noncentrality of a fault [-]: how much it changes the whitened residual of a line, inertia and gravity.
 
-    It is the square root of the increase of the residual sum of squares, by the true covariance of the noise.
+    It is the length of the difference of both residuals by the true covariance of the noise, which is the same in both logs. Where
+    samples were lost, there is no such difference; it is then the square root of the increase of the residual sum of squares.
     """
-    return float(np.sqrt(max(_residual(planted) - _residual(clean), 0.0)))
+    (with_fault, used), (without, as_well) = _residual(planted), _residual(clean)
+    if not (np.isfinite(with_fault).all() and np.isfinite(without).all()):
+        return np.inf
+    if used.shape != as_well.shape:
+        return float(np.sqrt(max(np.sum(with_fault**2) - np.sum(without**2), 0.0)))
+    return float(np.linalg.norm((with_fault - without)[used & as_well]))
 
 
-def _residual(records: Sequence[Record]) -> float:
+def _residual(records: Sequence[Record]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the whitened residual of every sample, zero where the joint hardly moves, and which do count, (n,) each."""
+    masks = []
     rows, torques = [], []
     for made in records:
         period = float(np.median(np.diff(made.time)))
         if not period > 0.0:
-            return np.inf
+            return np.array([np.inf]), np.array([True])
         q = gaussian_filter1d(made.position, max(0.01 / period, 1.0))
         v = np.gradient(q, period)
         a = np.gradient(v, period)
@@ -134,10 +142,14 @@ def _residual(records: Sequence[Record]) -> float:
         colour, scale = made.logger.colour, made.logger.noise * np.sqrt(1.0 - made.logger.colour**2)
         rows.append(((X - colour * np.roll(X, 1, axis=0)) / scale)[used])
         torques.append(((made.torque - colour * np.roll(made.torque, 1)) / scale)[used])
+        masks.append(used)
     X, y = np.concatenate(rows), np.concatenate(torques)
     size = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
     theta = np.linalg.lstsq(X / size, y, rcond=1e-10)[0]
-    return float(np.sum((y - X / size @ theta) ** 2))
+    used = np.concatenate(masks)
+    left = np.zeros(used.size)
+    left[used] = y - X / size @ theta
+    return left, used
 
 
 def steps(seconds: float) -> int:

@@ -18,6 +18,7 @@ COLUMNS = ("inertia", "jerk", "offset", "gravity_sin", "gravity_cos", "model_tor
 LARGEST_SLIP = 0.02  # longest delay of the torque that is sought; a longer one has another cause [s]
 TOLERANCE = 1.01  # a simpler model is kept while its left-out loss is within this factor of the best [-]
 GAIN = 1.5  # or within so many standard errors of the sum over blocks
+SURE = 2.0  # and of the mean logarithm of the ratio of the blocks' losses, which no single block decides
 UNSOUND = 2.0  # factor of loss accepted for a curve that dissipates and a positive inertia [-]
 VAGUE = 0.05  # a knot is left out if its standard error exceeds this share of the largest friction [-]
 ROUNDING = 1e-12  # a smaller loss is rounding [share of the torque's power]
@@ -210,7 +211,7 @@ def simplest(blocks: regression.Blocks, options: list[Candidate]) -> tuple[Candi
     chosen = next(
         fit[1]
         for fit in fits
-        if fit[0] <= TOLERANCE * best + 1e-300 or _tie(by_block[id(fit[1])] - best_blocks)
+        if fit[0] <= TOLERANCE * best + 1e-300 or _tie(by_block[id(fit[1])], best_blocks)
     )
     return chosen, {f"{'+'.join(option.terms)} | {option.form.name}": loss for loss, option, _ in fits}
 
@@ -223,9 +224,19 @@ def refit(choice: Choice, blocks: regression.Blocks) -> Choice:
     )
 
 
-def _tie(worse: np.ndarray) -> bool:
-    """Return whether the blocks' losses exceed those of the best model by no more than their scatter."""
-    return bool(worse.sum() <= GAIN * math.sqrt(worse.size) * float(worse.std(ddof=1)))
+def _tie(losses: np.ndarray, of_best: np.ndarray) -> bool:
+    """Return whether the blocks' losses exceed those of the best model by no more than their scatter.
+
+    A block that a model predicts badly adds as much to the scatter of the differences as to their sum, so that one alone never
+    tells; the ratios of the losses tell models apart then.
+    """
+    worse, floor = losses - of_best, ROUNDING * max(float(of_best.sum()), 1e-300)
+    ratio = np.log((losses + floor) / (of_best + floor))
+    root = math.sqrt(losses.size)
+    return bool(
+        worse.sum() <= GAIN * root * float(worse.std(ddof=1))
+        and ratio.mean() <= SURE * float(ratio.std(ddof=1)) / root
+    )
 
 
 def _plausible(option: Candidate, theta: np.ndarray) -> bool:

@@ -41,7 +41,12 @@ def clock(case: Case) -> Remark | None:
 
 def delay(case: Case) -> Remark | None:
     """Torque that comes late, by the shift at which a line explains it best."""
-    found = None if case.residual is None else case.residual.delay()
+    if (res := case.residual) is None:
+        return None
+    growing = (
+        case.friction.law.growth is not None
+    )  # friction over load looks like a delay to a curve of the velocity alone
+    found = res.delay(*([np.sign(res.velocity) * _static_load(case, res)] if growing else []))
     if found is None or abs(found[0]) < LATE or found[1] > WORTH:
         return None
     known = max(

@@ -215,11 +215,14 @@ class Residual:
         phase = wave * self.position
         return np.stack([factor * np.sin(phase), factor * np.cos(phase)], axis=1)
 
-    def delay(self) -> tuple[float, float] | None:
+    def delay(self, *others: np.ndarray) -> tuple[float, float] | None:
         """Return by how much torque comes later than motion [s], and the residual there by that without a delay [-].
 
         A curve of the velocity and the rest of a single axis are fitted to torque at every shift; None where the log is too short,
         or no shift within the range is best.
+
+        Args:
+            others: further columns of the joint's model, (n,) each.
         """
         reach = round(LATEST / self.period)
         n = self.time.size
@@ -232,7 +235,12 @@ class Residual:
             return None
         speed = np.abs(self.velocity[inside])
         knots = np.unique(np.quantile(speed, np.linspace(0.0, 1.0, SECTIONS + 1)))
-        columns = _orthonormal(np.hstack([self.columns[inside], basis(self.velocity[inside], knots)]))
+        every = [
+            self.columns[inside],
+            basis(self.velocity[inside], knots),
+            *(x[inside, None] for x in others),
+        ]
+        columns = _orthonormal(np.hstack(every))
         torque = self.torque[inside[:, None] + np.arange(-reach, reach + 1)]
         powers = np.sum((torque - columns @ (columns.T @ torque)) ** 2, axis=0)
         best = int(np.argmin(powers))

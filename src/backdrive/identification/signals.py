@@ -18,6 +18,7 @@ REST_TIME = 0.25  # when it does so for longer than this [s]
 SLOW = 0.08  # below this share of the top speed a joint slides only where it keeps its velocity [-]
 SUSTAINED = 0.1  # for so long, at its acceleration [s]
 BEGUN = 0.02  # and after this share of the distance between two reversals, since it may break away before that [-]
+SLIGHT = 0.02  # a move shorter than this share of a usual one may be presliding alone [-]
 REVERSAL = (
     0.03,
     0.05,
@@ -210,7 +211,10 @@ def _sliding(
     speed = np.abs(velocity)
     bounds, way, whole = _ways(velocity)
     turns, length = bounds[1:-1], np.diff(bounds)
-    begun = way > BEGUN * whole
+    usual = np.sum(whole * speed) / max(
+        float(speed.sum()), 1e-300
+    )  # of a move, by the way that each is part of
+    begun = (way > BEGUN * whole) & (whole > SLIGHT * usual)
     steady = (speed >= SLOW * top) | ((np.abs(acceleration) * SUSTAINED < speed) & begun)
     lasting = max(float(np.clip(1.0 / cutoff, *REVERSAL)), BLURRED / cutoff)
     reach = np.minimum(lasting * rate, OF_A_MOVE * length)
