@@ -75,7 +75,6 @@ class Search:
             best = min(best, found, key=lambda pair: pair[0])
         _, x = self._descend(best[1], timed["period"], STRONG, LAST, "refining")
         plan = self._plan(x, timed)
-        self.progress("Checking the motion")
         return self._shrunk(plan)
 
     def _centers(self, random: np.random.Generator) -> np.ndarray:
@@ -167,9 +166,10 @@ class Search:
         from scipy.optimize import minimize
 
         J, m, bounds = self.bounds.lower.size, self.harmonics, self.bounds
-        scale = self._scale(period)
+        scale, done = self._scale(period), 0
 
         def cost(x: np.ndarray) -> tuple[float, np.ndarray]:
+            self.progress(f"Searching a motion, {where}, round {done + 1} of at most {rounds}")
             q, dq, ddq, basis = self._states(x, period)
             each = self.duration / q.shape[0] * 10.0  # noise below 5 Hz has ten independent values a second
             value, slope, torque, by_state = self.information.gradient(q, dq, ddq, each)
@@ -179,19 +179,16 @@ class Search:
             by_center = whole[0].sum(axis=0) if self.center is None else np.zeros(J)
             return value + strength * extra, np.concatenate([by_center, by_weight.ravel()])
 
-        done = 0
-
-        def tell(_: Any) -> None:
+        def count(_: Any) -> None:
             nonlocal done
             done += 1
-            self.progress(f"Searching a motion, {where}, round {done} of at most {rounds}")
 
         found = minimize(
             cost,
             x,
             jac=True,
             method="L-BFGS-B",
-            callback=tell,
+            callback=count,
             options={"maxiter": rounds, "maxfun": 2 * rounds, "maxcor": 20},
         )
         return float(found.fun), found.x
@@ -212,7 +209,8 @@ class Search:
 
     def _shrunk(self, plan: ArmPlan) -> ArmPlan:
         """Return the plan, reduced about its center until it keeps the limits."""
-        for _ in range(300):
+        for k in range(300):
+            self.progress(f"Checking the motion, reduced to {SHRINK**k:.0%}")
             if not (passed := self.bounds.violations(plan)):
                 return plan
             sine, cosine = (
