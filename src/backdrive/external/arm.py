@@ -287,8 +287,8 @@ class ArmEstimate:
             torque = np.concatenate([s[j].torque for s in arm.stretches])
             clock = np.concatenate([s[j].time for s in arm.stretches])
             moving = one.state != 2
-            if moving.sum() < LEAST or not at_rest(self.frictions[j].law) > 0.0:
-                continue  # a model without friction, if that is intended, explains little of the torque
+            if not (one.state == 0).any() or moving.sum() < LEAST or not at_rest(self.frictions[j].law) > 0.0:
+                continue  # at rest, or a model without friction if that is intended, little of the torque is explained
             measured = np.interp(one.time[moving], clock, torque)
             size = float(np.mean(measured**2))
             shares[one.joint.name] = 1.0 - float(np.mean(one.force[moving] ** 2)) / max(size, 1e-12)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from backdrive.control.estimators.of_model import CREEP, WIDTH, break_away
 from backdrive.identification.bands import REVERSAL, states
-from backdrive.identification.signals import Signals
+from backdrive.identification.signals import Signals, mark_moving
 from backdrive.model import JointFriction
 
 SPREAD = 0.05  # standard deviation of break-away relative to friction: default without a band, and largest value [-]
@@ -25,8 +27,11 @@ def states_along(friction: JointFriction, s: Signals, bandwidth: float) -> np.nd
         s: motion.
         bandwidth: of the estimator [1/s].
     """
-    lag = 1.0 / bandwidth
-    state = states(s, REVERSAL + lag, REVERSAL + BLUR * lag, CREEP * friction.validity.speeds[1])
+    lag, top = 1.0 / bandwidth, friction.validity.speeds[1]
+    s = replace(
+        s, moving=s.moving & mark_moving(s.velocity, s.rate, top)
+    )  # also where a log shows no motion at all
+    state = states(s, REVERSAL + lag, REVERSAL + BLUR * lag, CREEP * top)
     end = state[-int(np.ceil((REVERSAL + lag) * s.rate)) :]
     end[end == 0] = 1
     return state

@@ -23,6 +23,7 @@ from backdrive.external.bands import band, states_along
 from backdrive.external.calibrate import Calibration, calibrate
 from backdrive.external.choose import FASTEST, Noise, choose, turning_of
 from backdrive.external.contacts import with_contacts
+from backdrive.external.known_torque import doubts
 from backdrive.external.result import ForceEstimate, JointForce
 from backdrive.external.temperature import along_stretches
 from backdrive.external.wrench_axes import AXES
@@ -125,7 +126,7 @@ def estimate_force(
     if not results:
         raise refused[0]
     remarks += _of_free_motion(model, log, free)
-    remarks += [] if log.wrench is None else [NO_FRAME]
+    remarks += [*([] if log.wrench is None else [NO_FRAME]), *doubts(results)]
     estimate = ForceEstimate(joints=tuple(results), remarks=tuple(remarks), calibrations=calibrations)
     return estimate if false_alarms is None else with_contacts(estimate, false_alarms)
 
@@ -194,6 +195,7 @@ def _arm(  # noqa: PLR0913  (what one door hands to the other)
         remarks += told
     elif log.wrench is not None:
         remarks.append(NO_FRAME)
+    remarks += doubts(results)
     if joints is not None:
         results = [one for one in results if one.joint.name in {model.joint(n).joint.name for n in joints}]
     estimate = ForceEstimate(

@@ -74,9 +74,10 @@ class WrenchEstimate:
                 f"Wrench at '{self.frame}': {self.joints} joints can observe at most {self.joints} of its {FULL} "
                 f"components at a time; the rest is set to zero, with a large standard deviation."
             ]
-        first, share = float(self.time[np.argmax(self.singular)]), float(np.mean(self.singular))
+        first, share = float(self.time[np.argmax(self.singular)]), 100.0 * float(np.mean(self.singular))
+        told = f"{share:.0f} %" if share >= 1.0 else "less than 1 %"
         return [
-            f"Wrench at '{self.frame}': {100 * share:.0f} % of the time (first at {first:.4g} s) the posture, or "
+            f"Wrench at '{self.frame}': {told} of the time (first at {first:.4g} s) the posture, or "
             f"joints at rest, make a direction unobservable; the estimate is damped along it, and its standard "
             f"deviation is large."
         ]

@@ -160,7 +160,7 @@ def _segment(log: Log, period: float, cutoff: float | None, top: float) -> Signa
         position, velocity = None, filters.low_pass(log.need("velocity")[:, 0], cutoff, rate)
     acceleration = filters.derivative(velocity, period)
     jerk = filters.derivative(acceleration, period)
-    moving = _moving(velocity, rate, top)
+    moving = mark_moving(velocity, rate, top)
     return Signals(
         time=clock,
         velocity=velocity,
@@ -190,8 +190,14 @@ def spans(mask: np.ndarray) -> np.ndarray:
     return np.flatnonzero(np.diff(np.r_[False, mask, False].astype(np.int8))).reshape(-1, 2)
 
 
-def _moving(velocity: np.ndarray, rate: float, top: float) -> np.ndarray:
-    """Mark the samples that are not part of a long rest."""
+def mark_moving(velocity: np.ndarray, rate: float, top: float) -> np.ndarray:
+    """Return the samples that are not part of a long rest, (n,).
+
+    Args:
+        velocity: [rad/s or m/s], (n,).
+        rate: sampling frequency [Hz].
+        top: speed of the joint [rad/s or m/s].
+    """
     resting = np.abs(velocity) < REST * top
     moving = np.ones(velocity.size, dtype=bool)
     for start, stop in spans(resting):
