@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("pinocchio")
 
-from backdrive.external.estimate import delay_of
+from backdrive.external.joint import delay_of
 from backdrive.identification import arm_errors, arm_slip
 from backdrive.identification.arm import identify_arm
 from backdrive.identification.arm_predict import predict_arm, slip_in, validate_arm

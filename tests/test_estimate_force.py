@@ -143,7 +143,7 @@ def test_a_slow_force_is_smoothed_and_an_abrupt_one_is_not():
 def test_what_a_model_leaves_about_reversals_counts_where_it_was_fitted_sliding(model, contact):
     from dataclasses import replace
 
-    from backdrive.external.estimate import noise_of
+    from backdrive.external.joint import noise_of
     from backdrive.identification.bands import states
     from backdrive.identification.signals import prepare
     from backdrive.model import Band, Bands
@@ -195,3 +195,9 @@ def test_the_command_writes_a_table_and_a_picture(model, contact, tmp_path, monk
     assert code != 0 and "CSV or Parquet" in out
     code, out = run(tmp_path / "m.json", tmp_path / "c.npz")
     assert code != 0 and "--names" in out
+
+
+def test_a_log_of_another_joint_is_remarked_on(model, contact):
+    assert not any("another joint or robot" in line for line in estimate_force(model, contact).remarks)
+    other = contact.replace(torque=-6.0 * contact.torque, external_torque=None)
+    assert any("another joint or robot" in line for line in estimate_force(model, other).remarks)

@@ -22,11 +22,13 @@ from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.external.arm_log import ArmLog, arm_log, at_motors, coupling_notes
 from backdrive.external.bands import band, growth_of, states_along
 from backdrive.external.choose import FASTEST, Noise, choose
-from backdrive.external.estimate import (
+from backdrive.external.joint import (
     AUTO,
+    EXPLAINED,
     LEAST,
     SETTLED,
     delay_of,
+    explained,
     noise_of,
     reference_torque,
     speed_along,
@@ -41,7 +43,6 @@ from backdrive.logs.log import Log
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.robot import Robot
 
-EXPLAINED = 0.3  # least share of a joint's torque in motion that a model of the same robot explains [-]
 LONGEST = 0.5  # longest correlation time of the torque residual [s]
 SIMPLEST = "momentum"  # observer that is stable at every bandwidth chosen
 UNSETTLED = 10.0  # ratio to the unsmoothed force above which an observer counts as unstable [-]
@@ -284,14 +285,9 @@ class ArmEstimate:
         """
         shares = {}
         for j, one in enumerate(results):
-            torque = np.concatenate([s[j].torque for s in arm.stretches])
-            clock = np.concatenate([s[j].time for s in arm.stretches])
-            moving = one.state != 2
-            if not (one.state == 0).any() or moving.sum() < LEAST or not at_rest(self.frictions[j].law) > 0.0:
-                continue  # at rest, or a model without friction if that is intended, little of the torque is explained
-            measured = np.interp(one.time[moving], clock, torque)
-            size = float(np.mean(measured**2))
-            shares[one.joint.name] = 1.0 - float(np.mean(one.force[moving] ** 2)) / max(size, 1e-12)
+            share = explained(one, self.frictions[j], [s[j] for s in arm.stretches])
+            if share is not None:
+                shares[one.joint.name] = share
         poor = {name: share for name, share in shares.items() if share < EXPLAINED}
         if len(poor) > 0.5 * max(len(shares), 1):
             told = ", ".join(f"{name} {100 * max(share, 0.0):.0f} %" for name, share in poor.items())
