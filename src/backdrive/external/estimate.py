@@ -27,7 +27,7 @@ from backdrive.logs.log import Log
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.robot import Robot
 
-CONTACTS = 60.0  # least bandwidth for contacts: a step of 1.5 thresholds is detected within 50 ms [1/s]
+CONTACTS = 100.0  # least bandwidth for contacts: a step of 1.5 thresholds is detected within 50 ms [1/s]
 NO_FRAME = (
     "The log's wrench is not compared: give the frame at which it was measured (--urdf ROBOT --frame TOOL)."
 )
