@@ -96,6 +96,12 @@ def step(rate: int, element: int, p: Array, x: Array, dp: float, dt: float, load
 
 
 @leaf
+def begin(p: Array):
+    """Return where the element's row begins: never below 0, as a compiler sees, so that no place is counted from the end."""
+    return 1 + (int(p[0]) & MOST)
+
+
+@leaf
 def slow(v: float):
     """Velocity v, at most FASTEST."""
     return (FASTEST if v > 0.0 else -FASTEST) if abs(v) > FASTEST else v
@@ -122,7 +128,7 @@ def step_at(  # noqa: PLR0913  (a kernel's row)
     temp: float,
 ):
     """Friction torque of one tick from the state row x to y at a velocity v = dp/dt that is at most FASTEST."""
-    e = 1 + (int(p[0]) & MOST)  # not negative, as a compiler sees: so places need not be counted from the end
+    e = begin(p)
     if ROWS >> element & 1:
         lo, hi, viscous = bounds(rate, element, plain, p, v, load, temp)
         f = carry_row(element, (p, e, x, y, lo, hi, dp, dt)) + viscous
