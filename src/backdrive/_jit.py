@@ -156,6 +156,18 @@ def ladder(function: F) -> F:
     return _compile(function, inline="always")
 
 
+def entry(kernel: F, *arguments: Any) -> F:
+    """Return what a kernel runs for arguments of some types, without a look at the types at every call.
+
+    Args:
+        kernel: made by `jit`, `leaf` or `specialise`.
+        arguments: such as it will be called with; it is called once.
+    """
+    kernel(*arguments)
+    compiled = list(getattr(kernel, "overloads", {}).values())
+    return getattr(compiled[0], "entry_point", kernel) if len(compiled) == 1 else kernel
+
+
 #: What `choice` has made, with the kernels that it chooses among and the one of all other numbers.
 CHOICES: dict[Kernel, tuple[Mapping[int, Kernel], Kernel]] = {}
 
