@@ -263,7 +263,7 @@ class BareLoop(JointLoop):
         return self.limit / self.ramp if self.ramp > 0.0 else np.inf
 
 
-def joined(parts: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+def concatenate(parts: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Return the arrays of `rows` but the table in one, (J, n), as `loop_kernel.tick` reads them, and where those begin whose
     length differs between laws, and the end, (5,): each further argument costs as much time as a friction law.
     """
