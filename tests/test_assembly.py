@@ -61,8 +61,7 @@ def test_a_loop_that_knows_its_joints_gives_the_bits_of_the_general_one(external
 
     def run(kernel) -> list[np.ndarray]:
         *parts, table = joint_loop.rows(joints, np.zeros(2), 1e-3)
-        begins, codes = np.cumsum([0] + [part.shape[1] for part in parts]), np.zeros(2, dtype=np.int64)
-        arrays, seen = (np.concatenate(parts, axis=1), begins, table, codes), []
+        arrays, seen = (*joint_loop.concatenate(parts), table, np.zeros(2, dtype=np.int64)), []
         for q in position:
             kernel(*arrays, q, 1e-3)
             seen.append(table[:, TORQUE:].copy())

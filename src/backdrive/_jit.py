@@ -93,6 +93,42 @@ def _bits() -> tuple[Callable[[float], int], Callable[[int], float]]:
 to_bits, from_bits = _bits()
 
 
+def _part() -> Callable[..., Any]:
+    """Return the function that views a part of a row of a table, `table[row, begin:end]`, and looks at no bounds."""
+    if not COMPILED:
+        return lambda table, row, begin, end: table[row, begin:end]
+    from numba.core import cgutils
+    from numba.extending import intrinsic
+
+    def typing(context, table, row, begin, end):
+        view = nb.types.Array(table.dtype, 1, "C", readonly=not table.mutable)
+
+        def generate(context, builder, signature, arguments):
+            whole = context.make_array(table)(context, builder, arguments[0])
+            part = context.make_array(view)(context, builder)
+            begins = builder.add(
+                builder.mul(arguments[1], cgutils.unpack_tuple(builder, whole.shape, 2)[1]), arguments[2]
+            )
+            context.populate_array(
+                part,
+                data=builder.gep(whole.data, [begins], inbounds=True),
+                shape=[builder.sub(arguments[3], arguments[2])],
+                strides=[whole.itemsize],
+                itemsize=whole.itemsize,
+                meminfo=whole.meminfo,
+                parent=whole.parent,
+            )
+            return part._getvalue()
+
+        whole_numbers = [nb.int64] * 3
+        return view(table, *whole_numbers), generate
+
+    return intrinsic(typing)
+
+
+part = _part()
+
+
 def jit(function: F) -> F:
     """Compile `function` without fastmath (a NaN stays a NaN) and cache it on disk.
 
@@ -118,6 +154,18 @@ def ladder(function: F) -> F:
     there are never compiled.
     """
     return _compile(function, inline="always")
+
+
+def entry(kernel: F, *arguments: Any) -> F:
+    """Return what a kernel runs for arguments of some types, without a look at the types at every call.
+
+    Args:
+        kernel: made by `jit`, `leaf` or `specialise`.
+        arguments: such as it will be called with; it is called once.
+    """
+    kernel(*arguments)
+    compiled = list(getattr(kernel, "overloads", {}).values())
+    return getattr(compiled[0], "entry_point", kernel) if len(compiled) == 1 else kernel
 
 
 #: What `choice` has made, with the kernels that it chooses among and the one of all other numbers.

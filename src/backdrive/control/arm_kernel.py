@@ -28,6 +28,7 @@ from backdrive.control.table import (
     CAUSE,
     EXTERNAL,
     KNOWN,
+    LIMIT,
     NOMINAL,
     OLDER,
     OLDER_AGE,
@@ -199,7 +200,8 @@ def tick(A, o, g, codes, d, h, a, s, wanted, C, back, whole, read, dt, weight, b
         d[j, SINCE] += g[j, PASSED]
         if g[j, CAUSE] != 0.0:
             d[j, CAUSE] = g[j, CAUSE]
-        code = guard.act(d[j], OK if good else NOT_FINITE, push, d[j, SINCE], dt)
+        code = (SATURATED if abs(push) > d[j, LIMIT] else OK) if good else NOT_FINITE
+        code = guard.act(d[j], code, good, push, d[j, SINCE], dt)
         if good:
             d[j, SINCE] = 0.0
         h[DRIVE, j] = d[j, TORQUE]

@@ -7,11 +7,24 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from backdrive.control import arm_kernel as kernel
+from backdrive.control import guard
 from backdrive.control.arm_joint import ArmJoint
 from backdrive.control.bodies import Bodies
 from backdrive.control.estimators.arm import ArmForce, ArmForceTick
 from backdrive.control.joint_loop import LATCH_TIME
-from backdrive.control.table import FADE, LATCHING, LIMIT, NOMINAL, PATIENCE, RAMP, RATE, TABLE, TOP
+from backdrive.control.table import (
+    FADE,
+    HALF_SPAN,
+    LATCHING,
+    LIMIT,
+    NOMINAL,
+    PATIENCE,
+    RAMP,
+    RATE,
+    SPAN,
+    TABLE,
+    TOP,
+)
 from backdrive.errors import InvalidInput
 from backdrive.robot import Robot
 
@@ -79,6 +92,7 @@ def output_stage(joints: Sequence[ArmJoint], table: np.ndarray, interval: float)
     by_motor, limit = np.zeros((len(joints), TABLE)), table[kernel.WALL]
     stage = by_motor.T
     stage[NOMINAL], stage[LIMIT] = interval, limit
+    stage[SPAN], stage[HALF_SPAN] = guard.spans(interval)
     stage[TOP] = np.inf  # the loop's own watch sees the speed
     stage[RATE], stage[LATCHING] = limit / BRISK, limit / LATCH_TIME
     for k, joint in enumerate(joints):

@@ -14,7 +14,7 @@ from backdrive.control.compensators import dither as dither_
 from backdrive.control.compensators.extras import DisturbanceObserver
 from backdrive.control.estimators import external as external_
 from backdrive.control.estimators import friction as friction_
-from backdrive.control.table import ESTIMATES
+from backdrive.control.table import ESTIMATES, GROWS, LEARNS
 from backdrive.laws import kernels
 
 F = TypeVar("F", bound=Callable)
@@ -33,10 +33,14 @@ def of_loop(kernel: F, rows: Sequence[np.ndarray]) -> F:
 def of_joints(rows: Sequence[np.ndarray]) -> Callable[..., Any]:
     """Return `loop_kernel.joint` for the joints of a loop, with the rows of `joint_loop.rows`."""
     C, P, _, _, E, PE, _, _, table = rows
-    parts = {
+    estimating = bool((table[:, ESTIMATES] > 0.0).any())
+    parts: dict[Any, Any] = {
         compensator_.tick: of_compensators(C, P),
-        external_.tick: of_estimators(E, PE) if (table[:, ESTIMATES] > 0.0).any() else external_.absent,
+        external_.tick: of_estimators(E, PE) if estimating else external_.absent,
     }
+    for name, column in (("ESTIMATING", ESTIMATES), ("GROWING", GROWS), ("LEARNING", LEARNS)):
+        if not (table[:, column] > 0.0).any():
+            parts[loop_kernel.__name__, name] = False
     return assemble(loop_kernel.joint, parts)
 
 

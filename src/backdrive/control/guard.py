@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 
 from backdrive._jit import jit
-from backdrive.control.readings import OVERSPEED, valid
+from backdrive.control.readings import OVERSPEED
 from backdrive.control.table import (
     BAD,
     BEFORE,
@@ -30,24 +30,24 @@ from backdrive.control.table import (
     FADE,
     FAST,
     FAULTY,
+    HALF_SPAN,
     LATCHING,
     LIMIT,
     NEWER,
     NEWER_AGE,
-    NOMINAL,
     OLDER,
     OLDER_AGE,
     PASSED,
     PATIENCE,
     RAMP,
     RATE,
+    SPAN,
     STOP,
     TOP,
     TORQUE,
 )  # fmt: skip
 from backdrive.status import Status
 
-SATURATED, NO_MOTION = int(Status.SATURATED), int(Status.NO_MOTION)
 STOPPED, LATCHED = int(Status.STOPPED), int(Status.LATCHED)
 LONGEST = 20.0  # largest fault time that one call adds [period]
 WINDOW = 0.01  # shortest window of a speed measurement [s]
@@ -56,25 +56,30 @@ FORGIVEN = 0.25  # fault time that a good tick removes, relative to its own leng
 ROUNDING = 1e-9  # of the distance in a window, of numbers
 
 
-@jit
-def window(period):
+def window(period: float) -> float:
     """Return the time in which a speed is measured [s]."""
     return max(WINDOW, 2.0 * period)
+
+
+def spans(period: float) -> tuple[float, float]:
+    """Return the ages of the older and of the newer point from which they end a window of speeds [s]."""
+    span = window(period)
+    return span * (1.0 - ROUNDING), 0.5 * span * (1.0 - ROUNDING)
 
 
 @jit
 def watch(g, since):
     """Return whether a joint is faster than its top speed; `since`: time since the last accepted reading."""
-    span, q = window(g[NOMINAL]), g[BEFORE]
-    g[OLDER_AGE] += since
-    g[NEWER_AGE] += since
+    q = g[BEFORE]
+    older, newer = g[OLDER_AGE] + since, g[NEWER_AGE] + since
+    g[OLDER_AGE], g[NEWER_AGE] = older, newer
     fast = False
-    if g[OLDER_AGE] >= span * (1.0 - ROUNDING):
-        reach = g[TOP] * g[OLDER_AGE]
+    if older >= g[SPAN]:
+        reach = g[TOP] * older
         fast = abs(q - g[OLDER]) > reach + ROUNDING * (reach + abs(q))
         g[FAST] = fast
-    if g[NEWER_AGE] >= 0.5 * span * (1.0 - ROUNDING):
-        g[OLDER], g[OLDER_AGE] = g[NEWER], g[NEWER_AGE]
+    if newer >= g[HALF_SPAN]:
+        g[OLDER], g[OLDER_AGE] = g[NEWER], newer
         g[NEWER], g[NEWER_AGE] = q, 0.0
     return fast
 
@@ -98,14 +103,13 @@ def acknowledge(g: np.ndarray) -> bool:
 
 
 @jit
-def act(g, code, wanted, since, interval):
+def act(g, code, good, wanted, since, interval):
     """Write the joint's output and return its status.
 
-    `code`: status of the reading or of its processing, `wanted`: torque of the compensator if the reading was accepted,
-    `since`: time that this reading covers, `interval`: the given interval.
+    `code`: status of the reading or of its processing, `good`: the reading was accepted, `wanted`: torque of the compensator
+    if it was, `since`: time that this reading covers, `interval`: the given interval.
     """
     passed = g[PASSED]
-    good = valid(code) or code == NO_MOTION
     if good:
         g[FAULTY] = max(g[FAULTY] - FORGIVEN * passed, 0.0)
         g[BAD] = 0.0
@@ -118,12 +122,12 @@ def act(g, code, wanted, since, interval):
         wanted = g[TORQUE] / fading
         g[EXTERNAL] /= fading
     out, limit, cap = g[TORQUE], g[LIMIT], g[CAP]
-    latched = g[CAUSE] != 0.0
+    latched = g[CAUSE] > 0.0
     if not latched and (code == OVERSPEED or g[FAULTY] > g[PATIENCE]):
         g[CAUSE] = code
-    if g[CAUSE] != 0.0 or g[STOP] != 0.0:
+    if g[CAUSE] > 0.0 or g[STOP] > 0.0:
         fall = g[RAMP]
-        if g[CAUSE] != 0.0:
+        if g[CAUSE] > 0.0:
             fall = (HASTE if g[CAUSE] == OVERSPEED else 1.0) * g[LATCHING]
             wanted = out
             code = LATCHED if latched else code
@@ -132,8 +136,6 @@ def act(g, code, wanted, since, interval):
         cap = max(min(cap, abs(out)) - fall * passed, 0.0)
     elif good:
         cap = min(cap + g[RAMP] * passed, limit)
-    if abs(wanted) > limit and valid(code):
-        code = SATURATED
     step = g[RATE] * passed
     f = min(max(min(max(wanted, -cap), cap), out - step), out + step)
     f = min(max(f, -limit), limit)

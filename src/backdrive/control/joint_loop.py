@@ -23,6 +23,7 @@ from backdrive.control.table import (
     ESTIMATES,
     FADE,
     GROWS,
+    HALF_SPAN,
     HOLD,
     LATCHING,
     LEARNS,
@@ -34,6 +35,7 @@ from backdrive.control.table import (
     PATIENCE,
     RAMP,
     RATE,
+    SPAN,
     TABLE,
     TEMPERATURE,
     TOP,
@@ -261,6 +263,15 @@ class BareLoop(JointLoop):
         return self.limit / self.ramp if self.ramp > 0.0 else np.inf
 
 
+def concatenate(parts: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the arrays of `rows` but the table in one, (J, n), as `loop_kernel.tick` reads them, and where those begin whose
+    length differs between laws, and the end, (5,): each further argument costs as much time as a friction law.
+    """
+    C, P, X, S, CE, PE, XE, SE = parts
+    lengths = [sum(part.shape[1] for part in (C, S, CE, SE)), *(part.shape[1] for part in (P, X, PE, XE))]
+    return np.concatenate([C, S, CE, SE, P, X, PE, XE], axis=1), np.cumsum(lengths)
+
+
 def rows(joints: Sequence[JointLoop], positions: np.ndarray, dt: float) -> tuple[np.ndarray, ...]:
     """Return what `loop.tick` reads and writes for joints at rest: C, P, X, S, CE, PE, XE, SE and the table.
 
@@ -274,6 +285,7 @@ def rows(joints: Sequence[JointLoop], positions: np.ndarray, dt: float) -> tuple
     by_joint = np.zeros((J, TABLE))  # the numbers of a joint lie together
     table = by_joint.T
     table[NOMINAL], table[TEMPERATURE], table[LEVEL] = dt, REFERENCE, 1.0
+    table[SPAN], table[HALF_SPAN] = guard.spans(dt)
     for row in (BEFORE, ELSEWHERE, OLDER, NEWER, ANCHOR):
         table[row] = positions
     for k, (joint, estimator) in enumerate(zip(joints, estimators, strict=True)):

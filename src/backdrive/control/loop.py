@@ -24,7 +24,7 @@ import numpy as np
 
 from backdrive.control import assembly, guard
 from backdrive.control.envelope import PERIOD
-from backdrive.control.joint_loop import BareLoop, JointLoop, rows
+from backdrive.control.joint_loop import BareLoop, JointLoop, concatenate, rows
 from backdrive.control.loop_kernel import tick
 from backdrive.control.table import (
     APPLIED,
@@ -120,9 +120,7 @@ class Loop:
         J = len(self.joints)
         *parts, self._table = rows(self.joints, np.zeros(J), self.interval)
         self._codes = np.zeros(J, dtype=np.int64)
-        # in one array, since each further argument costs as much time as a friction law
-        begins = np.cumsum([0] + [part.shape[1] for part in parts])
-        self._rows = np.concatenate(parts, axis=1)
+        self._rows, begins = concatenate(parts)
         self._arrays = (self._rows, begins, self._table, self._codes)
         self._position = np.zeros(J)
         self._views = {k: row.view(self._table.T) for k, row in vars(Loop).items() if isinstance(row, Row)}
@@ -183,7 +181,7 @@ class Loop:
         at = array("positions", positions, self._position.shape)
         *parts, table = rows(self.joints, at, self.interval)
         table[:, CALLS] = self._table[:, CALLS]
-        self._rows[:], self._table[:] = np.concatenate(parts, axis=1), table
+        self._rows[:], self._table[:] = concatenate(parts)[0], table
         self._codes[:] = int(Status.OK)
 
     def acknowledge(self) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from backdrive._jit import jit, ladder, leaf
+from backdrive._jit import jit, ladder, leaf, part
 from backdrive.control import guard, readings
 from backdrive.control.compensators import compensator as compensator_
 from backdrive.control.estimators import external as external_
@@ -38,6 +38,7 @@ from backdrive.control.table import (
     SLID,
     SLOPE,
     STILL,
+    TABLE,
     TEMPERATURE,
     TIME,
     UPPER,
@@ -45,11 +46,24 @@ from backdrive.control.table import (
 from backdrive.elementary import exp
 from backdrive.status import Status
 
-OK, NOT_FINITE, NO_MOTION = int(Status.OK), int(Status.NOT_FINITE), int(Status.NO_MOTION)
+OK, NOT_FINITE = int(Status.OK), int(Status.NOT_FINITE)
+SATURATED, NO_MOTION = int(Status.SATURATED), int(Status.NO_MOTION)
 SEVERITY = tuple(status.severity for status in Status)
 STANDING = 0.1  # share of the hold time after which a joint stands still
 MOVED = 2.5  # encoder steps from the position of rest beyond which a joint has moved; noise of one step does not count
 NOTABLE = 0.01  # share of the limit above which a torque counts as nonzero
+
+
+#: Ends of the arrays of fixed length in a joint's row: compensator, its state, estimator, its state.
+C = compensator_.ROW
+S = C + compensator_.STATES
+E = S + external_.ROW
+FIXED = E + external_.STATES
+GROWING, ESTIMATING, LEARNING = (
+    True,
+    True,
+    True,
+)  # a joint may have a law that grows, an estimator, a level that is learned
 
 
 @jit
@@ -68,22 +82,23 @@ def restart(c, x, s, ce, xe, se, g, q):
 
 
 @jit
-def standing(c, x, s, g, q, T):
-    """Return the remaining share of the compensating torque while the encoder stands still; after the hold time the contact
-    is relaxed.
-    """
-    hold = g[HOLD]
+def stand(c, x, s, g, q, T):
+    """Count the time for which the encoder stands still; after the hold time the contact is relaxed."""
     if abs(q - g[ANCHOR]) > MOVED * g[COUNT]:
         g[ANCHOR], g[STILL] = q, 0.0
-        return 1.0
-    before = g[STILL]
-    g[STILL] = before + T
-    if before + T < hold:
-        late = before + T - 0.5 * hold
-        return 1.0 if late <= 0.0 else exp(-6.0 * late / hold)
-    if before < hold:
-        compensator_.relax(c, 0, x, s, 0)
-    return 1.0
+    else:
+        before = g[STILL]
+        g[STILL] = before + T
+        if before < g[HOLD] <= before + T:
+            compensator_.relax(c, 0, x, s, 0)
+
+
+@jit
+def share_at_rest(g):
+    """Return the remaining share of the compensating torque of a joint that stands still."""
+    hold = g[HOLD]
+    late = g[STILL] - 0.5 * hold
+    return exp(-6.0 * late / hold) if 0.0 < late < 0.5 * hold else 1.0
 
 
 @ladder
@@ -94,35 +109,40 @@ def joint(c, i, p, x, s, ce, pe, xe, se, g, q, dt):  # noqa: PLR0913  (a kernel'
     """
     g[CALLS] += 1.0
     code = readings.judge(c, s, ce, se, g, q, dt)
-    f, T = 0.0, g[SINCE]
-    if readings.valid(code):
+    f, T, good = 0.0, g[SINCE], readings.valid(code)
+    if good:
         dp, u, level = q - g[BEFORE], g[APPLIED], g[LEVEL]
         load, temp = (g[MOTOR], g[LOAD]), g[TEMPERATURE]
-        if g[GROWS] > 0.0 and load[0] == 0.0 and load[1] == 0.0:  # no load was given
+        if GROWING and g[GROWS] > 0.0 and load[0] == 0.0 and load[1] == 0.0:  # no load was given
             load = (u, -g[KNOWN] if g[KNOWN] != 0.0 else np.nan)
-        left = standing(c, x, s, g, q, T)
+        stand(c, x, s, g, q, T)
         push, dither = compensator_.tick(
             c, i, p, x, s, 0, q, dp, T, g[TIME], g[ERROR], g[SLOPE], u - g[KNOWN], load, temp,
             g[STILL] >= g[HOLD],
         )  # fmt: skip
-        push *= left
-        f = level * (push + dither)
-        tau_e, tau_f = 0.0, 0.0
-        if g[ESTIMATES] > 0.0:
+        stands = g[STILL] >= STANDING * g[HOLD]
+        if stands:
+            push *= share_at_rest(g)
+        f = level * (push if dither == 0.0 else push + dither)
+        tau_e, tau_f, total = 0.0, 0.0, f
+        if ESTIMATING and g[ESTIMATES] > 0.0:
             tau_e, tau_f = external_.tick(ce, 0, pe, xe, se, 0, q, dp, T, u, g[KNOWN], load, temp, level)
-        if not np.isfinite(f + tau_e + tau_f):  # finite inputs, but the result overflows
+            total = f + tau_e + tau_f
+        if not np.isfinite(total):  # finite inputs, but the result overflows
             restart(c, x, s, ce, xe, se, g, q)
-            code = NOT_FINITE
+            code, good = NOT_FINITE, False
         else:
-            if g[LEARNS] > 0.0:
+            if LEARNING and g[LEARNS] > 0.0:
                 slid = g[SLID] + T if abs(dp) >= g[CREEP] * T else 0.0
                 numbers = g[LEARNS], g[SETTLE], g[FLOOR], g[DEAD], g[LOWER], g[UPPER]
                 g[LEVEL], g[SLID] = learn(level, tau_f / level, tau_e, slid, T, *numbers), slid
             g[EXTERNAL], g[FRICTION] = tau_e, tau_f
             g[BEFORE], g[SINCE], g[PENDING] = q, 0.0, 0.0
-            if g[STILL] >= STANDING * g[HOLD] and abs(level * push) > NOTABLE * g[LIMIT]:
+            if stands and abs(level * push) > NOTABLE * g[LIMIT]:
                 code = NO_MOTION
-    return guard.act(g, code, f, T, dt)
+            elif abs(f) > g[LIMIT]:
+                code = SATURATED
+    return guard.act(g, code, good, f, T, dt)
 
 
 @leaf
@@ -131,18 +151,19 @@ def absent(c, i, p, x, s, ce, pe, xe, se, g, q, dt):  # noqa: PLR0913  (a kernel
     return 0
 
 
-@jit
+@leaf
 def tick(A, o, g, codes, q, dt):
     """Advance every joint by one tick and return the worst status.
 
-    `A[j]`: the arrays of `rows` for a joint, concatenated, `o`: begin of each (9,), `g`: table.
+    `A[j]`: the arrays of `rows` for a joint, joined, those of fixed length first; `o`: where each other begins, and the end (5,);
+    `g`: table.
     """
     worst = OK
     for j in range(codes.size):
-        a = A[j]
-        c, p, x, s = a[: o[1]], a[o[1] : o[2]], a[o[2] : o[3]], a[o[3] : o[4]]
-        ce, pe, xe, se = a[o[4] : o[5]], a[o[5] : o[6]], a[o[6] : o[7]], a[o[7] :]
-        codes[j] = joint(c, 0, p, x, s, ce, pe, xe, se, g[j], q[j], dt)
+        c, s, ce, se = part(A, j, 0, C), part(A, j, C, S), part(A, j, S, E), part(A, j, E, FIXED)
+        p, x = part(A, j, FIXED, o[1]), part(A, j, o[1], o[2])
+        pe, xe = part(A, j, o[2], o[3]), part(A, j, o[3], o[4])
+        codes[j] = joint(c, 0, p, x, s, ce, pe, xe, se, part(g, j, 0, TABLE), q[j], dt)
         if SEVERITY[codes[j]] > SEVERITY[worst]:
             worst = codes[j]
     return worst

@@ -69,14 +69,14 @@ def shift(c, s, ce, se, g, by):
 
 @jit
 def possible(g, distance, time):
-    """Return whether a joint can have moved a distance in a given time."""
-    return abs(distance) <= g[TOP] * (time + g[NOMINAL]) + 2.0 * g[COUNT]
+    """Return whether a joint can have moved a distance in a given time; not one that is no number, or infinite."""
+    return abs(distance) < g[TOP] * (time + g[NOMINAL]) + 2.0 * g[COUNT]
 
 
 @jit
 def follows(c, s, ce, se, g, q, passed):
     """Return whether a reading is near that of a jump; where many have been, the encoder counts from another zero."""
-    if g[PENDING] == 0.0 or not possible(g, q - g[ELSEWHERE], passed):
+    if not g[PENDING] > 0.0 or not possible(g, q - g[ELSEWHERE], passed):
         return False
     g[ELSEWHERE] = q
     g[SETTLED] += passed
@@ -88,6 +88,8 @@ def follows(c, s, ce, se, g, q, passed):
 @jit
 def jump_status(g, q, way, passed):
     """Return the status of a reading that is out of reach: a second jump that is like the first is a joint that runs away."""
+    if not np.isfinite(q):
+        return NOT_FINITE
     code = JUMP
     if g[PENDING] > 0.0:
         speed = (q - g[ELSEWHERE]) / passed
@@ -103,27 +105,32 @@ def jump_status(g, q, way, passed):
 def judge(c, s, ce, se, g, q, dt):
     """Return the status of a joint's input: OK or LATE if it is accepted."""
     nominal = g[NOMINAL]
-    long = dt > SLOWEST * nominal
-    timely = FASTEST * nominal <= dt and not long
-    passed = dt if timely else nominal
+    code, passed, missed = OK, nominal, nominal
+    if dt != nominal:  # seldom
+        code = BAD_INTERVAL
+        if FASTEST * nominal <= dt:
+            if dt <= SLOWEST * nominal:
+                passed, missed = dt, dt
+                code = LATE if dt > BEHIND * nominal else OK
+            elif dt < np.inf:  # it is rejected, but the joint may have moved during that time
+                missed = min(dt, LONGEST)
     g[PASSED] = passed
     g[TIME] += passed
-    # a long interval is rejected, but the joint may have moved during that time
-    g[SINCE] += min(dt, LONGEST) if long and dt < np.inf else passed
-    if g[BEGUN] == 0.0 and np.isfinite(q):
+    g[SINCE] += missed
+    if not g[BEGUN] > 0.0 and np.isfinite(q):
         shift(c, s, ce, se, g, q - g[BEFORE])
         g[BEGUN], g[SINCE], g[ZERO] = True, passed, 0.0
-    if not timely:
-        return BAD_INTERVAL
-    others = g[APPLIED] + g[KNOWN] + g[ERROR] + g[SLOPE] + g[MOTOR] + g[LOAD]
-    if not (np.isfinite(q) and np.isfinite(others + g[TEMPERATURE])):
+    if code == BAD_INTERVAL:
+        return code
+    others = (g[APPLIED] + g[KNOWN]) + (g[ERROR] + g[SLOPE]) + (g[MOTOR] + g[LOAD])
+    if not np.isfinite(others + g[TEMPERATURE]):
         return NOT_FINITE
     if follows(c, s, ce, se, g, q, passed):  # first, for the old place is within reach again after a while
         return JUMP
     way = q - g[BEFORE]
     if not possible(g, way, g[SINCE]):
         return jump_status(g, q, way, passed)
-    return LATE if dt > BEHIND * nominal else OK
+    return code
 
 
 @jit

@@ -11,7 +11,7 @@ from __future__ import annotations
     # output
     TORQUE, EXTERNAL, FRICTION, LEVEL, CALLS,
     # settings
-    TOP, LIMIT, RATE, RAMP, LATCHING, HOLD, FADE, PATIENCE, COUNT, ESTIMATES, GROWS,
+    TOP, LIMIT, RATE, RAMP, LATCHING, HOLD, FADE, PATIENCE, COUNT, SPAN, HALF_SPAN, ESTIMATES, GROWS,
     LEARNS, CREEP, SETTLE, FLOOR, DEAD, LOWER, UPPER,
     # readings: the last accepted one, the position after a jump, and the total shift of the encoder's zero
     BEGUN, BEFORE, ELSEWHERE, LEAP, SETTLED, PENDING, ZERO,
@@ -19,5 +19,5 @@ from __future__ import annotations
     FAULTY, OLDER, OLDER_AGE, NEWER, NEWER_AGE, FAST, CAUSE, STOP, CAP, BAD,
     # standing still, learning
     ANCHOR, STILL, SLID,
-) = range(54)  # fmt: skip
-TABLE = 54
+) = range(56)  # fmt: skip
+TABLE = 56

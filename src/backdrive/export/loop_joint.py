@@ -30,6 +30,8 @@ TIMES = {
     "hold",
     "slid",
     "settle",
+    "span",
+    "half_span",
 }
 PLACES = {"before", "elsewhere", "older", "newer", "anchor", "zero"} | TIMES
 WHOLE = dict.fromkeys(("begun", "pending", "fast", "cause", "stop"), INT) | {"calls": LONG}

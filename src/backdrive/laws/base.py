@@ -16,6 +16,8 @@ SPEEDS = (
     *np.geomspace(1e-9, 1e6, 61).tolist(),
 )  # speeds at which a rate law is evaluated [rad/s or m/s]
 
+MOST = 0xFFFF  # numbers of a law's row
+
 R = TypeVar("R", bound="Rows")
 
 

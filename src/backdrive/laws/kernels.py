@@ -22,7 +22,7 @@ from backdrive._jit import choice, jit, ladder, leaf, specialise
 from backdrive._types import Array, Pair
 from backdrive.laws import ELEMENTS, RATES, REFERENCE, growth
 from backdrive.laws.absent import no_curve, no_motion, no_row, no_torque
-from backdrive.laws.base import Element, kernels_of
+from backdrive.laws.base import MOST, Element, kernels_of
 from backdrive.laws.elements import none
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -88,8 +88,17 @@ def limits_of(rate: int, plain: bool, p: Array, v: float, load: Pair, temp: floa
 @ladder
 def step(rate: int, element: int, p: Array, x: Array, dp: float, dt: float, load: Pair, temp: float):
     """Friction torque of one tick; `x` is advanced in place."""
-    v = slow(dp / dt)
-    return step_at(rate, element, False, p, x, x, v, within(v, dp, dt), dt, load, temp)
+    v = dp / dt
+    if abs(v) >= FASTEST:
+        v = slow(v)
+        dp = v * dt
+    return step_at(rate, element, False, p, x, x, v, dp, dt, load, temp)
+
+
+@leaf
+def begin(p: Array):
+    """Return where the element's row begins: never below 0, as a compiler sees, so that no place is counted from the end."""
+    return 1 + (int(p[0]) & MOST)
 
 
 @leaf
@@ -119,7 +128,7 @@ def step_at(  # noqa: PLR0913  (a kernel's row)
     temp: float,
 ):
     """Friction torque of one tick from the state row x to y at a velocity v = dp/dt that is at most FASTEST."""
-    e = 1 + int(p[0])
+    e = begin(p)
     if ROWS >> element & 1:
         lo, hi, viscous = bounds(rate, element, plain, p, v, load, temp)
         f = carry_row(element, (p, e, x, y, lo, hi, dp, dt)) + viscous

@@ -159,7 +159,10 @@ class FrictionModel(Display):
             said = f"friction is negative at {velocity[wrong][0]:.4g} {friction.joint.unit}/s; there the model drives the motion"
             warnings.warn(f"Joint '{friction.joint.name}': {said}.", NegativeFrictionWarning, stacklevel=2)
         if velocity.ndim == 0 and friction.law.growth is None and friction.law.rate.MARK == 0.0:
-            self._scalars[joint] = friction.law.scalar, friction.law.row(), *friction.validity.velocity
+            from backdrive._jit import entry
+
+            row = friction.law.row()
+            self._scalars[joint] = entry(friction.law.scalar, row, 0.0), row, *friction.validity.velocity
         return torque
 
     @cached_property

@@ -17,7 +17,7 @@ import numpy as np
 from backdrive._jit import leaf
 from backdrive._types import Array, Pair
 from backdrive.errors import InvalidInput
-from backdrive.laws.base import Parameter, Rate
+from backdrive.laws.base import MOST, Parameter, Rate
 
 
 @leaf
@@ -58,7 +58,7 @@ def limits(p: Array, v: float, load: Pair, temp: float):
 @leaf
 def limits_of_one(p: Array, v: float, load: Pair, temp: float):
     """Rate law: the same numbers for one velocity at a time, by branches; the knots rise."""
-    N, F_p, F_n = int(p[1]), p[2], p[3]
+    N, F_p, F_n = int(p[1]) & MOST, p[2], p[3]
     speed, phi = abs(v), 0.0 * v
     i = 0
     while i < N and speed >= p[4 + i]:
