@@ -42,14 +42,10 @@ def step(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float)
     sigma_0, sigma_1, v_d = p[e], p[e + 1], p[e + 2]
     reach = sigma_0 * dp
     s = hi if dp > 0.0 else lo
-    if dp == 0.0:
-        after = z
-    elif s == 0.0:
-        after = 0.0
-    elif abs(reach) > 1e16 * abs(s):  # where reach may overflow
-        after = s
-    else:
-        after = (z + reach) * (s / (s + reach))
+    after = z
+    if dp != 0.0:
+        part = s / (s + reach)
+        after = (z + reach) * part if part > 1e-16 else s  # also where reach overflows, or s is 0
     if sigma_1 == 0.0:
         return after, after
     return after, after + damping(sigma_1, v_d, dp / dt) * (after - z) * (1.0 / (sigma_0 * dt))
