@@ -6,8 +6,9 @@ contraction gives the same bits, C included. Each is within one unit in the last
 normal number.
 
 `decay`, which most laws call, needs no table: reading one keeps a compiler from working on several numbers in one instruction,
-where the processor has none that reads several. `exp` and `log` read a table of 128 powers or logarithms, after P. T. P. Tang (ACM TOMS 15(2), 1989, and 16(4), 1990), made here
-with integers; sums of two doubles follow T. J. Dekker (Numer. Math. 18, 1971). Series are Taylor's but for that of `decay`.
+where the processor has none that reads several. `exp` and `log` read a table of 128 powers or logarithms, after P. T. P. Tang
+(ACM TOMS 15(2), 1989, and 16(4), 1990), made here with integers; sums of two doubles follow T. J. Dekker (Numer. Math. 18,
+1971). Series are Taylor's but for that of `decay`.
 """
 
 from __future__ import annotations

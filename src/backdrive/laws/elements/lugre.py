@@ -37,18 +37,35 @@ def damping(sigma_1: float, v_d: float, v: float):
 
 
 @leaf
-def step(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float):
-    """State and torque after one tick; the state is sigma_0 z."""
+def ahead(p: Array, e: int, lo: float, hi: float, dp: float, dt: float):
+    """What of a tick does not depend on the state: reach and part, of which it follows, and the damping."""
     sigma_0, sigma_1, v_d = p[e], p[e + 1], p[e + 2]
     reach = sigma_0 * dp
     s = hi if dp > 0.0 else lo
-    after = z
-    if dp != 0.0:
-        part = s / (s + reach)
-        after = (z + reach) * part if part > 1e-16 else s  # also where reach overflows, or s is 0
-    if sigma_1 == 0.0:
-        return after, after
-    return after, after + damping(sigma_1, v_d, dp / dt) * (after - z) * (1.0 / (sigma_0 * dt))
+    part = s / (s + reach)
+    if not part > 1e-16:  # where reach may overflow, or s is 0
+        reach, part = 1e150 * s, 1e-150  # the state becomes s
+    return reach, part, damping(sigma_1, v_d, dp / dt)
+
+
+@leaf
+def follow(z: float, reach: float, part: float):
+    """State after one tick, from that before; the state is sigma_0 z."""
+    return (z + reach) * part
+
+
+@leaf
+def torque(p: Array, e: int, z: float, after: float, damping: float, dt: float):
+    """Torque after one tick, from the states before and after."""
+    return after + damping * (after - z) * (1.0 / (p[e] * dt))
+
+
+@leaf
+def step(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float):
+    """State and torque after one tick; the state is sigma_0 z."""
+    reach, part, damping = ahead(p, e, lo, hi, dp, dt)
+    after = follow(z, reach, part)
+    return after, torque(p, e, z, after, damping, dt)
 
 
 @dataclass(frozen=True, kw_only=True)
