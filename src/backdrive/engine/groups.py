@@ -28,7 +28,10 @@ def serves(element: int) -> bool:
 
 def work() -> tuple[np.ndarray, ...]:
     """Return what the loop works on: velocities of a block; of each lane of a group three numbers, viscous part and state."""
-    size = (TOGETHER, BLOCK + 6)
+    size = (
+        TOGETHER,
+        BLOCK + 6,
+    )  # rows of a power of two would have loads wait for stores to addresses that end alike
     return (np.empty(BLOCK), *(np.zeros(size) for _ in range(4)), np.zeros((TOGETHER, BLOCK + 1)))
 
 

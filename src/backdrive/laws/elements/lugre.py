@@ -24,6 +24,7 @@ from backdrive._types import Array
 from backdrive.elementary import decay
 from backdrive.laws.base import Element, Parameter, Rate
 
+TINY = 1e-300  # keeps 0 out of a denominator, and changes no other
 CANUDAS = "Canudas de Wit et al., IEEE TAC 40(3), 1995, Table I"
 
 
@@ -42,7 +43,7 @@ def ahead(p: Array, e: int, lo: float, hi: float, dp: float, dt: float):
     sigma_0, sigma_1, v_d = p[e], p[e + 1], p[e + 2]
     reach = sigma_0 * dp
     s = hi if dp > 0.0 else lo
-    part = s / (s + reach)
+    part = s / (s + reach + TINY)
     if not part > 1e-16:  # where reach may overflow, or s is 0
         reach, part = 1e150 * s, 1e-150  # the state becomes s
     return reach, part, damping(sigma_1, v_d, dp / dt)
