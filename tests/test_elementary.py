@@ -54,6 +54,21 @@ def test_one_argument_is_right_to_the_last_place(name):
                 assert off(getattr(elementary, name)(float(x)), truth) <= limit, x
 
 
+def test_decay_is_within_a_unit_in_the_last_place():
+    r = np.random.default_rng(4)
+    arguments = [*r.uniform(-708.0, 0.0, MANY), *-abs(r.normal(size=MANY)), *-abs(tiny(r, MANY))]
+    with mpmath.workprec(160):
+        for x in [*arguments, *r.uniform(-0.36, -0.33, MANY)]:  # the last: where most is lost
+            assert off(elementary.decay(float(x)), mpmath.exp(mpmath.mpf(float(x)))) <= 0.9, x
+
+
+@pytest.mark.parametrize("x", [0.0, -0.0, -5e-324, -708.8, -1e308, -math.inf, math.nan])
+def test_decay_at_its_edges(x):
+    with np.errstate(under="ignore"):
+        expected = float(np.exp(x)) if x > -708.0 or math.isnan(x) else 0.0
+    assert same(elementary.decay(x), expected)
+
+
 def test_power_is_right_to_the_last_place():
     r = np.random.default_rng(2)
     pairs = [
@@ -114,6 +129,7 @@ def bits() -> str:
     for name, (_, arguments) in ONE.items():
         for x in arguments(r, 40):
             lines.append(getattr(elementary, name)(float(x)).hex())
+    lines += [elementary.decay(float(x)).hex() for x in -(10.0 ** r.uniform(-9, 2.9, 99))]
     lines += [
         elementary.pow(float(a), float(b)).hex()
         for a, b in zip(10.0 ** r.uniform(-6, 6, 99), r.uniform(-40, 40, 99), strict=True)

@@ -10,8 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from backdrive import elementary
-
 SOURCES = [str(Path(__file__).with_name(name)) for name in ("loops.c", "lanes.c")]
 FLAGS = ["-O3", "-march=native", "-ffp-contract=off", "-std=gnu11", "-shared", "-fPIC"]
 
@@ -20,12 +18,6 @@ def pointer(array: np.ndarray) -> ctypes.c_void_p:
     """Return where a contiguous array begins."""
     assert array.flags.c_contiguous
     return ctypes.c_void_p(array.ctypes.data)
-
-
-class Exponential(ctypes.Structure):
-    """What the exponential function of `lanes.c` reads."""
-
-    _fields_ = [(n, ctypes.c_double) for n in ("scale", "high", "low")] + [("powers", ctypes.c_void_p)]
 
 
 class Loops:
@@ -79,9 +71,7 @@ class Loops:
 
     def side_by_side(self, name: str, rows, dp, dt: float) -> np.ndarray:
         """Return the torque of many rows along one motion, sixteen side by side, (L, n)."""
-        powers = np.array(elementary.POWERS, dtype=np.int64)
-        numbers = (elementary.BY_LOG_2, elementary.STEP_HIGH, elementary.STEP_LOW)
-        given, out = Exponential(*numbers, powers.ctypes.data), np.empty((len(rows), dp.size))
+        out = np.empty((len(rows), dp.size))
         getattr(self._library, f"{name}_side_by_side")(
             pointer(rows),
             ctypes.c_long(rows.shape[1]),
@@ -89,7 +79,6 @@ class Loops:
             ctypes.c_double(dt),
             ctypes.c_long(dp.size),
             ctypes.c_long(len(rows)),
-            ctypes.byref(given),
             pointer(out),
         )
         return out

@@ -74,7 +74,7 @@ def _bits() -> tuple[Callable[[float], int], Callable[[int], float]]:
     if not COMPILED:
         return (
             lambda x: struct.unpack("<q", struct.pack("<d", x))[0],
-            lambda i: struct.unpack("<d", struct.pack("<q", i))[0],
+            lambda i: struct.unpack("<d", struct.pack("<Q", i % (1 << 64)))[0],
         )
     from numba.extending import intrinsic
 

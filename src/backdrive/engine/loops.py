@@ -61,7 +61,7 @@ def one_by_one(rate: int, element: int, plain: bool, knots: int, sections: int, 
         tame: no velocity exceeds `kernels.FASTEST`, so velocities need no check.
     """
 
-    def lanes(which, P, X, motion, dp, dt, load, temp, W, Q, Z, T, out):  # noqa: PLR0913, PLR0912  (a kernel's row)
+    def lanes(which, P, X, motion, dp, dt, load, temp, W, Q, Z, T, out):  # noqa: PLR0913  (a kernel's row)
         loads, temps = load.shape[1] > 1, temp.shape[1] > 1
         lo, hi, viscous, slid = W[0], W[1], W[2], W[3]
         for i in which:
@@ -75,14 +75,6 @@ def one_by_one(rate: int, element: int, plain: bool, knots: int, sections: int, 
                 tau, moved = out[i, start:stop], dp[m, start:stop]
                 loaded = load[m, start:stop] if loads else load[m]
                 warm = temp[m, start:stop] if temps else temp[m]
-                if kernels.HOLDS >> element & 1:  # no state
-                    for k in range(moved.size):
-                        j = k if loads else 0
-                        pair, t = (loaded[j, 0], loaded[j, 1]), warm[k if temps else 0]
-                        v = moved[k] / dt if tame else kernels.slow(moved[k] / dt)
-                        d = moved[k] if tame else kernels.within(v, moved[k], dt)
-                        tau[k] = kernels.step_one(rate, element, plain, p, place, 0.0, v, d, dt, pair, t)[1]
-                    continue
                 for k in range(moved.size):
                     j = k if loads else 0
                     pair, t = (loaded[j, 0], loaded[j, 1]), warm[k if temps else 0]

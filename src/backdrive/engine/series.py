@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from backdrive.engine import loops
+from backdrive.engine import groups, loops
 from backdrive.engine.cores import spread
 from backdrive.errors import InvalidInput, check_type
 from backdrive.laws import REFERENCE, Law, kernels
@@ -116,23 +116,27 @@ class Lanes:
         ]
 
         def work(first: int, last: int) -> None:
-            room = loops.work()
-            for loop, lanes, place, loads in parts:
+            for (loop, room), lanes, place, loads in parts:
                 a, b = max(first - place, 0), min(last - place, len(lanes))
                 if a < b:
-                    loop(lanes[a:b], self.rows, X, motion, dp, dt, loads, temperature, *room, out)
+                    loop(lanes[a:b], self.rows, X, motion, dp, dt, loads, temperature, *room(), out)
 
         spread(work, len(motion), workers)
         return out
 
-    def _loop(self, kinds: Kinds, lanes: np.ndarray, motion: np.ndarray, tame: bool) -> Callable:
-        """Return the compiled loop for some lanes of one law."""
+    def _loop(
+        self, kinds: Kinds, lanes: np.ndarray, motion: np.ndarray, tame: bool
+    ) -> tuple[Callable, Callable]:
+        """Return the compiled loop for some lanes of one law, and what makes the arrays that it works on."""
         rate, element, plain, knots, _ = kinds
+        if groups.serves(element):
+            together = 1 if len(lanes) == 1 else groups.TOGETHER
+            return groups.in_groups(rate, element, plain, knots, tame, together), groups.work
         wide = knots or kernels.ROWS >> element & 1 or not plain or self.rows.shape[1] > loops.COLUMNS
         if len(lanes) < loops.FEWEST or wide:
-            return loops.one_by_one(*kinds, tame)
+            return loops.one_by_one(*kinds, tame), loops.work
         shared = bool((motion[lanes] == motion[lanes[0]]).all())
-        return loops.lane_loop(rate, element, 1 + int(self.rows[lanes[0], 0]), tame, shared)
+        return loops.lane_loop(rate, element, 1 + int(self.rows[lanes[0], 0]), tame, shared), loops.work
 
 
 def increments(q: np.ndarray | None, dq: np.ndarray | None, dt: float) -> np.ndarray:

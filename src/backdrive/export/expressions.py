@@ -295,6 +295,8 @@ class Expressions(Operators):
             x = self.spelling.scalar(arguments[0])
             name, kind = ("to_bits", LONG) if function is _jit.to_bits else ("from_bits", WIDE)
             return self.helper(name, kind, [x])
+        if function is elementary.power_of_two:  # of unsigned integers, which may overflow
+            return self.helper("power_of_two", WIDE, [self.spelling.scalar(arguments[0])])
         if function in MATH:
             return self._math(function, arguments)
         if function in _jit.CHOICES:

@@ -51,6 +51,12 @@ HELPERS = {
         "static inline double {p}_from_bits(int64_t bits) {{\n  double x;"
         "\n  memcpy(&x, &bits, sizeof x);\n  return x;\n}}"
     ),
+    "power_of_two": (
+        "/* 2^k from k + 1.5 * 2^52. */\n"
+        "static inline double {p}_power_of_two(double wide) {{\n  double x;\n  uint64_t bits;"
+        "\n  memcpy(&bits, &wide, sizeof bits);\n  bits = (bits << 52) + UINT64_C(0x3ff0000000000000);"
+        "\n  memcpy(&x, &bits, sizeof x);\n  return x;\n}}"
+    ),
     "sinf_wide": (
         "static inline float {p}_sinf_wide(double x) {{\n"
         "  return sinf((float)(x - 0x1.921fb54442d18p+2 * floor(x * 0x1.45f306dc9c883p-3)));\n}}"

@@ -30,3 +30,21 @@ def no_torque(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: f
 def no_motion(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float):
     """Element of a number that no class has, and the motion under it."""
     return z, np.nan, np.nan
+
+
+@leaf
+def nothing_ahead(p: Array, e: int, lo: float, hi: float, dp: float, dt: float):
+    """Numbers of a tick, of an element that has none without its state."""
+    return np.nan, np.nan, np.nan
+
+
+@leaf
+def no_state(z: float, a: float, b: float):
+    """State of such an element."""
+    return np.nan
+
+
+@leaf
+def no_torque_of_states(p: Array, e: int, z: float, after: float, c: float, dt: float):
+    """Torque of such an element."""
+    return np.nan

@@ -244,6 +244,10 @@ class Element(Rows):
         STATE_ROW: the state is a row, so that the kernel is `step(p, e, x, y, lo, hi, dp, dt) -> torque`, from the row x to the row
             y, which may be the same. Otherwise it is one number z: `step(p, e, z, lo, hi, dp, dt) -> z, torque`. Where SLIDER or
             ZONE is set, the motion that the viscous part sees is returned behind the torque.
+
+    Most of a step may not depend on the state. A file that offers this part as `ahead(p, e, lo, hi, dp, dt) -> a, b, c`, and makes
+    its `step` of it, of `follow(z, a, b) -> after` and of `torque(p, e, z, after, c, dt)`, lets loops evaluate it for several ticks
+    at once.
     """
 
     SLIDER: ClassVar[bool] = False

@@ -21,7 +21,15 @@ from backdrive._assembly import assemble
 from backdrive._jit import choice, jit, ladder, leaf, specialise
 from backdrive._types import Array, Pair
 from backdrive.laws import ELEMENTS, RATES, REFERENCE, growth
-from backdrive.laws.absent import no_curve, no_motion, no_row, no_torque
+from backdrive.laws.absent import (
+    no_curve,
+    no_motion,
+    no_row,
+    no_state,
+    no_torque,
+    no_torque_of_states,
+    nothing_ahead,
+)
 from backdrive.laws.base import MOST, Element, kernels_of
 from backdrive.laws.elements import none
 
@@ -41,6 +49,9 @@ def among(classes: Iterable[type[Element]]) -> int:
 WIDE = [c for c in ELEMENTS.values() if c.STATE_ROW]
 MOVERS = [c for c in ELEMENTS.values() if c.SLIDER or c.ZONE]
 PLAIN = [c for c in ELEMENTS.values() if c not in WIDE and c not in MOVERS]
+#: Elements of which most can be evaluated before the state is known: their files have `ahead`, `follow` and `torque` too.
+FOLLOWERS = [c for c in PLAIN if hasattr(sys.modules[c.__module__], "ahead")]
+FOLLOWS = among(FOLLOWERS)
 ROWS, MOVES, HOLDS = among(WIDE), among(MOVERS), among(c for c in ELEMENTS.values() if c.SET_VALUED)
 MARKED = True  # a law may grow with the load or differ by direction: p[0] may hold a fraction
 curve = choice(kernels_of(RATES.values(), "limits"), no_curve)
@@ -53,6 +64,9 @@ ONE_AT_A_TIME = {
 carry_row = choice(kernels_of(WIDE, "step"), no_row)
 carry_moving = choice(kernels_of(MOVERS, "step"), no_motion)
 carry_plain = choice(kernels_of(PLAIN, "step"), no_torque)
+look_ahead = choice(kernels_of(FOLLOWERS, "ahead"), nothing_ahead)
+follow = choice(kernels_of(FOLLOWERS, "follow"), no_state)
+torque_of_states = choice(kernels_of(FOLLOWERS, "torque"), no_torque_of_states)
 
 
 @jit
@@ -319,7 +333,8 @@ def parts(rates: Iterable[int], elements: Iterable[int] = (), plain: bool = Fals
     which, sets = sorted({int(kind) for kind in elements}), {"ROWS": ROWS, "MOVES": MOVES, "HOLDS": HOLDS}
     result: dict[Any, Any] = {curve: tuple(sorted({int(kind) for kind in rates}))}
     if which:
-        result |= {carry: tuple(which) for carry in (carry_row, carry_moving, carry_plain)}
+        elements_kernels = (carry_row, carry_moving, carry_plain, look_ahead, follow, torque_of_states)
+        result |= {kernel: tuple(which) for kernel in elements_kernels}
         for name, kinds in sets.items():
             inside = {kinds >> kind & 1 for kind in which}
             if len(inside) == 1:  # all bits or none, so that nothing has to be looked at

@@ -24,6 +24,7 @@ from backdrive._types import Array
 from backdrive.elementary import decay
 from backdrive.laws.base import Element, Parameter, Rate
 
+TINY = 1e-300  # keeps 0 out of a denominator, and changes no other
 CANUDAS = "Canudas de Wit et al., IEEE TAC 40(3), 1995, Table I"
 
 
@@ -37,22 +38,35 @@ def damping(sigma_1: float, v_d: float, v: float):
 
 
 @leaf
-def step(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float):
-    """State and torque after one tick; the state is sigma_0 z."""
+def ahead(p: Array, e: int, lo: float, hi: float, dp: float, dt: float):
+    """What of a tick does not depend on the state: reach and part, of which it follows, and the damping."""
     sigma_0, sigma_1, v_d = p[e], p[e + 1], p[e + 2]
     reach = sigma_0 * dp
     s = hi if dp > 0.0 else lo
-    if dp == 0.0:
-        after = z
-    elif s == 0.0:
-        after = 0.0
-    elif abs(reach) > 1e16 * abs(s):  # where reach may overflow
-        after = s
-    else:
-        after = (z + reach) * (s / (s + reach))
-    if sigma_1 == 0.0:
-        return after, after
-    return after, after + damping(sigma_1, v_d, dp / dt) * (after - z) * (1.0 / (sigma_0 * dt))
+    part = s / (s + reach + TINY)
+    if not part > 1e-16:  # where reach may overflow, or s is 0
+        reach, part = 1e150 * s, 1e-150  # the state becomes s
+    return reach, part, damping(sigma_1, v_d, dp / dt)
+
+
+@leaf
+def follow(z: float, reach: float, part: float):
+    """State after one tick, from that before; the state is sigma_0 z."""
+    return (z + reach) * part
+
+
+@leaf
+def torque(p: Array, e: int, z: float, after: float, damping: float, dt: float):
+    """Torque after one tick, from the states before and after."""
+    return after + damping * (after - z) * (1.0 / (p[e] * dt))
+
+
+@leaf
+def step(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float):
+    """State and torque after one tick; the state is sigma_0 z."""
+    reach, part, damping = ahead(p, e, lo, hi, dp, dt)
+    after = follow(z, reach, part)
+    return after, torque(p, e, z, after, damping, dt)
 
 
 @dataclass(frozen=True, kw_only=True)

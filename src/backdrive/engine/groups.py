@@ -1,0 +1,104 @@
+"""Compiled loops of one law over lanes in groups, of elements whose state follows from numbers that are known ahead of it.
+
+The groups advance block by block of ticks. What does not depend on the state is evaluated for one lane along the block, several
+ticks in an instruction, as is the torque behind it. The states of a group advance between the two, tick by tick, side by side:
+each waits for its own result of the tick before, and others fill the time. Where there is no state (set-valued friction), a
+block is one pass. The results are bit-identical to `kernels.step`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+
+from backdrive._assembly import put_in
+from backdrive._jit import specialise
+from backdrive.engine.loops import BLOCK
+from backdrive.laws import kernels
+
+TOGETHER = 8  # lanes whose states advance side by side; their numbers of a block fit the nearest cache
+
+
+def serves(element: int) -> bool:
+    """Return whether this loop serves an element."""
+    return bool((kernels.HOLDS | kernels.FOLLOWS) >> element & 1)
+
+
+def work() -> tuple[np.ndarray, ...]:
+    """Return what the loop works on: velocities of a block; of each lane of a group three numbers, viscous part and state."""
+    size = (
+        TOGETHER,
+        BLOCK + 6,
+    )  # rows of a power of two would have loads wait for stores to addresses that end alike
+    return (np.empty(BLOCK), *(np.zeros(size) for _ in range(4)), np.zeros((TOGETHER, BLOCK + 1)))
+
+
+@cache
+def in_groups(rate: int, element: int, plain: bool, knots: int, tame: bool, together: int) -> Callable:
+    """Return the loop of one law over lanes: parameter rows, each on one of the motions.
+
+    Args:
+        rate: kind of the rate law.
+        element: kind of the element.
+        plain: the law neither grows with the load nor differs by direction.
+        knots: sections of the rate law's row; 0 for a loop that looks.
+        tame: no velocity exceeds `kernels.FASTEST`, so velocities need no check.
+        together: lanes of a group, at most TOGETHER.
+    """
+
+    def groups(which, P, X, motion, dp, dt, load, temp, V, A, B, C, S, Z, out):  # noqa: PLR0913, PLR0912  (a kernel's row)
+        loads, temps = load.shape[1] > 1, temp.shape[1] > 1
+        for first in range(0, which.size, together):
+            count = min(together, which.size - first)
+            for start in range(0, dp.shape[1], BLOCK):
+                stop, last = min(start + BLOCK, dp.shape[1]), -1
+                for j in range(count):
+                    i = which[first + j]
+                    m, p, place = motion[i], P[i], 1 + int(P[i, 0])
+                    if knots and int(p[1]) != knots:
+                        continue  # tells the compiler the number of loop rounds
+                    tau, moved = out[i, start:stop], dp[m, start:stop]
+                    loaded = load[m, start:stop] if loads else load[m]
+                    warm = temp[m, start:stop] if temps else temp[m]
+                    if m != last:
+                        for k in range(moved.size):
+                            V[k] = moved[k] / dt if tame else kernels.slow(moved[k] / dt)
+                        last = m
+                    if kernels.HOLDS >> element & 1:
+                        for k in range(moved.size):
+                            at, d = (
+                                k if loads else 0,
+                                moved[k] if tame else kernels.within(V[k], moved[k], dt),
+                            )
+                            pair, t = (loaded[at, 0], loaded[at, 1]), warm[k if temps else 0]
+                            tau[k] = kernels.step_one(
+                                rate, element, plain, p, place, 0.0, V[k], d, dt, pair, t
+                            )[1]
+                        continue
+                    a, b, c, viscous = A[j], B[j], C[j], S[j]
+                    for k in range(moved.size):
+                        at, d = k if loads else 0, moved[k] if tame else kernels.within(V[k], moved[k], dt)
+                        pair, t = (loaded[at, 0], loaded[at, 1]), warm[k if temps else 0]
+                        lo, hi, viscous[k] = kernels.bounds(rate, element, plain, p, V[k], pair, t)
+                        a[k], b[k], c[k] = kernels.look_ahead(element, (p, place, lo, hi, d, dt))
+                    Z[j, 0] = X[i, 0]
+                if kernels.HOLDS >> element & 1:
+                    continue
+                for k in range(stop - start):
+                    for j in range(together):
+                        Z[j, k + 1] = kernels.follow(element, (Z[j, k], A[j, k], B[j, k]))
+                for j in range(count):
+                    i = which[first + j]
+                    p, place, z, c, viscous = P[i], 1 + int(P[i, 0]), Z[j], C[j], S[j]
+                    tau = out[i, start:stop]
+                    for k in range(tau.size):
+                        tau[k] = (
+                            kernels.torque_of_states(element, (p, place, z[k], z[k + 1], c[k], dt))
+                            + viscous[k]
+                        )
+                    X[i, 0] = z[tau.size]
+
+    groups = put_in(groups, kernels.parts([rate], [element]))
+    return specialise(groups, rate, element, int(plain), knots, int(tame), together)
