@@ -18,6 +18,7 @@ from backdrive.model.quality import Bands, Quality, Verdict
 from backdrive.parameters import NOT_NEGATIVE, Bounds, WithBounds
 
 EDGE = 1e-9  # relative tolerance of the validity range's ends, for rounding errors [-]
+ARM_LOW = 0.05  # "low speed" of an arm as a share of the top speed [-]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,6 +136,15 @@ class JointFriction:
                 unknown = (math.nan,) * len(getattr(rows, name)) if parameter.many else math.nan
                 errors[name] = self.standard_errors.get(name, unknown)
         return errors
+
+    @property
+    def speeds(self) -> tuple[float, float]:
+        """Low and top speed at which texts and tables report friction [rad/s or m/s].
+
+        In a log of a whole arm, reversals and not sliding determine the curve below a twentieth of the top speed.
+        """
+        low, top = self.validity.speeds
+        return max(low, ARM_LOW * top) if self.method == "arm" else low, top
 
     def driving(self, above: float = 0.0) -> tuple[float, float] | None:
         """Return the part of the validity range in which friction is negative and so drives the motion.
