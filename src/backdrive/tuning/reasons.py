@@ -84,7 +84,7 @@ def origin(z: Numbers, searched: Numbers | None, name: str, aim: str) -> str:
             "From the fixed rule (R = 0.8, K = 0.72 K_c, alpha = 20 1/s): it passes the same test as the result of the "
             "search, and scores better."
         )
-    found = f"Found by a search for {aim} among numbers that pass the test."
+    found = f"By search for {aim} that passes the test."
     if z[name] == searched[name]:
         return found
     kind = f"from {searched[name]:.3g} to {z[name]:.3g}" if name in ("share", "decay") else ""
@@ -160,7 +160,7 @@ def numbers_of(
     least = T * control.derivative
     peak = 5.77 * stroke.length / stroke.duration**2
     aims = {
-        "backdrive": "the best feel of the joint, as weighted by the wish,",
+        "backdrive": "the best feel of the joint",
         "track": "the least error of a soft position controller",
         "estimate": "the least error of the external force",
         "admit": "the least mean peak force of the hand",
