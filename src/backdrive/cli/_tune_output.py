@@ -89,10 +89,9 @@ def _margins(tuning: Tuning) -> Sequence[str]:
             f"{100 * m['switching_at_rest']:.0f} % of them come to rest after a knock.",
         )
     return (
-        f"Over {m['joints']} joints of the intervals, without dither: {100 * m['at_rest']:.0f} % come to rest; "
-        f"largest amplitude at rest {m['cycle']:.2g} {unit} ({m['cycle_counts']:.2g} counts, "
-        f"{100 * m['cycle_by_bound']:.2g} % of the bound); "
-        f"energy put in {m['energy']:.2g} J.",
+        f"Of {m['joints']} joints drawn from the intervals, without dither: {100 * m['at_rest']:.0f} % come to rest. "
+        f"The largest amplitude at rest is {m['cycle']:.2g} {unit} ({m['cycle_counts']:.2g} counts, "
+        f"{100 * m['cycle_by_bound']:.2g} % of the bound). The compensator puts in {m['energy']:.2g} J.",
         *(dither if "dither_motor" in m else ()),
         f"Without dither the joint first fails to come to rest at: {share}; {delay}. Remaining break-away torque"
         f"{', with the dither' if 'dither_motor' in m else ''}: {m['breakaway']:.3g} {force} "

@@ -113,7 +113,7 @@ def _quality(friction: JointFriction) -> str:
 
 
 def _laws(choice: Choice | None) -> str:
-    """Return the laws that were tried, with their errors on fitted and on held-out data; the chosen law comes first, in bold."""
+    """Return a table of the candidate laws with their errors on fitted and on held-out data; the selected law is in bold."""
     if choice is None:
         return ""
     rows = []

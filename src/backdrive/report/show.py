@@ -121,7 +121,7 @@ def picture(result: Any) -> Any:
 
 
 def html(result: Any) -> str:
-    """Return a result as HTML for a notebook: readable in light and dark, with its picture inside where matplotlib is there."""
+    """Return a result as HTML for a notebook, readable in light and dark, with its picture if matplotlib is installed."""
     from backdrive.errors import MissingExtra
 
     shown = face(result)
