@@ -229,7 +229,7 @@ def _joint(j: JointEntry, where: str) -> m.JointFriction:
 
 
 def _fill(entry: JointEntry) -> None:
-    """Give the dataclasses of an entry the fields that the file leaves out: msgspec leaves them to the class."""
+    """Fill the dataclasses of an entry with the fields that the file leaves out, since msgspec does not."""
     for name in ALIKE:
         value = getattr(entry, name)
         if is_dataclass(value) and not isinstance(value, type):

@@ -129,7 +129,7 @@ class JointFriction:
             object.__setattr__(self, "covariance", self.covariance.of_numbers(self._errors()))
 
     def _errors(self) -> dict[str, Any]:
-        """Return the standard error of every number, NaN where it is unknown: one, or as many as there are values."""
+        """Return the standard error of every number, one for each of its values; NaN means unknown."""
         errors: dict[str, Any] = {name: e.standard_error for name, e in self.dynamics.items()}
         for rows in self.law.parts:
             for name, parameter in rows.PARAMETERS.items():
@@ -171,7 +171,7 @@ class JointFriction:
         return (velocity < low - EDGE * abs(low)) | (velocity > high + EDGE * abs(high))
 
     def extrapolation(self, velocity: np.ndarray) -> str:
-        """Return in a sentence how far velocities [rad/s or m/s] leave the validity range; empty where they do not."""
+        """Return a sentence on velocities [rad/s or m/s] outside the validity range; empty if all are inside."""
         outside = self.outside(velocity)
         if not np.any(outside):
             return ""
