@@ -81,8 +81,8 @@ def origin(z: Numbers, searched: Numbers | None, name: str, aim: str) -> str:
     """
     if searched is None:
         return (
-            "From the fixed rule (R = 0.8, K = 0.72 K_c, alpha = 20 1/s): it passes the same test as the result of the "
-            "search, and scores better."
+            "From the fixed rule (R = 0.8, K = 0.72 K_c, alpha = 20 1/s). It passes the same test as the result of the "
+            "search and has a better score."
         )
     found = f"By search for {aim} that passes the test."
     if z[name] == searched[name]:
@@ -118,8 +118,8 @@ def edges(goal: Goal, z: Numbers) -> list[str]:
             continue
         end = "lower" if x <= AT_EDGE else "upper"
         sentences.append(
-            f"{SYMBOLS[name]} = {z[name]:.3g} lies at the {end} end of its range, {low:.3g} to {high:.3g}: values beyond were "
-            f"not tried, so the range, not the score, determines this number."
+            f"{SYMBOLS[name]} = {z[name]:.3g} lies at the {end} end of its range, {low:.3g} to {high:.3g}. Values beyond were "
+            f"not tried: the range and not the score determines this number."
         )
     return sentences
 
