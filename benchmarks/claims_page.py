@@ -18,10 +18,10 @@ Made by `benchmarks/claims_page.py` from `backdrive.thesis.ledger`; `benchmarks/
 on two disjoint sets of seeds and ends `met` only where it is the one written here. `benchmarks/evidence/noticed.py` prints how
 large a bias each figure notices.
 
-**Counted** are the sentences of the results sections (2.4 to 2.5, 3.2, 3.4.2, 3.5, 3.6.2, 4.2.2, 4.6, 4.7.2) that name a figure
-or table, or point at one ("it can be seen"), as far as they say more than what is drawn; a caption counts where it states a
-result. They were listed before they were judged. Sections are given and no pages: the copy at hand has neither pages nor a table
-of contents.
+**Which statements count.** The sentences of the results sections (2.4 to 2.5, 3.2, 3.4.2, 3.5, 3.6.2, 4.2.2, 4.6, 4.7.2) count if
+they name a figure or table or refer to one ("it can be seen"), and state more than what is drawn. A caption counts if it states a
+result. The list was made before any statement was judged. It gives sections instead of pages, since the copy at hand has neither
+pages nor a table of contents.
 
 - *Reproduced*: on the one Setup A and the one Setup B of `backdrive.thesis.setups`, with the printed numbers, compensators and
   filter.
@@ -31,10 +31,10 @@ of contents.
 
 A difference counts where its 95 % interval over hands, or over windows of the metronome, leaves out zero.
 
-Figs. 3.9 and 3.10 lead the grip of the six-axis arm around a square, by Joints 0 to 2 together; the thesis prints a metronome of
-0.667 Hz and not what goes to a beat. A side a beat was taken after the other readings had been run: at two sides a beat, as on
-Setup A, such a hand draws no square. The verdicts are the same at every pace that was tried. Three statements were moved out of
-"cannot be judged" after their runs: 2.7-limit, 2.11-velocity and 3.8-direction.
+In Figs. 3.9 and 3.10 a hand leads the grip of the six-axis arm around a square, moving Joints 0 to 2 together. The thesis prints a
+metronome of 0.667 Hz, but not how many sides go to a beat. One side a beat was chosen after the other readings had been run. At
+two sides a beat, as on Setup A, such a hand does not draw a square. The verdicts are the same at every pace that was tried. Three
+statements were moved out of "cannot be judged" after their runs: 2.7-limit, 2.11-velocity and 3.8-direction.
 """
 
 STIFFNESS = """## By the transmission

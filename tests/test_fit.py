@@ -90,7 +90,7 @@ def test_a_richer_law_is_not_taken_where_it_is_not_worth_it():
     log = record(plain, motion=np.column_stack([q, np.gradient(q, 1 / RATE)]))
     result = identify(log, law="coulomb-viscous,stribeck-tustin")
     assert result.choices[0].chosen == "coulomb-viscous"
-    assert "not worth it" in result.choices[0].reason
+    assert "the simpler law is kept" in result.choices[0].reason
     law = result.model.joints[0].law.rate
     assert (law.coulomb_positive, law.coulomb_negative) == pytest.approx((3.5, 3.5), abs=0.1)
     assert result.model.joints[0].dynamics["offset"].value == pytest.approx(0.5, abs=0.1)

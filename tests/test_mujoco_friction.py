@@ -135,7 +135,7 @@ def test_a_stiff_contact_divides_the_step_or_is_refused():
     assert simulated.opt.timestep == 1e-3
     assert data.time == pytest.approx(0.5)
     assert abs(data.qvel[0]) < 1e-8
-    with pytest.raises(InvalidInput, match=r"K = 9.99e\+08.*do not come to rest"):
+    with pytest.raises(InvalidInput, match=r"does not come to rest.*K = 9.99e\+08"):
         MujocoFriction(model(a=Law(rate=CURVE, element=replace(LUGRE, stiffness=1e9))), simulated, data)
 
 

@@ -274,7 +274,10 @@ def test_missing_limits_and_meshes_are_named(tmp_path, brief):
     done = called(*words, "--acceleration-limit", "8")
     assert done.returncode == 0, done.stderr
     told = " ".join(done.stdout.split())
-    assert "Meshes of l1, l2, l3 were not read: give the folder" in told and "Capsules replace them" in told
+    assert (
+        "Meshes of l1, l2, l3 were not read: give the folder" in told
+        and "Capsules from joint to joint replace them" in told
+    )
     done = called(*words, "--acceleration-limit", "8", "--packages", tmp_path)
     assert done.returncode != 0
     assert "no mesh 'package://x/y.stl'" in done.stderr

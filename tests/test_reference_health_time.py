@@ -177,8 +177,7 @@ def test_the_first_five_restarts_are_named_and_all_runs_counted():
     found = late(np.tile(2.0 * np.arange(100), 8))
     assert about(found) == (None, None, "spoils", 198.0, list(range(100, 800, 100)), True)
     assert found.sentence == (
-        "The clock starts again at sample 100, 200, 300, 400, 500, by up to 198 s: 8 runs were joined, "
-        "or the clock was set back."
+        "The clock jumps back by up to 198 s, at sample 100, 200, 300, 400, 500: 8 runs were joined, or the clock was set."
     )
 
 

@@ -150,12 +150,12 @@ def test_stretches_of_zeros_are_silent_and_of_anything_else_stuck():
     (silent,) = silent_torque.find(Exam(log))
     rows = [*range(200, 230), *range(900, 921)]
     assert about(silent) == ("j0", "torque", "warn", 51, rows, False)
-    assert "is exactly zero at 51 samples while the joint moves, first at sample 200:" in silent.sentence
+    assert "is exactly zero at 51 samples while the joint moves, first at sample 200." in silent.sentence
     (held,) = stuck.find(Exam(log))
     rows = [*range(601, 650), *range(1301, 1325)]
     assert about(held) == ("j0", "torque", "spoils", 50, rows, True)
     assert held.sentence == (
-        "torque of j0 stands still while the joint moves: 73 samples in 2 places, the longest from sample 600 to 649."
+        "torque of j0 is frozen while the joint moves: 73 samples in 2 places. The longest is from sample 600 to 649."
     )
     mended = stuck.repair(Exam(log), [held])
     assert mended.rows.tolist() == np.delete(np.arange(N), rows).tolist()

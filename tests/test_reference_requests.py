@@ -567,7 +567,7 @@ def test_what_was_asked_is_remembered_and_what_was_not_is_left_out(asked):
     log = replace(wave("a", source="x"), notes=("read so", "read so"))
     plain = identify(log, method="motion")
     assert plain.model.options == {"method": "motion"}
-    assert (plain.method, plain.reason, plain.notes) == ("motion", "it was asked for", ("read so",))
+    assert (plain.method, plain.reason, plain.notes) == ("motion", "as requested", ("read so",))
     assert [s.path for s in plain.model.sources] == ["x.csv"] and plain.model.version
     plan = Sweep(0.6, 1.5, 3, joint="a")
     for given, wanted in (

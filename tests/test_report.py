@@ -243,7 +243,7 @@ def test_parameters_and_knots_show_the_models_numbers(page, result):
         ((value, error),) = shown_numbers(row[1])
         assert value == pytest.approx(f, rel=1e-2)
         assert error == pytest.approx(s, rel=0.05)
-    bound = next(row for row in rows if row[0].startswith("viscous negative"))
+    bound = next(row for row in rows if row[0].startswith("viscous coefficient along \u2212q"))
     assert "at its bound" in bound[1]
     assert bound[2] == "≥ 0"
     inertia = [row for row in rows if row[0] == "inertia"]

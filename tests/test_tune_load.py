@@ -35,7 +35,7 @@ def even(mu, carried):
 def test_the_interval_takes_in_what_the_load_does():
     facts = facts_of(known(even(0.05, 20.0), gravity_sin=0.0, gravity_cos=30.0))
     assert facts.friction == pytest.approx((0.9 - 0.1, 1.1 + 0.05))
-    assert any("10 % less than the curve, under 30 N.m 5 % more" in note for note in facts.notes)
+    assert any("10 % below the curve, under 30 N.m 5 % above it" in note for note in facts.notes)
     bare = facts_of(known(Growth(load_driving=0.06, load_driven=0.04), gravity_sin=0.0, gravity_cos=30.0))
     assert bare.friction == pytest.approx((0.9, 1.1 + 0.15))
     assert facts_of(known()).friction == pytest.approx((0.9, 1.1))

@@ -1,9 +1,9 @@
 """Kernels for laws and parts that are known: made from the source of the general ones, with every choice made beforehand.
 
-A general kernel looks every tick which law, estimator or dither a row asks for, and all of them are compiled before its first
-tick. `assemble` makes a kernel of the same code in which some names stand for something else: a `choice` for the one kernel that it
-would choose, a set of kinds for all or none of them, a kernel for an assembled one. What the kernel calls is made anew where it
-leads to one of these names, and shared as it is where it does not. The numbers are the same bit for bit, for the code is the same.
+A general kernel checks at every tick which law, estimator or dither a row asks for. All of them are compiled before its first
+tick. `assemble` compiles the same code with some names replaced. A `choice` becomes the one kernel that it would choose, a set
+of kinds becomes all or none of them, and a kernel becomes an assembled one. What the kernel calls is made anew where it leads
+to one of these names, and shared as it is where it does not. The numbers are the same bit for bit, for the code is the same.
 
 Assembled kernels are cached on disk as all others, under a name that says what was put in. Without a compiler the general kernel
 is returned.

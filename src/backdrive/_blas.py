@@ -1,8 +1,8 @@
 """Linear algebra on one thread, so that a result does not depend on how many there are.
 
-A library that splits a product among threads adds in another order, so the last digits differ. The matrices here are small,
-so more threads would not be faster. OpenBLAS (contained in the wheels of numpy and scipy), MKL and BLIS are set at run time;
-for libraries loaded later, environment variables are set.
+A library that splits a product among threads adds in another order, so the last digits differ. The matrices here are small, so
+more threads would not be faster. OpenBLAS (contained in the wheels of numpy and scipy), MKL and BLIS can be set while they run.
+Libraries that are loaded later read environment variables.
 """
 
 from __future__ import annotations

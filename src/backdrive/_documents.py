@@ -1,6 +1,7 @@
 """Documents of plain values, as JSON holds them.
 
-Of a value that `isinstance` has found to be a list, a type checker does not know what is in it; after `is_list` it does.
+When `isinstance` has shown that a value is a list, a type checker still does not know what the list holds. After `is_list` it
+does.
 """
 
 from __future__ import annotations
@@ -50,7 +51,10 @@ def numbers_in(value: Any, where: str) -> Iterator[tuple[str, float]]:
 
 
 def plain(value: Any) -> Any:
-    """Return what JSON can hold of a value: arrays as lists, names as texts, None for numbers that are not finite."""
+    """Return a value in a form that JSON can hold.
+
+    Arrays become lists, names become texts, and numbers that are not finite become None.
+    """
     if isinstance(value, Mapping):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):

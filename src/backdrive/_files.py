@@ -1,9 +1,9 @@
 """Files: written atomically, read with a size limit; only regular files are accepted.
 
 A file is written under a temporary name in the same folder, synced to the disk, and then renamed over the old file. So an
-interruption never damages the old file. The writer holds a lock (flock) on its temporary file while its process lives; the
-system releases the lock when the process ends for any reason. So the next writer in the folder can distinguish leftovers of
-killed processes, which it removes, from files in use.
+interruption never damages the old file. The writer holds a lock (flock) on its temporary file. The system releases it when the
+process ends, for whatever reason. So the next writer in the folder can distinguish leftovers of killed processes, which it
+removes, from files in use.
 
 A link is followed: the file that it points to is replaced, and the link stays. A link that leads to no file is refused, as
 are folders, devices, FIFOs, sockets and files that are write-protected. Mode and owner of the old file are kept.

@@ -1,9 +1,9 @@
 """The package's only numba decorator, with a disk cache that is invalidated when any kernel changes.
 
-Numba's own cache looks at the file of the function it compiled, not at the files of the functions that it calls: after an edit in
-another file it returns the old numbers. Here the cache's stamp is a digest of every file that holds a kernel or is imported by
-one, found in the tree, so that an edit anywhere in them recompiles. The stamp hooks into numba's internals (`_jit_cache`); where
-those have moved, functions are compiled in every process instead (slower, never stale).
+Numba's own cache checks the file of the compiled function only, not the files of the functions that it calls. After an edit in
+such a file it returns the old numbers. Here the stamp of the cache is a digest of every file that holds a kernel, or that such
+a file imports. An edit anywhere in them recompiles. The stamp hooks into numba's internals (`_jit_cache`). If a release of
+numba has moved them, every process compiles its functions anew: slower, but never out of date.
 """
 
 from __future__ import annotations

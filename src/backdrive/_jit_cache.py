@@ -30,8 +30,9 @@ class CacheDamage(Exception):
 
 
 def note(what: str, outcome: str) -> None:
-    """Report once per process, on standard error, that the cache could not be used; not as a Python warning, which could
-    become an error.
+    """Report once per process, on standard error, that the cache could not be used.
+
+    A Python warning is not used, since a filter may turn it into an error.
     """
     if not _said:
         _said.append(what)

@@ -20,8 +20,9 @@ def upper(module: str, name: str) -> Any:
 
 
 class Display:
-    """Base class of results that can be displayed: text by `summary`, a picture by `plot`, a page by `report`, and HTML in a
-    notebook. `print` shows the summary.
+    """Base class of results that can be displayed.
+
+    `summary` gives text, `plot` a picture, `report` a page; a notebook shows HTML. `print` shows the summary.
     """
 
     def summary(self, width: int = 80) -> str:

@@ -11,7 +11,10 @@ from backdrive.cli import _interrupt
 
 
 def main() -> None:
-    """Run the command line; every failure becomes one message and an exit code (0, 1, 2, 3, 4, or 130 after Ctrl-C)."""
+    """Run the command line.
+
+    Every failure becomes one message and an exit code: 0 to 4, or 130 after Ctrl-C.
+    """
     os.environ.update(dict.fromkeys(VARIABLES, "1"))  # nothing is loaded yet
     with _interrupt.watch():
         try:

@@ -31,5 +31,5 @@ def matrix_from(path: Path | None) -> list[list[float]] | None:
     except (ValueError, TypeError, RecursionError) as error:
         raise ReadError(
             f"{path} holds no matrix of numbers ({str(error)[:200]}).",
-            remedy="Write C of q_joint = C q_motor, a line for each joint: 1,0,0 and so on, or JSON: [[1,0],[0.5,1]].",
+            remedy="Write the matrix C of q_joint = C q_motor, one line for each joint (1,0,0), or as JSON ([[1,0],[0.5,1]]).",
         ) from error

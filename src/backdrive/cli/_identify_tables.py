@@ -70,8 +70,9 @@ def show_tables(result: Identification, written: list[str]) -> None:
     console.print(f"Method: {result.method} ({result.reason}).")
     for choice in result.choices:
         console.print(_laws(choice))
+        print_lines(console, (f"  {c.name}: {c.remark}" for c in choice.candidates if c.remark))
         console.print(choice.reason)
-    rows = table("joint", "law", "residual fitted", "unseen", text=("joint", "law"))
+    rows = table("joint", "law", "residual fitted", "held out", text=("joint", "law"))
     for j in result.model.joints:
         rows.add_row(
             j.joint.name,
@@ -110,9 +111,11 @@ def _precision(result: Identification) -> Any:
 
 
 def _laws(choice: Choice) -> Any:
-    """Return the laws that were tried as a table, the chosen one in bold."""
-    errors = (f"fitted [{choice.unit}]", f"unseen [{choice.unit}]")
-    rows = table("law", "numbers", *errors, "AIC", "s", "remark", text=("law", "remark"), title=choice.joint)
+    """Return the candidate laws as a table, the selected one in bold; their remarks follow below it."""
+    errors = (f"fitted [{choice.unit}]", f"held out [{choice.unit}]")
+    rows = table(
+        "law", "parameters", *errors, "AIC", "s", text=("law",), title=f"{choice.joint}: candidate laws"
+    )
     rows.columns[0].no_wrap = True
     for c in choice.candidates:
         rows.add_row(
@@ -122,7 +125,6 @@ def _laws(choice: Choice) -> Any:
             f"{c.held_out:.3g}",
             f"{c.aic:.0f}",
             f"{c.seconds:.1f}",
-            c.remark,
             style="bold" if c.name == choice.chosen else None,
         )
     return rows
@@ -130,7 +132,7 @@ def _laws(choice: Choice) -> Any:
 
 def _numbers(friction: JointFriction, intervals: Any) -> Any:
     """Return every number of a law with its interval as a table."""
-    rows = table("number", "value", "standard error", "95 % interval", "unit", text=("number", "unit"))
+    rows = table("parameter", "value", "standard error", "95 % interval", "unit", text=("parameter", "unit"))
 
     def add(name: str, value: float, error: float, unit: str) -> None:
         ends = ""

@@ -110,7 +110,7 @@ PlanFiles = Annotated[
     list[Path] | None,
     typer.Option(
         "--plan",
-        help="plan.json, or its folder, that the logs were recorded with; may be repeated: one a log, in their order.",
+        help="plan.json of the logs, or its folder; may be repeated, one for each log in their order.",
     ),
 ]
 

@@ -235,8 +235,8 @@ def _clearance(
         way = ": give the folder that holds the packages with --packages" if request.packages is None else ""
         if rods:
             notes.append(
-                f"Meshes of {_who(without)} were not read{way}. Capsules replace them, from joint to joint, with "
-                f"the thickness that fits the inertia: check the motion in a simulator before you run it."
+                f"Meshes of {_who(without)} were not read{way}. Capsules from joint to joint replace them, as thick as "
+                f"the inertia suggests. Check the motion in a simulator before you run it."
             )
         if bare:
             notes.append(

@@ -46,8 +46,8 @@ def notes_of(request: Request, errors: Sequence[StandardError]) -> list[str]:
     blind = [f"{e.name} of {e.joint}" for e in errors if not e.shows]
     if blind:
         notes.append(
-            f"This motion hardly excites {len(blind)} of {len(errors)} parameters; their estimates will stay near "
-            f"the description's values: {', '.join(blind)}."
+            f"This motion hardly excites {len(blind)} of {len(errors)} parameters: {', '.join(blind)}. Their estimates will "
+            f"stay near the values of the robot description."
         )
     notes.append(
         "No motion can separate a constant friction difference between directions from a torque offset, or single "
@@ -109,8 +109,8 @@ def show(outcome: ArmOutcome, written: Sequence[Path]) -> None:
 
     plan, console = outcome.plan, new_console()
     console.print(
-        f"motion of {len(plan.joints)} joints for {', '.join(plan.purpose)}: {plan.duration:.4g} s, "
-        f"{plan.slow_time:.3g} s of it slowly; path of {plan.period:.4g} s, closed {plan.periods} times"
+        f"motion of {len(plan.joints)} joints for {', '.join(plan.purpose)}: {plan.duration:.4g} s, of which "
+        f"{plan.slow_time:.3g} s are slow; a closed path of {plan.period:.4g} s, repeated {plan.periods} times"
     )
     rows = table(
         "joint", "begins at", "from", "to", "unit", "speed", "accel.", "torque used", text=("joint", "unit")

@@ -19,8 +19,8 @@ NESTED = ("joint", "law", "part")  # the first holds the others
 class Share:
     """The share of the work that is done, from the counts in the sentences that tell of it.
 
-    "3 of 20" says that three are done. "Joint 2 of 6", "law 3 of 12" and "part 1 of 5" say which is begun; laws and parts belong to
-    the joint that was named last. A sentence without a count leaves the share as it is.
+    "3 of 20" says that three are done. "Joint 2 of 6", "law 3 of 12" and "part 1 of 5" name what has begun. Laws and parts
+    belong to the joint named last. A sentence without a count leaves the share as it is.
     """
 
     def __init__(self):

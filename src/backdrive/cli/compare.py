@@ -39,7 +39,7 @@ def command(
     ] = 0.01,
     as_json: _logs.AsJson = False,
 ) -> None:
-    """Compare two models joint by joint: distances (2.16) and (2.17) of their curves, and whether noise explains them.
+    """Compare two models joint by joint: the distances of their curves, and whether noise explains them.
 
     Exits with 0 if no joint changed, with 1 if one did, with 2 if no test is possible.
 
@@ -124,7 +124,7 @@ def _chance(change: Change) -> str:
 
 
 def _print_table(changes: list[Change], left_out: list[str]) -> None:
-    headings = ("joint", "up to", "E +q", "E -q", "E_p +q", "E_p -q", "by chance")
+    headings = ("joint", "up to", "distance +q", "-q", "relative +q", "-q", "by chance")
     rows = table(*headings, text=("joint",), no_wrap=True)
     for c in changes:
         rows.add_row(

@@ -139,7 +139,7 @@ def _print(rows: list[dict], joint, report: Path, wall: float, duration: float, 
     console.print(speeds)
     bare, compensated = hand.force
     console.print(
-        f"A hand needs {bare:.2f} {hand.unit} (RMS) to move the bare joint, {compensated:.2f} {hand.unit} with its friction "
-        f"compensated; estimated without a sensor, its force is wrong by {100 * hand.error:.0f} %."
+        f"A hand needs {bare:.2f} {hand.unit} (RMS) to move the bare joint, and {compensated:.2f} {hand.unit} with its "
+        f"friction compensated. The estimate of its force without a sensor is wrong by {100 * hand.error:.0f} %."
     )
     console.print(f"Open {report}")

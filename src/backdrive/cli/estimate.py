@@ -115,8 +115,8 @@ def command(
 ) -> None:
     """Estimate the external torque on each joint, without a force sensor.
 
-    Where the log holds that torque (--map tau_ext=COLUMN), it is left out of the estimate and compared with it; so is a wrench
-    measured at TOOL (--map "wrench=(fx,fy,fz,mx,my,mz)").
+    A measured external torque (--map tau_ext=COLUMN), or a wrench measured at TOOL (--map "wrench=(fx,fy,fz,mx,my,mz)"), is not
+    used in the estimate, but compared with it.
 
     Bands and contacts are calibrated by a log of free motion, best not the one that the model was identified from.
     A whole arm (`identify --method arm`) needs its description (--urdf); with --frame the table has the wrench there, too.

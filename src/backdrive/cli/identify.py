@@ -77,9 +77,9 @@ def command(
         typer.Option(
             "--payload",
             metavar="SIN:COS,...",
-            help="Gravity of a known payload in each log, SIN sin q + COS cos q [N.m], 0 for none: "
-            "0,0,0,0:20,0:20,0:20.  Sweeps then separate friction when the motor lifts the load from friction when "
-            "the load drives the motor.",
+            help="Gravity of a known payload, one entry a log: SIN:COS of SIN sin q + COS cos q [N.m], or 0 without "
+            "payload. For example 0,0,0,0:20,0:20,0:20.  Sweeps then separate friction while the motor lifts the load from "
+            "friction while the load drives the motor.",
         ),
     ] = None,
     cutoff: Annotated[
@@ -97,8 +97,8 @@ def command(
         str | None,
         typer.Option(
             "--drive",
-            help="Fit without torque, from the drive's input (--map u=...): torque, position, velocity, voltage or duty, and "
-            "its numbers: position,proportional=2000,derivative=60.",
+            help="Fit without torque, from the drive's input (--map u=...). Give the kind of input (torque, position, "
+            "velocity, voltage or duty) and the drive's parameters: position,proportional=2000,derivative=60.",
         ),
     ] = None,
     known: Annotated[
@@ -200,8 +200,9 @@ def command(
 
 
 def failing(result: Identification, gate: float) -> list[str]:
-    """Return the joints that are not credible, or whose residual is above the gate [%]; held-out data decide where there are
-    any.
+    """Return the joints that are not credible, or whose residual is above the gate [%].
+
+    The residual is that of held-out data if there are any.
     """
     from backdrive.identification.quality import credible
 

@@ -33,7 +33,7 @@ def command(
     repair: _logs.Repair = False,
     as_json: _logs.AsJson = False,
 ) -> None:
-    """Show joints, channels, units, rate, gaps and ranges of a log, and its faults; exit with 1 if a fault would spoil the
+    """Show a log's joints, channels, units, rate, gaps, ranges and faults. The exit code is 1 if a fault would spoil the
     result.
 
     Example: backdrive inspect log.csv

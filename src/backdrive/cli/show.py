@@ -1,4 +1,7 @@
-"""`backdrive show`: a model file as tables, as a small plot, as a picture, or as JSON; and the JSON schemas of our files."""
+"""`backdrive show`: a model file as tables, plot, picture or JSON.
+
+It also prints the JSON schemas of the files that backdrive writes.
+"""
 
 from __future__ import annotations
 

@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-import shlex
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from backdrive.cli import _joint_options, _logs
-from backdrive.cli._output import console as new_console
-from backdrive.cli._output import echo, print_json, print_lines, table
+from backdrive.cli._output import echo, print_json
 from backdrive.cli._progress import progress
+from backdrive.cli._tune_output import show_controller, show_tuning
 from backdrive.errors import BackdriveError, InvalidInput
 
 if TYPE_CHECKING:
     from backdrive.tuning import Tuning
-
-RESTS = (
-    ("does NOT come to rest", "rests on all joints tried"),
-    ("does NOT fade at rest", "fades on all joints tried"),
-)  # NOT, yes
 
 
 def command(
@@ -208,35 +201,14 @@ def command(
         )
     else:
         for tuning in found:
-            _print(tuning)
+            show_tuning(tuning)
         for path in written:
             echo(f"Wrote {path}")
-        _print_controller(model, output)
+        show_controller(model, output)
         for error in refused.values():
             echo(f"backdrive: {error}", err=True)
     if refused:
         raise typer.Exit(1)
-
-
-def _print_controller(model: str, output: Path | None) -> None:
-    """Print what to type into a controller, in Python and in C."""
-    if output is None:
-        echo("For a controller, keep the numbers in a file: give -o tuning.json.")
-        return
-    echo("In a controller in Python:")
-    for line in (
-        "from backdrive import load_model",
-        "from backdrive.tuning import load_tunings",
-        f"loop = load_model({model!r}).loop(load_tunings({str(output)!r}))",
-        "loop.reset(position)            # once, at rest: one number a joint",
-        "loop.update(position, applied)  # every period: the encoders, the torques applied",
-        "torque = loop.torque            # what to add to the controller's own",
-    ):
-        echo(f"  {line}")
-    echo("In a controller in C:")
-    echo(
-        f"  {shlex.join(['backdrive', 'export', model, '--tuning', str(output), '--to', 'c', '-o', 'firmware/'])}"
-    )
 
 
 def _refuse(refused: dict[str, BackdriveError], as_json: bool) -> None:
@@ -246,74 +218,3 @@ def _refuse(refused: dict[str, BackdriveError], as_json: bool) -> None:
         if not as_json and str(error) != str(last):
             echo(f"backdrive: {error}", err=True)
     raise last
-
-
-def _print(tuning: Tuning) -> None:
-    console = new_console()
-    title = f"{tuning.joint}, for {tuning.goal}"
-    rows = table("number", "value", "unit", text=("number", "unit"), no_wrap=True, title=title)
-    rows.add_column("reason, and constraints")
-    for number in tuning.numbers.values():
-        why = f"{number.reason} {number.bound}".strip()
-        rows.add_row(number.symbol, f"{number.value:.4g}", number.unit, why)
-    console.print(rows)
-    for row, what in tuning.scores["rows"].items():
-        rests = RESTS[tuning.goal == "estimate"][what["safe"]]
-        words, unit = tuning.scores["words"], tuning.scores["unit"]
-        felt = "".join(f", {name} {value:.3g}" for name, value in what.get("felt", {}).items())
-        console.print(f"  {row:<11} {words} {what['score']:.4g} {unit}, {rests}{felt}")
-    if "felt" in tuning.scores["rows"]["chosen"]:
-        from backdrive.tuning.wishes import FEELINGS
-
-        console.print(
-            "  " + "; ".join(f"{name}: {meaning}" for name, meaning in FEELINGS.items()) + "; without dither."
-        )
-    print_lines(console, _margins(tuning))
-    if tuning.trip_speed is not None:
-        force = "N.m" if tuning.unit == "rad" else "N"
-        console.print(
-            f"In the loop the compensator gives at most {tuning.limit:.3g} {force}, and switches off once the joint "
-            f"is faster than "
-            f"{tuning.trip_speed:.3g} {tuning.unit}/s."
-        )
-    print_lines(console, tuning.notes, style="yellow")
-
-
-def _margins(tuning: Tuning) -> Sequence[str]:
-    """Return the margins in sentences."""
-    m, unit = tuning.margins, tuning.unit
-    if "cycle" not in m:
-        return (
-            f"Over {m['joints']} joints of the intervals (a quarter of --joints, at least 8) the loop at rest "
-            f"reaches {m['left_over']:.2g} times the allowed value.",
-        )
-    force = "N.m" if unit == "rad" else "N"
-    share = (
-        f"R = {m['share_breaks']:.2f}" if m["share_breaks"] < 1e3 else f"no R up to {m['share_searched']:g}"
-    )
-    delay = (
-        f"a delay of {1e3 * m['delay_breaks']:.1f} ms"
-        if m["delay_breaks"] < 1e3
-        else f"no delay up to {1e3 * m['delay_searched']:g} ms, where the search ended"
-    )
-    dither = (
-        f"With the dither, at rest, the motor sways by up to {m['dither_motor']:.2g} {unit} ({m['dither_counts']:.2g} counts) "
-        f"and the load by {m['dither_load']:.2g} {unit}.",
-    )
-    switching = ()
-    if "switching_at_rest" in m:
-        switching = (
-            f"With algFC2 (`compensator(switching=True)`), which the test above does not include, "
-            f"{100 * m['switching_at_rest']:.0f} % of them come to rest after a knock.",
-        )
-    return (
-        f"Over {m['joints']} joints of the intervals, without dither: {100 * m['at_rest']:.0f} % come to rest; "
-        f"largest amplitude at rest {m['cycle']:.2g} {unit} ({m['cycle_counts']:.2g} counts, "
-        f"{100 * m['cycle_by_bound']:.2g} % of the bound); "
-        f"energy put in {m['energy']:.2g} J.",
-        *(dither if "dither_motor" in m else ()),
-        f"Without dither the joint first fails to come to rest at: {share}; {delay}. Remaining break-away torque"
-        f"{', with the dither' if 'dither_motor' in m else ''}: {m['breakaway']:.3g} {force} "
-        f"(worst {m['breakaway_worst']:.3g}, bare {m['breakaway_bare']:.3g}).",
-        *switching,
-    )

@@ -1,11 +1,13 @@
 """Exponential, power and sine of jax arrays in doubles, of short chains of operations that a compiler of arrays makes wide.
 
-Of jax's own, the exponential is one long chain, and the power a call for every number: two exponentials were two thirds of
-LuGre's time. Here exp(x) = 2^k e^r with k = round(x/log 2), |r| <= log(2)/2, and e^r = (R + r)/(R - r), where R = r coth(r/2) is
-a series in r^2, evaluated by pairs of its terms (G. Estrin, 1960). The division is the last operation: what ends with one is not
-computed again for each of its users. log(x) = k log 2 + 2 artanh((m - 1)/(m + 1)) with m within [sqrt(1/2), sqrt(2)]. Errors: a
-few units in the last place of the larger of the result and 1 for exp(x), x <= 0; of |y log x| times the result for a power; of
-the angle for a sine, which is a Taylor series on half a turn.
+Jax's own exponential is one long chain, and its power is a call for every number. Two exponentials took two thirds of LuGre's
+time. Here exp(x) = 2^k e^r with k = round(x/log 2) and |r| <= log(2)/2. The factor is e^r = (R + r)/(R - r), where R = r
+coth(r/2) is a series in r^2, evaluated by pairs of its terms (G. Estrin, 1960). The division is the last operation, because a
+result that ends with a division is not computed again for each use. log(x) = k log 2 + 2 artanh((m - 1)/(m + 1)) with m within
+[sqrt(1/2), sqrt(2)]. The sine is a Taylor series on half a turn.
+
+All errors are a few units in the last place. For exp(x), x <= 0, this place is that of the larger of the result and 1. For a
+power it is that of |y log x| times the result, and for a sine that of the angle.
 """
 
 from __future__ import annotations

@@ -45,8 +45,8 @@ SIGNS = {
 def one_step(rate, element, p, x, dp, dt, load, temp):
     """Return the friction torque of one tick; x is advanced in place.
 
-    As `kernels.step`, but what is at most FASTEST here is the increment, by which all else is too: so a compiler of arrays has
-    nothing to keep between the state's loop and the torque's.
+    As `kernels.step`, but the increment itself is limited to FASTEST, which limits all that follows. So a compiler of arrays
+    keeps nothing between the loop of the state and that of the torque.
     """
     reach = kernels.FASTEST * dt
     dp = reach if dp > reach else (-reach if dp < -reach else dp)
@@ -259,7 +259,7 @@ def counts(law: Law) -> list[int]:
 
 
 def not_negative(law: Law) -> set[int]:
-    """Return the places in a law's row of numbers that are at least 0, as far as the row is what the parameters are."""
+    """Return the places of numbers in a law's row that are never negative, if the row holds the parameters themselves."""
     places: set[int] = set()
     begins = (1, 1 + int(law.row()[0]))
     for part, begin in zip((law.rate, law.element), begins, strict=True):

@@ -134,7 +134,7 @@ class Body(Results):
         return made
 
     def _macro(self) -> str:
-        """Return by what the function is defined: written out wherever it is called, once for all, or as a compiler likes."""
+        """Return how the function is defined: inline, as one function, or as the compiler decides."""
         name = self.source.__name__
         if not self.program.inlines or name in RARE:
             return "static inline"

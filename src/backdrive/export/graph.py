@@ -1,9 +1,8 @@
 """Kernels as straight-line programs of array operations: both sides of every branch are computed, and one is selected.
 
 A kernel's syntax tree is walked once with symbols for its arguments. Known values (kinds, sizes, numbers of loop rounds) are
-evaluated on the way. The result is a list of operations that any array library can run on whole batches. On a path that is
-not taken, denominators and arguments of functions with a pole are set to 1, so that gradients of unselected values are finite
-too.
+evaluated on the way. The result is a list of operations that any array library can run on whole batches. On a path that is not
+taken, denominators and arguments of functions with a pole are set to 1. So the gradients of unselected values are finite too.
 """
 
 from __future__ import annotations
@@ -179,7 +178,7 @@ class Graph:
         return self.node(name, first, *rest)
 
     def _root(self, name: str, base: Node, exponent: Any = None) -> Any:
-        """Return a power; its gradient at 0, where that of an exponent below 1 has a pole, is 0."""
+        """Return a power. Its gradient at 0 is 0, although exponents below 1 have a pole there."""
         at_zero = 0.0
         if name == "pow":
             is_zero = self.node("eq", exponent, 0.0) if isinstance(exponent, Node) else exponent == 0.0

@@ -1,8 +1,7 @@
 """Any friction law in MuJoCo, in C: a passive-force callback around the generated header, and an MJCF file prepared for it.
 
-The callback computes the torque once per step, from the displacement since the previous step, and holds it, as
-`MujocoFriction` does in Python. Its state is in `mjData.userdata`, so copies, threads and resets of a simulation are
-independent.
+As `MujocoFriction` in Python, the callback computes the torque once per step, from the displacement since the previous one, and
+holds it. Its state is in `mjData.userdata`, so copies, threads and resets of a simulation are independent.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What a kernel in C gives back: nothing, a number, or a structure of what its caller does not know anyway.
+"""The result of a kernel in C: nothing, a number, or a structure of the values that its caller does not know.
 
-Of a tuple, a caller knows what is always the same number, what stands in a table of its own (`-p[3]`), and what is there twice.
+In a tuple, a caller knows the constants, the entries of its own tables (`-p[3]`), and the repetitions.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class Results(Loops):
             self._structure(rows, kept)
 
     def _common_value(self, columns: list[list[Value]], i: int) -> Value | int | None:
-        """Return what a caller knows of a result: a number, its place in a table, or an earlier result that is the same."""
+        """Return what a caller knows of a result: a constant, its place in a table, or an equal earlier result."""
         column = columns[i]
         first = column[0]
         if all(isinstance(v, Const) for v in column) and len({repr(number_of(v)) for v in column}) == 1:

@@ -292,8 +292,8 @@ class ArmEstimate:
         if len(poor) > 0.5 * max(len(shares), 1):
             told = ", ".join(f"{name} {100 * max(share, 0.0):.0f} %" for name, share in poor.items())
             raise InvalidInput(
-                f"The model explains almost none of the torque in motion ({told}): the log belongs to another robot "
-                f"or to other joints, or their order or sign differs.",
+                f"The model explains almost none of the torque in motion ({told}). The log may be of another robot "
+                f"or of other joints, or order or sign differ.",
                 remedy="Check --names, the unit and the sign of the torque, and that model and log belong to the "
                 "same arm.",
             )

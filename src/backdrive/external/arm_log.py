@@ -93,6 +93,6 @@ def coupling_notes(estimator: ArmForce) -> list[str]:
         n for n, row, column in zip(estimator.joints, tied, tied.T, strict=True) if row.any() or column.any()
     ]
     return [
-        f"Motors of {', '.join(names)} drive several joints: torques, bands and contacts refer to the motors, where "
-        f"friction acts; the wrench acts on the arm."
+        f"Motors of {', '.join(names)} drive several joints. Torques, bands and contacts refer to the motors, where "
+        f"friction acts, and the wrench to the arm."
     ]

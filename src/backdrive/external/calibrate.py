@@ -106,9 +106,9 @@ class Calibration:
             return []
         share, unit = float(np.mean(one.speed > self.top_speed)), one.joint.unit
         return [
-            f"Joint '{self.joint}': {one.speed.max():.3g} {unit}/s, and free motion reached {self.top_speed:.3g} {unit}/s: "
-            f"{100 * share:.2g} % of the time bands and thresholds are extrapolated, and grow with the square of "
-            f"the speed. Record free motion at this speed."
+            f"Joint '{self.joint}' reaches {one.speed.max():.3g} {unit}/s, but free motion only {self.top_speed:.3g} {unit}/s. "
+            f"In {100 * share:.2g} % of the time bands and thresholds are extrapolated; they grow with the square of the "
+            f"speed. Record free motion at this speed."
         ]
 
     def remarks(self) -> list[str]:

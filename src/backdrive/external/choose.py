@@ -2,10 +2,10 @@
 
     error^2 = integral |1 - H|^2 S_f + |H|^2 S_n  df,        S_f = S - S_n where S > 4 S_n, else 0
 
-H is the response of an estimator with its lag removed. S is the spectrum of the force estimated without smoothing, S_n that
-of its noise. The noise has three parts: white noise of the torque; the torque residual, as first-order noise with the same
-size and long-run variance (shorter near reversals); and encoder steps, differentiated twice. So a slow and weak force is
-smoothed, and an abrupt one is not.
+H is the response of an estimator with its lag removed. S is the spectrum of the force estimated without smoothing, S_n that of
+its noise. The noise has three parts. The first is white noise of the torque. The second is the torque residual, as first-order
+noise of the same size and long-run variance, shorter near reversals. The third is encoder steps, differentiated twice. So a
+slow and weak force is smoothed, and an abrupt one is not.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Contacts: instants at which the estimate exceeds its level in free motion, with a stated rate of false alarms.
 
-The score is the distance of the estimate from zero, in units of the band: in motion |estimate| divided by half the band, at
-rest the holding torque divided by the friction's interval. The threshold, by joint and state of motion, is the level that
+The score is the distance of the estimate from zero, in units of the band. In motion it is |estimate| divided by half the band,
+at rest the holding torque divided by the friction's interval. The threshold, by joint and state of motion, is the level that
 free motion exceeds at the joint's share of the false-alarm rate (`tail`). Each state has the same rate per hour, so that all
 joints together have the stated rate for any mixture of states. The threshold is at least one band, since a force within the
 band cannot be detected.
@@ -193,11 +193,10 @@ def _support_warnings(thresholds: Sequence[Threshold], false_alarms: float) -> l
     if stretched:
         worst = max(stretched, key=lambda t: t.extrapolation)
         lines.append(
-            f"The free motion is too short for a rate of {false_alarms:g} false alarms per hour: thresholds are "
-            f"extrapolated, most for "
-            f"joint '{worst.joint}', {worst.state}: {worst.hours * 60.0:.3g} min, {worst.extrapolation:.3g} times "
-            f"too short; the interval of its threshold of {worst.bands:.3g} bands is {worst.interval[0]:.3g} to "
-            f"{worst.interval[1]:.3g}."
+            f"The free motion is too short for a rate of {false_alarms:g} false alarms per hour, so thresholds are "
+            f"extrapolated. The worst is joint '{worst.joint}', {worst.state}: {worst.hours * 60.0:.3g} min, "
+            f"{worst.extrapolation:.3g} times too short. Its threshold is {worst.bands:.3g} bands, with an interval from "
+            f"{worst.interval[0]:.3g} to {worst.interval[1]:.3g}."
         )
     absent = [f"'{t.joint}' {t.state}" for t in thresholds if t.extrapolation == np.inf]
     if absent:

@@ -215,8 +215,8 @@ def _foreign(robot: Robot, fit: PayloadFit) -> list[str]:
     if not worse:
         return []
     return [
-        f"A payload does not explain the log ({'; '.join(worse)} of the torque remains unexplained): another robot, "
-        f"another tool, or a contact."
+        f"A payload does not explain the log ({'; '.join(worse)} of the torque remains unexplained). The cause "
+        f"may be another robot, another tool, or a contact."
     ]
 
 

@@ -2,13 +2,13 @@
 
     tau_j = (1 + e_j) Y_j (beta + B phi) + own_j        of a log with the payload, and with phi = 0 of one without
 
-Y_j are the base columns of the rigid bodies, beta the unloaded arm's base parameters, phi the payload's ten inertial ones in its
-frame, B what they add to beta, e_j the error of a drive's gain. `own` are the joint's other terms from `identify`, in the
-drive's own unit. They may change as friction does from day to day: offset, motor inertia, level of the curve, its sign, a
-viscous part, growth with the load. Without an unloaded log, beta has the covariance in the model, and the gains scale the
-payload's part alone, since the model was identified with the same gains. If gains are fitted, products of unknowns are
-linearized in Gauss-Newton steps; otherwise the error of the gains is propagated. Residuals are correlated: standard errors
-are those of leaving out blocks (`identification.arm_errors`).
+Y_j are the base columns of the rigid bodies, and beta the base parameters of the unloaded arm. The payload's ten inertial
+parameters phi, in its own frame, add B phi to them. e_j is the error of a drive's gain. `own` are the joint's other terms from
+`identify`, in the drive's own unit. They may change as friction does from day to day: offset, motor inertia, level of the
+curve, its sign, a viscous part, growth with the load. Without an unloaded log, beta has the covariance of the model. The gains
+then scale the payload's part alone, since the model was identified with the same gains. If gains are fitted, products of
+unknowns are linearized in Gauss-Newton steps; otherwise the error of the gains is propagated. Residuals are correlated:
+standard errors are those of leaving out blocks (`identification.arm_errors`).
 """
 
 from __future__ import annotations

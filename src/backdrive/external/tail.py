@@ -1,13 +1,13 @@
 """The rate at which a score exceeds a level that it has seldom or never reached, by the peaks-over-threshold method.
 
-Over a high u the peaks of clusters, lambda a second, have a generalised Pareto distribution (Pickands, Annals of Statistics 3,
-1975; Davison & Smith, J. R. Statist. Soc. B 52, 1990):
+Above a high level u, there are lambda clusters a second, and their peaks have a generalised Pareto distribution (Pickands,
+Annals of Statistics 3, 1975; Davison & Smith, J. R. Statist. Soc. B 52, 1990):
 
     rate(x) = lambda (1 + xi (x - u)/sigma)^(-1/xi)
 
-xi > 0 is a heavy tail. xi and sigma have a posterior on a grid, flat in log sigma, with xi about 0.2 +- 0.2 beforehand, lambda
-that of Jeffreys' prior. The level of a rate is that with this EXPECTED rate, averaged over the posterior. So few peaks give a
-higher level.
+xi > 0 is a heavy tail. The posterior of xi and sigma is computed on a grid. The prior is flat in log sigma and 0.2 +- 0.2 for
+xi; lambda has Jeffreys' prior. The level of a rate is that with this EXPECTED rate, averaged over the posterior. So few peaks
+give a higher level.
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
     (P + J S^-1 J') w = J S^-1 tau_e,        cov w = (P + J S^-1 J')^-1
 
-S: variances of the joints' torques, from the bands of their states, so that a joint at rest, whose friction is undetermined,
-has a lower weight. P damps directions that no joint observes in this posture (`ArmForce.damping`). If it affects the wrench,
-the posture counts as singular. Force before moment, along the axes of the base, the moment about the frame's origin.
+S: variances of the joints' torques, from the bands of their states. So a joint at rest, where friction is not determined, has
+less weight. P damps directions that no joint observes in this posture (`ArmForce.damping`). If it affects the wrench, the
+posture counts as singular. Force before moment, along the axes of the base, the moment about the frame's origin.
 """
 
 from __future__ import annotations
@@ -72,14 +72,14 @@ class WrenchEstimate:
         if self.joints < FULL:
             return [
                 f"Wrench at '{self.frame}': {self.joints} joints can observe at most {self.joints} of its {FULL} "
-                f"components at a time; the rest is set to zero, with a large standard deviation."
+                f"components at a time. The others are set to zero, with a large standard deviation."
             ]
         first, share = float(self.time[np.argmax(self.singular)]), 100.0 * float(np.mean(self.singular))
         told = f"{share:.0f} %" if share >= 1.0 else "less than 1 %"
         return [
-            f"Wrench at '{self.frame}': {told} of the time (first at {first:.4g} s) the posture, or "
-            f"joints at rest, make a direction unobservable; the estimate is damped along it, and its standard "
-            f"deviation is large."
+            f"Wrench at '{self.frame}': {told} of the time (first at {first:.4g} s) a direction is "
+            f"not observable, because of the posture or of joints at rest. Along it the estimate is damped, and its "
+            f"standard deviation is large."
         ]
 
 

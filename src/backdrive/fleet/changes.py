@@ -2,11 +2,11 @@
 
     y = X b + h z_tau(t) + e,   e_i = rho^(t_i - t_(i-1)) e_(i-1) + w_i
 
-with X a constant and the temperature, z_tau a step at tau or a ramp from tau on, and e a noise correlated from day to day,
-for which ordinary p-values are far too small. The series is whitened with rho; then the t-statistic of h is computed for
-every tau. Its largest value over all tau and both shapes is compared with that of series without a change. These are the
-residuals of this and all other joints, with the signs of whole blocks of days flipped at random (wild bootstrap by blocks:
-Liu 1988; Shao 2010). So the comparison includes the correlation that remains after whitening (Andrews & Monahan 1992).
+X is a constant and the temperature, and z_tau a step at tau or a ramp from tau on. The noise e is correlated from day to day,
+so ordinary p-values are far too small. The series is whitened with rho; then the t-statistic of h is computed for every tau.
+Its largest value over all tau and both shapes is compared with that of series without a change. Such series are made of the
+residuals of all joints: the signs of whole blocks of days are flipped at random (wild bootstrap by blocks: Liu 1988; Shao
+2010). So the comparison includes the correlation that remains after whitening (Andrews & Monahan 1992).
 """
 
 from __future__ import annotations

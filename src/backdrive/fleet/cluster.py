@@ -1,8 +1,8 @@
 """The workers: processes of this machine, or an existing Dask scheduler.
 
-By default, Dask sets `MALLOC_TRIM_THRESHOLD_` to 64 KiB in its workers, which switches off glibc's growing threshold for mapped
-memory: every array above 128 kB is then mapped anew and its pages fault in, which costs a factor of two on joint logs.
-Both thresholds are set here, and linear algebra uses one thread per worker.
+By default, Dask sets `MALLOC_TRIM_THRESHOLD_` to 64 KiB in its workers. This switches off glibc's growing threshold for mapped
+memory. Every array above 128 kB is then mapped anew with page faults, which doubles the time on joint logs. Both thresholds are
+set here, and linear algebra uses one thread per worker.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""One HTML page of a fleet, without a network: a small picture of each joint, the worst first, which opens its history on a
-click.
+"""One HTML page of a fleet that needs no network.
+
+It shows a small picture of each joint, the worst first. A click opens the history of the joint.
 """
 
 from __future__ import annotations

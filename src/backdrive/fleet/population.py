@@ -101,7 +101,7 @@ def _groups(joints: Sequence[History]) -> dict[tuple[str, str], list[History]]:
 
 
 def _typical(group: Sequence[History]) -> np.ndarray:
-    """Return the logarithms of constant and viscous part of each robot, (r, 2): medians of the days; NaN where there is none."""
+    """Return the logarithms of constant and viscous part of each robot, (r, 2), as medians of the days; NaN if there is none."""
     return np.array([np.median(days, axis=0) for days in _at_one_temperature(group)]).reshape(-1, 2)
 
 
@@ -160,7 +160,7 @@ def _against_siblings(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def merge(folder: str | os.PathLike) -> Population:
     """Return the population of every type and joint: the mean robot, and the spread between robots.
 
-    By the method of moments for random effects (DerSimonian & Laird 1986): the scatter of the robots' means is the spread
+    The method of moments for random effects is used (DerSimonian & Laird 1986). The scatter of the robots' means is the spread
     between robots plus the error of each mean. All values are logarithms of the constant and the viscous part at the median
     temperature.
 

@@ -275,7 +275,9 @@ def _counts(result: Mapping[str, Any]) -> dict[str, Any]:
 def _again(
     error: BaseException, batch: Batch, store: Store, tally: Tally, submit: Callable[[Batch], None]
 ) -> None:
-    """Handle a batch that failed as a whole: repeat its logs one by one; for a single log, write a row with the reason.
+    """Handle a batch that failed as a whole.
+
+    Its logs are repeated one by one. For a single log, a row with the reason is written.
 
     Raises:
         WriteError: nothing can be written any more.

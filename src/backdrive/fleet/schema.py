@@ -36,8 +36,8 @@ def schema() -> pa.Schema:
     `digest`, `path`, `size` [B] and `stamp` are of the log's file, `tag` of options and version; `day` is when it was recorded.
     `parameters` are of law and dynamics with standard errors, `covariance` is row by row in the order of `covariance_names`.
     `constant` [N.m or N] and `viscous` [N.m.s/rad or N.s/m] are the line through the mean of both directions up to `top_speed`
-    [rad/s or m/s]; `temperature` is the log's mean [degC], `residual` on data that the fit did not see [%]. `failure` names the
-    class of an error and is null for a result.
+    [rad/s or m/s]. `temperature` is the log's mean [degC], and `residual` that of held-out data [%]. `failure` names the class
+    of an error and is null for a result.
     """
     pa = require("pyarrow", "A fleet's results need", "fleet")
     number = pa.struct([("name", pa.string()), ("value", pa.float64()), ("error", pa.float64())])

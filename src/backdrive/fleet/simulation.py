@@ -4,9 +4,9 @@ The friction of a joint on a day is
 
     tau_f = g(day) exp(-k (T - 25)) (1 + e(day)) (F_c sign(v) + F_v v)
 
-with g the wear (1 before its onset, then a ramp or a step), k from the season's amplitude, T the temperature of the day in
-degC, and e an AR(1) noise from day to day. A log is a multisine with the torque of the inverse dynamics. This module uses no
-identification or simulation of the package, so its numbers are an independent ground truth.
+g is the wear: 1 before its onset, then a ramp or a step. k follows from the amplitude of the season, T is the temperature of
+the day in degC, and e is an AR(1) noise from day to day. A log is a multisine with the torque of the inverse dynamics. This
+module uses no identification or simulation of the package, so its numbers are an independent ground truth.
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ class FleetSimulation:
     def log(
         self, robot: int, day: int, *, seconds: float = 20.0, rate: float = 1000.0
     ) -> dict[str, np.ndarray]:
-        """Return the columns of a log: t [s], q [rad], tau [N.m], (n,) or (n, joints), and temp [degC], (n,)."""
+        """Return the columns of a log: t [s] and temp [degC], (n,), q [rad] and tau [N.m], (n,) or (n, joints)."""
         t = np.arange(round(seconds * rate)) / rate
         q, tau = np.zeros((2, t.size, self.joints))
         for joint in range(self.joints):
@@ -203,9 +203,7 @@ class FleetSimulation:
 
 
 def example(*, robots: int = 20, joints: int = 1, days: int = 120, seed: int = 0) -> FleetSimulation:
-    """Return a fleet in which each kind of event occurs once: wear, a new gear, a payload, a robot that breaks and one that
-    is renamed.
-    """
+    """Return a fleet with one event of each kind: wear, a new gear, a payload, a defect and a new name."""
     third, half = days // 3, days // 2
     kinds: tuple[Event, ...] = (
         Event(kind="wear", robot=1, joint=0, day=half, size=0.2, length=max(1, days - half)),

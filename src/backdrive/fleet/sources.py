@@ -50,8 +50,8 @@ def list_logs(
     """Return the logs of a source, in the order of their paths.
 
     A manifest is a CSV or TSV file whose header names `path` and, as far as known, `robot`, `type` and `day` (YYYY-MM-DD).
-    Otherwise the day is a date in the path or, without one, that of the file's last change; the robot is the first folder below the
-    source or, without one, the file's name without the date.
+    Without a manifest, the day is a date in the path, or else the date of the file's last change. The robot is the first folder
+    below the source, or else the file's name without the date.
 
     Args:
         source: a folder, a pattern such as `logs/*/2026-*.npz`, a manifest, or `s3://bucket/folder`; or several of them.

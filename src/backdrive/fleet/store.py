@@ -5,7 +5,7 @@
     results/torn/                               files that were no whole Parquet, set aside
 
 A log may have several results: from two clients at once, from a copy, or from another version. Only one of them is read: that
-of the present options and version, or else the newest; of copies the one with the first path.
+of the present options and version, or else the newest. Among copies, it is the one with the first path.
 """
 
 from __future__ import annotations

@@ -91,9 +91,9 @@ def beyond_range(robot: Robot, stretches: Sequence[ArmSignals]) -> list[tuple[st
     for j, one in enumerate(robot.ranges or [Range()] * len(robot.joints)):
         slack = BEYOND * (one.upper - one.lower) if np.isfinite(one.upper - one.lower) else np.inf
         sentence = (
-            f"The log moves it from {low[j]:.3g} to {high[j]:.3g} {robot.units[j]}, beyond the {one.lower:.3g} to {one.upper:.3g} "
-            "of the description: check the order of the joints (--names), the unit (degrees), the encoder's zero, and that it is "
-            "this robot."
+            f"In the log it moves from {low[j]:.3g} to {high[j]:.3g} {robot.units[j]}, beyond its range of {one.lower:.3g} to "
+            f"{one.upper:.3g} in the description. Check the order of the joints (--names), the unit (degrees), the encoder's "
+            "zero, and that the log is of this robot."
         )
         warnings.append(sentences((low[j] < one.lower - slack or high[j] > one.upper + slack, sentence)))
     return warnings

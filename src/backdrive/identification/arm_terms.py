@@ -5,12 +5,12 @@
 
 Y theta are the rigid bodies; `inertia` is what the motor adds to its own joint alone. F is the friction curve of each
 direction, line sections between knots and constant above the last one. `load_friction` is friction in proportion to the torque
-that the gear transmits (the load-dependent loss of harmonic drives and planetary gears; Hamon, Gautier, Garrec, IROS 2010).
-s replaces the sign of the velocity, since no encoder tells the instant of a reversal. All but the load term are linear in
-their coefficients; the load is taken from the previous round of the fit.
+in the gear: the load-dependent loss of harmonic drives and planetary gears (Hamon, Gautier, Garrec, IROS 2010). s replaces the
+sign of the velocity, since no encoder tells the instant of a reversal. All but the load term are linear in their coefficients;
+the load is taken from the previous round of the fit.
 
-Where motors drive several joints (q = C q_motor), dq and ddq of the last four terms, and tau, are those of the motors, and the
-bodies' torque is C' Y theta: friction and inertia act where the motor turns. On the joints, its inertia is a full matrix.
+If motors drive several joints (q = C q_motor), friction and inertia act at the motors. So tau, and dq and ddq of the last four
+terms, are those of the motors, and the torque of the bodies is C' Y theta. On the joints, the motors' inertia is a full matrix.
 
 Torque and all columns then pass the same zero-phase low pass ("parallel filtering", Gautier 1997), and are thinned.
 """

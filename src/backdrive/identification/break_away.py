@@ -132,8 +132,8 @@ def onset(
 ) -> tuple[float, float]:
     """Return the torque at which a slip began, from the line of the ramp before it, and its uncertainty.
 
-    Under a rising torque the speed grows with the square of the time since the slip began where inertia holds it back, and with
-    that time itself where viscous friction does: the time lies between one and two times the speed over the acceleration.
+    Let t be the time since the slip began, under a rising torque. If inertia limits the speed, it grows with t^2; if viscous
+    friction does, with t. So t lies between one and two times speed over acceleration.
 
     Args:
         torque: as measured, from the beginning of the ramp to the sample at which the slip is seen [N.m or N], (n,).

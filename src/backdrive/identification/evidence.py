@@ -90,7 +90,7 @@ def verdict(friction: JointFriction) -> str:
     unit = friction.joint.torque_unit
     speed = f"{friction.joint.unit}/s"
     low, high = friction.validity.velocity
-    slowest, top = friction.validity.speeds
+    slowest, top = friction.speeds
     ways = [sign for sign in (1.0, -1.0) if sign * (high if sign > 0 else low) > 0.05 * top]
     slow, fast = (np.abs(friction.law.torque(speed * np.array(ways))) for speed in (slowest, top))
     if slow.size == 2 and max(np.ptp(slow), np.ptp(fast)) > 0.02 * fast.max():

@@ -103,10 +103,10 @@ def correct_pairs(
 ) -> SweepKnots:
     """Return the pairs with velocity and torque on the same instant, and inertia and gravity regressed out.
 
-    Within each window and direction the torque's mean and its part that goes with velocity are taken out; what is left
-    goes with acceleration (inertia) and, on a rotary joint, with position (the slope of gravity), and with both by direction
-    (friction that grows with the load). These numbers are found from all windows together; what they add to a window's mean
-    is subtracted.
+    Within each window and direction, the mean of the torque and its part in proportion to the velocity are removed. The rest is
+    explained by acceleration (inertia) and, on a rotary joint, by position (the slope of gravity). Both terms may differ by
+    direction, since friction grows with the load. Their coefficients are estimated from all windows together, and their
+    contribution to the mean of a window is subtracted.
 
     Args:
         stretches: the log's signals, as `signals.prepare` returns them.

@@ -4,10 +4,10 @@ A regression leaves residuals in runs of neighbouring samples. The variance of a
 autocovariance G of the noise; all runs together tell its shape, each its own size.
 
 The weights of the lags are one up to the last lag at which a correlation is seen, and then fall in a straight line (Politis &
-Romano, J. Time Series Analysis 16, 1995; the lag nearly as in Politis, J. Nonparametric Statistics 15, 2003): weights that
-fall from the first lag on would mix high-frequency noise, such as that of an acceleration, into the level at zero frequency.
-The residuals of a run have lost what was fitted in it, a line or a polynomial of the velocity: with Q the orthonormal columns
-of these and P = 1 - Q Q', their autocovariance is that of P G P, and what is missing is put back.
+Romano, J. Time Series Analysis 16, 1995; the lag nearly as in Politis, J. Nonparametric Statistics 15, 2003): weights that fall
+from the first lag on would mix high-frequency noise, such as that of an acceleration, into the level at zero frequency. In each
+run a line or a polynomial of the velocity was fitted, so its residuals are smaller than the noise. With Q the orthonormal
+columns of that fit and P = 1 - Q Q', their autocovariance is that of P G P. The missing part is added.
 """
 
 from __future__ import annotations

@@ -266,13 +266,13 @@ def _method(logs: Sequence[Log], names: Sequence[str], options: Options) -> tupl
     if _searches(logs, options):
         from backdrive.identification.dynamic import is_driven
 
-        return "dynamic", "motion given the drive's input" if is_driven(
-            logs, options
-        ) else "torque given motion"
+        if is_driven(logs, options):
+            return "dynamic", "laws are fitted to the motion that follows from the drive's input"
+        return "dynamic", "laws are fitted to the torque along the logged motion"
     if options.method == "auto":
         return choose_method(logs, names, options.urdf)
     lookup(options.method, METHODS, "method")
-    return options.method, "it was asked for"
+    return options.method, "as requested"
 
 
 def _arm(logs: Sequence[Log], held_out: Sequence[Log], options: Options) -> Outcome:

@@ -69,7 +69,8 @@ def torque_steps(case: Case) -> Remark | None:
         return None
     return Remark(
         severity="note",
-        sentence=f"Torque is read in steps of {case.residual.step:.3g} {case.unit}, {case.residual.step / case.residual.size:.0%} "
+        sentence=f"Torque is read in steps of {case.residual.step:.3g} {case.unit}, "
+        f"{100.0 * case.residual.step / case.residual.size:.0f} % "
         "of the friction.",
     )
 
@@ -103,7 +104,7 @@ def structure(case: Case) -> Remark | None:
     res = case.residual.slides
     way, size = np.sign(res.velocity), case.residual.size
     load = np.abs(res.torque - res.friction)
-    share, wave = "{share:.0%} of the friction", "every {wave:.2g} " + case.friction.joint.unit
+    share, wave = "{share:.0f} % of the friction", "every {wave:.2g} " + case.friction.joint.unit
     follows_load = f"Friction depends on the load, by {share}: use a law with load (--law m3)."
     tests: list[tuple[Explanation | None, str]] = []
     for time in _times(res):
@@ -147,7 +148,9 @@ def structure(case: Case) -> Remark | None:
     if not sure:
         return slow_torque(case)
     best, sentence = max(sure, key=lambda pair: pair[0].beyond)
-    named = sentence.format(share=best.size / size, wave=2.0 * np.pi / best.wave if best.wave else 0.0)
+    named = sentence.format(
+        share=100.0 * best.size / size, wave=2.0 * np.pi / best.wave if best.wave else 0.0
+    )
     return Remark(severity="care" if best.size > GRAVE * size else "note", sentence=named)
 
 
@@ -182,6 +185,6 @@ def slow_torque(case: Case) -> Remark | None:
         return None
     return Remark(
         severity="note",
-        sentence=f"{slow:.3g} {case.unit} of slow torque remains in motion, {slow / res.size:.0%} of the friction: "
+        sentence=f"{slow:.3g} {case.unit} of slow torque remains in motion, {100.0 * slow / res.size:.0f} % of the friction: "
         f"the model lacks a torque.",
     )

@@ -120,8 +120,8 @@ def low_pass_torque(log: Log) -> tuple[np.ndarray, float, float]:
 def _compliance(torque: np.ndarray, position: np.ndarray) -> tuple[float, float]:
     """Return position over torque of one branch, and its standard error [rad/N.m or m/N].
 
-    Both have noise, which a regression of either on the other would take for compliance or stiffness; time has none, and both
-    follow it: it is the instrument (Durbin, Revue de l'Institut International de Statistique 22, 1954).
+    Both have noise, which would bias a regression of either on the other. Time has no noise, and both follow it, so it is the
+    instrumental variable (Durbin, Revue de l'Institut International de Statistique 22, 1954).
     """
     u, x, t = torque - torque.mean(), position - position.mean(), np.linspace(-1.0, 1.0, torque.size)
     power = float(t @ u)

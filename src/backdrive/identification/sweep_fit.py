@@ -30,8 +30,8 @@ SIGNIFICANT = 4.0  # least significance of a term [standard error]
 UNEQUAL = 0.03  # share of the friction from which on the directions are taken to differ [-]
 NEAR = 0.05  # centers that differ by less are the same [rad or m]
 REMEDY = (
-    "Sweeps about three distant centers tell gravity apart, or a second one half a turn from the first (`backdrive plan sweep "
-    "--centres auto`); so does another posture of the arm, or one in which the axis is vertical."
+    "To separate gravity, record sweeps about three distant centers, or a second one half a turn from the first (`backdrive "
+    "plan sweep --centres auto`). Another posture of the arm also helps, such as one in which the axis is vertical."
 )
 
 

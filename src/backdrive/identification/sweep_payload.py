@@ -118,7 +118,7 @@ def _verdict(friction: JointFriction, found: PayloadGrowth) -> str:
     (up, a), (down, b) = found.driving, found.driven
     return (
         f"Without load, friction is {found.positive[0]:.3g} {unit} along +q and {found.negative[0]:.3g} {unit} along -q at "
-        f"{found.velocity[0]:.3g} rad/s; it grows by {up:.4f} +- {REACH * a:.4f} of the load that the motor lifts, and by "
-        f"{down:.4f} +- {REACH * b:.4f} of that which drives it back (95 %, condition {found.condition:.0f}). "
+        f"{found.velocity[0]:.3g} rad/s. It grows by {up:.4f} +- {REACH * a:.4f} of the load while the motor lifts it, and by "
+        f"{down:.4f} +- {REACH * b:.4f} while the load drives the motor (95 %, condition {found.condition:.0f}). "
         f"{describe_fit(friction)}"
     )

@@ -19,8 +19,8 @@ ODD = tuple(3**i * 5**j for i in range(20) for j in range(14))  # odd factors of
 def low_pass(x: np.ndarray, cutoff: float, rate: float, order: int = 4) -> np.ndarray:
     """Filter with a Butterworth low pass as if forwards and backwards, along axis 0.
 
-    The squared gain 1 / (1 + (tan(pi f T) / tan(pi f_c T))^(2 order)) of the two passes is applied in the frequency
-    domain: it has zero phase, and a transient only from the continued ends.
+    The squared gain of the two passes, 1 / (1 + (tan(pi f T) / tan(pi f_c T))^(2 order)), is applied in the frequency domain.
+    The phase is zero, and only the continued ends cause a transient.
 
     Args:
         x: uniform samples, (n, ...).

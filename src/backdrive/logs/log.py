@@ -1,9 +1,8 @@
 """`Log`: recorded motion and torque of a robot's joints, in SI units, on one clock.
 
-Positive torque, position and velocity all point along +q. Arrays are time first, joint second. A log may hold
-anything that a real file holds (NaN, gaps, unsorted time): `backdrive.logs.health` says what is wrong with it, and
-the identification refuses what would spoil a result. Only shapes are checked here, and that no number is so large that its
-square overflows.
+Positive torque, position and velocity all point along +q. Arrays are time first, joint second. A log may hold everything that
+occurs in real files: NaN, gaps, unsorted time. `backdrive.logs.health` finds these faults, and the identification refuses those
+that would spoil a result. Only shapes are checked here, and that no number is so large that its square overflows.
 """
 
 from __future__ import annotations

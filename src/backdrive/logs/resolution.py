@@ -52,9 +52,9 @@ def median(x: np.ndarray) -> float:
 def resolution(values: np.ndarray) -> float:
     """Return the step g such that all values (m,) are whole multiples of g apart, 0 if there is none.
 
-    It is the greatest common divisor of the differences between levels, by Euclid's method with a tolerance. Readings that were
-    printed with a few decimals are multiples of the last one; where they keep to a coarser grid but for that rounding, its
-    step is returned.
+    It is the greatest common divisor of the differences between levels, by Euclid's method with a tolerance. Readings printed
+    with few decimals are multiples of the last decimal. If they follow a coarser grid apart from that rounding, the step of
+    this grid is returned.
     """
     values = values[:: max(1, values.size // 4096)]
     levels = np.unique(values[np.isfinite(values)])

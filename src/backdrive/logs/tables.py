@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 
 from backdrive._documents import is_several
-from backdrive.errors import InvalidInput, check_type
+from backdrive.errors import InvalidInput, MappingError, check_type
 from backdrive.logs.joint import Joint, as_joints
 from backdrive.logs.log import CHANNELS, Log
 
@@ -89,7 +89,12 @@ def log_of_frame(frame: Any, **options: Any) -> Log:
         raise InvalidInput(
             "The table has no column of numbers.", remedy="Give one a channel, and one of time."
         )
-    return to_log(Columns(arrays=arrays, units=units, notes=tuple(notes)), **options)
+    try:
+        return to_log(Columns(arrays=arrays, units=units, notes=tuple(notes)), **options)
+    except MappingError as error:
+        if not notes:
+            raise
+        raise MappingError(error.message, remedy=" ".join([error.remedy, *notes])) from error
 
 
 def is_table(value: Any) -> bool:

@@ -1,7 +1,8 @@
 """Checks of a model file beyond the types of its values; each error names the place.
 
 A model file may come from an untrusted source, and its numbers determine the torque of a motor. So impossible values are
-refused: numbers beyond any machine, and line sections so short that rounding errors determine the curve beyond them.
+refused: numbers beyond any machine, and line sections that are too short. Rounding errors would determine the curve beyond such
+a section.
 """
 
 from __future__ import annotations
@@ -165,7 +166,7 @@ def check_law(friction: JointFriction, where: str) -> None:
             i = int(np.argmax(short))
             raise ModelFileError(
                 f"{where}.parameters.velocity: knots {i} and {i + 1} are {knots[i + 1] - knots[i]:.3g} apart at "
-                f"{knots[i + 1]:g}; so short a section does not determine the curve beyond it.",
+                f"{knots[i + 1]:g}. So short a section does not determine the curve beyond it.",
                 remedy="Merge them.",
             )
     low, high = friction.validity.velocity

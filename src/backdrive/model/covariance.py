@@ -1,4 +1,4 @@
-"""The covariance of the identified parameters: one matrix for a joint's law and dynamics, with the names of its rows."""
+"""The covariance of the identified parameters: one matrix for law and dynamics of a joint, with named rows."""
 
 from __future__ import annotations
 

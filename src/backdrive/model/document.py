@@ -25,7 +25,7 @@ Count = Annotated[int, Meta(ge=0)]
 
 
 class Value(msgspec.Struct, forbid_unknown_fields=True):
-    """A number, or one a knot, with its unit, standard error and bounds; null stands for unknown or unbounded."""
+    """A number, or one for each knot, with unit, standard error and bounds; null means unknown or unbounded."""
 
     value: float | Knots
     unit: Word

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import is_dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, TypeVar
 
 import msgspec
@@ -115,7 +115,7 @@ def encode(model: m.FrictionModel) -> bytes:
     document = Document(
         FORMAT, SCHEMA, joints, provenance, arm, model.coupling, model.coupled or msgspec.UNSET
     )
-    data = msgspec.json.encode(_encodable(msgspec.to_builtins(document)))
+    data = msgspec.json.encode(_encodable(msgspec.to_builtins(document, enc_hook=_path_as_text)))
     return msgspec.json.format(data, indent=2) + b"\n"
 
 
@@ -128,6 +128,12 @@ def _encodable(value: Any) -> Any:
     if is_several(value):
         return [_encodable(v) for v in value]
     return value
+
+
+def _path_as_text(value: Any) -> str:
+    if isinstance(value, PurePath):
+        return str(value)
+    raise TypeError(f"A model file cannot hold a {type(value).__name__}.")
 
 
 def save(model: m.FrictionModel, path: str | Path) -> None:
@@ -223,7 +229,7 @@ def _joint(j: JointEntry, where: str) -> m.JointFriction:
 
 
 def _fill(entry: JointEntry) -> None:
-    """Give the dataclasses of an entry the fields that the file leaves out: msgspec leaves them to the class."""
+    """Fill the dataclasses of an entry with the fields that the file leaves out, since msgspec does not."""
     for name in ALIKE:
         value = getattr(entry, name)
         if is_dataclass(value) and not isinstance(value, type):

@@ -19,7 +19,8 @@ TERMS = (*BOTH_WAYS, "load_carried", "load_driving", "load_driven")
 def beside_the_law(rate: Rate, dynamics: Mapping[str, Estimate]) -> bool:
     """Return whether a growth in the dynamics belongs to the law.
 
-    It is the axis' own in a model of a drive, which is judged by motion with it, and where the law sees the load by itself.
+    In a model of a drive the growth belongs to the axis: there the model is judged by motion, and the law computes the load
+    itself.
     """
     return "load" not in rate.NEEDS and not any(name.startswith("drive.") for name in dynamics)
 
@@ -27,7 +28,7 @@ def beside_the_law(rate: Rate, dynamics: Mapping[str, Estimate]) -> bool:
 def growth_of(
     dynamics: Mapping[str, Estimate],
 ) -> tuple[Growth | None, dict[str, Estimate], dict[str, float]]:
-    """Return the growth with the load that stands among dynamics terms, the terms without it, and its standard errors.
+    """Split dynamics terms into the growth with the load, the other terms, and the standard errors of the growth.
 
     Args:
         dynamics: by term; `load_dependence` about the load `load_carried`, or `load_friction`, alike in both directions of power;

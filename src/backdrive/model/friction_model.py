@@ -169,7 +169,7 @@ class FrictionModel(Display):
     def _scalars(
         self,
     ) -> dict[str | int, tuple[Callable[[np.ndarray, float], float], np.ndarray, float, float]]:
-        """Cache of compiled curve, row and validity range, for joints whose torque at a single velocity was computed before."""
+        """Cache of compiled curve, row and validity range of each joint whose torque at a single velocity was computed."""
         return {}
 
     def __getstate__(self) -> dict[str, Any]:

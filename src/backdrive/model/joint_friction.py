@@ -18,6 +18,7 @@ from backdrive.model.quality import Bands, Quality, Verdict
 from backdrive.parameters import NOT_NEGATIVE, Bounds, WithBounds
 
 EDGE = 1e-9  # relative tolerance of the validity range's ends, for rounding errors [-]
+ARM_LOW = 0.05  # "low speed" of an arm as a share of the top speed [-]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,13 +129,22 @@ class JointFriction:
             object.__setattr__(self, "covariance", self.covariance.of_numbers(self._errors()))
 
     def _errors(self) -> dict[str, Any]:
-        """Return the standard error of every number, NaN where it is unknown: one, or as many as there are values."""
+        """Return the standard error of every number, one for each of its values; NaN means unknown."""
         errors: dict[str, Any] = {name: e.standard_error for name, e in self.dynamics.items()}
         for rows in self.law.parts:
             for name, parameter in rows.PARAMETERS.items():
                 unknown = (math.nan,) * len(getattr(rows, name)) if parameter.many else math.nan
                 errors[name] = self.standard_errors.get(name, unknown)
         return errors
+
+    @property
+    def speeds(self) -> tuple[float, float]:
+        """Low and top speed at which texts and tables report friction [rad/s or m/s].
+
+        In a log of a whole arm, reversals and not sliding determine the curve below a twentieth of the top speed.
+        """
+        low, top = self.validity.speeds
+        return max(low, ARM_LOW * top) if self.method == "arm" else low, top
 
     def driving(self, above: float = 0.0) -> tuple[float, float] | None:
         """Return the part of the validity range in which friction is negative and so drives the motion.
@@ -161,7 +171,7 @@ class JointFriction:
         return (velocity < low - EDGE * abs(low)) | (velocity > high + EDGE * abs(high))
 
     def extrapolation(self, velocity: np.ndarray) -> str:
-        """Return in a sentence how far velocities [rad/s or m/s] leave the validity range; empty where they do not."""
+        """Return a sentence on velocities [rad/s or m/s] outside the validity range; empty if all are inside."""
         outside = self.outside(velocity)
         if not np.any(outside):
             return ""

@@ -3,12 +3,12 @@
     tau = Y(q, dq, ddq) theta + F sign(dq) + B dq + I ddq + o + (load on the last link or the tool)
     information = sum over samples of  Z' W Z,      Z: columns of all coefficients,  W = 1 / noise^2
 
-The criterion takes into account the other parameters that must be estimated too (D_s-optimality): log det(information) - log
-det(its part for the other parameters), per wanted coefficient. A payload, or a constant force at the tool, is identified by
+The criterion is log det(information) - log det(its part for the other parameters), per wanted coefficient. So it accounts for
+the other parameters, which must be estimated too (D_s-optimality). A payload, or a constant force at the tool, is identified by
 comparing logs of the same motion with and without it. Each of them adds the rows of such a log.
 
-Gradients by position, velocity and acceleration are finite differences of regressors at neighbouring states, contracted with
-the gradient by the columns, 2 W Z (information^-1 - inverse of the part for the other parameters).
+The gradient by the columns is 2 W Z (information^-1 - inverse of the part for the other parameters). Its product with finite
+differences of the regressors gives the gradients by position, velocity and acceleration.
 """
 
 from __future__ import annotations

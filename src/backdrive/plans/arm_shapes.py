@@ -1,8 +1,8 @@
 """The shapes of an arm's links by its URDF or MJCF, for self-collision: primitives, and convex hulls of a URDF's meshes.
 
-Meshes are opened only where a folder of packages is given, and only below it (or beside the URDF): a description may come
-from an untrusted source. A hull contains its mesh, so if hulls do not touch, neither do the links. If meshes are not opened,
-a capsule may replace a link. It extends from the link's joint to the next one; its thickness is that of a rod with the link's
+A description may come from an untrusted source. So meshes are opened only if a folder of packages is given, and only below this
+folder or beside the URDF. A hull contains its mesh, so if hulls do not touch, neither do the links. If meshes are not opened, a
+capsule may replace a link. It extends from the link's joint to the next one; its thickness is that of a rod with the link's
 inertia about this line.
 """
 

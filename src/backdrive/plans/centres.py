@@ -1,18 +1,19 @@
 """Choice of the centers of several sweeps, which separate friction unequal in its directions from gravity.
 
-About a center c the half sum of the two directions is S = a sin c + b cos c + a_0: gravity, and half the constant difference of
-the directions. With weights w_i on the centers, sum w_i S_i equals a_0 for any a and b if
+About a center c the half sum of the two directions is S = a sin c + b cos c + a_0. It contains gravity and half the constant
+difference of the directions. With weights w_i on the centers, sum w_i S_i equals a_0 for any a and b if
 
     sum w_i = 1,   sum w_i sin c_i = 0,   sum w_i cos c_i = 0,
 
-and its standard error is sqrt(sum w_i^2 / n_i) times that of one sweep's S: the noise gain. Gravity rotated by an angle has
-the same form, so only the distances of the centers matter. Inside a range of half width w, the two ends and the middle give
-the least (sum |w_i|)^2, which is the squared noise gain for the effort of one sweep,
+and its standard error is sqrt(sum w_i^2 / n_i) times that of one sweep's S: the noise gain. Gravity rotated by an angle has the
+same form, so only the distances of the centers matter. Inside a range of half width w, the least (sum |w_i|)^2 belongs to the
+two ends and the middle. It is the squared noise gain for the effort of one sweep:
 
     w_end = 1 / (2 (1 - cos w)),   w_middle = -cos w / (1 - cos w),   sum |w_i| = cot^2(w/2)   for w <= pi/2
 
-(Elfving, Annals of Mathematical Statistics 23, 1952: the constant lies on the boundary of the hull of what the centers show),
-and with two centers half a turn apart, w = 1/2 each, from w = pi/2 on. For small ranges the noise gain grows as 4/w^2.
+(Elfving, Annals of Mathematical Statistics 23, 1952: the constant lies on the boundary of the hull of what the centers show).
+From w = pi/2 on, it belongs to two centers half a turn apart, with the weight 1/2 each. For small ranges the noise gain grows
+as 4/w^2.
 """
 
 from __future__ import annotations
@@ -40,8 +41,8 @@ _INWARD = (
     1e-9  # distance of centers from the ends of the range, so that rounding does not exceed a limit [rad]
 )
 WHAT_ELSE = (
-    "Possible remedies: a wider range (another posture of the arm, if other joints limit this one); a second center half a "
-    "turn from the first; or a posture with a vertical axis, in which the half sum is the constant itself."
+    "Possible remedies: a wider range, for example in another posture of the arm; a second center half a turn from the "
+    "first; or a posture in which the axis is vertical, so that gravity does not act on the joint."
 )
 
 
@@ -195,8 +196,8 @@ def choose_centers(
     """Choose the smallest number of sweeps, with their centers, that separates the constant from gravity within a noise gain.
 
     All sweeps take the same time, so the smallest number is the fastest. They are placed at the ends of the range and in its
-    middle, in the proportion with the least noise gain; other places improve it by less than 5 %. If the range permits it,
-    they are placed half a turn apart.
+    middle, in the proportion with the least noise gain. Other places improve the gain by less than 5 %. If the range permits
+    it, they are placed half a turn apart.
 
     Args:
         sweep: what is swept; the centers lie about its own center where the range is wider than half a turn.
@@ -227,8 +228,8 @@ def choose_centers(
     if not found[0] <= WORST_GAIN:
         few = f"{sweeps} sweeps" if sweeps else f"Even {MOST_SWEEPS} sweeps"
         raise InvalidInput(
-            f"{few} within the range of joint '{limits.name}' do not tell unequal directions from gravity: the centers can be "
-            f"{math.degrees(2 * half):.4g} deg apart, and the noise gain would be {found[0]:.3g}.",
+            f"{few} within the range of joint '{limits.name}' do not separate unequal directions from gravity. The centers can "
+            f"be {math.degrees(2 * half):.4g} deg apart, which gives a noise gain of {found[0]:.3g}.",
             remedy="Two would have to be half a turn (180 deg) apart: give three, or `auto`."
             if sweeps == 2
             else f"Three centers within {math.degrees(2 * width_for(WORST_GAIN)):.0f} deg are the least. {WHAT_ELSE}",

@@ -57,7 +57,7 @@ def check_limits(
         bound = _of(limits, one.joint)
         if not bound.lower - _ROUNDING <= one.position <= bound.upper + _ROUNDING:
             found.append(
-                f"Joint '{one.joint}': it is to be held at {phrase(one.position, one.unit)}, outside its range from "
+                f"Joint '{one.joint}' would be held at {phrase(one.position, one.unit)}. This is outside its range from "
                 f"{phrase(bound.lower, one.unit)} to {phrase(bound.upper, one.unit)}."
             )
     if found:

@@ -26,10 +26,10 @@ class Multisine(MotionPlan):
     """Sines at all multiples of 1/period inside a band, with equal velocity amplitudes, as large as the stroke allows.
 
     The joint passes many speeds and accelerations in one run, which suits the identification from any motion. The phases are
-    drawn from a seed and then improved for low crest factors: clip the signal, keep its phases, restore the amplitudes (Van
-    der Ouderaa, Schoukens, Renneboog, IEEE Trans. Instrum. Meas. 37, 1988). They are part of the plan, so a stored plan is
-    the same motion everywhere. The amplitude grows from rest at the center before the first period, and decays after the
-    last.
+    drawn from a seed and then improved for low crest factors. Each step clips the signal, keeps its phases and restores the
+    amplitudes (Van der Ouderaa, Schoukens, Renneboog, IEEE Trans. Instrum. Meas. 37, 1988). They are part of the plan, so a
+    stored plan is the same motion everywhere. The amplitude grows from rest at the center before the first period, and decays
+    after the last.
 
     Attributes:
         stroke: full stroke, peak to peak [rad or m].

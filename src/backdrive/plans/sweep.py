@@ -30,11 +30,11 @@ class Sweep(MotionPlan):
 
         q = center - A/2 cos(phi),   dq = A/2 sin(phi) phi',   ddq = A/2 (cos(phi) phi'^2 + sin(phi) phi'').
 
-    As printed (Iwatani 2017, (2.2)-(2.4)) the rate jumps at the end of each cycle, and with it the acceleration, from
-    2 n^2 V^2 / (A N^2) to that of n + 1; it also jumps from rest. Here the rate glides instead: around each turning
-    point, only where the speed is below half of the cycle's top speed, from zero at the start, and to zero at the end.
-    Position, velocity and acceleration are continuous, the stroke is never exceeded, and no acceleration is above
-    2 V^2 / A. The motion begins and ends at rest at the center. `smooth=False` is the printed one.
+    In the printed sweep (Iwatani 2017, (2.2)-(2.4)) the rate jumps at the end of each cycle, and from rest. The acceleration
+    then jumps from 2 n^2 V^2 / (A N^2) to its value for n + 1. Here the rate changes smoothly instead. It does so around each
+    turning point, where the speed is below half of the cycle's top speed, and at start and end, from and to zero. Position,
+    velocity and acceleration are continuous, the stroke is never exceeded, and no acceleration is above 2 V^2 / A. The motion
+    begins and ends at rest at the center. `smooth=False` is the printed one.
 
     Attributes:
         stroke: A, full stroke, peak to peak [rad or m].

@@ -1,4 +1,4 @@
-"""The report's page on a joint that a hand moves: its force without and with compensation, and the estimate beside the sensor."""
+"""The report's page on a joint moved by a hand: the force without and with compensation, and its estimate beside the sensor."""
 
 from __future__ import annotations
 

@@ -113,7 +113,7 @@ def _quality(friction: JointFriction) -> str:
 
 
 def _laws(choice: Choice | None) -> str:
-    """Return the laws that were tried, with their errors on fitted and on held-out data; the chosen law comes first, in bold."""
+    """Return a table of the candidate laws with their errors on fitted and on held-out data; the selected law is in bold."""
     if choice is None:
         return ""
     rows = []
@@ -129,8 +129,8 @@ def _laws(choice: Choice | None) -> str:
             ]
         )
     why = f'<p class="muted"><small>{esc(prose(choice.reason))}</small></p>'
-    head = ["Law", "Held out, RMS", "Fitted, RMS", "Numbers"]
-    return f"<div>{table('Laws tried, the one in use in bold', head, rows)}{why}</div>"
+    head = ["Law", "Held out, RMS", "Fitted, RMS", "Parameters"]
+    return f"<div>{table('Candidate laws, the selected one in bold', head, rows)}{why}</div>"
 
 
 def _thousands(count: float) -> str:
@@ -142,7 +142,7 @@ def _parameters(friction: JointFriction) -> str:
         [
             f"{esc(each.name)} {symbol(each.symbol)}",
             f'<span class="n">{each.values[0]}</span> '
-            f'<span class="n muted">{esc(pretty_unit(each.unit))}</span>{_flag(each)}',
+            f'<span class="n muted">{_unit(each.unit)}</span>{_flag(each)}',
             f'<span class="n">{each.bounds}</span>',
         ]
         for each in entries(friction, knots=False)
@@ -154,6 +154,11 @@ def _parameters(friction: JointFriction) -> str:
     if rows:
         top = table(law, ["Parameter", "Value ± standard error", "Bounds"], rows)
     return f"<div>{top}{_knots(friction)}</div>"
+
+
+def _unit(unit: str) -> str:
+    """Return a unit as HTML; nothing for a number without one."""
+    return "" if unit == "1" else esc(pretty_unit(unit))
 
 
 def _flag(entry: Entry) -> str:
@@ -182,12 +187,11 @@ def _dynamics(friction: JointFriction) -> str:
         return ""
     rows = []
     for name, estimate in dynamics(friction):
-        unit = "" if estimate.unit == "1" else pretty_unit(estimate.unit)
         rows.append(
             [
                 esc(term(name)),
                 f'<span class="n">{with_error(estimate.value, estimate.standard_error)}</span> '
-                f'<span class="n muted">{esc(unit)}</span>',
+                f'<span class="n muted">{_unit(estimate.unit)}</span>',
             ]
         )
     return table("Other dynamics, estimated together with friction", ["Term", "Value ± standard error"], rows)

@@ -74,7 +74,8 @@ def header(result: Identification, title: str) -> str:
     items = "".join(f"<div><dt>{esc(k)}</dt><dd>{esc(v)}</dd></div>" for k, v in facts.items())
     good = all(grade(j).level == "good" for j in model.joints)
     heading = "Remarks on the whole" if good else "Warnings on the whole result"
-    reason = f'<p class="muted">{esc(prose(sentence(result.reason)))}</p>' if result.reason else ""
+    why = f"Why this method: {result.reason}"
+    reason = f'<p class="muted">{esc(prose(sentence(why)))}</p>' if result.reason else ""
     return (
         f'<header><h1><bdi>{esc(title)}</bdi></h1><p class="lead">{esc(overall(result))}</p>'
         f'<dl class="facts">{items}</dl>{reason}'
@@ -100,7 +101,7 @@ def at_speeds(friction: JointFriction, curve: Curve) -> list[tuple[float, list[t
     low, high = friction.validity.velocity
     signs = [sign for sign, seen in ((1.0, high > 0), (-1.0, low < 0)) if seen]
     result = []
-    for speed in friction.validity.speeds:
+    for speed in friction.speeds:
         pairs = [(float(friction.law.torque(s * speed)), error_at(curve, s * speed)) for s in signs]
         result.append((speed, pairs))
     return result
@@ -109,6 +110,7 @@ def at_speeds(friction: JointFriction, curve: Curve) -> list[tuple[float, list[t
 def summary(result: Identification) -> str:
     """Return all joints in one table; on a phone each row becomes a block."""
     rows = []
+    remarks = "Remarks" if all(grade(j).level == "good" for j in result.model.joints) else "Warnings"
     for index, (friction, evidence) in enumerate(
         zip(result.model.joints, result.evidence, strict=False), start=1
     ):
@@ -130,7 +132,7 @@ def summary(result: Identification) -> str:
             cells.append(f'<td data-label="{label}"><span class="n">{shown}</span></td>')
         n = len(friction.warnings)
         count = (
-            f'<td class="count" data-label="Warnings"><a href="#joint-{index}">{n}</a></td>'
+            f'<td class="count" data-label="{remarks}"><a href="#joint-{index}">{n}</a></td>'
             if n
             else '<td class="none muted">none</td>'
         )
@@ -145,7 +147,7 @@ def summary(result: Identification) -> str:
         "at top speed",
         "Residual, fitted",
         "held out",
-        "Warnings",
+        remarks,
     )
     top = "".join(f'<th scope="col">{h}</th>' for h in heads)
     return f'<table class="summary"><thead><tr>{top}</tr></thead><tbody>{"".join(rows)}</tbody></table>'

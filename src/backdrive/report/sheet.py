@@ -71,6 +71,7 @@ th:last-child,td:last-child{padding-right:0}
 thead th{font-weight:500;color:var(--muted);font-size:.86rem;vertical-align:bottom}
 tbody th{font-weight:500}
 thead th{overflow-wrap:normal}
+.about tbody th{min-width:5.5em}
 .summary .name{min-width:6.5rem}
 .summary td{padding-right:1rem}
 .joint{border-top:2px solid var(--ink);padding-top:.9rem;margin-top:2.6rem;scroll-margin-top:8px}
@@ -106,8 +107,8 @@ border-bottom:1px solid var(--grid)}
 .summary tr:first-child{border-top:1px solid var(--grid)}
 .summary th,.summary td{display:block;border:0;padding:0;min-width:0!important;grid-column:span 10}
 .summary td:has(.long){grid-column:1/-1}
-.summary .name{grid-column:1/10;font-size:1rem;font-weight:600}
-.summary .verdict{grid-column:10/-1;justify-self:end}
+.summary .name{grid-column:1/-1;font-size:1rem;font-weight:600}
+.summary .verdict{grid-column:1/-1;justify-self:start}
 .summary [data-label]::before{content:attr(data-label);display:block;color:var(--muted);font-size:.82rem}
 .summary .none{display:none}
 .summary .count::before{content:attr(data-label) ": "!important;display:inline!important}

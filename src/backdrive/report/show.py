@@ -29,6 +29,8 @@ from backdrive.report.words import count_of, esc, law_name, percent, plain, pros
 from backdrive.tuning.tuning import Tuning
 
 WARNINGS = 3  # shown before the others are counted
+LINE = "\n"
+LONGEST_NAME = 24  # of a joint that a table for a terminal keeps on one line [characters]
 WORDS = ("moving", "reversing", "at rest")
 
 
@@ -81,7 +83,8 @@ def text(result: Any, width: int = 80) -> str:
     shown = face(result)
     rows = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
     for name in shown.head:
-        rows.add_column(name, justify="left" if name in TEXT else "right", overflow="fold")
+        whole = name == "joint" and all(len(row[0]) <= LONGEST_NAME for row in shown.rows)
+        rows.add_column(name, justify="left" if name in TEXT else "right", overflow="fold", no_wrap=whole)
     for row in shown.rows:
         rows.add_row(*(_plain(cell) for cell in row))
     stream = io.StringIO()
@@ -118,7 +121,7 @@ def picture(result: Any) -> Any:
 
 
 def html(result: Any) -> str:
-    """Return a result as HTML for a notebook: readable in light and dark, with its picture inside where matplotlib is there."""
+    """Return a result as HTML for a notebook, readable in light and dark, with its picture if matplotlib is installed."""
     from backdrive.errors import MissingExtra
 
     shown = face(result)
@@ -129,7 +132,7 @@ def html(result: Any) -> str:
     rows = "".join(
         "<tr>"
         + "".join(
-            f"<td {cell.format('left' if name in TEXT else 'right')}>{esc(c)}</td>"
+            f"<td {cell.format('left' if name in TEXT else 'right')}>{esc(c).replace(LINE, '<br>')}</td>"
             for name, c in zip(shown.head, row, strict=False)
         )
         + "</tr>"
@@ -159,7 +162,7 @@ def _plain(cell: str) -> str:
 
 
 def _friction(friction: JointFriction, curve: Curve, which: int) -> str:
-    """Return friction at the slowest or fastest speed with its error, both directions where they differ."""
+    """Return friction at the slowest or fastest speed with its error, a line each direction where they differ."""
     speeds = page.at_speeds(friction, curve)
     if not speeds:
         return "-"
@@ -167,8 +170,9 @@ def _friction(friction: JointFriction, curve: Curve, which: int) -> str:
     unit = canvas.pretty_unit(friction.joint.torque_unit)
     if len(pairs) == 2 and np.isclose(*(abs(f) for f, _ in pairs), rtol=1e-9):
         pairs = [max(pairs, key=lambda pair: pair[1])]
-    values = " / ".join(dict.fromkeys(with_error(abs(f), s) for f, s in pairs))
-    return f"{values} {unit} at {speed:.3g} {friction.joint.unit}/s"
+    signed = len(pairs) == 2
+    values = [with_error(f if signed else abs(f), s, signed=signed) for f, s in pairs]
+    return "\n".join([*values, f"{unit} at {speed:.3g} {friction.joint.unit}/s"])
 
 
 def _rows_of(model: FrictionModel, of: Sequence[Curve]) -> list[list[str]]:

@@ -21,6 +21,7 @@ MINUS = "\u2212"
 TERMS = {
     "inertia": "inertia",
     "time_slip": "delay of the logged torque behind the motion",
+    "delay": "delay of the logged torque behind the motion",
     "offset": "constant offset",
     "gravity_sin": "gravity, sin q part",
     "gravity_cos": "gravity, cos q part",
@@ -29,6 +30,10 @@ TERMS = {
     "load_driving": "friction per carried load, lifting",
     "load_driven": "friction per carried load, driven back",
     "transition": "speed of the transition at rest",
+    "coulomb_positive": "Coulomb friction along +q",
+    "coulomb_negative": "Coulomb friction along \u2212q",
+    "viscous_positive": "viscous coefficient along +q",
+    "viscous_negative": "viscous coefficient along \u2212q",
     "positive": "along +q",
     "negative": "along \u2212q",
 }

@@ -2,10 +2,10 @@
 
     tau = M(q) ddq + h(q, dq) + g(q) = Y(q, dq, ddq) theta
 
-theta holds ten numbers a link, in pinocchio's order: mass m, first moment (mx, my, mz), and the inertia about the joint's
-frame (Ixx, Ixy, Iyy, Ixz, Iyz, Izz). Joint torques depend only on some combinations of them, the base parameters
-(Gautier & Khalil 1990); see `BaseParameters`. Gravity is 9.81 m/s^2 along -z of the root link. For an arm on a wall or
-ceiling, rotate the root by a fixed joint in the URDF, or state gravity in the MJCF.
+theta holds ten numbers a link, in pinocchio's order: mass m, first moment (mx, my, mz), and the inertia about the joint's frame
+(Ixx, Ixy, Iyy, Ixz, Iyz, Izz). Joint torques depend only on some combinations of them, the base parameters (Gautier & Khalil
+1990); see `BaseParameters`. Gravity is 9.81 m/s^2 along -z of the root link. For an arm on a wall or ceiling, rotate the root
+by a fixed joint in the URDF, or set gravity in the MJCF.
 """
 
 from __future__ import annotations
@@ -125,8 +125,8 @@ class Robot:
             raise InvalidInput(
                 f"Not in the log: {', '.join(missing)}. The robot description has {len(self.joints)} joints "
                 f"({', '.join(self.joints)}), the log has {len(names)} ({', '.join(names)}).",
-                remedy="Name the log's columns as in the description, in the log's order: "
-                f"--names {','.join(self.joints)} where that is the order."
+                remedy="Name the log's columns as in the description, in the order of the log. If both have the same order: "
+                f"--names {','.join(self.joints)}."
                 if len(names) >= len(self.joints)
                 else "Record all joints, or make the joints without motion `fixed` in the description.",
             )
@@ -186,7 +186,8 @@ class Robot:
     def coupling_of(
         self, coupling: Sequence[Sequence[float]] | None, names: Sequence[str]
     ) -> np.ndarray | None:
-        """Return C of q_joint = C q_motor in this robot's order, each joint with the motor that mainly moves it, (J, J), or None.
+        """Return C of q_joint = C q_motor in the robot's order of joints, (J, J), or None; each joint has the motor that mainly
+        moves it.
 
         Args:
             coupling: as a model has it, or None.

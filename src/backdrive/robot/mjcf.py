@@ -1,8 +1,8 @@
 """MJCF, MuJoCo's robot description, read as a tree of rigid bodies with hinges and slides.
 
-Only compiler, defaults, bodies, joints, inertias, shapes, frames and sites are read. This module does not use pinocchio's own
-MJCF parser, so it opens no further file and works with any version of pinocchio that reads URDF. Springs, dampers, armatures,
-tendons and contacts are ignored; an identified model contains the motor's inertia and the friction.
+Only compiler, defaults, bodies, joints, inertias, shapes, frames and sites are read. Pinocchio's own MJCF parser is not used.
+So no further file is opened, and any version of pinocchio that reads URDF suffices. Springs, dampers, armatures, tendons and
+contacts are ignored. An identified model contains the inertia of the motor and the friction.
 """
 
 from __future__ import annotations
@@ -222,7 +222,7 @@ class Builder:
             self.model.appendBodyToJoint(parent, inertia, self.pin.SE3(placed))
 
     def shape(self, node: Any, at: np.ndarray, style: str | None, where: str) -> list[mjcf_inertia.Inertia]:
-        """Return the inertia of a geom in its body, in a list; an empty one where it has none."""
+        """Return a list with the inertia of a geom in its body; an empty list if it has none."""
         x = self.defaults.attributes(node, style)
         group = float(numbers(x.get("group", "0"), (1,), f"{where}: group")[0])
         if not self.compiler.groups[0] <= group <= self.compiler.groups[1]:

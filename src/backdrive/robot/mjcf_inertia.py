@@ -75,7 +75,7 @@ def of_shape(attributes: Mapping[str, str], angles: Angles, where: str) -> Inert
 
 
 def dimensions(attributes: Mapping[str, str], angles: Angles, where: str) -> tuple[np.ndarray, list[float]]:
-    """Return the placement of a shape of `SIZES` in its body, (4, 4), and its sizes as MJCF has them [m].
+    """Return placement of a shape of `SIZES` in its body, (4, 4), and its sizes in MJCF's convention [m].
 
     Raises:
         ReadError: a size is missing or no number.

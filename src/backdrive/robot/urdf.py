@@ -1,8 +1,8 @@
 """An untrusted URDF, reduced to rigid bodies: links with inertias, and joints in one tree.
 
-Meshes are ignored. The tree is checked here because pinocchio's parser is recursive. Elements that this parser requires but
-many files omit are added: an undeclared parent called `world`, and the limits of a joint. A joint without limits gets very
-wide ones, so that its position is one number, as for all other joints.
+Meshes are ignored. The tree is checked here because pinocchio's parser is recursive. Many files omit elements that this parser
+requires. They are added: an undeclared parent called `world`, and the limits of a joint. A joint without limits gets very wide
+ones, so that its position is one number, as for all other joints.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def build(root: Any, where: str) -> tuple[Any, dict[str, Range], list[str]]:
 
 
 def _bare(root: Any, where: str, remarks: list[str]) -> tuple[str, dict[str, Range]]:
-    """Return the URDF reduced to links with inertias and joints, after checking that they form one tree; and limits."""
+    """Check that links and joints form one tree, and return the URDF reduced to these, and the limits."""
     from xml.etree.ElementTree import Element, SubElement, tostring
 
     links, joints = root.findall("link"), root.findall("joint")
@@ -104,7 +104,7 @@ def _check_tree(names: list[str], parent_of: dict[str, str], where: str) -> None
             passed.add(name)
     if len(set(names)) != len(names) or len(names) - len(parent_of) != 1:
         raise ReadError(
-            f"{where}: {len(names)} links, {len(parent_of)} of them held by a joint; they form no single tree.",
+            f"{where}: {len(names)} links, of which {len(parent_of)} have a joint: they do not form one tree.",
             remedy="Name each link once and join all but one of them to a parent.",
         )
 
@@ -122,7 +122,7 @@ def _range(joint: Any, where: str) -> Range:
 
 
 def _check_numbers(element: Any, where: str) -> None:
-    """Refuse invalid numbers that the parser would ignore: it drops an unreadable inertia, and the link has no mass."""
+    """Refuse invalid numbers, since the parser ignores them: a link whose inertia is unreadable would have no mass."""
     for node in element.iter():
         for attribute, count in NUMBERS.items():
             text = node.get(attribute)

@@ -8,8 +8,8 @@ tick. In between, all motors, transmissions and frictions are integrated togethe
 implicit: one joint after another is solved by the law's own `solve`, with the effective inertia 1/(M^-1)_jj. Its impulse is
 then applied to the other joints (Gauss-Seidel order).
 
-The kinematics are those of a small arm of the HP3J's kind: 290 mm from the base to the shoulder, 260 mm of upper arm, 270 mm to
-the wrist, 90 mm to the flange; 27 kg. Masses of the links, wrist frictions and stiffnesses are assumed.
+The kinematics are those of a small arm like the HP3J, of 27 kg. Base to shoulder is 290 mm, the upper arm 260 mm, elbow to
+wrist 270 mm, and wrist to flange 90 mm. Masses of the links, wrist frictions and stiffnesses are assumed.
 """
 
 from __future__ import annotations
@@ -55,7 +55,10 @@ def spread_impulse(Minv, v, j, impulse):
 
 @jit
 def advance(table, kinds, P, X, p, w, q, v, Minv, bias, u, h, steps):  # noqa: PLR0913  (a kernel's row)
-    """Advance all joints by some steps h; p, w: motor side, q, v: link side, bias: h + g less what a hand does, u: motor torque."""
+    """Advance all joints by some steps h.
+
+    p, w: position and velocity of the motors; q, v: those of the links; u: motor torque; bias: h + g, minus the torque of a hand.
+    """
     J = q.size
     for _ in range(steps):
         for i in range(J):

@@ -1,7 +1,7 @@
 """A simulated arm guided by a hand at its grip: compensated joints move, and position controllers hold the others.
 
-The hand is a spring and a damper between its own path and the grip, in space: F = K_h (x_h - x) + B_h (x_h' - x'), on the joints
-J(q)' F. Every tick of every compensated joint is the kernel of `control.loop`, in one fused call.
+The hand is a spring and a damper in space, between its own path and the grip: F = K_h (x_h - x) + B_h (x_h' - x'). On the
+joints it acts as J(q)' F. Every tick of every compensated joint is the kernel of `control.loop`, in one fused call.
 """
 
 from __future__ import annotations

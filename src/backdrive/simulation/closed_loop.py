@@ -1,9 +1,10 @@
 """Compiled simulation of a joint, a hand, a controller and a torque loop. The record contains the true motion and the robot's
 measurements.
 
-At tick k the encoder is read, the loop's kernel (`control.loop`) gives compensation and estimates, the controller its torque;
-their sum acts until the next tick, shifted by the drive's delay. Between ticks the joint (`engine.axis`) is integrated in
-steps of 10 to 20 us under the hand's force on its load, friction implicit. The loop's kernel is the same as on a real robot.
+At tick k the encoder is read. The kernel of the loop (`control.loop`) computes compensation and estimates, and the controller
+its torque. Their sum acts until the next tick, shifted by the drive's delay. Between ticks the joint (`engine.axis`) is
+integrated in steps of 10 to 20 us under the hand's force on its load, friction implicit. The loop's kernel is the same as on a
+real robot.
 """
 
 from __future__ import annotations

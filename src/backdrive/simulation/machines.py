@@ -1,17 +1,17 @@
 """The machines of Iwatani 2017 as simulated joints: the ball-screw axis (Setup A) and three joints of an HP3J arm.
 
-What the thesis prints is used as printed: transmission ratios and largest torques (Table 2.1), 65 536 counts a motor turn
-behind the ratio, the ball screw's lead of 0.02 m and 4000 counts, a moving mass of 10 kg, Coulomb friction of 6.85, 9.56 and
-3.15 N.m on Joints 0, 1 and 2. The rest are estimates, each with its reason:
+Printed values of the thesis are used as they are. These are transmission ratios and largest torques (Table 2.1), and 65 536
+counts a motor turn behind the ratio. The ball screw has a lead of 0.02 m, 4000 counts and a moving mass of 10 kg. Coulomb
+friction is 6.85, 9.56 and 3.15 N.m on Joints 0, 1 and 2. The rest are estimates, each with its reason:
 
 - Motor side: rotor inertia of the motors' size class (Yaskawa Sigma-II manual: 3.64e-6 kg.m^2 at 100 W, 1.06e-5 at
   200 W) times the ratio squared, plus wave generator or pulley.
 - Load side: inertia of the links of a 27 kg arm of this size. Joint 1 has 1.6 kg.m^2 in total, so that a stroke of 5 degrees
-at 2 rad/s needs nearly its whole torque, as the thesis reports.
+  at 2 rad/s needs nearly its whole torque, as the thesis reports.
 - Transmission: stiffer than the 5e4 N.m/rad that the thesis compensates with (1.2e6 N/m on Setup A), which would otherwise be
   unstable; damping ratio 0.05.
 - Growth of friction with speed: 5, 7 and 2.5 N.m up to 2 rad/s, typical of such drives, with a smaller slope at high speed,
-as in Fig. 2.7. Setup A: 12 and 8 N by direction and 20 N.s/m, as Fig. 3.4(a) shows
+  as in Fig. 2.7. Setup A: 12 and 8 N by direction and 20 N.s/m, as Fig. 3.4(a) shows
   unequal directions and a nearly straight curve.
 - Gravity: none on Setup A (horizontal) and Joint 0 (vertical axis); 30 and 12 N.m on Joints 1 and 2.
 

@@ -7,8 +7,8 @@ While the joint sticks, friction held for a step acts on it like a spring and a 
     K h^2 + D h <= I,     I = 1/(M^-1)_jj with the posture qpos0 of the model,
 
 K and D: stiffness and damping of the law for small motion from rest [N.m/rad, N.m.s/rad]. A longer step h is divided. No
-explicit step can hold a law without presliding at rest; it gets a damped spring in series with its slider, as stiff as the
-step permits: K h^2 = I/16, D h = I/2 (`with_spring`).
+explicit step can hold a law without presliding at rest. Such a law gets a damped spring in series with its slider, as stiff as
+the step permits: K h^2 = I/16, D h = I/2 (`with_spring`).
 """
 
 from __future__ import annotations
@@ -140,8 +140,8 @@ def dofs(model: FrictionModel, simulated: Any, joints: Sequence[str] | None = No
         if steps > MOST_STEPS:
             K, D = at_rest(law)
             raise InvalidInput(
-                f"Joint '{name}': K = {K:.3g}, D = {D:.3g} on an inertia of {inertia:.3g} do not come to rest "
-                f"with a step of {step:g} s, nor if it is divided into {MOST_STEPS}.",
+                f"Joint '{name}' does not come to rest with a step of {step:g} s, even if it is divided into "
+                f"{MOST_STEPS}: its law has K = {K:.3g} and D = {D:.3g}, its inertia is {inertia:.3g}.",
                 remedy=f"Set a timestep of at most {MOST_STEPS * longest_step(law, inertia):.2g} s, or a softer element.",
             )
         result.append(Dof(name=name, q=int(simulated.jnt_qposadr[at]), v=v, law=law, steps=steps))

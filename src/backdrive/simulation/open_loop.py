@@ -1,6 +1,6 @@
 """A simulated joint that follows a plan without a hand, recorded like a real joint.
 
-At tick k the controller reads the encoder and commands u_k; u_k acts on the joint until the next tick, shifted by the
+At tick k the controller reads the encoder and commands u_k. This torque acts on the joint until the next tick, shifted by the
 actuator's delay. The log holds the reading and the command of every tick.
 """
 

@@ -152,9 +152,9 @@ def scenes(
 ) -> list[Scene]:
     """Return what a compensator plays, in the order of `names`.
 
-    `release`: a stroke, a dwell, letting go and a light touch against the stroke; `knock`: a push on a free joint;
-    `stiff`, `soft`: strokes of either hand; `dwell`: strokes of the soft hand between which it stays; `tracking`: saw-teeth at
-    low gains.
+    In `release` the hand moves the joint, waits, lets go and touches it lightly against the stroke. `knock` is a push on a free
+    joint. `stiff` and `soft` are strokes of either hand, and `dwell` those of the soft hand with pauses. `tracking` is a
+    saw-tooth motion at low gains.
     """
     plant = who.plant(setting)
     common = {

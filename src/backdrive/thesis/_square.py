@@ -1,10 +1,10 @@
 """The square of Iwatani 2017, 3.5.2: a hand at the grip of the six-axis arm, Joints 0 to 2 compensated together.
 
-MuJoCo simulates the rigid bodies. Joints 0 to 2 are those of `setups`; position controllers hold Joints 3 to 5. The thesis
-does not print the following, which is assumed: the hand of Setup A (800 N/m, 40 N.s/m, 5 % variation); sides of 0.12 m along
-x, away from the base, and y; an upright upper arm and a level forearm at the start; one side per beat of the metronome. With
-two sides per beat, as for the strokes of Setup A, such a hand oscillates about its path with the arm's inertia, and its path
-is not a square. `fig_3_10` prints the results for that pace too.
+MuJoCo simulates the rigid bodies. Joints 0 to 2 are those of `setups`; position controllers hold Joints 3 to 5. The thesis does
+not print the following; it is assumed. The hand is that of Setup A (800 N/m, 40 N.s/m, 5 % variation). The sides are 0.12 m
+long, along x (away from the base) and y. At the start the upper arm is upright and the forearm level. Each beat of the
+metronome is one side. With two sides per beat, as for the strokes of Setup A, such a hand oscillates about its path with the
+arm's inertia, and its path is not a square. `fig_3_10` prints the results for that pace too.
 """
 
 from __future__ import annotations
@@ -33,8 +33,9 @@ POSTURE = (-0.17, np.pi / 2, -np.pi / 2, 0.0, 0.0, 0.0)  # upper arm upright, fo
 HAND = Hand(stiffness=800.0, damping=40.0, noise=0.05)  # [N/m], [N.s/m], [N]
 AXES = ("x", "y")
 SETTING = (
-    "The six-axis arm of Setup B in MuJoCo, Joints 0, 1 and 2 free and compensated together, 3 to 5 held by position controllers; "
-    "friction on the load's side, F = 6.85, 9.56 and 3.15 N.m, K_c = K = 5e4 N.m/rad, one tick of delay, gravity held. A hand of "
+    "The six-axis arm of Setup B in MuJoCo. Joints 0, 1 and 2 are free and compensated together, 3 to 5 held by position "
+    "controllers. Friction is on the load's side: F = 6.85, 9.56 and 3.15 N.m, K_c = K = 5e4 N.m/rad. One tick of delay, gravity "
+    "held. A hand of "
     f"800 N/m and 40 N.s/m leads the grip around a square of {SIDE:g} m in x and y, a side in {STROKE:g} s every {INTERVAL:g} s, "
     "5 % variation, sensor noise 0.05 N. Compensators as printed: alpha = 20 1/s, dither 15 Hz with R_d = 0.3, no factor R, curves "
     "as identified by the sweep."

@@ -43,8 +43,8 @@ TABLE_2_2 = {"(ii)": 1.28, "(iii)": 2.82, "(iv)": 3.09, "(v)": 3.95}  # printed 
 LOADS = (0.0, 0.01, 0.03)  # growth of Coulomb friction with the transmitted torque [-]
 
 SETTING = (
-    "Simulated joints of the arm, compliant with friction on the load's side, the printed trajectory (2.2) with V = 2 rad/s and "
-    "N = 10, PID of 60 rad/s at 1 kHz, encoder of 65 536 counts a motor turn; actuator noise of 0.1 N.m on Joint 1."
+    "Simulated compliant joints of the arm, with friction on the load's side. The printed trajectory (2.2) with V = 2 rad/s and "
+    "N = 10, a PID of 60 rad/s at 1 kHz, and an encoder of 65 536 counts a motor turn. Joint 1 has actuator noise of 0.1 N.m."
 )
 
 

@@ -31,9 +31,9 @@ TOOTH = 0.4  # height of a tooth [rad]
 TEETH = {0.1: 1, 0.3: 2, 0.5: 3, 0.7: 4}  # speed [rad/s] -> teeth
 DAMPINGS = (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)  # damping ratios at which the order is looked at
 SETTING = (
-    f"Joints of Setup B, compliant; PD of K_p = {GAIN:g} N.m/rad at a damping ratio of {DAMPING:g}; saw-teeth of {TOOTH:g} rad at "
-    f"{', '.join(f'{v:g}' for v in TEETH)} rad/s; K = {CONTACT:g} N.m/rad, R = {SHARE:g}, curves identified by a sweep of 20 deg; "
-    "gravity held. Joints 3 to 5 are assumed but for ratio and torque limit."
+    f"Compliant joints of Setup B. PD with K_p = {GAIN:g} N.m/rad and a damping ratio of {DAMPING:g}. Saw-teeth of {TOOTH:g} rad "
+    f"at {', '.join(f'{v:g}' for v in TEETH)} rad/s. K = {CONTACT:g} N.m/rad, R = {SHARE:g}, curves identified by a sweep of 20 "
+    "deg, gravity held. Joints 3 to 5 are assumed but for ratio and torque limit."
 )
 
 

@@ -31,11 +31,11 @@ def run(seed: int = 0, ratio: float = RATIO) -> Outcome:
         name="fig-3.11",
         title="A hand moves the joint, holds it and lets go",
         setting=(
-            "Joint 0 (K_c = K = 5e4 N.m/rad, R_d = 0.2, V_W = 0.005 rad/s; hand 120 N.m/rad, 0.3 rad in 0.8 s) and Setup A "
-            "(K_c = K = 1.2e6 N/m, R_d = 0.5, V_W = 0.01 m/s; hand 800 N/m, 0.06 m in 0.7 s), friction on the load's "
-            "side, its curve "
-            "as identified. alpha_N = 20 1/s, alpha_H = 500 1/s, r_W = 10 1/s, V_W between two counts, no factor R, one tick of "
-            "delay. The hand holds for 1 s and lets go; at rest: the load travels less than 2 counts in the last 0.5 s of 2 s. "
+            "Joint 0: K_c = K = 5e4 N.m/rad, R_d = 0.2, V_W = 0.005 rad/s, a hand of 120 N.m/rad, 0.3 rad in 0.8 s. Setup A: "
+            "K_c = K = 1.2e6 N/m, R_d = 0.5, V_W = 0.01 m/s, a hand of 800 N/m, 0.06 m in 0.7 s. Friction is on the load's "
+            "side, its curve as identified. alpha_N = 20 1/s, alpha_H = 500 1/s, r_W = 10 1/s, V_W between two counts, no "
+            "factor R, one tick of delay. The hand holds for 1 s and lets go. A joint counts as at rest if its load travels less "
+            "than 2 counts in the last 0.5 s of 2 s. "
             f"With dither the motor's side goes on to swing by what the dither stretches. {SEEDS} hands."
         ),
         claims=(

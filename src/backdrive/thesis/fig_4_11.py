@@ -49,9 +49,9 @@ def run(seed: int = 0, seeds: int = SEEDS, ratio: float = RATIO) -> Outcome:
         setting=(
             "A hand moves the joint once in 0.6 s, holds it for 0.6 s and lets go; rest is judged in the third second "
             "after. Setup A "
-            "as printed: m = 1 kg, b = 15 N s/m, G = 10, H = 2, V_W = 0.01 m/s. Joint 0: V_W = 0.001 rad/s put half a "
-            "count above one "
-            "count; what is not printed was chosen, m = 0.12 kg m^2, b = 2 N m s/rad, K_p = 1e4 N m/rad, K_d = 60 N m s/rad, two "
+            "as printed: m = 1 kg, b = 15 N s/m, G = 10, H = 2, V_W = 0.01 m/s. Joint 0: V_W = 0.001 rad/s, put half a "
+            "count above one count. The other numbers are not printed and were chosen: m = 0.12 kg m^2, b = 2 N m s/rad, "
+            "K_p = 1e4 N m/rad, K_d = 60 N m s/rad, two "
             f"filters of 250 rad/s^2 and 750 rad/s^3. K_c = K on both. {seeds} hands."
         ),
         claims=(

@@ -192,10 +192,9 @@ def _claims(found: Any) -> tuple[Claim, ...]:
             gate="P below CT and HA, 95 % interval of the paired difference",
             holds=less(peak["P"], peak["CT"]) and less(peak["P"], peak["HA"]),
             why_not=(
-                "The filter as printed switches its acceleration by 100 N of this mass from tick to tick and shakes the joint "
-                f"(moving {in_words(restless, '%', digits=0)} of the time between strokes), so that HA never rests on a "
-                "friction of "
-                "the wrong sign."
+                "The filter as printed switches its acceleration by 100 N of this mass from tick to tick. This shakes the joint, "
+                f"which moves {in_words(restless, '%', digits=0)} of the time between strokes. So HA never rests on a friction "
+                "of the wrong sign."
             ),
             statement="4.8-smallest",
         ),

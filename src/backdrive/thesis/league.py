@@ -1,11 +1,11 @@
 """The league: every compensator on every joint, tuned with the same budget, and judged on joints that differ from the assumed
 ones.
 
-The true joint differs from the compensator's data: more friction in slow motion, its own presliding stiffness, friction on
-the far side of the transmission, torque ripple and noise, and one tick of delay; the integration step is 50 us. For each
-method the same number of settings is drawn and simulated in the same scenes. The best setting by one cost is kept; the cost
-also requires stability with 20 % less friction. It is then judged with other seeds and disturbances. All of this is repeated
-for every seed, so the scatter over seeds includes the effect of the random settings. Comparisons of two methods use paired
+The true joint differs from the compensator's data. It has more friction in slow motion, its own presliding stiffness, friction
+on the far side of the transmission, torque ripple, noise, and one tick of delay. The integration step is 50 us. For each method
+the same number of settings is drawn and simulated in the same scenes. The best setting by one cost is kept; the cost also
+requires stability with 20 % less friction. It is then judged with other seeds and disturbances. All of this is repeated for
+every seed, so the scatter over seeds includes the effect of the random settings. Comparisons of two methods use paired
 differences (`_league_tiers`). The estimators are judged in `league_estimators`.
 """
 
@@ -121,9 +121,9 @@ def run(
         name="league",
         title="Which compensator, which estimator: all of them on the same joints",
         setting=(
-            f"Setup A and Joints 0 to 2; {seeds} seeds from {seed}, for each of which every method tries {budget} settings "
-            "anew; the truth has more break-away, a presliding stiffness, ripple, noise and delay that the methods are not told "
-            "of. Hands of twice and half the stiffness, a dwell of the hand, a light touch after it; every setting against the "
+            f"Setup A and Joints 0 to 2. For each of {seeds} seeds from {seed}, every method tries {budget} settings anew. The "
+            "true joint has more break-away torque, a presliding stiffness, ripple, noise and delay, which the methods do not "
+            "know. Hands of twice and half the stiffness, a dwell of the hand, a light touch after it; every setting against the "
             "bare joint of the same setting. Pairs are separated at 5 % of all together (paired t, Holm)."
         ),
         claims=claims_of(table, estimators),

@@ -1,7 +1,8 @@
 """The league of estimators: friction from the encoder by every model, external force by every observer.
 
-All see the same logs: a hand moves the bare joint (its force is what is to be found), then lets go; and a servo moves it with
-no hand (every force above a threshold is a false contact). Observers are tuned with the same number of tries.
+All use the same logs. In one, a hand moves the bare joint and lets go; its force is to be estimated. In the other, a servo
+moves the joint without a hand, so that every force above a threshold is a false contact. Observers are tuned with the same
+number of tries.
 """
 
 from __future__ import annotations

@@ -5,10 +5,10 @@ The parameters were fixed before any statement was judged, in this order:
 
 1. What the thesis prints is taken as printed: counts, ratios, moving mass, F of Joints 0 to 2, K, alpha, R_d, V_W, T, no factor
    R in chapter 3, m, b, gains and filter of Setup A in chapter 4.
-2. The transmission's stiffness K_c, which it does not print, is K: on Setup A the thesis calls K "close to the elasticity of the
-   setup" (3.5.1) and "estimated as the compliance of the setup" (4.6.1), and on Setup B it gives no other hint.
+2. The thesis does not print the transmission's stiffness K_c; K is used. On Setup A the thesis calls K "close to the elasticity
+   of the setup" (3.5.1) and "estimated as the compliance of the setup" (4.6.1). On Setup B it gives no other hint.
 3. Joints 3 to 5, of which ratio and largest torque are printed, are assumed in proportion to these (`wrist`). All servos have
-the highest bandwidth without oscillation of any joint, since the thesis sets gains "as high as possible" (2.3.2).
+   the highest bandwidth without oscillation of any joint, since the thesis sets gains "as high as possible" (2.3.2).
 4. The rest (inertias of either side, growth of friction with speed, F_p and F_n of Setup A, damping) is that of
    `simulation.machines`, estimated there from motors' data, and is the same for all figures.
 5. A statement that is lost on these joints counts as lost. No figure has a joint of its own; `benchmarks/evidence/thesis_claims.py

@@ -101,12 +101,11 @@ class Facts:
         if self.stiffest < SOFTEST * self.stiffness_interval[0]:
             force = "N.m" if self.unit == "rad" else "N"
             raise NotIdentifiable(
-                f"Joint '{self.name}': its encoder is too coarse for any elastic compensation: even with a contact of K_c/10 "
-                f"the torque changes by "
-                f"{0.1 * self.stiffness_interval[0] * self.count:.3g} {force} in a count, where F is {self.coulomb:.3g} {force} "
-                f"and F/(K count) of {COARSE:g} or more is needed.",
-                remedy="What can be done: an encoder with more counts, on the motor's side of the gear; compensation at the "
-                "desired instead of the measured velocity; for estimates CT, with a dead zone of one count per tick "
+                f"Joint '{self.name}': its encoder is too coarse for any elastic compensation. Even with a contact of K_c/10 "
+                f"the torque changes by {0.1 * self.stiffness_interval[0] * self.count:.3g} {force} in a count. F is "
+                f"{self.coulomb:.3g} {force}, and F/(K count) must be at least {COARSE:g}.",
+                remedy="Use an encoder with more counts, on the motor's side of the gear; or compensate at the desired instead "
+                "of the measured velocity; or, for estimates, use CT with a dead zone of one count per tick "
                 "(`backdrive.control.estimators.friction.ct`).",
             )
 
@@ -293,8 +292,8 @@ def _load_range(
             remedy="Identify it with less load, and compensate with a law that depends on the load.",
         )
     notes.append(
-        f"Friction grows with the load: without any it is {100 * low:.0f} % less than the curve, under {most:.3g} "
-        f"{friction.joint.torque_unit} {100 * high:.0f} % more; the intervals include that."
+        f"Friction grows with the load. Without load it is {100 * low:.0f} % below the curve, under {most:.3g} "
+        f"{friction.joint.torque_unit} {100 * high:.0f} % above it. The intervals include this."
     )
     return low, high
 

@@ -1,9 +1,9 @@
 """The goals of a tuning: for each, the parameters with their ranges, the score, and the safety test.
 
-backdrive, track: R, K and alpha of algFC, scored by what a person feels (`wishes`), or by the error of a soft position
-controller. estimate: K and alpha of algFE and the gains of the filter, scored by the error of the external force. admit: m
-and b, scored by the hand's mean peak force. Each goal has a safety test over the ends of the intervals, which is the same for
-all proposals.
+The goals `backdrive` and `track` choose R, K and alpha of algFC. The score is what a person feels (`wishes`), or the error of a
+soft position controller. The goal `estimate` chooses K and alpha of algFE and the gains of the filter; the score is the error
+of the external force. The goal `admit` chooses m and b; the score is the hand's mean peak force. Each goal has a safety test
+over the ends of the intervals, which is the same for all proposals.
 """
 
 from __future__ import annotations
@@ -143,8 +143,8 @@ class Goal:
         members: Sequence[Member] | None = None,
         longest: float = SUBSTEP,
     ) -> np.ndarray:
-        """Return the motion at rest of each set of numbers, relative to the allowed one and largest over the joints, (n,); up
-        to 1 is safe.
+        """Return the largest motion at rest over the joints for each set of numbers, relative to the limit, (n,); up to 1 is
+        safe.
         """
         return self.unrests(many, self.test_on if members is None else members, longest).max(axis=1)
 

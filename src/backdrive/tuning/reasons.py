@@ -81,10 +81,10 @@ def origin(z: Numbers, searched: Numbers | None, name: str, aim: str) -> str:
     """
     if searched is None:
         return (
-            "From the fixed rule (R = 0.8, K = 0.72 K_c, alpha = 20 1/s): it passes the same test as the result of the "
-            "search, and scores better."
+            "From the fixed rule (R = 0.8, K = 0.72 K_c, alpha = 20 1/s). It passes the same test as the result of the "
+            "search and has a better score."
         )
-    found = f"Found by a search for {aim} among numbers that pass the test."
+    found = f"By search for {aim} that passes the test."
     if z[name] == searched[name]:
         return found
     kind = f"from {searched[name]:.3g} to {z[name]:.3g}" if name in ("share", "decay") else ""
@@ -118,8 +118,8 @@ def edges(goal: Goal, z: Numbers) -> list[str]:
             continue
         end = "lower" if x <= AT_EDGE else "upper"
         sentences.append(
-            f"{SYMBOLS[name]} = {z[name]:.3g} lies at the {end} end of its range, {low:.3g} to {high:.3g}: values beyond were "
-            f"not tried, so the range, not the score, determines this number."
+            f"{SYMBOLS[name]} = {z[name]:.3g} lies at the {end} end of its range, {low:.3g} to {high:.3g}. Values beyond were "
+            f"not tried: the range and not the score determines this number."
         )
     return sentences
 
@@ -160,7 +160,7 @@ def numbers_of(
     least = T * control.derivative
     peak = 5.77 * stroke.length / stroke.duration**2
     aims = {
-        "backdrive": "the best feel of the joint, as weighted by the wish,",
+        "backdrive": "the best feel of the joint",
         "track": "the least error of a soft position controller",
         "estimate": "the least error of the external force",
         "admit": "the least mean peak force of the hand",

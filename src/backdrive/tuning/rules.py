@@ -1,8 +1,8 @@
 """Theoretical rules for the parameters of a compensator with a decaying contact.
 
-F: Coulomb torque of the joint [N.m or N]. K_c: stiffness of its transmission [N.m/rad or N/m]. M: inertia on the motor's side, D:
-damping of the transmission, R: share, K: stiffness, alpha: decay rate of the compensator. The assumptions and limits of each
-formula are in docs/theory/stability.md.
+F: Coulomb torque of the joint [N.m or N]. K_c: stiffness of its transmission [N.m/rad or N/m]. M: inertia on the motor's side.
+D: damping of the transmission. R, K, alpha: share, stiffness and decay rate of the compensator. The assumptions and limits of
+each formula are in docs/theory/stability.md.
 """
 
 from __future__ import annotations
@@ -94,8 +94,8 @@ def quantum(stiffness: float, count: float, decay: float, period: float) -> floa
 def sticking_dither(share: float, stiffness: float, transmission: float) -> float:
     """Return the largest R_d with which the load stays stuck under dither: 1 - R K/K_c [-].
 
-    Below the resonance the motor yields by R_d F/(K_c - R K), which the transmission passes on as K_c times that; the load
-    stays stuck where this is below F.
+    Below the resonance, dither moves the motor by R_d F/(K_c - R K). The transmission passes on K_c times that, and the load
+    stays stuck if this torque is below F.
 
     Args:
         share: R [-].
@@ -157,8 +157,8 @@ def spectral_radius(
 ) -> float:
     """Return the spectral radius of motor, load and compensator in presliding, sampled exactly: below 1 is stable [-].
 
-    The load hangs on the friction's contact, which is stuck; the torque R f_k acts from t_k + delay until the next one does,
-    f_k = (f_{k-1} + K (p_k - p_{k-1}))/(1 + T alpha). Quantisation is neglected.
+    The load is held by the friction's contact, which is stuck. The torque R f_k acts from t_k + delay until the next one acts,
+    with f_k = (f_{k-1} + K (p_k - p_{k-1}))/(1 + T alpha). Quantisation is neglected.
 
     Args:
         motor: M [kg.m^2 or kg].

@@ -91,8 +91,8 @@ def calm(goal: Goal, z: dict[str, float], members: Sequence[Member]) -> dict[str
         f"{k} to {goal.ranges[k][0 if f < 1.0 else 1]:.3g}" for k, f in goal.calming[-1].items()
     )
     raise NotIdentifiable(
-        f"Joint '{goal.facts.name}': the best numbers of the search do not give {requirement(goal.name)} at the ends of all "
-        f"intervals and on all of {len(members)} joints drawn from them, even with the largest reduction ({limits}).",
+        f"Joint '{goal.facts.name}': no safe numbers were found. Even with the largest reduction ({limits}), they do not give "
+        f"{requirement(goal.name)} at the ends of all intervals and on all {len(members)} joints drawn from them.",
         remedy=WAYS_OUT,
     )
 

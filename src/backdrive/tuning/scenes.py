@@ -131,8 +131,8 @@ def check_step(facts: Facts, members: Sequence[Member]) -> None:
     step = min(substep(facts, m, FINE) for m in members)
     if step < FINEST:
         raise InvalidInput(
-            f"Joint '{facts.name}': motor and load swing on K_c with up to {1.0 / (PACE * step):.3g} Hz, so that an integration "
-            f"step would have to be {step:.2g} s, shorter than {FINEST:g} s.",
+            f"Joint '{facts.name}': motor and load swing on K_c with up to {1.0 / (PACE * step):.3g} Hz. This would need an "
+            f"integration step of {step:.2g} s, and the shortest is {FINEST:g} s.",
             remedy="This is implausibly fast: give --inertia in kg.m^2 or kg and --stiffness in N.m/rad or N/m at the joint, "
             "and "
             "look at --motor-share.",

@@ -1,9 +1,9 @@
 """The feel of a compensated joint: its parts, and their weights for each wish.
 
-There are four relative numbers. Relative to the bare joint: the hand's peak force over its strokes, the touch that moves the
-joint again after a stop, and the distance that the joint coasts after a knock. Relative to F: the compensator's torque that
-remains after a stop. A search minimises their weighted sum. Every wish includes the force of the hand, since otherwise no
-compensation at all would be the best.
+The feel consists of four relative numbers. Three are relative to the bare joint: the hand's peak force over its strokes, the
+touch that moves the joint again after a stop, and the distance that it coasts after a knock. The fourth is the compensator's
+torque that remains after a stop, relative to F. A search minimises their weighted sum. Every wish includes the force of the
+hand, since otherwise no compensation at all would be the best.
 """
 
 from __future__ import annotations

@@ -9,9 +9,9 @@ of gravity: give the covariance of `fit_sweeps` there.
 If only one of the models has a curve for each direction, d is the difference of (|F(v)| + |F(-v)|) / 2, since the other model
 does not separate the directions.
 
-Standard errors come from inside one log, and are themselves estimates, which widens the tail of the test: on 200 pairs of
-simulated sweeps without a change, the rate of false alarms was 2.5 % instead of 1 %, and 7.5 % instead of 5 %. So they are
-multiplied by `REPEAT` here, a factor chosen after that result (`benchmarks/evidence/drift.py`).
+Standard errors are themselves estimates from a single log, which widens the tail of the test. On 200 pairs of simulated sweeps
+without a change, the rate of false alarms was 2.5 % instead of 1 %, and 7.5 % instead of 5 %. So they are multiplied by
+`REPEAT` here, a factor chosen after that result (`benchmarks/evidence/drift.py`).
 """
 
 from __future__ import annotations

@@ -69,7 +69,7 @@ class Choice:
         joint: its name.
         candidates: in the order of their number of parameters.
         chosen: name of the law to use.
-        reason: why, and why a richer one is not worth it.
+        reason: why, and why not a richer one.
         unit: of the errors.
     """
 
@@ -184,7 +184,7 @@ def shows_presliding(shape: LawShape, unseen: Iterable[str], at_bound: Iterable[
 def remark(unseen: Iterable[str]) -> str:
     """Return in a few words what a fit could not see."""
     plain = list(dict.fromkeys(n.partition("[")[0] for n in unseen))
-    return f"not seen: {', '.join(plain)}" if plain else ""
+    return f"not determined: {', '.join(plain)}" if plain else ""
 
 
 def choose(
@@ -221,7 +221,9 @@ def choose(
         c = min(richer, key=_comparable_error)
         gain = 100.0 * (1.0 - c.held_out / simple.held_out)
         reason += f" '{c.name}' with {c.parameters} parameters leaves {c.held_out:.3g} {unit}" + (
-            f", {gain:.1f} % less: not worth it." if gain > 0 else ", no less: it is not worth it."
+            f", only {gain:.1f} % less; the simpler law is kept."
+            if gain > 0
+            else ", no less; the simpler law is kept."
         )
     poorer = [c for c in alive if c.parameters < simple.parameters]
     if poorer:

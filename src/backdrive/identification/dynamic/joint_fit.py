@@ -155,7 +155,7 @@ def fit_joint(task: Task) -> JointFit:
             candidates.append(more)
         elif np.isfinite(more.held_out):
             words = f"With numbers for each direction, {more.parameters} in all, it leaves {more.held_out:.3g} {unit}"
-            choice = replace(choice, reason=f"{choice.reason} {words}: it is not worth it.")
+            choice = replace(choice, reason=f"{choice.reason} {words}; the simpler law is kept.")
     best = choice.candidate().fit
     assert best is not None
     final, remarks, whole = best, list(task.remarks), task.whole

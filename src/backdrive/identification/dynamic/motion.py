@@ -1,7 +1,7 @@
 """`fit_motion`: a law, an axis and its drive from motion alone, where no torque was measured.
 
-The motion itself is what a law must explain (`motion_problem`); what is sought are the law's numbers and any of the axis and
-its drive (`motion_terms`), in a search that bears a cost with steps and folds (`motion_search`).
+A law must explain the motion itself (`motion_problem`). The unknowns are the parameters of the law and any parameters of the
+axis and its drive (`motion_terms`). The search tolerates a cost with steps and folds (`motion_search`).
 """
 
 from __future__ import annotations

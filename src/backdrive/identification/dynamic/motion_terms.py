@@ -1,10 +1,10 @@
 """The unknowns of a fit through forward dynamics: parameters of the law, the axis and its drive, by name.
 
-`inertia`, `gravity_sin`, ... are fields of `engine.Axis`, `drive.resistance`, ... those of `engine.DriveModel`;
-`drive.proportional_factor` multiplies the own gain of every log, `start.position[k]` and `start.velocity[k]` are added to where
-log k starts, `shape.<name>` is the size of a course of time that is added to the drive's input. A range is (lower, upper),
-(lower, upper, start), or (lower, upper, (from, to)) where starts are drawn between the last two. What lies above zero and spans
-a factor of ten or more is sought in its logarithm.
+`inertia`, `gravity_sin`, ... are fields of `engine.Axis`, and `drive.resistance`, ... are those of `engine.DriveModel`.
+`drive.proportional_factor` multiplies the drive's own gain in every log. `start.position[k]` and `start.velocity[k]` are added
+to the initial state of log k. `shape.<name>` is the size of a function of time that is added to the drive's input. A range is
+(lower, upper), (lower, upper, start), or (lower, upper, (from, to)) where starts are drawn between the last two. What lies
+above zero and spans a factor of ten or more is sought in its logarithm.
 """
 
 from __future__ import annotations

@@ -229,8 +229,8 @@ def _sizes_along(
 def side_by_side(problem: TorqueProblem, left: Sequence[np.ndarray], scales: Scales) -> dict[str, float]:
     """Return stiffnesses and share ratios of elements side by side, by name.
 
-    Along a given path, the torque is linear in the strengths of sliders whose break-away distances lie on a grid; those
-    that come out positive are merged with their neighbours until as many are left as are sought.
+    Along a given path, the torque is linear in the strengths of sliders with break-away distances on a grid. Sliders of
+    positive strength are merged with their neighbours until the required number is left.
     """
     from scipy.optimize import nnls
 

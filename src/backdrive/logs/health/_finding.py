@@ -121,7 +121,7 @@ def keep_rows(log: Log, rows: np.ndarray, sentence: str) -> Repair:
 
 
 def without_rows(log: Log, rows: np.ndarray, noun: str, reason: str) -> Repair:
-    """Return the repair that drops the rows of a mask (n,), if there are any, with a note: `2 samples with NaN were dropped.`"""
+    """Return the repair that drops the rows of a mask (n,), if any, with a note such as `2 samples with NaN were dropped.`"""
     if not rows.any():
         return Repair(log)
     return keep_rows(log, ~rows, f"{count_of(int(rows.sum()), noun)} {reason}")

@@ -24,7 +24,7 @@ def variation(exam: Exam) -> tuple[float, np.ndarray]:
     return (float(steps.std() / steps.mean()) if steps.size >= FEWEST else float("nan")), steps
 
 
-@check("jitter", f"sampling intervals that vary by more than {LIMIT:.0%}")
+@check("jitter", f"sampling intervals that vary by more than {100.0 * LIMIT:.0f} %")
 def find(exam: Exam) -> Iterator[Finding]:
     """Report a standard deviation of the interval above `LIMIT` of its mean, gaps aside."""
     jitter, steps = variation(exam)

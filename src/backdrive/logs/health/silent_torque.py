@@ -35,7 +35,7 @@ def find(exam: Exam) -> Iterator[Finding]:
             severity="warn",
             sentence=(
                 f"{channel} of {joint} is exactly zero at {count_of(rows.size, 'sample')} while the joint moves, "
-                f"first at sample {rows[0]}: the drive was off, or the value was not sent."
+                f"first at sample {rows[0]}. Either the drive was off, or the value was not sent."
             ),
             remedy="If the drive was off, the zeros are true. Otherwise cut the log to the part with measured torque.",
             value=rows.size,

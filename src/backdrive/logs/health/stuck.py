@@ -37,8 +37,8 @@ def _stuck_finding(exam: Exam, channel: str, j: int, joint: str) -> Finding | No
         channel=channel,
         severity="spoils" if rows.size > _SPOILS * n else "warn",
         sentence=(
-            f"{channel} of {joint} stands still while the joint moves: {count_of(rows.size, 'sample')} in "
-            f"{count_of(len(runs), 'place')}, the longest from sample {longest[0]} to {longest[1] - 1}."
+            f"{channel} of {joint} is frozen while the joint moves: {count_of(rows.size, 'sample')} in "
+            f"{count_of(len(runs), 'place')}. The longest is from sample {longest[0]} to {longest[1] - 1}."
         ),
         remedy="Drop those samples (--repair does), and look for lost messages of that sensor.",
         value=longest[1] - longest[0],

@@ -24,12 +24,12 @@ def find(exam: Exam) -> Iterator[Finding]:
     restarts = _restarts(exam)
     if restarts.size:
         sentence = (
-            f"The clock starts again at sample {', '.join(map(str, restarts[:5]))}, by up to {back:.3g} s: "
-            f"{count_of(restarts.size + 1, 'run')} were joined, or the clock was set back."
+            f"The clock jumps back by up to {back:.3g} s, at sample {', '.join(map(str, restarts[:5]))}: "
+            f"{count_of(restarts.size + 1, 'run')} were joined, or the clock was set."
         )
         remedy = (
-            "Give each run its own file, or use --repair: it shifts each run to the end of the one before, with a gap between "
-            "if the motion is not continuous."
+            "Give each run its own file, or use --repair. It shifts each run to the end of the run before, with a gap if the "
+            "motion is not continuous."
         )
     else:
         sentence = f"{count_of(late.size, 'sample')} are out of order, by up to {back:.3g} s, first at sample {late[0]}."

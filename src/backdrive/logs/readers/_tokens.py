@@ -1,4 +1,4 @@
-"""Words of a `--map`, with the file's columns in view: `a/2` is a column where the file has one of that name, else a division."""
+"""Words of a `--map`. The columns of the file decide: `a/2` is a column if the file has one of that name, otherwise a division."""
 
 from __future__ import annotations
 

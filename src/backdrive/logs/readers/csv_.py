@@ -1,7 +1,7 @@
 """Tables of text: any delimiter, header or none, preamble, a line of units, decimal comma, byte-order mark.
 
-The first lines decide the dialect. A table of plain numbers is then read in blocks (`_blocks`); one with gaps, words or
-uneven rows goes cell by cell, and what was dropped is noted.
+The first lines decide the dialect. A table of plain numbers is then read in blocks (`_blocks`). A table with gaps, words or
+uneven rows is read cell by cell, and a note lists what was dropped.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """HDF5, which MATLAB's version 7.3 also is: groups become dotted names; links that leave the file are refused.
 
-An HDF5 file can point at another file (external links, external storage, virtual datasets) and have its reader
-return that file's bytes (CVE-2026-1669 is such a case), and a file of 1 kB can declare terabytes. So every object is
-looked at before its data are.
+An HDF5 file can refer to another file by external links, external storage or virtual datasets. Its reader then returns the
+bytes of that file (CVE-2026-1669 is such a case). A file of 1 kB can also declare terabytes. So every object is looked at
+before its data are.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Folders in LeRobot's layout, versions 2 and 3: `meta/info.json` names the features, Parquet files hold the frames.
 
-The file is `meta/info.json`, its parts are the Parquet files of `data/`, as they lie in the folder: what the description says of
-paths and counts is not followed. Episodes stand one after the other on one clock, with a pause between.
+The file is `meta/info.json`. Its parts are the Parquet files in the folder `data/`; the paths and counts that the description
+states are not used. Episodes stand one after the other on one clock, with a pause between.
 """
 
 from __future__ import annotations

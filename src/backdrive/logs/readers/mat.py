@@ -1,7 +1,7 @@
 """MATLAB files up to version 7.2: variables and nested structs, as dotted names.
 
-`scipy.io.loadmat` is documented as not hardened against damaged files (a mutated one can kill the interpreter), so
-the sizes of all variables are checked first, and the whole thing runs in the guarded process.
+The documentation of `scipy.io.loadmat` warns that damaged files may harm it; a changed byte can kill the interpreter. So the
+sizes of all variables are checked first, and reading takes place in the guarded process.
 """
 
 from __future__ import annotations

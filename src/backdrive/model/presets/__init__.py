@@ -1,8 +1,8 @@
 """Published friction parameters as model files: `preset:mx106/m6`, `preset:franka/panda`, `preset:thesis/hp3j`, ...
 
 Wherever a model file is asked for, `preset:NAME` stands for one of these. They are starting points and references, not
-measurements of your joint. The provenance of each names the publication, its authors and its licence; its warnings list what
-was not published. `benchmarks/make_presets.py` writes them.
+measurements of your joint. The provenance of each preset names the publication, its authors and its licence. Its warnings list
+what was not published. `benchmarks/make_presets.py` writes them.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ PREFIX = "preset:"
 
 
 def preset_name(path: object) -> str | None:
-    """Return the name behind `preset:`, empty where it stands alone; None for anything else, such as a path of a file."""
+    """Return the name behind `preset:`, which may be empty; None for anything else, such as the path of a file."""
     text = str(path).replace("\\", "/")  # as a Path writes it where folders are parted by backslashes
     return text.removeprefix(PREFIX).lower() if text.startswith(PREFIX) else None
 

@@ -163,7 +163,7 @@ def steady(law: Law, velocity: np.ndarray, at: Condition) -> np.ndarray:
 
 
 def speeds(law: Law) -> np.ndarray:
-    """Return the speeds of a steady curve, from a fiftieth to thirty times the scene's, by equal ratios [rad/s], (n,)."""
+    """Return the speeds of a steady curve [rad/s], (n,), at equal ratios, from 1/50 to 30 times the speed of the scene."""
     return scene(law).velocity * np.geomspace(0.02, 30.0, SPEEDS)
 
 
@@ -192,7 +192,7 @@ def spring_end(law: Law) -> Curve:
 
 
 def pull(law: Law, at: Condition) -> np.ndarray:
-    """Return the positions of a mass that a spring pulls [rad], (n,); the integration is implicit in all forces."""
+    """Return the positions of a mass pulled by a spring [rad], (n,), integrated implicitly in all forces."""
     rate, element, p, x = law.rate.KIND, law.element.KIND, law.row(), law.state()
     size, load = scene(law), at.load
     solve = kernels.of_kinds(kernels.solve, rate, element)

@@ -1,7 +1,7 @@
 """The common style of all pictures: colours, fonts, axes, and the output as SVG and PNG.
 
-Pictures are drawn by matplotlib's objects, never by its global state, so that no window system, no user setting and no
-other picture can change them: the same data give the same bytes.
+Pictures use matplotlib's objects, never its global state. So window systems, user settings and other pictures cannot change
+them, and the same data give the same bytes.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The external torque on each joint over time, with its 95 % band, contacts, and the known torque where the log holds one."""
+"""The external torque on each joint over time, with its 95 % band, contacts, and the measured torque if the log holds it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An arm guided by hand: the hand's force in several runs, and where the joints of the last one went within their ranges."""
+"""An arm guided by hand: the hand's force in several runs, and the joints' positions within their ranges in the last one."""
 
 from __future__ import annotations
 

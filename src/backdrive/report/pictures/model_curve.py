@@ -18,7 +18,7 @@ from backdrive.model import JointFriction
 
 
 def knots_of(friction: JointFriction) -> np.ndarray:
-    """Return the points that define a joint's curve, velocity and torque, (k, 2); empty where there are none."""
+    """Return velocity and torque of the points that define a joint's curve, (k, 2), if there are any."""
     rate = friction.law.rate
     if not isinstance(rate, Polyline):
         return np.empty((0, 2))
@@ -72,7 +72,7 @@ def _rows_of(friction: JointFriction) -> dict[str, tuple[str, int | None]]:
 def _slope(
     friction: JointFriction, name: str, place: int | None, velocity: np.ndarray, h: float
 ) -> np.ndarray:
-    """Return d tau_f / d p by a finite difference of size h, on the side where the law is defined, (n,)."""
+    """Return d tau_f / d p, (n,), by a finite difference of size h on that side where the law is defined."""
     rate, law = friction.law.rate, friction.law
     value = getattr(rate, name)
     for step in (h, -h):  # a parameter at its bound can move one way only

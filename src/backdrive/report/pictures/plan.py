@@ -26,8 +26,8 @@ def plan_figure(
 ) -> Any:
     """Return a figure of a plan: position, velocity and acceleration, or torque, over time.
 
-    Shaded bands are the plan's windows; thick strokes are where samples are taken; dashed lines are limits, where
-    they are near enough to be seen beside the motion.
+    Shaded bands are the windows of the plan, and thick strokes the samples that are used. Dashed lines are limits, if they are
+    close enough to the motion to be seen.
 
     Args:
         plan: of one joint or of several in turn.
@@ -82,7 +82,7 @@ def plan_figure(
 def _arm_figure(plan: ArmPlan, limits: Mapping[str, JointLimits], theme: Theme) -> Any:
     """Return a figure of a plan of a whole arm: every joint's position, and its speed as a share of its limit.
 
-    Shaded are the full pace and the slow part; dashed lines are the ends of a joint's range, where they are near.
+    The full pace and the slow part are shaded. Dashed lines are the ends of a joint's range, if they are near.
     """
     J = len(plan.joints)
     tall = 62.0
