@@ -257,7 +257,7 @@ def test_logs_that_are_not_of_this_arm_are_refused():
     log = log_of(PUSH, n=3000)
     with pytest.raises(InvalidInput, match=r"whole arm.*--urdf"):
         estimate_force(SLIDING, log)
-    with pytest.raises(InvalidInput, match=r"another robot or to other joints"):
+    with pytest.raises(InvalidInput, match=r"another robot or of other joints"):
         estimate_force(SLIDING, log.replace(torque=-log.torque), robot=ROBOT)
     order = ("j1", "j0", "j3", "j2", "j5", "j4")
     with pytest.raises(InvalidInput, match=r"order or sign differs"):

@@ -293,7 +293,7 @@ def test_lifting_and_being_driven_back_need_a_known_payload():
     assert friction.dynamics["inertia"].value == pytest.approx(
         1.6, abs=0.06
     )  # what accelerates loads the gear too
-    assert "of the load that the motor lifts" in shown.verdict
+    assert "of the load while the motor lifts it" in shown.verdict
     other = prepare(made(joint, (-30,), seed=9)[0], 0)[0]
     slides = np.abs(other.velocity) > 0.2
     off = ((other.torque - predict(friction, other)) * np.sign(other.velocity))[slides]

@@ -64,7 +64,7 @@ def test_faster_than_the_free_motion_a_band_is_wider_with_the_square_of_the_spee
     ratio = (wide.upper - wide.lower) / (usual.upper - usual.lower)
     assert ratio == pytest.approx(np.where((speed > 2.0) & (fast.state != 2), 2.25, 1.0))
     (sentence,) = bands.faster(wide)
-    assert "'j1': 3 rad/s" in sentence and "reached 2 rad/s: 50 %" in sentence
+    assert "'j1' reaches 3 rad/s" in sentence and "only 2 rad/s. In 50 %" in sentence
     other = bands.apply(
         replace(fast, speed=speed), np.full(speed.size, 2.0)
     )  # a joint of an arm, of which another is faster

@@ -204,7 +204,7 @@ def test_numbers_are_taken_back_until_they_pass_the_whole_test_or_are_refused():
     assert safe(goal, kept, members)
     assert kept["share"] < begun["share"]
     restless = replace(goal, unrest=lambda r: 2.0, calming=[{"share": 0.5}], test_on=[nominal(facts)])
-    with pytest.raises(NotIdentifiable, match="even with the largest reduction"):
+    with pytest.raises(NotIdentifiable, match="Even with the largest reduction"):
         calm(restless, begun, [])
 
 

@@ -31,7 +31,7 @@ UNEQUAL = 0.03  # share of the friction from which on the directions are taken t
 NEAR = 0.05  # centers that differ by less are the same [rad or m]
 REMEDY = (
     "To separate gravity, record sweeps about three distant centers, or a second one half a turn from the first (`backdrive "
-    "plan sweep --centres auto`). Another posture of the arm also helps, such as one in which the axis is vertical."
+    "plan sweep --centres auto`). Or choose another posture of the arm, such as one in which the axis is vertical."
 )
 
 
