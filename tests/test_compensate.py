@@ -493,11 +493,11 @@ def test_bristle_and_scale_stay_within_their_bounds():
     compensator = lugre_observer(STRIBECK, LuGre(stiffness=K), observer, share=1.0)
     rng = np.random.default_rng(0)
     loop, q, theta = bench(T, compensator=compensator), walk(9), []
+    place = np.size(compensator.row(T)) + 6  # of the observer's state in the rows of the loop
     for k in range(q.size):
         loop.error[0], loop.slope[0] = 10.0 ** rng.uniform(-6, 3) * rng.choice([-1.0, 1.0]), rng.normal()
         loop.update(q[k : k + 1], np.zeros(1))
-        rows, begins = loop._arrays[:2]
-        s = rows[0, begins[3] + 6 : begins[4]]
+        s = loop._arrays[0][0, place : place + 2]
         assert abs(s[0]) <= 7.5 * (1.0 + 1e-12)
         theta.append(s[1])
     assert min(theta) >= 0.7

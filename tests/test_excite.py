@@ -525,7 +525,7 @@ def test_every_passed_limit_and_every_joint_is_named():
         "'j1': the velocity",
         "'j1': the acceleration",
         "'j2': the vel",
-        "'j3': it is to",
+        "'j3' would be held",
     ):
         assert words in text
     with pytest.raises(UnknownName, match="j1"):

@@ -803,7 +803,7 @@ def test_a_joint_beyond_the_range_of_its_description_is_named(robot):
     )  # fmt: skip
     known = replace(robot, ranges=(Range(lower=-2.0, upper=2.0), Range(lower=-3.0, upper=3.0)))
     first, second = beyond_range(known, [signals])
-    assert first == () and "-1 to 30 rad, beyond the -3 to 3" in second[0]
+    assert first == () and "-1 to 30 rad, beyond its range of -3 to 3" in second[0]
     assert beyond_range(replace(robot, ranges=()), [signals]) == [(), ()]
     assert beyond_range(replace(robot, ranges=(Range(), Range())), [signals]) == [(), ()]
     near = replace(known, ranges=(Range(lower=-0.49, upper=2.0), Range(lower=-3.0, upper=31.0)))
